@@ -1,0 +1,67 @@
+//! What the benchmarks share: robots and random states.
+
+use std::path::Path;
+
+use sgpr_core::robot::{Robot, UrdfOptions};
+
+/// Robots that every dynamics benchmark runs on.
+pub const ROBOTS: [&str; 3] = ["puma560", "ur5e_like", "panda_like"];
+
+/// A robot with states that differ from call to call, so that no branch or value can be learnt.
+#[derive(Debug)]
+pub struct Fixture {
+    /// The robot.
+    pub robot: Robot,
+    /// `[samples, n]`, rad.
+    pub q: Vec<f64>,
+    /// `[samples, n]`, rad/s.
+    pub dq: Vec<f64>,
+    /// `[samples, n]`, rad/s².
+    pub ddq: Vec<f64>,
+    /// `[samples, n]`, N·m.
+    pub tau: Vec<f64>,
+}
+
+impl Fixture {
+    /// `samples` random states of one of the bundled reference robots.
+    ///
+    /// # Panics
+    /// If there is no such robot.
+    pub fn new(name: &str, samples: usize) -> Self {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../data/reference/urdf/{name}.urdf"));
+        let robot = Robot::from_urdf(path, &UrdfOptions::default()).expect("a bundled robot");
+        let mut random = Uniform(2018);
+        let mut states = |scale: f64| (0..samples * robot.dof()).map(|_| scale * random.next()).collect::<Vec<_>>();
+        let (q, dq, ddq, tau) = (states(3.0), states(2.0), states(5.0), states(20.0));
+        Self { robot, q, dq, ddq, tau }
+    }
+
+    /// All states in turn.
+    pub fn states(&self) -> impl Iterator<Item = State<'_>> {
+        let n = self.robot.dof();
+        let motion = self.q.chunks_exact(n).zip(self.dq.chunks_exact(n)).zip(self.ddq.chunks_exact(n));
+        motion.zip(self.tau.chunks_exact(n)).map(|(((q, dq), ddq), tau)| (q, dq, ddq, tau))
+    }
+}
+
+/// q, dq, ddq, tau of one state.
+pub type State<'a> = (&'a [f64], &'a [f64], &'a [f64], &'a [f64]);
+
+/// Numbers in [-1, 1) from SplitMix64 (Steele, Lea, Flood 2014).
+#[derive(Debug)]
+pub struct Uniform(
+    /// State.
+    pub u64,
+);
+
+impl Uniform {
+    /// The next number.
+    #[allow(clippy::should_implement_trait)]
+    pub fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+}

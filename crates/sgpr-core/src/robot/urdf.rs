@@ -1,0 +1,295 @@
+//! Robots from the Unified Robot Description Format.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use urdf_rs::JointType;
+
+use super::{Frame, Joint, JointKind, Limits, Robot, RobotError, STANDARD_GRAVITY};
+use crate::spatial::{LinkInertia, Matrix3, Pose, Vector3};
+
+/// Larger files are not robot descriptions (meshes live in files of their own).
+const LARGEST_FILE: u64 = 64 << 20;
+
+/// What to make of a URDF.
+#[derive(Clone, Debug)]
+pub struct UrdfOptions {
+    /// Joints that move, base to tip; all movable ones if `None`. The others are locked.
+    pub joints: Option<Vec<String>>,
+    /// Position (rad, m) of locked joints; zero for those not named.
+    pub locked: HashMap<String, f64>,
+    /// Gravity in base axes, m/s².
+    pub gravity: Vector3<f64>,
+}
+
+impl Default for UrdfOptions {
+    fn default() -> Self {
+        Self { joints: None, locked: HashMap::new(), gravity: STANDARD_GRAVITY }
+    }
+}
+
+impl Robot {
+    /// Reads a URDF file.
+    ///
+    /// Links behind fixed or locked joints are merged into the link that carries them, with their inertia; what is
+    /// rigidly attached to the base does not count. Every URDF link becomes a [`Frame`]. `<dynamics>` is kept in the
+    /// joint and does not enter the rigid-body dynamics.
+    ///
+    /// # Errors
+    /// If the file is not a URDF, is not a tree, has joints of unsupported type or numbers that cannot be, or if
+    /// `options` names a joint that it lacks.
+    ///
+    /// # Examples
+    /// ```no_run
+    /// use sgpr_core::robot::{Robot, UrdfOptions};
+    /// let robot = Robot::from_urdf("ur10e.urdf", &UrdfOptions::default())?;
+    /// assert_eq!(robot.dof(), 6);
+    /// # Ok::<(), sgpr_core::robot::RobotError>(())
+    /// ```
+    pub fn from_urdf(path: impl AsRef<Path>, options: &UrdfOptions) -> Result<Self, RobotError> {
+        let path = path.as_ref();
+        let name = path.display().to_string();
+        let unreadable = |source| RobotError::Unreadable { path: name.clone(), source };
+        let bytes = std::fs::metadata(path).map_err(unreadable)?.len();
+        if bytes > LARGEST_FILE {
+            return Err(RobotError::TooLarge { path: name, bytes, limit: LARGEST_FILE });
+        }
+        let text = std::fs::read_to_string(path).map_err(unreadable)?;
+        Self::from_urdf_text(&text, &name, options)
+    }
+
+    /// As [`Robot::from_urdf`], from text; `origin` names it in messages.
+    ///
+    /// # Errors
+    /// As [`Robot::from_urdf`].
+    pub fn from_urdf_text(text: &str, origin: &str, options: &UrdfOptions) -> Result<Self, RobotError> {
+        if text.contains("<xacro:") || text.contains("${") {
+            return Err(RobotError::Xacro { path: origin.into() });
+        }
+        let urdf = urdf_rs::read_from_string(text)
+            .map_err(|error| RobotError::Malformed { path: origin.into(), message: error.to_string() })?;
+        let tree = Tree::new(&urdf)?;
+        let moving = tree.choose(options.joints.as_deref())?;
+        tree.merge(&moving, options)
+    }
+}
+
+/// The links and joints of a URDF, checked to be a tree and ordered from base to tips.
+struct Tree<'a> {
+    urdf: &'a urdf_rs::Robot,
+    /// Joints in depth-first order of the file: index into `urdf.joints`.
+    order: Vec<usize>,
+    root: &'a str,
+}
+
+impl<'a> Tree<'a> {
+    fn new(urdf: &'a urdf_rs::Robot) -> Result<Self, RobotError> {
+        require_unique(urdf.links.iter().map(|link| link.name.as_str()))?;
+        require_unique(urdf.joints.iter().map(|joint| joint.name.as_str()))?;
+
+        let mut carrier: HashMap<&str, &str> = urdf.links.iter().map(|link| (link.name.as_str(), "")).collect();
+        let mut children: HashMap<&str, Vec<usize>> = HashMap::new();
+        for (index, joint) in urdf.joints.iter().enumerate() {
+            let unknown = |link: &str| RobotError::UnknownLink { joint: joint.name.clone(), link: link.into() };
+            if !carrier.contains_key(joint.parent.link.as_str()) {
+                return Err(unknown(&joint.parent.link));
+            }
+            let carried_by = carrier.get_mut(joint.child.link.as_str()).ok_or_else(|| unknown(&joint.child.link))?;
+            if !carried_by.is_empty() {
+                return Err(RobotError::TwoParents {
+                    link: joint.child.link.clone(),
+                    first: (*carried_by).into(),
+                    second: joint.name.clone(),
+                });
+            }
+            *carried_by = &joint.name;
+            children.entry(&joint.parent.link).or_default().push(index);
+        }
+
+        let roots: Vec<&str> =
+            urdf.links.iter().map(|link| link.name.as_str()).filter(|link| carrier[link].is_empty()).collect();
+        let root = match roots[..] {
+            [root] => root,
+            [] => {
+                let links = urdf.links.iter().map(|link| link.name.clone()).collect();
+                return Err(RobotError::Cycle { links });
+            }
+            _ => {
+                return Err(RobotError::SeveralRoots { roots: roots.into_iter().map(String::from).collect() });
+            }
+        };
+
+        let mut order = Vec::with_capacity(urdf.joints.len());
+        let mut pending: Vec<usize> = children.get(root).into_iter().flatten().rev().copied().collect();
+        while let Some(index) = pending.pop() {
+            order.push(index);
+            let child = urdf.joints[index].child.link.as_str();
+            pending.extend(children.get(child).into_iter().flatten().rev());
+        }
+        if order.len() < urdf.joints.len() {
+            let reached: Vec<&str> = order.iter().map(|&index| urdf.joints[index].child.link.as_str()).collect();
+            let links = urdf.links.iter().map(|link| link.name.as_str());
+            let links = links.filter(|link| *link != root && !reached.contains(link)).map(String::from).collect();
+            return Err(RobotError::Cycle { links });
+        }
+        Ok(Self { urdf, order, root })
+    }
+
+    fn joints(&self) -> impl Iterator<Item = &'a urdf_rs::Joint> {
+        self.order.iter().map(|&index| &self.urdf.joints[index])
+    }
+
+    /// Names of the joints that move: those asked for, or all.
+    fn choose(&self, requested: Option<&[String]>) -> Result<Vec<String>, RobotError> {
+        let mut movable = Vec::new();
+        for joint in self.joints() {
+            match joint.joint_type {
+                JointType::Fixed => {}
+                JointType::Revolute | JointType::Continuous | JointType::Prismatic => movable.push(joint.name.clone()),
+                ref other => {
+                    return Err(RobotError::UnsupportedJoint {
+                        joint: joint.name.clone(),
+                        kind: format!("{other:?}").to_lowercase(),
+                    });
+                }
+            }
+        }
+        let Some(requested) = requested else {
+            // A joint that mimics another has no motion of its own.
+            let mimics = |name: &String| self.joints().any(|joint| joint.name == *name && joint.mimic.is_some());
+            movable.retain(|name| !mimics(name));
+            return Ok(movable);
+        };
+        for (index, name) in requested.iter().enumerate() {
+            if requested[..index].contains(name) {
+                return Err(RobotError::DuplicateName { name: name.clone() });
+            }
+            if movable.contains(name) {
+                continue;
+            }
+            let (robot, joint) = (self.urdf.name.clone(), name.clone());
+            return Err(if self.joints().any(|joint| joint.name == *name) {
+                RobotError::FixedJoint { robot, joint, movable }
+            } else {
+                RobotError::UnknownJoint { robot, joint, movable }
+            });
+        }
+        let expected: Vec<String> = movable.into_iter().filter(|name| requested.contains(name)).collect();
+        if expected != requested {
+            return Err(RobotError::JointOrder { expected });
+        }
+        Ok(expected)
+    }
+
+    /// Folds fixed and locked joints away.
+    fn merge(&self, moving: &[String], options: &UrdfOptions) -> Result<Robot, RobotError> {
+        // Where each URDF link sits: on which moving joint, and where in its link frame.
+        let mut place: HashMap<&str, (Option<usize>, Pose)> = HashMap::new();
+        place.insert(self.root, (None, Pose::IDENTITY));
+        let mut frames = vec![Frame { name: self.root.into(), joint: None, pose: Pose::IDENTITY }];
+        let mut joints: Vec<Joint> = Vec::new();
+        let mut links: Vec<LinkInertia> = Vec::new();
+        let inertials: HashMap<&str, &urdf_rs::Inertial> =
+            self.urdf.links.iter().map(|link| (link.name.as_str(), &link.inertial)).collect();
+
+        for joint in self.joints() {
+            let (parent, parent_pose) = place[joint.parent.link.as_str()];
+            let placement = parent_pose * pose(&joint.name, &joint.origin)?;
+            let child = joint.child.link.as_str();
+            let at = if moving.contains(&joint.name) {
+                joints.push(convert(joint, parent, placement)?);
+                links.push(LinkInertia::ZERO);
+                (Some(joints.len() - 1), Pose::IDENTITY)
+            } else {
+                let position = options.locked.get(&joint.name).copied().unwrap_or(0.0);
+                (parent, placement * locked_pose(joint, position)?)
+            };
+            place.insert(child, at);
+            frames.push(Frame { name: child.into(), joint: at.0, pose: at.1 });
+            if let (Some(body), pose) = at {
+                let own = link_inertia(child, inertials[child])?;
+                links[body] = links[body] + own.expressed_in(&pose);
+            }
+        }
+        if let Some(name) = options.locked.keys().find(|name| !self.joints().any(|joint| joint.name == **name)) {
+            let movable = self.joints().filter(|joint| joint.joint_type != JointType::Fixed);
+            return Err(RobotError::UnknownJoint {
+                robot: self.urdf.name.clone(),
+                joint: name.clone(),
+                movable: movable.map(|joint| joint.name.clone()).collect(),
+            });
+        }
+        Robot::new(self.urdf.name.clone(), joints, links, frames, options.gravity)
+    }
+}
+
+fn require_unique<'a>(names: impl Iterator<Item = &'a str>) -> Result<(), RobotError> {
+    let mut seen = std::collections::HashSet::new();
+    for name in names {
+        if !seen.insert(name) {
+            return Err(RobotError::DuplicateName { name: name.into() });
+        }
+    }
+    Ok(())
+}
+
+fn pose(element: &str, origin: &urdf_rs::Pose) -> Result<Pose, RobotError> {
+    let pose = Pose::new(Matrix3::from_roll_pitch_yaw(*origin.rpy), Vector3::from(*origin.xyz));
+    super::require_finite_pose(element, &pose)?;
+    Ok(pose)
+}
+
+fn convert(joint: &urdf_rs::Joint, parent: Option<usize>, placement: Pose) -> Result<Joint, RobotError> {
+    let kind = match joint.joint_type {
+        JointType::Revolute => JointKind::Revolute,
+        JointType::Continuous => JointKind::Continuous,
+        _ => JointKind::Prismatic,
+    };
+    // URDF writes zeros for limits that it does not know.
+    let limit = &joint.limit;
+    let positive = |value: f64| (value > 0.0).then_some(value);
+    let bounded = kind != JointKind::Continuous && limit.lower < limit.upper;
+    let (damping, friction) = joint.dynamics.as_ref().map_or((0.0, 0.0), |d| (d.damping, d.friction));
+    if !damping.is_finite() || !friction.is_finite() {
+        return Err(RobotError::NotFinite { element: joint.name.clone() });
+    }
+    Ok(Joint {
+        name: joint.name.clone(),
+        kind,
+        parent,
+        placement,
+        axis: super::unit_axis(&joint.name, Vector3::from(*joint.axis.xyz))?,
+        limits: Limits {
+            position: bounded.then_some([limit.lower, limit.upper]),
+            velocity: positive(limit.velocity),
+            effort: positive(limit.effort),
+        },
+        damping,
+        friction,
+    })
+}
+
+fn locked_pose(joint: &urdf_rs::Joint, position: f64) -> Result<Pose, RobotError> {
+    if joint.joint_type == JointType::Fixed || position == 0.0 {
+        return Ok(Pose::IDENTITY);
+    }
+    let axis = super::unit_axis(&joint.name, Vector3::from(*joint.axis.xyz))?;
+    Ok(match joint.joint_type {
+        JointType::Prismatic => Pose::from_translation(axis * position),
+        _ => Pose::from_rotation(Matrix3::rotation(axis, position)),
+    })
+}
+
+fn link_inertia(link: &str, inertial: &urdf_rs::Inertial) -> Result<LinkInertia, RobotError> {
+    let mass = inertial.mass.value;
+    let i = &inertial.inertia;
+    if [mass, i.ixx, i.ixy, i.ixz, i.iyy, i.iyz, i.izz].iter().any(|value| !value.is_finite()) {
+        return Err(RobotError::NotFinite { element: link.into() });
+    }
+    if mass < 0.0 {
+        return Err(RobotError::NegativeMass { link: link.into(), mass });
+    }
+    let at_centre = Matrix3::from_rows([[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]]);
+    let body = LinkInertia::from_centre_of_mass(mass, Vector3::ZERO, at_centre);
+    Ok(body.expressed_in(&pose(link, &inertial.origin)?))
+}

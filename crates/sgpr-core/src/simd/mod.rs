@@ -1,0 +1,16 @@
+//! One source for one sample and for many: arithmetic generic over the scalar type.
+//!
+//! A recursion written over [`Real`] runs on a single number ([`f64`], [`Fused`]), on one sample per register lane
+//! ([`Lanes`]) and on any further type that brings the same operations (dual numbers). The instruction set is chosen
+//! when the program runs, by `pulp::Arch`, so one binary serves every machine.
+
+mod lanes;
+mod real;
+mod transpose;
+mod trigonometry;
+
+pub use lanes::Lanes;
+pub(crate) use lanes::MAX_LANES;
+pub use real::{Fused, Real};
+pub(crate) use transpose::Transpose;
+pub(crate) use trigonometry::sin_cos_slice;
