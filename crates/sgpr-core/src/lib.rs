@@ -5,9 +5,14 @@
 //! - [`spatial`], [`simd`]: vectors, poses, inertias; arithmetic for one sample and for many
 //! - [`robot`]: URDF and Denavit-Hartenberg robots
 //! - [`dynamics`]: inverse and forward dynamics, regressor, mass matrix, kinematics
+//! - [`signal`]: filters, derivatives, spectra
 #![forbid(unsafe_code)]
 
 pub mod dynamics;
+pub mod effects;
+pub mod identification;
+pub mod linalg;
 pub mod robot;
+pub mod signal;
 pub mod simd;
 pub mod spatial;

@@ -85,6 +85,23 @@ pub fn regressor_batch(robot: &Robot, ws: &mut BatchWorkspace, samples: Samples<
     ws.run(robot, samples, Regressor { matrix });
 }
 
+/// Calls `sink(joint, link, first, count, block)` for every pair where the joint carries the link and every group of
+/// `count` samples from `first` on: `block[k][s]` is the regressor entry of parameter k of the link at sample first + s.
+///
+/// `sink` should be `#[inline(always)]`; it becomes part of the recursion.
+///
+/// # Panics
+/// If the slices do not hold the same samples.
+pub(crate) fn for_each_regressor_block(
+    robot: &Robot,
+    ws: &mut BatchWorkspace,
+    samples: Samples<'_>,
+    sink: impl FnMut(usize, usize, usize, usize, &[[f64; MAX_LANES]; PARAMETERS_PER_LINK]),
+) {
+    samples.count(robot.dof());
+    ws.run(robot, samples, Blocks { sink });
+}
+
 /// A recursion over as many samples as a register has lanes.
 trait OnLanes {
     fn run<S: Simd>(&mut self, simd: S, robot: &Robot, scratch: &mut Scratch<Lanes<S>>, first: usize, count: usize);
@@ -134,6 +151,31 @@ impl OnLanes for Regressor<'_> {
             |joint, link, block| {
                 let start = ((first * n + joint) * n + link) * PARAMETERS_PER_LINK;
                 transpose.write_rows(block, &mut self.matrix[start..]);
+            },
+        );
+    }
+}
+
+struct Blocks<F> {
+    sink: F,
+}
+
+impl<F: FnMut(usize, usize, usize, usize, &[[f64; MAX_LANES]; PARAMETERS_PER_LINK])> OnLanes for Blocks<F> {
+    #[inline(always)]
+    fn run<S: Simd>(&mut self, simd: S, robot: &Robot, scratch: &mut Scratch<Lanes<S>>, first: usize, count: usize) {
+        let Scratch { bodies, axes, .. } = scratch;
+        regressor_kernel(
+            simd,
+            robot,
+            bodies,
+            axes,
+            #[inline(always)]
+            |joint, link, block| {
+                let mut lanes = [[0.0; MAX_LANES]; PARAMETERS_PER_LINK];
+                for (target, value) in lanes.iter_mut().zip(block) {
+                    value.store(target);
+                }
+                (self.sink)(joint, link, first, count, &lanes);
             },
         );
     }

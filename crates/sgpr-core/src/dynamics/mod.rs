@@ -15,6 +15,7 @@ mod regressor;
 mod rnea;
 mod workspace;
 
+pub(crate) use batch::for_each_regressor_block;
 pub use batch::{BatchWorkspace, Samples, regressor_batch, rnea_batch};
 pub use energy::{kinetic_energy, potential_energy};
 pub use forward_dynamics::{forward_dynamics, forward_dynamics_with_rotors};

@@ -1,0 +1,141 @@
+use std::sync::Arc;
+
+use crate::effects::{self, Effect, JointState, UnknownEffect};
+use crate::robot::Robot;
+use crate::spatial::{PARAMETERS_PER_LINK, STANDARD_PARAMETER_UNITS};
+
+/// Every parameter of a robot's torque: ten per link, then those of the effects.
+///
+/// Effects stand in the order of the registry, whatever order they were given in, each with its joints in order.
+#[derive(Clone, Debug)]
+pub struct ParameterSet {
+    dof: usize,
+    names: Vec<String>,
+    units: Vec<&'static str>,
+    effects: Vec<Arc<dyn Effect>>,
+    columns: Vec<EffectColumn>,
+}
+
+/// One parameter of an effect at a joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EffectColumn {
+    /// Index into [`ParameterSet::effects`].
+    pub effect: usize,
+    /// Joint.
+    pub joint: usize,
+    /// Index into the effect's parameters.
+    pub parameter: usize,
+}
+
+impl ParameterSet {
+    /// The robot with these effects at every joint.
+    ///
+    /// # Errors
+    /// If there is no effect of a name.
+    pub fn new(robot: &Robot, effects: &[impl AsRef<str>]) -> Result<Self, UnknownEffect> {
+        for name in effects {
+            effects::by_name(name.as_ref())?;
+        }
+        let wanted = |effect: &Arc<dyn Effect>| effects.iter().any(|name| name.as_ref() == effect.name());
+        let effects: Vec<_> = effects::registry().into_iter().filter(wanted).collect();
+
+        let mut names = robot.standard_parameter_names();
+        let mut units: Vec<&'static str> = STANDARD_PARAMETER_UNITS.repeat(robot.dof());
+        let mut columns = Vec::new();
+        for (index, effect) in effects.iter().enumerate() {
+            for (joint, description) in robot.joints().iter().enumerate() {
+                for (parameter, details) in effect.parameters().iter().enumerate() {
+                    names.push(format!("{}.{}", description.name, details.symbol));
+                    units.push(details.unit_at(description.kind));
+                    columns.push(EffectColumn { effect: index, joint, parameter });
+                }
+            }
+        }
+        Ok(Self { dof: robot.dof(), names, units, effects, columns })
+    }
+
+    /// Number of joints.
+    pub fn dof(&self) -> usize {
+        self.dof
+    }
+
+    /// Number of parameters.
+    pub fn len(&self) -> usize {
+        self.names.len()
+    }
+
+    /// Whether there is no parameter.
+    pub fn is_empty(&self) -> bool {
+        self.names.is_empty()
+    }
+
+    /// Number of inertial parameters, `10 n`; the effects' follow.
+    pub fn inertial(&self) -> usize {
+        PARAMETERS_PER_LINK * self.dof
+    }
+
+    /// Names: `joint_2.Ixx`, `joint_2.Fv`.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// Units.
+    pub fn units(&self) -> &[&'static str] {
+        &self.units
+    }
+
+    /// Effects in column order.
+    pub fn effects(&self) -> &[Arc<dyn Effect>] {
+        &self.effects
+    }
+
+    /// What the columns from [`Self::inertial`] on are.
+    pub fn effect_columns(&self) -> &[EffectColumn] {
+        &self.columns
+    }
+
+    /// Values of the effect columns of `joint` at one sample, in column order.
+    ///
+    /// - `out`: one number per effect column of the joint
+    pub fn effect_row(&self, joint: usize, state: &JointState<'_>, out: &mut [f64]) {
+        let mut rest = out;
+        for effect in &self.effects {
+            let (own, others) = rest.split_at_mut(effect.parameters().len());
+            effect.columns(joint, state, own);
+            rest = others;
+        }
+    }
+
+    /// Number of effect columns of a joint.
+    pub fn effect_columns_per_joint(&self) -> usize {
+        self.effects.iter().map(|effect| effect.parameters().len()).sum()
+    }
+
+    /// Indices of the parameters that [`Self::effect_row`] gives for `joint`, in its order.
+    pub fn effect_parameters_of(&self, joint: usize) -> Vec<usize> {
+        let own = self.columns.iter().enumerate().filter(|(_, column)| column.joint == joint);
+        own.map(|(index, _)| self.inertial() + index).collect()
+    }
+
+    /// Torque that the effects need at one sample, added to `tau`.
+    ///
+    /// - `parameters`: all parameters, in the order of the set
+    /// - `tau`: `[n]`, N·m (N)
+    pub fn add_effect_torque(&self, parameters: &[f64], state: &JointState<'_>, tau: &mut [f64]) {
+        let mut values = [0.0; MOST_PARAMETERS];
+        let mut index = self.inertial();
+        for effect in &self.effects {
+            let count = effect.parameters().len();
+            for (joint, tau) in tau.iter_mut().enumerate() {
+                effect.columns(joint, state, &mut values[..count]);
+                for value in &values[..count] {
+                    *tau += value * parameters[index];
+                    index += 1;
+                }
+            }
+        }
+    }
+}
+
+/// Parameters that an effect may have per joint.
+const MOST_PARAMETERS: usize = 16;

@@ -1,0 +1,8 @@
+//! A thin layer over faer: factors that grow row by row, column selection, singular values.
+
+mod column_selection;
+mod triangular_factor;
+
+pub use column_selection::{ColumnSelection, select_columns};
+pub use triangular_factor::TriangularFactor;
+pub(crate) use triangular_factor::triangle;

@@ -1,0 +1,13 @@
+//! Filters, derivatives and spectra of uniformly sampled signals; knows nothing of robots.
+//!
+//! Arrays are `[samples, columns]`, row-major: a filter runs down the samples of every column at once.
+
+mod differentiate;
+mod error;
+mod low_pass;
+mod spectrum;
+
+pub use differentiate::Differentiation;
+pub use error::SignalError;
+pub use low_pass::LowPass;
+pub use spectrum::{CutoffChoice, Spectrum, choose_cutoff};

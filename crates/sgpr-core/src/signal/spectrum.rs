@@ -1,0 +1,178 @@
+//! Power spectra, and the cut-off that they suggest.
+
+use realfft::RealFftPlanner;
+
+/// One-sided power spectral density of a signal.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spectrum {
+    /// Frequencies, Hz, evenly spaced from zero to half the sampling rate.
+    pub frequency_hz: Vec<f64>,
+    /// Density, signal unit² / Hz.
+    pub density: Vec<f64>,
+}
+
+impl Spectrum {
+    /// Averaged periodograms of half-overlapping windows of `window` samples (Welch (1967)), Hann-weighted, with a line
+    /// removed from each so that slow motion does not leak into the rest.
+    ///
+    /// A signal shorter than the window is one window.
+    pub fn welch(signal: &[f64], rate_hz: f64, window: usize) -> Self {
+        let length = window.min(signal.len()).max(2);
+        let hann: Vec<f64> =
+            (0..length).map(|k| (std::f64::consts::PI * k as f64 / length as f64).sin().powi(2)).collect();
+        let power: f64 = hann.iter().map(|w| w * w).sum();
+        let transform = RealFftPlanner::<f64>::new().plan_fft_forward(length);
+        let mut output = transform.make_output_vec();
+        let mut density = vec![0.0; output.len()];
+        let mut count = 0.0;
+        let mut start = 0;
+        while start + length <= signal.len() {
+            let mut segment = without_line(&signal[start..start + length]);
+            segment.iter_mut().zip(&hann).for_each(|(x, w)| *x *= w);
+            transform.process(&mut segment, &mut output).expect("buffers of the planned length");
+            density.iter_mut().zip(&output).for_each(|(sum, x)| *sum += x.norm_sqr());
+            count += 1.0;
+            start += (length / 2).max(1);
+        }
+        let scale = 2.0 / (f64::max(count, 1.0) * power * rate_hz);
+        density.iter_mut().for_each(|value| *value *= scale);
+        let step = rate_hz / length as f64;
+        Self { frequency_hz: (0..density.len()).map(|k| k as f64 * step).collect(), density }
+    }
+}
+
+fn without_line(values: &[f64]) -> Vec<f64> {
+    let n = values.len() as f64;
+    let middle = 0.5 * (n - 1.0);
+    let mean = values.iter().sum::<f64>() / n;
+    let square: f64 = (0..values.len()).map(|k| (k as f64 - middle).powi(2)).sum();
+    let slope = values.iter().enumerate().map(|(k, x)| (k as f64 - middle) * x).sum::<f64>() / square;
+    values.iter().enumerate().map(|(k, x)| x - mean - slope * (k as f64 - middle)).collect()
+}
+
+/// A cut-off chosen from the spectra of the joint positions, and why.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CutoffChoice {
+    /// The cut-off for all joints: the highest of theirs, so that every joint's motion passes.
+    pub cutoff_hz: f64,
+    /// Per joint: up to where its motion stands out of the noise, Hz; zero for a joint that does not move.
+    pub joint_hz: Vec<f64>,
+    /// Per joint: standard deviation of the white noise of its position.
+    pub noise: Vec<f64>,
+    /// Per joint: spectrum of the position.
+    pub spectra: Vec<Spectrum>,
+}
+
+/// How far the motion must stand above the noise, in power.
+const MARGIN: f64 = 10.0;
+
+/// Chooses the low-pass for joint positions `[samples, n]`, row-major.
+///
+/// The noise of an encoder is white; its level is read where no arm moves, in the upper half of the spectrum. A joint's
+/// band ends at the highest frequency below which its motion stands 10 dB above that level, all the way down. The
+/// acceleration multiplies motion and noise alike, so the same frequency holds for it.
+pub fn choose_cutoff(position: &[f64], joints: usize, rate_hz: f64) -> CutoffChoice {
+    let samples = position.len() / joints;
+    // Windows of some eight seconds resolve the slow end, and average the noise of a log of a minute.
+    let window = ((8.0 * rate_hz) as usize).clamp(64, samples.max(64));
+    let mut choice = CutoffChoice { cutoff_hz: 0.0, joint_hz: vec![], noise: vec![], spectra: vec![] };
+    for joint in 0..joints {
+        let signal: Vec<f64> = position.iter().skip(joint).step_by(joints).copied().collect();
+        let spectrum = Spectrum::welch(&signal, rate_hz, window);
+        let bins = spectrum.density.len();
+        let floor = median(&spectrum.density[bins / 2..bins * 19 / 20]);
+        let band = motion_band(&spectrum, floor);
+        choice.noise.push((floor * 0.5 * rate_hz).sqrt());
+        choice.joint_hz.push(band);
+        choice.spectra.push(spectrum);
+    }
+    let highest = choice.joint_hz.iter().fold(0.0f64, |highest, hz| highest.max(*hz));
+    // Differences need some samples per period, and a filter some distance to half the sampling rate.
+    choice.cutoff_hz = if highest == 0.0 { 0.2 * rate_hz } else { highest.min(0.2 * rate_hz) };
+    choice
+}
+
+/// Highest frequency up to which the density stays above the margin; a few bins may dip.
+fn motion_band(spectrum: &Spectrum, floor: f64) -> f64 {
+    const DIPS: usize = 3;
+    let mut band = 0.0;
+    let mut dips = 0;
+    for (frequency, density) in spectrum.frequency_hz.iter().zip(&spectrum.density).skip(1) {
+        if *density > MARGIN * floor {
+            band = *frequency;
+            dips = 0;
+        } else {
+            dips += 1;
+            if dips > DIPS {
+                break;
+            }
+        }
+    }
+    band
+}
+
+fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn noise(seed: u64) -> impl FnMut() -> f64 {
+        let mut state = seed;
+        move || {
+            let mut uniform = || {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                ((state >> 11) as f64 + 0.5) / (1u64 << 53) as f64
+            };
+            (-2.0 * uniform().ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos()
+        }
+    }
+
+    #[test]
+    fn density_of_white_noise_integrates_to_its_variance() {
+        let mut next = noise(1);
+        let signal: Vec<f64> = (0..100_000).map(|_| 0.3 * next()).collect();
+        let spectrum = Spectrum::welch(&signal, 200.0, 1000);
+        let step = spectrum.frequency_hz[1];
+        let variance: f64 = spectrum.density.iter().sum::<f64>() * step;
+        assert!((variance / 0.09 - 1.0).abs() < 0.03, "{variance}");
+    }
+
+    #[test]
+    fn density_of_a_sine_stands_at_its_frequency() {
+        let signal: Vec<f64> =
+            (0..8000).map(|k| 2.0 * (std::f64::consts::TAU * 5.0 * f64::from(k) / 100.0).sin()).collect();
+        let spectrum = Spectrum::welch(&signal, 100.0, 800);
+        let peak = (0..spectrum.density.len()).max_by(|a, b| spectrum.density[*a].total_cmp(&spectrum.density[*b]));
+        assert!((spectrum.frequency_hz[peak.expect("not empty")] - 5.0).abs() < 0.13);
+        let power: f64 = spectrum.density.iter().sum::<f64>() * spectrum.frequency_hz[1];
+        assert!((power - 2.0).abs() < 0.02, "{power}");
+    }
+
+    #[test]
+    fn the_cutoff_is_where_the_motion_sinks_into_the_noise() {
+        // Motion whose density falls steeply: harmonics of 0.5 Hz with amplitudes f^-4, noise of 20 µrad.
+        let mut next = noise(2);
+        let rate = 250.0;
+        let position: Vec<f64> = (0..15_000)
+            .flat_map(|k| {
+                let t = f64::from(k) / rate;
+                let motion: f64 =
+                    (1..40).map(|h| f64::from(h).powi(-4) * (std::f64::consts::PI * f64::from(h) * t).sin()).sum();
+                [motion + 2e-5 * next(), 1.0 + 2e-5 * next()]
+            })
+            .collect();
+        let choice = choose_cutoff(&position, 2, rate);
+        for found in &choice.noise {
+            assert!((found / 2e-5 - 1.0).abs() < 0.1, "{found}");
+        }
+        // The line of harmonic h has power h^-8 / 2, spread over 1.5 bins of 1/8 Hz by the window: it meets 10 times the
+        // noise density 2 (2e-5)² / 250 between h = 19 (9.5 Hz) and h = 26 (13 Hz).
+        assert!((9.0..13.5).contains(&choice.cutoff_hz), "{}", choice.cutoff_hz);
+        assert_eq!(choice.joint_hz[1], 0.0, "the second joint stands still");
+    }
+}
