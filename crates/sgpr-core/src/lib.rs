@@ -5,13 +5,16 @@
 //! - [`spatial`], [`simd`]: vectors, poses, inertias; arithmetic for one sample and for many
 //! - [`robot`]: URDF and Denavit-Hartenberg robots
 //! - [`dynamics`]: inverse and forward dynamics, regressor, mass matrix, kinematics
+//! - [`recording`]: logs in CSV and MCAP files: reading, checking, repairing, writing
 //! - [`signal`]: filters, derivatives, spectra
 #![forbid(unsafe_code)]
 
+mod atomic_file;
 pub mod dynamics;
 pub mod effects;
 pub mod identification;
 pub mod linalg;
+pub mod recording;
 pub mod robot;
 pub mod signal;
 pub mod simd;

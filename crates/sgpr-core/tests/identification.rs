@@ -4,7 +4,8 @@
 mod common;
 
 use common::{ROBOTS, Reference, largest_difference};
-use faer::{Mat, prelude::Solve};
+use faer::Mat;
+use faer::linalg::solvers::SolveLstsq;
 use sgpr_core::dynamics::{BatchWorkspace, Samples, Workspace, regressor, rnea_batch};
 use sgpr_core::effects::JointState;
 use sgpr_core::identification::{BaseParameters, LeastSquares, Method, Observation, ParameterClass, ParameterSet};
@@ -182,6 +183,32 @@ impl Experiment {
         Self { robot, set, base, truth, motion, tau }
     }
 
+    /// Every row of W with every base column, and the torque, from the regressor of single samples.
+    fn dense(&self, tau: &[f64]) -> (Mat<f64>, Mat<f64>) {
+        let n = self.robot.dof();
+        let samples = tau.len() / n;
+        let mut ws = Workspace::new(&self.robot);
+        let mut w = Mat::<f64>::zeros(samples * n, self.base.rank());
+        let mut effects = vec![0.0; self.set.effect_columns_per_joint()];
+        for k in 0..samples {
+            let row = k * n..(k + 1) * n;
+            let (q, dq, ddq) = (&self.motion.q[row.clone()], &self.motion.dq[row.clone()], &self.motion.ddq[row]);
+            let y = regressor(&self.robot, &mut ws, q, dq, ddq).to_vec();
+            for joint in 0..n {
+                self.set.effect_row(joint, &JointState { q, dq, ddq }, &mut effects);
+                let own = self.set.effect_parameters_of(joint);
+                for (column, &parameter) in self.base.independent().iter().enumerate() {
+                    w[(k * n + joint, column)] = if parameter < self.set.inertial() {
+                        y[joint * self.set.inertial() + parameter]
+                    } else {
+                        own.iter().position(|p| *p == parameter).map_or(0.0, |index| effects[index])
+                    };
+                }
+            }
+        }
+        (w, Mat::from_fn(samples * n, 1, |row, _| tau[row]))
+    }
+
     fn nominal(&self) -> Vec<f64> {
         vec![0.0; self.base.rank()]
     }
@@ -225,32 +252,13 @@ fn weighted_least_squares_agrees_with_dense_algebra() {
     tau.iter_mut().enumerate().for_each(|(k, tau)| *tau += (0.3 + (k % n) as f64) * noise.next());
     let weights = [0.3, 1.3, 2.3, 3.3, 4.3, 5.3];
 
-    // Every row of W with every base column, divided by its joint's noise.
-    let mut ws = Workspace::new(&experiment.robot);
-    let mut w = Mat::<f64>::zeros(800 * n, unknowns);
-    let mut b = Mat::<f64>::zeros(800 * n, 1);
-    for k in 0..800 {
-        let row = k * n..(k + 1) * n;
-        let motion = &experiment.motion;
-        let (q, dq, ddq) = (&motion.q[row.clone()], &motion.dq[row.clone()], &motion.ddq[row]);
-        let y = regressor(&experiment.robot, &mut ws, q, dq, ddq).to_vec();
-        for joint in 0..n {
-            let mut effects = vec![0.0; 4];
-            experiment.set.effect_row(joint, &JointState { q, dq, ddq }, &mut effects);
-            for (column, &parameter) in experiment.base.independent().iter().enumerate() {
-                let own = experiment.set.effect_parameters_of(joint);
-                let value = if parameter < 60 {
-                    y[joint * 60 + parameter]
-                } else {
-                    own.iter().position(|p| *p == parameter).map_or(0.0, |index| effects[index])
-                };
-                w[(k * n + joint, column)] = value / weights[joint];
-            }
-            b[(k * n + joint, 0)] = tau[k * n + joint] / weights[joint];
-        }
+    let (mut w, mut b) = experiment.dense(&tau);
+    for row in 0..w.nrows() {
+        let noise = weights[row % n];
+        (0..unknowns).for_each(|column| w[(row, column)] /= noise);
+        b[(row, 0)] /= noise;
     }
-    let normal = w.transpose() * &w;
-    let expected = normal.partial_piv_lu().solve(w.transpose() * &b);
+    let expected = w.qr().solve_lstsq(&b);
 
     let mut observation = Observation::new(&experiment.robot, &experiment.set, &experiment.base);
     observation.add_samples(experiment.motion.samples(), &tau, None).expect("good data");
@@ -272,6 +280,30 @@ fn weighted_least_squares_agrees_with_dense_algebra() {
             .sum();
         let freedom = 800.0 * (1.0 - unknowns as f64 / 4800.0);
         assert!((estimate.noise[joint] / (residual / freedom).sqrt() - 1.0).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn the_factors_of_the_joints_are_those_of_dense_rows() {
+    // The rows of a single joint are rank deficient, and the first seconds of a smooth motion nearly so.
+    let experiment = Experiment::new(1300);
+    let mut observation = Observation::new(&experiment.robot, &experiment.set, &experiment.base);
+    observation.add_samples(experiment.motion.samples(), &experiment.tau, None).expect("good data");
+    let (w, b) = experiment.dense(&experiment.tau);
+    for (joint, found) in observation.factors().iter().enumerate() {
+        let k = found.columns.len();
+        let entry = |row: usize, column: usize| {
+            let row = 6 * row + joint;
+            if column < k { w[(row, found.columns[column])] } else { b[(row, 0)] }
+        };
+        let dense = Mat::from_fn(1300, k + 1, entry);
+        let (expected, gram) = (dense.transpose() * &dense, found.factor.transpose() * &found.factor);
+        for i in 0..=k {
+            for j in 0..=k {
+                let error = (gram[(i, j)] - expected[(i, j)]).abs() / (expected[(i, i)] * expected[(j, j)]).sqrt();
+                assert!(error < 1e-10, "joint {joint}, entry {i} {j}: {error:e}");
+            }
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use faer::Mat;
 
 use super::{BaseParameters, IdentificationError, JointFactor};
-use crate::linalg::triangle;
+use crate::linalg::{Svd, triangle};
 
 /// How the joints are weighted.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,6 +75,11 @@ pub struct SingularDirection {
     pub shares: Vec<(usize, f64)>,
 }
 
+/// Weights are iterated until they change by less than this share; a thousandth of the weights changes the estimates by
+/// far less than their standard deviation.
+const SAME_WEIGHTS: f64 = 1e-4;
+const MOST_ITERATIONS: usize = 20;
+
 /// Below this share of the largest singular value a direction is not excited.
 const RANK_TOLERANCE: f64 = 1e-9;
 
@@ -111,12 +116,11 @@ impl LeastSquares {
         let excitation = Excitation::of(&stack(factors, unknowns, &ones));
         let freedom = degrees_of_freedom(&rows, unknowns);
 
-        let solve = |noise: &[f64]| {
-            let solution = Solution::new(&stack(factors, unknowns, noise), nominal);
-            let residual = residual_noise(factors, &solution.values, &freedom);
-            (solution, residual)
+        let residual = |weights: &[f64]| {
+            let system = stack(factors, unknowns, weights);
+            let values = back_substitute(&system).unwrap_or_else(|| Solution::new(&system, nominal).values);
+            residual_noise(factors, &values, &freedom)
         };
-        let (mut solution, mut noise) = solve(&ones);
         let mut weights = ones;
         match &self.method {
             Method::Ols => {}
@@ -125,19 +129,20 @@ impl LeastSquares {
                     return Err(IdentificationError::Noise { joint, value: known[joint] });
                 }
                 weights.clone_from(known);
-                (solution, noise) = solve(&weights);
             }
             Method::Wls => {
-                for _ in 0..20 {
-                    let before = std::mem::replace(&mut weights, floored(&noise, factors));
+                for _ in 0..MOST_ITERATIONS {
+                    let noise = floored(&residual(&weights), factors);
+                    let before = std::mem::replace(&mut weights, noise);
                     let change = |(new, old): (&f64, &f64)| (new / old - 1.0).abs();
-                    if weights.iter().zip(&before).map(change).fold(0.0, f64::max) < 1e-6 {
+                    if weights.iter().zip(&before).map(change).fold(0.0, f64::max) < SAME_WEIGHTS {
                         break;
                     }
-                    (solution, noise) = solve(&weights);
                 }
             }
         }
+        let solution = Solution::new(&stack(factors, unknowns, &weights), nominal);
+        let noise = residual_noise(factors, &solution.values, &freedom);
         let inflation = self.correlation.clone().unwrap_or_else(|| vec![1.0; factors.len()]);
         let covariance = solution.covariance(factors, &weights, &noise, &inflation);
         Ok(Estimate { values: solution.values, covariance, noise, rows, excitation })
@@ -189,6 +194,23 @@ fn floored(noise: &[f64], factors: &[JointFactor]) -> Vec<f64> {
     let torque =
         |joint: &JointFactor| joint.factor.col(joint.factor.ncols() - 1).norm_l2() / (joint.rows.max(1) as f64).sqrt();
     noise.iter().zip(factors).map(|(noise, joint)| noise.max(1e-10 * torque(joint)).max(f64::MIN_POSITIVE)).collect()
+}
+
+/// Solution of a triangular system by back substitution; `None` if a direction may be undetermined.
+fn back_substitute(triangle: &Mat<f64>) -> Option<Vec<f64>> {
+    let unknowns = triangle.ncols() - 1;
+    let norm = |j: usize| triangle.col(j).subrows(0, j + 1).norm_l2();
+    if (0..unknowns).any(|j| triangle[(j, j)] < 1e-6 * norm(j)) {
+        return None;
+    }
+    let mut x: Vec<f64> = (0..unknowns).map(|i| triangle[(i, unknowns)]).collect();
+    for j in (0..unknowns).rev() {
+        x[j] /= triangle[(j, j)];
+        for i in 0..j {
+            x[i] -= triangle[(i, j)] * x[j];
+        }
+    }
+    Some(x)
 }
 
 /// Least-squares solution of a triangular system by its singular values.
@@ -270,21 +292,15 @@ impl Scaled {
         let norms: Vec<f64> =
             norms.iter().map(|norm| if *norm > 1e-10 * largest { *norm } else { f64::INFINITY }).collect();
         let scaled = Mat::from_fn(unknowns, unknowns, |i, j| square[(i, j)] / norms[j]);
-        let svd = scaled.svd().expect("a finite matrix");
-        Self {
-            values: (0..unknowns).map(|k| svd.S()[k]).collect(),
-            u: svd.U().to_owned(),
-            v: svd.V().to_owned(),
-            norms,
-        }
+        let Svd { u, values, v } = Svd::new(scaled.as_ref());
+        Self { norms, u, values, v }
     }
 }
 
 impl Excitation {
     fn of(triangle: &Mat<f64>) -> Self {
         let unknowns = triangle.ncols() - 1;
-        let singular_values =
-            triangle.as_ref().submatrix(0, 0, unknowns, unknowns).singular_values().expect("a finite matrix");
+        let singular_values = Svd::new(triangle.as_ref().submatrix(0, 0, unknowns, unknowns)).values;
         let scaled = Scaled::new(triangle);
         let largest = scaled.values.first().copied().unwrap_or(0.0);
         let shares = |k: usize| {

@@ -159,10 +159,17 @@ impl<'a> Observation<'a> {
             n,
         )?;
 
-        // A piece reaches over its ends by as much as the filter remembers, to fifteen digits.
-        let overlap = filter.map_or(0, |filter| 8 * filter.settling_samples());
+        // A filtered piece reaches over its ends by as much as the filter remembers, to fifteen digits, and is long
+        // against that; otherwise pieces stay in the cache.
         let width: usize = self.layouts.iter().map(Layout::width).sum();
-        let piece = (PIECE / width).max(4 * overlap).max(BLOCK) / decimation * decimation;
+        let (piece, overlap) = match filter {
+            None => (TriangularFactor::BLOCK, 0),
+            Some(filter) => {
+                let overlap = 8 * filter.settling_samples();
+                ((PIECE / width).max(4 * overlap), overlap)
+            }
+        };
+        let piece = piece.next_multiple_of(decimation);
         let mut start = 0;
         while start < count {
             let end = if count - start < piece + overlap { count } else { start + piece };
@@ -173,8 +180,12 @@ impl<'a> Observation<'a> {
                 if let Some(filter) = filter {
                     filter.apply(&mut self.rows[joint], width)?;
                 }
-                let rows = self.rows[joint].chunks_exact(width).skip(start - reach.start);
-                for (sample, row) in (start..end).zip(rows).step_by(decimation) {
+                let rows = &self.rows[joint][(start - reach.start) * width..][..(end - start) * width];
+                if valid.is_none() && decimation == 1 {
+                    self.factors[joint].push_all(rows);
+                    continue;
+                }
+                for (sample, row) in (start..end).zip(rows.chunks_exact(width)).step_by(decimation) {
                     if valid.is_none_or(|valid| valid[sample * n + joint]) {
                         self.factors[joint].push(row);
                     }
@@ -227,9 +238,6 @@ impl<'a> Observation<'a> {
         }
     }
 }
-
-/// Shortest piece of a trajectory that is worth a call.
-const BLOCK: usize = 1024;
 
 fn require_finite(arrays: &[(&'static str, &[f64])], n: usize) -> Result<(), IdentificationError> {
     for (quantity, values) in arrays {

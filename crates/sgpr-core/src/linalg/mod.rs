@@ -1,8 +1,9 @@
 //! A thin layer over faer: factors that grow row by row, column selection, singular values.
 
 mod column_selection;
+mod decompositions;
 mod triangular_factor;
 
 pub use column_selection::{ColumnSelection, select_columns};
+pub(crate) use decompositions::{Svd, triangle};
 pub use triangular_factor::TriangularFactor;
-pub(crate) use triangular_factor::triangle;

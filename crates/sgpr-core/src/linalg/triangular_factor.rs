@@ -1,20 +1,21 @@
 //! The triangular factor of a tall matrix of which only a few rows are ever in memory.
 
-use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::matmul::triangular::{BlockStructure, matmul};
-use faer::linalg::qr::no_pivoting::factor as qr;
-use faer::{Accum, Mat, MatRef, Par, Side, prelude::*};
+use faer::{Accum, Mat, MatRef, Par, prelude::*};
+
+use super::decompositions::{cholesky, symmetric_eigen, triangle};
 
 /// Upper triangular R with RᵀR = WᵀW for the rows of W seen so far.
 ///
 /// Everything that least squares needs of W is in R: sums of squares, residuals, singular values. R is k x k, however
 /// many rows there were.
 ///
-/// The rows are collected in blocks. A Householder QR of the first block gives a first factor P; from then on the
-/// Gram matrix of W P⁻¹ is summed, whose condition number is small whatever W's is, and R = chol(Gram) P. So the work is
-/// matrix multiplication, several times as fast as a Householder QR of a tall block, and the result is as accurate: the
-/// error grows with the condition number, not with its square. P is renewed after 1, 2, 4, 8, ... blocks, so that a log
-/// that begins at rest is no worse.
+/// The rows are collected in blocks. The Cholesky factor of the first block's Gram matrix, slightly shifted so that
+/// rounding is not blown up where the block says nothing, gives a first factor P; from then on the Gram matrix of W P⁻¹ is summed, whose condition number is small
+/// whatever W's is, and R = chol(Gram) P. So the work is matrix multiplication, several times as fast as a Householder QR
+/// of a tall block, and the result is as accurate: the error grows with the condition number, not with its square. A
+/// block that moves in ways of which P knows nothing, after a log's start at rest say, goes through a Householder QR,
+/// and P is renewed.
 ///
 /// Source: T. Fukaya, R. Kannan, Y. Nakatsukasa, Y. Yamamoto, Y. Yanagisawa, Shifted Cholesky QR for computing the QR
 /// factorization of ill-conditioned matrices, SIAM J. Sci. Comput. 42(1) (2020), for the principle of the two steps.
@@ -25,25 +26,24 @@ pub struct TriangularFactor {
     /// Rows waiting, row-major.
     pending: Vec<f64>,
     stage: Option<Stage>,
-    blocks: usize,
 }
 
-/// The first factor and what is summed relative to it.
+/// A factor P, its inverse, and the Gram matrix of all rows times that inverse.
 #[derive(Clone, Debug)]
 struct Stage {
     first: Mat<f64>,
-    first_inverse: Mat<f64>,
+    inverse: Mat<f64>,
     gram: Mat<f64>,
     product: Mat<f64>,
 }
 
-/// Rows per block: enough that the matrix products dominate, few enough for the second-level cache.
-const BLOCK: usize = 1024;
-
 impl TriangularFactor {
+    /// Rows per block: enough that the matrix products dominate, few enough for the second-level cache.
+    pub const BLOCK: usize = 512;
+
     /// The factor of a matrix of `columns` columns without rows.
     pub fn new(columns: usize) -> Self {
-        Self { columns, rows: 0, pending: Vec::with_capacity(BLOCK * columns), stage: None, blocks: 0 }
+        Self { columns, rows: 0, pending: Vec::with_capacity(Self::BLOCK * columns), stage: None }
     }
 
     /// Number of columns k.
@@ -64,9 +64,25 @@ impl TriangularFactor {
         assert_eq!(row.len(), self.columns, "one number per column");
         self.pending.extend_from_slice(row);
         self.rows += 1;
-        if self.pending.len() == BLOCK * self.columns {
+        if self.pending.len() == Self::BLOCK * self.columns {
             self.absorb();
         }
+    }
+
+    /// Adds many rows, row-major; whole blocks without copying them.
+    ///
+    /// # Panics
+    /// If they are no whole rows.
+    pub fn push_all(&mut self, mut rows: &[f64]) {
+        assert!(rows.len().is_multiple_of(self.columns), "one number per column");
+        let block = Self::BLOCK * self.columns;
+        while self.pending.is_empty() && rows.len() >= block {
+            let (whole, rest) = rows.split_at(block);
+            self.rows += Self::BLOCK;
+            self.absorb_rows(whole);
+            rows = rest;
+        }
+        rows.chunks_exact(self.columns).for_each(|row| self.push(row));
     }
 
     /// Adds all rows of another factor's matrix.
@@ -87,110 +103,153 @@ impl TriangularFactor {
     pub fn factor(&self) -> Mat<f64> {
         let mut complete = self.clone();
         complete.absorb();
-        match &complete.stage {
-            None => Mat::zeros(self.columns, self.columns),
-            Some(stage) => stage.factor(),
-        }
+        complete.stage.map_or_else(|| Mat::zeros(self.columns, self.columns), |stage| stage.factor())
     }
 
     fn absorb(&mut self) {
-        let rows = self.pending.len() / self.columns.max(1);
-        if rows == 0 {
+        let pending = std::mem::take(&mut self.pending);
+        self.absorb_rows(&pending);
+        self.pending = pending;
+        self.pending.clear();
+    }
+
+    fn absorb_rows(&mut self, rows: &[f64]) {
+        if rows.is_empty() {
             return;
         }
-        let block = MatRef::from_row_major_slice(&self.pending, rows, self.columns);
-        let stage = self.stage.get_or_insert_with(|| Stage::new(block));
-        stage.absorb(block);
-        self.blocks += 1;
-        if self.blocks.is_power_of_two() {
-            let factor = stage.factor();
-            *stage = Stage::new(factor.as_ref());
-            stage.absorb(factor.as_ref());
-        }
-        self.pending.clear();
+        let block = MatRef::from_row_major_slice(rows, rows.len() / self.columns, self.columns);
+        self.stage.get_or_insert_with(|| Stage::of_block(block)).absorb(block);
     }
 }
 
+/// Share of the columns' length by which a factor is shifted: the square root of what rounding does to a Gram matrix.
+const SHIFT: f64 = 1e-7;
+
+/// Rows times P⁻¹ that are longer than this come from motion of which P knows nothing.
+const STRANGE: f64 = 30.0;
+
 impl Stage {
-    fn new(block: MatRef<'_, f64>) -> Self {
+    /// No rows yet, P from a block.
+    fn of_block(block: MatRef<'_, f64>) -> Self {
         let k = block.ncols();
-        // A diagonal below the block makes the factor invertible whatever the block excites (the shift of the source).
-        let shift = |j: usize| match block.col(j).norm_l2() {
-            0.0 => 1.0,
-            norm => 1e-7 * norm,
-        };
-        let rows = block.nrows();
-        let shifted = Mat::from_fn(rows + k, k, |i, j| match i.checked_sub(rows) {
-            None => block[(i, j)],
+        let mut gram = Mat::zeros(k, k);
+        add_gram(&mut gram, block);
+        let (mut scaled, lengths) = equilibrated(&gram);
+        for j in 0..k {
+            scaled[(j, j)] = 1.0 + k as f64 * SHIFT.powi(2);
+        }
+        let root = cholesky(scaled.as_ref()).expect("the shift exceeds the rounding");
+        Self::with_factor(columns_times(&root, &lengths))
+    }
+
+    /// The rows of an upper triangular factor, as they are and as P.
+    fn of_factor(factor: &Mat<f64>) -> Self {
+        let k = factor.ncols();
+        let length = |j: usize| factor.col(j).norm_l2();
+        if (0..k).all(|j| factor[(j, j)] > SHIFT * length(j)) {
+            let mut stage = Self::with_factor(factor.clone());
+            stage.gram = Mat::identity(k, k);
+            return stage;
+        }
+        let shift = |j: usize| if length(j) > 0.0 { SHIFT * length(j) } else { 1.0 };
+        let shifted = Mat::from_fn(2 * k, k, |i, j| match i.checked_sub(k) {
+            None => factor[(i, j)],
             Some(i) if i == j => shift(j),
             Some(_) => 0.0,
         });
-        let first = triangle(shifted.as_ref());
-        let mut first_inverse = Mat::<f64>::identity(k, k);
-        faer::linalg::triangular_solve::solve_upper_triangular_in_place(
-            first.as_ref(),
-            first_inverse.as_mut(),
-            Par::Seq,
-        );
-        Self { first, first_inverse, gram: Mat::zeros(k, k), product: Mat::zeros(BLOCK.max(block.nrows()), k) }
+        let mut stage = Self::with_factor(triangle(shifted.as_ref()));
+        stage.add(factor.as_ref());
+        stage
+    }
+
+    fn with_factor(first: Mat<f64>) -> Self {
+        let k = first.ncols();
+        let mut inverse = Mat::<f64>::identity(k, k);
+        faer::linalg::triangular_solve::solve_upper_triangular_in_place(first.as_ref(), inverse.as_mut(), Par::Seq);
+        Self { first, inverse, gram: Mat::zeros(k, k), product: Mat::zeros(TriangularFactor::BLOCK.max(k), k) }
     }
 
     fn absorb(&mut self, block: MatRef<'_, f64>) {
-        use BlockStructure::{Rectangular, TriangularLower, TriangularUpper};
-        let mut product = self.product.as_mut().subrows_mut(0, block.nrows());
+        let before: Vec<f64> = (0..block.ncols()).map(|j| self.gram[(j, j)]).collect();
+        let gram = self.gram.clone();
+        self.add(block);
+        let longest = before.iter().enumerate().map(|(j, before)| self.gram[(j, j)] - before).fold(0.0, f64::max);
+        if longest > STRANGE.powi(2) {
+            self.gram = gram;
+            let factor = self.factor();
+            let k = factor.ncols();
+            let all = Mat::from_fn(k + block.nrows(), k, |i, j| match i.checked_sub(k) {
+                None => factor[(i, j)],
+                Some(i) => block[(i, j)],
+            });
+            *self = Self::of_factor(&triangle(all.as_ref()));
+        }
+    }
+
+    /// Adds the Gram matrix of the rows times P⁻¹.
+    fn add(&mut self, rows: MatRef<'_, f64>) {
+        let mut product = self.product.as_mut().subrows_mut(0, rows.nrows());
         matmul(
             product.rb_mut(),
-            Rectangular,
+            BlockStructure::Rectangular,
             Accum::Replace,
-            block,
-            Rectangular,
-            self.first_inverse.as_ref(),
-            TriangularUpper,
+            rows,
+            BlockStructure::Rectangular,
+            self.inverse.as_ref(),
+            BlockStructure::TriangularUpper,
             1.0,
             Par::Seq,
         );
-        matmul(
-            self.gram.as_mut(),
-            TriangularLower,
-            Accum::Add,
-            product.rb().transpose(),
-            Rectangular,
-            product.rb(),
-            Rectangular,
-            1.0,
-            Par::Seq,
-        );
+        add_gram(&mut self.gram, product.rb());
     }
 
     fn factor(&self) -> Mat<f64> {
-        let root = match self.gram.llt(Side::Lower) {
-            Ok(cholesky) => cholesky.L().transpose().to_owned(),
-            // Rank deficient: a square root that is not triangular does as well, since a QR follows.
-            Err(_) => {
-                let eigen = self.gram.self_adjoint_eigen(Side::Lower).expect("a symmetric finite matrix");
-                let (values, vectors) = (eigen.S(), eigen.U());
-                let k = vectors.nrows();
-                let noise = 1e-13 * values[k - 1];
-                let root = |value: f64| if value > noise { value.sqrt() } else { 0.0 };
-                Mat::from_fn(k, k, |i, j| root(values[i]) * vectors[(j, i)])
-            }
-        };
-        triangle((root * &self.first).as_ref())
+        let (scaled, lengths) = equilibrated(&self.gram);
+        if let Some(root) = cholesky(scaled.as_ref()) {
+            return multiply(&columns_times(&root, &lengths), &self.first);
+        }
+        // Rank deficient: a square root that is not triangular, made so by a QR.
+        let (values, vectors) = symmetric_eigen(scaled.as_ref());
+        let k = values.len();
+        let noise = 1e-13 * values[k - 1];
+        let root = |value: f64| if value > noise { value.sqrt() } else { 0.0 };
+        let root = Mat::from_fn(k, k, |i, j| root(values[i]) * vectors[(j, i)]);
+        triangle(multiply(&columns_times(&root, &lengths), &self.first).as_ref())
     }
 }
 
-/// Upper triangular factor of a Householder QR, diagonal non-negative, `[k, k]` also for fewer rows than columns.
-pub(crate) fn triangle(matrix: MatRef<'_, f64>) -> Mat<f64> {
-    let k = matrix.ncols();
-    let rows = matrix.nrows().max(k);
-    let mut work = Mat::zeros(rows, k);
-    work.as_mut().subrows_mut(0, matrix.nrows()).copy_from(matrix);
-    let size = qr::recommended_block_size::<f64>(rows, k);
-    let mut householder = Mat::zeros(size, k);
-    let mut buffer = MemBuffer::new(qr::qr_in_place_scratch::<f64>(rows, k, size, Par::Seq, Default::default()));
-    qr::qr_in_place(work.as_mut(), householder.as_mut(), Par::Seq, MemStack::new(&mut buffer), Default::default());
-    let sign = |i: usize| if work[(i, i)] < 0.0 { -1.0 } else { 1.0 };
-    Mat::from_fn(k, k, |i, j| if i <= j { sign(i) * work[(i, j)] } else { 0.0 })
+/// A Gram matrix of columns of unit length, lower triangle, and the lengths that the columns have; one for no length.
+fn equilibrated(gram: &Mat<f64>) -> (Mat<f64>, Vec<f64>) {
+    let k = gram.ncols();
+    let length = |j: usize| if gram[(j, j)] > 0.0 { gram[(j, j)].sqrt() } else { 1.0 };
+    let lengths: Vec<f64> = (0..k).map(length).collect();
+    let entry = |i: usize, j: usize| if i >= j { gram[(i, j)] / (lengths[i] * lengths[j]) } else { 0.0 };
+    (Mat::from_fn(k, k, entry), lengths)
+}
+
+fn columns_times(matrix: &Mat<f64>, factors: &[f64]) -> Mat<f64> {
+    Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)] * factors[j])
+}
+
+/// gram += blockᵀ block, lower triangle.
+fn add_gram(gram: &mut Mat<f64>, block: MatRef<'_, f64>) {
+    matmul(
+        gram.as_mut(),
+        BlockStructure::TriangularLower,
+        Accum::Add,
+        block.transpose(),
+        BlockStructure::Rectangular,
+        block,
+        BlockStructure::Rectangular,
+        1.0,
+        Par::Seq,
+    );
+}
+
+fn multiply(a: &Mat<f64>, b: &Mat<f64>) -> Mat<f64> {
+    let mut product = Mat::zeros(a.nrows(), b.ncols());
+    faer::linalg::matmul::matmul(product.as_mut(), Accum::Replace, a, b, 1.0, Par::Seq);
+    product
 }
 
 #[cfg(test)]
@@ -247,6 +306,30 @@ mod tests {
         let mut rows: Vec<Vec<f64>> = (0..5).map(|i| (0..5).map(|j| moving[(i, j)]).collect()).collect();
         rows.push(rest.iter().map(|x| x * 2000f64.sqrt()).collect());
         let expected = triangle(Mat::from_fn(6, 5, |i, j| rows[i][j]).as_ref());
+        let error = relative_error(&factor.factor(), &expected);
+        assert!(error < 1e-10, "{error:e}");
+    }
+
+    #[test]
+    fn whole_blocks_at_once_are_the_same_rows() {
+        let rows: Vec<f64> = (0..2345).flat_map(row).collect();
+        let (mut one_by_one, mut at_once) = (TriangularFactor::new(5), TriangularFactor::new(5));
+        rows.chunks_exact(5).for_each(|row| one_by_one.push(row));
+        at_once.push_all(&rows[..5 * 700]);
+        at_once.push_all(&rows[5 * 700..]);
+        assert_eq!(at_once.rows(), 2345);
+        assert!(relative_error(&at_once.factor(), &one_by_one.factor()) < 1e-12);
+    }
+
+    #[test]
+    fn slow_motion_at_the_start_does_no_harm() {
+        // The first block is nearly singular: everything moves along one line.
+        let slow = |i: usize| row(0).iter().map(|x| x + 1e-9 * i as f64).collect::<Vec<_>>();
+        let mut factor = TriangularFactor::new(5);
+        (0..600).for_each(|i| factor.push(&slow(i)));
+        (0..900).for_each(|i| factor.push(&row(i)));
+        let rows: Vec<Vec<f64>> = (0..600).map(slow).chain((0..900).map(row)).collect();
+        let expected = triangle(Mat::from_fn(1500, 5, |i, j| rows[i][j]).as_ref());
         let error = relative_error(&factor.factor(), &expected);
         assert!(error < 1e-10, "{error:e}");
     }

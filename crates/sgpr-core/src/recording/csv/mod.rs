@@ -1,0 +1,125 @@
+//! Logs as tables: `.csv` and `.csv.gz`.
+//!
+//! The first line names the columns. Comma, semicolon, tab and blanks separate them; after a semicolon, tab or blank a
+//! decimal comma is understood too. Lines that begin with `#` are comments; one right above the numbers (as NumPy writes) is
+//! the header if there is no other.
+//!
+//! # Which column is what
+//! Without further word, names like these are understood, with or without a unit at their end
+//! (`_rad _deg _m _mm _rad_s _deg_s _m_s _rpm _Nm _mNm _N _A _mA _s _ms _us _ns`, also in brackets: `q1 [deg]`):
+//!
+//! | time | position | velocity | torque | current |
+//! |---|---|---|---|---|
+//! | `t`, `t_s`, `time_ns`, `timestamp`, `header.stamp.sec` with `.nanosec` | `q1_rad`, `q_1`, `pos_1`, `joint_1_position`, `position.joint_1`, `shoulder_pan_joint_position` | `dq1_rad_s`, `qd_1`, `vel_1`, `joint_1/velocity` | `tau1_Nm`, `torque_1`, `effort_1`, `force_N` | `i1_A` |
+//!
+//! A name with a word that is none of these (`tau_des1_Nm`, `q_ref_m`) is no measurement: such columns become channels.
+//! The unit of a column is the one in [`ReadOptions::units`], else the one in its name, else SI. Currents are torques only
+//! with [`ReadOptions::torque_constants`].
+//!
+//! Joints that are wanted by name are matched by name; else by the number their names end in; else by number in order.
+//! Where that leaves a choice, an error says so. [`ReadOptions::columns`] overrules all of it.
+//!
+//! A time column without a unit holds seconds, unless its first value is so large (10^11 and more) that it can only be
+//! milliseconds, microseconds or nanoseconds since 1970.
+
+mod header;
+mod joints;
+mod lines;
+mod mapping;
+mod read;
+mod source;
+mod words;
+mod write;
+
+use std::fmt;
+use std::ops::RangeInclusive;
+
+pub use read::read;
+pub use write::write;
+
+use super::Units;
+
+/// How to read a table.
+///
+/// ```
+/// use sgpr_core::recording::csv::{Columns, ColumnMap, ReadOptions};
+/// let options = ReadOptions {
+///     columns: ColumnMap { torque: Some(Columns::Pattern("i{}_A".into())), ..ColumnMap::default() },
+///     torque_constants: Some(vec![10.0, 10.7, 8.5]),
+///     ..ReadOptions::default()
+/// };
+/// # let _ = options;
+/// ```
+#[derive(Clone, Debug)]
+pub struct ReadOptions {
+    /// Joints wanted, in order, e.g. those of the robot. `None`: those that the columns name.
+    pub joints: Option<Vec<String>>,
+    /// Columns named by the caller.
+    pub columns: ColumnMap,
+    /// Units, where the caller knows better than the column names.
+    pub units: Units,
+    /// N·m per A (N per A), one per joint: torque = constant · current. The current columns are those of
+    /// `columns.torque`, else those named like `i1_A`.
+    pub torque_constants: Option<Vec<f64>>,
+    /// Part of the log to read; all of it if `None`.
+    pub rows: Option<Rows>,
+    /// Rate of a log without time column (or whose time column is not to be used), Hz. The first row has time zero.
+    pub sample_rate_hz: Option<f64>,
+    /// Largest amount of unpacked text, and of numbers made of it, in bytes. A log beyond it is an error.
+    pub limit_bytes: u64,
+}
+
+impl Default for ReadOptions {
+    /// Everything automatic, at most 4 GiB.
+    fn default() -> Self {
+        Self {
+            joints: None,
+            columns: ColumnMap::default(),
+            units: Units::default(),
+            torque_constants: None,
+            rows: None,
+            sample_rate_hz: None,
+            limit_bytes: super::DEFAULT_LIMIT_BYTES,
+        }
+    }
+}
+
+/// Columns named by the caller; automatic where `None`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ColumnMap {
+    /// The time column.
+    pub time: Option<String>,
+    /// Position columns.
+    pub position: Option<Columns>,
+    /// Velocity columns.
+    pub velocity: Option<Columns>,
+    /// Torque columns; with [`ReadOptions::torque_constants`] the current columns.
+    pub torque: Option<Columns>,
+}
+
+/// One column per joint.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Columns {
+    /// `{}` stands for the number of the joint, from 1, `{name}` for its name: `i{}_A`, `{name}/effort`.
+    Pattern(String),
+    /// Exact names, in joint order.
+    Names(Vec<String>),
+}
+
+/// A part of a log.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Rows {
+    /// Data rows, counted from 1, both ends included.
+    Numbers(RangeInclusive<usize>),
+    /// Seconds since the first row of the file, both ends included.
+    Seconds(RangeInclusive<f64>),
+}
+
+impl fmt::Display for Rows {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Numbers(rows) => write!(f, "rows {} to {}", rows.start(), rows.end()),
+            Self::Seconds(seconds) => write!(f, "seconds {} to {}", seconds.start(), seconds.end()),
+        }
+    }
+}

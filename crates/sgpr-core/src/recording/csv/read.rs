@@ -1,0 +1,296 @@
+use std::borrow::Cow;
+use std::io::BufRead;
+use std::path::Path;
+
+use super::lines::Lines;
+use super::mapping::{Clock, Mapping, Source};
+use super::{ReadOptions, Rows, source};
+use crate::recording::decimal::nanoseconds;
+use crate::recording::names::quoted;
+use crate::recording::{self, Channel, Recording, RecordingError, TimeUnit};
+
+/// Reads a table. How columns are understood is told in the [module documentation](super).
+///
+/// Values are taken as they are; an empty cell and `nan` become NaN, to be found by
+/// [`inspect`](crate::recording::inspect()). Numeric columns that belong to no joint become channels; text columns are
+/// skipped. What was assumed or left out is in [`Recording::notes`].
+///
+/// # Errors
+/// If the file is unreadable, empty, of another kind, too large, has no header, no rows, rows of unequal length, text in
+/// a column of numbers; if time or joint columns are missing or can be understood in several ways; if an option
+/// contradicts the file.
+///
+/// # Examples
+/// ```no_run
+/// use sgpr_core::recording::csv::{self, ReadOptions};
+/// let recording = csv::read("log.csv.gz", &ReadOptions::default())?;
+/// println!("{} joints at {:?} Hz", recording.dof(), recording.sample_rate_hz());
+/// # Ok::<(), sgpr_core::recording::RecordingError>(())
+/// ```
+pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Recording, RecordingError> {
+    let path = path.as_ref();
+    let name = path.display().to_string();
+    check(&name, options)?;
+    let explain = |error| source::explain(&name, options.limit_bytes, error);
+
+    let mut lines = Lines::new(source::open(path, options.limit_bytes)?);
+    let columns = lines.header().map_err(explain)?.columns(&name)?;
+    let mapping = Mapping::new(&name, &columns, options)?;
+    let mut table = Table::new(&name, &columns, mapping, options);
+    while lines.next_row().map_err(explain)? {
+        table.take_row(Row::new(&name, &columns, &lines)?)?;
+    }
+    table.finish()
+}
+
+/// Refuses options that no log could satisfy.
+fn check(path: &str, options: &ReadOptions) -> Result<(), RecordingError> {
+    if let Some(joints) = &options.joints {
+        recording::require_joint_list(path, joints)?;
+    }
+    match options.sample_rate_hz {
+        Some(rate) if !(rate.is_finite() && rate > 0.0) => Err(RecordingError::InvalidOption {
+            option: "sample_rate_hz",
+            value: rate.to_string(),
+            expected: "a positive number of samples per second",
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// One row of text.
+struct Row<'a> {
+    path: &'a str,
+    columns: &'a [String],
+    line: u64,
+    cells: Vec<Cow<'a, [u8]>>,
+    decimal_comma: bool,
+}
+
+impl<'a> Row<'a> {
+    fn new(path: &'a str, columns: &'a [String], lines: &'a Lines<impl BufRead>) -> Result<Self, RecordingError> {
+        let (line, mut cells, decimal_comma) = (lines.number(), lines.cells(), lines.has_decimal_comma());
+        // Some loggers end each row, but not the header, with a separator.
+        if cells.len() == columns.len() + 1 && cells.last().is_some_and(|cell| cell.is_empty()) {
+            cells.pop();
+        }
+        if cells.len() == columns.len() {
+            return Ok(Self { path, columns, line, cells, decimal_comma });
+        }
+        Err(RecordingError::RowLength { path: path.into(), line, expected: columns.len(), found: cells.len() })
+    }
+
+    fn text(&self, column: usize) -> Cow<'_, str> {
+        let text = String::from_utf8_lossy(&self.cells[column]);
+        if self.decimal_comma && text.contains(',') { text.replacen(',', ".", 1).into() } else { text }
+    }
+
+    /// The number in a cell; NaN if it is empty or says that there is none.
+    fn number(&self, column: usize) -> Option<f64> {
+        let text = self.text(column);
+        match text.as_ref() {
+            "" | "NA" | "N/A" | "n/a" | "null" | "None" | "-" => Some(f64::NAN),
+            "true" | "True" | "TRUE" => Some(1.0),
+            "false" | "False" | "FALSE" => Some(0.0),
+            text => text.parse().ok(),
+        }
+    }
+
+    fn not_a_number(&self, column: usize) -> RecordingError {
+        RecordingError::NotANumber {
+            path: self.path.into(),
+            line: self.line,
+            column: self.columns[column].clone(),
+            text: self.text(column).chars().take(40).collect(),
+        }
+    }
+
+    /// The time in a cell, ns.
+    fn time(&self, column: usize, unit: TimeUnit) -> Result<i64, RecordingError> {
+        let text = self.text(column);
+        nanoseconds(&text, unit.power_of_ten()).ok_or_else(|| RecordingError::NotATime {
+            path: self.path.into(),
+            line: self.line,
+            column: self.columns[column].clone(),
+            text: text.chars().take(40).collect(),
+            unit: unit.to_string(),
+        })
+    }
+}
+
+/// One value per joint and sample.
+struct Array {
+    sources: Vec<Source>,
+    /// Row-major.
+    values: Vec<f64>,
+}
+
+impl Array {
+    fn new(sources: Vec<Source>) -> Self {
+        Self { sources, values: Vec::new() }
+    }
+
+    fn take(&mut self, row: &Row) -> Result<(), RecordingError> {
+        for Source { index, factor } in &self.sources {
+            self.values.push(row.number(*index).ok_or_else(|| row.not_a_number(*index))? * factor);
+        }
+        Ok(())
+    }
+}
+
+/// A column beside the joints.
+struct ChannelColumn {
+    index: usize,
+    values: Vec<f64>,
+    /// Whether there was a number.
+    numeric: bool,
+    /// Whether it turned out to hold text.
+    text: bool,
+}
+
+impl ChannelColumn {
+    /// A column that begins with text is text; text after numbers is an error.
+    fn take(&mut self, row: &Row) -> Result<(), RecordingError> {
+        match row.number(self.index) {
+            _ if self.text => {}
+            Some(value) => {
+                self.numeric |= !value.is_nan();
+                self.values.push(value);
+            }
+            None if self.numeric => return Err(row.not_a_number(self.index)),
+            None => {
+                self.text = true;
+                self.values = Vec::new();
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The rows so far, as arrays.
+struct Table<'a> {
+    path: &'a str,
+    columns: &'a [String],
+    options: &'a ReadOptions,
+    joints: Vec<String>,
+    clock: Clock,
+    time: Vec<i64>,
+    position: Array,
+    velocity: Option<Array>,
+    torque: Option<Array>,
+    channels: Vec<ChannelColumn>,
+    notes: Vec<String>,
+    /// Data rows seen, and the times of the first and the last one.
+    rows: usize,
+    span: [i64; 2],
+}
+
+impl<'a> Table<'a> {
+    fn new(path: &'a str, columns: &'a [String], mapping: Mapping, options: &'a ReadOptions) -> Self {
+        let Mapping { joints, clock, position, velocity, torque, notes } = mapping;
+        let mut used: Vec<usize> = match clock {
+            Clock::Rate(_) => vec![],
+            Clock::Column { index, .. } => vec![index],
+            Clock::Stamp { seconds, nanoseconds } => vec![seconds, nanoseconds],
+        };
+        let arrays = [Some(&position), velocity.as_ref(), torque.as_ref()];
+        used.extend(arrays.into_iter().flatten().flatten().map(|source| source.index));
+        let free = (0..columns.len()).filter(|index| !used.contains(index) && !columns[*index].is_empty());
+        let channel = |index| ChannelColumn { index, values: Vec::new(), numeric: false, text: false };
+        Self {
+            path,
+            columns,
+            options,
+            joints,
+            clock,
+            time: Vec::new(),
+            position: Array::new(position),
+            velocity: velocity.map(Array::new),
+            torque: torque.map(Array::new),
+            channels: free.map(channel).collect(),
+            notes,
+            rows: 0,
+            span: [0, 0],
+        }
+    }
+
+    fn take_row(&mut self, row: Row) -> Result<(), RecordingError> {
+        self.rows += 1;
+        let time = self.time_of(&row)?;
+        self.span = [if self.rows == 1 { time } else { self.span[0] }, time];
+        if !self.is_wanted(time) {
+            return Ok(());
+        }
+        self.time.push(time);
+        self.position.take(&row)?;
+        self.velocity.iter_mut().chain(&mut self.torque).try_for_each(|array| array.take(&row))?;
+        self.channels.iter_mut().try_for_each(|channel| channel.take(&row))?;
+        self.require_room()
+    }
+
+    fn time_of(&mut self, row: &Row) -> Result<i64, RecordingError> {
+        match self.clock {
+            Clock::Rate(rate) => Ok(((self.rows - 1) as f64 * 1e9 / rate).round() as i64),
+            Clock::Column { index, unit: Some(unit) } => row.time(index, unit),
+            Clock::Column { index, unit: None } => {
+                let unit = TimeUnit::likely(row.number(index).unwrap_or(0.0));
+                self.clock = Clock::Column { index, unit: Some(unit) };
+                if unit != TimeUnit::Second {
+                    self.notes.push(format!("the column `{}` is taken for {unit} since 1970", self.columns[index]));
+                }
+                row.time(index, unit)
+            }
+            Clock::Stamp { seconds, nanoseconds } => {
+                let whole = row.time(seconds, TimeUnit::Second)?;
+                Ok(whole.saturating_add(row.time(nanoseconds, TimeUnit::Nanosecond)?))
+            }
+        }
+    }
+
+    fn is_wanted(&self, time: i64) -> bool {
+        match &self.options.rows {
+            None => true,
+            Some(Rows::Numbers(numbers)) => numbers.contains(&self.rows),
+            Some(Rows::Seconds(seconds)) => seconds.contains(&recording::seconds(self.span[0], time)),
+        }
+    }
+
+    fn require_room(&self) -> Result<(), RecordingError> {
+        let arrays = 1 + usize::from(self.velocity.is_some()) + usize::from(self.torque.is_some());
+        let channels = self.channels.iter().filter(|channel| !channel.text).count();
+        let row_bytes = 8 * (1 + arrays * self.joints.len() + channels);
+        let limit = self.options.limit_bytes;
+        if (self.time.len() * row_bytes) as u64 <= limit {
+            return Ok(());
+        }
+        Err(RecordingError::TooLarge { path: self.path.into(), limit })
+    }
+
+    fn finish(mut self) -> Result<Recording, RecordingError> {
+        if self.rows == 0 {
+            return Err(RecordingError::NoRows { path: self.path.into() });
+        }
+        if let (Some(rows), true) = (&self.options.rows, self.time.is_empty()) {
+            let duration = recording::seconds(self.span[0], self.span[1]);
+            let (path, rows) = (self.path.into(), rows.to_string());
+            return Err(RecordingError::NoRowsChosen { path, rows, samples: self.rows, duration });
+        }
+        let (text, numeric): (Vec<_>, Vec<_>) = self.channels.into_iter().partition(|channel| channel.text);
+        let skipped: Vec<String> = text.iter().map(|channel| self.columns[channel.index].clone()).collect();
+        if !skipped.is_empty() {
+            self.notes.push(format!("skipped columns of text: {}", quoted(&skipped)));
+        }
+        let channel =
+            |column: ChannelColumn| Channel { name: self.columns[column.index].clone(), values: column.values };
+        let recording = Recording::new(
+            self.path,
+            self.joints,
+            self.time,
+            self.position.values,
+            self.velocity.map(|array| array.values),
+            self.torque.map(|array| array.values),
+            numeric.into_iter().map(channel).collect(),
+        )?;
+        Ok(recording.with_notes(self.notes))
+    }
+}

@@ -1,0 +1,101 @@
+//! The text of a log: plain or gzip, never more of it than allowed.
+
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+use std::path::Path;
+
+use flate2::bufread::MultiGzDecoder;
+
+use crate::recording::RecordingError;
+
+/// Longest line that is read: a megabyte of text is some fifty thousand columns.
+const LONGEST_LINE: usize = 1 << 20;
+
+/// Beginnings of files that users take for CSV, what they are, and what to do.
+const FOREIGN: [(&[u8], &str, &str); 6] = [
+    (b"\x89MCAP", "an MCAP file", "read it with the MCAP reader"),
+    (b"PK\x03\x04", "a zip archive or an Excel workbook", "save it as CSV"),
+    (b"\xff\xfe", "UTF-16 text", "save it as UTF-8"),
+    (b"\xfe\xff", "UTF-16 text", "save it as UTF-8"),
+    (b"\x28\xb5\x2f\xfd", "a zstd archive", "unpack it or compress it with gzip"),
+    (b"SQLite format 3", "an SQLite data base", "convert a ROS 2 bag with `ros2 bag convert` to MCAP"),
+];
+
+/// Opens `path`, unpacking it if it begins like gzip.
+pub(super) fn open(path: &Path, limit: u64) -> Result<BufReader<Bounded>, RecordingError> {
+    let name = path.display().to_string();
+    let unreadable = |source| RecordingError::Unreadable { path: name.clone(), source };
+    let mut file = BufReader::with_capacity(1 << 16, File::open(path).map_err(unreadable)?);
+    let packed = file.fill_buf().map_err(unreadable)?.starts_with(b"\x1f\x8b");
+    let text: Box<dyn Read> = if packed { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) };
+    let bounded = Bounded { text, packed, left: limit, line: 1, line_length: 0 };
+    let mut reader = BufReader::with_capacity(1 << 16, bounded);
+
+    let start = reader.fill_buf().map_err(|error| explain(&name, limit, error))?;
+    if start.is_empty() {
+        return Err(RecordingError::Empty { path: name });
+    }
+    if let Some((_, found, advice)) = FOREIGN.iter().find(|(magic, ..)| start.starts_with(magic)) {
+        return Err(RecordingError::WrongFormat { path: name, expected: "CSV", found, advice });
+    }
+    if start.contains(&0) {
+        let (found, advice) = ("a binary file", "give a text file with one row per sample");
+        return Err(RecordingError::WrongFormat { path: name, expected: "CSV", found, advice });
+    }
+    if start.starts_with(b"\xef\xbb\xbf") {
+        reader.consume(3);
+    }
+    Ok(reader)
+}
+
+/// The cause of a failed read.
+pub(super) fn explain(path: &str, limit: u64, error: io::Error) -> RecordingError {
+    let path = path.to_string();
+    match error.get_ref().and_then(|cause| cause.downcast_ref()) {
+        Some(Excess::Total) => RecordingError::TooLarge { path, limit },
+        Some(Excess::Line(line)) => RecordingError::LongLine { path, line: *line, limit: LONGEST_LINE },
+        None => RecordingError::Unreadable { path, source: error },
+    }
+}
+
+/// Too much text.
+#[derive(Debug, thiserror::Error)]
+enum Excess {
+    #[error("too much text")]
+    Total,
+    #[error("line {0} is too long")]
+    Line(u64),
+}
+
+/// Text that fails beyond a total length or a line length.
+pub(super) struct Bounded {
+    text: Box<dyn Read>,
+    packed: bool,
+    left: u64,
+    line: u64,
+    line_length: usize,
+}
+
+impl Read for Bounded {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = match self.text.read(buffer) {
+            Err(error) if self.packed && error.kind() != io::ErrorKind::Interrupted => {
+                let text = format!("the gzip data are truncated or damaged ({error})");
+                return Err(io::Error::new(error.kind(), text));
+            }
+            result => result?,
+        };
+        self.left = self.left.checked_sub(count as u64).ok_or_else(|| io::Error::other(Excess::Total))?;
+        for part in buffer[..count].split_inclusive(|&byte| byte == b'\n') {
+            self.line_length += part.len();
+            if self.line_length > LONGEST_LINE {
+                return Err(io::Error::other(Excess::Line(self.line)));
+            }
+            if part.ends_with(b"\n") {
+                self.line += 1;
+                self.line_length = 0;
+            }
+        }
+        Ok(count)
+    }
+}

@@ -1,0 +1,395 @@
+use super::names::{quoted, suggestion};
+
+/// Why a log could not be read, changed or written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordingError {
+    /// The file could not be read.
+    #[error("{path}: {source}")]
+    Unreadable {
+        /// File.
+        path: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file could not be written; what was there before is untouched.
+    #[error("{path}: cannot write: {source}")]
+    Unwritable {
+        /// File.
+        path: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Nothing in the file.
+    #[error("{path}: the file is empty")]
+    Empty {
+        /// File.
+        path: String,
+    },
+    /// A file of another kind.
+    #[error("{path}: this is {found}, not {expected}: {advice}")]
+    WrongFormat {
+        /// File.
+        path: String,
+        /// What should have been there.
+        expected: &'static str,
+        /// What is there.
+        found: &'static str,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// More data than the caller allows.
+    #[error(
+        "{path}: more than {limit} bytes of unpacked data; if that is right, raise `limit_bytes` or read a part of the log"
+    )]
+    TooLarge {
+        /// File.
+        path: String,
+        /// Largest number of bytes that is read.
+        limit: u64,
+    },
+    /// A line that no log has.
+    #[error("{path}:{line}: the line is longer than {limit} bytes: is this a CSV file?")]
+    LongLine {
+        /// File.
+        path: String,
+        /// Line, from 1.
+        line: u64,
+        /// Longest line that is read.
+        limit: usize,
+    },
+    /// More columns than any log has.
+    #[error("{path}: {found} columns (at most {limit} are read): is this a CSV file with one row per sample?")]
+    TooManyColumns {
+        /// File.
+        path: String,
+        /// Columns.
+        found: usize,
+        /// Largest number that is read.
+        limit: usize,
+    },
+    /// Numbers where the names of the columns should be.
+    #[error(
+        "{path}:1: the first line holds numbers ({first_line}): begin with a line of column names, e.g. t,q_1,dq_1,tau_1"
+    )]
+    NoHeader {
+        /// File.
+        path: String,
+        /// Its beginning.
+        first_line: String,
+    },
+    /// A header and nothing else.
+    #[error("{path}: there are column names but no data rows")]
+    NoRows {
+        /// File.
+        path: String,
+    },
+    /// The chosen part of the log is empty.
+    #[error("{path}: no sample lies within the chosen {rows}; the log has {samples} rows and lasts {duration} s")]
+    NoRowsChosen {
+        /// File.
+        path: String,
+        /// What was chosen.
+        rows: String,
+        /// Rows of the log.
+        samples: usize,
+        /// Length of the log, s.
+        duration: f64,
+    },
+    /// A row with too few or too many cells.
+    #[error("{path}:{line}: {found} cells, but the header names {expected} columns")]
+    RowLength {
+        /// File.
+        path: String,
+        /// Line, from 1.
+        line: u64,
+        /// Number of columns.
+        expected: usize,
+        /// Number of cells.
+        found: usize,
+    },
+    /// Text in a column of numbers.
+    #[error("{path}:{line}: column `{column}`: `{text}` is not a number")]
+    NotANumber {
+        /// File.
+        path: String,
+        /// Line, from 1.
+        line: u64,
+        /// Column.
+        column: String,
+        /// What is there.
+        text: String,
+    },
+    /// A time stamp that cannot be one.
+    #[error(
+        "{path}:{line}: column `{column}`: `{text}` is not a time in {unit} (64 bits of nanoseconds reach 292 years)"
+    )]
+    NotATime {
+        /// File.
+        path: String,
+        /// Line, from 1.
+        line: u64,
+        /// Column.
+        column: String,
+        /// What is there.
+        text: String,
+        /// Unit of the column.
+        unit: String,
+    },
+    /// A log without time.
+    #[error(
+        "{path}: no time column among {}; name it with `columns.time`, or give `sample_rate_hz` for a log of constant rate",
+        quoted(columns)
+    )]
+    NoTime {
+        /// File.
+        path: String,
+        /// Columns found.
+        columns: Vec<String>,
+    },
+    /// No column was understood as a joint position.
+    #[error(
+        "{path}: no joint positions among the columns {}; say which they are with `columns.position`, as a pattern (`q{{}}`, where {{}} is the number of the joint; `{{name}}_position`) or as a list of columns",
+        quoted(columns)
+    )]
+    NoPositions {
+        /// File.
+        path: String,
+        /// Columns found.
+        columns: Vec<String>,
+    },
+    /// Some joints have a column of this quantity and others none.
+    #[error(
+        "{path}: no {quantity} column for {}; the columns are {}; say which they are with `columns.{quantity}`, or name the joints wanted with `joints`",
+        quoted(missing),
+        quoted(columns)
+    )]
+    IncompleteColumns {
+        /// File.
+        path: String,
+        /// `position`, `velocity` or `torque`.
+        quantity: &'static str,
+        /// Joints without column.
+        missing: Vec<String>,
+        /// Columns found.
+        columns: Vec<String>,
+    },
+    /// Several columns could be meant.
+    #[error(
+        "{path}: the {quantity} of joint `{joint}` could be any of {}: say which with `columns.{quantity}`",
+        quoted(candidates)
+    )]
+    AmbiguousColumn {
+        /// File.
+        path: String,
+        /// `position`, `velocity` or `torque`.
+        quantity: &'static str,
+        /// Joint.
+        joint: String,
+        /// Columns that fit.
+        candidates: Vec<String>,
+    },
+    /// Joint numbers that can be counted in two ways.
+    #[error(
+        "{path}: the columns {} count joints from 0 and there are more of them than the joints {}: say which are meant with `columns.{quantity}`",
+        quoted(candidates),
+        quoted(joints)
+    )]
+    AmbiguousNumbers {
+        /// File.
+        path: String,
+        /// `position`, `velocity` or `torque`.
+        quantity: &'static str,
+        /// Joints wanted.
+        joints: Vec<String>,
+        /// Numbered columns.
+        candidates: Vec<String>,
+    },
+    /// A column the caller named is not there.
+    #[error(
+        "{path}: there is no column `{column}`{}; the columns are {}",
+        suggestion(column, columns),
+        quoted(columns)
+    )]
+    UnknownColumn {
+        /// File.
+        path: String,
+        /// Requested column.
+        column: String,
+        /// Columns found.
+        columns: Vec<String>,
+    },
+    /// Two columns of one name.
+    #[error("{path}: the column name `{column}` occurs twice")]
+    DuplicateColumn {
+        /// File.
+        path: String,
+        /// Column.
+        column: String,
+    },
+    /// One entry per joint is needed.
+    #[error("{option} has {found} entries for {expected} joints: give one per joint, in joint order")]
+    EntriesPerJoint {
+        /// Option of the caller.
+        option: &'static str,
+        /// Joints.
+        expected: usize,
+        /// Entries.
+        found: usize,
+    },
+    /// An option with a value that cannot be.
+    #[error("{option} = {value}: {expected}")]
+    InvalidOption {
+        /// Option of the caller.
+        option: &'static str,
+        /// Its value.
+        value: String,
+        /// What it should be.
+        expected: &'static str,
+    },
+    /// A unit that is not known.
+    #[error("`{unit}` is no unit of {quantity}; known are {}", quoted(known))]
+    UnknownUnit {
+        /// Position, velocity, torque or time.
+        quantity: String,
+        /// What was given.
+        unit: String,
+        /// Units to choose from.
+        known: Vec<String>,
+    },
+    /// An array that does not fit the others.
+    #[error("{recording}: `{array}` has {found} values, expected {expected}")]
+    Length {
+        /// Recording.
+        recording: String,
+        /// Array.
+        array: String,
+        /// Samples times joints.
+        expected: usize,
+        /// Values given.
+        found: usize,
+    },
+    /// A requested joint that is not in the log.
+    #[error("{recording}: there is no joint `{joint}`{}; the joints are {}", suggestion(joint, known), quoted(known))]
+    UnknownJoint {
+        /// File or recording.
+        recording: String,
+        /// Requested joint.
+        joint: String,
+        /// Joints to choose from.
+        known: Vec<String>,
+    },
+    /// A joint that occurs twice.
+    #[error("{recording}: the joint `{joint}` occurs twice")]
+    DuplicateJoint {
+        /// File or recording.
+        recording: String,
+        /// Joint.
+        joint: String,
+    },
+    /// Time that does not run forward, where it must.
+    #[error(
+        "{recording}: the time does not increase at sample {sample} ({seconds} s after the start): repair with `sort` and `drop_duplicates` first"
+    )]
+    UnsortedTime {
+        /// Recording.
+        recording: String,
+        /// First sample whose stamp is not later than the one before.
+        sample: usize,
+        /// Its time since the first sample, s.
+        seconds: f64,
+    },
+    /// A repair that removed everything.
+    #[error("{recording}: no sample is left after: {action}")]
+    NothingLeft {
+        /// Recording.
+        recording: String,
+        /// The last thing done.
+        action: String,
+    },
+    /// A file that ends before its end.
+    #[error(
+        "{path}: the file is truncated: what begins at byte {byte} is incomplete; {messages} messages are readable: set `recover` to take them"
+    )]
+    Truncated {
+        /// File.
+        path: String,
+        /// Where the incomplete record begins, or should.
+        byte: u64,
+        /// Messages up to the end.
+        messages: u64,
+    },
+    /// A file that is damaged.
+    #[error("{path}: damaged at byte {byte}: {cause}; set `recover` to take the messages that are intact")]
+    Damaged {
+        /// File.
+        path: String,
+        /// Where the record with the damage begins.
+        byte: u64,
+        /// What is wrong.
+        cause: String,
+    },
+    /// A message that does not follow its schema.
+    #[error("{path}: topic `{topic}`, message {index}: {cause}")]
+    Message {
+        /// File.
+        path: String,
+        /// Topic.
+        topic: String,
+        /// Number of the message on this topic, from 1.
+        index: u64,
+        /// What is wrong.
+        cause: String,
+    },
+    /// No topic with joint states.
+    #[error(
+        "{path}: no topic with joint states (sensor_msgs/msg/JointState, or JSON with `position` or `q`); the topics are {}",
+        quoted(topics)
+    )]
+    NoJointStates {
+        /// File.
+        path: String,
+        /// Topics with their schemas.
+        topics: Vec<String>,
+    },
+    /// A requested topic that is not in the file.
+    #[error(
+        "{path}: there is no topic `{topic}` with joint states{}; topics with joint states are {}",
+        suggestion(topic, known),
+        quoted(known)
+    )]
+    UnknownTopic {
+        /// File.
+        path: String,
+        /// Requested topic.
+        topic: String,
+        /// Topics to choose from.
+        known: Vec<String>,
+    },
+    /// Several topics carry one joint.
+    #[error("{path}: the joint `{joint}` is on the topics {}: choose with `topics`", quoted(topics))]
+    AmbiguousTopics {
+        /// File.
+        path: String,
+        /// Joint.
+        joint: String,
+        /// Topics that carry it.
+        topics: Vec<String>,
+    },
+    /// Topics that never overlap in time.
+    #[error("{path}: the topics {} have no time in common: read them one by one with `topics`", quoted(topics))]
+    NoCommonTime {
+        /// File.
+        path: String,
+        /// Topics to be merged.
+        topics: Vec<String>,
+    },
+    /// A time stamp that ROS 2 messages cannot hold.
+    #[error("{recording}: the time {nanoseconds} ns does not fit a ROS 2 time stamp (0 to 2^31 s)")]
+    StampRange {
+        /// Recording.
+        recording: String,
+        /// Time stamp, ns.
+        nanoseconds: i64,
+    },
+}

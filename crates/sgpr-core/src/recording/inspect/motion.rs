@@ -1,0 +1,223 @@
+//! Issues of position and velocity together.
+
+use super::values::column;
+use super::{Issue, IssueKind, Severity, milliseconds};
+use crate::recording::resample::resample;
+use crate::recording::statistics::{self, rms};
+use crate::recording::{GAP_FACTOR, Recording};
+
+/// Shortest stretch over which velocity and position are compared, s.
+const STRETCH: f64 = 0.1;
+/// Fewest samples in a stretch.
+const STRETCH_SAMPLES: usize = 10;
+/// A joint must move this much, rad (m), before its velocity is judged.
+const ENOUGH_MOTION: f64 = 0.02;
+/// No arm joint turns further than this between its limits, rad.
+const WIDEST_RANGE: f64 = 4.0 * std::f64::consts::PI;
+/// Largest lag that is looked for, s.
+const LARGEST_LAG: f64 = 0.05;
+/// Most samples for the cross-correlation.
+const LONGEST_PIECE: usize = 20_000;
+
+pub(super) fn issues(recording: &Recording) -> Vec<Issue> {
+    let clean = without_faults(recording);
+    let ratios: Vec<Option<Comparison>> = (0..clean.dof()).map(|joint| Comparison::of_joint(&clean, joint)).collect();
+    let mut issues: Vec<Issue> = (0..clean.dof()).filter_map(|joint| degrees(&clean, joint, ratios[joint])).collect();
+    let suspected: Vec<Option<String>> = issues.iter().map(|issue| issue.channel.clone()).collect();
+    let mismatches = (0..clean.dof()).filter_map(|joint| mismatch(&clean, joint, ratios[joint]?));
+    issues.extend(mismatches.filter(|issue| {
+        let position = issue.channel.as_ref().map(|name| name.replace("_velocity", "_position"));
+        !suspected.contains(&position)
+    }));
+    issues.extend(lag(&clean, &ratios));
+    issues
+}
+
+/// The samples whose stamp is later than all before and whose values are finite.
+fn without_faults(recording: &Recording) -> Recording {
+    let mut latest = i64::MIN;
+    let mut keep = Vec::new();
+    for (sample, &time) in recording.time().iter().enumerate() {
+        if (time > latest || keep.is_empty()) && super::is_finite_row(recording, sample) {
+            keep.push(sample);
+            latest = time;
+        }
+    }
+    recording.pick(keep.iter().copied())
+}
+
+/// The change of a position against the integral of its velocity.
+#[derive(Clone, Copy)]
+struct Comparison {
+    /// Size of the change over that of the integral, with the sign of their correlation.
+    ratio: f64,
+    correlation: f64,
+}
+
+impl Comparison {
+    fn of_joint(recording: &Recording, joint: usize) -> Option<Self> {
+        let (n, velocity) = (recording.dof(), recording.velocity()?);
+        let q: Vec<f64> = column(recording.position(), n, joint).collect();
+        let [low, high] = statistics::range(q.iter().copied())?;
+        if high - low < ENOUGH_MOTION {
+            return None;
+        }
+        let v: Vec<f64> = column(velocity, n, joint).collect();
+        let time = recording.time_seconds();
+        let period = recording.median_period();
+        let length = STRETCH_SAMPLES.max((STRETCH / period).ceil() as usize);
+        let mut integral = vec![0.0];
+        for k in 1..q.len() {
+            integral.push(integral[k - 1] + 0.5 * (v[k] + v[k - 1]) * (time[k] - time[k - 1]));
+        }
+        let starts = (0..q.len().saturating_sub(length)).step_by(length.div_ceil(2));
+        let whole = starts.filter(|&k| time[k + length] - time[k] < GAP_FACTOR * length as f64 * period);
+        let (moved, integrated): (Vec<f64>, Vec<f64>) =
+            whole.map(|k| (q[k + length] - q[k], integral[k + length] - integral[k])).unzip();
+        let products: f64 = moved.iter().zip(&integrated).map(|(a, b)| a * b).sum();
+        let (moved_size, integrated_size) = (rms(&moved), rms(&integrated));
+        let correlation = products / (moved.len() as f64 * moved_size * integrated_size);
+        let ratio = (moved_size / integrated_size).copysign(correlation);
+        (moved.len() >= 5)
+            .then_some(Self { ratio, correlation: if correlation.is_finite() { correlation } else { 0.0 } })
+    }
+
+    fn is_near(self, ratio: f64) -> bool {
+        self.correlation.abs() > 0.8 && (self.ratio.abs() / ratio - 1.0).abs() < 0.1
+    }
+}
+
+fn degrees(recording: &Recording, joint: usize, comparison: Option<Comparison>) -> Option<Issue> {
+    let [low, high] = statistics::range(column(recording.position(), recording.dof(), joint))?;
+    let name = format!("{}_position", recording.joint_names()[joint]);
+    let reason = match comparison {
+        Some(comparison) if comparison.is_near(1f64.to_degrees()) => {
+            format!("changes {:.1} times as fast as the velocity says", comparison.ratio.abs())
+        }
+        _ if high - low > WIDEST_RANGE => {
+            format!(
+                "has a range of {:.1}, {:.1} turns if it were rad",
+                high - low,
+                (high - low) / std::f64::consts::TAU
+            )
+        }
+        _ => return None,
+    };
+    Some(Issue {
+        kind: IssueKind::PositionInDegrees,
+        severity: Severity::Warning,
+        time: None,
+        message: format!("`{name}` {reason}: it looks like degrees; give the unit of the position"),
+        channel: Some(name),
+        count: 1,
+    })
+}
+
+/// Ratios of the change of the position to the integral of the velocity that tell of a unit.
+const KNOWN_RATIOS: [(f64, &str); 6] = [
+    (std::f64::consts::PI / 180.0, "the velocity looks like deg/s"),
+    (180.0 / std::f64::consts::PI, "the position looks like degrees"),
+    (std::f64::consts::TAU / 60.0, "the velocity looks like rpm"),
+    (1e-3, "the velocity looks like mm/s"),
+    (1e3, "the position looks like mm"),
+    (1.0 / 60.0, "the velocity looks like units per minute"),
+];
+
+fn mismatch(recording: &Recording, joint: usize, comparison: Comparison) -> Option<Issue> {
+    let Comparison { ratio, correlation } = comparison;
+    let known = KNOWN_RATIOS.iter().find(|(known, _)| comparison.is_near(*known));
+    let finding = if correlation.abs() < 0.8 {
+        let text = "is not the derivative of the position (correlation {}): check which columns belong together";
+        text.replace("{}", &format!("{correlation:.2}"))
+    } else if let Some((_, unit)) = known {
+        format!("does not fit the position, which changes {:.4} times as fast: {unit}", ratio.abs())
+    } else if correlation < 0.0 {
+        "has the opposite sign of the change of the position: check the direction of the joint".into()
+    } else if (ratio - 1.0).abs() > 0.1 {
+        format!("does not fit the position, which changes {ratio:.3} times as fast: check units and gear ratio")
+    } else {
+        return None;
+    };
+    let name = format!("{}_velocity", recording.joint_names()[joint]);
+    Some(Issue {
+        kind: IssueKind::VelocityMismatch,
+        severity: Severity::Warning,
+        time: None,
+        message: format!("`{name}` {finding}"),
+        channel: Some(name),
+        count: 1,
+    })
+}
+
+fn lag(recording: &Recording, comparisons: &[Option<Comparison>]) -> Option<Issue> {
+    let judged = |joint: &usize| comparisons[*joint].is_some_and(|comparison| comparison.correlation > 0.8);
+    let joints: Vec<usize> = (0..recording.dof()).filter(judged).collect();
+    let period = recording.median_period();
+    let nanoseconds = (period * 1e9).round() as u64;
+    if joints.is_empty() || nanoseconds == 0 {
+        return None;
+    }
+    let pieces = recording.split_at_steps(GAP_FACTOR * period);
+    let longest = pieces.into_iter().max_by_key(Recording::len)?;
+    let even = resample(&longest.slice(0..longest.len().min(LONGEST_PIECE)), nanoseconds);
+    let Correlation { lag, peak } = Correlation::largest(&even, &joints)?;
+    if lag.abs() < 1e-3 || lag.abs() < 0.25 * period || peak < 0.8 {
+        return None;
+    }
+    let direction = if lag > 0.0 { "late" } else { "early" };
+    Some(Issue {
+        kind: IssueKind::VelocityLag,
+        severity: Severity::Warning,
+        time: None,
+        channel: None,
+        count: joints.len(),
+        message: format!(
+            "the velocity is {} {direction} against the derivative of the position (correlation {peak:.3}): take velocities from the filtered positions",
+            milliseconds(lag.abs()),
+        ),
+    })
+}
+
+/// Where the velocity is most like the derivative of the position.
+struct Correlation {
+    /// s; positive if the velocity is late
+    lag: f64,
+    peak: f64,
+}
+
+impl Correlation {
+    /// The peak of the mean over `joints` of the cross-correlation, between samples by a parabola. The recording has
+    /// equal steps.
+    fn largest(even: &Recording, joints: &[usize]) -> Option<Self> {
+        let (n, velocity, period) = (even.dof(), even.velocity()?, even.median_period());
+        let reach = ((LARGEST_LAG / period).ceil() as usize).clamp(3, 100);
+        if even.len() < 10 * reach {
+            return None;
+        }
+        let mut mean = vec![0.0; 2 * reach + 1];
+        for &joint in joints {
+            let q: Vec<f64> = column(even.position(), n, joint).collect();
+            let v: Vec<f64> = column(velocity, n, joint).skip(1).collect();
+            let derivative: Vec<f64> = q.windows(3).map(|q| (q[2] - q[0]) / (2.0 * period)).collect();
+            for (shift, sum) in mean.iter_mut().enumerate() {
+                *sum += correlation(&derivative, &v, shift, reach) / joints.len() as f64;
+            }
+        }
+        let best = (0..mean.len()).max_by(|&a, &b| mean[a].total_cmp(&mean[b]))?;
+        if best == 0 || best == 2 * reach {
+            return None;
+        }
+        let (before, peak, after) = (mean[best - 1], mean[best], mean[best + 1]);
+        let vertex = 0.5 * (before - after) / (before - 2.0 * peak + after);
+        Some(Self { lag: (best as f64 - reach as f64 + vertex) * period, peak })
+    }
+}
+
+/// Correlation of `derivative[k]` with `velocity[k + shift - reach]`.
+fn correlation(derivative: &[f64], velocity: &[f64], shift: usize, reach: usize) -> f64 {
+    let inner = &derivative[reach..derivative.len() - reach];
+    let shifted = &velocity[shift..shift + inner.len()];
+    let product: f64 = inner.iter().zip(shifted).map(|(a, b)| a * b).sum();
+    let sizes = rms(inner) * rms(shifted) * inner.len() as f64;
+    if sizes > 0.0 { product / sizes } else { 0.0 }
+}

@@ -1,0 +1,265 @@
+//! Issues of the values, sample by sample.
+
+use super::{Issue, IssueKind, Severity, percent};
+use crate::recording::names::quoted;
+use crate::recording::{Recording, seconds, statistics};
+
+/// A joint that moves less than this, rad (m), stands still.
+const STILL_RANGE: f64 = 0.002;
+/// Samples on each side over which a motion is seen.
+const MOTION_WINDOW: usize = 5;
+/// A sample counts as moving from this share of a joint's RMS speed on.
+const MOVING_SHARE: f64 = 0.1;
+/// As many samples in a row at the largest torque are a flat top.
+const FLAT_TOP: usize = 5;
+
+pub(super) fn issues(recording: &Recording) -> Vec<Issue> {
+    let mut issues = not_finite(recording);
+    issues.extend(repeated(recording));
+    issues.extend(still_joints(recording));
+    issues.extend(clipped(recording));
+    issues.extend(encoder_steps(recording));
+    issues
+}
+
+/// The values of one joint in a row-major array.
+pub(super) fn column(values: &[f64], n: usize, joint: usize) -> impl Iterator<Item = f64> + '_ {
+    values.iter().skip(joint).step_by(n).copied()
+}
+
+/// Whether all joint values of a sample are finite.
+pub(in crate::recording) fn is_finite_row(recording: &Recording, sample: usize) -> bool {
+    let n = recording.dof();
+    recording.arrays().all(|(_, values)| values[sample * n..(sample + 1) * n].iter().all(|value| value.is_finite()))
+}
+
+fn not_finite(recording: &Recording) -> Vec<Issue> {
+    let n = recording.dof();
+    let joints = recording.joint_names().iter().enumerate();
+    let of_joints = joints.flat_map(|(joint, name)| {
+        recording.arrays().map(move |(array, values)| (format!("{name}_{array}"), joint, n, values, Severity::Error))
+    });
+    let channels = recording.channels().iter();
+    let of_channels = channels.map(|channel| (channel.name.clone(), 0, 1, &channel.values[..], Severity::Note));
+    let issue = |(name, first, step, values, severity): (String, usize, usize, &[f64], Severity)| {
+        let bad = |(_, value): &(usize, f64)| !value.is_finite();
+        let mut found = column(values, step, first).enumerate().filter(bad);
+        let at = found.next()?.0;
+        let count = 1 + found.count();
+        Some(Issue {
+            kind: IssueKind::NotFinite,
+            severity,
+            time: Some(seconds(recording.time()[0], recording.time()[at])),
+            message: format!(
+                "`{name}` is missing or not finite in {count} samples ({}), first in sample {at}: drop these samples",
+                percent(count, recording.len()),
+            ),
+            channel: Some(name),
+            count,
+        })
+    };
+    of_joints.chain(of_channels).filter_map(issue).collect()
+}
+
+/// Samples that repeat all values of the one before while the arm moves, in increasing order.
+pub(in crate::recording) fn repeated_samples(recording: &Recording) -> Vec<usize> {
+    let n = recording.dof();
+    let same_channel = |values: &[f64], sample: usize| {
+        let (before, now) = (values[sample - 1], values[sample]);
+        before == now || before.is_nan() && now.is_nan()
+    };
+    let same = |sample: usize| {
+        recording.arrays().all(|(_, values)| values[(sample - 1) * n..][..n] == values[sample * n..][..n])
+            && recording.channels().iter().all(|channel| same_channel(&channel.values, sample))
+    };
+    let candidates: Vec<usize> = (1..recording.len()).filter(|&sample| same(sample)).collect();
+    if candidates.is_empty() {
+        return candidates;
+    }
+    let motion = Motion::new(recording);
+    candidates.into_iter().filter(|&sample| motion.is_moving(sample)).collect()
+}
+
+fn repeated(recording: &Recording) -> Option<Issue> {
+    let found = repeated_samples(recording);
+    let first = *found.first()?;
+    let share = found.len() as f64 / recording.len() as f64;
+    Some(Issue {
+        kind: IssueKind::RepeatedSamples,
+        severity: if share > 0.001 { Severity::Warning } else { Severity::Note },
+        time: Some(seconds(recording.time()[0], recording.time()[first])),
+        channel: None,
+        count: found.len(),
+        message: format!(
+            "{} samples ({}) repeat all values of the one before under a new stamp while the arm moves: drop them before differentiating",
+            found.len(),
+            percent(found.len(), recording.len()),
+        ),
+    })
+}
+
+/// Where the arm moves.
+struct Motion<'a> {
+    recording: &'a Recording,
+    /// RMS change over the window, per joint; infinite for joints that stand still.
+    usual: Vec<f64>,
+}
+
+impl<'a> Motion<'a> {
+    fn new(recording: &'a Recording) -> Self {
+        let mut motion = Self { recording, usual: Vec::new() };
+        let usual = |joint| {
+            let changes = (0..recording.len()).map(|sample| motion.change(sample, sample + MOTION_WINDOW, joint));
+            let finite: Vec<f64> = changes.filter(|change| change.is_finite()).collect();
+            if is_still(recording, joint) { f64::INFINITY } else { statistics::rms(&finite) }
+        };
+        motion.usual = (0..recording.dof()).map(usual).collect();
+        motion
+    }
+
+    /// Change of a position between two samples.
+    fn change(&self, from: usize, to: usize, joint: usize) -> f64 {
+        let (n, position) = (self.recording.dof(), self.recording.position());
+        (position[to.min(self.recording.len() - 1) * n + joint] - position[from * n + joint]).abs()
+    }
+
+    /// Whether some joint moves both before and after the sample.
+    fn is_moving(&self, sample: usize) -> bool {
+        let (from, to) = (sample.saturating_sub(MOTION_WINDOW), sample + MOTION_WINDOW);
+        self.usual.iter().enumerate().any(|(joint, usual)| {
+            let changes = [self.change(from, sample, joint), self.change(sample, to, joint)];
+            changes.iter().all(|change| *change > MOVING_SHARE * usual)
+        })
+    }
+}
+
+fn is_still(recording: &Recording, joint: usize) -> bool {
+    let range = statistics::range(column(recording.position(), recording.dof(), joint));
+    range.is_some_and(|[low, high]| high - low < STILL_RANGE)
+}
+
+fn still_joints(recording: &Recording) -> Option<Issue> {
+    let n = recording.dof();
+    let joints = recording.joint_names().iter().enumerate();
+    let still: Vec<String> =
+        joints.filter(|(joint, _)| is_still(recording, *joint)).map(|(_, name)| name.clone()).collect();
+    if still.is_empty() || recording.len() < 2 {
+        return None;
+    }
+    let message = if still.len() == n {
+        format!("the arm stands still: no joint moves more than {STILL_RANGE} rad (m)")
+    } else {
+        format!(
+            "{} of {n} joints move less than {STILL_RANGE} rad (m): {}; what depends on their motion cannot be identified from this log",
+            still.len(),
+            quoted(&still),
+        )
+    };
+    let (kind, severity, count) = (IssueKind::StillJoint, Severity::Warning, still.len());
+    let channel = (count == 1).then(|| format!("{}_position", still[0]));
+    Some(Issue { kind, severity, time: None, channel, count, message })
+}
+
+/// Torques that stay at their extreme while the joint moves on.
+fn clipped(recording: &Recording) -> Vec<Issue> {
+    let Some(torque) = recording.torque() else { return Vec::new() };
+    let n = recording.dof();
+    let of_joint = |joint: usize| {
+        let tau: Vec<f64> = column(torque, n, joint).collect();
+        let q: Vec<f64> = column(recording.position(), n, joint).collect();
+        let [low, high] = statistics::range(tau.iter().copied())?;
+        let runs = flat_tops(&tau, &q, low).into_iter().chain(flat_tops(&tau, &q, high));
+        let runs: Vec<(usize, usize)> = runs.collect();
+        let first = runs.iter().map(|(start, _)| *start).min()?;
+        let count = runs.iter().map(|(_, length)| length).sum();
+        let name = format!("{}_torque", recording.joint_names()[joint]);
+        Some(Issue {
+            kind: IssueKind::ClippedTorque,
+            severity: Severity::Note,
+            time: Some(seconds(recording.time()[0], recording.time()[first])),
+            message: format!(
+                "`{name}` stays at its extreme ({low} or {high}) for {count} samples in {} stretches while the joint moves: it may be clipped by a limit of drive or logger; leave these stretches out",
+                runs.len(),
+            ),
+            channel: Some(name),
+            count,
+        })
+    };
+    (0..n).filter_map(of_joint).collect()
+}
+
+/// Start and length of the runs of `tau` at `extreme` during which `q` keeps changing.
+fn flat_tops(tau: &[f64], q: &[f64], extreme: f64) -> Vec<(usize, usize)> {
+    let mut runs = Vec::new();
+    let mut start = 0;
+    for run in tau.chunk_by(|a, b| a == b) {
+        let moves = q[start..start + run.len()].windows(2).filter(|pair| pair[0] != pair[1]).count();
+        if run.len() >= FLAT_TOP && run[0] == extreme && 2 * moves >= run.len() {
+            runs.push((start, run.len()));
+        }
+        start += run.len();
+    }
+    runs
+}
+
+fn encoder_steps(recording: &Recording) -> Option<Issue> {
+    let n = recording.dof();
+    let joints = recording.joint_names().iter().enumerate();
+    let steps = joints.filter_map(|(joint, name)| {
+        let q: Vec<f64> = column(recording.position(), n, joint).collect();
+        quantum(&q).map(|step| format!("`{name}` {step:.3e}"))
+    });
+    let steps: Vec<String> = steps.collect();
+    (!steps.is_empty()).then(|| Issue {
+        kind: IssueKind::EncoderStep,
+        severity: Severity::Note,
+        time: None,
+        channel: None,
+        count: steps.len(),
+        message: format!(
+            "positions move in steps, of the encoder or of the rounding in the log, rad (m): {}; filter before differentiating",
+            steps.join(", "),
+        ),
+    })
+}
+
+/// The step of which the changes from sample to sample are multiples, if there is one and it is of their size.
+fn quantum(q: &[f64]) -> Option<f64> {
+    let changes = q.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    let magnitude = statistics::range(q.iter().copied())?.into_iter().map(f64::abs).fold(0.0, f64::max);
+    let moving: Vec<f64> = changes.filter(|change| change.is_finite() && *change > 1e-12 * magnitude).collect();
+    if moving.len() < 50 {
+        return None;
+    }
+    let step = statistics::quantile(&mut moving.clone(), 0.01);
+    let fits = |change: &&f64| {
+        let multiple = *change / step;
+        // Larger multiples say nothing: the step is not known well enough.
+        multiple < 10.0 && (multiple - multiple.round()).abs() < 0.1
+    };
+    let small = moving.iter().filter(|change| **change / step < 10.0).count();
+    let fitting = moving.iter().filter(fits).count();
+    (small * 4 > moving.len() && fitting * 100 > small * 95).then_some(step)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantum_finds_the_encoder_step() {
+        let smooth: Vec<f64> = (0..2000).map(|k| (f64::from(k) * 0.01).sin()).collect();
+        assert_eq!(quantum(&smooth), None);
+        let step = 0.002;
+        let coarse: Vec<f64> = smooth.iter().map(|q| (q / step).round() * step).collect();
+        assert!((quantum(&coarse).expect("steps") - step).abs() < 1e-9);
+    }
+
+    #[test]
+    fn flat_tops_need_motion() {
+        let tau = [0.0, 5.0, 5.0, 5.0, 5.0, 5.0, 1.0];
+        let moving = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+        assert_eq!(flat_tops(&tau, &moving, 5.0), [(1, 5)]);
+        assert!(flat_tops(&tau, &[0.0; 7], 5.0).is_empty());
+    }
+}

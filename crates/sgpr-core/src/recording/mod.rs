@@ -1,0 +1,213 @@
+//! Logs of a moving arm: reading, checking, repairing, writing.
+//!
+//! A [`Recording`] is one trajectory as it was logged. Readers ([`csv`], [`mcap`]) convert units at the border, check
+//! nothing away and repair nothing: what is wrong with a log is found by [`inspect`], and changed only by [`repair`].
+
+mod channel;
+pub mod csv;
+mod decimal;
+mod error;
+mod inspect;
+pub mod mcap;
+mod names;
+mod part;
+mod repair;
+mod resample;
+mod statistics;
+mod units;
+
+use std::io::{self, BufWriter};
+use std::path::Path;
+
+use tempfile::NamedTempFile;
+
+pub use channel::Channel;
+pub use error::RecordingError;
+pub use inspect::{Issue, IssueKind, Severity, inspect};
+pub use part::{GAP_FACTOR, split_at_gaps};
+pub use repair::{Repair, Resample, repair};
+pub use units::{PositionUnit, TimeUnit, TorqueUnit, Units, VelocityUnit};
+
+/// Largest amount of unpacked data that readers take unless told otherwise.
+const DEFAULT_LIMIT_BYTES: u64 = 4 << 30;
+
+/// One trajectory as it was logged. Samples are rows, joints are columns; SI units; time in integer nanoseconds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    source: String,
+    joint_names: Vec<String>,
+    time: Vec<i64>,
+    position: Vec<f64>,
+    velocity: Option<Vec<f64>>,
+    torque: Option<Vec<f64>>,
+    channels: Vec<Channel>,
+    notes: Vec<String>,
+}
+
+impl Recording {
+    /// A recording from its parts.
+    ///
+    /// - `source`: where it comes from, for messages
+    /// - `time`: `[samples]`, ns
+    /// - `position`: `[samples, n]`, rad (m)
+    /// - `velocity`: `[samples, n]`, rad/s (m/s), if it was logged
+    /// - `torque`: `[samples, n]`, N·m (N), if it was logged
+    ///
+    /// # Errors
+    /// If an array has another length. The values may be anything: see [`inspect`].
+    pub fn new(
+        source: impl Into<String>,
+        joint_names: Vec<String>,
+        time: Vec<i64>,
+        position: Vec<f64>,
+        velocity: Option<Vec<f64>>,
+        torque: Option<Vec<f64>>,
+        channels: Vec<Channel>,
+    ) -> Result<Self, RecordingError> {
+        let source = source.into();
+        let expected = time.len() * joint_names.len();
+        let arrays = [("position", Some(&position)), ("velocity", velocity.as_ref()), ("torque", torque.as_ref())];
+        for (name, values) in arrays {
+            if let Some(values) = values.filter(|values| values.len() != expected) {
+                return Err(RecordingError::Length {
+                    recording: source,
+                    array: name.into(),
+                    expected,
+                    found: values.len(),
+                });
+            }
+        }
+        if let Some(channel) = channels.iter().find(|channel| channel.values.len() != time.len()) {
+            let (array, found) = (channel.name.clone(), channel.values.len());
+            return Err(RecordingError::Length { recording: source, array, expected: time.len(), found });
+        }
+        Ok(Self { source, joint_names, time, position, velocity, torque, channels, notes: Vec::new() })
+    }
+
+    fn with_notes(mut self, notes: Vec<String>) -> Self {
+        self.notes = notes;
+        self
+    }
+
+    /// Where the recording comes from.
+    pub fn source(&self) -> &str {
+        &self.source
+    }
+
+    /// Names of the joints, in column order.
+    pub fn joint_names(&self) -> &[String] {
+        &self.joint_names
+    }
+
+    /// Number of joints n.
+    pub fn dof(&self) -> usize {
+        self.joint_names.len()
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.time.len()
+    }
+
+    /// Whether there is no sample.
+    pub fn is_empty(&self) -> bool {
+        self.time.is_empty()
+    }
+
+    /// Time stamps, ns.
+    pub fn time(&self) -> &[i64] {
+        &self.time
+    }
+
+    /// Positions, `[samples, n]`, rad (m).
+    pub fn position(&self) -> &[f64] {
+        &self.position
+    }
+
+    /// Velocities, `[samples, n]`, rad/s (m/s), if logged.
+    pub fn velocity(&self) -> Option<&[f64]> {
+        self.velocity.as_deref()
+    }
+
+    /// Torques, `[samples, n]`, N·m (N), if logged.
+    pub fn torque(&self) -> Option<&[f64]> {
+        self.torque.as_deref()
+    }
+
+    /// Everything else that was logged with the joints.
+    pub fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+
+    /// The channel `name`.
+    pub fn channel(&self, name: &str) -> Option<&Channel> {
+        self.channels.iter().find(|channel| channel.name == name)
+    }
+
+    /// What the reader assumed or left out, in sentences.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Time since the first sample, `[samples]`, s.
+    pub fn time_seconds(&self) -> Vec<f64> {
+        let start = self.time.first().copied().unwrap_or_default();
+        self.time.iter().map(|&time| seconds(start, time)).collect()
+    }
+
+    /// Time from the first to the last sample, s.
+    pub fn duration(&self) -> f64 {
+        match self.time[..] {
+            [first, .., last] => seconds(first, last),
+            _ => 0.0,
+        }
+    }
+
+    /// One over the median period, Hz; `None` with fewer than two samples or a time that stands still.
+    pub fn sample_rate_hz(&self) -> Option<f64> {
+        let period = self.median_period();
+        (period > 0.0).then(|| 1.0 / period)
+    }
+
+    /// Median step of the time, s; NaN with fewer than two samples.
+    fn median_period(&self) -> f64 {
+        statistics::median(&mut self.steps())
+    }
+
+    /// Steps of the time, `[samples - 1]`, s.
+    fn steps(&self) -> Vec<f64> {
+        self.time.windows(2).map(|pair| seconds(pair[0], pair[1])).collect()
+    }
+
+    /// The arrays that are there, with their names.
+    fn arrays(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
+        let arrays = [("position", Some(self.position())), ("velocity", self.velocity()), ("torque", self.torque())];
+        arrays.into_iter().filter_map(|(name, values)| Some((name, values?)))
+    }
+}
+
+/// Writes a file whole or not at all.
+fn write_file(
+    path: &Path,
+    fill: impl FnOnce(&mut BufWriter<&mut NamedTempFile>) -> io::Result<()>,
+) -> Result<(), RecordingError> {
+    let unwritable = |source| RecordingError::Unwritable { path: path.display().to_string(), source };
+    crate::atomic_file::write(path, fill).map_err(unwritable)
+}
+
+/// Seconds from one time stamp to another.
+fn seconds(from: i64, to: i64) -> f64 {
+    (i128::from(to) - i128::from(from)) as f64 / 1e9
+}
+
+/// Joint names as a caller may ask for them: at least one, none twice.
+fn require_joint_list(recording: &str, joints: &[String]) -> Result<(), RecordingError> {
+    if joints.is_empty() {
+        let (option, expected) = ("joints", "at least one joint");
+        return Err(RecordingError::InvalidOption { option, value: "[]".into(), expected });
+    }
+    match joints.iter().enumerate().find(|(index, joint)| joints[..*index].contains(joint)) {
+        Some((_, joint)) => Err(RecordingError::DuplicateJoint { recording: recording.into(), joint: joint.clone() }),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,125 @@
+//! Parts of a recording: some of its joints, some of its samples.
+
+use std::ops::Range;
+
+use super::{Channel, Recording, RecordingError, require_joint_list};
+
+/// A step of the time longer than this many median steps is a gap.
+pub const GAP_FACTOR: f64 = 5.0;
+
+impl Recording {
+    /// The joints `names`, in this order.
+    ///
+    /// # Errors
+    /// If a name is not among [`Recording::joint_names`], or twice in `names`.
+    pub fn select<S: AsRef<str>>(&self, names: &[S]) -> Result<Self, RecordingError> {
+        let names: Vec<String> = names.iter().map(|name| name.as_ref().to_string()).collect();
+        require_joint_list(&self.source, &names)?;
+        let column = |name: &String| self.joint_names.iter().position(|joint| joint == name);
+        let columns = names.iter().map(|name| {
+            let unknown = || RecordingError::UnknownJoint {
+                recording: self.source.clone(),
+                joint: name.clone(),
+                known: self.joint_names.clone(),
+            };
+            column(name).ok_or_else(unknown)
+        });
+        let columns: Vec<usize> = columns.collect::<Result<_, _>>()?;
+        let n = self.dof();
+        let pick = |values: &[f64]| values.chunks_exact(n).flat_map(|row| columns.iter().map(|&j| row[j])).collect();
+        Ok(Self {
+            joint_names: names,
+            position: pick(&self.position),
+            velocity: self.velocity.as_deref().map(pick),
+            torque: self.torque.as_deref().map(pick),
+            ..self.clone()
+        })
+    }
+
+    /// The samples `range`.
+    ///
+    /// # Panics
+    /// If the range reaches beyond the last sample.
+    pub fn slice(&self, range: Range<usize>) -> Self {
+        assert!(range.start <= range.end && range.end <= self.len(), "samples {range:?} of {}", self.len());
+        self.pick(range)
+    }
+
+    /// The samples `keep`, in this order.
+    pub(super) fn pick(&self, keep: impl Iterator<Item = usize> + Clone) -> Self {
+        let n = self.dof();
+        let rows = |values: &[f64]| keep.clone().flat_map(|i| values[i * n..(i + 1) * n].iter().copied()).collect();
+        let of_channel = |channel: &Channel| keep.clone().map(|i| channel.values[i]).collect();
+        let channels = self.channels.iter();
+        Self {
+            source: self.source.clone(),
+            joint_names: self.joint_names.clone(),
+            time: keep.clone().map(|i| self.time[i]).collect(),
+            position: rows(&self.position),
+            velocity: self.velocity.as_deref().map(rows),
+            torque: self.torque.as_deref().map(rows),
+            channels: channels
+                .map(|channel| Channel { name: channel.name.clone(), values: of_channel(channel) })
+                .collect(),
+            notes: self.notes.clone(),
+        }
+    }
+
+    /// The stretches without a step longer than `longest` seconds.
+    pub(super) fn split_at_steps(&self, longest: f64) -> Vec<Self> {
+        let steps = self.steps();
+        let gaps = steps.iter().enumerate().filter(|(_, step)| **step > longest).map(|(index, _)| index + 1);
+        let borders: Vec<usize> = [0].into_iter().chain(gaps).chain([self.len()]).collect();
+        borders.windows(2).map(|pair| self.slice(pair[0]..pair[1])).filter(|part| !part.is_empty()).collect()
+    }
+}
+
+/// The stretches of a recording between its gaps: steps of the time longer than `factor` median steps (see
+/// [`GAP_FACTOR`]). Nothing may be filtered or differentiated across their borders.
+///
+/// # Panics
+/// If `factor` is not greater than 1.
+pub fn split_at_gaps(recording: &Recording, factor: f64) -> Vec<Recording> {
+    assert!(factor > 1.0, "a gap is longer than the usual step: factor {factor}");
+    match recording.sample_rate_hz() {
+        Some(rate) => recording.split_at_steps(factor / rate),
+        None => vec![recording.clone()],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn recording() -> Recording {
+        let time = [0, 1, 2, 30, 31].map(|ms| ms * 1_000_000).to_vec();
+        let position = (0..10).map(f64::from).collect();
+        let channels = vec![Channel { name: "temperature".into(), values: vec![5.0, 6.0, 7.0, 8.0, 9.0] }];
+        Recording::new("test", vec!["a".into(), "b".into()], time, position, None, None, channels).expect("consistent")
+    }
+
+    #[test]
+    fn joints_are_selected_in_order() {
+        let chosen = recording().select(&["b", "a"]).expect("known");
+        assert_eq!(chosen.position()[..4], [1.0, 0.0, 3.0, 2.0]);
+        assert_eq!(chosen.joint_names(), ["b", "a"]);
+        let only = recording().select(&["b"]).expect("known");
+        assert_eq!(only.position(), [1.0, 3.0, 5.0, 7.0, 9.0]);
+    }
+
+    #[test]
+    fn unknown_and_double_joints_are_refused() {
+        let message = recording().select(&["c"]).expect_err("unknown").to_string();
+        assert_eq!(message, "test: there is no joint `c`; the joints are `a`, `b`");
+        let message = recording().select(&["a", "a"]).expect_err("double").to_string();
+        assert_eq!(message, "test: the joint `a` occurs twice");
+    }
+
+    #[test]
+    fn gaps_split() {
+        let parts = split_at_gaps(&recording(), GAP_FACTOR);
+        assert_eq!(parts.iter().map(Recording::len).collect::<Vec<_>>(), [3, 2]);
+        assert_eq!(parts[1].position(), [6.0, 7.0, 8.0, 9.0]);
+        assert_eq!(parts[1].channels()[0].values, [8.0, 9.0]);
+    }
+}

@@ -1,0 +1,214 @@
+//! Which column of a table is what.
+
+use sgpr_core::recording::csv::{ColumnMap, Columns, ReadOptions};
+use sgpr_core::recording::{PositionUnit, TimeUnit, TorqueUnit, Units, VelocityUnit};
+
+use super::{assert_close, csv_error, message, names, read_csv, read_csv_with};
+
+fn wanting(joints: &[&str]) -> ReadOptions {
+    ReadOptions { joints: Some(names(joints)), ..ReadOptions::default() }
+}
+
+fn pattern(text: &str) -> Option<Columns> {
+    Some(Columns::Pattern(text.into()))
+}
+
+#[test]
+fn numbered_columns() {
+    let log = read_csv("t,q_1,q_2,dq_1,dq_2,tau_1,tau_2\n0.5,1,2,3,4,5,6\n0.6,1,2,3,4,5,6\n");
+    assert_eq!(log.joint_names(), ["joint_1", "joint_2"]);
+    assert_eq!(log.time(), [500_000_000, 600_000_000]);
+    assert_eq!(log.position()[..2], [1.0, 2.0]);
+    assert_eq!(log.velocity().expect("logged")[..2], [3.0, 4.0]);
+    assert_eq!(log.torque().expect("logged")[..2], [5.0, 6.0]);
+    assert!(log.channels().is_empty());
+}
+
+#[test]
+fn velocity_and_torque_are_optional() {
+    let log = read_csv("t,q_1\n0,1\n");
+    assert!(log.velocity().is_none() && log.torque().is_none());
+}
+
+#[test]
+fn commands_are_channels() {
+    let log = read_csv("t_s,q1_rad,i1_A,i_des1_A,tau_des1_Nm,q_ref_rad\n0,1,2,3,4,5\n");
+    assert!(log.torque().is_none());
+    let channels: Vec<&str> = log.channels().iter().map(|channel| channel.name.as_str()).collect();
+    assert_eq!(channels, ["i1_A", "i_des1_A", "tau_des1_Nm", "q_ref_rad"]);
+    assert_eq!(log.channel("tau_des1_Nm").expect("kept").values, [4.0]);
+}
+
+#[test]
+fn one_joint_without_number() {
+    let log = read_csv("t_s,q_m,q_ref_m,vir_V,force_N,pulse_raw\n0,0.1,0.2,3,4,5\n");
+    assert_eq!((log.position(), log.torque().expect("logged")), (&[0.1][..], &[4.0][..]));
+    assert_eq!(log.channels().len(), 3);
+}
+
+#[test]
+fn units_in_the_header_are_converted() {
+    let log = read_csv("time_ms,q1_deg,q2_mm,dq1_rpm,dq2_mm_s,tau1_mNm,tau2_kN\n1500,180,250,60,10,500,2\n");
+    assert_eq!(log.time(), [1_500_000_000]);
+    assert_close(log.position(), &[std::f64::consts::PI, 0.25], 1e-15);
+    assert_close(log.velocity().expect("logged"), &[std::f64::consts::TAU, 0.01], 1e-15);
+    assert_close(log.torque().expect("logged"), &[0.5, 2000.0], 1e-12);
+}
+
+#[test]
+fn units_of_the_caller_overrule() {
+    let units = Units {
+        time: Some(TimeUnit::Microsecond),
+        position: Some(PositionUnit::Degree),
+        velocity: Some(VelocityUnit::DegreePerSecond),
+        torque: Some(TorqueUnit::MillinewtonMetre),
+    };
+    let options = ReadOptions { units, ..ReadOptions::default() };
+    let log = read_csv_with("t_s,q_1,dq1_rad_s,tau_1\n1000,180,90,500\n", &options).expect("readable");
+    assert_eq!(log.time(), [1_000_000]);
+    assert_close(log.position(), &[std::f64::consts::PI], 1e-15);
+    assert_close(log.velocity().expect("logged"), &[std::f64::consts::FRAC_PI_2], 1e-15);
+    assert_close(log.torque().expect("logged"), &[0.5], 1e-15);
+}
+
+#[test]
+fn currents_become_torques_with_constants() {
+    let options = ReadOptions { torque_constants: Some(vec![10.0, 2.0]), ..ReadOptions::default() };
+    let log = read_csv_with("t,q1,q2,i1_A,i2_mA\n0,0,0,3,4000\n", &options).expect("readable");
+    assert_eq!(log.torque().expect("computed"), [30.0, 8.0]);
+    assert!(log.channels().is_empty());
+
+    let text = "t,q1,q2,tau1,tau2\n0,0,0,1,1\n";
+    assert!(message(read_csv_with(text, &options)).starts_with("log.csv: no torque column for `joint_1`, `joint_2`"));
+    let wrong = ReadOptions { torque_constants: Some(vec![10.0]), ..ReadOptions::default() };
+    let error = message(read_csv_with(text, &wrong));
+    assert_eq!(error, "torque_constants has 1 entries for 2 joints: give one per joint, in joint order");
+    let wrong = ReadOptions { torque_constants: Some(vec![10.0, f64::NAN]), ..ReadOptions::default() };
+    assert!(message(read_csv_with(text, &wrong)).starts_with("torque_constants = NaN"));
+}
+
+#[test]
+fn joints_by_name() {
+    let options = wanting(&["elbow_joint", "shoulder_pan_joint"]);
+    let text = "time,shoulder_pan_joint_position,elbow_joint_position,gripper_position,shoulder_pan_joint_velocity,\
+                elbow_joint_velocity\n0,1,2,9,3,4\n";
+    let log = read_csv_with(text, &options).expect("readable");
+    assert_eq!((log.position(), log.velocity().expect("logged")), (&[2.0, 1.0][..], &[4.0, 3.0][..]));
+    assert_eq!(log.channel("gripper_position").expect("kept").values, [9.0]);
+}
+
+#[test]
+fn joints_by_name_without_being_told() {
+    let text = "time,/joint_states/left_s0/position,/joint_states/left_s1/position\n0,1,2\n";
+    assert_eq!(read_csv(text).joint_names(), ["left_s0", "left_s1"]);
+}
+
+#[test]
+fn joints_by_number_in_order() {
+    let options = wanting(&["shoulder_pan_joint", "elbow_joint"]);
+    let log = read_csv_with("t,q1,q2,q3\n0,1,2,3\n", &options).expect("readable");
+    assert_eq!(log.position(), [1.0, 2.0]);
+    assert_eq!(log.joint_names(), ["shoulder_pan_joint", "elbow_joint"]);
+    assert_eq!(log.notes(), ["joints by number: `shoulder_pan_joint`, `elbow_joint` are the columns `q1`, `q2`"]);
+    assert_eq!(log.channel("q3").expect("kept").values, [3.0]);
+}
+
+#[test]
+fn joints_by_the_number_in_their_name() {
+    let log = read_csv_with("t,q1,q2,q3\n0,1,2,3\n", &wanting(&["panda_joint3", "panda_joint2"])).expect("readable");
+    assert_eq!(log.position(), [3.0, 2.0]);
+}
+
+#[test]
+fn numbers_from_zero() {
+    let text = "timestamp actual_q_0 actual_q_1 target_q_0\n0 1 2 9\n";
+    let log = read_csv_with(text, &wanting(&["joint_1", "joint_2"])).expect("readable");
+    assert_eq!(log.position(), [1.0, 2.0]);
+    let error = message(read_csv_with(text, &wanting(&["joint_1"])));
+    assert_eq!(
+        error,
+        "log.csv: the columns `actual_q_0`, `actual_q_1` count joints from 0 and there are more of them than the joints \
+         `joint_1`: say which are meant with `columns.position`"
+    );
+}
+
+#[test]
+fn columns_named_by_the_caller() {
+    let columns = ColumnMap {
+        time: Some("clock".into()),
+        position: pattern("enc{}"),
+        velocity: Some(Columns::Names(names(&["speed a", "speed b"]))),
+        torque: pattern("{name}:load"),
+    };
+    let options = ReadOptions { columns, ..wanting(&["a", "b"]) };
+    let text = "clock,enc1,enc2,speed a,speed b,a:load,b:load,q1,q2\n1,1,2,3,4,5,6,7,8\n";
+    let log = read_csv_with(text, &options).expect("readable");
+    assert_eq!(log.position(), [1.0, 2.0]);
+    assert_eq!(log.velocity().expect("named"), [3.0, 4.0]);
+    assert_eq!(log.torque().expect("named"), [5.0, 6.0]);
+    assert_eq!(log.channels().len(), 2);
+}
+
+#[test]
+fn a_pattern_tells_the_number_of_joints() {
+    let columns = ColumnMap { position: pattern("enc{}"), torque: pattern("load{}"), ..ColumnMap::default() };
+    let options = ReadOptions { columns, ..ReadOptions::default() };
+    let log = read_csv_with("t,enc1,enc2,load1,load2\n0,1,2,3,4\n", &options).expect("readable");
+    assert_eq!((log.dof(), log.torque().expect("named")), (2, &[3.0, 4.0][..]));
+}
+
+#[test]
+fn a_named_column_that_is_not_there() {
+    let columns = ColumnMap { torque: pattern("i{}_A"), ..ColumnMap::default() };
+    let options = ReadOptions { columns, ..ReadOptions::default() };
+    assert_eq!(
+        message(read_csv_with("t,q1,I1_A\n0,1,2\n", &options)),
+        "log.csv: there is no column `i1_A` (did you mean `I1_A`?); the columns are `t`, `q1`, `I1_A`"
+    );
+}
+
+#[test]
+fn a_pattern_for_several_joints_varies() {
+    let columns = ColumnMap { position: pattern("enc"), ..ColumnMap::default() };
+    let options = ReadOptions { columns, ..wanting(&["a", "b"]) };
+    let error = message(read_csv_with("t,enc\n0,1\n", &options));
+    assert!(error.contains("columns.position = enc: a pattern for several joints holds {}"), "{error}");
+}
+
+#[test]
+fn several_columns_for_one_joint() {
+    assert_eq!(
+        csv_error("t,q1_rad,q1_deg\n0,1,57\n"),
+        "log.csv: the position of joint `joint_1` could be any of `q1_rad`, `q1_deg`: say which with `columns.position`"
+    );
+}
+
+#[test]
+fn a_joint_without_column() {
+    let error = csv_error("t,q1,q2,tau1\n0,1,2,3\n");
+    assert!(
+        error.starts_with("log.csv: no torque column for `joint_2`; the columns are `t`, `q1`, `q2`, `tau1`;"),
+        "{error}"
+    );
+    let error = message(read_csv_with("t,a_position\n0,1\n", &wanting(&["a", "b"])));
+    assert!(error.starts_with("log.csv: no position column for `b`"), "{error}");
+    let error = message(read_csv_with("t,q1\n0,1\n", &wanting(&["a", "b"])));
+    assert!(error.starts_with("log.csv: no position column for `b`"), "{error}");
+}
+
+#[test]
+fn no_positions_at_all() {
+    let error = csv_error("t,x,y\n0,1,2\n");
+    assert!(error.starts_with("log.csv: no joint positions among the columns `t`, `x`, `y`; say which"), "{error}");
+}
+
+#[test]
+fn wanted_joints_must_be_distinct() {
+    assert!(message(read_csv_with("t,q1\n0,1\n", &wanting(&["a", "a"]))).contains("the joint `a` occurs twice"));
+    assert!(message(read_csv_with("t,q1\n0,1\n", &wanting(&[]))).contains("at least one joint"));
+}
+
+#[test]
+fn a_column_name_that_occurs_twice() {
+    assert_eq!(csv_error("t,q1,q1\n0,1,2\n"), "log.csv: the column name `q1` occurs twice");
+}

@@ -1,0 +1,235 @@
+//! The text of tables: rows, time, packing, writing.
+
+use std::io::Write;
+
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use proptest::prelude::*;
+use sgpr_core::recording::csv::{self, ReadOptions, Rows};
+use sgpr_core::recording::{Channel, Recording};
+
+use super::{csv_error, file, message, names, read_csv, read_csv_with};
+
+fn packed(text: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+    encoder.write_all(text).and_then(|()| encoder.finish()).expect("writes to memory")
+}
+
+#[test]
+fn time_is_exact() {
+    let log = read_csv("t,q1\n60.0040,0\n1700000000.123456789,0\n0.0000000015,0\n-1e-3,0\n");
+    assert_eq!(log.time(), [60_004_000_000, 1_700_000_000_123_456_789, 2, -1_000_000]);
+}
+
+#[test]
+fn ros_stamps_in_two_columns() {
+    let log = read_csv("header.stamp.sec,header.stamp.nanosec,q1\n1700000000,5,0\n");
+    assert_eq!(log.time(), [1_700_000_000_000_000_005]);
+    assert!(log.channels().is_empty());
+}
+
+#[test]
+fn large_times_without_unit_are_since_1970() {
+    let log = read_csv("timestamp,q1\n1700000000123456789,0\n1700000000133456789,0\n");
+    assert_eq!(log.time()[0], 1_700_000_000_123_456_789);
+    assert_eq!(log.notes(), ["the column `timestamp` is taken for ns since 1970"]);
+    assert_eq!(read_csv("timestamp,q1\n1700000000123,0\n").time(), [1_700_000_000_123_000_000]);
+}
+
+#[test]
+fn a_log_without_time() {
+    let error = csv_error("q1,q2\n0,1\n");
+    assert_eq!(
+        error,
+        "log.csv: no time column among `q1`, `q2`; name it with `columns.time`, or give `sample_rate_hz` for a log of \
+         constant rate"
+    );
+    let options = ReadOptions { sample_rate_hz: Some(300.0), ..ReadOptions::default() };
+    let log = read_csv_with("q1\n0\n1\n2\n3\n", &options).expect("readable");
+    assert_eq!(log.time(), [0, 3_333_333, 6_666_667, 10_000_000]);
+    let options = ReadOptions { sample_rate_hz: Some(-1.0), ..ReadOptions::default() };
+    assert_eq!(
+        message(read_csv_with("q1\n0\n", &options)),
+        "sample_rate_hz = -1: a positive number of samples per second"
+    );
+}
+
+#[test]
+fn all_separators() {
+    for text in ["t,q1,q2\n0,1.5,2\n", "t;q1;q2\n0;1,5;2\n", "t\tq1\tq2\n0\t1,5\t2\n", "t  q1 q2\n 0   1.5  2 \n"] {
+        assert_eq!(read_csv(text).position(), [1.5, 2.0], "{text}");
+    }
+}
+
+#[test]
+fn oddities_of_loggers() {
+    for text in [
+        "\u{feff}t,q1\r\n0,1\r\n",
+        "# made by me\n\nt,q1\n0,1\n\n",
+        "# t q1\n0 1\n",
+        "t,q1\n# stop\n0,1,\n",
+        "\"t\",\"q1\"\n\"0\",\"1\"\n",
+        "t,q1,\n0,1,\n",
+        "t,q1\n0,1",
+    ] {
+        assert_eq!(read_csv(text).position(), [1.0], "{text}");
+    }
+}
+
+#[test]
+fn missing_values_are_nan() {
+    let log = read_csv("t,q1,temperature\n0,,nan\n1,NaN,40\n2,1,\n");
+    assert!(log.position()[0].is_nan() && log.position()[1].is_nan());
+    assert!(log.channels()[0].values[0].is_nan() && log.channels()[0].values[2].is_nan());
+}
+
+#[test]
+fn text_columns_are_skipped_with_a_note() {
+    let log = read_csv("t,q1,mode,on\n0,1,idle,true\n1,2,run,false\n");
+    assert_eq!(log.notes(), ["skipped columns of text: `mode`"]);
+    assert_eq!(log.channel("on").expect("kept").values, [1.0, 0.0]);
+}
+
+#[test]
+fn text_among_numbers() {
+    assert_eq!(csv_error("t,q1\n0,1\n1,abc\n"), "log.csv:3: column `q1`: `abc` is not a number");
+    assert_eq!(csv_error("t,q1,x\n0,1,2\n\n1,1,abc\n"), "log.csv:4: column `x`: `abc` is not a number");
+    let error = csv_error("t,q1\nnow,1\n");
+    assert!(error.starts_with("log.csv:2: column `t`: `now` is not a time in s"), "{error}");
+    assert!(csv_error("t,q1\n,1\n").starts_with("log.csv:2: column `t`: `` is not a time in s"));
+}
+
+#[test]
+fn rows_of_other_length() {
+    assert_eq!(csv_error("t,q1\n0,1\n1\n"), "log.csv:3: 1 cells, but the header names 2 columns");
+    assert_eq!(csv_error("# a\nt,q1\n0,1,2\n"), "log.csv:3: 3 cells, but the header names 2 columns");
+}
+
+#[test]
+fn files_without_data() {
+    assert_eq!(csv_error(""), "log.csv: the file is empty");
+    assert_eq!(csv_error("\n\n"), "log.csv: the file is empty");
+    assert_eq!(csv_error("t,q1\n"), "log.csv: there are column names but no data rows");
+    assert_eq!(
+        csv_error("0,1.5,2\n1,2,3\n"),
+        "log.csv:1: the first line holds numbers (0,1.5,2): begin with a line of column names, e.g. t,q_1,dq_1,tau_1"
+    );
+    assert!(message(csv::read("no/such/log.csv", &ReadOptions::default())).contains("No such file"));
+}
+
+#[test]
+fn files_of_another_kind() {
+    for (start, kind) in [
+        (&b"\x89MCAP0\r\n"[..], "an MCAP file"),
+        (b"PK\x03\x04", "a zip archive"),
+        (b"\xff\xfet\0", "UTF-16"),
+        (b"\x7fELF\0\0", "a binary file"),
+    ] {
+        let error = csv_error(start);
+        assert!(error.starts_with("log.csv: this is") && error.contains(kind), "{error}");
+    }
+}
+
+#[test]
+fn parts_of_a_log() {
+    let text = "t,q1\n10,1\n10.5,2\n11,3\n11.5,4\n";
+    let part = |rows| read_csv_with(text, &ReadOptions { rows: Some(rows), ..ReadOptions::default() });
+    assert_eq!(part(Rows::Numbers(2..=3)).expect("there").position(), [2.0, 3.0]);
+    assert_eq!(part(Rows::Seconds(0.5..=1.0)).expect("there").position(), [2.0, 3.0]);
+    assert_eq!(
+        message(part(Rows::Numbers(7..=9))),
+        "log.csv: no sample lies within the chosen rows 7 to 9; the log has 4 rows and lasts 1.5 s"
+    );
+}
+
+#[test]
+fn gzip() {
+    let (_folder, path) = file("log.csv", packed(b"t,q1\n0,1\n"));
+    assert_eq!(csv::read(&path, &ReadOptions::default()).expect("readable").position(), [1.0]);
+
+    let rows: String = (0..1000).map(|k| format!("{k},{}\n", (k * 7919) % 1009)).collect();
+    let whole = packed(format!("t,q1\n{rows}").as_bytes());
+    let error = csv_error(&whole[..whole.len() / 2]);
+    assert!(error.contains("the gzip data are truncated or damaged"), "{error}");
+}
+
+#[test]
+fn more_than_the_limit() {
+    let options = ReadOptions { limit_bytes: 1 << 20, ..ReadOptions::default() };
+    // Sixteen megabytes in some kilobytes.
+    let bomb = packed(&[b"t,q1\n".to_vec(), b"0,1\n".repeat(4 << 20)].concat());
+    let error = message(read_csv_with(&bomb, &options));
+    assert!(error.starts_with("log.csv: more than 1048576 bytes of unpacked data; if that is right"), "{error}");
+    // Empty cells take more memory as numbers than as text.
+    let header: Vec<String> = (1..=1000).map(|joint| format!("q{joint}")).collect();
+    let rows = format!("t,{}\n", header.join(",")) + &format!("0{}\n", ",".repeat(1000)).repeat(900);
+    assert!(message(read_csv_with(rows, &options)).contains("more than 1048576 bytes"));
+}
+
+#[test]
+fn no_log_has_such_lines() {
+    assert!(csv_error("t,q1\n".to_string() + &"1".repeat(2 << 20)).starts_with("log.csv:2: the line is longer than"));
+    let header: Vec<String> = (1..=10_001).map(|joint| format!("q{joint}")).collect();
+    assert!(csv_error(header.join(",")).starts_with("log.csv: 10001 columns (at most 10000 are read)"));
+}
+
+#[test]
+fn writing_replaces_the_whole_file_or_nothing() {
+    let log = read_csv("t,q1\n0,1\n");
+    let (folder, path) = file("log.csv", "old");
+    csv::write(&path, &log).expect("writable");
+    assert_eq!(std::fs::read_to_string(&path).expect("readable"), "t_s,joint_1_position\n0,1\n");
+    assert_eq!(std::fs::read_dir(folder.path()).expect("readable").count(), 1);
+    let error = message(csv::write("no/such/folder/new.csv", &log));
+    assert!(error.starts_with("no/such/folder/new.csv: cannot write:"), "{error}");
+}
+
+prop_compose! {
+    fn any_recording()(
+        joints in 1usize..4, samples in 1usize..20, velocity: bool, torque: bool, channel: bool, seed: u64,
+    ) -> Recording {
+        // Any bit pattern is a value; NaN payloads do not survive text.
+        let mut state = seed;
+        let mut next = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            state ^ (state >> 29)
+        };
+        let mut values = |count: usize| -> Vec<f64> {
+            (0..count).map(|_| f64::from_bits(next())).map(|v| if v.is_nan() { 0.5 } else { v }).collect()
+        };
+        let position = values(joints * samples);
+        let velocity = velocity.then(|| values(joints * samples));
+        let torque = torque.then(|| values(joints * samples));
+        let channels = channel.then(|| Channel { name: "drive temperature".into(), values: values(samples) });
+        let joints = (1..=joints).map(|joint| format!("arm/joint_{joint}")).collect();
+        let time = (0..samples).map(|_| next() as i64).collect();
+        Recording::new("any", joints, time, position, velocity, torque, channels.into_iter().collect())
+            .expect("lengths fit")
+    }
+}
+
+proptest! {
+    #[test]
+    fn what_is_written_is_read(log in any_recording(), gz: bool) {
+        let (_folder, path) = file(if gz { "log.csv.gz" } else { "log.csv" }, "");
+        csv::write(&path, &log).expect("writable");
+        let options = ReadOptions { joints: Some(log.joint_names().to_vec()), ..ReadOptions::default() };
+        let back = csv::read(&path, &options).expect("readable");
+        prop_assert_eq!(back.joint_names(), log.joint_names());
+        prop_assert_eq!(back.time(), log.time());
+        prop_assert_eq!(back.position(), log.position());
+        prop_assert_eq!(back.velocity(), log.velocity());
+        prop_assert_eq!(back.torque(), log.torque());
+        prop_assert_eq!(back.channels(), log.channels());
+    }
+}
+
+#[test]
+fn names_survive_writing() {
+    let joints = names(&["shoulder_pan_joint", "elbow_joint"]);
+    let log = Recording::new("any", joints.clone(), vec![0], vec![1.0, 2.0], None, Some(vec![3.0, 4.0]), vec![]);
+    let (_folder, path) = file("log.csv", "");
+    csv::write(&path, &log.expect("lengths fit")).expect("writable");
+    let back = csv::read(&path, &ReadOptions::default()).expect("readable");
+    assert_eq!((back.joint_names(), back.torque().expect("written")), (&joints[..], &[3.0, 4.0][..]));
+}

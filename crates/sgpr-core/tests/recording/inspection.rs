@@ -1,0 +1,256 @@
+//! What is found in logs that are made to have it.
+
+use sgpr_core::recording::{Channel, Issue, IssueKind, Recording, Severity, inspect};
+
+use super::names;
+
+const MS: i64 = 1_000_000;
+
+/// Two joints that swing, 20 s at 100 Hz.
+struct Log {
+    time: Vec<i64>,
+    position: Vec<f64>,
+    velocity: Vec<f64>,
+    torque: Vec<f64>,
+}
+
+impl Log {
+    fn new() -> Self {
+        Self::with_time((0..2000).map(|k| k * 10 * MS).collect())
+    }
+
+    fn with_time(time: Vec<i64>) -> Self {
+        let values = |f: fn(f64, f64) -> f64| -> Vec<f64> {
+            let seconds = time.iter().map(|t| *t as f64 * 1e-9);
+            seconds.flat_map(|t| [f(t, 1.0), f(t, 1.7)]).collect()
+        };
+        let position = values(|t, w| (w * t).sin() + 0.3 * (3.1 * w * t).cos());
+        let velocity = values(|t, w| w * (w * t).cos() - 0.93 * w * (3.1 * w * t).sin());
+        let torque = values(|t, w| 5.0 * (w * t + 0.4).sin());
+        Self { time, position, velocity, torque }
+    }
+
+    fn recording(&self) -> Recording {
+        let (velocity, torque) = (Some(self.velocity.clone()), Some(self.torque.clone()));
+        let joints = names(&["a", "b"]);
+        Recording::new("log", joints, self.time.clone(), self.position.clone(), velocity, torque, vec![]).expect("fits")
+    }
+
+    fn issues(&self) -> Vec<Issue> {
+        inspect(&self.recording())
+    }
+
+    /// The only issue.
+    fn issue(&self) -> Issue {
+        let mut issues = self.issues();
+        assert_eq!(issues.len(), 1, "{issues:#?}");
+        issues.remove(0)
+    }
+}
+
+fn kinds(issues: &[Issue]) -> Vec<IssueKind> {
+    issues.iter().map(|issue| issue.kind).collect()
+}
+
+#[test]
+fn a_clean_log() {
+    assert_eq!(Log::new().issues(), []);
+}
+
+#[test]
+fn values_that_are_not_finite() {
+    let mut log = Log::new();
+    log.velocity[2 * 100 + 1] = f64::NAN;
+    log.velocity[2 * 300 + 1] = f64::INFINITY;
+    let issue = log.issue();
+    assert_eq!((issue.kind, issue.severity, issue.count), (IssueKind::NotFinite, Severity::Error, 2));
+    assert_eq!((issue.time, issue.channel.as_deref()), (Some(1.0), Some("b_velocity")));
+    assert_eq!(
+        issue.message,
+        "`b_velocity` is missing or not finite in 2 samples (0.10 %), first in sample 100: drop these samples"
+    );
+}
+
+#[test]
+fn gaps_in_channels_are_only_notes() {
+    let channels = vec![Channel { name: "temperature".into(), values: vec![f64::NAN, 1.0] }];
+    let log = Recording::new("log", names(&["a"]), vec![0, MS], vec![0.0, 1.0], None, None, channels).expect("fits");
+    assert!(inspect(&log).iter().all(|issue| issue.severity == Severity::Note));
+}
+
+#[test]
+fn time_that_runs_backwards() {
+    let mut log = Log::new();
+    log.time.swap(700, 701);
+    let issues = log.issues();
+    assert_eq!(kinds(&issues), [IssueKind::TimeBackwards]);
+    assert_eq!((issues[0].severity, issues[0].time, issues[0].count), (Severity::Error, Some(7.0), 1));
+    assert!(issues[0].message.starts_with("the time runs backwards 1 times, first by 10.000 ms at sample 701: sort"));
+}
+
+#[test]
+fn equal_stamps() {
+    let mut log = Log::new();
+    log.time[500] = log.time[499];
+    let issue = log.issue();
+    assert_eq!((issue.kind, issue.severity, issue.count), (IssueKind::DuplicateStamps, Severity::Error, 1));
+}
+
+#[test]
+fn repeated_samples() {
+    let mut log = Log::new();
+    for k in (100..2000).step_by(16) {
+        for values in [&mut log.position, &mut log.velocity, &mut log.torque] {
+            values.copy_within(2 * k - 2..2 * k, 2 * k);
+        }
+    }
+    let issues = log.issues();
+    assert_eq!(kinds(&issues), [IssueKind::RepeatedSamples]);
+    // Of 119, some may fall on a turn of both joints.
+    assert!((115..=119).contains(&issues[0].count) && issues[0].time == Some(1.0), "{issues:?}");
+    assert!(issues[0].message.contains("repeat all values of the one before"), "{}", issues[0].message);
+}
+
+#[test]
+fn an_arm_at_rest_does_not_repeat_samples() {
+    let mut log = Log::new();
+    for values in [&mut log.position, &mut log.velocity, &mut log.torque] {
+        let last = [values[2000], values[2001]];
+        values[2000..].chunks_mut(2).for_each(|row| row.copy_from_slice(&last));
+    }
+    let repeated = |issue: &&Issue| issue.kind == IssueKind::RepeatedSamples;
+    let issues = log.issues();
+    assert!(issues.iter().filter(repeated).all(|issue| issue.count < 10), "{issues:#?}");
+}
+
+#[test]
+fn long_steps() {
+    let mut log = Log::new();
+    log.time[1000..].iter_mut().for_each(|time| *time += 500 * MS);
+    let issues = log.issues();
+    let gap = issues.iter().find(|issue| issue.kind == IssueKind::Gap).expect("found");
+    assert_eq!((gap.count, gap.time), (1, Some(10.5)));
+    assert!(
+        gap.message
+            .starts_with("1 gaps, the longest of 510.000 ms (a gap is a step longer than 5 median steps of 10.000 ms)")
+    );
+}
+
+#[test]
+fn irregular_steps() {
+    let log = Log::with_time((0..2000).map(|k| k * 10 * MS + if k % 3 == 0 { 4 * MS } else { 0 }).collect());
+    let issue = log.issue();
+    assert_eq!((issue.kind, issue.severity), (IssueKind::IrregularSampling, Severity::Warning));
+    assert!(issue.message.contains("1 % to 99 % of the steps 6.000 ms to 14.000 ms"), "{}", issue.message);
+    assert!(issue.message.contains("67 % of the steps are off by more than 10 %, 0.00 % by more than 50 %"));
+}
+
+#[test]
+fn a_time_in_the_wrong_unit() {
+    let log = Log::with_time((0..2000).map(|k| k * 10_000 * 1000 * MS).collect());
+    assert!(kinds(&log.issues()).contains(&IssueKind::UnlikelyRate));
+}
+
+#[test]
+fn a_joint_that_does_not_move() {
+    let mut log = Log::new();
+    log.position.iter_mut().skip(1).step_by(2).for_each(|q| *q = 0.7);
+    let issue = log.issue();
+    assert_eq!((issue.kind, issue.channel.as_deref()), (IssueKind::StillJoint, Some("b_position")));
+    assert!(issue.message.starts_with("1 of 2 joints move less than 0.002 rad (m): `b`"));
+    log.position.fill(0.0);
+    assert!(log.issues()[0].message.starts_with("the arm stands still"));
+}
+
+#[test]
+fn positions_in_degrees() {
+    let mut log = Log::new();
+    log.position.iter_mut().for_each(|q| *q = q.to_degrees());
+    let issues = log.issues();
+    assert_eq!(kinds(&issues), [IssueKind::PositionInDegrees; 2]);
+    assert!(issues[0].message.contains("changes 57.3 times as fast as the velocity says"), "{}", issues[0].message);
+    // Both in degrees: only the range tells.
+    log.velocity.iter_mut().for_each(|dq| *dq = dq.to_degrees());
+    let issues = log.issues();
+    assert_eq!(kinds(&issues), [IssueKind::PositionInDegrees; 2]);
+    assert!(issues[0].message.contains("turns if it were rad"), "{}", issues[0].message);
+}
+
+#[test]
+fn velocities_in_other_units() {
+    for (factor, text) in [
+        (180.0 / std::f64::consts::PI, "looks like deg/s"),
+        (60.0 / std::f64::consts::TAU, "looks like rpm"),
+        (2.0, "check units and gear ratio"),
+        (-1.0, "has the opposite sign"),
+    ] {
+        let mut log = Log::new();
+        log.velocity.iter_mut().skip(1).step_by(2).for_each(|dq| *dq *= factor);
+        let issue = log.issue();
+        assert_eq!((issue.kind, issue.channel.as_deref()), (IssueKind::VelocityMismatch, Some("b_velocity")));
+        assert!(issue.message.contains(text), "{}", issue.message);
+    }
+}
+
+#[test]
+fn velocities_of_other_joints() {
+    let mut log = Log::new();
+    log.velocity.chunks_mut(2).for_each(|row| row.swap(0, 1));
+    let issues = log.issues();
+    assert_eq!(kinds(&issues), [IssueKind::VelocityMismatch; 2]);
+    assert!(issues[0].message.contains("is not the derivative of the position"));
+}
+
+#[test]
+fn velocities_that_are_late() {
+    let mut log = Log::new();
+    let early = Log::with_time(log.time.iter().map(|time| time - 13 * MS).collect());
+    log.velocity = early.velocity;
+    let issue = log.issue();
+    assert_eq!(issue.kind, IssueKind::VelocityLag);
+    assert!(
+        issue.message.starts_with("the velocity is 13.0") && issue.message.contains("ms late"),
+        "{}",
+        issue.message
+    );
+}
+
+#[test]
+fn clipped_torques() {
+    let mut log = Log::new();
+    log.torque.iter_mut().step_by(2).for_each(|tau| *tau = tau.clamp(-4.0, 4.0));
+    let issue = log.issue();
+    assert_eq!((issue.kind, issue.severity), (IssueKind::ClippedTorque, Severity::Note));
+    assert!(issue.message.contains("(-4 or 4)"), "{}", issue.message);
+    assert!(issue.count > 500);
+}
+
+#[test]
+fn encoder_steps() {
+    let mut log = Log::new();
+    let step = 0.004;
+    log.position.iter_mut().for_each(|q| *q = (*q / step).round() * step);
+    let issue = log.issue();
+    assert_eq!((issue.kind, issue.count), (IssueKind::EncoderStep, 2));
+    assert!(issue.message.contains("`a` 4.000e-3"), "{}", issue.message);
+}
+
+#[test]
+fn small_logs_are_no_problem() {
+    for samples in 0..6 {
+        let time: Vec<i64> = (0..samples).map(|k| k * 10 * MS).collect();
+        let log = Log::with_time(time);
+        assert!(log.issues().iter().all(|issue| issue.severity < Severity::Error));
+    }
+    let time = vec![i64::MIN, i64::MAX, 0, 0];
+    let log = Log::with_time(time);
+    assert!(!log.issues().is_empty());
+}
+
+#[test]
+fn rate_and_duration() {
+    let log = Log::new().recording();
+    assert_eq!((log.sample_rate_hz(), log.duration()), (Some(100.0), 19.99));
+    assert_eq!(log.time_seconds()[..2], [0.0, 0.01]);
+    assert_eq!(log.slice(0..1).sample_rate_hz(), None);
+}
