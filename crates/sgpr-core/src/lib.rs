@@ -7,6 +7,12 @@
 //! - [`dynamics`]: inverse and forward dynamics, regressor, mass matrix, kinematics
 //! - [`recording`]: logs in CSV and MCAP files: reading, checking, repairing, writing
 //! - [`signal`]: filters, derivatives, spectra
+//! - [`motion`]: from a log to filtered position, velocity and acceleration
+//! - [`effects`]: friction and other physics beside the rigid body
+//! - [`identification`]: base parameters, observation matrix, least squares
+//! - [`model`]: identify, compare, predict, save and load
+//! - [`progress`]: how long work reports and is stopped
+//! - [`linalg`]: the factors and selections behind the identification
 #![forbid(unsafe_code)]
 
 mod atomic_file;
@@ -14,6 +20,9 @@ pub mod dynamics;
 pub mod effects;
 pub mod identification;
 pub mod linalg;
+pub mod model;
+pub mod motion;
+pub mod progress;
 pub mod recording;
 pub mod robot;
 pub mod signal;

@@ -8,9 +8,11 @@ use crate::linalg::{Svd, triangle};
 /// How the joints are weighted.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Method {
-    /// All rows alike (thesis eq. 4-10).
+    /// All rows in motion alike (thesis eq. 4-10).
     Ols,
     /// Each joint by the inverse of its noise variance, found from its residual and iterated (thesis eqs. 4-5, 4-6).
+    ///
+    /// The rows of a joint at rest are a group of their own: what dry friction may hold shows in their residual.
     Wls,
     /// Each joint by the inverse of a noise variance known beforehand, for instance from repeated periods (thesis eq.
     /// 4-8): standard deviations `[n]`, N·m (N).
@@ -22,7 +24,8 @@ pub enum Method {
 pub struct LeastSquares {
     /// Weights.
     pub method: Method,
-    /// Per joint, how much longer than independent the noise remembers: the variance of the estimates grows by it.
+    /// Per factor: how many rows carry as much as one independent row, because the noise remembers. The variance of the
+    /// estimates grows by it.
     pub correlation: Option<Vec<f64>>,
 }
 
@@ -33,10 +36,8 @@ pub struct Estimate {
     pub values: Vec<f64>,
     /// Covariance of the estimates, `[rank, rank]`; infinite where the motion says nothing.
     pub covariance: Mat<f64>,
-    /// Standard deviation of the torque residual per joint, `[n]`, N·m (N).
+    /// Root mean square of the torque residual per factor, N·m (N).
     pub noise: Vec<f64>,
-    /// Rows per joint.
-    pub rows: Vec<usize>,
     /// What the motion excited.
     pub excitation: Excitation,
 }
@@ -104,18 +105,17 @@ impl LeastSquares {
     ) -> Result<Estimate, IdentificationError> {
         let unknowns = base.rank();
         assert_eq!(nominal.len(), unknowns, "a nominal value for every base parameter");
-        let rows: Vec<usize> = factors.iter().map(|joint| joint.rows).collect();
-        match rows.iter().sum::<usize>() {
+        let used: Vec<bool> = factors.iter().map(|factor| self.uses(factor)).collect();
+        let count = |(factor, used): (&JointFactor, &bool)| if *used { factor.rows } else { 0 };
+        match factors.iter().zip(&used).map(count).sum::<usize>() {
             0 => return Err(IdentificationError::NoData),
-            total if total < unknowns => {
-                return Err(IdentificationError::TooFewRows { rows: total, parameters: unknowns });
-            }
+            rows if rows < unknowns => return Err(IdentificationError::TooFewRows { rows, parameters: unknowns }),
             _ => {}
         }
-        let ones = vec![1.0; factors.len()];
+        let ignored = |weight: f64, used: &bool| if *used { weight } else { f64::INFINITY };
+        let ones: Vec<f64> = used.iter().map(|used| ignored(1.0, used)).collect();
         let excitation = Excitation::of(&stack(factors, unknowns, &ones));
-        let freedom = degrees_of_freedom(&rows, unknowns);
-
+        let freedom = degrees_of_freedom(factors, unknowns);
         let residual = |weights: &[f64]| {
             let system = stack(factors, unknowns, weights);
             let values = back_substitute(&system).unwrap_or_else(|| Solution::new(&system, nominal).values);
@@ -128,14 +128,18 @@ impl LeastSquares {
                 if let Some(joint) = known.iter().position(|s| !(*s > 0.0 && s.is_finite())) {
                     return Err(IdentificationError::Noise { joint, value: known[joint] });
                 }
-                weights.clone_from(known);
+                let of_joint = |(factor, used): (&JointFactor, &bool)| ignored(known[factor.joint], used);
+                weights = factors.iter().zip(&used).map(of_joint).collect();
             }
             Method::Wls => {
                 for _ in 0..MOST_ITERATIONS {
                     let noise = floored(&residual(&weights), factors);
+                    let noise = noise.iter().zip(&used).map(|(noise, used)| ignored(*noise, used)).collect();
                     let before = std::mem::replace(&mut weights, noise);
-                    let change = |(new, old): (&f64, &f64)| (new / old - 1.0).abs();
-                    if weights.iter().zip(&before).map(change).fold(0.0, f64::max) < SAME_WEIGHTS {
+                    let change = |((new, old), used): ((&f64, &f64), &bool)| {
+                        if *used { (new / old - 1.0).abs() } else { 0.0 }
+                    };
+                    if weights.iter().zip(&before).zip(&used).map(change).fold(0.0, f64::max) < SAME_WEIGHTS {
                         break;
                     }
                 }
@@ -143,9 +147,18 @@ impl LeastSquares {
         }
         let solution = Solution::new(&stack(factors, unknowns, &weights), nominal);
         let noise = residual_noise(factors, &solution.values, &freedom);
-        let inflation = self.correlation.clone().unwrap_or_else(|| vec![1.0; factors.len()]);
+        let inflation: Vec<f64> = (0..factors.len()).map(|index| self.correlation_of(index)).collect();
         let covariance = solution.covariance(factors, &weights, &noise, &inflation);
-        Ok(Estimate { values: solution.values, covariance, noise, rows, excitation })
+        Ok(Estimate { values: solution.values, covariance, noise, excitation })
+    }
+
+    /// Rows at rest need a weight of their own.
+    fn uses(&self, factor: &JointFactor) -> bool {
+        !factor.resting || self.method == Method::Wls
+    }
+
+    fn correlation_of(&self, index: usize) -> f64 {
+        self.correlation.as_ref().map_or(1.0, |correlation| correlation[index])
     }
 }
 
@@ -166,14 +179,14 @@ fn stack(factors: &[JointFactor], unknowns: usize, noise: &[f64]) -> Mat<f64> {
     triangle(all.as_ref())
 }
 
-/// Rows of each joint less its share of the unknowns.
-fn degrees_of_freedom(rows: &[usize], unknowns: usize) -> Vec<f64> {
-    let total: usize = rows.iter().sum();
+/// Rows of each factor less their share of the unknowns.
+fn degrees_of_freedom(factors: &[JointFactor], unknowns: usize) -> Vec<f64> {
+    let total: usize = factors.iter().map(|factor| factor.rows).sum();
     let share = |rows: usize| rows as f64 * (1.0 - unknowns as f64 / total as f64);
-    rows.iter().map(|&rows| share(rows).max(1.0)).collect()
+    factors.iter().map(|factor| share(factor.rows).max(1.0)).collect()
 }
 
-/// Standard deviation of each joint's residual.
+/// Standard deviation of the residual of each factor.
 fn residual_noise(factors: &[JointFactor], values: &[f64], freedom: &[f64]) -> Vec<f64> {
     let norm = |joint: &JointFactor| residual_norm(joint, values);
     factors.iter().zip(freedom).map(|(joint, freedom)| norm(joint) / freedom.sqrt()).collect()
@@ -254,6 +267,9 @@ impl Solution {
         let unknowns = self.values.len();
         let mut middle = Mat::<f64>::zeros(unknowns, unknowns);
         for (index, joint) in factors.iter().enumerate() {
+            if weights[index].is_infinite() {
+                continue;
+            }
             let variance = (noise[index] / weights[index].powi(2)).powi(2) * inflation[index];
             let size = joint.columns.len();
             let w = joint.factor.as_ref().subcols(0, size);

@@ -13,5 +13,5 @@ mod parameter_set;
 pub use base_parameters::{BaseParameters, ParameterClass};
 pub use error::IdentificationError;
 pub use least_squares::{Estimate, Excitation, LeastSquares, Method, SingularDirection};
-pub use observation::{JointFactor, Observation};
+pub use observation::{JointFactor, Observation, Row};
 pub use parameter_set::{EffectColumn, ParameterSet};

@@ -12,22 +12,39 @@ use crate::spatial::PARAMETERS_PER_LINK;
 
 /// The equations W base = tau of a robot, collected joint by joint.
 ///
-/// The rows of a joint contain few of the columns (the thesis's W is block triangular), and all rows of a joint have one
-/// noise level, so each joint keeps a factor of its own. Memory is bounded whatever the length of the log.
+/// The rows of a joint contain few of the columns (the thesis's W is block triangular), and all its rows in motion have
+/// one noise level and all at rest another, so each joint keeps two factors of its own. Memory is bounded whatever the
+/// length of the log.
 #[derive(Debug)]
 pub struct Observation<'a> {
     robot: &'a Robot,
     set: &'a ParameterSet,
     layouts: Vec<Layout>,
-    factors: Vec<TriangularFactor>,
+    /// Per joint: rows in motion, rows at rest.
+    factors: Vec<[TriangularFactor; 2]>,
     ws: BatchWorkspace,
     /// Rows of each joint in the present piece of a trajectory, `[samples, columns + 1]`, the torque last.
     rows: Vec<Vec<f64>>,
 }
 
+/// What an equation is good for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Row {
+    /// Nothing: the derivatives are not right there.
+    Skip,
+    /// The joint moves.
+    Moving,
+    /// The joint stands: dry friction holds it with an unknown torque, which makes the equation a rough one.
+    Resting,
+}
+
 /// R of the rows of one joint: RᵀR = [W tau]ᵀ[W tau].
 #[derive(Clone, Debug)]
 pub struct JointFactor {
+    /// Joint.
+    pub joint: usize,
+    /// Whether these are the rows at which the joint stands.
+    pub resting: bool,
     /// Base parameters whose columns are in the factor; one more column is the torque.
     pub columns: Vec<usize>,
     /// `[columns + 1, columns + 1]`, upper triangular.
@@ -83,7 +100,7 @@ impl<'a> Observation<'a> {
         Self {
             robot,
             set,
-            factors: layouts.iter().map(|layout| TriangularFactor::new(layout.width())).collect(),
+            factors: layouts.iter().map(|layout| [(); 2].map(|()| TriangularFactor::new(layout.width()))).collect(),
             rows: vec![Vec::new(); layouts.len()],
             layouts,
             ws: BatchWorkspace::new(robot),
@@ -93,7 +110,7 @@ impl<'a> Observation<'a> {
     /// Adds the equations of samples as they are.
     ///
     /// - `tau`: `[samples, n]`, N·m (N)
-    /// - `valid`: `[samples, n]`, which equations to take; all if `None`
+    /// - `use_as`: `[samples, n]`, what the equations are good for; all are in motion if `None`
     ///
     /// # Errors
     /// If a value is not finite.
@@ -104,9 +121,9 @@ impl<'a> Observation<'a> {
         &mut self,
         samples: Samples<'_>,
         tau: &[f64],
-        valid: Option<&[bool]>,
+        use_as: Option<&[Row]>,
     ) -> Result<(), IdentificationError> {
-        self.add(samples, tau, valid, None, 1)
+        self.add(samples, tau, use_as, None, 1)
     }
 
     /// Adds the equations of one uniformly sampled trajectory, both sides passed through `filter`, every
@@ -124,36 +141,41 @@ impl<'a> Observation<'a> {
         &mut self,
         samples: Samples<'_>,
         tau: &[f64],
-        valid: Option<&[bool]>,
+        use_as: Option<&[Row]>,
         filter: &LowPass,
         decimation: usize,
     ) -> Result<(), IdentificationError> {
-        self.add(samples, tau, valid, Some(filter), decimation)
+        self.add(samples, tau, use_as, Some(filter), decimation)
     }
 
-    /// The factors of all joints.
+    /// The factors of all joints in motion, then those of the joints at rest; without those that have no row.
     pub fn factors(&self) -> Vec<JointFactor> {
-        let joints = self.layouts.iter().zip(&self.factors);
-        let factor = |(layout, factor): (&Layout, &TriangularFactor)| JointFactor {
+        let of_kind = |resting: bool| {
+            let joints = self.layouts.iter().zip(&self.factors).enumerate();
+            joints.map(move |(joint, (layout, factors))| (joint, layout, &factors[usize::from(resting)], resting))
+        };
+        let factor = |(joint, layout, factor, resting): (usize, &Layout, &TriangularFactor, bool)| JointFactor {
+            joint,
+            resting,
             columns: layout.columns.clone(),
             factor: factor.factor(),
             rows: factor.rows(),
         };
-        joints.map(factor).collect()
+        of_kind(false).chain(of_kind(true)).filter(|(_, _, factor, _)| factor.rows() > 0).map(factor).collect()
     }
 
     fn add(
         &mut self,
         samples: Samples<'_>,
         tau: &[f64],
-        valid: Option<&[bool]>,
+        use_as: Option<&[Row]>,
         filter: Option<&LowPass>,
         decimation: usize,
     ) -> Result<(), IdentificationError> {
         let n = self.robot.dof();
         let count = samples.count(n);
         assert_eq!(tau.len(), count * n, "one torque per position");
-        assert!(valid.is_none_or(|valid| valid.len() == count * n), "one flag per equation");
+        assert!(use_as.is_none_or(|use_as| use_as.len() == count * n), "one entry per equation");
         require_finite(
             &[("position", samples.q), ("velocity", samples.dq), ("acceleration", samples.ddq), ("torque", tau)],
             n,
@@ -181,13 +203,16 @@ impl<'a> Observation<'a> {
                     filter.apply(&mut self.rows[joint], width)?;
                 }
                 let rows = &self.rows[joint][(start - reach.start) * width..][..(end - start) * width];
-                if valid.is_none() && decimation == 1 {
-                    self.factors[joint].push_all(rows);
+                let [moving, resting] = &mut self.factors[joint];
+                if use_as.is_none() && decimation == 1 {
+                    moving.push_all(rows);
                     continue;
                 }
                 for (sample, row) in (start..end).zip(rows.chunks_exact(width)).step_by(decimation) {
-                    if valid.is_none_or(|valid| valid[sample * n + joint]) {
-                        self.factors[joint].push(row);
+                    match use_as.map_or(Row::Moving, |use_as| use_as[sample * n + joint]) {
+                        Row::Skip => {}
+                        Row::Moving => moving.push(row),
+                        Row::Resting => resting.push(row),
                     }
                 }
             }

@@ -4,6 +4,7 @@
 //! A [`Robot`] comes from a URDF file ([`Robot::from_urdf`]), from a Denavit-Hartenberg table ([`Robot::from_dh`]) or
 //! ready-made ([`puma560`], [`two_link`]). Conventions are in `docs/conventions.md`.
 
+mod description;
 mod dh;
 mod error;
 mod ready_made;
@@ -97,7 +98,8 @@ pub struct Frame {
 ///
 /// Joint `i` carries link `i`, whose frame moves with the joint and coincides with the joint frame at position zero.
 /// Parents come before children.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "description::RobotDescription", into = "description::RobotDescription")]
 pub struct Robot {
     name: String,
     joints: Vec<Joint>,
@@ -333,6 +335,10 @@ fn unit_axis(joint: &str, axis: Vector3<f64>) -> Result<Vector3<f64>, RobotError
     let norm = axis.norm();
     if !norm.is_finite() || norm < 1e-9 {
         return Err(RobotError::ZeroAxis { joint: joint.into() });
+    }
+    // What is a unit vector to rounding stays as it is, so that a robot read back is the same to the bit.
+    if (norm - 1.0).abs() <= 4.0 * f64::EPSILON {
+        return Ok(axis);
     }
     Ok(axis * (1.0 / norm))
 }

@@ -1,11 +1,13 @@
 //! Derivatives of uniformly sampled signals.
 
 use sci_rs::signal::filter::savgol_coeffs_dyn;
+use serde::{Deserialize, Serialize};
 
 use super::SignalError;
 
 /// How velocity and acceleration are taken from a sampled position.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Differentiation {
     /// Central differences whose error falls with the power `accuracy` (2, 4, 6 or 8) of the sampling period; the
     /// acceleration is the difference of the velocity.

@@ -55,22 +55,28 @@ fn without_line(values: &[f64]) -> Vec<f64> {
 pub struct CutoffChoice {
     /// The cut-off for all joints: the highest of theirs, so that every joint's motion passes.
     pub cutoff_hz: f64,
-    /// Per joint: up to where its motion stands out of the noise, Hz; zero for a joint that does not move.
+    /// Per joint: where the spectrum of its acceleration is lowest, between motion and noise, Hz; zero for a joint that
+    /// does not move.
     pub joint_hz: Vec<f64>,
-    /// Per joint: standard deviation of the white noise of its position.
+    /// Per joint: standard deviation of the white noise of its position, from the upper half of the spectrum, where no
+    /// arm moves.
     pub noise: Vec<f64>,
     /// Per joint: spectrum of the position.
     pub spectra: Vec<Spectrum>,
 }
 
-/// How far the motion must stand above the noise, in power.
-const MARGIN: f64 = 10.0;
+/// A position that varies by less (root mean square, rad or m) does not move.
+const STILL: f64 = 1e-9;
+
+/// Highest cut-off, as a share of the sampling rate: differences need some samples per period.
+const HIGHEST_CUTOFF: f64 = 0.2;
 
 /// Chooses the low-pass for joint positions `[samples, n]`, row-major.
 ///
-/// The noise of an encoder is white; its level is read where no arm moves, in the upper half of the spectrum. A joint's
-/// band ends at the highest frequency below which its motion stands 10 dB above that level, all the way down. The
-/// acceleration multiplies motion and noise alike, so the same frequency holds for it.
+/// Motion dies out with frequency; the noise of an encoder does not, and in the acceleration it grows with the fourth
+/// power. So the spectrum of the acceleration, position times (2 pi f)^4, falls, has a lowest point and rises again. Below
+/// that point there is more motion than noise, above it more noise than motion, whatever colour either has: it is the
+/// cut-off.
 pub fn choose_cutoff(position: &[f64], joints: usize, rate_hz: f64) -> CutoffChoice {
     let samples = position.len() / joints;
     // Windows of some eight seconds resolve the slow end, and average the noise of a log of a minute.
@@ -80,35 +86,40 @@ pub fn choose_cutoff(position: &[f64], joints: usize, rate_hz: f64) -> CutoffCho
         let signal: Vec<f64> = position.iter().skip(joint).step_by(joints).copied().collect();
         let spectrum = Spectrum::welch(&signal, rate_hz, window);
         let bins = spectrum.density.len();
-        let floor = median(&spectrum.density[bins / 2..bins * 19 / 20]);
-        let band = motion_band(&spectrum, floor);
-        choice.noise.push((floor * 0.5 * rate_hz).sqrt());
-        choice.joint_hz.push(band);
+        let floor = median(&spectrum.density[bins / 2..(bins * 19 / 20).max(bins / 2 + 1)]);
+        choice.noise.push((0.5 * floor * rate_hz).sqrt());
+        choice.joint_hz.push(lowest_acceleration(&spectrum));
         choice.spectra.push(spectrum);
     }
     let highest = choice.joint_hz.iter().fold(0.0f64, |highest, hz| highest.max(*hz));
-    // Differences need some samples per period, and a filter some distance to half the sampling rate.
-    choice.cutoff_hz = if highest == 0.0 { 0.2 * rate_hz } else { highest.min(0.2 * rate_hz) };
+    let limit = HIGHEST_CUTOFF * rate_hz;
+    choice.cutoff_hz = if highest == 0.0 { limit } else { highest.min(limit) };
     choice
 }
 
-/// Highest frequency up to which the density stays above the margin; a few bins may dip.
-fn motion_band(spectrum: &Spectrum, floor: f64) -> f64 {
-    const DIPS: usize = 3;
-    let mut band = 0.0;
-    let mut dips = 0;
-    for (frequency, density) in spectrum.frequency_hz.iter().zip(&spectrum.density).skip(1) {
-        if *density > MARGIN * floor {
-            band = *frequency;
-            dips = 0;
-        } else {
-            dips += 1;
-            if dips > DIPS {
-                break;
-            }
-        }
+/// Frequency at which the smoothed spectrum of the acceleration is lowest beyond the peak of the velocity; zero where
+/// nothing moves.
+fn lowest_acceleration(spectrum: &Spectrum) -> f64 {
+    let power = |k: usize, exponent: i32| {
+        spectrum.density[k] * (std::f64::consts::TAU * spectrum.frequency_hz[k]).powi(exponent)
+    };
+    let bins = spectrum.density.len();
+    let upper = bins * 9 / 10;
+    let peak = (1..upper).max_by(|&a, &b| power(a, 2).total_cmp(&power(b, 2))).unwrap_or(1);
+    // White noise has its highest velocity at the upper end, and a number that never changes only rounding: no motion.
+    let power_of_all: f64 = spectrum.density.iter().sum::<f64>() * spectrum.frequency_hz[1];
+    if peak > bins / 2 || power_of_all.sqrt() < STILL {
+        return 0.0;
     }
-    band
+    // Averages over bands a third of an octave wide, so that single lines and dips do not decide.
+    let smoothed = |centre: usize| {
+        let half_band = (centre as f64 * 0.13).ceil() as usize;
+        let band = centre.saturating_sub(half_band).max(1)..(centre + half_band + 1).min(bins);
+        let count = band.len() as f64;
+        band.map(|k| power(k, 4)).sum::<f64>() / count
+    };
+    let lowest = (peak..upper).min_by(|&a, &b| smoothed(a).total_cmp(&smoothed(b))).unwrap_or(peak);
+    spectrum.frequency_hz[lowest]
 }
 
 fn median(values: &[f64]) -> f64 {
@@ -170,9 +181,9 @@ mod tests {
         for found in &choice.noise {
             assert!((found / 2e-5 - 1.0).abs() < 0.1, "{found}");
         }
-        // The line of harmonic h has power h^-8 / 2, spread over 1.5 bins of 1/8 Hz by the window: it meets 10 times the
-        // noise density 2 (2e-5)² / 250 between h = 19 (9.5 Hz) and h = 26 (13 Hz).
-        assert!((9.0..13.5).contains(&choice.cutoff_hz), "{}", choice.cutoff_hz);
+        // The line of harmonic h has power h^-8 / 2 per 0.5 Hz; it equals the noise density 2 (2e-5)² / 250 at h = 28,
+        // 14 Hz. The sum of h^-4 and h^4 is lowest there, and flat around.
+        assert!((9.0..18.0).contains(&choice.cutoff_hz), "{}", choice.cutoff_hz);
         assert_eq!(choice.joint_hz[1], 0.0, "the second joint stands still");
     }
 }

@@ -1,0 +1,215 @@
+//! One file per model: safetensors, so any reader of that format can look at the numbers, and none runs code.
+//!
+//! The head of the file is JSON: format, version, robot, effects, processing, fit and history, for a person to read
+//! with `head -c 4000`. The numbers follow as little-endian `f64`, so that a model read back predicts the same bits.
+
+use std::collections::HashMap;
+use std::io::Write;
+use std::path::Path;
+
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde::{Deserialize, Serialize};
+
+use super::TorqueModel;
+use super::torque_model::{Fit, Provenance};
+use crate::identification::ParameterSet;
+use crate::motion::Processing;
+use crate::robot::Robot;
+
+/// The entry of the head.
+const HEAD: &str = "sgpr";
+const FORMAT: &str = "sgpr torque model";
+const VERSION: u32 = 1;
+
+/// Larger files hold no torque model.
+const LARGEST_FILE: u64 = 1 << 30;
+
+/// Why a model file could not be written or read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ModelFileError {
+    /// The file could not be read.
+    #[error("{path}: {source}")]
+    Unreadable {
+        /// File.
+        path: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file could not be written; an older file of that name is untouched.
+    #[error("{path} cannot be written: {source}")]
+    Unwritable {
+        /// File.
+        path: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Larger than any model.
+    #[error("{path}: {bytes} bytes are too many for a torque model (at most {limit})")]
+    TooLarge {
+        /// File.
+        path: String,
+        /// Its size.
+        bytes: u64,
+        /// Largest size that is read.
+        limit: u64,
+    },
+    /// Not a model file, or a damaged one.
+    #[error("{path}: not a torque model, or damaged: {message}")]
+    Malformed {
+        /// File.
+        path: String,
+        /// What is wrong with it.
+        message: String,
+    },
+    /// Written by a later version.
+    #[error(
+        "{path}: the file has version {found}, this library reads up to {supported}: update it (pip install -U sgpr)"
+    )]
+    Version {
+        /// File.
+        path: String,
+        /// Its version.
+        found: u32,
+        /// Latest version that is read.
+        supported: u32,
+    },
+}
+
+impl TorqueModel {
+    /// Writes the model to a file; the file is complete or not there.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), ModelFileError> {
+        let path = path.as_ref();
+        let bytes = self.to_bytes();
+        crate::atomic_file::write(path, |file| file.write_all(&bytes))
+            .map_err(|source| ModelFileError::Unwritable { path: path.display().to_string(), source })
+    }
+
+    /// Reads a model. Safe with files from strangers: nothing in them is run, sizes are checked before memory is taken.
+    ///
+    /// # Errors
+    /// If the file is no model, damaged, or of a later version.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelFileError> {
+        let path = path.as_ref();
+        let name = path.display().to_string();
+        let unreadable = |source| ModelFileError::Unreadable { path: name.clone(), source };
+        let bytes = std::fs::metadata(path).map_err(unreadable)?.len();
+        if bytes > LARGEST_FILE {
+            return Err(ModelFileError::TooLarge { path: name, bytes, limit: LARGEST_FILE });
+        }
+        Self::from_bytes(&std::fs::read(path).map_err(unreadable)?, &name)
+    }
+
+    /// The file's content.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let head = Head {
+            format: FORMAT.into(),
+            version: VERSION,
+            provenance: self.provenance.clone(),
+            effects: self.set.effects().iter().map(|effect| effect.name().to_string()).collect(),
+            parameter_names: self.set.names().to_vec(),
+            processing: self.processing.clone(),
+            fit: self.fit.clone(),
+            robot: self.robot.clone(),
+        };
+        let mut arrays: Vec<(&str, Vec<usize>, &[f64])> =
+            vec![("parameters", vec![self.parameters.len()], &self.parameters)];
+        if let Some(fit) = &self.fit {
+            let rank = fit.values.len();
+            arrays.push(("standard_deviations", vec![rank], &fit.standard_deviations));
+            arrays.push(("covariance", vec![rank, rank], &fit.covariance));
+        }
+        let encoded: Vec<(&str, Vec<usize>, Vec<u8>)> = arrays
+            .into_iter()
+            .map(|(name, shape, values)| (name, shape, values.iter().flat_map(|v| v.to_le_bytes()).collect()))
+            .collect();
+        let views = encoded.iter().map(|(name, shape, bytes)| {
+            (*name, TensorView::new(Dtype::F64, shape.clone(), bytes).expect("eight bytes per number"))
+        });
+        // One entry: the order of several would differ from run to run.
+        let head = serde_json::to_string(&head).expect("plain data");
+        safetensors::serialize(views, Some(HashMap::from([(HEAD.into(), head)]))).expect("valid tensors")
+    }
+
+    /// A model from a file's content; `origin` names it in messages.
+    ///
+    /// # Errors
+    /// As [`TorqueModel::load`].
+    pub fn from_bytes(bytes: &[u8], origin: &str) -> Result<Self, ModelFileError> {
+        let malformed = |message: String| ModelFileError::Malformed { path: origin.into(), message };
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| malformed(error.to_string()))?;
+        let tensors = SafeTensors::deserialize(bytes).map_err(|error| malformed(error.to_string()))?;
+        let head = header.metadata().as_ref().and_then(|entries| entries.get(HEAD));
+        let head = head.ok_or_else(|| malformed(format!("its head has no entry `{HEAD}`")))?;
+        let Kind { format, version } =
+            serde_json::from_str(head).map_err(|error| malformed(format!("its head: {error}")))?;
+        if format != FORMAT {
+            return Err(malformed(format!("its head says `{format}`, not `{FORMAT}`")));
+        }
+        if version > VERSION {
+            return Err(ModelFileError::Version { path: origin.into(), found: version, supported: VERSION });
+        }
+        let head: Head = serde_json::from_str(head).map_err(|error| malformed(format!("its head: {error}")))?;
+        Self::from_head(head, &tensors).map_err(malformed)
+    }
+
+    fn from_head(head: Head, tensors: &SafeTensors<'_>) -> Result<Self, String> {
+        let Head { robot, effects, parameter_names, provenance, processing, fit, .. } = head;
+        let set = ParameterSet::new(&robot, &effects).map_err(|error| error.to_string())?;
+        if parameter_names != set.names() {
+            return Err("its parameters are not those of its robot and effects".into());
+        }
+        let parameters = array(tensors, "parameters", set.len())?;
+        if let Some(index) = parameters.iter().position(|value| !value.is_finite()) {
+            return Err(format!("the parameter {} is {}", parameter_names[index], parameters[index]));
+        }
+        let joints = robot.dof();
+        if processing.as_ref().is_some_and(|processing| processing.standstill_speed.len() != joints) {
+            return Err("its processing is for another number of joints".into());
+        }
+        let mut model = Self::from_parameters(robot, set, parameters, vec![]);
+        (model.provenance, model.processing) = (provenance, processing);
+        if let Some(mut fit) = fit {
+            let rank = model.base.rank();
+            if fit.values.len() != rank {
+                return Err(format!("{} base parameters where the robot has {rank}", fit.values.len()));
+            }
+            fit.standard_deviations = array(tensors, "standard_deviations", rank)?;
+            fit.covariance = array(tensors, "covariance", rank * rank)?;
+            model.fit = Some(fit);
+        }
+        Ok(model)
+    }
+}
+
+/// What the head of a file says, in the order in which a person reads it.
+#[derive(Serialize, Deserialize)]
+struct Head {
+    format: String,
+    version: u32,
+    provenance: Provenance,
+    effects: Vec<String>,
+    parameter_names: Vec<String>,
+    processing: Option<Processing>,
+    fit: Option<Fit>,
+    robot: Robot,
+}
+
+/// The part of the head that every version has.
+#[derive(Deserialize)]
+struct Kind {
+    format: String,
+    version: u32,
+}
+
+fn array(tensors: &SafeTensors<'_>, name: &str, length: usize) -> Result<Vec<f64>, String> {
+    let view = tensors.tensor(name).map_err(|_| format!("`{name}` is missing"))?;
+    let (chunks, rest) = view.data().as_chunks::<8>();
+    if view.dtype() != Dtype::F64 || chunks.len() != length || !rest.is_empty() {
+        return Err(format!("`{name}` should hold {length} numbers of 64 bits"));
+    }
+    Ok(chunks.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect())
+}

@@ -1,0 +1,15 @@
+//! The torque model of an arm: identified from logs, compared with others, kept in a file, used in a controller.
+
+mod compare;
+mod file;
+mod identify;
+mod predictor;
+mod torque_model;
+
+pub use compare::{Comparison, JointComparison, LogResidual, compare};
+pub use file::ModelFileError;
+pub use identify::{
+    CutoffInfluence, IdentificationReport, IdentifyError, IdentifyOptions, Start, cutoff_influence, identify,
+};
+pub use predictor::Predictor;
+pub use torque_model::{BaseParameter, Fit, Provenance, TorqueModel};

@@ -1,0 +1,269 @@
+use serde::{Deserialize, Serialize};
+
+use crate::dynamics::{BatchWorkspace, Samples, rnea_batch};
+use crate::effects::{JointState, UnknownEffect};
+use crate::identification::{BaseParameters, ParameterSet};
+use crate::motion::Processing;
+use crate::robot::Robot;
+use crate::spatial::PARAMETERS_PER_LINK;
+
+/// tau = rigid body(q, dq, ddq; parameters) + effects(q, dq, ddq; parameters).
+#[derive(Clone, Debug)]
+pub struct TorqueModel {
+    /// The robot with the inertias of its file.
+    pub(super) robot: Robot,
+    pub(super) set: ParameterSet,
+    pub(super) base: BaseParameters,
+    /// All parameters of the set.
+    pub(super) parameters: Vec<f64>,
+    /// The robot with the inertias of `parameters`.
+    pub(super) dynamics: Robot,
+    pub(super) fit: Option<Fit>,
+    pub(super) processing: Option<Processing>,
+    pub(super) provenance: Provenance,
+}
+
+/// What an identification says about its estimates.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Fit {
+    /// Name of the method.
+    pub method: String,
+    /// Estimated base parameters.
+    pub values: Vec<f64>,
+    /// Their standard deviations; infinite where the motion says nothing.
+    #[serde(skip)]
+    pub standard_deviations: Vec<f64>,
+    /// Their covariance, `[rank, rank]`, row-major.
+    #[serde(skip)]
+    pub covariance: Vec<f64>,
+    /// Standard deviation of the torque residual per joint, in the band of the fit, N·m (N).
+    pub noise: Vec<f64>,
+    /// Rows per joint.
+    pub rows: Vec<usize>,
+    /// Per joint: rows that carry as much as one independent row, from the autocorrelation of the residual.
+    pub correlation: Vec<f64>,
+    /// cond(W); infinite where the motion does not excite a direction at all.
+    #[serde(with = "infinity_as_null")]
+    pub condition: f64,
+    /// cond(W) with columns scaled to unit length.
+    #[serde(with = "infinity_as_null")]
+    pub scaled_condition: f64,
+    /// Base parameters that the motion does not determine.
+    pub undetermined: Vec<String>,
+}
+
+/// Where a model comes from.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Provenance {
+    /// Version of this library.
+    pub library_version: String,
+    /// Logs it was fitted to.
+    pub logs: Vec<String>,
+    /// What was done, in order, one sentence each.
+    pub history: Vec<String>,
+}
+
+/// One base parameter for a table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BaseParameter {
+    /// Parameter that stands for the combination.
+    pub name: String,
+    /// The combination.
+    pub expression: String,
+    /// Unit.
+    pub unit: &'static str,
+    /// Value in this model.
+    pub value: f64,
+    /// Standard deviation; none for a model that was not identified, infinite if the motion did not determine it.
+    pub standard_deviation: Option<f64>,
+    /// Value that the robot file gives.
+    pub nominal: f64,
+}
+
+impl TorqueModel {
+    /// The model that the robot file describes: its inertias, and its `<dynamics>` as friction where given.
+    pub fn nominal(robot: &Robot) -> Self {
+        let has = |select: fn(&crate::robot::Joint) -> f64| robot.joints().iter().any(|joint| select(joint) != 0.0);
+        let mut effects = Vec::new();
+        if has(|joint| joint.damping) {
+            effects.push("viscous_friction");
+        }
+        if has(|joint| joint.friction) {
+            effects.push("coulomb_friction");
+        }
+        let set = ParameterSet::new(robot, &effects).expect("effects of the library");
+        let parameters = nominal_parameters(robot, &set);
+        let history = vec![format!("taken from the robot file of `{}`", robot.name())];
+        Self::from_parameters(robot.clone(), set, parameters, history)
+    }
+
+    /// A model with given parameters: ten per link, then those of `effects`, in the order of [`ParameterSet`].
+    ///
+    /// # Errors
+    /// If there is no effect of a name.
+    ///
+    /// # Panics
+    /// If `parameters` has another length than the set.
+    pub fn with_parameters(
+        robot: &Robot,
+        effects: &[impl AsRef<str>],
+        parameters: Vec<f64>,
+    ) -> Result<Self, UnknownEffect> {
+        let set = ParameterSet::new(robot, effects)?;
+        Ok(Self::from_parameters(robot.clone(), set, parameters, vec!["made from given parameters".into()]))
+    }
+
+    pub(super) fn from_parameters(robot: Robot, set: ParameterSet, parameters: Vec<f64>, history: Vec<String>) -> Self {
+        assert_eq!(parameters.len(), set.len(), "every parameter of the set");
+        let provenance = Provenance { library_version: env!("CARGO_PKG_VERSION").into(), logs: vec![], history };
+        Self {
+            base: BaseParameters::new(&robot, &set),
+            dynamics: robot.clone().with_standard_parameters(&parameters[..set.inertial()]),
+            robot,
+            set,
+            parameters,
+            fit: None,
+            processing: None,
+            provenance,
+        }
+    }
+
+    pub(super) fn set_parameters(&mut self, parameters: Vec<f64>) {
+        self.dynamics = self.robot.clone().with_standard_parameters(&parameters[..self.set.inertial()]);
+        self.parameters = parameters;
+    }
+
+    /// The robot with the inertias of its file.
+    pub fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// The robot with the inertias of the model.
+    pub fn identified_robot(&self) -> &Robot {
+        &self.dynamics
+    }
+
+    /// Names and units of all parameters.
+    pub fn parameter_set(&self) -> &ParameterSet {
+        &self.set
+    }
+
+    /// Values of all parameters.
+    pub fn parameters(&self) -> &[f64] {
+        &self.parameters
+    }
+
+    /// The identifiable combinations.
+    pub fn base(&self) -> &BaseParameters {
+        &self.base
+    }
+
+    /// What the identification says, if the model was identified.
+    pub fn fit(&self) -> Option<&Fit> {
+        self.fit.as_ref()
+    }
+
+    /// How logs are processed for this model, if it was identified.
+    pub fn processing(&self) -> Option<&Processing> {
+        self.processing.as_ref()
+    }
+
+    /// Where the model comes from.
+    pub fn provenance(&self) -> &Provenance {
+        &self.provenance
+    }
+
+    /// The table of base parameters.
+    pub fn base_parameters(&self) -> Vec<BaseParameter> {
+        let values = self.base.combine(&self.parameters);
+        let nominal = self.base.combine(&nominal_parameters(&self.robot, &self.set));
+        let row = |k: usize| BaseParameter {
+            name: self.base.names()[k].clone(),
+            expression: self.base.expression(k),
+            unit: self.base.units()[k],
+            value: values[k],
+            standard_deviation: self.fit.as_ref().map(|fit| fit.standard_deviations[k]),
+            nominal: nominal[k],
+        };
+        (0..self.base.rank()).map(row).collect()
+    }
+
+    /// This model and an error model on top of it: the parameters of both added (thesis eq. 4-21).
+    ///
+    /// Effects that only one of the two has are kept.
+    ///
+    /// # Panics
+    /// If the models are of different robots.
+    #[must_use]
+    pub fn plus(&self, error: &Self) -> Self {
+        let same_robot = self.robot.joint_names().eq(error.robot.joint_names());
+        assert!(same_robot, "both models are of one robot");
+        let effects = |model: &Self| model.set.effects().iter().map(|e| e.name().to_string()).collect::<Vec<_>>();
+        let mut names = effects(self);
+        names.extend(effects(error));
+        let set = ParameterSet::new(&self.robot, &names).expect("effects of the models");
+        let mut sum = vec![0.0; set.len()];
+        for model in [self, error] {
+            for (name, value) in model.set.names().iter().zip(&model.parameters) {
+                let index = set.names().iter().position(|other| other == name).expect("a union");
+                sum[index] += value;
+            }
+        }
+        let mut history = self.provenance.history.clone();
+        history.extend(error.provenance.history.iter().map(|line| format!("error model added: {line}")));
+        let mut model = Self::from_parameters(self.robot.clone(), set, sum, history);
+        model.processing = error.processing.clone().or_else(|| self.processing.clone());
+        model.provenance.logs.clone_from(&error.provenance.logs);
+        model
+    }
+
+    /// Torque of every sample, allocation aside as fast as the dynamics of a batch.
+    ///
+    /// - returns `[samples, n]`, row-major, N·m (N)
+    ///
+    /// # Panics
+    /// If the arrays do not hold whole samples.
+    pub fn predict(&self, samples: Samples<'_>) -> Vec<f64> {
+        let n = self.robot.dof();
+        samples.count(n);
+        let mut tau = vec![0.0; samples.q.len()];
+        rnea_batch(&self.dynamics, &mut BatchWorkspace::new(&self.dynamics), samples, &mut tau);
+        if self.set.len() > self.set.inertial() {
+            for (k, tau) in tau.chunks_exact_mut(n).enumerate() {
+                let row = k * n..(k + 1) * n;
+                let state =
+                    JointState { q: &samples.q[row.clone()], dq: &samples.dq[row.clone()], ddq: &samples.ddq[row] };
+                self.set.add_effect_torque(&self.parameters, &state, tau);
+            }
+        }
+        tau
+    }
+}
+
+/// Parameters that the robot file gives: inertias, damping and friction; zero for what it does not know.
+pub(super) fn nominal_parameters(robot: &Robot, set: &ParameterSet) -> Vec<f64> {
+    let mut parameters = robot.standard_parameters();
+    debug_assert_eq!(parameters.len(), PARAMETERS_PER_LINK * robot.dof());
+    for column in set.effect_columns() {
+        let joint = &robot.joints()[column.joint];
+        parameters.push(match set.effects()[column.effect].name() {
+            "viscous_friction" => joint.damping,
+            "coulomb_friction" => joint.friction,
+            _ => 0.0,
+        });
+    }
+    parameters
+}
+
+/// JSON has no infinity.
+mod infinity_as_null {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+        value.is_finite().then_some(*value).serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+        Ok(Option::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
+    }
+}

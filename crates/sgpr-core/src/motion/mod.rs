@@ -1,0 +1,162 @@
+//! From a log to joint motion: filtered position, velocity, acceleration, and which samples can be trusted.
+//!
+//! What is done to a log is decided once, by [`Processing::choose`] from the training logs, kept with the model, and
+//! done in the same way to every log that is compared with it.
+
+mod error;
+mod periods;
+mod processing;
+mod standstill;
+
+pub use error::MotionError;
+pub use periods::{PeriodAverage, average_periods};
+pub use processing::{Conditioning, Processing, TorqueBand};
+
+use crate::dynamics::Samples;
+use crate::identification::Row;
+use crate::recording::{GAP_FACTOR, Recording, split_at_gaps};
+use crate::signal::LowPass;
+use standstill::separate_rests;
+
+/// One uniformly sampled stretch of a log, processed. Arrays are `[samples, n]`, row-major, SI.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    /// Where it comes from.
+    pub source: String,
+    /// Sampling rate, Hz.
+    pub rate_hz: f64,
+    /// Time stamps of the log, ns.
+    pub time: Vec<i64>,
+    /// Low-passed positions.
+    pub q: Vec<f64>,
+    /// Their first derivative; zero while a joint rests.
+    pub dq: Vec<f64>,
+    /// Their second derivative; zero while a joint rests.
+    pub ddq: Vec<f64>,
+    /// Torques as logged, if they were.
+    pub tau: Option<Vec<f64>>,
+    /// Whether a sample is far enough from the ends of the stretch for its derivatives to be right, `[samples]`.
+    pub inner: Vec<bool>,
+    /// What the equation of a joint at a sample is good for, `[samples, n]`.
+    pub use_as: Vec<Row>,
+}
+
+impl Motion {
+    /// The stretches of a recording between its gaps, processed. Stretches shorter than the filter are left out.
+    ///
+    /// # Errors
+    /// If the recording has samples that are not finite, time that does not run forward or is irregular, or is shorter
+    /// than the filter needs.
+    pub fn from_recording(recording: &Recording, processing: &Processing) -> Result<Vec<Self>, MotionError> {
+        let mut motions = Vec::new();
+        let mut too_short = None;
+        for stretch in split_at_gaps(recording, GAP_FACTOR) {
+            match Self::of_stretch(&stretch, processing) {
+                Ok(motion) => motions.push(motion),
+                Err(error @ MotionError::TooShort { .. }) => too_short = Some(error),
+                Err(error) => return Err(error),
+            }
+        }
+        match too_short {
+            Some(error) if motions.is_empty() => Err(error),
+            _ => Ok(motions),
+        }
+    }
+
+    fn of_stretch(recording: &Recording, processing: &Processing) -> Result<Self, MotionError> {
+        let rate_hz = uniform_rate(recording)?;
+        let (samples, n) = (recording.len(), recording.dof());
+        let filter = LowPass::butterworth(processing.order, processing.cutoff_hz, rate_hz)?;
+        let edge = filter.settling_samples() + processing.differentiation.edge();
+        if samples < 2 * edge + SHORTEST {
+            return Err(MotionError::TooShort {
+                recording: recording.source().into(),
+                seconds: samples as f64 / rate_hz,
+                needed: (2 * edge + SHORTEST) as f64 / rate_hz,
+            });
+        }
+        let mut q = recording.position().to_vec();
+        filter.apply(&mut q, n)?;
+        let (mut dq, mut ddq) = processing.differentiation.derivatives(&q, n, rate_hz)?;
+        let inner: Vec<bool> = (0..samples).map(|k| k >= edge && k < samples - edge).collect();
+        let threshold = &processing.standstill_speed;
+        let mut use_as = separate_rests(&mut dq, &mut ddq, threshold, rate_hz, processing.cutoff_hz);
+        for (row, inner) in use_as.chunks_exact_mut(n).zip(&inner) {
+            if !inner {
+                row.fill(Row::Skip);
+            }
+        }
+        Ok(Self {
+            source: recording.source().into(),
+            rate_hz,
+            time: recording.time().to_vec(),
+            q,
+            dq,
+            ddq,
+            tau: recording.torque().map(<[f64]>::to_vec),
+            inner,
+            use_as,
+        })
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.time.len()
+    }
+
+    /// Whether there is no sample.
+    pub fn is_empty(&self) -> bool {
+        self.time.is_empty()
+    }
+
+    /// The motion as the dynamics takes it.
+    pub fn samples(&self) -> Samples<'_> {
+        Samples { q: &self.q, dq: &self.dq, ddq: &self.ddq }
+    }
+}
+
+/// Samples that must remain between the ends.
+const SHORTEST: usize = 10;
+
+/// Steps may deviate from the median by this share of it (root mean square) before differences become wrong.
+const JITTER: f64 = 0.02;
+
+/// Sampling rate of a recording that is uniform enough to be differentiated.
+fn uniform_rate(recording: &Recording) -> Result<f64, MotionError> {
+    let source = || recording.source().to_string();
+    let time = recording.time();
+    let n = recording.dof();
+    let columns = [Some(("position", recording.position())), recording.torque().map(|tau| ("torque", tau))];
+    for (quantity, values) in columns.into_iter().flatten() {
+        if let Some(index) = values.iter().position(|value| !value.is_finite()) {
+            return Err(MotionError::NotFinite {
+                recording: source(),
+                quantity,
+                joint: recording.joint_names()[index % n].clone(),
+                seconds: (time[index / n] - time[0]) as f64 * 1e-9,
+            });
+        }
+    }
+    let steps: Vec<i64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    if let Some(index) = steps.iter().position(|step| *step <= 0) {
+        let seconds = (time[index] - time[0]) as f64 * 1e-9;
+        return Err(MotionError::TimeNotIncreasing { recording: source(), row: index + 1, seconds });
+    }
+    let mut sorted = steps.clone();
+    sorted.sort_unstable();
+    let Some(&median) = sorted.get(sorted.len() / 2) else {
+        return Err(MotionError::TooShort { recording: source(), seconds: 0.0, needed: 1.0 });
+    };
+    let deviation = |step: &i64| (*step as f64 / median as f64 - 1.0).powi(2);
+    let jitter = (steps.iter().map(deviation).sum::<f64>() / steps.len() as f64).sqrt();
+    if jitter > JITTER {
+        return Err(MotionError::Irregular {
+            recording: source(),
+            median_ms: median as f64 * 1e-6,
+            jitter_percent: 100.0 * jitter,
+            rate_hz: 1e9 / median as f64,
+        });
+    }
+    // Over the whole stretch: the median of rounded stamps is a rounded number.
+    Ok(steps.len() as f64 * 1e9 / (time[time.len() - 1] - time[0]) as f64)
+}

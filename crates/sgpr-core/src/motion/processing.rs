@@ -1,0 +1,136 @@
+use serde::{Deserialize, Serialize};
+
+use super::{MotionError, uniform_rate};
+use crate::recording::{GAP_FACTOR, Recording, split_at_gaps};
+use crate::signal::{CutoffChoice, Differentiation, choose_cutoff};
+
+/// What the user asks for; what is left open is chosen from the logs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Conditioning {
+    /// Cut-off of the position filter, Hz; from the spectrum if `None`.
+    pub cutoff_hz: Option<f64>,
+    /// Order of the Butterworth filter (of one pass; it runs in both directions).
+    pub order: usize,
+    /// How derivatives are taken.
+    pub differentiation: Differentiation,
+    /// Band in which the two sides of the equation are compared.
+    pub torque_band: TorqueBand,
+    /// Every how many rows of the filtered equation are taken; from the band if `None`.
+    pub decimation: Option<usize>,
+    /// Speed below which a joint counts as standing, rad/s (m/s); from the noise if `None`.
+    pub standstill_speed: Option<f64>,
+}
+
+impl Default for Conditioning {
+    fn default() -> Self {
+        Self {
+            cutoff_hz: None,
+            order: 4,
+            differentiation: Differentiation::default(),
+            torque_band: TorqueBand::AsPosition,
+            decimation: None,
+            standstill_speed: None,
+        }
+    }
+}
+
+/// Low-pass on the torque and, alike, on every column of the observation matrix.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum TorqueBand {
+    /// The cut-off of the position.
+    AsPosition,
+    /// This cut-off, Hz.
+    Hz(f64),
+    /// No filter.
+    Full,
+}
+
+/// What is done to every log, with all choices made. Kept with the model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Processing {
+    /// Cut-off of the position filter, Hz.
+    pub cutoff_hz: f64,
+    /// Order of the filters.
+    pub order: usize,
+    /// How derivatives are taken.
+    pub differentiation: Differentiation,
+    /// Cut-off of both sides of the equation, Hz; none if they are not filtered.
+    pub torque_cutoff_hz: Option<f64>,
+    /// Every how many rows of the equation are taken.
+    pub decimation: usize,
+    /// Per joint: speed below which it counts as standing, rad/s (m/s).
+    pub standstill_speed: Vec<f64>,
+}
+
+/// Rows per second of the filtered equation, in cut-offs: at one and a half cut-offs the filter passes 4 %.
+const ROWS_PER_CUTOFF: f64 = 3.0;
+
+/// A joint stands below this many standard deviations of the noise of its speed ...
+const NOISE_MARGIN: f64 = 6.0;
+
+/// ... and below this share of its highest speed.
+const SPEED_SHARE: f64 = 5e-4;
+
+/// ... and below this, rad/s (m/s), whatever the noise.
+const SLOWEST: f64 = 1e-6;
+
+impl Processing {
+    /// Makes the choices that `conditioning` leaves open, from the recordings a model is fitted to, and says how the
+    /// cut-off was found.
+    ///
+    /// # Errors
+    /// If there is no recording, one is irregular or has samples that are not finite, or a wish cannot be met.
+    pub fn choose(
+        recordings: &[Recording],
+        conditioning: &Conditioning,
+    ) -> Result<(Self, Vec<CutoffChoice>), MotionError> {
+        let mut choices = Vec::new();
+        let mut slowest = f64::INFINITY;
+        let mut top_speed: Vec<f64> = Vec::new();
+        for recording in recordings {
+            // The longest stretch speaks for a log.
+            let stretches = split_at_gaps(recording, GAP_FACTOR);
+            let Some(longest) = stretches.iter().max_by_key(|stretch| stretch.len()) else { continue };
+            let rate = uniform_rate(longest)?;
+            let n = longest.dof();
+            choices.push(choose_cutoff(longest.position(), n, rate));
+            slowest = slowest.min(rate);
+            top_speed.resize(n, 0.0);
+            let stride = (0.05 * rate).ceil() as usize;
+            for (joint, top) in top_speed.iter_mut().enumerate() {
+                let coarse: Vec<f64> = longest.position().iter().skip(joint).step_by(n * stride).copied().collect();
+                let speed = |pair: &[f64]| (pair[1] - pair[0]).abs() * rate / stride as f64;
+                *top = coarse.windows(2).map(speed).fold(*top, f64::max);
+            }
+        }
+        if choices.is_empty() {
+            return Err(MotionError::NoRecording);
+        }
+        let highest = choices.iter().map(|choice| choice.cutoff_hz).fold(0.0, f64::max);
+        let cutoff_hz = conditioning.cutoff_hz.unwrap_or(highest.min(0.2 * slowest));
+        let torque_cutoff_hz = match conditioning.torque_band {
+            TorqueBand::AsPosition => Some(cutoff_hz),
+            TorqueBand::Hz(hz) => Some(hz),
+            TorqueBand::Full => None,
+        };
+        let decimation = conditioning.decimation.unwrap_or_else(|| {
+            torque_cutoff_hz.map_or(1, |hz| (slowest / (ROWS_PER_CUTOFF * hz)).floor().max(1.0) as usize)
+        });
+        let standstill = |joint: usize| {
+            let noise = choices.iter().map(|choice| choice.noise[joint]).fold(0.0, f64::max);
+            let speed_noise = std::f64::consts::TAU * cutoff_hz * noise * (2.0 * cutoff_hz / (3.0 * slowest)).sqrt();
+            (NOISE_MARGIN * speed_noise).max(SPEED_SHARE * top_speed[joint]).max(SLOWEST)
+        };
+        let standstill_speed =
+            (0..top_speed.len()).map(|joint| conditioning.standstill_speed.unwrap_or_else(|| standstill(joint)));
+        let processing = Self {
+            cutoff_hz,
+            order: conditioning.order,
+            differentiation: conditioning.differentiation,
+            torque_cutoff_hz,
+            decimation: decimation.max(1),
+            standstill_speed: standstill_speed.collect(),
+        };
+        Ok((processing, choices))
+    }
+}

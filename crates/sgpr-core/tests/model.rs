@@ -1,0 +1,380 @@
+//! The main job on the bundled logs of a closed-loop simulation by another program.
+#![allow(missing_docs)]
+
+mod common;
+
+use common::{data, largest_difference};
+use sgpr_core::dynamics::Samples;
+use sgpr_core::identification::Method;
+use sgpr_core::model::{
+    IdentifyError, IdentifyOptions, Predictor, Start, TorqueModel, compare, cutoff_influence, identify,
+};
+use sgpr_core::motion::{MotionError, TorqueBand, average_periods};
+use sgpr_core::recording::{Recording, csv};
+use sgpr_core::robot::{Robot, UrdfOptions, two_link};
+use sgpr_core::spatial::Vector3;
+
+fn robot() -> Robot {
+    Robot::from_urdf(data("demo/robot.urdf"), &UrdfOptions::default()).expect("bundled")
+}
+
+fn read(name: &str) -> Recording {
+    csv::read(data(&format!("demo/{name}.csv.gz")), &Default::default()).expect("bundled")
+}
+
+fn train() -> Vec<Recording> {
+    ["train_1", "train_2", "train_3"].map(read).to_vec()
+}
+
+fn options() -> IdentifyOptions {
+    let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
+    IdentifyOptions { effects, ..IdentifyOptions::default() }
+}
+
+#[test]
+fn identification_beats_the_robot_file_on_a_log_it_has_not_seen() {
+    let (robot, train, test) = (robot(), train(), [read("test")]);
+    let (model, report) = identify(&robot, &train, &options(), &()).expect("good logs");
+    assert_eq!(report.samples, 15_000);
+    let identified = compare(&model, &test, None).expect("a good log");
+    let nominal = compare(&TorqueModel::nominal(&robot), &test, model.processing()).expect("a good log");
+    for (after, before) in identified.joints.iter().zip(&nominal.joints) {
+        assert!(after.rmse < 0.5 * before.rmse, "{}: {} {}", after.joint, after.rmse, before.rmse);
+        assert!(after.fit_percent > 85.0 && after.r2 > 0.98, "{after:?}");
+        assert!(after.rmse < after.rmse_gravity && after.rmse_gravity < 1.5 * after.rmse_zero);
+        assert!(after.largest_error >= after.rmse && after.samples > 4000);
+        assert!(after.largest_error_time > 0.0 && after.largest_error_time < 20.0);
+    }
+    // What a plain least-squares fit by the makers of the case leaves, rests counted.
+    let plain = [1.140874, 0.992573, 0.867673, 0.196868, 0.106579, 0.019552];
+    for (joint, plain) in identified.joints.iter().zip(plain) {
+        assert!(joint.rmse_with_rests < plain, "{joint:?}");
+    }
+    assert!(identified.relative_error_percent < 3.0, "{}", identified.relative_error_percent);
+}
+
+#[test]
+fn a_model_read_back_predicts_the_same_bits() {
+    let (robot, train, test) = (robot(), train(), read("test"));
+    let (model, _) = identify(&robot, &train[..1], &options(), &()).expect("good logs");
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("model.sgpr");
+    model.save(&path).expect("writable");
+    let back = TorqueModel::load(&path).expect("just written");
+    let q = test.position();
+    let dq = test.velocity().expect("logged");
+    let samples = Samples { q, dq, ddq: dq };
+    let (a, b) = (model.predict(samples), back.predict(samples));
+    assert!(a.iter().zip(&b).all(|(a, b)| a.to_bits() == b.to_bits()));
+    assert_eq!(back.fit(), model.fit());
+    assert_eq!(back.processing(), model.processing());
+    assert_eq!(back.provenance(), model.provenance());
+    assert_eq!(back.robot(), model.robot());
+    assert_eq!(back.to_bytes(), model.to_bytes(), "the same model gives the same bytes");
+    // The head is for people.
+    let bytes = std::fs::read(&path).expect("readable");
+    let head = String::from_utf8_lossy(&bytes[..8000]);
+    assert!(
+        head.contains("sgpr torque model") && head.contains("joint_2.Ixx") && head.contains("weighted least squares")
+    );
+}
+
+#[test]
+fn damaged_and_hostile_model_files_are_refused() {
+    let model = TorqueModel::nominal(&robot());
+    let good = model.to_bytes();
+    let message = |bytes: &[u8]| TorqueModel::from_bytes(bytes, "x.sgpr").expect_err("damaged").to_string();
+    assert!(message(b"").contains("x.sgpr: not a torque model"));
+    assert!(message(&good[..good.len() - 9]).contains("not a torque model"));
+    // A head that claims ten gigabytes.
+    let mut claims = good.clone();
+    claims[..8].copy_from_slice(&10_000_000_000u64.to_le_bytes());
+    assert!(message(&claims).contains("not a torque model"));
+    let text = |from: &str, to: &str| {
+        assert_eq!(from.len(), to.len());
+        let text = String::from_utf8_lossy(&good).into_owned();
+        assert!(text.contains(from), "{from}");
+        let at = good.windows(from.len()).position(|window| window == from.as_bytes()).expect("there");
+        let mut bytes = good.clone();
+        bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
+        message(&bytes)
+    };
+    assert!(text("version\\\":1,", "version\\\":9,").contains("up to 1: update"));
+    assert!(text("sgpr torque model", "another kind of!!").contains("its head says `another kind of!!`"));
+    assert!(text("joint_3.Ixx", "joint_3.Ixz").contains("not those of its robot"));
+    // Not a number among the parameters.
+    let mut nan = good.clone();
+    let last = nan.len() - 8;
+    nan[last..].copy_from_slice(&f64::NAN.to_le_bytes());
+    assert!(message(&nan).contains("joint_6.Izz is NaN"), "{}", message(&nan));
+    // Every truncation and many flipped bits: an error or a model, never a panic.
+    for length in (0..good.len()).step_by(97) {
+        assert!(TorqueModel::from_bytes(&good[..length], "x").is_err());
+    }
+    for at in (0..good.len()).step_by(61) {
+        let mut bytes = good.clone();
+        bytes[at] ^= 0x15;
+        let _ = TorqueModel::from_bytes(&bytes, "x");
+    }
+}
+
+#[test]
+fn the_predictor_agrees_with_batches() {
+    let (model, _) = identify(&robot(), &train()[..1], &options(), &()).expect("good logs");
+    let test = read("test");
+    let (q, dq) = (&test.position()[..600], &test.velocity().expect("logged")[..600]);
+    let tau = model.predict(Samples { q, dq, ddq: dq });
+    let mut predictor = Predictor::new(&model);
+    for k in 0..100 {
+        let row = k * 6..(k + 1) * 6;
+        let one = predictor.torque(&q[row.clone()], &dq[row.clone()], &dq[row.clone()]);
+        assert!(largest_difference(one, &tau[row]) < 1e-11);
+    }
+}
+
+#[test]
+fn another_cutoff_changes_little_and_the_influence_is_told() {
+    let (robot, train) = (robot(), train());
+    let (model, _) = identify(&robot, &train, &options(), &()).expect("good logs");
+    let influences = cutoff_influence(&robot, &train, &options(), &model, &()).expect("good logs");
+    assert!(influences.len() >= 3);
+    let chosen = model.processing().expect("identified").cutoff_hz;
+    let test = [read("test")];
+    let reference = compare(&model, &test, None).expect("a good log").relative_error_percent;
+    for influence in &influences {
+        assert!(influence.cutoff_hz != chosen && influence.typical_change > 0.0);
+        assert!(influence.largest_change >= influence.typical_change);
+        let other = compare(&influence.model, &test, model.processing()).expect("a good log").relative_error_percent;
+        assert!(other < 1.5 * reference, "{} Hz: {other} % instead of {reference} %", influence.cutoff_hz);
+    }
+}
+
+/// Recording of the two-link arm, lying flat, following sums of sines with the torque `tau(t, q, dq, ddq)`.
+fn two_link_recording(robot: &Robot, seconds: f64, model: &TorqueModel) -> Recording {
+    let rate = 200.0;
+    let samples = (seconds * rate) as usize;
+    let (mut q, mut dq, mut ddq) = (vec![], vec![], vec![]);
+    for k in 0..samples {
+        let t = k as f64 / rate;
+        for joint in 0..2 {
+            let (mut position, mut velocity, mut acceleration) = (0.0, 0.0, 0.0);
+            for h in 1..=4 {
+                let w = std::f64::consts::TAU * 0.25 * f64::from(h);
+                let (a, phase) = (0.5 / f64::from(h), f64::from(h) + 2.0 * joint as f64);
+                position += a * (w * t + phase).sin();
+                velocity += a * w * (w * t + phase).cos();
+                acceleration -= a * w * w * (w * t + phase).sin();
+            }
+            q.push(position);
+            dq.push(velocity);
+            ddq.push(acceleration);
+        }
+    }
+    let tau = model.predict(Samples { q: &q, dq: &dq, ddq: &ddq });
+    let time = (0..samples).map(|k| (k as f64 / rate * 1e9).round() as i64).collect();
+    let names = robot.joint_names().map(String::from).collect();
+    Recording::new("two_link", names, time, q, None, Some(tau), vec![]).expect("arrays of one length")
+}
+
+#[test]
+fn the_error_of_an_internal_model_is_identified_from_its_feedback_torque() {
+    // The thesis's case 2: the robot has the base parameters [1.25, -0.5, 0, 0.5] (joint frames: +0.5), the internal model
+    // is wrong by [1, -1, 1, 1]; the feedback torque is what the internal model leaves over.
+    let robot = two_link().with_gravity(Vector3::new(0.0, 0.0, -9.81));
+    let truth = TorqueModel::nominal(&robot);
+    let mut wrong = robot.standard_parameters();
+    // Base parameters are joint_1.Izz + joint_2.m, joint_2.mx, joint_2.my, joint_2.Izz.
+    for (index, error) in [(9, 1.0), (11, -1.0), (12, 1.0), (19, 1.0)] {
+        wrong[index] += error;
+    }
+    let internal = TorqueModel::with_parameters(&robot, &[] as &[&str], wrong).expect("no effects");
+    let whole = two_link_recording(&robot, 12.0, &truth);
+    let by_internal = two_link_recording(&robot, 12.0, &internal);
+    let feedback: Vec<f64> = whole
+        .torque()
+        .expect("made")
+        .iter()
+        .zip(by_internal.torque().expect("made"))
+        .map(|(whole, internal)| whole - internal)
+        .collect();
+    let log = Recording::new(
+        "feedback",
+        whole.joint_names().to_vec(),
+        whole.time().to_vec(),
+        whole.position().to_vec(),
+        None,
+        Some(feedback),
+        vec![],
+    )
+    .expect("arrays of one length");
+    let mut options = IdentifyOptions { effects: vec![], start: Start::Zero, ..IdentifyOptions::default() };
+    options.conditioning.cutoff_hz = Some(15.0);
+    let (error, _) = identify(&robot, &[log], &options, &()).expect("a good log");
+    assert_eq!(error.base().names(), ["joint_1.Izz", "joint_2.mx", "joint_2.my", "joint_2.Izz"]);
+    let found: Vec<f64> = error.base_parameters().iter().map(|parameter| parameter.value).collect();
+    assert!(largest_difference(&found, &[-1.0, 1.0, -1.0, -1.0]) < 1e-3, "{found:?}");
+    // On top of the internal model it is the robot.
+    let corrected = internal.plus(&error);
+    let comparison = compare(&corrected, &[whole], error.processing()).expect("a good log");
+    assert!(comparison.relative_error_percent < 0.1, "{}", comparison.relative_error_percent);
+    assert!(corrected.provenance().history.iter().any(|line| line.contains("error of an internal model")));
+}
+
+#[test]
+fn periods_are_averaged_with_their_spread() {
+    let robot = two_link();
+    let model = TorqueModel::nominal(&robot);
+    // Fundamental 0.25 Hz: ten periods of 4 s, 800 samples.
+    let clean = two_link_recording(&robot, 40.0, &model);
+    let mut state = 7u64;
+    let mut noise = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    };
+    // Uniform noise on [-a, a] has the standard deviation a / sqrt(3).
+    let tau: Vec<f64> =
+        clean.torque().expect("made").iter().enumerate().map(|(k, t)| t + [0.3, 0.6][k % 2] * noise()).collect();
+    let noisy = Recording::new(
+        "noisy",
+        clean.joint_names().to_vec(),
+        clean.time().to_vec(),
+        clean.position().to_vec(),
+        None,
+        Some(tau),
+        vec![],
+    )
+    .expect("arrays of one length");
+    let average = average_periods(&noisy, 4.0, 2).expect("ten periods");
+    assert_eq!((average.periods, average.recording.len()), (8, 800));
+    for (found, half_width) in average.torque_noise.iter().zip([0.3, 0.6]) {
+        assert!((found / (half_width / 3f64.sqrt()) - 1.0).abs() < 0.03, "{found}");
+    }
+    assert!(average.position_noise.iter().all(|noise| *noise < 1e-12));
+    let expected = &clean.torque().expect("made")[..1600];
+    let error = average.recording.torque().expect("kept").iter().zip(expected);
+    let rms = (error.map(|(a, b)| (a - b).powi(2)).sum::<f64>() / 1600.0).sqrt();
+    assert!(rms < 0.3 / 8f64.sqrt(), "{rms}");
+
+    let message = |period, skip| average_periods(&noisy, period, skip).expect_err("impossible").to_string();
+    assert!(message(4.0013, 0).contains("800.26 samples"), "{}", message(4.0013, 0));
+    assert!(message(4.0, 9).contains("leave 1: an average needs two"), "{}", message(4.0, 9));
+    assert!(message(-1.0, 0).contains("a period of -1 s is none"));
+}
+
+/// Of time, positions, torques and joint names.
+type Change<'a> = &'a dyn Fn(&mut Vec<i64>, &mut Vec<f64>, &mut Option<Vec<f64>>, &mut Vec<String>);
+
+#[test]
+fn logs_that_cannot_be_used_are_refused_with_advice() {
+    let (robot, log) = (robot(), read("train_1"));
+    let message =
+        |recordings: &[Recording]| identify(&robot, recordings, &options(), &()).expect_err("bad").to_string();
+    let changed = |change: Change<'_>| {
+        let mut names = log.joint_names().to_vec();
+        let (mut time, mut q, mut tau) =
+            (log.time().to_vec(), log.position().to_vec(), log.torque().map(<[f64]>::to_vec));
+        change(&mut time, &mut q, &mut tau, &mut names);
+        [Recording::new("log.csv", names, time, q, None, tau, vec![]).expect("arrays of one length")]
+    };
+    assert!(message(&[]).contains("no recording"));
+    let text = message(&changed(&|_, q, _, _| q[6 * 100 + 2] = f64::NAN));
+    assert!(text.contains("log.csv: the position of `joint_3` is not a number 0.400 s after the start"), "{text}");
+    let text = message(&changed(&|time, _, _, _| time.swap(50, 51)));
+    assert!(text.contains("time does not increase after sample 51") && text.contains("sort"), "{text}");
+    let text = message(&changed(&|time, _, _, _| {
+        time.iter_mut().enumerate().for_each(|(k, t)| *t += i64::from(k % 2 == 0) * 1_000_000);
+    }));
+    assert!(text.contains("too irregular to differentiate") && text.contains("resample"), "{text}");
+    let text = message(&changed(&|_, _, tau, _| *tau = None));
+    assert!(text.contains("no torque in this log") && text.contains("torque constants"), "{text}");
+    let text = message(&changed(&|_, _, _, names| names[3] = "wrist".into()));
+    assert!(text.contains("joint_4"), "{text}");
+    let text = message(&[log.slice(0..30)]);
+    assert!(text.contains("too short for this filter"), "{text}");
+    let mut high = options();
+    high.conditioning.cutoff_hz = Some(400.0);
+    let text = identify(&robot, std::slice::from_ref(&log), &high, &()).expect_err("above Nyquist").to_string();
+    assert!(text.contains("between 0 and 125 Hz"), "{text}");
+    let mut unknown = options();
+    unknown.effects.push("stiction".into());
+    assert!(identify(&robot, &[log], &unknown, &()).expect_err("unknown").to_string().contains("`stiction`"));
+}
+
+#[test]
+fn a_joint_that_never_moves_is_named() {
+    let (robot, log) = (robot(), read("train_1"));
+    let mut q = log.position().to_vec();
+    q.iter_mut().skip(5).step_by(6).for_each(|q| *q = 0.3);
+    let still = Recording::new(
+        "still",
+        log.joint_names().to_vec(),
+        log.time().to_vec(),
+        q,
+        None,
+        log.torque().map(<[f64]>::to_vec),
+        vec![],
+    )
+    .expect("arrays of one length");
+    let (model, report) = identify(&robot, &[still], &options(), &()).expect("the others move");
+    let fit = model.fit().expect("identified");
+    assert!(fit.undetermined.contains(&"joint_6.Fc".to_string()), "{:?}", fit.undetermined);
+    assert!(
+        report.warnings.iter().any(|w| w.contains("does not excite") && w.contains("joint_6.Fv")),
+        "{:?}",
+        report.warnings
+    );
+    let index = model.base().names().iter().position(|name| name == "joint_6.Fv").expect("a base parameter");
+    assert!(fit.standard_deviations[index].is_infinite());
+    // And such a model can be kept.
+    let back = TorqueModel::from_bytes(&model.to_bytes(), "memory").expect("valid");
+    assert!(back.fit().expect("kept").standard_deviations[index].is_infinite());
+}
+
+#[test]
+fn gaps_cut_a_log_and_nothing_is_filtered_across_them() {
+    let (robot, log) = (robot(), read("train_1"));
+    // The same log with half a second missing in the middle, and the two halves as two logs.
+    let keep: Vec<usize> = (0..log.len()).filter(|k| !(2400..2525).contains(k)).collect();
+    let pick = |values: &[f64]| keep.iter().flat_map(|k| values[6 * k..6 * k + 6].to_vec()).collect::<Vec<_>>();
+    let gap = Recording::new(
+        "gap",
+        log.joint_names().to_vec(),
+        keep.iter().map(|&k| log.time()[k]).collect(),
+        pick(log.position()),
+        None,
+        Some(pick(log.torque().expect("logged"))),
+        vec![],
+    )
+    .expect("arrays of one length");
+    let mut options = options();
+    options.conditioning.cutoff_hz = Some(10.0);
+    options.conditioning.standstill_speed = Some(0.005);
+    let (one, _) = identify(&robot, &[gap], &options, &()).expect("good logs");
+    let (two, _) =
+        identify(&robot, &[log.slice(0..2400), log.slice(2525..log.len())], &options, &()).expect("good logs");
+    assert!(largest_difference(one.parameters(), two.parameters()) < 1e-9);
+}
+
+#[test]
+fn known_noise_and_an_unfiltered_band_are_possible() {
+    let (robot, train) = (robot(), train());
+    let mut options = options();
+    options.method = Method::WlsKnown(vec![0.34, 0.54, 0.2, 0.023, 0.017, 0.011]);
+    options.conditioning.torque_band = TorqueBand::Full;
+    let (model, _) = identify(&robot, &train, &options, &()).expect("good logs");
+    assert_eq!(model.processing().expect("identified").decimation, 1);
+    let error = compare(&model, &[read("test")], None).expect("a good log");
+    assert!(error.relative_error_percent < 4.0, "{}", error.relative_error_percent);
+    options.method = Method::WlsKnown(vec![0.34, 0.54, -0.2, 0.023, 0.017, 0.011]);
+    assert!(matches!(identify(&robot, &train, &options, &()), Err(IdentifyError::Identification(_))));
+    options.conditioning.decimation = Some(0);
+    options.method = Method::Ols;
+    identify(&robot, &train, &options, &()).expect("no decimation is a decimation by one");
+    let empty =
+        Recording::new("empty", robot.joint_names().map(String::from).collect(), vec![], vec![], None, None, vec![]);
+    let result = identify(&robot, &[empty.expect("no samples")], &options, &());
+    assert!(
+        matches!(result, Err(IdentifyError::Motion(MotionError::TooShort { .. } | MotionError::NoRecording))),
+        "{result:?}"
+    );
+}
