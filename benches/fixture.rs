@@ -29,7 +29,11 @@ impl Fixture {
     /// If there is no such robot.
     pub fn new(name: &str, samples: usize) -> Self {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../data/reference/urdf/{name}.urdf"));
-        let robot = Robot::from_urdf(path, &UrdfOptions::default()).expect("a bundled robot");
+        Self::of(Robot::from_urdf(path, &UrdfOptions::default()).expect("a bundled robot"), samples)
+    }
+
+    /// `samples` random states of a robot.
+    pub fn of(robot: Robot, samples: usize) -> Self {
         let mut random = Uniform(2018);
         let mut states = |scale: f64| (0..samples * robot.dof()).map(|_| scale * random.next()).collect::<Vec<_>>();
         let (q, dq, ddq, tau) = (states(3.0), states(2.0), states(5.0), states(20.0));

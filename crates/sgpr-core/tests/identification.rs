@@ -428,3 +428,15 @@ impl Noise {
         (-2.0 * uniform().ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos()
     }
 }
+
+#[test]
+fn rounded_angles_of_a_robot_file_do_not_show_in_the_expressions() {
+    // The angles of this file are rounded to nine digits.
+    let robot = Robot::from_urdf(common::data("demo/robot.urdf"), &Default::default()).expect("bundled");
+    let set = ParameterSet::new(&robot, &["viscous_friction", "rotor_inertia"]).expect("effects of the library");
+    let base = BaseParameters::new(&robot, &set);
+    let friction = base.names().iter().position(|name| name == "joint_3.Fv").expect("identifiable");
+    assert_eq!(base.expression(friction), "joint_3.Fv");
+    let parameter = set.names().iter().position(|name| name == "joint_3.Fv").expect("in the set");
+    assert_eq!(base.classes()[parameter], ParameterClass::Alone);
+}

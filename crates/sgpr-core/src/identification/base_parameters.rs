@@ -40,6 +40,10 @@ pub struct BaseParameters {
 /// independent ones 0.25 and more; a robot file that writes a right angle as 1.57 leaves 8e-4 of what it makes dependent.
 const TOLERANCE: f64 = 2e-3;
 
+/// Smaller factors (SI) are computed with but not shown: a robot file that writes 1.57079633 for a right angle mixes every
+/// parameter with a few billionths of others.
+const NEGLIGIBLE: f64 = 1e-6;
+
 impl BaseParameters {
     /// The base parameters of a robot with effects.
     pub fn new(robot: &Robot, set: &ParameterSet) -> Self {
@@ -63,7 +67,9 @@ impl BaseParameters {
                     let kept = offered[position];
                     let base = independent.binary_search(&kept).expect("the same indices, sorted");
                     combinations[base].push((parameter, factor));
-                    classes[kept] = ParameterClass::Combined;
+                    if factor.abs() > NEGLIGIBLE {
+                        classes[kept] = ParameterClass::Combined;
+                    }
                 }
             }
         }
@@ -108,10 +114,11 @@ impl BaseParameters {
         &self.classes
     }
 
-    /// Base parameter `base` as the combination it is: `joint_2.Ixx - joint_2.Iyy + 0.1865 joint_3.m`.
+    /// Base parameter `base` as the combination it is: `joint_2.Ixx - joint_2.Iyy + 0.1865 joint_3.m`; factors below 1e-6
+    /// are left out.
     pub fn expression(&self, base: usize) -> String {
         let mut text = self.names[base].clone();
-        for &(parameter, factor) in &self.combinations[base] {
+        for &(parameter, factor) in self.combinations[base].iter().filter(|(_, factor)| factor.abs() > NEGLIGIBLE) {
             let sign = if factor < 0.0 { '-' } else { '+' };
             let size = factor.abs();
             text += &format!(" {sign} ");

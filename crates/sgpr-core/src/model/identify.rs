@@ -254,61 +254,85 @@ fn correlation(
     factors: &[JointFactor],
 ) -> Result<Vec<f64>, IdentifyError> {
     let n = model.robot.dof();
-    let mut sums = vec![LagSums::default(); factors.len()];
+    let mut residuals = Vec::with_capacity(motions.len());
     for motion in motions {
-        let mut residual = torque_of(motion)?.to_vec();
-        residual.iter_mut().zip(model.predict(motion.samples())).for_each(|(tau, predicted)| *tau -= predicted);
+        let mut residual = model.predict(motion.samples());
+        residual.iter_mut().zip(torque_of(motion)?).for_each(|(value, tau)| *value = tau - *value);
         if let Some(filter) = band_filter(processing, motion.rate_hz)? {
             filter.apply(&mut residual, n)?;
         }
-        for (factor, sums) in factors.iter().zip(&mut sums) {
-            let wanted = if factor.resting { Row::Resting } else { Row::Moving };
-            let rows = (0..motion.len()).step_by(processing.decimation).map(|sample| sample * n + factor.joint);
-            let series: Vec<Option<f64>> =
-                rows.map(|row| (motion.use_as[row] == wanted).then(|| residual[row])).collect();
-            sums.add(&series);
-        }
+        residuals.push(residual);
     }
-    Ok(sums.iter().map(LagSums::rows_per_independent_row).collect())
+    let series = |factor: &JointFactor| -> Vec<Series> {
+        let wanted = if factor.resting { Row::Resting } else { Row::Moving };
+        let of_motion = |(motion, residual): (&Motion, &Vec<f64>)| {
+            let rows = (factor.joint..residual.len()).step_by(n * processing.decimation);
+            Series::new(rows.map(|row| (motion.use_as[row] == wanted).then_some(residual[row])))
+        };
+        motions.iter().zip(&residuals).map(of_motion).collect()
+    };
+    Ok(factors.iter().map(|factor| rows_per_independent_row(&series(factor))).collect())
 }
 
-/// Products of a series with itself, by lag.
-#[derive(Clone, Default)]
-struct LagSums {
-    products: Vec<f64>,
-    counts: Vec<f64>,
+/// Numbers of which some are missing.
+struct Series {
+    /// Zero where missing.
+    values: Vec<f64>,
+    present: Vec<bool>,
 }
 
-impl LagSums {
-    /// Longest memory that is looked at, in rows.
-    const LAGS: usize = 500;
-
-    fn add(&mut self, series: &[Option<f64>]) {
-        self.products.resize(Self::LAGS + 1, 0.0);
-        self.counts.resize(Self::LAGS + 1, 0.0);
-        for lag in 0..=Self::LAGS.min(series.len().saturating_sub(1)) {
-            for (a, b) in series.iter().zip(&series[lag..]) {
-                if let (Some(a), Some(b)) = (a, b) {
-                    self.products[lag] += a * b;
-                    self.counts[lag] += 1.0;
-                }
-            }
-        }
+impl Series {
+    fn new(values: impl Iterator<Item = Option<f64>>) -> Self {
+        let (values, present) = values.map(|value| (value.unwrap_or(0.0), value.is_some())).unzip();
+        Self { values, present }
     }
 
-    fn rows_per_independent_row(&self) -> f64 {
-        let mean = |lag: usize| self.products[lag] / f64::max(self.counts[lag], 1.0);
-        let mut sum = 1.0;
-        for lag in 1..self.products.len() {
-            let correlation = mean(lag) / mean(0);
-            // A series without rows or without residual has the correlation 0 / 0.
-            if correlation.is_nan() || correlation <= 2.0 / f64::max(self.counts[lag], 1.0).sqrt() {
-                break;
-            }
-            sum += 2.0 * correlation;
+    /// Sum and number of the products of values that are `lag` apart.
+    fn products(&self, lag: usize) -> (f64, usize) {
+        let Self { values, present } = self;
+        if lag >= values.len() {
+            return (0.0, 0);
         }
-        sum
+        let pairs = present.iter().zip(&present[lag..]);
+        (sum_of_products(values, &values[lag..]), pairs.map(|(a, b)| usize::from(*a & *b)).sum())
     }
+}
+
+/// In eight sums, so that the additions need not wait for each other.
+fn sum_of_products(a: &[f64], b: &[f64]) -> f64 {
+    let length = a.len().min(b.len());
+    let ((a, rest_of_a), (b, rest_of_b)) = (a[..length].as_chunks::<8>(), b[..length].as_chunks::<8>());
+    let mut sums = [0.0; 8];
+    for (a, b) in a.iter().zip(b) {
+        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+            *sum += a * b;
+        }
+    }
+    sums.iter().sum::<f64>() + rest_of_a.iter().zip(rest_of_b).map(|(a, b)| a * b).sum::<f64>()
+}
+
+/// Longest memory that is looked at, in rows.
+const LONGEST_LAG: usize = 500;
+
+fn rows_per_independent_row(series: &[Series]) -> f64 {
+    let products = |lag: usize| {
+        let parts = series.iter().map(|series| series.products(lag));
+        let (sum, count) = parts.fold((0.0, 0), |(sum, count), (s, c)| (sum + s, count + c));
+        let count = f64::max(count as f64, 1.0);
+        (sum / count, count)
+    };
+    let (variance, _) = products(0);
+    let mut sum = 1.0;
+    for lag in 1..=LONGEST_LAG {
+        let (mean, count) = products(lag);
+        let correlation = mean / variance;
+        // A series without rows or without residual has the correlation 0 / 0.
+        if correlation.is_nan() || correlation <= 2.0 / count.sqrt() {
+            break;
+        }
+        sum += 2.0 * correlation;
+    }
+    sum
 }
 
 fn warn(report: &mut IdentificationReport, model: &TorqueModel) {

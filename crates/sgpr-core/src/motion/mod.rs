@@ -14,7 +14,7 @@ pub use processing::{Conditioning, Processing, TorqueBand};
 
 use crate::dynamics::Samples;
 use crate::identification::Row;
-use crate::recording::{GAP_FACTOR, Recording, split_at_gaps};
+use crate::recording::{GAP_FACTOR, Recording, stretches};
 use crate::signal::LowPass;
 use standstill::separate_rests;
 
@@ -50,7 +50,7 @@ impl Motion {
     pub fn from_recording(recording: &Recording, processing: &Processing) -> Result<Vec<Self>, MotionError> {
         let mut motions = Vec::new();
         let mut too_short = None;
-        for stretch in split_at_gaps(recording, GAP_FACTOR) {
+        for stretch in stretches(recording, GAP_FACTOR) {
             match Self::of_stretch(&stretch, processing) {
                 Ok(motion) => motions.push(motion),
                 Err(error @ MotionError::TooShort { .. }) => too_short = Some(error),

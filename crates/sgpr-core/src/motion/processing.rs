@@ -1,7 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{MotionError, uniform_rate};
-use crate::recording::{GAP_FACTOR, Recording, split_at_gaps};
+use crate::recording::{GAP_FACTOR, Recording, stretches};
 use crate::signal::{CutoffChoice, Differentiation, choose_cutoff};
 
 /// What the user asks for; what is left open is chosen from the logs.
@@ -89,9 +89,9 @@ impl Processing {
         let mut top_speed: Vec<f64> = Vec::new();
         for recording in recordings {
             // The longest stretch speaks for a log.
-            let stretches = split_at_gaps(recording, GAP_FACTOR);
-            let Some(longest) = stretches.iter().max_by_key(|stretch| stretch.len()) else { continue };
-            let rate = uniform_rate(longest)?;
+            let stretches = stretches(recording, GAP_FACTOR);
+            let Some(longest) = stretches.max_by_key(|stretch| stretch.len()) else { continue };
+            let rate = uniform_rate(&longest)?;
             let n = longest.dof();
             choices.push(choose_cutoff(longest.position(), n, rate));
             slowest = slowest.min(rate);

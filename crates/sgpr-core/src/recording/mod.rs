@@ -24,6 +24,7 @@ use tempfile::NamedTempFile;
 pub use channel::Channel;
 pub use error::RecordingError;
 pub use inspect::{Issue, IssueKind, Severity, inspect};
+pub(crate) use part::stretches;
 pub use part::{GAP_FACTOR, split_at_gaps};
 pub use repair::{Repair, Resample, repair};
 pub use units::{PositionUnit, TimeUnit, TorqueUnit, Units, VelocityUnit};
@@ -87,6 +88,34 @@ impl Recording {
     fn with_notes(mut self, notes: Vec<String>) -> Self {
         self.notes = notes;
         self
+    }
+
+    /// The same recording from another source.
+    #[must_use]
+    pub fn with_source(mut self, source: impl Into<String>) -> Self {
+        self.source = source.into();
+        self
+    }
+
+    /// The same recording with one more note, see [`Recording::notes`].
+    #[must_use]
+    pub fn with_note(mut self, note: impl Into<String>) -> Self {
+        self.notes.push(note.into());
+        self
+    }
+
+    /// The same recording with other names for its joints, in column order.
+    ///
+    /// # Errors
+    /// If there is not one name per joint, or a name occurs twice.
+    pub fn with_joint_names(mut self, names: Vec<String>) -> Result<Self, RecordingError> {
+        if names.len() != self.dof() {
+            let (option, expected, found) = ("joints", self.dof(), names.len());
+            return Err(RecordingError::EntriesPerJoint { option, expected, found });
+        }
+        require_joint_list(&self.source, &names)?;
+        self.joint_names = names;
+        Ok(self)
     }
 
     /// Where the recording comes from.

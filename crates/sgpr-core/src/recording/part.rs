@@ -1,8 +1,9 @@
 //! Parts of a recording: some of its joints, some of its samples.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
-use super::{Channel, Recording, RecordingError, require_joint_list};
+use super::{Channel, Recording, RecordingError, require_joint_list, seconds};
 
 /// A step of the time longer than this many median steps is a gap.
 pub const GAP_FACTOR: f64 = 5.0;
@@ -48,7 +49,11 @@ impl Recording {
     /// The samples `keep`, in this order.
     pub(super) fn pick(&self, keep: impl Iterator<Item = usize> + Clone) -> Self {
         let n = self.dof();
-        let rows = |values: &[f64]| keep.clone().flat_map(|i| values[i * n..(i + 1) * n].iter().copied()).collect();
+        let rows = |values: &[f64]| {
+            let mut rows = Vec::with_capacity(keep.size_hint().0 * n);
+            keep.clone().for_each(|i| rows.extend_from_slice(&values[i * n..(i + 1) * n]));
+            rows
+        };
         let of_channel = |channel: &Channel| keep.clone().map(|i| channel.values[i]).collect();
         let channels = self.channels.iter();
         Self {
@@ -67,10 +72,20 @@ impl Recording {
 
     /// The stretches without a step longer than `longest` seconds.
     pub(super) fn split_at_steps(&self, longest: f64) -> Vec<Self> {
-        let steps = self.steps();
-        let gaps = steps.iter().enumerate().filter(|(_, step)| **step > longest).map(|(index, _)| index + 1);
-        let borders: Vec<usize> = [0].into_iter().chain(gaps).chain([self.len()]).collect();
-        borders.windows(2).map(|pair| self.slice(pair[0]..pair[1])).filter(|part| !part.is_empty()).collect()
+        self.stretches(longest).filter(|part| !part.is_empty()).map(Cow::into_owned).collect()
+    }
+
+    /// The stretches without a step longer than `longest` seconds, each copied when its turn comes; a recording without
+    /// such a step is its own stretch and not copied.
+    fn stretches(&self, longest: f64) -> impl Iterator<Item = Cow<'_, Self>> {
+        let steps = self.time.windows(2).enumerate();
+        let gaps = steps.filter(move |(_, pair)| seconds(pair[0], pair[1]) > longest).map(|(index, _)| index + 1);
+        let ends: Vec<usize> = gaps.chain([self.len()]).collect();
+        let mut start = 0;
+        ends.into_iter().map(move |end| {
+            let range = std::mem::replace(&mut start, end)..end;
+            if range.len() == self.len() { Cow::Borrowed(self) } else { Cow::Owned(self.slice(range)) }
+        })
     }
 }
 
@@ -80,11 +95,13 @@ impl Recording {
 /// # Panics
 /// If `factor` is not greater than 1.
 pub fn split_at_gaps(recording: &Recording, factor: f64) -> Vec<Recording> {
+    stretches(recording, factor).map(Cow::into_owned).collect()
+}
+
+/// [`split_at_gaps`] one after the other, without copying a recording that has no gap.
+pub(crate) fn stretches(recording: &Recording, factor: f64) -> impl Iterator<Item = Cow<'_, Recording>> {
     assert!(factor > 1.0, "a gap is longer than the usual step: factor {factor}");
-    match recording.sample_rate_hz() {
-        Some(rate) => recording.split_at_steps(factor / rate),
-        None => vec![recording.clone()],
-    }
+    recording.stretches(recording.sample_rate_hz().map_or(f64::INFINITY, |rate| factor / rate))
 }
 
 #[cfg(test)]

@@ -84,10 +84,6 @@ impl TryFrom<RobotDescription> for Robot {
 
     fn try_from(description: RobotDescription) -> Result<Self, RobotError> {
         let RobotDescription { name, gravity, joints, frames } = description;
-        let count = joints.len();
-        if let Some(frame) = frames.iter().find(|frame| frame.joint.is_some_and(|joint| joint >= count)) {
-            return Err(RobotError::UnknownFrame { frame: frame.name.clone(), known: vec![] });
-        }
         let links = joints.iter().map(|joint| LinkInertia::from_standard_parameters(&joint.link)).collect();
         let joints = joints.into_iter().map(|joint| Joint {
             name: joint.name,

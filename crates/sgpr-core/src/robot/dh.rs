@@ -105,7 +105,7 @@ impl Robot {
         gravity: Vector3<f64>,
     ) -> Result<Self, RobotError> {
         if let Some(names) = names.filter(|names| names.len() != rows.len()) {
-            return Err(RobotError::LinkCount { expected: rows.len(), found: names.len() });
+            return Err(RobotError::NameCount { expected: rows.len(), found: names.len() });
         }
         let mut joints = Vec::with_capacity(rows.len());
         let mut links = Vec::with_capacity(rows.len());

@@ -34,6 +34,14 @@ pub enum RobotError {
         /// File.
         path: String,
     },
+    /// What the file says makes no robot, or not the one that was asked for.
+    #[error("{path}: {source}")]
+    InFile {
+        /// File.
+        path: String,
+        /// What is wrong with it.
+        source: Box<RobotError>,
+    },
     /// A joint names a link that does not exist.
     #[error("joint `{joint}` refers to the link `{link}`, which the robot does not have")]
     UnknownLink {
@@ -92,8 +100,14 @@ pub enum RobotError {
         /// Its mass.
         mass: f64,
     },
+    /// An inertia matrix that differs from its transpose.
+    #[error("the inertia of the link of `{link}` is not symmetric: check its off-diagonal entries")]
+    AsymmetricInertia {
+        /// Joint that carries the link.
+        link: String,
+    },
     /// A name that occurs twice.
-    #[error("the name `{name}` occurs twice")]
+    #[error("the name `{name}` occurs twice: links have names of their own, and so have joints")]
     DuplicateName {
         /// Name.
         name: String,
@@ -117,6 +131,12 @@ pub enum RobotError {
         joint: String,
         /// Joints to choose from.
         movable: Vec<String>,
+    },
+    /// A joint in both lists.
+    #[error("joint `{joint}` is to move and to be locked, which it cannot both: take it out of `joints` or of `locked`")]
+    LockedAndMoving {
+        /// Requested joint.
+        joint: String,
     },
     /// Joints requested in an order other than the robot's.
     #[error("list the joints from base to tip, {}: arrays follow this order", quoted(expected))]
@@ -145,6 +165,32 @@ pub enum RobotError {
         expected: usize,
         /// Links.
         found: usize,
+    },
+    /// One name per joint is needed.
+    #[error("{found} names for {expected} joints: give every joint a name, or none")]
+    NameCount {
+        /// Joints.
+        expected: usize,
+        /// Names.
+        found: usize,
+    },
+    /// More joints than any arm has.
+    #[error("{found} movable joints are too many (at most {limit}): list those that move (joints) and lock the others")]
+    TooManyJoints {
+        /// Joints.
+        found: usize,
+        /// Most joints that a robot may have.
+        limit: usize,
+    },
+    /// A frame on a joint that is not there.
+    #[error("the frame `{frame}` is on joint number {joint}, counted from zero, but there are {joints} joints")]
+    FrameOnNoJoint {
+        /// Frame.
+        frame: String,
+        /// Index of the joint.
+        joint: usize,
+        /// Number of joints.
+        joints: usize,
     },
     /// Joints must be listed from base to tip.
     #[error("joint `{joint}` comes before the joint that carries it: list joints from base to tip")]

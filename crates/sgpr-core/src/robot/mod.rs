@@ -22,6 +22,9 @@ use crate::spatial::{LinkInertia, Matrix3, PARAMETERS_PER_LINK, Pose, STANDARD_P
 /// Gravity that a robot has unless told otherwise, m/s², base axes.
 pub const STANDARD_GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 
+/// Most movable joints of a robot: several arms with hands have fewer.
+const MOST_JOINTS: usize = 100;
+
 /// How a joint moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -60,6 +63,18 @@ pub struct Limits {
     pub velocity: Option<f64>,
     /// Highest torque, N·m (N).
     pub effort: Option<f64>,
+}
+
+impl Limits {
+    /// The same limits, with those that limit nothing left out: infinite ones, and none.
+    fn finite(self) -> Self {
+        let finite = |value: &f64| value.is_finite();
+        Self {
+            position: self.position.filter(|range| range.iter().all(finite)),
+            velocity: self.velocity.filter(finite),
+            effort: self.effort.filter(finite),
+        }
+    }
 }
 
 /// A movable joint and the place of its link.
@@ -154,11 +169,12 @@ impl Robot {
     ///
     /// # Errors
     /// If there is no joint, a joint's parent does not come before it, an axis has no direction, a number is not
-    /// finite, a mass is negative or a name occurs twice.
+    /// finite, a mass is negative, an inertia is not
+    /// symmetric, a name occurs twice, a frame is on no joint, or there are more than a hundred joints.
     pub fn new(
         name: impl Into<String>,
         mut joints: Vec<Joint>,
-        links: Vec<LinkInertia>,
+        mut links: Vec<LinkInertia>,
         frames: Vec<Frame>,
         gravity: Vector3<f64>,
     ) -> Result<Self, RobotError> {
@@ -169,10 +185,23 @@ impl Robot {
         if joints.len() != links.len() {
             return Err(RobotError::LinkCount { expected: joints.len(), found: links.len() });
         }
+        if joints.len() > MOST_JOINTS {
+            return Err(RobotError::TooManyJoints { found: joints.len(), limit: MOST_JOINTS });
+        }
+        for frame in &frames {
+            require_finite_pose(&frame.name, &frame.pose)?;
+            if let Some(joint) = frame.joint.filter(|joint| *joint >= joints.len()) {
+                return Err(RobotError::FrameOnNoJoint { frame: frame.name.clone(), joint, joints: joints.len() });
+            }
+        }
         let mut paths: Vec<Vec<usize>> = Vec::with_capacity(joints.len());
         for (index, joint) in joints.iter_mut().enumerate() {
             joint.axis = unit_axis(&joint.name, joint.axis)?;
+            joint.limits = joint.limits.finite();
             require_finite_pose(&joint.name, &joint.placement)?;
+            if !(joint.damping.is_finite() && joint.friction.is_finite()) {
+                return Err(RobotError::NotFinite { element: joint.name.clone() });
+            }
             let mut path = match joint.parent {
                 None => Vec::new(),
                 Some(parent) if parent < index => paths[parent].clone(),
@@ -186,13 +215,18 @@ impl Robot {
                 return Err(RobotError::DuplicateName { name: joint.name.clone() });
             }
         }
-        for (joint, link) in joints.iter().zip(&links) {
+        for (joint, link) in joints.iter().zip(&mut links) {
             if link.standard_parameters().iter().any(|value| !value.is_finite()) {
                 return Err(RobotError::NotFinite { element: joint.name.clone() });
             }
             if link.mass < 0.0 {
                 return Err(RobotError::NegativeMass { link: joint.name.clone(), mass: link.mass });
             }
+            if !is_symmetric(&link.inertia) {
+                return Err(RobotError::AsymmetricInertia { link: joint.name.clone() });
+            }
+            // Turning an inertia leaves its two triangles different by rounding; ten numbers describe a link.
+            *link = LinkInertia::from_standard_parameters(&link.standard_parameters());
         }
         if gravity.to_array().iter().any(|g| !g.is_finite()) {
             return Err(RobotError::NotFinite { element: "gravity".into() });
@@ -341,6 +375,12 @@ fn unit_axis(joint: &str, axis: Vector3<f64>) -> Result<Vector3<f64>, RobotError
         return Ok(axis);
     }
     Ok(axis * (1.0 / norm))
+}
+
+fn is_symmetric(inertia: &Matrix3<f64>) -> bool {
+    let scale: f64 = (0..3).map(|k| inertia.get(k, k).abs()).sum();
+    let pairs = [(0, 1), (0, 2), (1, 2)];
+    pairs.iter().all(|&(row, column)| (inertia.get(row, column) - inertia.get(column, row)).abs() <= 1e-9 * scale)
 }
 
 fn require_finite_pose(element: &str, pose: &Pose) -> Result<(), RobotError> {

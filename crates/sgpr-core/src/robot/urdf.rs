@@ -1,6 +1,6 @@
 //! Robots from the Unified Robot Description Format.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 use urdf_rs::JointType;
@@ -11,12 +11,15 @@ use crate::spatial::{LinkInertia, Matrix3, Pose, Vector3};
 /// Larger files are not robot descriptions (meshes live in files of their own).
 const LARGEST_FILE: u64 = 64 << 20;
 
+/// Elements inside of elements; a URDF has some ten. The parser calls itself for each and would use up the stack.
+const DEEPEST_ELEMENT: usize = 100;
+
 /// What to make of a URDF.
 #[derive(Clone, Debug)]
 pub struct UrdfOptions {
-    /// Joints that move, base to tip; all movable ones if `None`. The others are locked.
+    /// Joints that move, base to tip; all movable ones that are not in `locked` if `None`. The others are locked.
     pub joints: Option<Vec<String>>,
-    /// Position (rad, m) of locked joints; zero for those not named.
+    /// Position (rad, m) of locked joints; zero for those that are locked and not named.
     pub locked: HashMap<String, f64>,
     /// Gravity in base axes, m/s².
     pub gravity: Vector3<f64>,
@@ -66,11 +69,14 @@ impl Robot {
         if text.contains("<xacro:") || text.contains("${") {
             return Err(RobotError::Xacro { path: origin.into() });
         }
-        let urdf = urdf_rs::read_from_string(text)
-            .map_err(|error| RobotError::Malformed { path: origin.into(), message: error.to_string() })?;
-        let tree = Tree::new(&urdf)?;
-        let moving = tree.choose(options.joints.as_deref())?;
-        tree.merge(&moving, options)
+        let malformed = |message: String| RobotError::Malformed { path: origin.into(), message };
+        require_shallow(text).map_err(malformed)?;
+        let urdf = urdf_rs::read_from_string(text).map_err(|error| malformed(error.to_string()))?;
+        let build = || {
+            let tree = Tree::new(&urdf)?;
+            tree.merge(&tree.choose(options)?, options)
+        };
+        build().map_err(|source| RobotError::InFile { path: origin.into(), source: Box::new(source) })
     }
 }
 
@@ -87,7 +93,9 @@ impl<'a> Tree<'a> {
         require_unique(urdf.links.iter().map(|link| link.name.as_str()))?;
         require_unique(urdf.joints.iter().map(|joint| joint.name.as_str()))?;
 
-        let mut carrier: HashMap<&str, &str> = urdf.links.iter().map(|link| (link.name.as_str(), "")).collect();
+        // Joint that carries each link.
+        let mut carrier: HashMap<&str, Option<&str>> =
+            urdf.links.iter().map(|link| (link.name.as_str(), None)).collect();
         let mut children: HashMap<&str, Vec<usize>> = HashMap::new();
         for (index, joint) in urdf.joints.iter().enumerate() {
             let unknown = |link: &str| RobotError::UnknownLink { joint: joint.name.clone(), link: link.into() };
@@ -95,24 +103,23 @@ impl<'a> Tree<'a> {
                 return Err(unknown(&joint.parent.link));
             }
             let carried_by = carrier.get_mut(joint.child.link.as_str()).ok_or_else(|| unknown(&joint.child.link))?;
-            if !carried_by.is_empty() {
+            if let Some(first) = carried_by.replace(&joint.name) {
                 return Err(RobotError::TwoParents {
                     link: joint.child.link.clone(),
-                    first: (*carried_by).into(),
+                    first: first.into(),
                     second: joint.name.clone(),
                 });
             }
-            *carried_by = &joint.name;
             children.entry(&joint.parent.link).or_default().push(index);
         }
 
-        let roots: Vec<&str> =
-            urdf.links.iter().map(|link| link.name.as_str()).filter(|link| carrier[link].is_empty()).collect();
+        let links = || urdf.links.iter().map(|link| link.name.as_str());
+        let roots: Vec<&str> = links().filter(|link| carrier[link].is_none()).collect();
         let root = match roots[..] {
             [root] => root,
+            [] if urdf.links.is_empty() => return Err(RobotError::NoMovableJoint { robot: urdf.name.clone() }),
             [] => {
-                let links = urdf.links.iter().map(|link| link.name.clone()).collect();
-                return Err(RobotError::Cycle { links });
+                return Err(RobotError::Cycle { links: links().map(String::from).collect() });
             }
             _ => {
                 return Err(RobotError::SeveralRoots { roots: roots.into_iter().map(String::from).collect() });
@@ -127,9 +134,8 @@ impl<'a> Tree<'a> {
             pending.extend(children.get(child).into_iter().flatten().rev());
         }
         if order.len() < urdf.joints.len() {
-            let reached: Vec<&str> = order.iter().map(|&index| urdf.joints[index].child.link.as_str()).collect();
-            let links = urdf.links.iter().map(|link| link.name.as_str());
-            let links = links.filter(|link| *link != root && !reached.contains(link)).map(String::from).collect();
+            let reached: HashSet<&str> = order.iter().map(|&index| urdf.joints[index].child.link.as_str()).collect();
+            let links = links().filter(|link| *link != root && !reached.contains(link)).map(String::from).collect();
             return Err(RobotError::Cycle { links });
         }
         Ok(Self { urdf, order, root })
@@ -140,49 +146,45 @@ impl<'a> Tree<'a> {
     }
 
     /// Names of the joints that move: those asked for, or all.
-    fn choose(&self, requested: Option<&[String]>) -> Result<Vec<String>, RobotError> {
-        let mut movable = Vec::new();
-        for joint in self.joints() {
-            match joint.joint_type {
-                JointType::Fixed => {}
-                JointType::Revolute | JointType::Continuous | JointType::Prismatic => movable.push(joint.name.clone()),
-                ref other => {
-                    return Err(RobotError::UnsupportedJoint {
-                        joint: joint.name.clone(),
-                        kind: format!("{other:?}").to_lowercase(),
-                    });
-                }
-            }
+    fn choose(&self, options: &UrdfOptions) -> Result<HashSet<&'a str>, RobotError> {
+        let movable: Vec<&urdf_rs::Joint> =
+            self.joints().filter(|joint| joint.joint_type != JointType::Fixed).collect();
+        let supported = [JointType::Revolute, JointType::Continuous, JointType::Prismatic];
+        if let Some(joint) = movable.iter().find(|joint| !supported.contains(&joint.joint_type)) {
+            let kind = format!("{:?}", joint.joint_type).to_lowercase();
+            return Err(RobotError::UnsupportedJoint { joint: joint.name.clone(), kind });
         }
-        let Some(requested) = requested else {
+        if let Some((name, _)) = options.locked.iter().find(|(_, position)| !position.is_finite()) {
+            return Err(RobotError::NotFinite { element: name.clone() });
+        }
+        let Some(requested) = &options.joints else {
             // A joint that mimics another has no motion of its own.
-            let mimics = |name: &String| self.joints().any(|joint| joint.name == *name && joint.mimic.is_some());
-            movable.retain(|name| !mimics(name));
-            return Ok(movable);
+            let is_free = |joint: &&&urdf_rs::Joint| joint.mimic.is_none() && !options.locked.contains_key(&joint.name);
+            return Ok(movable.iter().filter(is_free).map(|joint| joint.name.as_str()).collect());
         };
-        for (index, name) in requested.iter().enumerate() {
-            if requested[..index].contains(name) {
-                return Err(RobotError::DuplicateName { name: name.clone() });
-            }
-            if movable.contains(name) {
-                continue;
-            }
-            let (robot, joint) = (self.urdf.name.clone(), name.clone());
-            return Err(if self.joints().any(|joint| joint.name == *name) {
+        if let Some(joint) = requested.iter().find(|name| options.locked.contains_key(*name)) {
+            return Err(RobotError::LockedAndMoving { joint: joint.clone() });
+        }
+        require_unique(requested.iter().map(String::as_str))?;
+        let wanted: HashSet<&str> = requested.iter().map(String::as_str).collect();
+        let names = movable.iter().map(|joint| joint.name.as_str());
+        let expected: Vec<&str> = names.clone().filter(|name| wanted.contains(name)).collect();
+        if let Some(joint) = requested.iter().find(|name| !expected.contains(&name.as_str())) {
+            let (robot, joint, movable) = (self.urdf.name.clone(), joint.clone(), names.map(String::from).collect());
+            return Err(if self.joints().any(|other| other.name == joint) {
                 RobotError::FixedJoint { robot, joint, movable }
             } else {
                 RobotError::UnknownJoint { robot, joint, movable }
             });
         }
-        let expected: Vec<String> = movable.into_iter().filter(|name| requested.contains(name)).collect();
-        if expected != requested {
-            return Err(RobotError::JointOrder { expected });
+        if expected != *requested {
+            return Err(RobotError::JointOrder { expected: expected.into_iter().map(String::from).collect() });
         }
-        Ok(expected)
+        Ok(expected.into_iter().collect())
     }
 
     /// Folds fixed and locked joints away.
-    fn merge(&self, moving: &[String], options: &UrdfOptions) -> Result<Robot, RobotError> {
+    fn merge(&self, moving: &HashSet<&str>, options: &UrdfOptions) -> Result<Robot, RobotError> {
         // Where each URDF link sits: on which moving joint, and where in its link frame.
         let mut place: HashMap<&str, (Option<usize>, Pose)> = HashMap::new();
         place.insert(self.root, (None, Pose::IDENTITY));
@@ -196,7 +198,7 @@ impl<'a> Tree<'a> {
             let (parent, parent_pose) = place[joint.parent.link.as_str()];
             let placement = parent_pose * pose(&joint.name, &joint.origin)?;
             let child = joint.child.link.as_str();
-            let at = if moving.contains(&joint.name) {
+            let at = if moving.contains(joint.name.as_str()) {
                 joints.push(convert(joint, parent, placement)?);
                 links.push(LinkInertia::ZERO);
                 (Some(joints.len() - 1), Pose::IDENTITY)
@@ -223,8 +225,29 @@ impl<'a> Tree<'a> {
     }
 }
 
+/// Refuses what is no XML, or nested deeper than [`DEEPEST_ELEMENT`].
+fn require_shallow(text: &str) -> Result<(), String> {
+    use quick_xml::events::Event;
+    let mut reader = quick_xml::Reader::from_str(text);
+    let mut depth = 0;
+    let line = |position: u64| 1 + text.bytes().take(position as usize).filter(|byte| *byte == b'\n').count();
+    loop {
+        match reader.read_event() {
+            Ok(Event::Start(_)) => depth += 1,
+            Ok(Event::End(_)) => depth -= 1,
+            Ok(Event::Eof) => return Ok(()),
+            Ok(_) => {}
+            Err(error) => return Err(format!("line {}: {error}", line(reader.error_position()))),
+        }
+        if depth > DEEPEST_ELEMENT {
+            let line = line(reader.buffer_position());
+            return Err(format!("line {line}: elements are nested more than {DEEPEST_ELEMENT} deep"));
+        }
+    }
+}
+
 fn require_unique<'a>(names: impl Iterator<Item = &'a str>) -> Result<(), RobotError> {
-    let mut seen = std::collections::HashSet::new();
+    let mut seen = HashSet::new();
     for name in names {
         if !seen.insert(name) {
             return Err(RobotError::DuplicateName { name: name.into() });
@@ -250,9 +273,6 @@ fn convert(joint: &urdf_rs::Joint, parent: Option<usize>, placement: Pose) -> Re
     let positive = |value: f64| (value > 0.0).then_some(value);
     let bounded = kind != JointKind::Continuous && limit.lower < limit.upper;
     let (damping, friction) = joint.dynamics.as_ref().map_or((0.0, 0.0), |d| (d.damping, d.friction));
-    if !damping.is_finite() || !friction.is_finite() {
-        return Err(RobotError::NotFinite { element: joint.name.clone() });
-    }
     Ok(Joint {
         name: joint.name.clone(),
         kind,

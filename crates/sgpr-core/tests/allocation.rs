@@ -1,0 +1,101 @@
+//! After set-up the dynamics and the predictor take no memory, as a control loop needs it.
+//!
+//! This file holds one test only: the allocator counts for the whole process.
+#![allow(missing_docs)]
+
+mod common;
+
+use std::alloc::System;
+use std::hint::black_box;
+
+use cap::Cap;
+use common::{ROBOTS, Reference};
+use sgpr_core::dynamics::{
+    BatchWorkspace, Samples, Workspace, bias_forces, forward_dynamics, forward_dynamics_with_rotors,
+    forward_kinematics, frame_pose, gravity_torque, jacobian, kinetic_energy, mass_matrix, potential_energy, regressor,
+    regressor_batch, rnea, rnea_batch,
+};
+use sgpr_core::effects::registry;
+use sgpr_core::model::{Predictor, TorqueModel};
+use sgpr_core::robot::Robot;
+
+#[global_allocator]
+static MEMORY: Cap<System> = Cap::new(System, usize::MAX);
+
+/// Bytes taken by `work`, whether given back or not.
+fn bytes_taken(work: impl FnOnce()) -> usize {
+    let before = MEMORY.total_allocated();
+    work();
+    MEMORY.total_allocated() - before
+}
+
+/// A count that does not end with a whole register, so that the remainder is looked at too.
+const SAMPLES: usize = 37;
+
+fn check(name: &str, robot: &Robot) {
+    let n = robot.dof();
+    let numbers = |scale: f64| (0..SAMPLES * n).map(|k| scale * (k as f64 * 0.7).sin()).collect::<Vec<_>>();
+    let (q, dq, ddq, tau) = (numbers(2.0), numbers(1.0), numbers(5.0), numbers(20.0));
+    let rotors = vec![0.1; n];
+    let frame = robot.frames().last().expect("a frame");
+    let samples = Samples { q: &q, dq: &dq, ddq: &ddq };
+    let (mut torque, mut matrix) = (vec![0.0; SAMPLES * n], vec![0.0; SAMPLES * n * 10 * n]);
+    let mut ws = Workspace::new(robot);
+    let mut batch = BatchWorkspace::new(robot);
+    let effects: Vec<String> = registry().iter().map(|effect| effect.name().to_string()).collect();
+    let effect_parameters = registry().iter().map(|effect| effect.parameters().len() * n).sum::<usize>();
+    let mut parameters = robot.standard_parameters();
+    parameters.extend((0..effect_parameters).map(|k| 0.1 * k as f64));
+    let model = TorqueModel::with_parameters(robot, &effects, parameters).expect("known effects");
+    let mut predictor = Predictor::new(&model);
+
+    let mut none = |what: &str, call: &mut dyn FnMut(&mut Workspace, &[f64], &[f64], &[f64], &[f64]) -> f64| {
+        let taken = bytes_taken(|| {
+            for k in 0..SAMPLES {
+                let row = k * n..(k + 1) * n;
+                black_box(call(&mut ws, &q[row.clone()], &dq[row.clone()], &ddq[row.clone()], &tau[row]));
+            }
+        });
+        assert_eq!(taken, 0, "{name}: {what} takes memory");
+    };
+    none("rnea", &mut |ws, q, dq, ddq, _| rnea(robot, ws, q, dq, ddq)[0]);
+    none("bias_forces", &mut |ws, q, dq, _, _| bias_forces(robot, ws, q, dq)[0]);
+    none("gravity_torque", &mut |ws, q, _, _, _| gravity_torque(robot, ws, q)[0]);
+    none("regressor", &mut |ws, q, dq, ddq, _| regressor(robot, ws, q, dq, ddq)[0]);
+    none("mass_matrix", &mut |ws, q, _, _, _| mass_matrix(robot, ws, q)[0]);
+    none("forward_dynamics", &mut |ws, q, dq, _, tau| forward_dynamics(robot, ws, q, dq, tau)[0]);
+    none("forward_dynamics_with_rotors", &mut |ws, q, dq, _, tau| {
+        forward_dynamics_with_rotors(robot, ws, q, dq, tau, &rotors)[0]
+    });
+    none("forward_kinematics", &mut |ws, q, _, _, _| forward_kinematics(robot, ws, q)[0].translation.x);
+    none("frame_pose", &mut |ws, q, _, _, _| frame_pose(robot, ws, q, frame).translation.x);
+    none("jacobian", &mut |ws, q, _, _, _| jacobian(robot, ws, q, frame)[0]);
+    none("kinetic_energy", &mut |ws, q, dq, _, _| kinetic_energy(robot, ws, q, dq));
+    none("potential_energy", &mut |ws, q, _, _, _| potential_energy(robot, ws, q));
+    none("Predictor::torque", &mut |_, q, dq, ddq, _| predictor.torque(q, dq, ddq)[0]);
+    // Beyond 1e5 rad sines take another path.
+    none("rnea far away", &mut |ws, _, dq, ddq, _| {
+        let far = [1e6; 16];
+        rnea(robot, ws, &far[..n], dq, ddq)[0]
+    });
+
+    let taken = bytes_taken(|| rnea_batch(robot, &mut batch, samples, &mut torque));
+    assert_eq!(taken, 0, "{name}: rnea_batch takes memory");
+    let taken = bytes_taken(|| regressor_batch(robot, &mut batch, samples, &mut matrix));
+    assert_eq!(taken, 0, "{name}: regressor_batch takes memory");
+    assert!(torque.iter().chain(&matrix).all(|value| value.is_finite()));
+    assert!(torque.iter().any(|value| *value != 0.0), "the work was done");
+}
+
+#[test]
+fn nothing_is_allocated_after_set_up() {
+    // The count sees what it should: eight bytes, and the set-up itself.
+    let taken = bytes_taken(|| drop(black_box(Box::new(black_box(1.0)))));
+    assert_eq!(taken, 8);
+    for name in ROBOTS {
+        let robot = Reference::load(name).by_urdf();
+        let taken = bytes_taken(|| drop(black_box(Workspace::new(&robot))));
+        assert!(taken > 1000, "{name}: a workspace of {taken} bytes");
+        check(name, &robot);
+    }
+}
