@@ -1,0 +1,5 @@
+"""`python -m sgpr.cli`."""
+
+from .app import main
+
+main()

@@ -1,0 +1,60 @@
+"""The program: its commands and what surrounds them."""
+
+import sys
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any
+
+import typer
+
+from .. import __version__
+from .arguments import Command
+from .compare import compare
+from .errors import guarded
+from .identify import identify
+from .info import info
+from .options import with_option_groups
+from .predict import predict
+
+app = typer.Typer(
+    name="sgpr",
+    help="Identifies torque models of robot arms from logs, and says how good they are.\n\n"
+    "Exit code: 0 success, 2 wrong use, 1 bad data (one message on standard error says what to do).",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+def register(command: Callable[..., Any]) -> None:
+    """Makes a function a command of its name."""
+    epilog = "Options whose value ends in ... take several values: --effects a b c."
+    app.command(cls=Command, epilog=epilog, no_args_is_help=True)(with_option_groups(guarded(command)))
+
+
+for each in (info, identify, compare, predict):
+    register(each)
+
+
+def show_version(wanted: bool) -> None:
+    """Prints the version and ends."""
+    if wanted:
+        typer.echo(f"sgpr {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version.", callback=show_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Options of the program itself."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Runs the program; ends it with its exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        # Unit signs must not end a program on a terminal or in a file of another encoding.
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+    app(args=None if arguments is None else list(arguments), prog_name="sgpr")

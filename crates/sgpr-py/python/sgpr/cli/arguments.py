@@ -1,0 +1,63 @@
+"""Options with several values: `--train a.csv b.csv` is understood like `--train a.csv --train b.csv`."""
+
+import re
+from collections.abc import Iterable
+from typing import Any
+
+from typer.core import TyperCommand
+
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+
+
+class Command(TyperCommand):
+    """A command whose options of several values take all that follow, up to the next option."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parses what the user wrote."""
+        several = [param for param in self.params if getattr(param, "multiple", False)]
+        names = {name: is_pair(param.metavar) for param in several for name in param.opts}
+        takes_value = {
+            name: param.nargs
+            for param in self.params
+            if param.param_type_name == "option" and not getattr(param, "is_flag", False)
+            for name in param.opts
+        }
+        return super().parse_args(ctx, expand(args, names, takes_value))
+
+
+def is_pair(metavar: str | None) -> bool:
+    """Whether the values of an option are of the form KEY=VALUE, so that anything else is none of them."""
+    return metavar is not None and "=" in metavar
+
+
+def expand(args: Iterable[str], several: dict[str, bool], takes_value: dict[str, int]) -> list[str]:
+    """Repeats the option before each of its values.
+
+    - `several`: options with several values, and whether these are of the form KEY=VALUE
+    - `takes_value`: how many values each option takes at a time
+    """
+    result: list[str] = []
+    rest = list(args)
+    while rest:
+        argument = rest.pop(0)
+        if argument == "--":
+            return [*result, argument, *rest]
+        name, _, attached = argument.partition("=") if argument.startswith("--") else (argument, "", "")
+        result.append(argument)
+        if name not in several:
+            if name in takes_value and not attached:
+                result += rest[: takes_value[name]]
+                del rest[: takes_value[name]]
+            continue
+        if not attached and rest:
+            result.append(rest.pop(0))
+        while rest and is_value(rest[0], pair=several[name]):
+            result += [name, rest.pop(0)]
+    return result
+
+
+def is_value(argument: str, *, pair: bool) -> bool:
+    """Whether an argument continues the list of values."""
+    if argument.startswith("-") and not NUMBER.fullmatch(argument):
+        return False
+    return "=" in argument if pair else True

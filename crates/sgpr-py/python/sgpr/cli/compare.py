@@ -1,0 +1,134 @@
+"""`sgpr compare`: a model against logs that it has not seen."""
+
+from collections.abc import Sequence
+from pathlib import Path, PurePath
+from typing import Annotated, Any
+
+import typer
+
+from .. import Comparison, __version__
+from .. import compare as compare_with
+from ..report.comparison import ComparisonPage
+from ..report.numbers import percent, significant
+from . import describe
+from .console import Output, to_json
+from .error_table import show_errors
+from .errors import LIMITS_NOT_MET
+from .inputs import load_model
+from .limits import limits_of, verdicts
+from .output_folder import OutputFolder
+from .predictions import residuals_by_log
+from .reading import ReadingOptions, read_logs, stretches
+from .versions import versions
+
+
+def compare(
+    model: Annotated[
+        str, typer.Argument(metavar="MODEL", help="A saved model (.sgpr), or a robot for its file's model.")
+    ],
+    files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Logs.")],
+    reading: ReadingOptions,
+    output: Output,
+    against: Annotated[
+        str | None, typer.Option("--against", metavar="MODEL|ROBOT", help="Another model, to set beside this one.")
+    ] = None,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--limit",
+            metavar="FIGURE=VALUE...",
+            help="Limits to judge by, for all joints or one: fit_percent=90 joint_2:rmse=1.2. Figures: rmse, "
+            "fit_percent, r2, relative_error_percent, largest_error, rmse_full_band, rmse_with_rests, "
+            "relative_error_with_rests_percent.",
+        ),
+    ] = None,
+    limits: Annotated[
+        str | None,
+        typer.Option("--limits", metavar="FILE", help='Limits in JSON: {"fit_percent": 90, "joint_2": {"rmse": 1.2}}.'),
+    ] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 if a limit is not met.")] = False,
+    out: Annotated[
+        str | None, typer.Option("--out", metavar="DIR", help="Folder for report.html and comparison.json.")
+    ] = None,
+) -> None:
+    """Compares the torque that a model predicts with the torque in logs, joint by joint."""
+    main_model = load_model(model)
+    joints = main_model.robot.joint_names
+    wanted = limits_of(limit or [], limits, joints)
+    models = {model: main_model}
+    if against is not None:
+        other = load_model(against, joints)
+        # What is shown last is what matters.
+        models = {against if against != model else f"{against} (again)": other, model: main_model}
+    folder = OutputFolder(out) if out else None
+    logs = read_logs(files, reading, joints, output)
+    recordings = stretches(logs)
+    processing = main_model if main_model.processing else next((m for m in models.values() if m.processing), None)
+    found: dict[str, Comparison] = {
+        name: compare_with(each, recordings, processing=processing) for name, each in models.items()
+    }
+    trained_on = [log.path for log in logs if _same_file(log.path, main_model.logs)]
+    for path in trained_on:
+        output.warning(f"{path} trained the model: no proof of what it can do elsewhere")
+    labels = _labels(list(found))
+    judged = verdicts(wanted, found[model])
+    failed = [verdict for verdict in judged if verdict["verdict"] == "fail"]
+    data: dict[str, Any] = {
+        "command": "compare",
+        "model": model,
+        "against": against,
+        "reading": reading.to_dict(),
+        "logs": [describe.repaired_log(log, "compared") for log in logs],
+        "comparison": describe.comparison(found[model]),
+        "comparison_against": describe.comparison(found[next(iter(found))]) if against is not None else None,
+        "trained_on": trained_on,
+        "limits": judged,
+        "verdict": None if not judged else "fail" if failed else "pass",
+        "versions": versions(),
+        "library_version": __version__,
+    }
+    if folder:
+        with folder:
+            residuals = {name: residuals_by_log(logs, each) for name, each in found.items()}
+            page = ComparisonPage(
+                main_model,
+                {labels[name]: each for name, each in found.items()},
+                {labels[name]: each for name, each in residuals.items()},
+                data,
+            )
+            folder.write("comparison.json", to_json(data))
+            folder.write("report.html", page.html())
+    show({labels[name]: each for name, each in found.items()}, judged, output)
+    if folder:
+        output.line(f"report: {folder.path / 'report.html'}")
+    output.result(data)
+    if strict and failed:
+        raise typer.Exit(LIMITS_NOT_MET)
+
+
+def _same_file(path: str, others: Sequence[str]) -> bool:
+    return Path(path).resolve() in (Path(other).resolve() for other in others)
+
+
+def _labels(names: Sequence[str]) -> dict[str, str]:
+    """The file names without their folders, if that leaves them different."""
+    short = [PurePath(name).name for name in names]
+    return dict(zip(names, short if len(set(short)) == len(short) else names, strict=True))
+
+
+def show(found: dict[str, Comparison], judged: list[dict[str, Any]], output: Output) -> None:
+    """The result for people."""
+    for name, comparison in found.items():
+        output.line(
+            f"{name}: error {percent(comparison.relative_error_percent)} % of the torque over all joints in motion"
+        )
+    show_errors(found, output)
+    if judged:
+        rows = [
+            [v["joint"], v["figure"], significant(v["value"]), significant(v["limit"]), v["unit"], v["verdict"]]
+            for v in judged
+        ]
+        output.table(["joint", "figure", "found", "limit", "unit", "verdict"], rows, text_columns=(0, 1, 4, 5))
+        failed = sum(v["verdict"] == "fail" for v in judged)
+        text = f"{failed} of {len(judged)} limits not met" if failed else f"all {len(judged)} limits met"
+        output.line(text, "red" if failed else "green")

@@ -1,0 +1,311 @@
+"""`sgpr identify`: the main job, from a robot and logs to a torque model and a report on it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .. import Comparison, CutoffInfluence, Model, Robot, __version__, cutoff_influence
+from .. import compare as compare_with
+from .. import identify as identify_from
+from ..report.identification import IdentificationPage
+from ..report.numbers import counted, percent
+from . import describe
+from .console import Output, to_json
+from .effects import DEFAULT_EFFECTS, checked_effects
+from .error_table import show_errors
+from .errors import one_of, wrong_use
+from .info import show_parameters
+from .output_folder import OutputFolder
+from .predictions import predictions, residuals_by_log, table, write_topics
+from .reading import Log, ReadingOptions, read_logs, stretches
+from .robots import load_robot
+from .versions import versions
+
+FIT = "Identification"
+BEFORE, AFTER = "before", "after"
+
+
+@dataclass(frozen=True)
+class IdentificationOptions:
+    """How to identify."""
+
+    effects: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--effects",
+            metavar="EFFECT...",
+            help=f"Effects beside the rigid body, or `none`.  [default: {' '.join(DEFAULT_EFFECTS)}]",
+            rich_help_panel=FIT,
+        ),
+    ] = None
+    method: Annotated[
+        str,
+        typer.Option("--method", metavar="ols|wls", help="Ordinary or weighted least squares.", rich_help_panel=FIT),
+    ] = "wls"
+    start: Annotated[
+        str,
+        typer.Option(
+            "--start",
+            metavar="robot_file|zero",
+            help="What parameters that the motion does not excite keep: the robot file's values; or zero, if the "
+            "torque in the logs is what an internal model leaves over.",
+            rich_help_panel=FIT,
+        ),
+    ] = "robot_file"
+    cutoff: Annotated[
+        float | None,
+        typer.Option(
+            "--cutoff", metavar="HZ", help="Low-pass of the positions.  [default: from spectra]", rich_help_panel=FIT
+        ),
+    ] = None
+    order: Annotated[int, typer.Option("--order", help="Order of the low-pass.", rich_help_panel=FIT)] = 4
+    differentiation: Annotated[
+        str,
+        typer.Option(
+            "--differentiation",
+            help="central, central:4, savitzky_golay:WINDOW:DEGREE.",
+            rich_help_panel=FIT,
+        ),
+    ] = "central"
+    torque_band: Annotated[
+        str,
+        typer.Option(
+            "--torque-band",
+            metavar="HZ|position|full",
+            help="Low-pass of both sides of the equation: as the positions, none (full), or a cut-off.",
+            rich_help_panel=FIT,
+        ),
+    ] = "position"
+    decimation: Annotated[
+        int | None,
+        typer.Option("--decimation", help="Take every so many rows.  [default: from the cut-off]", rich_help_panel=FIT),
+    ] = None
+    standstill_speed: Annotated[
+        float | None,
+        typer.Option(
+            "--standstill-speed",
+            metavar="SPEED",
+            help="Slower joints count as standing, rad/s.  [default: from the noise]",
+            rich_help_panel=FIT,
+        ),
+    ] = None
+
+    def arguments(self) -> dict[str, Any]:
+        """What `sgpr.identify` takes."""
+        for value, option in ((self.cutoff, "--cutoff"), (self.standstill_speed, "--standstill-speed")):
+            if value is not None and not value > 0.0:
+                raise wrong_use("must be greater than zero", option)
+        for count, option in ((self.order, "--order"), (self.decimation, "--decimation")):
+            if count is not None and count < 1:
+                raise wrong_use("must be at least 1", option)
+        return {
+            "effects": checked_effects(DEFAULT_EFFECTS if self.effects is None else self.effects),
+            "method": one_of(self.method, ("ols", "wls"), "--method", "method"),
+            "start": one_of(self.start, ("robot_file", "zero"), "--start", "start"),
+            "cutoff_hz": self.cutoff,
+            "filter_order": self.order,
+            "differentiation": self.differentiation,
+            "torque_band": self._band(),
+            "decimation": self.decimation,
+            "standstill_speed": self.standstill_speed,
+        }
+
+    def _band(self) -> float | str:
+        if self.torque_band in ("position", "full"):
+            return self.torque_band
+        try:
+            hz = float(self.torque_band)
+        except ValueError:
+            hz = 0.0
+        if not hz > 0.0:
+            raise wrong_use(
+                f"`{self.torque_band}` is neither a cut-off in Hz nor `position` or `full`", "--torque-band"
+            )
+        return hz
+
+
+def identify(
+    robot: Annotated[
+        str, typer.Option("--robot", metavar="ROBOT", help="URDF, DH table (.toml, .json), puma560 or two_link.")
+    ],
+    train: Annotated[list[str], typer.Option("--train", metavar="FILE...", help="Logs to identify from.")],
+    out: Annotated[
+        str, typer.Option("--out", metavar="DIR", help="Folder for the results; an existing one is reused.")
+    ],
+    fit: IdentificationOptions,
+    reading: ReadingOptions,
+    output: Output,
+    test: Annotated[
+        list[str] | None, typer.Option("--test", metavar="FILE...", help="Logs to judge by, not used to identify.")
+    ] = None,
+    joints: Annotated[
+        list[str] | None,
+        typer.Option("--joints", metavar="JOINT...", help="Joints of the URDF to model; the others are locked."),
+    ] = None,
+    gravity: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option("--gravity", metavar="X Y Z", help="Gravity in base axes, m/s².  [default: 0 0 -9.81]"),
+    ] = None,
+    no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
+    mcap: Annotated[
+        str | None,
+        typer.Option(
+            "--mcap", metavar="FILE", help="Also write measured, predicted and residual torque of the test logs."
+        ),
+    ] = None,
+) -> None:
+    """Identifies a torque model from logs, and says how good it is on logs it has not seen.
+
+    Writes to DIR: model.sgpr, report.html, identification.json and, with test logs, predictions.csv.
+    """
+    options = fit.arguments()
+    if mcap is not None and not test:
+        raise wrong_use("is written for test logs: name them with --test", "--mcap")
+    both = sorted(set(train) & set(test or ()))
+    if both:
+        raise wrong_use(f"{', '.join(both)}: a log that trains the model cannot test it", "--test")
+    folder = OutputFolder(out)
+    loaded = load_robot(robot, joints, gravity)
+    train_logs = read_logs(train, reading, loaded.joint_names, output)
+    test_logs = read_logs(test or [], reading, loaded.joint_names, output)
+    result = run(loaded, train_logs, test_logs, options, output)
+    settings = {
+        "robot": robot,
+        "joints": joints,
+        "gravity": loaded.gravity,
+        **options,
+        "reading": reading.to_dict(),
+    }
+    data = result.to_dict(settings)
+    with folder:
+        result.model.save(folder.file("model.sgpr"))
+        if test_logs:
+            rows = predictions(test_logs, {BEFORE: result.before, AFTER: result.after}, loaded.joint_names)
+            data["left_out_of_predictions"] = {row.path: row.left_out for row in rows if row.left_out}
+            text = table(rows, loaded.joint_names, {BEFORE: "before", AFTER: "after"}, with_file=True)
+            folder.write("predictions.csv", text)
+            if mcap:
+                write_topics(folder.file(str(Path(mcap).absolute())), rows, loaded.joint_names, AFTER)
+        if not no_report:
+            folder.write("report.html", result.page(data).html())
+        folder.write("identification.json", to_json(data))
+    show(result, data, output)
+    output.line(f"results: {folder.path}")
+    output.result(data)
+
+
+@dataclass(frozen=True)
+class Result:
+    """A model with all that is known about it."""
+
+    model: Model
+    train: list[Log]
+    test: list[Log]
+    before: Comparison
+    after: Comparison
+    influence: list[CutoffInfluence]
+    influence_errors: list[Comparison]
+
+    @property
+    def judged(self) -> list[Log]:
+        """The logs of the comparisons."""
+        return self.test or self.train
+
+    def to_dict(self, settings: dict[str, Any]) -> dict[str, Any]:
+        """All figures."""
+        report = self.model.report
+        assert report is not None, "just identified"
+        return {
+            "command": "identify",
+            "robot": {"name": self.model.robot.name, "joints": self.model.robot.joint_names},
+            "settings": settings,
+            "effects": self.model.effects,
+            "processing": describe.processing(self.model),
+            "fit": self.model.fit,
+            "samples": report.samples,
+            "singular_values": report.singular_values,
+            "cutoff_choices": [
+                {"log": stretch.source, "cutoff_hz": c.cutoff_hz, "joint_hz": c.joint_hz, "noise": c.noise}
+                for stretch, c in zip(stretches(self.train), report.cutoff_choices, strict=False)
+            ],
+            "cutoff_influence": [
+                {
+                    "cutoff_hz": other.cutoff_hz,
+                    "largest_change": other.largest_change,
+                    "typical_change": other.typical_change,
+                    "rmse": found.rmse,
+                    "relative_error_percent": found.relative_error_percent,
+                }
+                for other, found in zip(self.influence, self.influence_errors, strict=True)
+            ],
+            "parameters": describe.parameters(self.model),
+            "comparison": {
+                "logs": "test" if self.test else "train",
+                BEFORE: describe.comparison(self.before),
+                AFTER: describe.comparison(self.after),
+            },
+            "warnings": report.warnings,
+            "logs": [
+                *(describe.repaired_log(log, "train") for log in self.train),
+                *(describe.repaired_log(log, "test") for log in self.test),
+            ],
+            "left_out_of_predictions": {},
+            "seeds": {},
+            "versions": versions(),
+            "library_version": __version__,
+        }
+
+    def page(self, data: dict[str, Any]) -> IdentificationPage:
+        """The report."""
+        return IdentificationPage(
+            model=self.model,
+            before=self.before,
+            after=self.after,
+            residuals_before=residuals_by_log(self.judged, self.before),
+            residuals_after=residuals_by_log(self.judged, self.after),
+            data=data,
+        )
+
+
+def run(robot: Robot, train: Sequence[Log], test: Sequence[Log], options: dict[str, Any], output: Output) -> Result:
+    """Identifies, and compares with the model of the robot file."""
+    training = stretches(train)
+    with output.progress() as progress:
+        model = identify_from(robot, training, progress=progress, **options)
+        influence = cutoff_influence(robot, training, model, progress=progress, **options)
+    judged = stretches(test) or training
+    nominal = Model.nominal(robot)
+    return Result(
+        model=model,
+        train=list(train),
+        test=list(test),
+        before=compare_with(nominal, judged, processing=model),
+        after=compare_with(model, judged),
+        influence=influence,
+        influence_errors=[compare_with(other.model, judged, processing=model) for other in influence],
+    )
+
+
+def show(result: Result, data: dict[str, Any], output: Output) -> None:
+    """The result for people."""
+    show_parameters(data["parameters"], output)
+    show_errors({BEFORE: result.before, AFTER: result.after}, output)
+    where = (
+        f"On {counted(len(result.test), 'unseen log')}" if result.test else "On the training logs (no test logs given)"
+    )
+    output.heading(
+        f"{where} the error is {percent(result.after.relative_error_percent)} % of the torque; before, with the robot "
+        f"file, it was {percent(result.before.relative_error_percent)} %."
+    )
+    for text in data["warnings"]:
+        output.warning(text)
+    for path, count in data["left_out_of_predictions"].items():
+        output.warning(
+            f"{path}: {counted(count, 'sample')} without prediction (repairs, or stretches too short to filter)"
+        )
+    findings = [found for log in data["logs"] for found in log["issues"] if found["severity"] != "note"]
+    if findings:
+        output.warning(f"the logs have {counted(len(findings), 'finding')}; see the report, or sgpr info")

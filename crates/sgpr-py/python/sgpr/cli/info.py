@@ -1,0 +1,172 @@
+"""`sgpr info`: what a robot, a log or a model holds."""
+
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+import typer
+
+from .. import load
+from ..report.numbers import MISSING, counted, percent, readable, significant, with_deviation
+from . import describe
+from .console import Output
+from .effects import checked_effects
+from .inputs import kind_of
+from .reading import ReadingOptions, expand_patterns
+from .robots import load_robot
+
+
+def info(
+    files: Annotated[
+        list[str], typer.Argument(metavar="FILE...", help="Robots (URDF, DH table, puma560, two_link), logs, models.")
+    ],
+    reading: ReadingOptions,
+    output: Output,
+    effects: Annotated[
+        list[str] | None,
+        typer.Option("--effects", metavar="EFFECT...", help="Count base parameters of robots with these effects."),
+    ] = None,
+    joints: Annotated[
+        list[str] | None, typer.Option("--joints", metavar="JOINT...", help="Look at these joints only.")
+    ] = None,
+) -> None:
+    """Shows what robots, logs and saved models hold, and what is wrong with them."""
+    chosen = checked_effects(effects or [])
+    results = []
+    for path in expand_patterns(files):
+        match kind_of(path):
+            case "robot":
+                data = describe.robot(load_robot(path, joints), path, chosen)
+                show_robot(data, output)
+            case "model":
+                data = describe.model(load(path), path)
+                show_model(data, output)
+            case "log":
+                data = describe.log(reading.read(path, joints), path)
+                show_log(data, output)
+        results.append(data)
+    output.result(results)
+
+
+def show_robot(data: dict[str, Any], output: Output) -> None:
+    """A robot for people."""
+    output.heading(f"{data['file']}: robot {data['name']}, {counted(data['dof'], 'joint')}")
+    rows = [
+        [
+            joint["name"],
+            joint["kind"],
+            _interval(joint["lower"], joint["upper"], joint["position_unit"]),
+            _limit(joint["velocity"], f"{joint['position_unit']}/s"),
+            _limit(joint["effort"], joint["torque_unit"]),
+        ]
+        for joint in data["joints"]
+    ]
+    output.table(["joint", "kind", "position", "speed up to", "torque up to"], rows, text_columns=(0, 1))
+    gravity = ", ".join(significant(float(g)) for g in data["gravity"])
+    output.line(f"moving mass {significant(data['moving_mass_kg'], 4)} kg, gravity ({gravity}) m/s² in base axes")
+    base = data["base_parameters"]
+    beside = f" with {', '.join(data['effects'])}" if data["effects"] else ""
+    output.line(f"{counted(len(base), 'base parameter')}{beside}:")
+    output.table(
+        ["base parameter", "unit", "stands for"],
+        [[p["name"], p["unit"], readable(p["expression"])] for p in base],
+        text_columns=(0, 1, 2),
+    )
+    meanings = {
+        "identifiable": "motion tells them one by one",
+        "combination": "motion tells only combinations of them",
+        "invisible": "motion tells nothing of them",
+    }
+    classes = data["standard_parameter_classes"]
+    for kind, meaning in meanings.items():
+        names = [name for name, found in classes.items() if found == kind]
+        output.line(f"{len(names)} parameters {kind} ({meaning}): {', '.join(names) or 'none'}")
+    for text in data["warnings"]:
+        output.line(f"warning: {text}", "yellow")
+    output.line("")
+
+
+def show_log(data: dict[str, Any], output: Output) -> None:
+    """A log for people."""
+    rate = "rate unknown" if data["rate_hz"] is None else f"{significant(data['rate_hz'], 4)} Hz"
+    output.heading(
+        f"{data['file']}: log of {counted(len(data['joints']), 'joint')}, {counted(data['samples'], 'sample')}, "
+        f"{significant(data['duration_s'], 4)} s, {rate}"
+    )
+    rows = [
+        [joint["name"], *(_bounds(joint[quantity]) for quantity in ("position", "velocity", "torque"))]
+        for joint in data["joints"]
+    ]
+    output.table(["joint", "position [rad, m]", "speed [rad/s, m/s]", "torque [N·m, N]"], rows)
+    if data["channels"]:
+        output.table(["other channel", "range"], [[name, _bounds(found)] for name, found in data["channels"].items()])
+    show_findings(data["issues"], data["notes"], output)
+    output.line("")
+
+
+def show_findings(issues: Sequence[dict[str, Any]], notes: Sequence[str], output: Output) -> None:
+    """What was found in a log, worst first."""
+    styles = {"error": "red", "warning": "yellow", "note": ""}
+    for found in issues:
+        output.line(f"{found['severity']}: {found['message']}", styles[found["severity"]])
+    for text in notes:
+        output.line(f"note: {text}")
+    if not issues:
+        output.line("nothing suspicious found")
+
+
+def show_model(data: dict[str, Any], output: Output) -> None:
+    """A model for people."""
+    output.heading(
+        f"{data['file']}: torque model of {data['robot']}, {counted(len(data['joints']), 'joint')}, written by sgpr "
+        f"{data['library_version']}"
+    )
+    output.line(f"effects: {', '.join(data['effects']) or 'none'}")
+    fit = data["fit"]
+    if fit is None:
+        output.line("not identified from logs: the parameters are those it was made with")
+    else:
+        output.line(
+            f"identified by {fit['method']}, condition number {significant(fit['condition'])} (columns scaled: "
+            f"{significant(fit['scaled_condition'])})"
+        )
+    chosen = data["processing"]
+    if chosen is not None:
+        band = chosen["torque_cutoff_hz"]
+        output.line(
+            f"positions filtered at {significant(chosen['cutoff_hz'])} Hz, torques "
+            + (f"at {significant(band)} Hz" if band else "not filtered")
+            + f", every {chosen['decimation']}. row taken"
+        )
+    for path in data["logs"]:
+        output.line(f"log: {path}")
+    for text in data["history"]:
+        output.line(f"history: {text}")
+    show_parameters(data["parameters"], output)
+    output.line("")
+
+
+def show_parameters(parameters: Sequence[dict[str, Any]], output: Output) -> None:
+    """Parameters with their standard deviations."""
+    rows = []
+    for p in parameters:
+        value, deviation = with_deviation(p["value"], p["standard_deviation"])
+        if p["determined"] is False:
+            deviation = "not excited"
+        relative = percent(p["relative_standard_deviation_percent"]) if p["determined"] else MISSING
+        rows.append([p["name"], value, deviation, relative, significant(p["nominal"], 4), p["unit"]])
+    columns = ["base parameter", "value", "std. deviation", "%", "nominal", "unit"]
+    output.table(columns, rows, text_columns=(0, 5))
+
+
+def _bounds(found: list[float] | None) -> str:
+    return MISSING if found is None else f"{significant(found[0])} … {significant(found[1])}"
+
+
+def _interval(lower: float, upper: float, unit: str) -> str:
+    if lower == float("-inf") and upper == float("inf"):
+        return "no limit"
+    return f"{significant(lower)} … {significant(upper)} {unit}"
+
+
+def _limit(value: float, unit: str) -> str:
+    return "no limit" if value == float("inf") else f"{significant(value)} {unit}"

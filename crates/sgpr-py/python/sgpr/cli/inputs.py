@@ -1,0 +1,37 @@
+"""What a file is, and models by what the user names."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+from .. import Model, load
+from .robots import READY_MADE, load_robot
+
+Kind = Literal["robot", "model", "log"]
+
+HEAD_BYTES = 256
+
+
+def kind_of(name: str) -> Kind:
+    """Whether a name stands for a robot, a saved model or a log: by its content, then by its suffix."""
+    path = Path(name)
+    if name in READY_MADE and not path.exists():
+        return "robot"
+    if path.is_dir():
+        return "log"
+    with path.open("rb") as file:
+        head = file.read(HEAD_BYTES)
+    text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    suffix = path.suffix.lower()
+    if suffix == ".sgpr" or b'"sgpr torque model"' in head or head[8:10] == b'{"':
+        return "model"
+    if text.startswith(b"<") or suffix in (".urdf", ".xml", ".toml", ".json"):
+        return "robot"
+    return "log"
+
+
+def load_model(name: str, joints: Sequence[str] | None = None, gravity: Sequence[float] | None = None) -> Model:
+    """A saved model, or the model that a robot file describes."""
+    if kind_of(name) == "model":
+        return load(name)
+    return Model.nominal(load_robot(name, joints, gravity))

@@ -1,0 +1,45 @@
+"""Results that appear all together: files are written beside their place and renamed at the end."""
+
+import os
+from pathlib import Path
+from types import TracebackType
+
+
+class OutputFolder:
+    """A folder for results. Existing files are replaced only by whole new ones, and only if all went well."""
+
+    def __init__(self, path: str) -> None:
+        """Makes the folder and finds out now whether it can be written to, not after an hour of work."""
+        self.path = Path(path)
+        self.path.mkdir(parents=True, exist_ok=True)
+        self._waiting: dict[Path, Path] = {}
+        probe = self._beside(self.path / "probe")
+        probe.touch()
+        probe.unlink()
+
+    def file(self, name: str) -> Path:
+        """Where to write the file that shall be called `name`; anywhere else if `name` is a path of its own."""
+        place = self.path / name
+        self._waiting[place] = self._beside(place)
+        return self._waiting[place]
+
+    def write(self, name: str, text: str) -> None:
+        """Writes a text file."""
+        self.file(name).write_text(text, encoding="utf-8", newline="\n")
+
+    def __enter__(self) -> "OutputFolder":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for place, written in self._waiting.items():
+            if kind is None:
+                os.replace(written, place)
+            else:
+                written.unlink(missing_ok=True)
+
+    @staticmethod
+    def _beside(place: Path) -> Path:
+        # The suffix stays: it decides the format.
+        return place.with_name(f".{os.getpid()}-{place.name}")

@@ -1,0 +1,84 @@
+"""`sgpr predict`: the torque for every sample of a log."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from .. import Recording, __version__
+from .. import compare as compare_with
+from ..report.numbers import counted
+from .console import Output
+from .errors import wrong_use
+from .inputs import load_model
+from .output_folder import OutputFolder
+from .predictions import predictions, table, write_table, write_topics
+from .reading import ReadingOptions, read_log
+
+SUFFIXES = (".csv", ".csv.gz", ".mcap")
+PREDICTED = "predicted"
+
+
+def predict(
+    model: Annotated[
+        str, typer.Argument(metavar="MODEL", help="A saved model (.sgpr), or a robot for its file's model.")
+    ],
+    file: Annotated[str, typer.Argument(metavar="FILE", help="A log.")],
+    reading: ReadingOptions,
+    output: Output,
+    out: Annotated[
+        str,
+        typer.Option("--out", metavar="FILE", help="Table (.csv, .csv.gz), or MCAP file with topics (.mcap)."),
+    ],
+) -> None:
+    """Predicts the torque for each sample of a log.
+
+    Tables have the columns t, then NAME_measured and NAME_predicted for each joint; MCAP files the topics /measured,
+    /predicted and /residual. A log without torque gives the predictions alone.
+    """
+    if not out.endswith(SUFFIXES):
+        raise wrong_use(f"`{out}`: the name must end in {', '.join(SUFFIXES)}", "--out")
+    place = Path(out).absolute()
+    loaded = load_model(model)
+    joints = loaded.robot.joint_names
+    with OutputFolder(str(place.parent)) as folder:
+        log = read_log(file, reading, joints)
+        measured = log.raw.tau is not None
+        if not measured:
+            log = replace(log, raw=_with_torque(log.raw), stretches=[_with_torque(part) for part in log.stretches])
+        found = compare_with(loaded, log.stretches)
+        [row] = predictions([log], {PREDICTED: found}, joints)
+        written = folder.file(str(place))
+        if out.endswith(".mcap"):
+            write_topics(written, [row], joints, PREDICTED, with_measured=measured)
+        else:
+            columns = {PREDICTED: "predicted"}
+            write_table(written, table([row], joints, columns, with_file=False, with_measured=measured))
+    for action in log.actions:
+        output.note(f"{file}: {action}")
+    if row.left_out:
+        output.warning(
+            f"{counted(row.left_out, 'sample')} of {file} without prediction: see the notes on repairs and gaps"
+        )
+    data: dict[str, Any] = {
+        "command": "predict",
+        "model": model,
+        "log": file,
+        "out": out,
+        "joints": joints,
+        "samples": len(row.time_ns),
+        "left_out": row.left_out,
+        "actions": log.actions,
+        "library_version": __version__,
+    }
+    output.line(f"{counted(len(row.time_ns), 'sample')} written to {out}")
+    output.result(data)
+
+
+def _with_torque(recording: Recording) -> Recording:
+    """A log without torque, made fit for a comparison of which only the prediction is used."""
+    nothing = np.zeros_like(recording.q)
+    names = recording.joint_names
+    return Recording(recording.time_ns, recording.q, recording.dq, nothing, joint_names=names, source=recording.source)

@@ -1,0 +1,175 @@
+"""Predictions sample by sample: as a table, and as topics of an MCAP file."""
+
+import csv
+import gzip
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import Comparison, LogResidual, Recording, write_mcap
+from .reading import Log
+
+Array = NDArray[np.float64]
+
+NANOSECONDS = 9
+DIGITS = "%.9g"
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Torques at the samples of one log, `[samples, n]`."""
+
+    path: str
+    time_ns: NDArray[np.int64]
+    q: Array
+    dq: Array
+    measured: Array
+    predicted: dict[str, Array]
+    left_out: int
+
+
+def predictions(logs: Sequence[Log], comparisons: Mapping[str, Comparison], joints: Sequence[str]) -> list[Prediction]:
+    """What each model predicts at the samples of each log.
+
+    A log that was resampled is predicted at its new samples; the predictions are brought back to its own by linear
+    interpolation. Samples of stretches that are too short to be filtered are left out.
+    """
+    grouped = {name: residuals_by_log(logs, comparison) for name, comparison in comparisons.items()}
+    result = []
+    for index, log in enumerate(logs):
+        pieces = {name: groups[index] for name, groups in grouped.items()}
+        result.append(_at_own_samples(log, pieces, joints) if log.is_resampled else _as_compared(log, pieces))
+    return result
+
+
+def residuals_by_log(logs: Sequence[Log], comparison: Comparison) -> list[list[LogResidual]]:
+    """The residuals of each log, stretch after stretch. They come in the order of the stretches that were compared."""
+    remaining = list(comparison.logs)
+    groups = []
+    for log in logs:
+        group: list[LogResidual] = []
+        for stretch in log.stretches:
+            first, last = int(stretch.time_ns[0]), int(stretch.time_ns[-1])
+            while remaining and remaining[0].source == stretch.source and first <= int(remaining[0].time_ns[0]) <= last:
+                group.append(remaining.pop(0))
+        groups.append(group)
+    assert not remaining, "every residual belongs to a stretch of a log"
+    return groups
+
+
+def _as_compared(log: Log, pieces: Mapping[str, list[LogResidual]]) -> Prediction:
+    first = next(iter(pieces.values()))
+    time_ns = np.concatenate([piece.time_ns for piece in first])
+    return Prediction(
+        path=log.path,
+        time_ns=time_ns,
+        q=np.concatenate([piece.q for piece in first]),
+        dq=np.concatenate([piece.dq for piece in first]),
+        measured=np.concatenate([piece.measured for piece in first]),
+        predicted={name: np.concatenate([piece.predicted for piece in group]) for name, group in pieces.items()},
+        left_out=len(log.raw) - len(time_ns),
+    )
+
+
+def _at_own_samples(log: Log, pieces: Mapping[str, list[LogResidual]], joints: Sequence[str]) -> Prediction:
+    raw = log.raw if log.raw.joint_names == list(joints) else log.raw.select(joints)
+    time_ns, unique = np.unique(raw.time_ns, return_index=True)
+    measured = raw.tau[unique] if raw.tau is not None else np.full((len(unique), raw.dof), np.nan)
+    finite = np.isfinite(measured).all(axis=1) & np.isfinite(raw.q[unique]).all(axis=1)
+    first = next(iter(pieces.values()))
+    # The new samples end up to one step before the old ones.
+    ends = [2 * piece.time_ns[-1] - piece.time_ns[-2] for piece in first]
+    inside = [finite & (time_ns >= p.time_ns[0]) & (time_ns < end) for p, end in zip(first, ends, strict=True)]
+    times = [time_ns[mask] for mask in inside]
+
+    def join(arrays: Sequence[Array], group: Sequence[LogResidual]) -> Array:
+        return np.concatenate([_interpolate(t, p.time_ns, a) for t, p, a in zip(times, group, arrays, strict=True)])
+
+    return Prediction(
+        path=log.path,
+        time_ns=np.concatenate(times),
+        q=join([piece.q for piece in first], first),
+        dq=join([piece.dq for piece in first], first),
+        measured=np.concatenate([measured[mask] for mask in inside]),
+        predicted={name: join([piece.predicted for piece in group], group) for name, group in pieces.items()},
+        left_out=len(log.raw) - sum(map(len, times)),
+    )
+
+
+def _interpolate(wanted_ns: NDArray[np.int64], time_ns: NDArray[np.int64], values: Array) -> Array:
+    start = time_ns[0]
+    wanted, known = (wanted_ns - start) * 1e-9, (time_ns - start) * 1e-9
+    return np.column_stack([np.interp(wanted, known, column) for column in values.T])
+
+
+def table(
+    rows: Sequence[Prediction],
+    joints: Sequence[str],
+    columns: Mapping[str, str],
+    *,
+    with_file: bool,
+    with_measured: bool = True,
+) -> str:
+    """The table as CSV text: time, then for each joint the measured torque and the predictions.
+
+    - `columns`: model in the predictions -> ending of its columns
+    """
+    text = io.StringIO()
+    endings = [*(["measured"] if with_measured else []), *columns.values()]
+    header = ["t", *(f"{joint}_{ending}" for joint in joints for ending in endings)]
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["file", *header] if with_file else header)
+    for row in rows:
+        torques = [*([row.measured] if with_measured else []), *(row.predicted[model] for model in columns)]
+        values = np.stack(torques, axis=2)
+        lines = io.StringIO()
+        np.savetxt(lines, values.reshape(len(values), -1), fmt=DIGITS, delimiter=",")
+        name = _quoted(row.path) + "," if with_file else ""
+        moments = map(decimal_seconds, row.time_ns.tolist())
+        numbers = lines.getvalue().splitlines()
+        text.writelines(f"{name}{t},{line}\n" for t, line in zip(moments, numbers, strict=True))
+    return text.getvalue()
+
+
+def decimal_seconds(nanoseconds: int) -> str:
+    """Seconds, every digit of them: 60.004, 1700000000.123456789."""
+    text = f"{Decimal(nanoseconds).scaleb(-NANOSECONDS):f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def write_table(path: Path, text: str) -> None:
+    """Writes a table, packed if the name ends in .gz: the same table makes the same bytes."""
+    data = text.encode()
+    path.write_bytes(gzip.compress(data, mtime=0) if path.suffix == ".gz" else data)
+
+
+def write_topics(
+    path: Path, rows: Sequence[Prediction], joints: Sequence[str], model: str, *, with_measured: bool = True
+) -> None:
+    """Measured, predicted and residual torque of logs as topics of joint states.
+
+    With several logs, the topics of each carry its number: /log_2/measured.
+    """
+    topics = {}
+    for number, row in enumerate(rows, start=1):
+        prefix = f"/log_{number}" if len(rows) > 1 else ""
+        predicted = row.predicted[model]
+        torques = {"predicted": predicted}
+        if with_measured:
+            torques = {"measured": row.measured, **torques, "residual": row.measured - predicted}
+        for name, torque in torques.items():
+            topics[f"{prefix}/{name}"] = Recording(
+                row.time_ns, row.q, row.dq, torque, joint_names=list(joints), source=row.path
+            )
+    write_mcap(path, topics)
+
+
+def _quoted(text: str) -> str:
+    line = io.StringIO()
+    csv.writer(line, lineterminator="").writerow([text])
+    return line.getvalue()

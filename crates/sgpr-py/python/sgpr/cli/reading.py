@@ -1,0 +1,217 @@
+"""How logs are read and repaired: the options that all commands with logs share."""
+
+import glob
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .. import Recording, read
+from .console import Output
+from .errors import BadData, one_of, wrong_use
+
+READING = "Reading logs"
+REPAIR = "Repairing logs (nothing is changed unless asked for)"
+
+
+def reading(*names: str, **settings: Any) -> Any:
+    """An option of the first group."""
+    return typer.Option(*names, rich_help_panel=READING, **settings)
+
+
+def repairing(*names: str, **settings: Any) -> Any:
+    """An option of the second group."""
+    return typer.Option(*names, rich_help_panel=REPAIR, **settings)
+
+
+@dataclass(frozen=True)
+class ReadingOptions:
+    """Options for reading and repairing logs."""
+
+    columns: Annotated[
+        list[str] | None,
+        reading(
+            "--columns",
+            metavar="KEY=COLUMN...",
+            help="Columns of a table, for time, position, velocity, torque: a pattern, {} for the number of the joint "
+            "and {name} for its name, or names with commas: position=q{} torque=i{}_A.",
+        ),
+    ] = None
+    units: Annotated[
+        list[str] | None,
+        reading(
+            "--units",
+            metavar="KEY=UNIT...",
+            help="Units of time, position, velocity, torque, if not SI and not in the column names: "
+            "position=deg velocity=rpm torque=mNm time=ms.",
+        ),
+    ] = None
+    torque_constants: Annotated[
+        list[float] | None,
+        reading("--torque-constants", metavar="K...", help="N·m per A, one per joint: torque = constant · current."),
+    ] = None
+    rate: Annotated[
+        float | None, reading("--rate", metavar="HZ", help="Sampling rate of tables without a time column.")
+    ] = None
+    rows: Annotated[
+        tuple[int, int] | None, reading("--rows", metavar="FIRST LAST", help="Data rows of tables to read, from 1.")
+    ] = None
+    logged_joints: Annotated[
+        list[str] | None,
+        reading(
+            "--logged-joints", metavar="JOINT...", help="What a bag or MCAP file calls the joints, in their order."
+        ),
+    ] = None
+    topics: Annotated[
+        list[str] | None, reading("--topics", metavar="TOPIC...", help="Topics of a bag or MCAP file to read.")
+    ] = None
+    clock: Annotated[str, reading("--clock", metavar="header|log", help="Which time of a bag or MCAP file counts.")] = (
+        "header"
+    )
+    recover: Annotated[bool, reading("--recover", help="Read what is intact of a truncated or damaged MCAP file.")] = (
+        False
+    )
+    trim: Annotated[
+        tuple[float, float] | None,
+        repairing("--trim", metavar="FROM TO", help="Keep this part of each log, s since its first sample."),
+    ] = None
+    sort: Annotated[bool, repairing("--sort", help="Bring samples into the order of their time.")] = False
+    drop_duplicates: Annotated[
+        bool, repairing("--drop-duplicates", help="Of samples with the same time, keep the first.")
+    ] = False
+    drop_not_finite: Annotated[
+        bool, repairing("--drop-not-finite", help="Drop samples with NaN or infinite values.")
+    ] = False
+    drop_repeated: Annotated[
+        bool, repairing("--drop-repeated", help="Drop samples that repeat the one before while the arm moves.")
+    ] = False
+    split_gaps: Annotated[
+        float | None, repairing("--split-gaps", metavar="S", help="Cut where time steps by more than this, s.")
+    ] = None
+    resample: Annotated[
+        str | None,
+        repairing("--resample", metavar="HZ|median", help="Bring samples to equal steps, of this rate."),
+    ] = None
+
+    def read(self, path: str, joints: Sequence[str] | None) -> Recording:
+        """The log as it is in the file."""
+        return read(path, joints, **self.arguments())
+
+    def arguments(self) -> dict[str, Any]:
+        """What `sgpr.read` takes, as far as it is not left to itself."""
+        keys = ("time", "position", "velocity", "torque")
+        columns = {key: _columns(value) for key, value in _pairs(self.columns, "--columns", keys).items()}
+        wishes: dict[str, Any] = {
+            "columns": columns or None,
+            "units": _pairs(self.units, "--units", keys) or None,
+            "torque_constants": self.torque_constants,
+            "sample_rate_hz": self.rate,
+            "rows": self.rows,
+            "logged_names": self.logged_joints,
+            "topics": self.topics,
+            "clock": one_of(self.clock, ("header", "log"), "--clock", "clock"),
+            "recover": self.recover,
+        }
+        defaults = {"clock": "header", "recover": False}
+        return {key: value for key, value in wishes.items() if value != defaults.get(key)}
+
+    def repairs(self) -> dict[str, Any]:
+        """What `Recording.repair` takes, as far as it is asked for."""
+        wishes = {
+            "trim": self.trim,
+            "sort": self.sort,
+            "drop_duplicates": self.drop_duplicates,
+            "drop_not_finite": self.drop_not_finite,
+            "drop_repeated": self.drop_repeated,
+            "split_gaps": self.split_gaps,
+            "resample": self._rate(),
+        }
+        return {key: value for key, value in wishes.items() if value}
+
+    def to_dict(self) -> dict[str, Any]:
+        """All that was asked for, for the record."""
+        return {**self.arguments(), **self.repairs()}
+
+    def _rate(self) -> float | str | None:
+        if self.resample is None or self.resample == "median":
+            return self.resample
+        try:
+            rate = float(self.resample)
+        except ValueError:
+            rate = 0.0
+        if not rate > 0.0:
+            raise wrong_use(f"`{self.resample}` is neither a rate in Hz nor `median`", "--resample")
+        return rate
+
+
+@dataclass(frozen=True)
+class Log:
+    """A log as read, and the stretches that remain after what the user asked to repair.
+
+    - `actions`: what was done, in sentences
+    - `is_resampled`: whether the samples of the stretches are others than those of the log
+    """
+
+    path: str
+    raw: Recording
+    stretches: list[Recording]
+    actions: list[str]
+    is_resampled: bool = False
+
+
+def read_log(path: str, options: ReadingOptions, joints: Sequence[str] | None) -> Log:
+    """Reads and repairs one log."""
+    raw = options.read(path, joints)
+    repairs = options.repairs()
+    if not repairs:
+        return Log(path, raw, [raw], [])
+    repaired = raw.repair(**repairs)
+    actions = [action.removeprefix(f"{raw.source}: ") for action in repaired.actions]
+    return Log(path, raw, repaired.recordings, actions, "resample" in repairs)
+
+
+def read_logs(paths: Sequence[str], options: ReadingOptions, joints: Sequence[str] | None, output: Output) -> list[Log]:
+    """Reads and repairs logs, telling what was changed."""
+    paths = expand_patterns(paths)
+    logs = []
+    with output.progress() as progress:
+        for index, path in enumerate(paths):
+            if progress:
+                progress("read", index, len(paths))
+            logs.append(read_log(path, options, joints))
+    for log in logs:
+        for action in log.actions:
+            output.note(f"{log.path}: {action}")
+    return logs
+
+
+def stretches(logs: Sequence[Log]) -> list[Recording]:
+    """The recordings of all logs."""
+    return [stretch for log in logs for stretch in log.stretches]
+
+
+def expand_patterns(paths: Sequence[str]) -> list[str]:
+    """File names, those with * in the place of files that were not expanded by a shell; each file once."""
+    found: list[str] = []
+    for path in paths:
+        matches = sorted(glob.glob(path)) if "*" in path and not Path(path).exists() else [path]
+        if not matches:
+            raise BadData(f"{path}: no file fits this pattern")
+        found += [match for match in matches if match not in found]
+    return found
+
+
+def _pairs(values: Sequence[str] | None, option: str, keys: Sequence[str]) -> dict[str, str]:
+    pairs = {}
+    for value in values or ():
+        key, equals, text = value.partition("=")
+        if not (equals and text):
+            raise wrong_use(f"`{value}` is not of the form KEY=VALUE, with a KEY of {', '.join(keys)}", option)
+        pairs[one_of(key, keys, option, "quantity")] = text
+    return pairs
+
+
+def _columns(text: str) -> str | list[str]:
+    return text.split(",") if "," in text else text

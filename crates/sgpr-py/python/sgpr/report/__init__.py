@@ -1,0 +1,6 @@
+"""Reports: one HTML file each, that opens without network and looks the same every time."""
+
+from .comparison import ComparisonPage
+from .identification import IdentificationPage
+
+__all__ = ["ComparisonPage", "IdentificationPage"]

@@ -1,0 +1,109 @@
+"""HTML in small pieces. Text is escaped unless it is `Html` already."""
+
+import html
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+
+class Html(str):
+    """Text that is markup."""
+
+    __slots__ = ()
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a page, with an entry in the table of contents."""
+
+    name: str
+    title: str
+    body: Html
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell of a table that needs more than its text."""
+
+    content: str
+    style: str = ""
+    order: float | None = None
+
+
+def safe(text: object) -> Html:
+    """Text as markup."""
+    return text if isinstance(text, Html) else Html(html.escape(str(text)))
+
+
+def join(parts: Iterable[object]) -> Html:
+    """Pieces one after the other."""
+    return Html("\n".join(safe(part) for part in parts))
+
+
+def element(tag: str, content: object, **attributes: str) -> Html:
+    """`<tag ...>content</tag>`; `class_` and `aria_label` become class and aria-label."""
+    written = "".join(
+        f' {name.rstrip("_").replace("_", "-")}="{html.escape(value)}"' for name, value in attributes.items() if value
+    )
+    return Html(f"<{tag}{written}>{safe(content)}</{tag}>")
+
+
+def paragraph(text: object, class_: str = "") -> Html:
+    """A paragraph."""
+    return element("p", text, class_=class_)
+
+
+def prose(text: str) -> Html:
+    """A sentence in which `names` are set as code."""
+    return Html(re.sub(r"`([^`]*)`", r"<code>\1</code>", safe(text)))
+
+
+def items(texts: Iterable[object]) -> Html:
+    """A list."""
+    return element("ul", join(element("li", text) for text in texts))
+
+
+def table(
+    caption: str, columns: Sequence[object], rows: Iterable[Sequence[object]], *, text_columns: Sequence[int] = (0,)
+) -> Html:
+    """A table that scrolls sideways where it does not fit. The first column names the rows."""
+    head = join(
+        element("th", column, scope="col", class_="text" if k in text_columns else "")
+        for k, column in enumerate(columns)
+    )
+    lines = []
+    for row in rows:
+        cells = []
+        for k, value in enumerate(row):
+            content, style = (value.content, value.style) if isinstance(value, Cell) else (value, "")
+            classes = " ".join(filter(None, ["text" if k in text_columns else "", style]))
+            tag, scope = ("th", "row") if k == 0 else ("td", "")
+            cells.append(element(tag, content, scope=scope, class_=classes))
+        lines.append(element("tr", Html("".join(cells))))
+    inner = join([element("caption", caption), element("thead", element("tr", head)), element("tbody", join(lines))])
+    return element("div", element("table", inner), class_="wide", tabindex="0", role="region", aria_label=caption)
+
+
+def plot(name: str, height: int, label: str, note: object = "") -> Html:
+    """The place of a plot."""
+    place = Html(
+        f'<div class="plot" id="{html.escape(name)}" style="height:{height}px" role="img" '
+        f'aria-label="{html.escape(label)}"></div>'
+    )
+    return element("figure", join([place, element("figcaption", note)]) if note else place)
+
+
+def choice(name: str, label: str, options: Sequence[str]) -> Html:
+    """A selection, hidden if there is nothing to select."""
+    entries = join(element("option", text, value=str(k)) for k, text in enumerate(options))
+    select = Html(f'<select id="{html.escape(name)}">{entries}</select>')
+    return element("label", join([label, select]), class_="choice" if len(options) > 1 else "choice single")
+
+
+def legend(entries: Iterable[tuple[str, str, str]]) -> Html:
+    """What the marks mean: (symbol, colour, meaning)."""
+    marks = []
+    for symbol, colour, text in entries:
+        mark = element("span", symbol, aria_hidden="true", style=f"color:{colour}")
+        marks.append(element("span", Html(f"{mark} {safe(text)}"), class_="key"))
+    return element("p", join(marks), class_="legend")

@@ -1,0 +1,49 @@
+"""Settings, versions and provenance."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from .markup import Html, element, join
+
+# Names that are clearer than those in the JSON file.
+NAMES = {
+    "cutoff_hz": "cut-off of the position filter [Hz]",
+    "torque_cutoff_hz": "cut-off of both sides of the equation [Hz]",
+    "torque_band": "band of both sides of the equation",
+    "standstill_speed": "standing below a speed of [rad/s, m/s]",
+    "decimation": "every how many rows are used",
+    "order": "order of the filter",
+    "gravity": "gravity [m/s²]",
+    "reading": "reading and repairing",
+    "start": "start from",
+}
+
+
+def settings_section(groups: Mapping[str, Mapping[str, Any]]) -> Html:
+    """One list per group."""
+    parts = []
+    for title, entries in groups.items():
+        pairs = join(
+            join([element("dt", NAMES.get(name, name.replace("_", " "))), element("dd", _text(value))])
+            for name, value in entries.items()
+        )
+        parts.append(join([element("h3", title), element("dl", pairs)]))
+    return join(parts)
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "automatic"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, str):
+        return value
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {_text(entry)}" for key, entry in value.items()) or "as found"
+    if isinstance(value, np.ndarray | Iterable):
+        return ", ".join(_text(float(entry) if isinstance(entry, np.floating) else entry) for entry in value) or "none"
+    return str(value)

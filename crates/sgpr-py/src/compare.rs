@@ -1,0 +1,366 @@
+//! Model against measurement.
+
+use std::sync::Arc;
+
+use numpy::PyArrayDyn;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sgpr_core::model::{self as core, TorqueModel};
+
+use crate::convert::{array, view};
+use crate::errors::{IntoPyErr, invalid};
+use crate::identification::recordings;
+use crate::model::{Model, Processing, figure, html_table};
+use crate::robot::Robot;
+
+type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
+
+/// Compares a model with recordings, best with logs that no fit has seen.
+///
+/// Parameters
+/// ----------
+/// model : Model or Robot
+///     A robot stands for the model that its file describes.
+/// recordings : list of Recording
+/// processing : Model or Processing, optional
+///     How the logs are processed: by default as the model was identified, else as is chosen from the logs. Give the
+///     same to compare two models in the same band.
+///
+/// Returns
+/// -------
+/// Comparison
+///
+/// Examples
+/// --------
+/// >>> robot, log = sgpr.Robot.from_urdf("robot.urdf"), sgpr.read("train.csv.gz")
+/// >>> model = sgpr.identify(robot, [log])
+/// >>> before = sgpr.compare(robot, [log], processing=model)
+/// >>> after = sgpr.compare(model, [log])
+/// >>> bool(np.all(after.rmse < before.rmse))
+/// True
+#[pyfunction]
+#[pyo3(signature = (model, recordings, *, processing=None))]
+pub fn compare(
+    py: Python<'_>,
+    model: &Bound<'_, PyAny>,
+    recordings: &Bound<'_, PyAny>,
+    processing: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Comparison> {
+    let model = match (model.cast::<Model>(), model.cast::<Robot>()) {
+        (Ok(model), _) => model.get().inner.clone(),
+        (_, Ok(robot)) => Arc::new(TorqueModel::nominal(&robot.get().inner)),
+        _ => return Err(wrong_type("model", model, "Model or Robot")),
+    };
+    let processing = processing.map(processing_of).transpose()?.flatten();
+    let dof = model.robot().dof();
+    if let Some(other) = processing.as_ref().map(|one| one.standstill_speed.len()).filter(|other| *other != dof) {
+        return Err(invalid(format!("processing: it is for {other} joints, the model has {dof}")));
+    }
+    let recordings = self::recordings(recordings)?;
+    let comparison =
+        py.detach(|| core::compare(&model, &recordings, processing.as_ref())).map_err(IntoPyErr::into_py_err)?;
+    let core::Comparison { joints, relative_error_percent, relative_error_with_rests_percent, logs } = comparison;
+    let logs = logs.into_iter().map(|inner| Py::new(py, LogResidual { inner, dof })).collect::<PyResult<_>>()?;
+    Ok(Comparison { joints, relative_error_percent, relative_error_with_rests_percent, logs })
+}
+
+fn processing_of(given: &Bound<'_, PyAny>) -> PyResult<Option<sgpr_core::motion::Processing>> {
+    match (given.cast::<Model>(), given.cast::<Processing>()) {
+        (Ok(model), _) => Ok(model.get().inner.processing().cloned()),
+        (_, Ok(processing)) => Ok(Some(processing.get().inner.clone())),
+        _ => Err(wrong_type("processing", given, "Model or Processing")),
+    }
+}
+
+fn wrong_type(name: &str, given: &Bound<'_, PyAny>, expected: &str) -> PyErr {
+    let found = given.get_type().name().map_or_else(|_| "?".into(), |name| name.to_string());
+    PyTypeError::new_err(format!("{name}: got {found}, expected {expected}"))
+}
+
+/// How well a model predicts the torque of some logs.
+///
+/// Figures are in the band of the model, over the samples at which a joint moves; while a joint stands, dry friction
+/// holds it with any torque, and no model can say which: the `with_rests` figures count those samples too.
+#[pyclass(module = "sgpr", frozen)]
+pub struct Comparison {
+    joints: Vec<core::JointComparison>,
+    relative_error_percent: f64,
+    relative_error_with_rests_percent: f64,
+    logs: Vec<Py<LogResidual>>,
+}
+
+impl Comparison {
+    fn column<'py>(&self, py: Python<'py>, select: fn(&core::JointComparison) -> f64) -> PyResult<Array<'py>> {
+        array(py, &[self.joints.len()], self.joints.iter().map(select).collect())
+    }
+
+    fn rows(&self) -> impl Iterator<Item = Vec<String>> {
+        self.joints.iter().map(|joint| {
+            let percent = |value: f64| format!("{value:.2}");
+            vec![
+                joint.joint.clone(),
+                figure(joint.rmse),
+                percent(joint.fit_percent),
+                format!("{:.4}", joint.r2),
+                percent(joint.relative_error_percent),
+                joint.unit.to_string(),
+            ]
+        })
+    }
+}
+
+const HEAD: [&str; 6] = ["joint", "rmse", "fit %", "R²", "relative error %", "unit"];
+
+#[pymethods]
+impl Comparison {
+    /// Joint by joint.
+    #[getter]
+    fn joints(&self) -> Vec<JointComparison> {
+        self.joints.iter().cloned().map(JointComparison::from).collect()
+    }
+
+    /// |residual| / |torque| over all joints while they move, percent.
+    #[getter]
+    fn relative_error_percent(&self) -> f64 {
+        self.relative_error_percent
+    }
+
+    /// The same with the samples at which they stand, percent.
+    #[getter]
+    fn relative_error_with_rests_percent(&self) -> f64 {
+        self.relative_error_with_rests_percent
+    }
+
+    /// Measured and predicted torque of every stretch of every log.
+    #[getter]
+    fn logs(&self, py: Python<'_>) -> Vec<Py<LogResidual>> {
+        self.logs.iter().map(|log| log.clone_ref(py)).collect()
+    }
+
+    /// Root mean square of measured minus predicted, (n,), N·m (N).
+    #[getter]
+    fn rmse<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.column(py, |joint| joint.rmse)
+    }
+
+    /// 100 (1 - |residual| / |measured - its mean|), (n,), percent.
+    #[getter]
+    fn fit_percent<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.column(py, |joint| joint.fit_percent)
+    }
+
+    /// Share of the variance that is explained, (n,).
+    #[getter]
+    fn r2<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.column(py, |joint| joint.r2)
+    }
+
+    /// The figures, ready for JSON; None where there is no number (a joint that never moves).
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let finite = |value: f64| value.is_finite().then_some(value);
+        let mut joints = Vec::new();
+        for joint in self.joints.iter().cloned() {
+            let dict = PyDict::new(py);
+            dict.set_item("joint", joint.joint)?;
+            dict.set_item("unit", joint.unit)?;
+            dict.set_item("samples", joint.samples)?;
+            dict.set_item("rmse", finite(joint.rmse))?;
+            dict.set_item("fit_percent", finite(joint.fit_percent))?;
+            dict.set_item("r2", finite(joint.r2))?;
+            dict.set_item("relative_error_percent", finite(joint.relative_error_percent))?;
+            dict.set_item("largest_error", finite(joint.largest_error))?;
+            dict.set_item("largest_error_log", joint.largest_error_log)?;
+            dict.set_item("largest_error_time", finite(joint.largest_error_time))?;
+            dict.set_item("rmse_zero", finite(joint.rmse_zero))?;
+            dict.set_item("rmse_gravity", finite(joint.rmse_gravity))?;
+            dict.set_item("rmse_full_band", finite(joint.rmse_full_band))?;
+            dict.set_item("rmse_with_rests", finite(joint.rmse_with_rests))?;
+            dict.set_item("relative_error_with_rests_percent", finite(joint.relative_error_with_rests_percent))?;
+            joints.push(dict);
+        }
+        let dict = PyDict::new(py);
+        dict.set_item("joints", joints)?;
+        dict.set_item("relative_error_percent", finite(self.relative_error_percent))?;
+        dict.set_item("relative_error_with_rests_percent", finite(self.relative_error_with_rests_percent))?;
+        Ok(dict)
+    }
+
+    fn __repr__(&self) -> String {
+        let width = self.joints.iter().map(|joint| joint.joint.chars().count()).max().unwrap_or(0).max(5);
+        let line = |cells: &[String]| {
+            let numbers = cells[1..5].iter().zip([10, 8, 7, 17]).map(|(cell, width)| format!(" {cell:>width$}"));
+            format!("{:width$}{}  {}", cells[0], numbers.collect::<String>(), cells[5])
+        };
+        let mut text = line(&HEAD.map(String::from));
+        for row in self.rows() {
+            text += "\n";
+            text += &line(&row);
+        }
+        text + &format!("\nrelative error of all joints {:.2} %", self.relative_error_percent)
+    }
+
+    fn _repr_html_(&self) -> String {
+        html_table(&HEAD, self.rows())
+    }
+}
+
+/// How well a model predicts the torque of one joint.
+#[pyclass(module = "sgpr", frozen, get_all)]
+pub struct JointComparison {
+    /// Joint.
+    joint: String,
+    /// Unit of the torque.
+    unit: &'static str,
+    /// Samples counted.
+    samples: usize,
+    /// Root mean square of measured minus predicted, N·m (N).
+    rmse: f64,
+    /// 100 (1 - |residual| / |measured - its mean|), percent.
+    fit_percent: f64,
+    /// Share of the variance that is explained.
+    r2: f64,
+    /// |residual| / |measured|, percent.
+    relative_error_percent: f64,
+    /// Largest absolute residual, N·m (N) ...
+    largest_error: f64,
+    /// ... the log where it is ...
+    largest_error_log: String,
+    /// ... and when, s since the start of the log.
+    largest_error_time: f64,
+    /// What predicting no torque at all would leave, N·m (N).
+    rmse_zero: f64,
+    /// What predicting the model's gravity torque alone would leave, N·m (N).
+    rmse_gravity: f64,
+    /// Root mean square residual against the torque as logged, N·m (N).
+    rmse_full_band: f64,
+    /// Root mean square residual with the samples at which the joint stands, N·m (N).
+    rmse_with_rests: f64,
+    /// |residual| / |measured| with the samples at which the joint stands, percent.
+    relative_error_with_rests_percent: f64,
+}
+
+impl From<core::JointComparison> for JointComparison {
+    fn from(joint: core::JointComparison) -> Self {
+        Self {
+            joint: joint.joint,
+            unit: joint.unit,
+            samples: joint.samples,
+            rmse: joint.rmse,
+            fit_percent: joint.fit_percent,
+            r2: joint.r2,
+            relative_error_percent: joint.relative_error_percent,
+            largest_error: joint.largest_error,
+            largest_error_log: joint.largest_error_log,
+            largest_error_time: joint.largest_error_time,
+            rmse_zero: joint.rmse_zero,
+            rmse_gravity: joint.rmse_gravity,
+            rmse_full_band: joint.rmse_full_band,
+            rmse_with_rests: joint.rmse_with_rests,
+            relative_error_with_rests_percent: joint.relative_error_with_rests_percent,
+        }
+    }
+}
+
+#[pymethods]
+impl JointComparison {
+    fn __repr__(&self) -> String {
+        format!(
+            "JointComparison({}: rmse {} {}, fit {:.2} %, R² {:.4})",
+            self.joint,
+            figure(self.rmse),
+            self.unit,
+            self.fit_percent,
+            self.r2
+        )
+    }
+}
+
+/// Torques of one stretch of a log. Arrays are (N, n) unless said otherwise, read-only.
+#[pyclass(module = "sgpr", frozen)]
+pub struct LogResidual {
+    inner: core::LogResidual,
+    dof: usize,
+}
+
+fn rows<'py, T: numpy::Element>(
+    log: &Bound<'py, LogResidual>,
+    pick: impl FnOnce(&LogResidual) -> &[T],
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    view(log, &[log.get().inner.time.len(), log.get().dof], pick)
+}
+
+#[pymethods]
+impl LogResidual {
+    /// Log.
+    #[getter]
+    fn source(&self) -> &str {
+        &self.inner.source
+    }
+
+    /// Time stamps, (N,), ns.
+    #[getter]
+    fn time_ns<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArrayDyn<i64>>> {
+        view(slf, &[slf.get().inner.time.len()], |log| &log.inner.time)
+    }
+
+    /// Time since the first sample of the stretch, (N,), s.
+    #[getter]
+    fn t<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let time = &self.inner.time;
+        let start = time.first().copied().unwrap_or_default();
+        array(py, &[time.len()], time.iter().map(|stamp| (stamp - start) as f64 * 1e-9).collect())
+    }
+
+    /// Torque as logged, N·m (N).
+    #[getter]
+    fn measured<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        rows(slf, |log| &log.inner.measured)
+    }
+
+    /// Torque by the model, N·m (N).
+    #[getter]
+    fn predicted<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        rows(slf, |log| &log.inner.predicted)
+    }
+
+    /// Measured, in the band of the model.
+    #[getter]
+    fn measured_in_band<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        rows(slf, |log| &log.inner.measured_in_band)
+    }
+
+    /// Predicted, in the band of the model.
+    #[getter]
+    fn predicted_in_band<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        rows(slf, |log| &log.inner.predicted_in_band)
+    }
+
+    /// Which of them count: the joint moves, and the ends of the stretch are far.
+    #[getter]
+    fn counted<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArrayDyn<bool>>> {
+        rows(slf, |log| &log.inner.counted)
+    }
+
+    /// Filtered positions, rad (m).
+    #[getter]
+    fn q<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        rows(slf, |log| &log.inner.motion.q)
+    }
+
+    /// Their first derivative; zero while a joint rests.
+    #[getter]
+    fn dq<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        rows(slf, |log| &log.inner.motion.dq)
+    }
+
+    /// Their second derivative; zero while a joint rests.
+    #[getter]
+    fn ddq<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        rows(slf, |log| &log.inner.motion.ddq)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("LogResidual('{}', {} samples)", self.inner.source, self.inner.time.len())
+    }
+}

@@ -1,0 +1,125 @@
+//! Errors of the core as Python exceptions.
+//!
+//! Everything the library complains about is an `SgprError`, which is a `ValueError`; files that the system does not
+//! open are an `OSError`, as from `open`.
+
+use pyo3::create_exception;
+use pyo3::exceptions::{PyOSError, PyValueError};
+use pyo3::prelude::*;
+use sgpr_core::effects::UnknownEffect;
+use sgpr_core::identification;
+use sgpr_core::model::{self, IdentifyError};
+use sgpr_core::motion::MotionError;
+use sgpr_core::recording;
+use sgpr_core::robot;
+use sgpr_core::signal::SignalError;
+
+create_exception!(sgpr, SgprError, PyValueError, "What sgpr cannot accept, and why. The base of its exceptions.");
+create_exception!(sgpr, RobotError, SgprError, "A robot file or table that makes no robot.");
+create_exception!(sgpr, RecordingError, SgprError, "A log that cannot be read, repaired, written or turned into motion.");
+create_exception!(sgpr, IdentificationError, SgprError, "Parameters that cannot be identified from what was given.");
+create_exception!(sgpr, ModelFileError, SgprError, "A file that holds no model.");
+
+/// An error of the core, as Python shall see it.
+pub trait IntoPyErr {
+    /// The exception.
+    fn into_py_err(self) -> PyErr;
+}
+
+/// An argument that cannot be.
+pub fn invalid(message: impl Into<String>) -> PyErr {
+    SgprError::new_err(message.into())
+}
+
+impl IntoPyErr for robot::RobotError {
+    fn into_py_err(self) -> PyErr {
+        match self {
+            Self::Unreadable { path, source } => os_error(path, &source).unwrap_or_else(RobotError::new_err),
+            error => RobotError::new_err(error.to_string()),
+        }
+    }
+}
+
+impl IntoPyErr for recording::RecordingError {
+    fn into_py_err(self) -> PyErr {
+        match self {
+            Self::Unreadable { path, source } | Self::Unwritable { path, source } => {
+                os_error(path, &source).unwrap_or_else(RecordingError::new_err)
+            }
+            error => RecordingError::new_err(error.to_string()),
+        }
+    }
+}
+
+impl IntoPyErr for model::ModelFileError {
+    fn into_py_err(self) -> PyErr {
+        match self {
+            Self::Unreadable { path, source } | Self::Unwritable { path, source } => {
+                os_error(path, &source).unwrap_or_else(ModelFileError::new_err)
+            }
+            error => ModelFileError::new_err(error.to_string()),
+        }
+    }
+}
+
+impl IntoPyErr for MotionError {
+    fn into_py_err(self) -> PyErr {
+        match self {
+            Self::NoRecording => IdentificationError::new_err(self.to_string()),
+            Self::Signal(error) => error.into_py_err(),
+            error => RecordingError::new_err(error.to_string()),
+        }
+    }
+}
+
+impl IntoPyErr for SignalError {
+    fn into_py_err(self) -> PyErr {
+        IdentificationError::new_err(self.to_string())
+    }
+}
+
+impl IntoPyErr for UnknownEffect {
+    fn into_py_err(self) -> PyErr {
+        IdentificationError::new_err(self.to_string())
+    }
+}
+
+impl IntoPyErr for identification::IdentificationError {
+    fn into_py_err(self) -> PyErr {
+        IdentificationError::new_err(self.to_string())
+    }
+}
+
+impl IntoPyErr for IdentifyError {
+    fn into_py_err(self) -> PyErr {
+        match self {
+            Self::Recording(error) => error.into_py_err(),
+            Self::Motion(error) => error.into_py_err(),
+            Self::Identification(error) => error.into_py_err(),
+            Self::Effect(error) => error.into_py_err(),
+            Self::Signal(error) => error.into_py_err(),
+            error => IdentificationError::new_err(error.to_string()),
+        }
+    }
+}
+
+/// `FileNotFoundError`, `PermissionError` and so on, as `open` raises them. A message if the file was opened and it was
+/// its content that could not be read.
+fn os_error(path: String, source: &std::io::Error) -> Result<PyErr, String> {
+    let Some(code) = os_code(source) else { return Err(format!("{path}: {source}")) };
+    let text = std::io::Error::from_raw_os_error(code).to_string();
+    let reason = text.split(" (os error").next().unwrap_or_default().to_string();
+    Ok(PyOSError::new_err((code, reason, path)))
+}
+
+/// What the system said, if it was the system, also where it is wrapped.
+fn os_code(error: &std::io::Error) -> Option<i32> {
+    let mut cause: Option<&(dyn std::error::Error + 'static)> = Some(error);
+    while let Some(error) = cause {
+        if let Some(code) = error.downcast_ref::<std::io::Error>().and_then(std::io::Error::raw_os_error) {
+            return Some(code);
+        }
+        cause = error.source();
+    }
+    None
+}

@@ -1,0 +1,439 @@
+//! From recordings to a model.
+
+use std::sync::Arc;
+
+use numpy::PyArrayDyn;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyString};
+use sgpr_core::effects::registry;
+use sgpr_core::identification::Method;
+use sgpr_core::model::{self as core, IdentifyOptions, Start};
+use sgpr_core::motion::TorqueBand;
+use sgpr_core::recording as logs;
+use sgpr_core::signal::{CutoffChoice as CoreChoice, Differentiation};
+
+use crate::convert::{Numbers, array, choice, positive, texts, view, whole};
+use crate::errors::invalid;
+use crate::model::Model;
+use crate::progress::listen;
+use crate::recording::Recording;
+use crate::robot::Robot;
+
+type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
+
+/// The recordings that were given, in memory of their own.
+pub fn recordings(given: &Bound<'_, PyAny>) -> PyResult<Vec<logs::Recording>> {
+    let wrong = |found: &Bound<'_, PyAny>| {
+        let found = found.get_type().name().map_or_else(|_| "?".into(), |name| name.to_string());
+        PyTypeError::new_err(format!("recordings: got {found}, expected a list of Recording"))
+    };
+    let mut recordings = Vec::new();
+    for item in given.try_iter().map_err(|_| wrong(given))? {
+        let item = item?;
+        recordings.push(item.cast::<Recording>().map_err(|_| wrong(&item))?.get().inner.clone());
+    }
+    Ok(recordings)
+}
+
+const OPTIONS: [&str; 11] = [
+    "effects",
+    "method",
+    "noise",
+    "start",
+    "cutoff_hz",
+    "filter_order",
+    "differentiation",
+    "torque_band",
+    "decimation",
+    "standstill_speed",
+    "progress",
+];
+
+/// Keyword arguments of `identify` and `cutoff_influence`.
+struct Arguments {
+    options: IdentifyOptions,
+    progress: Option<Py<PyAny>>,
+}
+
+impl Arguments {
+    fn new(robot: &Robot, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        let mut options = IdentifyOptions::default();
+        let (mut progress, mut noise) = (None, None);
+        for (key, value) in given.into_iter().flatten() {
+            let key: String = key.extract()?;
+            // None stands for the default, whatever it is.
+            if value.is_none() && OPTIONS.contains(&key.as_str()) {
+                continue;
+            }
+            let conditioning = &mut options.conditioning;
+            match key.as_str() {
+                "effects" => options.effects = texts("effects", &value)?,
+                "method" => {
+                    let known = [("ols", false), ("wls", true)];
+                    let weighted = choice("method", &word(&key, &value)?, &known)?;
+                    options.method = if weighted { Method::Wls } else { Method::Ols };
+                }
+                "noise" => {
+                    let numbers = Numbers::new("noise", &value)?.shaped(&[robot.dof()])?.finite()?;
+                    noise = Some(numbers.values().to_vec());
+                }
+                "start" => {
+                    let known = [("robot_file", Start::RobotFile), ("zero", Start::Zero)];
+                    options.start = choice("start", &word(&key, &value)?, &known)?;
+                }
+                "cutoff_hz" => conditioning.cutoff_hz = Some(positive(&key, number(&key, &value)?)?),
+                "filter_order" => conditioning.order = whole(&key, &value, 1..11)?,
+                "differentiation" => conditioning.differentiation = differentiation(&word(&key, &value)?)?,
+                "torque_band" => conditioning.torque_band = torque_band(&value)?,
+                "decimation" => conditioning.decimation = Some(whole(&key, &value, 1..usize::MAX)?),
+                "standstill_speed" => conditioning.standstill_speed = Some(positive(&key, number(&key, &value)?)?),
+                "progress" => progress = Some(value.unbind()),
+                _ => {
+                    let known = OPTIONS.join(", ");
+                    return Err(PyTypeError::new_err(format!("got an unexpected keyword argument '{key}'; options are {known}")));
+                }
+            }
+        }
+        if let Some(noise) = noise {
+            if options.method == Method::Ols {
+                return Err(invalid("noise: known noise makes the weights of method 'wls', and 'ols' has none"));
+            }
+            options.method = Method::WlsKnown(noise);
+        }
+        Ok(Self { options, progress })
+    }
+}
+
+fn word(name: &str, value: &Bound<'_, PyAny>) -> PyResult<String> {
+    match value.cast::<PyString>() {
+        Ok(text) => Ok(text.to_string()),
+        Err(_) => Err(invalid(format!("{name} = {}: expected a word", value.repr()?))),
+    }
+}
+
+fn number(name: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
+    value.extract().map_err(|_| match value.repr() {
+        Ok(shown) => invalid(format!("{name} = {shown}: expected a number")),
+        Err(error) => error,
+    })
+}
+
+fn torque_band(value: &Bound<'_, PyAny>) -> PyResult<TorqueBand> {
+    if let Ok(hz) = value.extract::<f64>() {
+        return positive("torque_band", hz).map(TorqueBand::Hz);
+    }
+    match value.extract::<String>().as_deref() {
+        Ok("position") => Ok(TorqueBand::AsPosition),
+        Ok("full") => Ok(TorqueBand::Full),
+        _ => Err(invalid(format!("torque_band = {}: expected 'position', 'full' or a cut-off in Hz", value.repr()?))),
+    }
+}
+
+/// Longest window, and highest degree of a polynomial that still can be fitted to it.
+const LONGEST_WINDOW: usize = 9999;
+const HIGHEST_DEGREE: usize = 10;
+
+/// "central", "central:4", "savitzky_golay:11:3"
+fn differentiation(text: &str) -> PyResult<Differentiation> {
+    let wrong = || {
+        invalid(format!(
+            "differentiation = '{text}': expected 'central', 'central:ACCURACY' with 2, 4, 6 or 8, or \
+             'savitzky_golay:WINDOW:DEGREE' with an odd window of at most {LONGEST_WINDOW} samples and a degree from 2 to \
+             {HIGHEST_DEGREE}, less than the window"
+        ))
+    };
+    let mut parts = text.split(':');
+    let method = parts.next().unwrap_or_default();
+    let numbers: Vec<usize> = parts.map(|part| part.parse().map_err(|_| wrong())).collect::<PyResult<_>>()?;
+    match (method, numbers[..].as_ref()) {
+        ("central", []) => Ok(Differentiation::default()),
+        ("central", &[accuracy @ (2 | 4 | 6 | 8)]) => Ok(Differentiation::Central { accuracy }),
+        ("savitzky_golay", &[window, degree])
+            if window % 2 == 1 && window <= LONGEST_WINDOW && (2..=HIGHEST_DEGREE.min(window - 1)).contains(&degree) =>
+        {
+            Ok(Differentiation::SavitzkyGolay { window, degree })
+        }
+        _ => Err(wrong()),
+    }
+}
+
+/// The inverse of [`differentiation`].
+pub fn differentiation_name(method: Differentiation) -> String {
+    match method {
+        Differentiation::Central { accuracy } => format!("central:{accuracy}"),
+        Differentiation::SavitzkyGolay { window, degree } => format!("savitzky_golay:{window}:{degree}"),
+    }
+}
+
+/// Identifies the torque model of a robot from recordings.
+///
+/// The joints of each recording are picked by the names of the robot's joints. What is left open is chosen from the logs
+/// and kept in `Model.processing`; what the user should read is in `Model.report.warnings`.
+///
+/// Parameters
+/// ----------
+/// robot : Robot
+/// recordings : list of Recording
+///     With torque; each one a trajectory of its own.
+/// effects : list of str
+///     Physics beside the rigid body, see `effects`; by default viscous and Coulomb friction, rotor inertia and torque
+///     offset.
+/// method : {"wls", "ols"}
+///     Least squares, each joint weighted by its noise or all alike.
+/// noise : array of shape (n,), optional
+///     Known standard deviation of each joint's torque, N·m (N), for the weights of "wls".
+/// start : {"robot_file", "zero"}
+///     Values that parameters keep where the motion does not determine them. With "zero" the result is the error of an
+///     internal model, from the torque that it leaves over, to be added with `Model.plus`.
+/// cutoff_hz : float, optional
+///     Cut-off of the position filter; from the spectrum by default.
+/// filter_order : int, default 4
+///     Order of the Butterworth filter of one pass, 1 to 10; it runs in both directions.
+/// differentiation : str
+///     "central" (of accuracy 6), "central:2" to "central:8", or "savitzky_golay:WINDOW:DEGREE".
+/// torque_band : "position", "full" or float
+///     Band in which both sides of the equation are compared: that of the position, all, or a cut-off in Hz.
+/// decimation : int, optional
+///     Every how many rows of the filtered equation are taken; from the band by default.
+/// standstill_speed : float, optional
+///     Speed below which a joint counts as standing, rad/s (m/s); from the noise by default.
+/// progress : callable, optional
+///     Called with (stage, done, total) now and then; what it raises stops the work. So does Ctrl-C.
+///
+/// Returns
+/// -------
+/// Model
+///
+/// Raises
+/// ------
+/// RecordingError
+///     If a recording lacks a joint or torque, or cannot be differentiated.
+/// IdentificationError
+///     If the recordings hold too little, or an option cannot be.
+///
+/// Examples
+/// --------
+/// >>> robot = sgpr.Robot.from_urdf("robot.urdf")
+/// >>> model = sgpr.identify(robot, [sgpr.read("train.csv.gz")], effects=["viscous_friction", "coulomb_friction"])
+/// >>> parameter = model.parameters["joint_2.Izz"]
+/// >>> parameter.unit
+/// 'kg·m²'
+#[pyfunction]
+#[pyo3(signature = (robot, recordings, **options),
+    text_signature = "(robot, recordings, *, effects=('viscous_friction', 'coulomb_friction', 'rotor_inertia', \
+    'torque_offset'), method='wls', noise=None, start='robot_file', cutoff_hz=None, filter_order=4, \
+    differentiation='central', torque_band='position', decimation=None, standstill_speed=None, progress=None)")]
+pub fn identify(
+    py: Python<'_>,
+    robot: &Bound<'_, Robot>,
+    recordings: &Bound<'_, PyAny>,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Model> {
+    let Arguments { options, progress } = Arguments::new(robot.get(), options)?;
+    let recordings = self::recordings(recordings)?;
+    let robot = &robot.get().inner;
+    let (model, report) =
+        listen(py, progress, |progress| core::identify(robot, &recordings, &options, progress))?;
+    let report = Py::new(py, IdentificationReport::new(py, report)?)?;
+    Ok(Model { inner: Arc::new(model), report: Some(report) })
+}
+
+/// Repeats an identification with half to twice the cut-off that was used: results must not hinge on it.
+///
+/// Parameters
+/// ----------
+/// robot : Robot
+/// recordings : list of Recording
+/// model : Model
+///     What `identify` returned for them.
+/// progress : callable, optional
+///     As in `identify`.
+/// **options
+///     Those that were given to `identify`.
+///
+/// Returns
+/// -------
+/// list of CutoffInfluence
+///     Empty for a model that was not identified. Cut-offs that the sampling rate cannot hold are left out.
+///
+/// Examples
+/// --------
+/// >>> robot, recordings = sgpr.Robot.from_urdf("robot.urdf"), [sgpr.read("train.csv.gz")]
+/// >>> model = sgpr.identify(robot, recordings)
+/// >>> influences = sgpr.cutoff_influence(robot, recordings, model)
+/// >>> [round(influence.cutoff_hz / model.processing.cutoff_hz, 2) for influence in influences]
+/// [0.5, 0.71, 1.41, 2.0]
+#[pyfunction]
+#[pyo3(signature = (robot, recordings, model, **options),
+    text_signature = "(robot, recordings, model, *, progress=None, **options)")]
+pub fn cutoff_influence(
+    py: Python<'_>,
+    robot: &Bound<'_, Robot>,
+    recordings: &Bound<'_, PyAny>,
+    model: &Bound<'_, Model>,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Vec<CutoffInfluence>> {
+    let Arguments { options, progress } = Arguments::new(robot.get(), options)?;
+    let recordings = self::recordings(recordings)?;
+    let (robot, model) = (&robot.get().inner, &model.get().inner);
+    let set = sgpr_core::identification::ParameterSet::new(robot, &options.effects);
+    if set.is_ok_and(|set| set.names() != model.parameter_set().names()) {
+        return Err(invalid("model: it has other parameters; give the robot and the options that it was identified with"));
+    }
+    let influences = listen(py, progress, |progress| {
+        core::cutoff_influence(robot, &recordings, &options, model, progress)
+    })?;
+    let wrapped = influences.into_iter().map(|influence| {
+        let core::CutoffInfluence { cutoff_hz, largest_change, typical_change, model } = influence;
+        let model = Py::new(py, Model { inner: Arc::new(model), report: None })?;
+        Ok(CutoffInfluence { cutoff_hz, largest_change, typical_change, model })
+    });
+    wrapped.collect()
+}
+
+/// The effects that a model can have beside the rigid body.
+///
+/// Returns
+/// -------
+/// list of dict
+///     "name", "summary", and "parameters" of a joint as (symbol, unit, unit at a prismatic joint).
+///
+/// Examples
+/// --------
+/// >>> [effect["name"] for effect in sgpr.effects()][:2]
+/// ['viscous_friction', 'coulomb_friction']
+#[pyfunction]
+pub fn effects(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
+    let describe = |effect: Arc<dyn sgpr_core::effects::Effect>| {
+        let parameters = effect.parameters().iter();
+        let parameters: Vec<_> = parameters.map(|one| (one.symbol, one.unit, one.sliding_unit)).collect();
+        let dict = PyDict::new(py);
+        dict.set_item("name", effect.name())?;
+        dict.set_item("summary", effect.summary())?;
+        dict.set_item("parameters", parameters)?;
+        Ok(dict)
+    };
+    registry().into_iter().map(describe).collect()
+}
+
+/// How an identification went, beside the model.
+#[pyclass(module = "sgpr", frozen)]
+pub struct IdentificationReport {
+    samples: usize,
+    singular_values: Vec<f64>,
+    warnings: Vec<String>,
+    cutoff_choices: Vec<Py<CutoffChoice>>,
+}
+
+impl IdentificationReport {
+    fn new(py: Python<'_>, report: core::IdentificationReport) -> PyResult<Self> {
+        let core::IdentificationReport { cutoff_choices, singular_values, warnings, samples } = report;
+        let cutoff_choices = cutoff_choices.into_iter().map(|inner| Py::new(py, CutoffChoice { inner }));
+        Ok(Self { samples, singular_values, warnings, cutoff_choices: cutoff_choices.collect::<PyResult<_>>()? })
+    }
+}
+
+#[pymethods]
+impl IdentificationReport {
+    /// Samples in the logs.
+    #[getter]
+    fn samples(&self) -> usize {
+        self.samples
+    }
+
+    /// Singular values of the observation matrix, largest first.
+    #[getter]
+    fn singular_values<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        view(slf, &[slf.get().singular_values.len()], |report| &report.singular_values)
+    }
+
+    /// Sentences that the user should read.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.warnings.clone()
+    }
+
+    /// The spectra and the cut-off that they suggest, for each log.
+    #[getter]
+    fn cutoff_choices(&self, py: Python<'_>) -> Vec<Py<CutoffChoice>> {
+        self.cutoff_choices.iter().map(|choice| choice.clone_ref(py)).collect()
+    }
+
+    fn __repr__(&self) -> String {
+        let warnings: Vec<String> = self.warnings.iter().map(|warning| format!("\n  {warning}")).collect();
+        format!("IdentificationReport, {} samples, {} warnings{}", self.samples, warnings.len(), warnings.concat())
+    }
+}
+
+/// The cut-off that the spectra of a log suggest.
+#[pyclass(module = "sgpr", frozen)]
+pub struct CutoffChoice {
+    inner: CoreChoice,
+}
+
+#[pymethods]
+impl CutoffChoice {
+    /// The cut-off for all joints, Hz: the highest of theirs.
+    #[getter]
+    fn cutoff_hz(&self) -> f64 {
+        self.inner.cutoff_hz
+    }
+
+    /// Where the spectrum of each joint's acceleration is lowest, between motion and noise, (n,), Hz; zero for a joint
+    /// that does not move.
+    #[getter]
+    fn joint_hz<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        view(slf, &[slf.get().inner.joint_hz.len()], |choice| &choice.inner.joint_hz)
+    }
+
+    /// Standard deviation of the white noise of each joint's position, (n,), rad (m).
+    #[getter]
+    fn noise<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        view(slf, &[slf.get().inner.noise.len()], |choice| &choice.inner.noise)
+    }
+
+    /// Frequencies of the spectra, (F,), Hz.
+    #[getter]
+    fn frequency_hz<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let frequencies = self.inner.spectra.first().map_or(vec![], |spectrum| spectrum.frequency_hz.clone());
+        array(py, &[frequencies.len()], frequencies)
+    }
+
+    /// Power spectral density of each joint's position, (n, F), rad²/Hz (m²/Hz).
+    #[getter]
+    fn density<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let spectra = &self.inner.spectra;
+        let length = spectra.first().map_or(0, |spectrum| spectrum.density.len());
+        let densities = spectra.iter().flat_map(|spectrum| spectrum.density.iter().copied()).collect();
+        array(py, &[spectra.len(), length], densities)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("CutoffChoice({:.2} Hz)", self.inner.cutoff_hz)
+    }
+}
+
+/// What another cut-off would have made of the same logs.
+#[pyclass(module = "sgpr", frozen, get_all)]
+pub struct CutoffInfluence {
+    /// Cut-off, Hz.
+    cutoff_hz: f64,
+    /// Largest change of a base parameter, in its standard deviations.
+    largest_change: f64,
+    /// Root mean square change of the base parameters, in their standard deviations.
+    typical_change: f64,
+    /// The model that results.
+    model: Py<Model>,
+}
+
+#[pymethods]
+impl CutoffInfluence {
+    fn __repr__(&self) -> String {
+        format!(
+            "CutoffInfluence({:.2} Hz: parameters change by {:.2}, at most {:.2} standard deviations)",
+            self.cutoff_hz, self.typical_change, self.largest_change
+        )
+    }
+}
+

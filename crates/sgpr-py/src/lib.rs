@@ -1,0 +1,33 @@
+//! The compiled half of the Python package: a boundary, no mathematics.
+
+mod compare;
+mod convert;
+mod dynamics;
+mod errors;
+mod identification;
+mod model;
+mod progress;
+mod recording;
+mod robot;
+
+/// Torque models of robot arms: identify, compare, diagnose, predict.
+#[pyo3::pymodule]
+mod _sgpr {
+    #[pymodule_export]
+    use crate::compare::{Comparison, JointComparison, LogResidual, compare};
+    #[pymodule_export]
+    use crate::errors::{IdentificationError, ModelFileError, RecordingError, RobotError, SgprError};
+    #[pymodule_export]
+    use crate::identification::{
+        CutoffChoice, CutoffInfluence, IdentificationReport, cutoff_influence, effects, identify,
+    };
+    #[pymodule_export]
+    use crate::model::{Model, Parameter, Parameters, Predictor, Processing, load};
+    #[pymodule_export]
+    use crate::recording::{Issue, Recording, Repaired, read_csv, read_mcap, write_mcap};
+    #[pymodule_export]
+    use crate::robot::{BaseParameters, Robot, puma560, two_link};
+    #[pymodule_export]
+    #[allow(non_upper_case_globals)]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
+}

@@ -1,0 +1,577 @@
+//! The torque model: made, read, kept, used.
+
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyIndexError, PyKeyError, PyTypeError};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+use sgpr_core::identification::ParameterSet;
+use sgpr_core::model::{self as core, BaseParameter, TorqueModel};
+use sgpr_core::motion::Processing as CoreProcessing;
+
+use crate::convert::{Numbers, Samples, array, texts, view};
+use crate::dynamics::motion;
+use crate::errors::{IntoPyErr, invalid};
+use crate::identification::{IdentificationReport, differentiation_name};
+use crate::robot::Robot;
+
+type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
+
+/// Torque model of an arm: tau = rigid body(q, dq, ddq) + effects(q, dq, ddq). Never changes.
+///
+/// Made by `identify` from logs, by `Model.nominal` from a robot file, by `Model.from_parameters`, or read by `load`.
+///
+/// Examples
+/// --------
+/// >>> model = sgpr.Model.nominal(sgpr.robots.puma560())
+/// >>> model.predict(np.zeros((3, 6)), np.zeros((3, 6)), np.zeros((3, 6))).shape
+/// (3, 6)
+/// >>> model.save("puma.sgpr")
+/// >>> bool(np.array_equal(sgpr.load("puma.sgpr").all_parameters, model.all_parameters))
+/// True
+#[pyclass(module = "sgpr", frozen)]
+pub struct Model {
+    /// Of the core.
+    pub inner: Arc<TorqueModel>,
+    /// Only with the model that `identify` returned.
+    pub report: Option<Py<IdentificationReport>>,
+}
+
+impl From<TorqueModel> for Model {
+    fn from(inner: TorqueModel) -> Self {
+        Self { inner: Arc::new(inner), report: None }
+    }
+}
+
+#[pymethods]
+impl Model {
+    /// The model that the robot file describes: its inertias, and its damping and friction where given.
+    #[staticmethod]
+    fn nominal(py: Python<'_>, robot: &Bound<'_, Robot>) -> Self {
+        let robot = &robot.get().inner;
+        py.detach(|| TorqueModel::nominal(robot)).into()
+    }
+
+    /// A model with given parameters: ten per link, then those of `effects`, in the order of `all_parameter_names`.
+    ///
+    /// Examples
+    /// --------
+    /// >>> robot = sgpr.robots.two_link()
+    /// >>> friction = [0.5, 0.3]  # N·m·s/rad
+    /// >>> parameters = np.concatenate([robot.standard_parameters, friction])
+    /// >>> model = sgpr.Model.from_parameters(robot, parameters, effects=["viscous_friction"])
+    /// >>> model.all_parameter_names[-2:]
+    /// ['joint_1.Fv', 'joint_2.Fv']
+    #[staticmethod]
+    #[pyo3(signature = (robot, parameters, effects=None), text_signature = "(robot, parameters, effects=())")]
+    fn from_parameters(
+        robot: &Bound<'_, Robot>,
+        parameters: &Bound<'_, PyAny>,
+        effects: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let robot = &robot.get().inner;
+        let effects = effects.map(|names| texts("effects", names)).transpose()?.unwrap_or_default();
+        let set = ParameterSet::new(robot, &effects).map_err(IntoPyErr::into_py_err)?;
+        let numbers = Numbers::new("parameters", parameters)?.shaped(&[set.len()])?.finite()?;
+        let model = TorqueModel::with_parameters(robot, &effects, numbers.values().to_vec());
+        model.map(Self::from).map_err(IntoPyErr::into_py_err)
+    }
+
+    /// The robot with the inertias of its file.
+    #[getter]
+    fn robot(&self) -> Robot {
+        self.inner.robot().clone().into()
+    }
+
+    /// The robot with the inertias of the model. They make the right torque; single ones may be such as no body has.
+    #[getter]
+    fn identified_robot(&self) -> Robot {
+        self.inner.identified_robot().clone().into()
+    }
+
+    /// Effects beside the rigid body.
+    #[getter]
+    fn effects(&self) -> Vec<String> {
+        self.inner.parameter_set().effects().iter().map(|effect| effect.name().to_string()).collect()
+    }
+
+    /// The base parameters: values, standard deviations, units.
+    #[getter]
+    fn parameters(&self) -> Parameters {
+        Parameters {
+            rows: self.inner.base_parameters(),
+            covariance: self.inner.fit().map(|fit| fit.covariance.clone()),
+        }
+    }
+
+    /// Values of all parameters: ten per link, then those of the effects. Where motion reveals only a combination, one
+    /// parameter stands for it and the others keep their values of the robot file.
+    #[getter]
+    fn all_parameters<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        view(slf, &[slf.get().inner.parameters().len()], |model| model.inner.parameters())
+    }
+
+    /// Names of all parameters: "joint_2.Ixx", "joint_2.Fv".
+    #[getter]
+    fn all_parameter_names(&self) -> Vec<String> {
+        self.inner.parameter_set().names().to_vec()
+    }
+
+    /// How logs are processed for this model, or None if it was not identified.
+    #[getter]
+    fn processing(&self) -> Option<Processing> {
+        self.inner.processing().cloned().map(Processing::from)
+    }
+
+    /// What the identification says, or None: "method"; per joint "noise" (N·m), "rows" and "correlation" (rows that
+    /// carry as much as one); "condition", "scaled_condition"; "undetermined" base parameters.
+    #[getter]
+    fn fit<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(fit) = self.inner.fit() else { return Ok(None) };
+        let dict = PyDict::new(py);
+        dict.set_item("method", &fit.method)?;
+        dict.set_item("noise", array(py, &[fit.noise.len()], fit.noise.clone())?)?;
+        let rows = fit.rows.iter().map(|rows| *rows as i64).collect();
+        dict.set_item("rows", array::<i64>(py, &[fit.rows.len()], rows)?)?;
+        dict.set_item("correlation", array(py, &[fit.correlation.len()], fit.correlation.clone())?)?;
+        dict.set_item("condition", fit.condition)?;
+        dict.set_item("scaled_condition", fit.scaled_condition)?;
+        dict.set_item("undetermined", &fit.undetermined)?;
+        Ok(Some(dict))
+    }
+
+    /// How the identification went; only on the model that `identify` returned, not on one that was read from a file.
+    #[getter]
+    fn report(&self, py: Python<'_>) -> Option<Py<IdentificationReport>> {
+        self.report.as_ref().map(|report| report.clone_ref(py))
+    }
+
+    /// Logs that the model was fitted to.
+    #[getter]
+    fn logs(&self) -> Vec<String> {
+        self.inner.provenance().logs.clone()
+    }
+
+    /// What was done to get the model, one sentence each.
+    #[getter]
+    fn history(&self) -> Vec<String> {
+        self.inner.provenance().history.clone()
+    }
+
+    /// Version of the library that made the model.
+    #[getter]
+    fn library_version(&self) -> &str {
+        &self.inner.provenance().library_version
+    }
+
+    /// This model and an error model on top of it: the parameters of both added. Also written `model + error`.
+    ///
+    /// Examples
+    /// --------
+    /// >>> model = sgpr.Model.nominal(sgpr.robots.two_link())
+    /// >>> bool(np.array_equal((model + model).all_parameters, 2 * model.all_parameters))
+    /// True
+    fn plus(&self, error: &Bound<'_, Self>) -> PyResult<Self> {
+        let error = &error.get().inner;
+        let names = |model: &TorqueModel| model.robot().joint_names().map(String::from).collect::<Vec<_>>();
+        let (own, others) = (names(&self.inner), names(error));
+        if own != others {
+            let message = format!("models of different robots: joints {}, and {}", own.join(", "), others.join(", "));
+            return Err(invalid(message));
+        }
+        Ok(self.inner.plus(error).into())
+    }
+
+    fn __add__(&self, error: &Bound<'_, Self>) -> PyResult<Self> {
+        self.plus(error)
+    }
+
+    /// Torque that a motion needs.
+    ///
+    /// Parameters
+    /// ----------
+    /// q, dq, ddq : array of shape (N, n) or (n,)
+    ///     rad, rad/s, rad/s² (m for prismatic joints).
+    ///
+    /// Returns
+    /// -------
+    /// array of the shape of q
+    ///     N·m (N).
+    fn predict<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        dq: &Bound<'py, PyAny>,
+        ddq: &Bound<'py, PyAny>,
+    ) -> PyResult<Array<'py>> {
+        let n = self.inner.robot().dof();
+        let samples = Samples::together([("q", q), ("dq", dq), ("ddq", ddq)], n)?;
+        let motion = motion(&samples);
+        let tau = py.detach(|| self.inner.predict(motion));
+        samples[0].result(py, &[n], tau)
+    }
+
+    /// One sample after the other, for a control loop.
+    fn predictor(&self) -> Predictor {
+        Predictor { inner: Mutex::new(core::Predictor::new(&self.inner)), dof: self.inner.robot().dof() }
+    }
+
+    /// Writes the model to a file; the file is complete or not there. `load` reads it back to the bit.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        py.detach(|| self.inner.save(path)).map_err(IntoPyErr::into_py_err)
+    }
+
+    /// The content of the file that `save` writes.
+    fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.inner.to_bytes())
+    }
+
+    /// The model of which `data` is the file; `origin` names it in messages.
+    ///
+    /// Examples
+    /// --------
+    /// >>> model = sgpr.Model.nominal(sgpr.robots.two_link())
+    /// >>> sgpr.Model.from_bytes(model.to_bytes()).robot.name
+    /// 'two_link'
+    #[staticmethod]
+    #[pyo3(signature = (data, *, origin="bytes"))]
+    fn from_bytes(data: &[u8], origin: &str) -> PyResult<Self> {
+        TorqueModel::from_bytes(data, origin).map(Self::from).map_err(IntoPyErr::into_py_err)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        Ok((slf.get_type().getattr("from_bytes")?, (slf.get().to_bytes(slf.py()),)))
+    }
+
+    fn __repr__(&self) -> String {
+        let model = &self.inner;
+        let effects = self.effects();
+        let effects = if effects.is_empty() { "no effects".into() } else { effects.join(", ") };
+        let mut text = format!(
+            "Model of '{}', {} joints, {} base parameters\n  {effects}",
+            model.robot().name(),
+            model.robot().dof(),
+            model.base().rank(),
+        );
+        for line in &model.provenance().history {
+            text += &format!("\n  {line}");
+        }
+        text
+    }
+}
+
+/// Reads a model file. Safe with files from strangers: nothing in them is run.
+///
+/// Raises
+/// ------
+/// ModelFileError
+///     If the file is no model, damaged, or of a later version.
+/// OSError
+///     If the file cannot be read.
+///
+/// Examples
+/// --------
+/// >>> sgpr.Model.nominal(sgpr.robots.two_link()).save("two_link.sgpr")
+/// >>> sgpr.load("two_link.sgpr").robot.dof
+/// 2
+#[pyfunction]
+pub fn load(py: Python<'_>, path: PathBuf) -> PyResult<Model> {
+    py.detach(|| TorqueModel::load(path)).map(Model::from).map_err(IntoPyErr::into_py_err)
+}
+
+/// One base parameter of a model.
+#[pyclass(module = "sgpr", frozen, get_all)]
+pub struct Parameter {
+    /// Parameter that stands for the combination.
+    name: String,
+    /// The combination of parameters.
+    expression: String,
+    /// Unit.
+    unit: &'static str,
+    /// Value in the model.
+    value: f64,
+    /// Standard deviation; infinite if the motion does not determine it, None for a model that was not identified.
+    standard_deviation: Option<f64>,
+    /// The same in percent of the value.
+    relative_standard_deviation: Option<f64>,
+    /// Value that the robot file gives.
+    nominal: f64,
+}
+
+impl From<&BaseParameter> for Parameter {
+    fn from(row: &BaseParameter) -> Self {
+        let BaseParameter { name, expression, unit, value, standard_deviation, nominal } = row.clone();
+        let relative_standard_deviation = standard_deviation.map(|deviation| 100.0 * deviation / value.abs());
+        Self { name, expression, unit, value, standard_deviation, relative_standard_deviation, nominal }
+    }
+}
+
+#[pymethods]
+impl Parameter {
+    fn __repr__(&self) -> String {
+        let spread = self.standard_deviation.map_or(String::new(), |deviation| format!(" ± {}", figure(deviation)));
+        format!("Parameter({} = {}{spread} {})", self.name, figure(self.value), self.unit)
+    }
+}
+
+/// Base parameters of a model: a sequence of `Parameter`, with the columns as arrays.
+///
+/// Examples
+/// --------
+/// >>> parameters = sgpr.Model.nominal(sgpr.robots.two_link()).parameters
+/// >>> len(parameters), parameters[0].name, parameters["joint_2.mx"].value
+/// (6, 'joint_1.mx', 0.5)
+#[pyclass(module = "sgpr", frozen, sequence)]
+pub struct Parameters {
+    rows: Vec<BaseParameter>,
+    covariance: Option<Vec<f64>>,
+}
+
+impl Parameters {
+    fn column<'py>(&self, py: Python<'py>, select: fn(&BaseParameter) -> f64) -> PyResult<Array<'py>> {
+        array(py, &[self.rows.len()], self.rows.iter().map(select).collect())
+    }
+}
+
+#[pymethods]
+impl Parameters {
+    /// Names: the parameter that stands for each combination.
+    #[getter]
+    fn names(&self) -> Vec<String> {
+        self.rows.iter().map(|row| row.name.clone()).collect()
+    }
+
+    /// The combinations.
+    #[getter]
+    fn expressions(&self) -> Vec<String> {
+        self.rows.iter().map(|row| row.expression.clone()).collect()
+    }
+
+    /// Units.
+    #[getter]
+    fn units(&self) -> Vec<&'static str> {
+        self.rows.iter().map(|row| row.unit).collect()
+    }
+
+    /// Values, (rank,).
+    #[getter]
+    fn values<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.column(py, |row| row.value)
+    }
+
+    /// Standard deviations, (rank,); infinite where the motion says nothing, NaN for a model that was not identified.
+    #[getter]
+    fn standard_deviations<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.column(py, |row| row.standard_deviation.unwrap_or(f64::NAN))
+    }
+
+    /// Values that the robot file gives, (rank,).
+    #[getter]
+    fn nominal<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.column(py, |row| row.nominal)
+    }
+
+    /// Covariance of the estimates, (rank, rank), or None for a model that was not identified.
+    #[getter]
+    fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Option<Array<'py>>> {
+        let rank = self.rows.len();
+        self.covariance.as_ref().map(|values| array(py, &[rank, rank], values.clone())).transpose()
+    }
+
+    fn __len__(&self) -> usize {
+        self.rows.len()
+    }
+
+    fn __getitem__(&self, key: &Bound<'_, PyAny>) -> PyResult<Parameter> {
+        if let Ok(name) = key.extract::<String>() {
+            let row = self.rows.iter().find(|row| row.name == name);
+            return row.map(Parameter::from).ok_or_else(|| PyKeyError::new_err(name));
+        }
+        let length = self.rows.len() as isize;
+        let index: isize =
+            key.extract().map_err(|_| PyTypeError::new_err("parameters are counted from 0 or known by name"))?;
+        let place = if index < 0 { index + length } else { index };
+        let row = usize::try_from(place).ok().and_then(|place| self.rows.get(place));
+        row.map(Parameter::from).ok_or_else(|| PyIndexError::new_err(format!("{index} of {length} parameters")))
+    }
+
+    /// One dict per parameter, with the attributes of `Parameter`.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let describe = |row: &BaseParameter| {
+            let parameter = Parameter::from(row);
+            let dict = PyDict::new(py);
+            dict.set_item("name", &parameter.name)?;
+            dict.set_item("expression", &parameter.expression)?;
+            dict.set_item("unit", parameter.unit)?;
+            dict.set_item("value", parameter.value)?;
+            dict.set_item("standard_deviation", parameter.standard_deviation)?;
+            dict.set_item("relative_standard_deviation", parameter.relative_standard_deviation)?;
+            dict.set_item("nominal", parameter.nominal)?;
+            Ok(dict)
+        };
+        self.rows.iter().map(describe).collect()
+    }
+
+    fn __repr__(&self) -> String {
+        let width = self.rows.iter().map(|row| row.name.chars().count()).max().unwrap_or(0);
+        let mut text = format!("{:width$} {:>12} {:>10} {:>12}  unit", "parameter", "value", "std", "nominal");
+        for row in &self.rows {
+            let spread = row.standard_deviation.map_or("-".into(), figure);
+            let (value, nominal) = (figure(row.value), figure(row.nominal));
+            text += &format!("\n{:width$} {value:>12} {spread:>10} {nominal:>12}  {}", row.name, row.unit);
+        }
+        text
+    }
+
+    fn _repr_html_(&self) -> String {
+        let cells = self.rows.iter().map(|row| {
+            let spread = row.standard_deviation.map_or("-".into(), figure);
+            vec![row.expression.clone(), figure(row.value), spread, figure(row.nominal), row.unit.to_string()]
+        });
+        html_table(&["parameter", "value", "standard deviation", "nominal", "unit"], cells)
+    }
+}
+
+/// A number for a table.
+pub fn figure(value: f64) -> String {
+    match value.abs() {
+        size if size == 0.0 || (1e-3..1e5).contains(&size) => format!("{value:.5}"),
+        size if size.is_finite() => format!("{value:.3e}"),
+        _ => value.to_string(),
+    }
+}
+
+/// A table for a notebook.
+pub fn html_table(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
+    let row = |tag: &str, cells: &[String]| {
+        let escape = |text: &String| text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
+        let cells: Vec<String> = cells.iter().map(|cell| format!("<{tag}>{}</{tag}>", escape(cell))).collect();
+        format!("<tr>{}</tr>", cells.concat())
+    };
+    let head: Vec<String> = head.iter().map(|&text| text.into()).collect();
+    let body: Vec<String> = rows.map(|cells| row("td", &cells)).collect();
+    format!("<table><thead>{}</thead><tbody>{}</tbody></table>", row("th", &head), body.concat())
+}
+
+/// What is done to every log before it is compared with a model, with all choices made.
+#[pyclass(module = "sgpr", frozen)]
+pub struct Processing {
+    /// Of the core.
+    pub inner: CoreProcessing,
+}
+
+impl From<CoreProcessing> for Processing {
+    fn from(inner: CoreProcessing) -> Self {
+        Self { inner }
+    }
+}
+
+#[pymethods]
+impl Processing {
+    /// Cut-off of the position filter, Hz.
+    #[getter]
+    fn cutoff_hz(&self) -> f64 {
+        self.inner.cutoff_hz
+    }
+
+    /// Order of the filters (of one pass).
+    #[getter]
+    fn order(&self) -> usize {
+        self.inner.order
+    }
+
+    /// How derivatives are taken: "central:6", "savitzky_golay:11:3".
+    #[getter]
+    fn differentiation(&self) -> String {
+        differentiation_name(self.inner.differentiation)
+    }
+
+    /// Cut-off of both sides of the equation, Hz; None if they are not filtered.
+    #[getter]
+    fn torque_cutoff_hz(&self) -> Option<f64> {
+        self.inner.torque_cutoff_hz
+    }
+
+    /// Every how many rows of the equation are taken.
+    #[getter]
+    fn decimation(&self) -> usize {
+        self.inner.decimation
+    }
+
+    /// Speed below which each joint counts as standing, (n,), rad/s (m/s).
+    #[getter]
+    fn standstill_speed<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        view(slf, &[slf.get().inner.standstill_speed.len()], |processing| &processing.inner.standstill_speed)
+    }
+
+    fn __repr__(&self) -> String {
+        let band = self.inner.torque_cutoff_hz.map_or("unfiltered".into(), |hz| format!("{hz:.2} Hz"));
+        format!(
+            "Processing(position {:.2} Hz, order {}, {}; equation {band}, every {} rows)",
+            self.inner.cutoff_hz,
+            self.inner.order,
+            self.differentiation(),
+            self.inner.decimation
+        )
+    }
+}
+
+/// One sample after the other, for a control loop: writes into `out`, allocates nothing. One per thread.
+///
+/// Examples
+/// --------
+/// >>> predictor = sgpr.Model.nominal(sgpr.robots.two_link()).predictor()
+/// >>> q, dq, ddq, tau = np.zeros(2), np.zeros(2), np.zeros(2), np.empty(2)
+/// >>> predictor.torque(q, dq, ddq, out=tau) is tau
+/// True
+/// >>> tau
+/// array([19.62 ,  4.905])
+#[pyclass(module = "sgpr", frozen)]
+pub struct Predictor {
+    inner: Mutex<core::Predictor>,
+    dof: usize,
+}
+
+#[pymethods]
+impl Predictor {
+    /// Torque that the motion needs, (n,), N·m (N), in `out` if given.
+    ///
+    /// Parameters
+    /// ----------
+    /// q, dq, ddq : array of shape (n,)
+    ///     rad, rad/s, rad/s² (m for prismatic joints).
+    /// out : array of shape (n,), float64, optional
+    ///     Contiguous and writeable; may be one of the inputs.
+    #[pyo3(signature = (q, dq, ddq, out=None))]
+    fn torque<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        dq: &Bound<'py, PyAny>,
+        ddq: &Bound<'py, PyAny>,
+        out: Option<Bound<'py, PyArray1<f64>>>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let py = q.py();
+        let one = |name, value| Numbers::new(name, value)?.shaped(&[self.dof])?.finite();
+        let (q, dq, ddq) = (one("q", q)?, one("dq", dq)?, one("ddq", ddq)?);
+        let mut predictor = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
+        let tau = predictor.torque(q.values(), dq.values(), ddq.values());
+        // The inputs are let go: one of them may be `out`.
+        drop((q, dq, ddq));
+        let Some(out) = out else { return Ok(PyArray1::from_slice(py, tau)) };
+        if out.shape() != [self.dof] {
+            return Err(invalid(format!("out: got ({},), expected ({},)", out.len(), self.dof)));
+        }
+        {
+            let mut target = out.try_readwrite().map_err(|error| invalid(format!("out: {error}")))?;
+            let target = target.as_slice_mut().map_err(|_| invalid("out: expected a contiguous array"))?;
+            target.copy_from_slice(tau);
+        }
+        Ok(out)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Predictor for {} joints", self.dof)
+    }
+}

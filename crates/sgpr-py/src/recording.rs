@@ -1,0 +1,678 @@
+//! Logs: made, read, checked, repaired, written.
+
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+
+use numpy::{PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::PyDict;
+use sgpr_core::motion::average_periods;
+use sgpr_core::recording::csv::{self, ColumnMap, Columns, ReadOptions, Rows};
+use sgpr_core::recording::mcap::{self, Clock, McapOptions};
+use sgpr_core::recording::{self as core, Channel, IssueKind, RecordingError, Repair, Resample, Severity, Units};
+
+use crate::convert::{Numbers, array, choice, items, kind_of, positive, texts, unknown, view};
+use crate::errors::{IntoPyErr, invalid};
+
+type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
+
+/// One trajectory as it was logged. Samples are rows, joints are columns; SI units; time in integer nanoseconds.
+///
+/// Values may be anything, NaN included: `issues` tells what is wrong with them, and only `repair` changes them. Arrays
+/// are read-only views of the recording's memory.
+///
+/// Parameters
+/// ----------
+/// t : array of shape (N,)
+///     Seconds, or integer nanoseconds, or datetime64.
+/// q : array of shape (N, n)
+///     Positions, rad (m).
+/// dq, tau : array of shape (N, n), optional
+///     Velocities, rad/s (m/s), and torques, N·m (N).
+/// joint_names : list of str, optional
+///     `joint_1`, `joint_2`, ... by default.
+/// channels : dict of str to array of shape (N,), optional
+///     Whatever else was logged.
+/// source : str, default "array"
+///     Where the recording comes from, for messages.
+///
+/// Examples
+/// --------
+/// >>> t = np.arange(1000) / 250
+/// >>> rec = sgpr.Recording(t, np.sin(t)[:, None], np.cos(t)[:, None], joint_names=["elbow"])
+/// >>> len(rec), rec.dof, rec.sample_rate_hz
+/// (1000, 1, 250.0)
+#[pyclass(module = "sgpr", frozen)]
+pub struct Recording {
+    /// Of the core.
+    pub inner: core::Recording,
+    issues: PyOnceLock<Vec<Py<Issue>>>,
+}
+
+impl From<core::Recording> for Recording {
+    fn from(inner: core::Recording) -> Self {
+        Self { inner, issues: PyOnceLock::new() }
+    }
+}
+
+#[pymethods]
+impl Recording {
+    #[new]
+    #[pyo3(signature = (t, q, dq=None, tau=None, *, joint_names=None, channels=None, source="array"))]
+    fn new(
+        t: &Bound<'_, PyAny>,
+        q: &Bound<'_, PyAny>,
+        dq: Option<&Bound<'_, PyAny>>,
+        tau: Option<&Bound<'_, PyAny>>,
+        joint_names: Option<&Bound<'_, PyAny>>,
+        channels: Option<&Bound<'_, PyAny>>,
+        source: &str,
+    ) -> PyResult<Self> {
+        let time = nanoseconds(t)?;
+        let rows = time.len();
+        let q = Numbers::new("q", q)?;
+        let n = match *q.shape() {
+            [samples, n] if samples == rows && n > 0 => n,
+            _ => return Err(q.wrong_shape(&format!("({rows}, n), one row per time"))),
+        };
+        let names = match joint_names {
+            Some(names) => texts("joint_names", names)?,
+            None => (1..=n).map(|joint| format!("joint_{joint}")).collect(),
+        };
+        if names.len() != n {
+            return Err(invalid(format!("joint_names: got {} names for {n} joints", names.len())));
+        }
+        require_distinct(source, &names)?;
+        let optional = |name: &str, values: Option<&Bound<'_, PyAny>>| -> PyResult<Option<Vec<f64>>> {
+            let numbers = values.map(|values| Numbers::new(name, values)?.shaped(&[rows, n])).transpose()?;
+            Ok(numbers.map(|numbers| numbers.values().to_vec()))
+        };
+        let (velocity, torque) = (optional("dq", dq)?, optional("tau", tau)?);
+        let mut kept = Vec::new();
+        for (name, values) in channels.map(|channels| items("channels", channels)).transpose()?.unwrap_or_default() {
+            let values = Numbers::new(&format!("channels['{name}']"), &values)?.shaped(&[rows])?.values().to_vec();
+            kept.push(Channel { name, values });
+        }
+        let recording = core::Recording::new(source, names, time, q.values().to_vec(), velocity, torque, kept);
+        recording.map(Self::from).map_err(IntoPyErr::into_py_err)
+    }
+
+    /// Where the recording comes from.
+    #[getter]
+    fn source(&self) -> &str {
+        self.inner.source()
+    }
+
+    /// Names of the joints, in column order.
+    #[getter]
+    fn joint_names(&self) -> Vec<String> {
+        self.inner.joint_names().to_vec()
+    }
+
+    /// Number of joints n.
+    #[getter]
+    fn dof(&self) -> usize {
+        self.inner.dof()
+    }
+
+    /// Time since the first sample, (N,), s.
+    #[getter]
+    fn t<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        array(py, &[self.inner.len()], self.inner.time_seconds())
+    }
+
+    /// Time stamps, (N,), ns.
+    #[getter]
+    fn time_ns<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArrayDyn<i64>>> {
+        view(slf, &[slf.get().inner.len()], |recording| recording.inner.time())
+    }
+
+    /// Positions, (N, n), rad (m).
+    #[getter]
+    fn q<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        view(slf, &shape(slf), |recording| recording.inner.position())
+    }
+
+    /// Velocities, (N, n), rad/s (m/s), or None if they were not logged.
+    #[getter]
+    fn dq<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Array<'py>>> {
+        let logged = slf.get().inner.velocity().is_some();
+        logged.then(|| view(slf, &shape(slf), |recording| recording.inner.velocity().unwrap_or_default())).transpose()
+    }
+
+    /// Torques, (N, n), N·m (N), or None if they were not logged.
+    #[getter]
+    fn tau<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Array<'py>>> {
+        let logged = slf.get().inner.torque().is_some();
+        logged.then(|| view(slf, &shape(slf), |recording| recording.inner.torque().unwrap_or_default())).transpose()
+    }
+
+    /// Everything else that was logged, name to (N,).
+    #[getter]
+    fn channels<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(slf.py());
+        for (index, channel) in slf.get().inner.channels().iter().enumerate() {
+            let values = view(slf, &[slf.get().inner.len()], |recording| &recording.inner.channels()[index].values)?;
+            dict.set_item(&channel.name, values)?;
+        }
+        Ok(dict)
+    }
+
+    /// What the reader assumed or left out, in sentences.
+    #[getter]
+    fn notes(&self) -> Vec<String> {
+        self.inner.notes().to_vec()
+    }
+
+    /// What is wrong, or worth knowing, about the log: errors first, then warnings, then notes.
+    ///
+    /// Examples
+    /// --------
+    /// >>> rec = sgpr.Recording([0.0, 0.1, 0.2], [[0.0], [np.nan], [0.2]])
+    /// >>> [(issue.kind, issue.severity) for issue in rec.issues][0]
+    /// ('not_finite', 'error')
+    #[getter]
+    fn issues(&self, py: Python<'_>) -> PyResult<Vec<Py<Issue>>> {
+        let found = self.issues.get_or_try_init(py, || {
+            let issues = py.detach(|| core::inspect(&self.inner));
+            issues.into_iter().map(|issue| Py::new(py, Issue::from(issue))).collect::<PyResult<_>>()
+        })?;
+        Ok(found.iter().map(|issue| issue.clone_ref(py)).collect())
+    }
+
+    /// One over the median period, Hz; None with fewer than two samples or a time that stands still.
+    #[getter]
+    fn sample_rate_hz(&self) -> Option<f64> {
+        self.inner.sample_rate_hz()
+    }
+
+    /// Time from the first to the last sample, s.
+    #[getter]
+    fn duration(&self) -> f64 {
+        self.inner.duration()
+    }
+
+    fn __len__(&self) -> usize {
+        self.inner.len()
+    }
+
+    /// The joints of these names, in this order.
+    ///
+    /// Examples
+    /// --------
+    /// >>> rec = sgpr.Recording([0.0, 0.1], [[1.0, 2.0], [3.0, 4.0]], joint_names=["a", "b"])
+    /// >>> rec.select(["b"]).q
+    /// array([[2.],
+    ///        [4.]])
+    fn select(&self, joints: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let names = texts("joints", joints)?;
+        self.inner.select(&names).map(Self::from).map_err(IntoPyErr::into_py_err)
+    }
+
+    /// The same recording with other names for its joints, in order.
+    fn renamed(&self, joints: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let names = texts("joints", joints)?;
+        self.inner.clone().with_joint_names(names).map(Self::from).map_err(IntoPyErr::into_py_err)
+    }
+
+    /// The samples from `start` up to, not including, `stop`.
+    fn slice(&self, start: i64, stop: i64) -> PyResult<Self> {
+        let samples = self.inner.len();
+        match (usize::try_from(start), usize::try_from(stop)) {
+            (Ok(start), Ok(stop)) if start <= stop && stop <= samples => Ok(self.inner.slice(start..stop).into()),
+            _ => Err(invalid(format!("samples {start} to {stop}: expected 0 <= start <= stop <= {samples}"))),
+        }
+    }
+
+    /// The same recording from another source and with more notes, for readers that go through another file.
+    fn _from_source(&self, source: &str, notes: Vec<String>) -> Self {
+        let recording = self.inner.clone().with_source(source);
+        notes.into_iter().fold(recording, core::Recording::with_note).into()
+    }
+
+    /// Changes the recording as asked, and nothing else, in the order of the parameters.
+    ///
+    /// Parameters
+    /// ----------
+    /// trim : (float, float), optional
+    ///     Keep this part only, s since the first sample, both ends included.
+    /// sort : bool
+    ///     Bring the samples into the order of their stamps.
+    /// drop_duplicates : bool
+    ///     Of samples with the same stamp, keep the first.
+    /// drop_not_finite : bool
+    ///     Remove samples with a position, velocity or torque that is not finite.
+    /// drop_repeated : bool
+    ///     Remove samples that repeat the one before while the arm moves.
+    /// split_gaps : float, optional
+    ///     Cut where the time makes a step longer than this, s.
+    /// resample : float or "median", optional
+    ///     Bring the samples to equal steps: a rate in Hz, or one over the median step. Cuts at gaps.
+    ///
+    /// Returns
+    /// -------
+    /// Repaired
+    ///     `recordings` (several if it was cut) and `actions`, a sentence for each thing done.
+    ///
+    /// Examples
+    /// --------
+    /// >>> rec = sgpr.Recording([0.0, 0.1, 0.2], [[0.0], [np.nan], [0.2]], source="log")
+    /// >>> repaired = rec.repair(drop_not_finite=True)
+    /// >>> repaired.actions
+    /// ['log: dropped 1 of 3 samples with values that are not finite']
+    #[pyo3(signature = (*, trim=None, sort=false, drop_duplicates=false, drop_not_finite=false, drop_repeated=false,
+        split_gaps=None, resample=None))]
+    #[expect(clippy::too_many_arguments, reason = "one per step of the repair")]
+    fn repair(
+        &self,
+        py: Python<'_>,
+        trim: Option<(f64, f64)>,
+        sort: bool,
+        drop_duplicates: bool,
+        drop_not_finite: bool,
+        drop_repeated: bool,
+        split_gaps: Option<f64>,
+        resample: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Repaired> {
+        let resample = match resample {
+            None => None,
+            Some(rate) => Some(match rate.extract::<f64>() {
+                Ok(rate) => Resample::Hz(positive("resample", rate)?),
+                Err(_) if rate.extract::<String>().is_ok_and(|word| word == "median") => Resample::MedianRate,
+                Err(_) => return Err(invalid(format!("resample = {}: expected a rate in Hz or 'median'", rate.repr()?))),
+            }),
+        };
+        let trim = trim.map(|(start, end)| range("trim", start, end)).transpose()?;
+        let request =
+            Repair { trim, sort, drop_duplicates, drop_not_finite, drop_repeated, split_gaps, resample };
+        let (parts, actions) =
+            py.detach(|| core::repair(&self.inner, &request)).map_err(IntoPyErr::into_py_err)?;
+        let recordings = parts.into_iter().map(|part| Py::new(py, Self::from(part))).collect::<PyResult<_>>()?;
+        Ok(Repaired { recordings, actions })
+    }
+
+    /// Averages a periodic motion over its periods, leaving out the first `skip` periods, in which the arm settles.
+    ///
+    /// Parameters
+    /// ----------
+    /// period : float
+    ///     s; a whole number of samples.
+    /// skip : int, default 0
+    ///
+    /// Returns
+    /// -------
+    /// recording : Recording
+    ///     One period: mean position, velocity and torque.
+    /// noise : dict of str to array of shape (n,)
+    ///     "position_noise" and "torque_noise": standard deviation of a single sample about the mean; the latter are
+    ///     weights for `identify(..., noise=...)`.
+    ///
+    /// Examples
+    /// --------
+    /// >>> t = np.arange(300) / 100
+    /// >>> q = np.sin(2 * np.pi * t)[:, None]
+    /// >>> mean, noise = sgpr.Recording(t, q, tau=2 * q).average_periods(1.0)
+    /// >>> len(mean), bool(noise["torque_noise"][0] < 1e-12)
+    /// (100, True)
+    #[pyo3(signature = (period, *, skip=0))]
+    fn average_periods<'py>(
+        &self,
+        py: Python<'py>,
+        period: f64,
+        skip: usize,
+    ) -> PyResult<(Self, Bound<'py, PyDict>)> {
+        let step = self.inner.sample_rate_hz().map_or(0.0, |rate| 1.0 / rate);
+        if positive("period", period)? < step {
+            return Err(invalid(format!("period = {period}: shorter than one step of the time, {step} s")));
+        }
+        let average =
+            py.detach(|| average_periods(&self.inner, period, skip)).map_err(IntoPyErr::into_py_err)?;
+        let noise = PyDict::new(py);
+        noise.set_item("position_noise", array(py, &[self.dof()], average.position_noise)?)?;
+        noise.set_item("torque_noise", array(py, &[self.dof()], average.torque_noise)?)?;
+        Ok((average.recording.into(), noise))
+    }
+
+    /// Writes the recording whole or not at all: `.csv`, `.csv.gz`, or `.mcap` (topic `/joint_states`, no channels).
+    ///
+    /// Examples
+    /// --------
+    /// >>> rec = sgpr.Recording([0.0, 0.1], [[1.0], [2.0]])
+    /// >>> rec.save("out.csv")
+    /// >>> bool(np.array_equal(sgpr.read("out.csv").q, rec.q))
+    /// True
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let name = path.file_name().map(|name| name.to_string_lossy().to_lowercase()).unwrap_or_default();
+        let write = || match &name {
+            name if name.ends_with(".mcap") => mcap::write(&path, &[("/joint_states", &self.inner)]),
+            _ => csv::write(&path, &self.inner),
+        };
+        if ![".mcap", ".csv", ".csv.gz"].iter().any(|suffix| name.ends_with(suffix)) {
+            return Err(invalid(format!("{}: expected a name that ends in .csv, .csv.gz or .mcap", path.display())));
+        }
+        py.detach(write).map_err(IntoPyErr::into_py_err)
+    }
+
+    fn __repr__(&self) -> String {
+        let log = &self.inner;
+        let has = |logged: bool, name| if logged { name } else { "" };
+        let rate = log.sample_rate_hz().map_or(String::new(), |rate| format!(", {rate:.6} Hz"));
+        let mut text = format!(
+            "Recording '{}'\n  {} samples{rate}, {:.3} s\n  joints: {}\n  position{}{}",
+            log.source(),
+            log.len(),
+            log.duration(),
+            log.joint_names().join(", "),
+            has(log.velocity().is_some(), ", velocity"),
+            has(log.torque().is_some(), ", torque"),
+        );
+        if !log.channels().is_empty() {
+            text += &format!("; {} channels", log.channels().len());
+        }
+        text
+    }
+}
+
+fn shape(recording: &Bound<'_, Recording>) -> [usize; 2] {
+    [recording.get().inner.len(), recording.get().inner.dof()]
+}
+
+fn require_distinct(source: &str, names: &[String]) -> PyResult<()> {
+    match names.iter().enumerate().find(|(index, name)| names[..*index].contains(name)) {
+        Some((_, joint)) => {
+            let (recording, joint) = (source.into(), joint.clone());
+            Err(RecordingError::DuplicateJoint { recording, joint }.into_py_err())
+        }
+        None => Ok(()),
+    }
+}
+
+/// Time stamps from seconds, integer nanoseconds or datetime64.
+fn nanoseconds(t: &Bound<'_, PyAny>) -> PyResult<Vec<i64>> {
+    let given = t.py().import("numpy")?.call_method1("asarray", (t,))?;
+    let integers = match kind_of(&given)? {
+        'M' => given.call_method1("astype", ("datetime64[ns]",))?.call_method1("astype", ("int64",))?,
+        'i' => given.call_method1("astype", ("int64",))?,
+        _ => return Numbers::new("t", &given).and_then(|seconds| from_seconds(&seconds)),
+    };
+    let integers = integers.cast_into::<PyArrayDyn<i64>>()?;
+    if integers.ndim() != 1 {
+        return Err(invalid(format!("t: got an array of {} axes, expected (N,)", integers.ndim())));
+    }
+    integers.to_vec().map_err(|_| invalid("t: expected a contiguous array"))
+}
+
+fn from_seconds(seconds: &Numbers<'_>) -> PyResult<Vec<i64>> {
+    if seconds.shape().len() != 1 {
+        return Err(seconds.wrong_shape("(N,)"));
+    }
+    /// 64 bits of nanoseconds reach 292 years.
+    const FURTHEST: f64 = 9.2e9;
+    let convert = |(index, &time): (usize, &f64)| {
+        if !(time.abs() < FURTHEST) {
+            return Err(invalid(format!("t[{index}] is {time}: not a time in seconds")));
+        }
+        let whole = time.trunc();
+        Ok(whole as i64 * 1_000_000_000 + ((time - whole) * 1e9).round() as i64)
+    };
+    seconds.values().iter().enumerate().map(convert).collect()
+}
+
+/// Something found in a recording.
+#[pyclass(module = "sgpr", frozen, get_all)]
+pub struct Issue {
+    /// What it is: "not_finite", "gap", ...
+    kind: &'static str,
+    /// "error": nothing can be computed before it is repaired; "warning": results may suffer; "note": good to know.
+    severity: &'static str,
+    /// First occurrence, s since the first sample; None if it concerns the whole log.
+    time: Option<f64>,
+    /// The quantity concerned; None if it concerns all.
+    channel: Option<String>,
+    /// Number of samples (or joints) concerned.
+    count: usize,
+    /// A sentence with numbers, and what to do.
+    message: String,
+}
+
+impl From<core::Issue> for Issue {
+    fn from(issue: core::Issue) -> Self {
+        let core::Issue { kind, severity, time, channel, count, message } = issue;
+        let severity = match severity {
+            Severity::Error => "error",
+            Severity::Warning => "warning",
+            Severity::Note => "note",
+        };
+        Self { kind: kind_name(kind), severity, time, channel, count, message }
+    }
+}
+
+fn kind_name(kind: IssueKind) -> &'static str {
+    match kind {
+        IssueKind::NotFinite => "not_finite",
+        IssueKind::TimeBackwards => "time_backwards",
+        IssueKind::DuplicateStamps => "duplicate_stamps",
+        IssueKind::RepeatedSamples => "repeated_samples",
+        IssueKind::Gap => "gap",
+        IssueKind::IrregularSampling => "irregular_sampling",
+        IssueKind::UnlikelyRate => "unlikely_rate",
+        IssueKind::StillJoint => "still_joint",
+        IssueKind::PositionInDegrees => "position_in_degrees",
+        IssueKind::VelocityMismatch => "velocity_mismatch",
+        IssueKind::VelocityLag => "velocity_lag",
+        IssueKind::ClippedTorque => "clipped_torque",
+        IssueKind::EncoderStep => "encoder_step",
+        _ => "other",
+    }
+}
+
+#[pymethods]
+impl Issue {
+    fn __repr__(&self) -> String {
+        format!("Issue({}, {}: {})", self.severity, self.kind, self.message)
+    }
+}
+
+/// What a repair made of a recording.
+#[pyclass(module = "sgpr", frozen, get_all)]
+pub struct Repaired {
+    /// The stretches that result.
+    recordings: Vec<Py<Recording>>,
+    /// A sentence for each thing done.
+    actions: Vec<String>,
+}
+
+#[pymethods]
+impl Repaired {
+    fn __repr__(&self) -> String {
+        let done: Vec<String> = self.actions.iter().map(|action| format!("\n  {action}")).collect();
+        format!("Repaired, {} recordings{}", self.recordings.len(), done.concat())
+    }
+}
+
+/// Reads a table of numbers, `.csv` or `.csv.gz`, whose first line names the columns.
+///
+/// Columns are found by their names, with or without a unit at their end: `t`, `time_ns`, `header.stamp.sec`;
+/// `q1_rad`, `pos_1`, `elbow_position`; `dq1_rad_s`, `elbow_velocity`; `tau1_Nm`, `effort_1`; currents `i1_A`. What was
+/// assumed or left out is in `Recording.notes`; numeric columns that belong to no joint become channels.
+///
+/// Parameters
+/// ----------
+/// path : str or os.PathLike
+/// joints : list of str, optional
+///     Joints wanted, in order, e.g. `robot.joint_names`; by default those that the columns name.
+/// columns : dict, optional
+///     Columns, where their names do not tell: keys "time", "position", "velocity", "torque"; values a pattern
+///     (`"i{}_A"`, where {} is the number of the joint from 1 and {name} its name) or a list of names in joint order.
+/// units : dict, optional
+///     Units, where the names do not tell: keys as in `columns`; `"deg"`, `"rpm"`, `"mNm"`, `"ms"`, ...
+/// torque_constants : array of shape (n,), optional
+///     N·m per A: the torque is computed from the currents, which are the columns of "torque" or those named `i1_A`.
+/// rows : (int, int), optional
+///     Data rows to read, counted from 1, both ends included.
+/// seconds : (float, float), optional
+///     Part to read, s since the first row, both ends included.
+/// sample_rate_hz : float, optional
+///     Rate of a log without time column.
+/// limit_bytes : int, default 4 GiB
+///     Largest amount of unpacked text that is read.
+///
+/// Examples
+/// --------
+/// >>> rec = sgpr.read_csv("train.csv.gz", seconds=(0, 10))
+/// >>> len(rec), rec.dof
+/// (2501, 6)
+#[pyfunction]
+#[pyo3(signature = (path, joints=None, *, columns=None, units=None, torque_constants=None, rows=None, seconds=None,
+    sample_rate_hz=None, limit_bytes=None))]
+#[expect(clippy::too_many_arguments, reason = "the options of a format")]
+pub fn read_csv(
+    py: Python<'_>,
+    path: PathBuf,
+    joints: Option<&Bound<'_, PyAny>>,
+    columns: Option<&Bound<'_, PyAny>>,
+    units: Option<&Bound<'_, PyAny>>,
+    torque_constants: Option<&Bound<'_, PyAny>>,
+    rows: Option<(usize, usize)>,
+    seconds: Option<(f64, f64)>,
+    sample_rate_hz: Option<f64>,
+    limit_bytes: Option<u64>,
+) -> PyResult<Recording> {
+    let constants = torque_constants.map(|values| Numbers::new("torque_constants", values)).transpose()?;
+    let rows = match (rows, seconds) {
+        (Some(_), Some(_)) => return Err(invalid("rows and seconds: give one of them")),
+        (Some((first, last)), None) if (1..=last).contains(&first) => Some(Rows::Numbers(first..=last)),
+        (Some((first, last)), None) => {
+            return Err(invalid(format!("rows = ({first}, {last}): expected 1 <= first <= last")));
+        }
+        (None, Some((start, end))) => Some(Rows::Seconds(range("seconds", start, end)?)),
+        (None, None) => None,
+    };
+    let options = ReadOptions {
+        joints: joints.map(|joints| texts("joints", joints)).transpose()?,
+        columns: columns.map_or(Ok(ColumnMap::default()), column_map)?,
+        units: units.map_or(Ok(Units::default()), unit_map)?,
+        torque_constants: constants.map(|numbers| numbers.values().to_vec()),
+        rows,
+        sample_rate_hz,
+        limit_bytes: limit_bytes.unwrap_or(ReadOptions::default().limit_bytes),
+    };
+    let recording = py.detach(|| csv::read(&path, &options));
+    recording.map(Recording::from).map_err(IntoPyErr::into_py_err)
+}
+
+const QUANTITIES: [&str; 4] = ["time", "position", "velocity", "torque"];
+
+fn column_map(given: &Bound<'_, PyAny>) -> PyResult<ColumnMap> {
+    let mut map = ColumnMap::default();
+    for (key, value) in items("columns", given)? {
+        let columns = || match value.extract::<String>() {
+            Ok(pattern) => Ok(Some(Columns::Pattern(pattern))),
+            Err(_) => texts(&format!("columns['{key}']"), &value).map(|names| Some(Columns::Names(names))),
+        };
+        match key.as_str() {
+            "time" => map.time = Some(value.extract()?),
+            "position" => map.position = columns()?,
+            "velocity" => map.velocity = columns()?,
+            "torque" => map.torque = columns()?,
+            _ => return Err(unknown("columns", &key, &QUANTITIES)),
+        }
+    }
+    Ok(map)
+}
+
+fn unit_map(given: &Bound<'_, PyAny>) -> PyResult<Units> {
+    let mut units = Units::default();
+    for (key, value) in items("units", given)? {
+        let value: String = value.extract()?;
+        match key.as_str() {
+            "time" => units.time = Some(value.parse().map_err(RecordingError::into_py_err)?),
+            "position" => units.position = Some(value.parse().map_err(RecordingError::into_py_err)?),
+            "velocity" => units.velocity = Some(value.parse().map_err(RecordingError::into_py_err)?),
+            "torque" => units.torque = Some(value.parse().map_err(RecordingError::into_py_err)?),
+            _ => return Err(unknown("units", &key, &QUANTITIES)),
+        }
+    }
+    Ok(units)
+}
+
+fn range(name: &str, start: f64, end: f64) -> PyResult<RangeInclusive<f64>> {
+    if start <= end {
+        return Ok(start..=end);
+    }
+    Err(invalid(format!("{name} = ({start}, {end}): expected a start and a later end, s")))
+}
+
+/// Reads an MCAP file: a ROS 2 bag with `sensor_msgs/msg/JointState`, or JSON messages with `position` or `q`.
+///
+/// Joints are found by name, wherever they stand in a message. Joints on several topics are merged at the times of the
+/// topic with the most messages; other numbers become channels.
+///
+/// Parameters
+/// ----------
+/// path : str or os.PathLike
+/// joints : list of str, optional
+///     Joints wanted, in order, e.g. `robot.joint_names`; by default all, in order of appearance.
+/// logged_names : list of str, optional
+///     Names of the wanted joints in the log, if they differ; in the same order.
+/// topics : list of str, optional
+///     Topics with the joint states wanted; by default all with wanted joints.
+/// clock : {"header", "log"}, default "header"
+///     Time stamps of the message headers, or the times when messages were recorded.
+/// recover : bool, default False
+///     Take what is intact of a truncated or damaged file.
+/// limit_bytes : int, default 4 GiB
+///     Largest amount of unpacked data that is read.
+///
+/// Examples
+/// --------
+/// >>> rec = sgpr.read_mcap("train.mcap", joints=["joint_2", "joint_1"])
+/// >>> rec.joint_names
+/// ['joint_2', 'joint_1']
+#[pyfunction]
+#[pyo3(signature = (path, joints=None, *, logged_names=None, topics=None, clock="header", recover=false,
+    limit_bytes=None))]
+#[expect(clippy::too_many_arguments, reason = "the options of a format")]
+pub fn read_mcap(
+    py: Python<'_>,
+    path: PathBuf,
+    joints: Option<&Bound<'_, PyAny>>,
+    logged_names: Option<&Bound<'_, PyAny>>,
+    topics: Option<&Bound<'_, PyAny>>,
+    clock: &str,
+    recover: bool,
+    limit_bytes: Option<u64>,
+) -> PyResult<Recording> {
+    let options = McapOptions {
+        joints: joints.map(|names| texts("joints", names)).transpose()?,
+        logged_names: logged_names.map(|names| texts("logged_names", names)).transpose()?,
+        topics: topics.map(|names| texts("topics", names)).transpose()?,
+        clock: choice("clock", clock, &[("header", Clock::HeaderStamp), ("log", Clock::LogTime)])?,
+        recover,
+        limit_bytes: limit_bytes.unwrap_or(McapOptions::default().limit_bytes),
+    };
+    let recording = py.detach(|| mcap::read(&path, &options));
+    recording.map(Recording::from).map_err(IntoPyErr::into_py_err)
+}
+
+/// Writes recordings as an MCAP file, one topic with `sensor_msgs/msg/JointState` for each; Foxglove, PlotJuggler and
+/// ROS 2 read it. Channels are not written.
+///
+/// Examples
+/// --------
+/// >>> rec = sgpr.Recording([0.0, 0.1], [[1.0], [2.0]])
+/// >>> sgpr.write_mcap("out.mcap", {"/measured": rec, "/predicted": rec})
+/// >>> len(sgpr.read_mcap("out.mcap", topics=["/predicted"]))
+/// 2
+#[pyfunction]
+pub fn write_mcap(py: Python<'_>, path: PathBuf, topics: &Bound<'_, PyAny>) -> PyResult<()> {
+    let mut given: Vec<(String, Py<Recording>)> = Vec::new();
+    for (topic, recording) in items("topics", topics)? {
+        given.push((topic, recording.cast_into::<Recording>()?.unbind()));
+    }
+    let topics: Vec<(&str, &core::Recording)> =
+        given.iter().map(|(topic, recording)| (topic.as_str(), &recording.get().inner)).collect();
+    let path: &Path = &path;
+    py.detach(|| mcap::write(path, &topics)).map_err(IntoPyErr::into_py_err)
+}

@@ -1,0 +1,44 @@
+"""Options with several values."""
+
+import pytest
+from cli_support import run
+from sgpr.cli.arguments import expand
+
+SEVERAL = {"--train": False, "--test": False, "--torque-constants": False, "--columns": True}
+TAKES_VALUE = {**dict.fromkeys(SEVERAL, 1), "--out": 1, "--trim": 2}
+
+
+@pytest.mark.parametrize(
+    ("written", "understood"),
+    [
+        ("--train a b --test c", "--train a --train b --test c"),
+        ("--train=a b", "--train=a --train b"),
+        ("--train a --out d f", "--train a --out d f"),
+        (
+            "--torque-constants -1 2.5 -3e-1 --out d",
+            "--torque-constants -1 --torque-constants 2.5 --torque-constants -3e-1 --out d",
+        ),
+        ("--columns position=q{} torque=i{} log.csv", "--columns position=q{} --columns torque=i{} log.csv"),
+        ("--trim -1 2 f --train a b", "--trim -1 2 f --train a --train b"),
+        ("--train a b -- c d", "--train a --train b -- c d"),
+        ("f --train", "f --train"),
+        ("--out --train a b", "--out --train a b"),
+    ],
+)
+def test_values_after_an_option_belong_to_it(written: str, understood: str) -> None:
+    assert expand(written.split(), SEVERAL, TAKES_VALUE) == understood.split()
+
+
+def test_help_shows_which_options_take_several_values() -> None:
+    found = run("identify", "--help")
+    assert found.code == 0
+    for text in ("FILE...", "EFFECT...", "KEY=COLUMN...", "take several values"):
+        assert text in found.out
+
+
+@pytest.mark.parametrize("command", ["info", "identify", "compare", "predict"])
+def test_every_command_has_the_common_options(command: str) -> None:
+    found = run(command, "--help")
+    assert found.code == 0
+    for option in ("--json", "--quiet", "--columns", "--resample", "--trim", "--recover"):
+        assert option in found.out

@@ -1,0 +1,170 @@
+"""Wrong use is 2, bad data is 1, and each has one clear message and no traceback."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sgpr
+from cli_support import DEMO_ROBOT, DEMO_TEST, DEMO_TRAIN, RECORDINGS, run, write_log
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return write_log(tmp_path_factory.mktemp("log") / "log.csv", 1)
+
+
+WRONG_USE = {
+    "no such command": (["frobnicate"], "frobnicate"),
+    "no such option": (["info", "two_link", "--frobnicate"], "--frobnicate"),
+    "missing option": (["identify", "--robot", "two_link", "--train", "LOG"], "--out"),
+    "missing files": (["compare", "two_link"], "FILE"),
+    "unknown effect": (["info", "two_link", "--effects", "viscous_frictoin"], "did you mean viscous_friction"),
+    "unknown method": (["identify", "--robot", "two_link", "--train", "LOG", "--out", "OUT", "--method", "lms"], "wls"),
+    "cut-off": (["identify", "--robot", "two_link", "--train", "LOG", "--out", "OUT", "--cutoff", "-3"], "--cutoff"),
+    "band": (
+        ["identify", "--robot", "two_link", "--train", "LOG", "--out", "OUT", "--torque-band", "x"],
+        "--torque-band",
+    ),
+    "same logs": (["identify", "--robot", "two_link", "--train", "LOG", "--test", "LOG", "--out", "OUT"], "--test"),
+    "not a pair": (["info", "LOG", "--columns", "q_1"], "KEY=VALUE"),
+    "unknown key": (["info", "LOG", "--units", "angle=deg"], "position"),
+    "not a rate": (["compare", "two_link", "LOG", "--resample", "fast"], "median"),
+    "mcap alone": (["identify", "--robot", "two_link", "--train", "LOG", "--out", "OUT", "--mcap", "x.mcap"], "--test"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG_USE)
+def test_wrong_use(case: str, log: str, tmp_path: Path) -> None:
+    arguments, expected = WRONG_USE[case]
+    found = run(*({"LOG": log, "OUT": str(tmp_path / "out")}.get(word, word) for word in arguments))
+    assert found.code == 2
+    assert expected in " ".join(found.err.replace("│", " ").split())
+    assert found.out == ""
+    assert "Traceback" not in found.err
+
+
+def message_of_bad_data(*arguments: object) -> str:
+    found = run(*arguments)
+    assert found.code == 1, found
+    assert found.out == ""
+    assert "Traceback" not in found.err
+    assert "should not happen" not in found.err
+    assert found.err.startswith("sgpr: ")
+    assert found.err.count("\n") == 1, found.err
+    return found.err
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    assert "no_such.csv" in message_of_bad_data("info", tmp_path / "no_such.csv")
+    assert "no_such.urdf" in message_of_bad_data("info", tmp_path / "no_such.urdf", "--json")
+    assert "no file fits" in message_of_bad_data("info", tmp_path / "*.csv")
+
+
+def test_unknown_joint(log: str) -> None:
+    assert "ankle" in message_of_bad_data("info", RECORDINGS / "zstd.mcap", "--joints", "ankle")
+    assert "joint_3" in message_of_bad_data("compare", "puma560", log)
+    assert "elbow" in message_of_bad_data("info", DEMO_ROBOT, "--joints", "elbow")
+
+
+def test_robot_and_log_that_do_not_fit(log: str, tmp_path: Path) -> None:
+    message = message_of_bad_data("identify", "--robot", DEMO_ROBOT, "--train", log, "--out", tmp_path)
+    assert "joint_3" in message
+
+
+def test_values_that_are_not_finite(tmp_path: Path) -> None:
+    def with_hole(table: np.ndarray) -> np.ndarray:
+        table[100:110, 3] = np.nan
+        return table
+
+    path = write_log(tmp_path / "nan.csv", 1, with_hole)
+    assert "drop" in message_of_bad_data("identify", "--robot", "two_link", "--train", path, "--out", tmp_path / "out")
+    options = ("--drop-not-finite", "--resample", "100", "--no-report")
+    assert run("identify", "--robot", "two_link", "--train", path, "--out", tmp_path / "out", *options).code == 0
+
+
+def test_log_without_torque(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("t,q_1,q_2\n" + "".join(f"{k / 100},{np.sin(k / 50)},{np.cos(k / 70)}\n" for k in range(2000)))
+    assert "torque" in message_of_bad_data("compare", "two_link", path)
+
+
+def test_truncated_mcap() -> None:
+    message = message_of_bad_data("info", RECORDINGS / "truncated_zstd.mcap")
+    assert "recover" in message
+    assert run("info", RECORDINGS / "truncated_zstd.mcap", "--recover").code == 0
+
+
+def test_folder_that_cannot_be_written(log: str, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    message = message_of_bad_data("identify", "--robot", "two_link", "--train", log, "--out", tmp_path / "file" / "out")
+    assert "file" in message
+
+
+def test_file_that_is_no_model(log: str, tmp_path: Path) -> None:
+    path = tmp_path / "model.sgpr"
+    path.write_text("not a model")
+    assert "model" in message_of_bad_data("info", path)
+    assert "model.sgpr" in message_of_bad_data("compare", path, log)
+    assert "log.csv" in message_of_bad_data("compare", log, log)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("bad.toml", "rows = ["),
+        ("bad.toml", "rows = 3"),
+        ("bad.json", '{"convention": "standard", "rows": [{"a": "x"}]}'),
+        ("bad.json", '{"convention": "other", "rows": []}'),
+        ("bad.json", '{"convention": "standard", "rows": [{"a": 1}], "colour": 1}'),
+        ("bad.urdf", "<robot"),
+        ("bad.csv", "a,b\n1,2\n"),
+        ("empty.csv", ""),
+    ],
+)
+def test_damaged_files(name: str, text: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_text(text)
+    assert name in message_of_bad_data("info", path)
+
+
+def test_version_and_help() -> None:
+    assert run("--version").out == f"sgpr {sgpr.__version__}\n"
+    assert run("--help").code == 0
+    assert "identify" in run("--help").out
+
+
+def test_program_started_from_the_shell() -> None:
+    found = subprocess.run([sys.executable, "-m", "sgpr.cli", "info", "missing.csv"], capture_output=True, text=True)
+    assert (found.returncode, found.stdout) == (1, "")
+    assert found.stderr.count("\n") == 1
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_interrupt(tmp_path: Path) -> None:
+    arguments = [
+        "identify",
+        "--robot",
+        DEMO_ROBOT,
+        "--train",
+        *DEMO_TRAIN,
+        "--test",
+        DEMO_TEST,
+        "--out",
+        str(tmp_path / "o"),
+    ]
+    program = subprocess.Popen(
+        [sys.executable, "-m", "sgpr.cli", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    while not (tmp_path / "o").exists() and program.poll() is None:
+        time.sleep(0.01)
+    program.send_signal(signal.SIGINT)
+    _, err = program.communicate(timeout=60)
+    assert program.returncode == 130
+    assert "stopped" in err
+    assert "Traceback" not in err
+    assert not list((tmp_path / "o").iterdir())

@@ -1,0 +1,195 @@
+"""`sgpr identify`: what it leaves behind, and that it is right."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sgpr
+from cli_support import COULOMB, VISCOUS, Finished, run, write_log
+
+Run = tuple[Finished, Path]
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    folder = tmp_path_factory.mktemp("logs")
+    return [write_log(folder / f"log_{seed}.csv", seed) for seed in (1, 2, 3, 4)]
+
+
+@pytest.fixture(scope="module")
+def finished(logs: list[str], tmp_path_factory: pytest.TempPathFactory) -> Run:
+    out = tmp_path_factory.mktemp("results") / "new" / "folder"
+    return identify(logs, out, "--mcap", out / "test.mcap"), out
+
+
+def identify(logs: list[str], out: Path, *options: object) -> Finished:
+    effects = ("--effects", "viscous_friction", "coulomb_friction")
+    return run(
+        "identify",
+        "--robot",
+        "two_link",
+        "--train",
+        *logs[:2],
+        "--test",
+        *logs[2:],
+        *effects,
+        "--out",
+        out,
+        "--json",
+        *options,
+    )
+
+
+def rows_of(out: Path) -> list[dict[str, str]]:
+    with (out / "predictions.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def column(rows: list[dict[str, str]], name: str) -> np.ndarray:
+    return np.array([float(row[name]) for row in rows])
+
+
+def test_files_and_json(finished: Run) -> None:
+    done, out = finished
+    assert done.code == 0
+    names = {"model.sgpr", "report.html", "predictions.csv", "identification.json", "test.mcap"}
+    assert {path.name for path in out.iterdir()} == names
+    data = json.loads(done.out)
+    assert data == json.loads((out / "identification.json").read_text())
+    for key in ("parameters", "comparison", "cutoff_influence", "settings", "versions", "seeds", "fit", "logs"):
+        assert key in data
+
+
+def test_finds_the_friction(finished: Run) -> None:
+    parameters = {p["name"]: p for p in json.loads(finished[0].out)["parameters"]}
+    for joint, (viscous, coulomb) in enumerate(zip(VISCOUS, COULOMB, strict=True), start=1):
+        for name, truth in ((f"joint_{joint}.Fv", viscous), (f"joint_{joint}.Fc", coulomb)):
+            found = parameters[name]
+            assert abs(found["value"] - truth) < max(5.0 * found["standard_deviation"], 0.02)
+
+
+def test_better_than_before_on_unseen_logs(finished: Run) -> None:
+    comparison = json.loads(finished[0].out)["comparison"]
+    assert comparison["logs"] == "test"
+    assert comparison["after"]["relative_error_percent"] < 0.2 * comparison["before"]["relative_error_percent"]
+
+
+def test_predictions_are_those_of_the_model(finished: Run, logs: list[str]) -> None:
+    rows = rows_of(finished[1])
+    joints = ["joint_1", "joint_2"]
+    expected = ["file", "t", *(f"{joint}_{which}" for joint in joints for which in ("measured", "before", "after"))]
+    assert list(rows[0]) == expected
+    model = sgpr.load(finished[1] / "model.sgpr")
+    before = sgpr.Model.nominal(sgpr.robots.two_link())
+    for path in logs[2:]:
+        own = [row for row in rows if row["file"] == path]
+        recording = sgpr.read(path)
+        assert len(own) == len(recording)
+        np.testing.assert_allclose(column(own, "t"), recording.time_ns * 1e-9, rtol=0, atol=1e-12)
+        residual = sgpr.compare(model, [recording]).logs[0]
+        again = model.predict(residual.q, residual.dq, residual.ddq)
+        nominal = before.predict(residual.q, residual.dq, residual.ddq)
+        for k, joint in enumerate(joints):
+            np.testing.assert_allclose(column(own, f"{joint}_measured"), recording.tau[:, k], rtol=1e-8)
+            np.testing.assert_allclose(column(own, f"{joint}_after"), again[:, k], rtol=1e-7, atol=1e-9)
+            np.testing.assert_allclose(column(own, f"{joint}_before"), nominal[:, k], rtol=1e-7, atol=1e-9)
+
+
+def test_figures_follow_from_the_predictions(finished: Run) -> None:
+    rows = rows_of(finished[1])
+    joint = json.loads(finished[0].out)["comparison"]["after"]["joints"][0]
+    error = column(rows, "joint_1_measured") - column(rows, "joint_1_after")
+    # The figure leaves out the ends of the logs, where derivatives are uncertain.
+    assert np.sqrt(np.mean(error**2)) == pytest.approx(joint["rmse_full_band"], rel=0.3)
+
+
+def test_topics_of_the_mcap_file(finished: Run, logs: list[str]) -> None:
+    path = finished[1] / "test.mcap"
+    measured = sgpr.read(path, topics=["/log_1/measured"])
+    predicted = sgpr.read(path, topics=["/log_1/predicted"])
+    residual = sgpr.read(path, topics=["/log_1/residual"])
+    assert len(measured) == len(sgpr.read(logs[2]))
+    np.testing.assert_allclose(residual.tau, measured.tau - predicted.tau, atol=1e-12)
+
+
+def test_same_input_same_bytes(logs: list[str], tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        assert identify(logs, tmp_path / name).code == 0
+    for path in (tmp_path / "a").iterdir():
+        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes(), path.name
+
+
+def test_an_existing_folder_is_reused(logs: list[str], tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "predictions.csv").write_text("old")
+    assert identify(logs, tmp_path, "--no-report").code == 0
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+    assert (tmp_path / "predictions.csv").read_text().startswith("file,t,")
+    assert not (tmp_path / "report.html").exists()
+    assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
+
+
+def test_failure_leaves_the_folder_as_it_was(logs: list[str], tmp_path: Path) -> None:
+    (tmp_path / "predictions.csv").write_text("old")
+    found = run("identify", "--robot", "two_link", "--train", logs[0], "--test", tmp_path / "no.csv", "--out", tmp_path)
+    assert found.code == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["predictions.csv"]
+    assert (tmp_path / "predictions.csv").read_text() == "old"
+
+
+def test_without_test_logs_the_training_logs_are_shown_as_such(logs: list[str], tmp_path: Path) -> None:
+    found = run("identify", "--robot", "two_link", "--train", *logs[:2], "--out", tmp_path)
+    assert found.code == 0
+    assert "training logs" in found.out
+    assert not (tmp_path / "predictions.csv").exists()
+    assert json.loads((tmp_path / "identification.json").read_text())["comparison"]["logs"] == "train"
+    assert "the model was fitted to" in (tmp_path / "report.html").read_text()
+
+
+def test_settings_reach_the_identification(logs: list[str], tmp_path: Path) -> None:
+    options = (
+        "--cutoff",
+        8,
+        "--order",
+        2,
+        "--decimation",
+        3,
+        "--torque-band",
+        "full",
+        "--method",
+        "ols",
+        "--no-report",
+    )
+    data = json.loads(identify(logs, tmp_path, *options).out)
+    assert data["processing"]["cutoff_hz"] == 8.0
+    assert data["processing"]["order"] == 2
+    assert data["processing"]["decimation"] == 3
+    assert data["processing"]["torque_cutoff_hz"] is None
+    assert data["fit"]["method"] == "ols"
+    assert data["settings"]["method"] == "ols"
+
+
+def test_resampled_logs_are_predicted_at_their_own_samples(logs: list[str], tmp_path: Path) -> None:
+    random = np.random.default_rng(5)
+
+    def jittered(table: np.ndarray) -> np.ndarray:
+        fine = table[:, 0] + random.uniform(-0.003, 0.003, len(table))
+        return np.column_stack([fine, *(np.interp(fine, table[:, 0], column) for column in table[:, 1:].T)])
+
+    path = write_log(tmp_path / "jittered.csv", 6, jittered)
+    options = ("--resample", "100", "--out", tmp_path / "out", "--no-report")
+    found = run("identify", "--robot", "two_link", "--train", *logs[:2], "--test", path, *options)
+    assert found.code == 0
+    assert "resample" in found.err
+    rows = rows_of(tmp_path / "out")
+    recording = sgpr.read(path)
+    times = column(rows, "t")
+    assert len(recording) - 3 <= len(rows) <= len(recording)
+    assert (
+        set(times) <= set(recording.time_ns * 1e-9)
+        or np.isin(np.round(times, 9), np.round(recording.time_ns * 1e-9, 9)).all()
+    )
+    error = column(rows, "joint_1_measured") - column(rows, "joint_1_after")
+    assert np.sqrt(np.mean(error[50:-50] ** 2)) < 0.15 * np.std(column(rows, "joint_1_measured"))

@@ -1,0 +1,93 @@
+"""`sgpr info`."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import sgpr
+from cli_support import DEMO_ROBOT, DEMO_TEST, JOINTS, RECORDINGS, run, write_log
+
+
+def test_robot_with_effects() -> None:
+    found = run("info", DEMO_ROBOT, "--json", "--effects", "viscous_friction", "rotor_inertia")
+    [data] = json.loads(found.out)
+    assert (found.code, found.err) == (0, "")
+    assert data["type"] == "robot"
+    assert data["dof"] == 6
+    robot = sgpr.Robot.from_urdf(DEMO_ROBOT)
+    base = robot.base_parameters(["viscous_friction", "rotor_inertia"])
+    assert [p["expression"] for p in data["base_parameters"]] == base.expressions
+    assert data["moving_mass_kg"] == robot.standard_parameters[::10].sum()
+    assert set(data["standard_parameter_classes"].values()) <= {"identifiable", "combination", "invisible"}
+
+
+def test_ready_made_robot_for_people() -> None:
+    found = run("info", "two_link")
+    assert found.code == 0
+    for text in ("joint", "base parameter", "identifiable", "combination", "kg"):
+        assert text in found.out
+
+
+def test_log(tmp_path: Path) -> None:
+    [data] = json.loads(run("info", write_log(tmp_path / "log.csv", 1), "--json").out)
+    assert data["type"] == "log"
+    assert data["samples"] == 2000
+    assert np.isclose(data["rate_hz"], 100.0)
+    assert len(data["joints"]) == JOINTS
+    low, high = data["joints"][0]["torque"]
+    assert low < high
+    assert data["joints"][0]["velocity"] is None
+
+
+def test_several_files_of_different_kinds() -> None:
+    data = json.loads(run("info", DEMO_ROBOT, DEMO_TEST, RECORDINGS / "zstd.mcap", "--json").out)
+    assert [entry["type"] for entry in data] == ["robot", "log", "log"]
+
+
+def test_saved_model_is_known_by_its_content(tmp_path: Path) -> None:
+    path = tmp_path / "no_suffix"
+    sgpr.Model.nominal(sgpr.robots.two_link()).save(path)
+    [data] = json.loads(run("info", path, "--json").out)
+    assert data["type"] == "model"
+    assert data["fit"] is None
+    assert all(p["standard_deviation"] is None for p in data["parameters"])
+    assert run("info", path).code == 0
+
+
+def test_degrees_are_suspected(tmp_path: Path) -> None:
+    def in_degrees(table: np.ndarray) -> np.ndarray:
+        table[:, 1:3] = np.rad2deg(table[:, 1:3])
+        return table
+
+    path = write_log(tmp_path / "degrees.csv", 1, in_degrees)
+    found = run("info", path)
+    assert found.code == 0
+    assert "degree" in found.out
+    [data] = json.loads(run("info", path, "--units", "position=deg", "--json").out)
+    assert not any("degree" in issue["message"] for issue in data["issues"])
+
+
+def test_not_finite_values_are_errors_and_valid_json(tmp_path: Path) -> None:
+    def with_gap(table: np.ndarray) -> np.ndarray:
+        table[100:110, 3] = np.nan
+        return table
+
+    [data] = json.loads(run("info", write_log(tmp_path / "nan.csv", 1, with_gap), "--json").out)
+    assert "error" in {issue["severity"] for issue in data["issues"]}
+
+
+def test_table_of_denavit_hartenberg_parameters(tmp_path: Path) -> None:
+    path = tmp_path / "arm.toml"
+    path.write_text(
+        'convention = "standard"\nname = "arm"\njoints = ["shoulder", "elbow"]\n'
+        "[[rows]]\na = 0.5\nalpha = 0.0\nd = 0.0\ntheta = 0.0\nmass = 2.0\n"
+        "[[rows]]\na = 0.4\nalpha = 0.0\nd = 0.0\ntheta = 0.0\nmass = 1.0\n"
+    )
+    [data] = json.loads(run("info", path, "--json").out)
+    assert [joint["name"] for joint in data["joints"]] == ["shoulder", "elbow"]
+    assert data["moving_mass_kg"] == 3.0
+
+
+def test_quiet_is_quiet() -> None:
+    found = run("info", "puma560", "--quiet")
+    assert (found.code, found.out, found.err) == (0, "", "")

@@ -1,0 +1,96 @@
+"""The reports in a real browser: every plot is drawn, nothing is loaded, nothing fails."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli_support import DEMO_ROBOT, DEMO_TEST, DEMO_TRAIN, run
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+QUIET = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+LARGEST_PAGE = 15_000_000
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("demo")
+    logs = ("--train", *DEMO_TRAIN, "--test", DEMO_TEST)
+    assert run("identify", "--robot", DEMO_ROBOT, *logs, "--out", out / "identify", "--quiet").code == 0
+    model = out / "identify" / "model.sgpr"
+    limits = ("--limit", "fit_percent=50", "joint_1:rmse=0.001")
+    arguments = (model, DEMO_TEST, DEMO_TRAIN[0], "--against", DEMO_ROBOT, *limits, "--out", out / "compare", "--quiet")
+    assert run("compare", *arguments).code == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if CHROMIUM is None:
+        pytest.skip("no Chromium here: the reports are not tested in a browser")
+    with playwright.sync_playwright() as program:
+        browser = program.chromium.launch(executable_path=CHROMIUM, args=QUIET)
+        yield browser
+        browser.close()
+
+
+@pytest.mark.parametrize("command", ["identify", "compare"])
+@pytest.mark.parametrize("width", [1400, 800])
+def test_report(results: Path, browser: Any, command: str, width: int) -> None:
+    path = results / command / "report.html"
+    assert path.stat().st_size < LARGEST_PAGE
+    page = browser.new_page(viewport={"width": width, "height": 900})
+    problems: list[str] = []
+    requests: list[str] = []
+    page.on("console", lambda message: problems.append(message.text) if message.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.on("request", lambda request: requests.append(request.url))
+    page.goto(path.as_uri())
+    plots = page.locator(".plot")
+    assert plots.count() == page.locator(".plot .main-svg:first-child").count() > 6
+    assert [joint for joint in range(6) if page.locator(f"#torque-{joint} .lines path").count() == 0] == []
+    text = page.inner_text("body")
+    assert all(f"joint_{number}" in text for number in range(1, 7))
+    overflow = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+    assert overflow <= 0
+    buttons = page.eval_on_selector_all(".modebar-btn", "all => all.map(each => each.getAttribute('data-title'))")
+    assert "Zoom" in buttons
+    assert not [title for title in buttons if "hare" in title or "loud" in title or "tudio" in title]
+    # Zooming draws finer data, the selections change the plots.
+    page.evaluate("Plotly.relayout('torque-0', {'xaxis.range': [5, 6]})")
+    page.wait_for_function("document.getElementById('torque-0').data[0].x.length < 700")
+    for select in page.locator("select:visible").all():
+        select.select_option(index=1)
+    assert page.locator("#torque-0 .lines path").count() > 0
+    page.close()
+    assert problems == []
+    assert requests == [path.as_uri()]
+
+
+def test_text_of_the_report(results: Path) -> None:
+    text = (results / "identify" / "report.html").read_text()
+    text = text[: text.index('id="payload"')]
+    for heading in (
+        "Errors on unseen logs",
+        "Parameters",
+        "Excitation",
+        "Signal processing",
+        "Data quality",
+        "Settings",
+    ):
+        assert heading in text
+    for joint in range(1, 7):
+        assert f"joint_{joint}.Fv" in text
+    assert "http" not in text.replace("http-equiv", "")
+    text = (results / "compare" / "report.html").read_text()
+    assert "limits not met" in text

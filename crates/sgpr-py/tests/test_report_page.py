@@ -1,0 +1,44 @@
+"""The building blocks of the reports."""
+
+import json
+
+import numpy as np
+import pytest
+from sgpr.report.markup import Cell, Html, Section, element, paragraph, table
+from sgpr.report.page import page
+from sgpr.report.torque import kept_samples
+
+
+def test_text_is_escaped() -> None:
+    assert paragraph("<script>&") == "<p>&lt;script&gt;&amp;</p>"
+    assert element("p", Html("<b>x</b>"), title='"') == '<p title="&quot;"><b>x</b></p>'
+    assert "&lt;joint&gt;" in table("errors", ["joint"], [["<joint>"], [Cell("<x>", "bad")]])
+
+
+def test_a_page_holds_its_data_and_loads_nothing() -> None:
+    hostile = "</script><script>alert(1)</script>"
+    text = page("Title <1>", paragraph("lead"), [Section("a", "First", paragraph("x"))], {"figures": {}, "x": hostile})
+    assert hostile not in text
+    start = text.index('id="payload">') + len('id="payload">')
+    assert json.loads(text[start : text.index("</script>", start)])["x"] == hostile
+    assert "Title &lt;1&gt;" in text
+    assert 'href="#a"' in text
+    head = text[: text.index('id="payload"')]
+    assert "http" not in head.replace("http-equiv", "")
+    assert "src=" not in head
+
+
+def test_extremes_survive_thinning() -> None:
+    values = np.sin(np.linspace(0.0, 50.0, 100_000))
+    values[31_415] = 7.0
+    values[27_182] = -7.0
+    values[50_000] = np.nan
+    keep = kept_samples([values, -values], 1000)
+    assert len(keep) <= 1003
+    assert {31_415, 27_182, 50_000, 0, 99_999} <= set(keep.tolist())
+    assert np.array_equal(kept_samples([values[:100]], 1000), np.arange(100))
+
+
+def test_numbers_that_are_not_finite_are_no_json() -> None:
+    with pytest.raises(ValueError, match="JSON"):
+        page("t", "", [], {"x": float("nan")})
