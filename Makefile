@@ -1,0 +1,78 @@
+# `make demo` and `make test` do all the set-up they need on a machine with Rust, Python 3.11 and pip.
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV := .venv
+BIN := $(VENV)/bin
+OUT := out
+SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-core/src crates/sgpr-py/src crates/sgpr-py/python \
+	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name Cargo.toml) \
+	crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
+
+.PHONY: build demo demo-real test test-rust test-python browser lint bench peers fuzz clean
+
+build: $(VENV)/.built
+
+$(VENV)/.pip:
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip 'maturin>=1.9,<2'
+	@touch $@
+
+# The wheel is built from the locked dependencies, in the workspace's own target folder, and installed like any wheel.
+$(VENV)/.built: $(SOURCES) | $(VENV)/.pip
+	rm -rf $(VENV)/wheels
+	$(BIN)/maturin build --release --locked --quiet --manifest-path crates/sgpr-py/Cargo.toml \
+		--interpreter $(BIN)/python --out $(VENV)/wheels
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps $(VENV)/wheels/*.whl
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check $(VENV)/wheels/*.whl
+	@touch $@
+
+$(VENV)/.test: crates/sgpr-py/pyproject.toml | $(VENV)/.built
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check "$$(ls $(VENV)/wheels/*.whl)[test]"
+	@touch $@
+
+## The main job on bundled logs: identify on three, compare on one that the fit never saw.
+demo: build
+	$(BIN)/sgpr identify --robot data/demo/robot.urdf \
+		--train data/demo/train_1.csv.gz data/demo/train_2.csv.gz data/demo/train_3.csv.gz \
+		--test data/demo/test.csv.gz \
+		--effects viscous_friction coulomb_friction rotor_inertia --out $(OUT)/demo
+	@echo "report: $(OUT)/demo/report.html"
+	@echo "model:  $(OUT)/demo/model.sgpr"
+
+## The same on the logs of real robots, in the folder that SGPR_DATA names.
+demo-real: build
+	$(BIN)/python examples/real_robots.py --out $(OUT)/real
+
+test: test-rust test-python
+
+test-rust:
+	cargo test --locked --quiet --package sgpr-core
+
+test-python: build $(VENV)/.test browser
+	cd crates/sgpr-py && ../../$(BIN)/python -m pytest -q tests
+	$(BIN)/python -m pytest -q tests
+
+# The report is tested in a real browser; without one those tests say that they skip.
+browser:
+	@command -v chromium > /dev/null || command -v chromium-browser > /dev/null || \
+		{ [ "$$(id -u)" = 0 ] && apt-get install --yes --quiet chromium > /dev/null; } || \
+		echo "no Chromium: tests of the report in a browser will skip (apt install chromium)"
+
+## Formatting, lints, documentation and stubs without a warning.
+lint: build $(VENV)/.test
+	cargo fmt --all --check
+	cargo clippy --locked --quiet --workspace --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --locked --quiet --workspace --no-deps
+	$(BIN)/ruff check crates/sgpr-py examples tests benches
+	$(BIN)/ruff format --check crates/sgpr-py examples tests benches
+	$(BIN)/python -m mypy.stubtest sgpr._sgpr
+
+bench:
+	cargo bench --locked --package benches
+
+## Against Pinocchio's C++ and Python interfaces, in one run.
+peers: build
+	$(BIN)/python benches/peers/run.py
+
+clean:
+	rm -rf $(OUT) $(VENV) target

@@ -1,0 +1,66 @@
+"""The commands and programs in the documentation run as printed."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def blocks(document: str, language: str) -> list[str]:
+    text = (ROOT / document).read_text()
+    return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
+
+
+def run(command: list[str], **options: object) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment, timeout=300, **options)
+
+
+def test_the_tutorial_runs() -> None:
+    commands = blocks("docs/tutorial.md", "sh")
+    assert len(commands) >= 3
+    for command in commands:
+        done = run(["sh", "-euc", command])
+        assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+    for name in ("model.sgpr", "report.html", "predictions.csv", "identification.json"):
+        assert (ROOT / "out/tutorial" / name).stat().st_size > 1000, name
+    for program in blocks("docs/tutorial.md", "python"):
+        done = run([sys.executable, "-c", program])
+        assert done.returncode == 0, done.stderr
+
+
+def test_the_program_in_the_readme_runs() -> None:
+    (ROOT / "out").mkdir(exist_ok=True)
+    for program in blocks("README.md", "python"):
+        done = run([sys.executable, "-c", program])
+        assert done.returncode == 0, done.stderr
+        assert "joint_6" in done.stdout
+
+
+def test_the_example_identifies_the_demo() -> None:
+    done = run([sys.executable, "examples/identify.py"])
+    assert done.returncode == 0, done.stderr
+    errors = re.findall(r"joint_\d: +([\d.]+) -> ([\d.]+) N·m", done.stdout)
+    assert len(errors) == 6
+    assert all(float(after) < 0.5 * float(before) for before, after in errors)
+
+
+def test_real_robots_run_or_say_why_not(tmp_path: Path) -> None:
+    done = run([sys.executable, "examples/real_robots.py", "--data", str(tmp_path), "--out", str(tmp_path / "out")])
+    assert done.returncode == 1
+    assert "SGPR_DATA" in done.stderr and "Traceback" not in done.stderr
+
+
+DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("*/README.md")])
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_links_lead_somewhere(document: Path) -> None:
+    for target in re.findall(r"\]\(([^)#]+)[^)]*\)", document.read_text()):
+        if not target.startswith("http"):
+            assert (document.parent / target).exists(), f"{document.name}: {target}"
