@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-
 import sgpr
 
 data = Path(__file__).resolve().parents[1] / "data/demo"

@@ -8,13 +8,13 @@ SGPR_DATA names the folder that holds `ur10e/`, `panda/`, `baxter/`, `kuka_lwr/`
 
 import argparse
 import os
+import subprocess
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import sgpr
-from sgpr.report import write_identification_report
 
 EFFECTS = ["viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"]
 
@@ -83,14 +83,17 @@ DATASETS = [
         "baxter_arm.urdf",
         [Log(f"traj0{k}.csv") for k in range(1, 6)],
         [Log(f"traj0{k}.csv") for k in (6, 7)],
-        [Variant("automatic", {}, "14.5"), Variant("5 Hz", {"cutoff_hz": 5.0, "standstill_speed": 0.0}, "14.5")],
+        [
+            Variant("automatic", {}, "14.5"),
+            Variant("5 Hz, no rests", {"cutoff_hz": 5.0, "standstill_speed": 1e-9}, "14.5"),
+        ],
     ),
     Dataset(
         "kuka_lwr",
         "kuka_lwr.urdf",
         [Log(f"traj0{k}.csv") for k in range(1, 6)],
         [Log(f"traj0{k}.csv") for k in (6, 7)],
-        [Variant("automatic", {}, "1.61"), Variant("5 Hz", {"cutoff_hz": 5.0, "standstill_speed": 0.0}, "1.61")],
+        [Variant("automatic", {}, "1.61"), Variant("5 Hz", {"cutoff_hz": 5.0}, "1.61")],
     ),
     Dataset(
         "emps",
@@ -101,12 +104,12 @@ DATASETS = [
             Variant("automatic", {"effects": EMPS_SYMMETRIC}, "5.982"),
             Variant(
                 "100 Hz, torque to 40 Hz",
-                {"effects": EMPS_SYMMETRIC, "cutoff_hz": 100.0, "torque_band": 40.0, "standstill_speed": 0.0},
+                {"effects": EMPS_SYMMETRIC, "cutoff_hz": 100.0, "torque_band": 40.0, "standstill_speed": 1e-9},
                 "5.982",
             ),
             Variant(
                 "100 Hz, torque to 40 Hz, asymmetric",
-                {"effects": EMPS_ASYMMETRIC, "cutoff_hz": 100.0, "torque_band": 40.0, "standstill_speed": 0.0},
+                {"effects": EMPS_ASYMMETRIC, "cutoff_hz": 100.0, "torque_band": 40.0, "standstill_speed": 1e-9},
                 "",
             ),
         ],
@@ -125,21 +128,50 @@ def recordings(folder: Path, robot: sgpr.Robot, dataset: Dataset, logs: list[Log
     return result
 
 
+def save(logs: list[sgpr.Recording], folder: Path) -> list[Path]:
+    """The logs as the command line reads them: in SI units, repaired."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for index, log in enumerate(logs):
+        path = folder / f"{Path(log.source).stem}_{index}.csv"
+        log.save(path)
+        paths.append(path)
+    return paths
+
+
+def arguments_of(options: dict[str, Any]) -> list[str]:
+    """Options as the command line takes them."""
+    names = {
+        "method": "--method",
+        "cutoff_hz": "--cutoff",
+        "torque_band": "--torque-band",
+        "standstill_speed": "--standstill-speed",
+    }
+    arguments = ["--effects", *options["effects"]]
+    for name, option in names.items():
+        if name in options:
+            arguments += [option, str(options[name])]
+    return arguments
+
+
 def run(folder: Path, dataset: Dataset, out: Path) -> list[str]:
     """Rows of the table for one robot; leaves model and report of every variant."""
     robot = sgpr.Robot.from_urdf(folder / dataset.urdf)
     train = recordings(folder, robot, dataset, dataset.train)
     test = recordings(folder, robot, dataset, dataset.test)
+    train_files = save(train, out / dataset.folder / "train")
+    test_files = save(test, out / dataset.folder / "test")
+    command = Path(sys.executable).parent / "sgpr"
     rows = []
     for index, variant in enumerate(dataset.variants):
-        model = sgpr.identify(robot, train, **{"effects": EFFECTS, **variant.options})
+        options = {"effects": EFFECTS, **variant.options}
+        target = out / dataset.folder / ("automatic" if index == 0 else f"variant_{index}")
+        arguments = ["--robot", folder / dataset.urdf, "--train", *train_files, "--test", *test_files, "--out", target]
+        subprocess.run([command, "identify", *arguments, *arguments_of(options), "--quiet"], check=True)
+        model = sgpr.load(target / "model.sgpr")
         fit = sgpr.compare(model, train)
         unseen = sgpr.compare(model, test)
         assert model.processing is not None and model.fit is not None
-        target = out / dataset.folder / ("automatic" if index == 0 else f"variant_{index}")
-        target.mkdir(parents=True, exist_ok=True)
-        model.save(target / "model.sgpr")
-        write_identification_report(target / "report.html", model, train=train, test=test)
         torque_hz = model.processing.torque_cutoff_hz
         band = "full" if torque_hz is None else f"{torque_hz:.1f}"
         rows.append(
@@ -164,7 +196,7 @@ def main() -> int:
     parser.add_argument("--data", type=Path, default=os.environ.get("SGPR_DATA"))
     parser.add_argument("--out", type=Path, default=Path("out/real"))
     arguments = parser.parse_args()
-    data = arguments.data or Path(__file__).resolve().parents[2] / "shared/data/real"
+    data = Path(arguments.data or "../shared/data/real")
     lines = [HEADER]
     for dataset in DATASETS:
         if not (data / dataset.folder / dataset.urdf).exists():

@@ -24,8 +24,7 @@ PACKAGES = ["pin", "cmeel-eigen", "numpy", "scipy"]
 SAMPLES = 6006
 
 # The joint models are one boost variant of some fifty types; boost's own tables stop at twenty.
-FLAGS = """-O3 -march=native -std=c++17 -DNDEBUG -DBOOST_MPL_LIMIT_LIST_SIZE=30 -DBOOST_MPL_LIMIT_VECTOR_SIZE=30
-    -DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS -DBOOST_FUSION_INVOKE_MAX_ARITY=12""".split()
+FLAGS = ["-O3", "-march=native", "-std=c++17", "-DNDEBUG", "-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30", "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DBOOST_FUSION_INVOKE_MAX_ARITY=12"]
 
 # Name, our figure, Pinocchio's figure, goal for the ratio.
 ROWS = [

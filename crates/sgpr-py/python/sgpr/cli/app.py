@@ -27,7 +27,7 @@ app = typer.Typer(
 
 def register(command: Callable[..., Any]) -> None:
     """Makes a function a command of its name."""
-    epilog = "Options whose value ends in ... take several values: --effects a b c."
+    epilog = "Options whose value ends in ... take several values, up to the next option or --: --effects a b c."
     app.command(cls=Command, epilog=epilog, no_args_is_help=True)(with_option_groups(guarded(command)))
 
 

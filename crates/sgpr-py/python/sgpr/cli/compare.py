@@ -26,7 +26,7 @@ def compare(
     model: Annotated[
         str, typer.Argument(metavar="MODEL", help="A saved model (.sgpr), or a robot for its file's model.")
     ],
-    files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Logs.")],
+    files: Annotated[list[str], typer.Argument(metavar="FILE", help="Logs.")],
     reading: ReadingOptions,
     output: Output,
     against: Annotated[
@@ -46,22 +46,26 @@ def compare(
         str | None,
         typer.Option("--limits", metavar="FILE", help='Limits in JSON: {"fit_percent": 90, "joint_2": {"rmse": 1.2}}.'),
     ] = None,
+    joints: Annotated[
+        list[str] | None,
+        typer.Option("--joints", metavar="JOINT...", help="Joints of a URDF to model; the others are locked."),
+    ] = None,
     strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 if a limit is not met.")] = False,
     out: Annotated[
         str | None, typer.Option("--out", metavar="DIR", help="Folder for report.html and comparison.json.")
     ] = None,
 ) -> None:
     """Compares the torque that a model predicts with the torque in logs, joint by joint."""
-    main_model = load_model(model)
-    joints = main_model.robot.joint_names
-    wanted = limits_of(limit or [], limits, joints)
+    main_model = load_model(model, joints)
+    names = main_model.robot.joint_names
+    wanted = limits_of(limit or [], limits, names)
     models = {model: main_model}
     if against is not None:
-        other = load_model(against, joints)
+        other = load_model(against, names)
         # What is shown last is what matters.
         models = {against if against != model else f"{against} (again)": other, model: main_model}
     folder = OutputFolder(out) if out else None
-    logs = read_logs(files, reading, joints, output)
+    logs = read_logs(files, reading, names, output)
     recordings = stretches(logs)
     processing = main_model if main_model.processing else next((m for m in models.values() if m.processing), None)
     found: dict[str, Comparison] = {

@@ -48,7 +48,7 @@ def one_of(value: str, known: Iterable[str], option: str, what: str) -> str:
     if value in known:
         return value
     near = difflib.get_close_matches(value, known, n=1)
-    hint = f", did you mean {near[0]}?" if near else ";"
+    hint = f", did you mean {near[0]}?" if near else "."
     raise wrong_use(f"there is no {what} `{value}`{hint} Known are {', '.join(known)}.", option)
 
 

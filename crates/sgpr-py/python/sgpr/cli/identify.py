@@ -19,7 +19,7 @@ from .error_table import show_errors
 from .errors import one_of, wrong_use
 from .info import show_parameters
 from .output_folder import OutputFolder
-from .predictions import predictions, residuals_by_log, table, write_topics
+from .predictions import predictions, residuals_by_log, write_table, write_topics
 from .reading import Log, ReadingOptions, read_logs, stretches
 from .robots import load_robot
 from .versions import versions
@@ -37,7 +37,8 @@ class IdentificationOptions:
         typer.Option(
             "--effects",
             metavar="EFFECT...",
-            help=f"Effects beside the rigid body, or `none`.  [default: {' '.join(DEFAULT_EFFECTS)}]",
+            help="Effects beside the rigid body, or `none`.",
+            show_default=" ".join(DEFAULT_EFFECTS),
             rich_help_panel=FIT,
         ),
     ] = None
@@ -58,7 +59,11 @@ class IdentificationOptions:
     cutoff: Annotated[
         float | None,
         typer.Option(
-            "--cutoff", metavar="HZ", help="Low-pass of the positions.  [default: from spectra]", rich_help_panel=FIT
+            "--cutoff",
+            metavar="HZ",
+            help="Low-pass of the positions.",
+            show_default="from spectra",
+            rich_help_panel=FIT,
         ),
     ] = None
     order: Annotated[int, typer.Option("--order", help="Order of the low-pass.", rich_help_panel=FIT)] = 4
@@ -81,14 +86,17 @@ class IdentificationOptions:
     ] = "position"
     decimation: Annotated[
         int | None,
-        typer.Option("--decimation", help="Take every so many rows.  [default: from the cut-off]", rich_help_panel=FIT),
+        typer.Option(
+            "--decimation", help="Take every so many rows.", show_default="from the cut-off", rich_help_panel=FIT
+        ),
     ] = None
     standstill_speed: Annotated[
         float | None,
         typer.Option(
             "--standstill-speed",
             metavar="SPEED",
-            help="Slower joints count as standing, rad/s.  [default: from the noise]",
+            help="Slower joints count as standing, rad/s.",
+            show_default="from the noise",
             rich_help_panel=FIT,
         ),
     ] = None
@@ -147,7 +155,7 @@ def identify(
     ] = None,
     gravity: Annotated[
         tuple[float, float, float] | None,
-        typer.Option("--gravity", metavar="X Y Z", help="Gravity in base axes, m/s².  [default: 0 0 -9.81]"),
+        typer.Option("--gravity", metavar="X Y Z", help="Gravity in base axes, m/s².", show_default="0 0 -9.81"),
     ] = None,
     no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
     mcap: Annotated[
@@ -185,8 +193,8 @@ def identify(
         if test_logs:
             rows = predictions(test_logs, {BEFORE: result.before, AFTER: result.after}, loaded.joint_names)
             data["left_out_of_predictions"] = {row.path: row.left_out for row in rows if row.left_out}
-            text = table(rows, loaded.joint_names, {BEFORE: "before", AFTER: "after"}, with_file=True)
-            folder.write("predictions.csv", text)
+            columns = {BEFORE: "before", AFTER: "after"}
+            write_table(folder.file("predictions.csv"), rows, loaded.joint_names, columns, with_file=True)
             if mcap:
                 write_topics(folder.file(str(Path(mcap).absolute())), rows, loaded.joint_names, AFTER)
         if not no_report:
@@ -207,7 +215,7 @@ class Result:
     before: Comparison
     after: Comparison
     influence: list[CutoffInfluence]
-    influence_errors: list[Comparison]
+    influence_errors: list[dict[str, Any]]
 
     @property
     def judged(self) -> list[Log]:
@@ -236,8 +244,8 @@ class Result:
                     "cutoff_hz": other.cutoff_hz,
                     "largest_change": other.largest_change,
                     "typical_change": other.typical_change,
-                    "rmse": found.rmse,
-                    "relative_error_percent": found.relative_error_percent,
+                    "rmse": [joint["rmse"] for joint in found["joints"]],
+                    "relative_error_percent": found["relative_error_percent"],
                 }
                 for other, found in zip(self.influence, self.influence_errors, strict=True)
             ],
@@ -285,7 +293,9 @@ def run(robot: Robot, train: Sequence[Log], test: Sequence[Log], options: dict[s
         before=compare_with(nominal, judged, processing=model),
         after=compare_with(model, judged),
         influence=influence,
-        influence_errors=[compare_with(other.model, judged, processing=model) for other in influence],
+        influence_errors=[
+            describe.comparison(compare_with(other.model, judged, processing=model)) for other in influence
+        ],
     )
 
 

@@ -17,7 +17,7 @@ from .robots import load_robot
 
 def info(
     files: Annotated[
-        list[str], typer.Argument(metavar="FILE...", help="Robots (URDF, DH table, puma560, two_link), logs, models.")
+        list[str], typer.Argument(metavar="FILE", help="Robots (URDF, DH table, puma560, two_link), logs, models.")
     ],
     reading: ReadingOptions,
     output: Output,

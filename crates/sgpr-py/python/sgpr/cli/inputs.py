@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Literal
 
 from .. import Model, load
+from .errors import BadData
 from .robots import READY_MADE, load_robot
 
 Kind = Literal["robot", "model", "log"]
@@ -33,5 +34,8 @@ def kind_of(name: str) -> Kind:
 def load_model(name: str, joints: Sequence[str] | None = None, gravity: Sequence[float] | None = None) -> Model:
     """A saved model, or the model that a robot file describes."""
     if kind_of(name) == "model":
-        return load(name)
+        model = load(name)
+        if joints and list(joints) != model.robot.joint_names:
+            raise BadData(f"{name}: this model has the joints {', '.join(model.robot.joint_names)}")
+        return model
     return Model.nominal(load_robot(name, joints, gravity))

@@ -14,7 +14,7 @@ from .console import Output
 from .errors import wrong_use
 from .inputs import load_model
 from .output_folder import OutputFolder
-from .predictions import predictions, table, write_table, write_topics
+from .predictions import predictions, write_table, write_topics
 from .reading import ReadingOptions, read_log
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
@@ -32,6 +32,10 @@ def predict(
         str,
         typer.Option("--out", metavar="FILE", help="Table (.csv, .csv.gz), or MCAP file with topics (.mcap)."),
     ],
+    joints: Annotated[
+        list[str] | None,
+        typer.Option("--joints", metavar="JOINT...", help="Joints of a URDF to model; the others are locked."),
+    ] = None,
 ) -> None:
     """Predicts the torque for each sample of a log.
 
@@ -41,21 +45,21 @@ def predict(
     if not out.endswith(SUFFIXES):
         raise wrong_use(f"`{out}`: the name must end in {', '.join(SUFFIXES)}", "--out")
     place = Path(out).absolute()
-    loaded = load_model(model)
-    joints = loaded.robot.joint_names
+    loaded = load_model(model, joints)
+    names = loaded.robot.joint_names
     with OutputFolder(str(place.parent)) as folder:
-        log = read_log(file, reading, joints)
+        log = read_log(file, reading, names)
         measured = log.raw.tau is not None
         if not measured:
             log = replace(log, raw=_with_torque(log.raw), stretches=[_with_torque(part) for part in log.stretches])
         found = compare_with(loaded, log.stretches)
-        [row] = predictions([log], {PREDICTED: found}, joints)
+        [row] = predictions([log], {PREDICTED: found}, names)
         written = folder.file(str(place))
         if out.endswith(".mcap"):
-            write_topics(written, [row], joints, PREDICTED, with_measured=measured)
+            write_topics(written, [row], names, PREDICTED, with_measured=measured)
         else:
             columns = {PREDICTED: "predicted"}
-            write_table(written, table([row], joints, columns, with_file=False, with_measured=measured))
+            write_table(written, [row], names, columns, with_file=False, with_measured=measured)
     for action in log.actions:
         output.note(f"{file}: {action}")
     if row.left_out:
@@ -67,7 +71,7 @@ def predict(
         "model": model,
         "log": file,
         "out": out,
-        "joints": joints,
+        "joints": names,
         "samples": len(row.time_ns),
         "left_out": row.left_out,
         "actions": log.actions,

@@ -4,9 +4,10 @@ import csv
 import gzip
 import io
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
-from decimal import Decimal
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from .reading import Log
 Array = NDArray[np.float64]
 
 NANOSECONDS = 9
+CHUNK = 10_000
 DIGITS = "%.9g"
 
 
@@ -107,45 +109,47 @@ def _interpolate(wanted_ns: NDArray[np.int64], time_ns: NDArray[np.int64], value
     return np.column_stack([np.interp(wanted, known, column) for column in values.T])
 
 
-def table(
+def write_table(
+    path: Path,
     rows: Sequence[Prediction],
     joints: Sequence[str],
     columns: Mapping[str, str],
     *,
     with_file: bool,
     with_measured: bool = True,
-) -> str:
-    """The table as CSV text: time, then for each joint the measured torque and the predictions.
+) -> None:
+    """Writes a CSV file, packed if the name ends in .gz.
+
+    Its columns are the time, then for each joint the measured torque and the predictions. The same predictions make
+    the same bytes.
 
     - `columns`: model in the predictions -> ending of its columns
     """
-    text = io.StringIO()
-    endings = [*(["measured"] if with_measured else []), *columns.values()]
-    header = ["t", *(f"{joint}_{ending}" for joint in joints for ending in endings)]
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["file", *header] if with_file else header)
-    for row in rows:
-        torques = [*([row.measured] if with_measured else []), *(row.predicted[model] for model in columns)]
-        values = np.stack(torques, axis=2)
-        lines = io.StringIO()
-        np.savetxt(lines, values.reshape(len(values), -1), fmt=DIGITS, delimiter=",")
-        name = _quoted(row.path) + "," if with_file else ""
-        moments = map(decimal_seconds, row.time_ns.tolist())
-        numbers = lines.getvalue().splitlines()
-        text.writelines(f"{name}{t},{line}\n" for t, line in zip(moments, numbers, strict=True))
-    return text.getvalue()
+    with ExitStack() as stack:
+        target: Any = stack.enter_context(path.open("wb"))
+        if path.suffix == ".gz":
+            target = stack.enter_context(gzip.GzipFile(filename="", mode="wb", fileobj=target, mtime=0))
+        text = stack.enter_context(io.TextIOWrapper(target, encoding="utf-8", newline=""))
+        endings = [*(["measured"] if with_measured else []), *columns.values()]
+        header = ["t", *(f"{joint}_{ending}" for joint in joints for ending in endings)]
+        text.write(_line(["file", *header] if with_file else header))
+        for row in rows:
+            torques = [*([row.measured] if with_measured else []), *(row.predicted[model] for model in columns)]
+            values = np.stack(torques, axis=2).reshape(len(row.time_ns), -1)
+            name = _line([row.path]).rstrip("\n") + "," if with_file else ""
+            line = f"{name.replace('%', '%%')}%s,{','.join([DIGITS] * values.shape[1])}\n"
+            for start in range(0, len(values), CHUNK):
+                chunk = slice(start, start + CHUNK)
+                moments = map(decimal_seconds, row.time_ns[chunk].tolist())
+                numbers = values[chunk].tolist()
+                text.writelines(line % (moment, *each) for moment, each in zip(moments, numbers, strict=True))
 
 
 def decimal_seconds(nanoseconds: int) -> str:
     """Seconds, every digit of them: 60.004, 1700000000.123456789."""
-    text = f"{Decimal(nanoseconds).scaleb(-NANOSECONDS):f}"
-    return text.rstrip("0").rstrip(".") if "." in text else text
-
-
-def write_table(path: Path, text: str) -> None:
-    """Writes a table, packed if the name ends in .gz: the same table makes the same bytes."""
-    data = text.encode()
-    path.write_bytes(gzip.compress(data, mtime=0) if path.suffix == ".gz" else data)
+    sign = "-" if nanoseconds < 0 else ""
+    whole, part = divmod(abs(nanoseconds), 10**NANOSECONDS)
+    return f"{sign}{whole}.{part:0{NANOSECONDS}d}".rstrip("0").rstrip(".")
 
 
 def write_topics(
@@ -169,7 +173,7 @@ def write_topics(
     write_mcap(path, topics)
 
 
-def _quoted(text: str) -> str:
+def _line(cells: Sequence[str]) -> str:
     line = io.StringIO()
-    csv.writer(line, lineterminator="").writerow([text])
+    csv.writer(line, lineterminator="\n").writerow(cells)
     return line.getvalue()

@@ -35,8 +35,8 @@ def logs_section(logs: Sequence[dict[str, Any]], left_out: dict[str, int]) -> Ht
 
 
 def _count(log: dict[str, Any], severity: str) -> int:
-    others: int = len(log["notes"]) if severity == "note" else 0
-    return others + sum(found["severity"] == severity for found in log["issues"])
+    others = len(log["notes"]) if severity == "note" else 0
+    return others + len([found for found in log["issues"] if found["severity"] == severity])
 
 
 def _findings(log: dict[str, Any], left_out: dict[str, int]) -> list[Html]:

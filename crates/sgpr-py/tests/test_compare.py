@@ -1,0 +1,104 @@
+"""Model against measurement."""
+
+import json
+
+import numpy as np
+import pytest
+import sgpr
+
+
+@pytest.fixture(scope="module")
+def comparison(demo_model: sgpr.Model, demo_test: sgpr.Recording) -> sgpr.Comparison:
+    return sgpr.compare(demo_model, [demo_test])
+
+
+def test_figures_are_those_of_the_curves(comparison: sgpr.Comparison) -> None:
+    (log,) = comparison.logs
+    for joint, row in enumerate(comparison.joints):
+        counted = log.counted[:, joint]
+        measured = log.measured_in_band[counted, joint]
+        residual = measured - log.predicted_in_band[counted, joint]
+        assert row.samples == counted.sum()
+        assert row.rmse == pytest.approx(np.sqrt(np.mean(residual**2)))
+        assert row.relative_error_percent == pytest.approx(100 * np.linalg.norm(residual) / np.linalg.norm(measured))
+        spread = np.linalg.norm(measured - measured.mean())
+        assert row.fit_percent == pytest.approx(100 * (1 - np.linalg.norm(residual) / spread))
+        assert row.r2 == pytest.approx(1 - (np.linalg.norm(residual) / spread) ** 2)
+        assert row.largest_error == np.abs(residual).max()
+        place = np.flatnonzero(counted)[np.abs(residual).argmax()]
+        assert row.largest_error_time == pytest.approx(log.t[place])
+        assert row.largest_error_log == log.source
+        full = log.measured[counted, joint] - log.predicted[counted, joint]
+        assert row.rmse_full_band == pytest.approx(np.sqrt(np.mean(full**2)))
+        assert row.rmse_zero == pytest.approx(np.sqrt(np.mean(measured**2)))
+
+
+def test_curves_are_those_of_log_and_model(
+    comparison: sgpr.Comparison, demo_model: sgpr.Model, demo_test: sgpr.Recording
+) -> None:
+    (log,) = comparison.logs
+    assert log.source == demo_test.source
+    assert np.array_equal(log.time_ns, demo_test.time_ns)
+    assert np.allclose(log.t, demo_test.t)
+    assert np.array_equal(log.measured, demo_test.tau)
+    assert log.counted.dtype == np.bool_
+    assert np.array_equal(log.predicted, demo_model.predict(log.q, log.dq, log.ddq))
+    assert np.shares_memory(log.q, log.q)
+    assert not log.measured.flags.writeable
+
+
+def test_columns_and_tables(comparison: sgpr.Comparison, demo_robot: sgpr.Robot) -> None:
+    assert [row.joint for row in comparison.joints] == demo_robot.joint_names
+    for name in ("rmse", "fit_percent", "r2"):
+        assert np.array_equal(getattr(comparison, name), [getattr(row, name) for row in comparison.joints])
+    table = comparison.to_dict()
+    assert json.loads(json.dumps(table, allow_nan=False)) == table
+    attributes = {name for name in dir(comparison.joints[0]) if not name.startswith("_")}
+    assert set(table["joints"][0]) == attributes
+    assert table["relative_error_percent"] == comparison.relative_error_percent
+    assert comparison.relative_error_with_rests_percent >= 0
+    assert len(repr(comparison).splitlines()) == 8
+    assert comparison._repr_html_().count("<tr>") == 7
+    assert repr(comparison.joints[0])
+    assert repr(comparison.logs[0])
+
+
+def test_the_identified_model_is_better(
+    comparison: sgpr.Comparison, demo_model: sgpr.Model, demo_robot: sgpr.Robot, demo_test: sgpr.Recording
+) -> None:
+    for processing in (demo_model, demo_model.processing):
+        before = sgpr.compare(demo_robot, [demo_test], processing=processing)
+        assert np.all(before.rmse > comparison.rmse)
+        assert np.array_equal(before.logs[0].measured_in_band, comparison.logs[0].measured_in_band)
+    nominal = sgpr.compare(sgpr.Model.nominal(demo_robot), [demo_test], processing=demo_model)
+    assert np.array_equal(nominal.rmse, before.rmse)
+    chosen = sgpr.compare(demo_robot, [demo_test])
+    assert np.all(np.isfinite(chosen.rmse))
+
+
+def test_a_joint_that_stands_has_no_figures(demo_model: sgpr.Model, demo_test: sgpr.Recording) -> None:
+    q = demo_test.q.copy()
+    q[:, 5] = 0.1
+    still = sgpr.Recording(demo_test.time_ns, q, tau=demo_test.tau)
+    table = sgpr.compare(demo_model, [still]).to_dict()
+    assert table["joints"][5]["samples"] == 0
+    assert table["joints"][5]["r2"] is None
+    json.dumps(table, allow_nan=False)
+
+
+def test_what_cannot_be_compared(demo_model: sgpr.Model, demo_robot: sgpr.Robot, demo_test: sgpr.Recording) -> None:
+    with pytest.raises(TypeError, match="model: got str, expected Model or Robot"):
+        sgpr.compare("model", [demo_test])  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="processing: got int, expected Model or Processing"):
+        sgpr.compare(demo_model, [demo_test], processing=3)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="recordings: got Recording, expected a list of Recording"):
+        sgpr.compare(demo_model, demo_test)  # type: ignore[arg-type]
+    with pytest.raises(sgpr.RecordingError, match="there is no joint"):
+        sgpr.compare(demo_model, [demo_test.select(["joint_1"])])
+    with pytest.raises(sgpr.RecordingError, match="there is no torque"):
+        sgpr.compare(demo_model, [sgpr.Recording(demo_test.time_ns, demo_test.q)])
+    two = sgpr.Recording(demo_test.time_ns, demo_test.q[:, :2], tau=demo_test.tau[:, :2])
+    with pytest.raises(sgpr.SgprError, match="processing: it is for 6 joints, the model has 2"):
+        sgpr.compare(sgpr.robots.two_link(), [two], processing=demo_model)
+    with pytest.raises(sgpr.IdentificationError, match="no recording was given"):
+        sgpr.compare(demo_robot, [])
