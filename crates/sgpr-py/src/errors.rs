@@ -112,14 +112,17 @@ fn os_error(path: String, source: &std::io::Error) -> Result<PyErr, String> {
     Ok(PyOSError::new_err((code, reason, path)))
 }
 
-/// What the system said, if it was the system, also where it is wrapped.
+/// What the system said, if it was the system; where its number got lost on the way, the number that the kind has.
 fn os_code(error: &std::io::Error) -> Option<i32> {
-    let mut cause: Option<&(dyn std::error::Error + 'static)> = Some(error);
-    while let Some(error) = cause {
-        if let Some(code) = error.downcast_ref::<std::io::Error>().and_then(std::io::Error::raw_os_error) {
-            return Some(code);
-        }
-        cause = error.source();
-    }
-    None
+    use std::io::ErrorKind;
+    error.raw_os_error().or(match error.kind() {
+        ErrorKind::NotFound => Some(2),
+        ErrorKind::PermissionDenied => Some(13),
+        ErrorKind::AlreadyExists => Some(17),
+        ErrorKind::NotADirectory => Some(20),
+        ErrorKind::IsADirectory => Some(21),
+        ErrorKind::StorageFull => Some(28),
+        ErrorKind::ReadOnlyFilesystem => Some(30),
+        _ => None,
+    })
 }
