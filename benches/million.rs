@@ -27,7 +27,10 @@ fn main() {
     let recordings = [simulate(&truth, samples)];
     let data = memory("VmRSS");
     let above = (memory("VmHWM") - data).max(0.0);
-    println!("data: {samples} samples of {} joints, {data:.0} MB with the program (at most {above:.0} MB more so far)", robot.dof());
+    println!(
+        "data: {samples} samples of {} joints, {data:.0} MB with the program (at most {above:.0} MB more so far)",
+        robot.dof()
+    );
 
     let start = Instant::now();
     let (model, report) = identify(&robot, &recordings, &options, &()).expect("a good log");
@@ -52,7 +55,11 @@ fn main() {
     let all: f64 = widths.iter().map(|width| samples as f64 * (width * width) as f64).sum();
     println!("columns per joint, torque included: {widths:?}; rows {:?}", fit.rows);
     println!("rows x columns^2: {:.2} GFLOP of the rows taken, {:.2} GFLOP of all samples", gram * 1e-9, all * 1e-9);
-    println!("rate: {:.2} GFLOP/s of all samples; faer's symmetric product: {:.1} GFLOP/s", all * 1e-9 / seconds, peak_rate(&widths));
+    println!(
+        "rate: {:.2} GFLOP/s of all samples; faer's symmetric product: {:.1} GFLOP/s",
+        all * 1e-9 / seconds,
+        peak_rate(&widths)
+    );
 
     let expected = model.base().combine(truth.parameters());
     let deviations = fit.values.iter().zip(&expected).zip(&fit.standard_deviations);

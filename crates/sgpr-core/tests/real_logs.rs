@@ -47,7 +47,8 @@ impl Case {
                 let options = ReadOptions {
                     joints: Some(robot.joint_names().map(String::from).collect()),
                     rows: rows.map(|[first, last]| Rows::Numbers(first..=last)),
-                    torque_constants: serde_json::from_value(description["drive_gain_Nm_per_A"].clone()).expect("gains"),
+                    torque_constants: serde_json::from_value(description["drive_gain_Nm_per_A"].clone())
+                        .expect("gains"),
                     ..ReadOptions::default()
                 };
                 let log = csv::read(folder.join(file), &options).expect("a readable log");
@@ -154,8 +155,7 @@ fn emps() {
     let own = compare(&symmetric, &case.train, None).expect("a good log");
     assert_at_most("training", own.relative_error_percent, 4.083);
     assert_at_most("cross", case.compare(&symmetric).relative_error_percent, 5.982);
-    let asymmetric =
-        case.identify(&[&SYMMETRIC[..], &["asymmetric_viscous_friction"]].concat(), conditioning);
+    let asymmetric = case.identify(&[&SYMMETRIC[..], &["asymmetric_viscous_friction"]].concat(), conditioning);
     let own = compare(&asymmetric, &case.train, None).expect("a good log");
     assert_at_most("asymmetric, training", own.relative_error_percent, 3.112);
     // Published estimates; theirs and ours differ by what the band of the force lets through.

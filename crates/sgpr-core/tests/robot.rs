@@ -86,7 +86,12 @@ fn kinds_limits_and_friction_are_kept() {
                 "<axis xyz=\"0 0 1\"/><limit lower=\"-1\" upper=\"2\" velocity=\"3\" effort=\"40\"/>\
                  <dynamics damping=\"0.5\" friction=\"0.25\"/>",
             ),
-            &joint("continuous", "a", "b", "<axis xyz=\"0 1 0\"/><limit lower=\"-1\" upper=\"1\" velocity=\"3\" effort=\"0\"/>"),
+            &joint(
+                "continuous",
+                "a",
+                "b",
+                "<axis xyz=\"0 1 0\"/><limit lower=\"-1\" upper=\"1\" velocity=\"3\" effort=\"0\"/>",
+            ),
             // Without axis: x, as URDF has it.
             &joint("prismatic", "b", "c", "<limit lower=\"0\" upper=\"0\" velocity=\"0\" effort=\"0\"/>"),
         ]
@@ -201,8 +206,7 @@ fn inertial_frames_may_be_turned() {
     ];
     let (mass, c, principal) = (3.0, [0.1, -0.2, 0.3], [0.04, 0.05, 0.06]);
     let centre = format!("xyz=\"0.1 -0.2 0.3\" rpy=\"{roll} {pitch} {yaw}\"");
-    let arm =
-        read(&[BASE, &link("one", mass, &centre, principal), &joint("continuous", "base", "one", "")].concat());
+    let arm = read(&[BASE, &link("one", mass, &centre, principal), &joint("continuous", "base", "one", "")].concat());
     // I = R diag R' + m (c'c 1 - c c')
     let entry = |i: usize, j: usize| {
         let turned: f64 = (0..3).map(|k| r[i][k] * principal[k] * r[j][k]).sum();
@@ -406,7 +410,8 @@ fn numbers_that_cannot_be_are_named() {
     assert_says(&with(1.0, at_origin, [1.0, f64::INFINITY, 1.0]), &["arm.urdf", "`one`", "not a finite number"]);
     assert_says(&with(1.0, "xyz=\"0 inf 0\"", [1.0; 3]), &["arm.urdf", "`one`", "not a finite number"]);
     assert_says(&with(1e308, "xyz=\"1e10 0 0\"", [1.0; 3]), &["arm.urdf", "`to_one`", "not a finite number"]);
-    let placed = |more: &str| message(&[BASE, "<link name=\"one\"/>", &joint("continuous", "base", "one", more)].concat());
+    let placed =
+        |more: &str| message(&[BASE, "<link name=\"one\"/>", &joint("continuous", "base", "one", more)].concat());
     assert_says(&placed("<origin xyz=\"0 0 nan\"/>"), &["arm.urdf", "`to_one`", "not a finite number"]);
     assert_says(&placed("<origin rpy=\"0 inf 0\"/>"), &["arm.urdf", "`to_one`", "not a finite number"]);
     assert_says(&placed("<dynamics damping=\"nan\"/>"), &["arm.urdf", "`to_one`", "not a finite number"]);
@@ -433,9 +438,8 @@ fn files_of_another_kind() {
 #[test]
 fn files_that_cannot_be_read() {
     let folder = tempfile::tempdir().expect("a folder");
-    let message = |path: &std::path::Path| {
-        Robot::from_urdf(path, &UrdfOptions::default()).expect_err("not a robot").to_string()
-    };
+    let message =
+        |path: &std::path::Path| Robot::from_urdf(path, &UrdfOptions::default()).expect_err("not a robot").to_string();
     assert_says(&message(&folder.path().join("absent.urdf")), &["absent.urdf", "No such file"]);
     assert_says(&message(folder.path()), &[&folder.path().display().to_string()]);
     let path = folder.path().join("packed.urdf");
@@ -476,7 +480,6 @@ fn deep_nesting_and_long_chains_do_no_harm() {
     let options = UrdfOptions { joints: Some(vec!["to_l7".into()]), ..UrdfOptions::default() };
     assert_eq!(read_with(&chain("continuous", 3000), &options).expect("one joint").dof(), 1);
 }
-
 
 #[test]
 fn a_robot_written_down_and_read_back_is_the_same() {

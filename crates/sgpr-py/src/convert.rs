@@ -152,12 +152,7 @@ impl<'py> Samples<'py> {
     }
 
     /// A result with `item` numbers per sample: of that shape for one sample, `(N, ...)` for many.
-    pub fn result(
-        &self,
-        py: Python<'py>,
-        item: &[usize],
-        values: Vec<f64>,
-    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    pub fn result(&self, py: Python<'py>, item: &[usize], values: Vec<f64>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let mut shape = if self.single { vec![] } else { vec![self.count] };
         shape.extend_from_slice(item);
         array(py, &shape, values)
@@ -236,7 +231,10 @@ pub fn positive(name: &str, value: f64) -> PyResult<f64> {
 /// A whole number in a range.
 pub fn whole(name: &str, value: &Bound<'_, PyAny>, allowed: Range<usize>) -> PyResult<usize> {
     let number = value.extract::<i128>().map_err(|_| not_whole(name, value, &allowed))?;
-    usize::try_from(number).ok().filter(|number| allowed.contains(number)).ok_or_else(|| not_whole(name, value, &allowed))
+    usize::try_from(number)
+        .ok()
+        .filter(|number| allowed.contains(number))
+        .ok_or_else(|| not_whole(name, value, &allowed))
 }
 
 fn not_whole(name: &str, value: &Bound<'_, PyAny>, allowed: &Range<usize>) -> PyErr {

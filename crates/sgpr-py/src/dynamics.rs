@@ -104,12 +104,7 @@ impl Robot {
     /// >>> robot = sgpr.robots.two_link()
     /// >>> bool(np.allclose(robot.bias_forces([0.3, 0.1], [0.0, 0.0]), robot.gravity_torque([0.3, 0.1])))
     /// True
-    fn bias_forces<'py>(
-        &self,
-        py: Python<'py>,
-        q: &Bound<'py, PyAny>,
-        dq: &Bound<'py, PyAny>,
-    ) -> PyResult<Array<'py>> {
+    fn bias_forces<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>, dq: &Bound<'py, PyAny>) -> PyResult<Array<'py>> {
         self.each(py, [("q", q), ("dq", dq)], &[self.dof()], |robot, ws, [q, dq], tau| {
             tau.copy_from_slice(core::bias_forces(robot, ws, q, dq));
         })

@@ -16,7 +16,12 @@ use sgpr_core::signal::SignalError;
 
 create_exception!(sgpr, SgprError, PyValueError, "What sgpr cannot accept, and why. The base of its exceptions.");
 create_exception!(sgpr, RobotError, SgprError, "A robot file or table that makes no robot.");
-create_exception!(sgpr, RecordingError, SgprError, "A log that cannot be read, repaired, written or turned into motion.");
+create_exception!(
+    sgpr,
+    RecordingError,
+    SgprError,
+    "A log that cannot be read, repaired, written or turned into motion."
+);
 create_exception!(sgpr, IdentificationError, SgprError, "Parameters that cannot be identified from what was given.");
 create_exception!(sgpr, ModelFileError, SgprError, "A file that holds no model.");
 

@@ -91,7 +91,9 @@ impl Arguments {
                 "progress" => progress = Some(value.unbind()),
                 _ => {
                     let known = OPTIONS.join(", ");
-                    return Err(PyTypeError::new_err(format!("got an unexpected keyword argument '{key}'; options are {known}")));
+                    return Err(PyTypeError::new_err(format!(
+                        "got an unexpected keyword argument '{key}'; options are {known}"
+                    )));
                 }
             }
         }
@@ -150,7 +152,9 @@ fn differentiation(text: &str) -> PyResult<Differentiation> {
         ("central", []) => Ok(Differentiation::default()),
         ("central", &[accuracy @ (2 | 4 | 6 | 8)]) => Ok(Differentiation::Central { accuracy }),
         ("savitzky_golay", &[window, degree])
-            if window % 2 == 1 && window <= LONGEST_WINDOW && (2..=HIGHEST_DEGREE.min(window - 1)).contains(&degree) =>
+            if window % 2 == 1
+                && window <= LONGEST_WINDOW
+                && (2..=HIGHEST_DEGREE.min(window - 1)).contains(&degree) =>
         {
             Ok(Differentiation::SavitzkyGolay { window, degree })
         }
@@ -233,8 +237,7 @@ pub fn identify(
     let Arguments { options, progress } = Arguments::new(robot.get(), options)?;
     let recordings = self::recordings(recordings)?;
     let robot = &robot.get().inner;
-    let (model, report) =
-        listen(py, progress, |progress| core::identify(robot, &recordings, &options, progress))?;
+    let (model, report) = listen(py, progress, |progress| core::identify(robot, &recordings, &options, progress))?;
     let report = Py::new(py, IdentificationReport::new(py, report)?)?;
     Ok(Model { inner: Arc::new(model), report: Some(report) })
 }
@@ -279,11 +282,12 @@ pub fn cutoff_influence(
     let (robot, model) = (&robot.get().inner, &model.get().inner);
     let set = sgpr_core::identification::ParameterSet::new(robot, &options.effects);
     if set.is_ok_and(|set| set.names() != model.parameter_set().names()) {
-        return Err(invalid("model: it has other parameters; give the robot and the options that it was identified with"));
+        return Err(invalid(
+            "model: it has other parameters; give the robot and the options that it was identified with",
+        ));
     }
-    let influences = listen(py, progress, |progress| {
-        core::cutoff_influence(robot, &recordings, &options, model, progress)
-    })?;
+    let influences =
+        listen(py, progress, |progress| core::cutoff_influence(robot, &recordings, &options, model, progress))?;
     let wrapped = influences.into_iter().map(|influence| {
         let core::CutoffInfluence { cutoff_hz, largest_change, typical_change, model } = influence;
         let model = Py::new(py, Model { inner: Arc::new(model), report: None })?;
@@ -436,4 +440,3 @@ impl CutoffInfluence {
         )
     }
 }
-

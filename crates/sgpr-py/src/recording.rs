@@ -280,14 +280,14 @@ impl Recording {
             Some(rate) => Some(match rate.extract::<f64>() {
                 Ok(rate) => Resample::Hz(positive("resample", rate)?),
                 Err(_) if rate.extract::<String>().is_ok_and(|word| word == "median") => Resample::MedianRate,
-                Err(_) => return Err(invalid(format!("resample = {}: expected a rate in Hz or 'median'", rate.repr()?))),
+                Err(_) => {
+                    return Err(invalid(format!("resample = {}: expected a rate in Hz or 'median'", rate.repr()?)));
+                }
             }),
         };
         let trim = trim.map(|(start, end)| range("trim", start, end)).transpose()?;
-        let request =
-            Repair { trim, sort, drop_duplicates, drop_not_finite, drop_repeated, split_gaps, resample };
-        let (parts, actions) =
-            py.detach(|| core::repair(&self.inner, &request)).map_err(IntoPyErr::into_py_err)?;
+        let request = Repair { trim, sort, drop_duplicates, drop_not_finite, drop_repeated, split_gaps, resample };
+        let (parts, actions) = py.detach(|| core::repair(&self.inner, &request)).map_err(IntoPyErr::into_py_err)?;
         let recordings = parts.into_iter().map(|part| Py::new(py, Self::from(part))).collect::<PyResult<_>>()?;
         Ok(Repaired { recordings, actions })
     }
@@ -316,18 +316,12 @@ impl Recording {
     /// >>> len(mean), bool(noise["torque_noise"][0] < 1e-12)
     /// (100, True)
     #[pyo3(signature = (period, *, skip=0))]
-    fn average_periods<'py>(
-        &self,
-        py: Python<'py>,
-        period: f64,
-        skip: usize,
-    ) -> PyResult<(Self, Bound<'py, PyDict>)> {
+    fn average_periods<'py>(&self, py: Python<'py>, period: f64, skip: usize) -> PyResult<(Self, Bound<'py, PyDict>)> {
         let step = self.inner.sample_rate_hz().map_or(0.0, |rate| 1.0 / rate);
         if positive("period", period)? < step {
             return Err(invalid(format!("period = {period}: shorter than one step of the time, {step} s")));
         }
-        let average =
-            py.detach(|| average_periods(&self.inner, period, skip)).map_err(IntoPyErr::into_py_err)?;
+        let average = py.detach(|| average_periods(&self.inner, period, skip)).map_err(IntoPyErr::into_py_err)?;
         let noise = PyDict::new(py);
         noise.set_item("position_noise", array(py, &[self.dof()], average.position_noise)?)?;
         noise.set_item("torque_noise", array(py, &[self.dof()], average.torque_noise)?)?;

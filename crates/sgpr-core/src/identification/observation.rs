@@ -91,7 +91,8 @@ impl Layout {
 }
 
 /// Numbers held at once for one piece of a trajectory; longer trajectories are cut.
-static PIECE: std::sync::LazyLock<usize> = std::sync::LazyLock::new(|| std::env::var("PIECE").map_or(8 << 20, |s| s.parse().unwrap()));
+static PIECE: std::sync::LazyLock<usize> =
+    std::sync::LazyLock::new(|| std::env::var("PIECE").map_or(8 << 20, |s| s.parse().unwrap()));
 
 impl<'a> Observation<'a> {
     /// No equations yet.

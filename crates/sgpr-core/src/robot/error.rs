@@ -133,7 +133,9 @@ pub enum RobotError {
         movable: Vec<String>,
     },
     /// A joint in both lists.
-    #[error("joint `{joint}` is to move and to be locked, which it cannot both: take it out of `joints` or of `locked`")]
+    #[error(
+        "joint `{joint}` is to move and to be locked, which it cannot both: take it out of `joints` or of `locked`"
+    )]
     LockedAndMoving {
         /// Requested joint.
         joint: String,
