@@ -24,7 +24,16 @@ PACKAGES = ["pin", "cmeel-eigen", "numpy", "scipy"]
 SAMPLES = 6006
 
 # The joint models are one boost variant of some fifty types; boost's own tables stop at twenty.
-FLAGS = ["-O3", "-march=native", "-std=c++17", "-DNDEBUG", "-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30", "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DBOOST_FUSION_INVOKE_MAX_ARITY=12"]
+FLAGS = [
+    "-O3",
+    "-march=native",
+    "-std=c++17",
+    "-DNDEBUG",
+    "-DBOOST_MPL_LIMIT_LIST_SIZE=30",
+    "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30",
+    "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS",
+    "-DBOOST_FUSION_INVOKE_MAX_ARITY=12",
+]
 
 # Name, our figure, Pinocchio's figure, goal for the ratio.
 ROWS = [
@@ -39,9 +48,7 @@ ROWS = [
 ]
 IDENTIFICATION_GOAL = 20
 
-ONE_CORE = {
-    f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "RAYON")
-}
+ONE_CORE = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "RAYON")}
 
 
 def run(*command, **options):
@@ -53,8 +60,10 @@ def environment(folder: Path) -> Path:
     python = folder / "bin" / "python"
     if not python.exists():
         venv.create(folder, with_pip=True)
-    has_all = "import pinocchio, scipy, sysconfig, os, sys; " \
+    has_all = (
+        "import pinocchio, scipy, sysconfig, os, sys; "
         "sys.exit(not os.path.isdir(sysconfig.get_path('purelib') + '/cmeel.prefix/include/eigen3'))"
+    )
     if subprocess.run([python, "-c", has_all], stderr=subprocess.DEVNULL).returncode:
         run(python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *PACKAGES)
     return python
@@ -123,8 +132,10 @@ def compare_dynamics(python: Path, ours: Path, theirs: Path, rounds: int) -> lis
 
 
 def compare_identification(python: Path, ours: Path, rounds: int) -> list[str]:
-    lines = [f"| identification of {SAMPLES} samples | sgpr, ms | numpy + Pinocchio, ms | times as fast | goal |",
-             "|---|---|---|---|---|"]
+    lines = [
+        f"| identification of {SAMPLES} samples | sgpr, ms | numpy + Pinocchio, ms | times as fast | goal |",
+        "|---|---|---|---|---|",
+    ]
     for label, name in ROBOTS.items():
         urdf = URDF / f"{name}.urdf"
         with tempfile.NamedTemporaryFile(suffix=".f64") as samples:

@@ -22,6 +22,9 @@ use sgpr_core::robot::Robot;
 #[global_allocator]
 static MEMORY: Cap<System> = Cap::new(System, usize::MAX);
 
+/// A routine that may keep to its workspace: of q, dq, ddq and tau it returns one number.
+type Call<'a> = &'a mut dyn FnMut(&mut Workspace, &[f64], &[f64], &[f64], &[f64]) -> f64;
+
 /// Bytes taken by `work`, whether given back or not.
 fn bytes_taken(work: impl FnOnce()) -> usize {
     let before = MEMORY.total_allocated();
@@ -49,7 +52,7 @@ fn check(name: &str, robot: &Robot) {
     let model = TorqueModel::with_parameters(robot, &effects, parameters).expect("known effects");
     let mut predictor = Predictor::new(&model);
 
-    let mut none = |what: &str, call: &mut dyn FnMut(&mut Workspace, &[f64], &[f64], &[f64], &[f64]) -> f64| {
+    let mut none = |what: &str, call: Call<'_>| {
         let taken = bytes_taken(|| {
             for k in 0..SAMPLES {
                 let row = k * n..(k + 1) * n;

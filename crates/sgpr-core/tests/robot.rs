@@ -568,7 +568,7 @@ fn tables_are_checked() {
             DhRow { inertia: [[f64::NAN; 3]; 3], ..row.clone() },
             row.clone().with_body(1.0, [0.0, f64::NAN, 0.0], [[0.0; 3]; 3]),
         ] {
-            assert_says(&message(&[bad.clone()], None), &["not a finite number"]);
+            assert_says(&message(std::slice::from_ref(&bad), None), &["not a finite number"]);
             assert_says(&message(&[row.clone(), bad, row.clone()], None), &["not a finite number"]);
         }
         let typo = [[1.0, 0.1, 0.0], [-0.1, 1.0, 0.0], [0.0, 0.0, 1.0]];

@@ -404,7 +404,7 @@ fn from_seconds(seconds: &Numbers<'_>) -> PyResult<Vec<i64>> {
     /// 64 bits of nanoseconds reach 292 years.
     const FURTHEST: f64 = 9.2e9;
     let convert = |(index, &time): (usize, &f64)| {
-        if !(time.abs() < FURTHEST) {
+        if time.is_nan() || time.abs() >= FURTHEST {
             return Err(invalid(format!("t[{index}] is {time}: not a time in seconds")));
         }
         let whole = time.trunc();

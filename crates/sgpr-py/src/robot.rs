@@ -304,7 +304,7 @@ impl Robot {
     }
 
     /// Inertias travel beside the description: those that were identified may be such as no robot file has.
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (String, Vec<f64>))> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Pickled<'py>> {
         let robot = &slf.get().inner;
         let parameters = robot.standard_parameters();
         let kinematics = robot.clone().with_standard_parameters(&vec![0.0; parameters.len()]);
@@ -321,6 +321,9 @@ impl Robot {
         Ok(robot.with_standard_parameters(&parameters).into())
     }
 }
+
+/// What builds a robot again, and from what: its kinematics as JSON, its inertias as numbers.
+type Pickled<'py> = (Bound<'py, PyAny>, (String, Vec<f64>));
 
 fn kind_name(kind: JointKind) -> &'static str {
     match kind {

@@ -91,8 +91,7 @@ impl Layout {
 }
 
 /// Numbers held at once for one piece of a trajectory; longer trajectories are cut.
-static PIECE: std::sync::LazyLock<usize> =
-    std::sync::LazyLock::new(|| std::env::var("PIECE").map_or(8 << 20, |s| s.parse().unwrap()));
+const PIECE: usize = 8 << 20;
 
 impl<'a> Observation<'a> {
     /// No equations yet.
@@ -189,7 +188,7 @@ impl<'a> Observation<'a> {
             None => (TriangularFactor::BLOCK, 0),
             Some(filter) => {
                 let overlap = 8 * filter.settling_samples();
-                ((*PIECE / width).max(4 * overlap), overlap)
+                ((PIECE / width).max(4 * overlap), overlap)
             }
         };
         let piece = piece.next_multiple_of(decimation);
