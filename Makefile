@@ -74,5 +74,11 @@ bench:
 peers: build
 	$(BIN)/python benches/peers/run.py
 
+## Damaged and made-up files of every kind, many of them.
+FUZZ_CASES ?= 100000
+fuzz:
+	SGPR_FUZZ_CASES=$(FUZZ_CASES) cargo test --locked --release --package sgpr-core \
+		--test recording_hostile --test robot -- any changed damaged
+
 clean:
 	rm -rf $(OUT) $(VENV) target
