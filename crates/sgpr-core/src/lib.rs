@@ -10,6 +10,7 @@
 //! - [`motion`]: from a log to filtered position, velocity and acceleration
 //! - [`effects`]: friction and other physics beside the rigid body
 //! - [`identification`]: base parameters, observation matrix, least squares
+//! - [`gp`]: Gaussian processes, for what the physics leaves over
 //! - [`model`]: identify, compare, predict, save and load
 //! - [`progress`]: how long work reports and is stopped
 //! - [`linalg`]: the factors and selections behind the identification
@@ -18,6 +19,7 @@
 mod atomic_file;
 pub mod dynamics;
 pub mod effects;
+pub mod gp;
 pub mod identification;
 pub mod linalg;
 pub mod model;
