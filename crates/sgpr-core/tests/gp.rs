@@ -7,7 +7,8 @@ use common::{data, largest_difference};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use sgpr_core::gp::{
-    Compute, Covariance, Data, GaussianProcess, GpError, Kernel, Likelihood, SearchOptions, SearchStatus, Shape, search,
+    Compute, Covariance, Data, GaussianProcess, GpError, Kernel, Likelihood, SearchOptions, SearchStatus, Shape,
+    SparseBound, SparseGaussianProcess, SparseOptions, informative_points, search, search_sparse,
 };
 use sgpr_core::progress::{Interrupted, Progress};
 
@@ -229,6 +230,104 @@ fn a_stopped_search_keeps_the_best_so_far_and_a_prior_keeps_the_noise_up() {
         search(&smooth, &start, &SearchOptions { priors, ..options }, &Compute::default(), &()).expect("good data");
     assert!(free.covariance.noise_variance < 1e-6, "{free:?}");
     assert!(held.covariance.noise_variance > 1e-5, "{held:?}");
+}
+
+/// The same kernel twice: with everything that a derivative by a location has to pass.
+fn sparse_case() -> (Data, Covariance, Vec<f64>) {
+    let reference = reference();
+    let one = reference_data(&reference);
+    let y = (0..2 * one.len()).map(|k| (0.37 * k as f64).sin()).collect();
+    let data = Data::new(one.x().to_vec(), 3, y, 2).expect("good data");
+    let inducing = data.select(&[3, 8, 15, 22, 40, 41, 60]).x().iter().map(|x| x + 0.05).collect();
+    (data, Covariance::new(rich_kernel(), 0.03), inducing)
+}
+
+#[test]
+fn gradients_of_the_sparse_bound_are_those_of_finite_differences() {
+    let (data, covariance, inducing) = sparse_case();
+    let bound = SparseBound::new(&data, &Compute::default());
+    let (value, gradient) = bound.value_and_gradient(&covariance, &inducing).expect("good");
+    assert!((value - bound.value(&covariance, &inducing).expect("again")).abs() < 1e-10 * value.abs());
+    let theta = covariance.theta();
+    let step = 1e-5;
+    // Rounding of the value, through the condition of the inducing points, over the step.
+    let tolerance = 1e-5 * (1.0 + value.abs());
+    for k in 0..theta.len() {
+        let at = |sign: f64| {
+            let mut theta = theta.clone();
+            theta[k] += sign * step;
+            bound.value(&covariance.with_theta(&theta), &inducing).expect("good")
+        };
+        let difference = (at(1.0) - at(-1.0)) / (2.0 * step);
+        assert!((gradient.theta[k] - difference).abs() < tolerance, "{k}: {} {difference}", gradient.theta[k]);
+    }
+    for k in 0..inducing.len() {
+        let at = |sign: f64| {
+            let mut inducing = inducing.clone();
+            inducing[k] += sign * step;
+            bound.value(&covariance, &inducing).expect("good")
+        };
+        let difference = (at(1.0) - at(-1.0)) / (2.0 * step);
+        assert!((gradient.inducing[k] - difference).abs() < tolerance, "{k}: {} {difference}", gradient.inducing[k]);
+    }
+    let parallel = SparseBound::new(&data, &Compute { threads: 2, ..Compute::default() });
+    let parallel = parallel.value_and_gradient(&covariance, &inducing).expect("good");
+    assert!(largest_difference(&gradient.theta, &parallel.1.theta) < tolerance);
+}
+
+#[test]
+fn a_sparse_process_with_all_points_is_the_exact_one_and_with_fewer_a_bound() {
+    let reference = reference();
+    let data = reference_data(&reference);
+    let covariance = Covariance::new(case("matern32_ard").0, 0.01);
+    let exact = GaussianProcess::fit(data.clone(), covariance.clone(), &Compute::default()).expect("good data");
+    let all = SparseGaussianProcess::fit(&data, covariance.clone(), data.x().to_vec(), &Compute::default());
+    let all = all.expect("good data");
+    // The jitter of the inducing points is a millionth of the variance.
+    assert!((all.bound() - exact.log_marginal_likelihood()).abs() < 0.02, "{}", all.bound());
+    assert!(all.bound() < exact.log_marginal_likelihood());
+    let x = numbers(&reference["x_new"]);
+    let (expected, found) = (exact.predict(&x, true).expect("good"), all.predict(&x, true).expect("good"));
+    assert!(largest_difference(&found.mean, &expected.mean) < 1e-3);
+    assert!(largest_difference(&found.variance, &expected.variance) < 1e-4);
+    let mut last = f64::NEG_INFINITY;
+    for count in [5, 20, 50, 70] {
+        let chosen = informative_points(&covariance.signal, data.x(), 3, count);
+        let inducing = data.select(&chosen).x().to_vec();
+        let bound = SparseBound::new(&data, &Compute::default()).value(&covariance, &inducing).expect("good");
+        assert!(bound > last && bound <= exact.log_marginal_likelihood(), "{count}: {bound}");
+        last = bound;
+    }
+}
+
+#[test]
+fn a_sparse_search_keeps_to_its_budget_and_moving_the_points_gains() {
+    let x: Vec<f64> = (0..3000).map(|k| 0.005 * f64::from(k)).collect();
+    let y = x.iter().enumerate().map(|(k, x)| x.sin() + 0.1 * ((k * 7919 % 1000) as f64 / 500.0 - 1.0)).collect();
+    let data = Data::new(x, 1, y, 1).expect("good data");
+    let start = Covariance::new(Kernel::isotropic(Shape::SquaredExponential, 1, 0.5).scaled(0.5), 0.1);
+    let search = SearchOptions { starts: 1, subset: 200, ..SearchOptions::default() };
+    let options = SparseOptions { inducing: 9, search, ..SparseOptions::default() };
+    let run = |options: &SparseOptions| search_sparse(&data, &start, options, &Compute::default(), &()).expect("good");
+    let (gp, report) = run(&options);
+    assert!(report.chosen.len() <= 9 && gp.inducing().len() == report.chosen.len());
+    assert_eq!((gp.bound(), report.status), (report.bound, SearchStatus::Converged));
+    // The noise is uniform between -0.1 and 0.1.
+    assert!((gp.covariance().noise_variance / (0.01 / 3.0) - 1.0).abs() < 0.1, "{report:?}");
+    let (moved, _) = run(&SparseOptions { move_inducing: true, ..options.clone() });
+    assert!(moved.bound() >= gp.bound() - 1e-6, "{} {}", moved.bound(), gp.bound());
+    let at = [1.0, 4.0, 7.7];
+    let prediction = moved.predict(&at, true).expect("good");
+    for (k, x) in at.iter().enumerate() {
+        assert!((prediction.mean[k] - x.sin()).abs() < 0.02);
+    }
+
+    let none =
+        search_sparse(&data, &start, &SparseOptions { inducing: 0, ..options.clone() }, &Compute::default(), &());
+    assert!(matches!(none, Err(GpError::InducingPoints { found: 0, points: 3000 })));
+    let correlated = start.clone().with_correlated_noise(Kernel::isotropic(Shape::Exponential, 1, 1.0));
+    let error = SparseBound::new(&data, &Compute::default()).value(&correlated, &[0.0]).expect_err("not possible");
+    assert!(error.to_string().contains("correlated noise"));
 }
 
 #[test]

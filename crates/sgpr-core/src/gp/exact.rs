@@ -168,14 +168,14 @@ pub(super) fn padded<T: Element>(values: &[f64]) -> Vec<T> {
 }
 
 /// Means of a batch, and the covariances with the data, a column per point.
-struct Cross<'a> {
-    plan: &'a Plan,
-    points: &'a Features<f64>,
-    alpha: &'a [Vec<f64>],
-    x: &'a [f64],
-    inputs: usize,
-    mean: &'a mut [f64],
-    cross: Option<&'a mut Mat<f64>>,
+pub(super) struct Cross<'a> {
+    pub plan: &'a Plan,
+    pub points: &'a Features<f64>,
+    pub alpha: &'a [Vec<f64>],
+    pub x: &'a [f64],
+    pub inputs: usize,
+    pub mean: &'a mut [f64],
+    pub cross: Option<&'a mut Mat<f64>>,
 }
 
 impl WithSimd for Cross<'_> {

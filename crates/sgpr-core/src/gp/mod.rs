@@ -17,6 +17,8 @@ mod minimise;
 mod predictor;
 mod random;
 mod search;
+mod sparse;
+mod sparse_search;
 mod subset;
 
 pub use covariance::Covariance;
@@ -28,4 +30,6 @@ pub use likelihood::Likelihood;
 pub use minimise::SearchStatus;
 pub use predictor::{GpPredictor, Precision, PredictorOptions};
 pub use search::{SearchOptions, SearchReport, search};
+pub use sparse::{SparseBound, SparseGaussianProcess, SparseGradient};
+pub use sparse_search::{SparseOptions, SparseReport, search_sparse};
 pub use subset::{informative_points, spread_points};

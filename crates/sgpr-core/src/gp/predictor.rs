@@ -4,7 +4,7 @@ use super::exact::padded;
 use super::kernels::{Element, Features, Plan, Query, TILE, Work};
 use super::matrix::{assemble_and_factor, invert_factor, square, view, view_mut};
 use super::subset::informative_points;
-use super::{GaussianProcess, GpError};
+use super::{GaussianProcess, GpError, SparseGaussianProcess};
 
 /// Arithmetic of a [`GpPredictor`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -149,7 +149,21 @@ impl GpPredictor {
         Ok(Self::from_parts(parts, options.precision))
     }
 
-    pub(super) fn from_parts(parts: Parts<'_>, precision: Precision) -> Self {
+    /// The same for a sparse process, whose inducing points are all it keeps; `variance_points` other than zero gives its
+    /// variance, which needs all of them.
+    pub fn from_sparse(gp: &SparseGaussianProcess, options: PredictorOptions) -> Self {
+        let [prior, data] = &gp.inverse_factors;
+        let variance = (options.variance_points != Some(0)).then(|| VarianceParts {
+            points: None,
+            subtracted: prior.clone(),
+            added: Some(data.clone()),
+        });
+        let plan = Plan::new(&gp.covariance.signal);
+        let parts = Parts { plan, x: &gp.inducing, inputs: gp.inputs, weights: &gp.weights, variance };
+        Self::from_parts(parts, options.precision)
+    }
+
+    fn from_parts(parts: Parts<'_>, precision: Precision) -> Self {
         let inputs = parts.inputs;
         let samples = (parts.x.len() / inputs) as f64;
         let mean = |m: usize| parts.x.iter().skip(m).step_by(inputs).sum::<f64>() / samples;

@@ -1,6 +1,6 @@
 use super::covariance::Covariance;
 use super::kernels::{Kernel, spreads};
-use super::minimise::{Limits, SearchStatus, minimise};
+use super::minimise::{Limits, Minimum, SearchStatus, minimise};
 use super::random::Random;
 use super::{Compute, Data, GpError, Likelihood};
 use crate::progress::Progress;
@@ -28,6 +28,20 @@ pub struct SearchOptions {
 impl Default for SearchOptions {
     fn default() -> Self {
         Self { starts: 3, subset: 500, evaluations: 100, gain: 1e-9, bounds: None, priors: vec![], seed: 0 }
+    }
+}
+
+impl SearchOptions {
+    /// Bounds of theta, given or from the data.
+    pub(super) fn bounds_for(&self, data: &Data, start: &Covariance) -> Result<Vec<(f64, f64)>, GpError> {
+        let bounds = self.bounds.clone().unwrap_or_else(|| start.bounds(data));
+        let expected = start.theta().len();
+        for (what, found) in [("the bounds", bounds.len()), ("the priors", self.priors.len())] {
+            if found != expected && !(what == "the priors" && found == 0) {
+                return Err(GpError::Shape { what, found, expected });
+            }
+        }
+        Ok(bounds)
     }
 }
 
@@ -67,71 +81,83 @@ pub fn search(
 ) -> Result<SearchReport, GpError> {
     start.validate(data.inputs())?;
     compute.check(data.len(), 2)?;
-    let bounds = options.bounds.clone().unwrap_or_else(|| start.bounds(data));
-    let theta = start.theta();
-    for (what, found) in [("the bounds", bounds.len()), ("the priors", options.priors.len())] {
-        if found != theta.len() && !(what == "the priors" && found == 0) {
-            return Err(GpError::Shape { what, found, expected: theta.len() });
-        }
-    }
-    let mut random = Random::new(options.seed);
-    let mut others = Vec::new();
-    for _ in 1..options.starts.max(1) {
-        others.push(theta.iter().map(|t| t + 3.0 * (random.uniform() - 0.5)).collect::<Vec<f64>>());
-    }
-
+    let bounds = options.bounds_for(data, start)?;
     let mut run = Run { start, options, compute, progress, bounds: &bounds, jitter: 0.0 };
-    let mut report = (Vec::new(), 0);
-    let mut best = theta.clone();
-    if options.starts > 1 || data.len() > 2 * options.subset {
-        let chosen = random.choose(options.subset.max(2), data.len());
-        let subset = data.select(&chosen);
+    let SubsetSearch { best, starts, evaluations: evaluations_on_subset } = run.on_subset(data)?;
+    let minimum = run.search(data, &best, "hyperparameters")?;
+    let covariance = start.with_theta(&minimum.at);
+    Ok(SearchReport {
+        log_marginal_likelihood: -minimum.value - log_prior(&options.priors, &minimum.at, None),
+        at_bounds: at_bounds(&covariance, &bounds),
+        covariance,
+        status: minimum.status,
+        evaluations: minimum.evaluations,
+        evaluations_on_subset,
+        starts,
+        jitter: run.jitter,
+    })
+}
+
+/// Names of the hyperparameters that stand at a bound.
+pub(super) fn at_bounds(covariance: &Covariance, bounds: &[(f64, f64)]) -> Vec<String> {
+    let near = |value: f64, bound: f64| (value - bound).abs() < 1e-6;
+    let at_bound = |(t, (low, high)): (&f64, &(f64, f64))| near(*t, *low) || near(*t, *high);
+    let theta = covariance.theta();
+    let flags = theta.iter().zip(bounds).map(at_bound);
+    covariance.names().into_iter().zip(flags).filter(|(_, at_bound)| *at_bound).map(|(name, _)| name).collect()
+}
+
+/// A search under way.
+pub(super) struct Run<'a> {
+    pub start: &'a Covariance,
+    pub options: &'a SearchOptions,
+    pub compute: &'a Compute,
+    pub progress: &'a dyn Progress,
+    pub bounds: &'a [(f64, f64)],
+    pub jitter: f64,
+}
+
+/// What the starts came to.
+pub(super) struct SubsetSearch {
+    pub best: Vec<f64>,
+    pub starts: Vec<f64>,
+    pub evaluations: usize,
+}
+
+impl Run<'_> {
+    /// Tries all starts on a random subset of the points, unless there is but one start and few points.
+    pub fn on_subset(&mut self, data: &Data) -> Result<SubsetSearch, GpError> {
+        let Self { options, start, .. } = *self;
+        let theta = start.theta();
+        let mut found = SubsetSearch { best: theta.clone(), starts: vec![], evaluations: 0 };
+        if options.starts <= 1 && data.len() <= 2 * options.subset {
+            return Ok(found);
+        }
+        let mut random = Random::new(options.seed);
+        let mut around = |theta: &[f64]| theta.iter().map(|t| t + 3.0 * (random.uniform() - 0.5)).collect();
+        let others: Vec<Vec<f64>> = (1..options.starts).map(|_| around(&theta)).collect();
+        let subset = data.select(&random.choose(options.subset.max(2), data.len()));
         let mut best_value = f64::INFINITY;
         for theta in std::iter::once(&theta).chain(&others) {
-            let minimum = match run.search(&subset, theta, "hyperparameters on a subset") {
+            let minimum = match self.search(&subset, theta, "hyperparameters on a subset") {
                 Ok(minimum) => minimum,
                 // A start far off may not be computable; the given one must be.
-                Err(GpError::NotPositiveDefinite { .. }) if !report.0.is_empty() => continue,
+                Err(GpError::NotPositiveDefinite { .. }) if !found.starts.is_empty() => continue,
                 Err(error) => return Err(error),
             };
-            report.0.push(-minimum.value);
-            report.1 += minimum.evaluations;
+            found.starts.push(-minimum.value);
+            found.evaluations += minimum.evaluations;
             if minimum.value < best_value {
-                (best_value, best) = (minimum.value, minimum.at);
+                (best_value, found.best) = (minimum.value, minimum.at);
             }
             if minimum.status == SearchStatus::Stopped {
                 break;
             }
         }
+        Ok(found)
     }
-    let minimum = run.search(data, &best, "hyperparameters")?;
-    let covariance = start.with_theta(&minimum.at);
-    let names = covariance.names();
-    let near = |value: f64, bound: f64| (value - bound).abs() < 1e-6;
-    let at_bounds = minimum.at.iter().zip(&bounds).zip(names).filter(|((t, (l, u)), _)| near(**t, *l) || near(**t, *u));
-    Ok(SearchReport {
-        log_marginal_likelihood: -minimum.value - log_prior(&options.priors, &minimum.at, None),
-        at_bounds: at_bounds.map(|(_, name)| name).collect(),
-        covariance,
-        status: minimum.status,
-        evaluations: minimum.evaluations,
-        evaluations_on_subset: report.1,
-        starts: report.0,
-        jitter: run.jitter,
-    })
-}
 
-struct Run<'a> {
-    start: &'a Covariance,
-    options: &'a SearchOptions,
-    compute: &'a Compute,
-    progress: &'a dyn Progress,
-    bounds: &'a [(f64, f64)],
-    jitter: f64,
-}
-
-impl Run<'_> {
-    fn search(&mut self, data: &Data, theta: &[f64], stage: &'static str) -> Result<super::minimise::Minimum, GpError> {
+    pub fn search(&mut self, data: &Data, theta: &[f64], stage: &'static str) -> Result<Minimum, GpError> {
         let mut likelihood = Likelihood::new(data, self.compute)?;
         let (lower, upper): (Vec<f64>, Vec<f64>) = self.bounds.iter().copied().unzip();
         // The gradient grows with the number of points.
@@ -160,7 +186,7 @@ impl Run<'_> {
 }
 
 /// Log density of the priors up to a constant; adds its derivatives.
-fn log_prior(priors: &[Option<(f64, f64)>], theta: &[f64], mut gradient: Option<&mut Vec<f64>>) -> f64 {
+pub(super) fn log_prior(priors: &[Option<(f64, f64)>], theta: &[f64], mut gradient: Option<&mut Vec<f64>>) -> f64 {
     let mut sum = 0.0;
     for (k, (prior, theta)) in priors.iter().zip(theta).enumerate() {
         if let Some((mean, deviation)) = prior {

@@ -59,6 +59,13 @@ impl Column {
             Some((frequency, phase)) => (frequency * x + phase).cos() * self.factor,
         }
     }
+
+    fn slope(&self, x: &[f64]) -> f64 {
+        match self.wave {
+            None => self.factor,
+            Some((frequency, phase)) => -frequency * (frequency * x[self.input] + phase).sin() * self.factor,
+        }
+    }
 }
 
 /// Points in the coordinates of a plan, a column after the other, each `stride` long, padded with zeros.
@@ -322,6 +329,47 @@ impl Plan {
                         }
                         before[child * TILE..][..length].copy_from_slice(product);
                     }
+                }
+            }
+        }
+    }
+
+    /// Number of coordinates.
+    pub fn coordinates(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// From derivatives by the coordinates of the point `x` to derivatives by its inputs.
+    pub fn by_inputs(&self, x: &[f64], by_coordinates: &[f64], by_inputs: &mut [f64]) {
+        for (column, derivative) in self.columns.iter().zip(by_coordinates) {
+            by_inputs[column.input] += derivative * column.slope(x);
+        }
+    }
+
+    /// Adds weight * dk(x, x) / dtheta.
+    pub fn diagonal_gradient(&self, weight: f64, gradient: &mut [f64]) {
+        let mut values = vec![1.0; self.nodes.len()];
+        for (index, node) in self.nodes.iter().enumerate() {
+            values[index] = match node {
+                Node::Leaf(_) => 1.0,
+                Node::Scaled { variance, child, .. } => variance * values[*child],
+                Node::Sum(children) => children.iter().map(|child| values[*child]).sum(),
+                Node::Product(children) => children.iter().map(|child| values[*child]).product(),
+            };
+        }
+        let mut adjoints = vec![0.0; self.nodes.len()];
+        adjoints[self.nodes.len() - 1] = weight;
+        for (index, node) in self.nodes.iter().enumerate().rev() {
+            let adjoint = adjoints[index];
+            match node {
+                Node::Leaf(_) => {}
+                Node::Scaled { variance, theta, child } => {
+                    gradient[*theta] += adjoint * values[index];
+                    adjoints[*child] = adjoint * variance;
+                }
+                Node::Sum(children) => children.iter().for_each(|child| adjoints[*child] = adjoint),
+                Node::Product(children) => {
+                    children.iter().for_each(|child| adjoints[*child] = adjoint * values[index] / values[*child]);
                 }
             }
         }
