@@ -1,5 +1,6 @@
-use faer::Mat;
-use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
+use faer::prelude::*;
+use faer::{Mat, MatMut};
 use pulp::{Arch, Simd, WithSimd};
 
 use super::data::require_finite;
@@ -96,6 +97,32 @@ impl GaussianProcess {
         self.jitter
     }
 
+    /// The same process for other measurements at the same points; the factor is kept.
+    ///
+    /// # Errors
+    /// If `y` does not hold as many finite numbers as before.
+    pub fn with_outputs(&self, y: Vec<f64>) -> Result<Self, GpError> {
+        let data = Data::new(self.data.x().to_vec(), self.data.inputs(), y, self.data.outputs())?;
+        let (alpha, log_marginal_likelihood) = weights_and_likelihood(&self.factor, &data, &self.compute);
+        Ok(Self { data, alpha, log_marginal_likelihood, ..self.clone() })
+    }
+
+    /// K⁻¹ times the columns of `right`, `[points, ...]`.
+    pub(crate) fn solve(&self, right: &Mat<f64>) -> Mat<f64> {
+        let (factor, par) = (view(&self.factor), self.compute.par());
+        let mut solution = right.clone();
+        solve_lower_triangular_in_place(factor, solution.as_mut(), par);
+        solve_upper_triangular_in_place(factor.transpose(), solution.as_mut(), par);
+        solution
+    }
+
+    /// k(x, X) times each of `columns`, `[points of x, columns]`, row-major.
+    pub(crate) fn weigh(&self, x: &[f64], columns: &[Vec<f64>]) -> Vec<f64> {
+        let mut products = vec![0.0; x.len() / self.data.inputs() * columns.len()];
+        self.for_each_batch(x, columns, &mut products, None);
+        products
+    }
+
     /// Signal at the points `x`, `[points, inputs]`, row-major.
     ///
     /// Mean k(x, X) K⁻¹ y and variance k(x, x) - k(x, X) K⁻¹ k(X, x), thesis eqs. B-7 and B-8.
@@ -103,37 +130,48 @@ impl GaussianProcess {
     /// # Errors
     /// If `x` does not hold whole points, or a value is not finite.
     pub fn predict(&self, x: &[f64], with_variance: bool) -> Result<Prediction, GpError> {
-        let inputs = self.data.inputs();
-        if !x.len().is_multiple_of(inputs) {
-            return Err(GpError::Shape { what: "x", found: x.len(), expected: (x.len() / inputs + 1) * inputs });
-        }
-        require_finite("x", x, inputs)?;
-        let plan = Plan::new(&self.covariance.signal);
-        let points = plan.features::<f64>(self.data.x(), inputs);
-        let alpha: Vec<Vec<f64>> = self.alpha.iter().map(|alpha| padded(alpha)).collect();
-        let mut prediction = Prediction { mean: vec![0.0; x.len() / inputs * self.alpha.len()], variance: vec![] };
-        let mut cross = Mat::zeros(if with_variance { self.data.len() } else { 0 }, BATCH);
-        let batches = x.chunks(BATCH * inputs).zip(prediction.mean.chunks_mut(BATCH * self.alpha.len()));
-        for (x, mean) in batches {
-            let cross_mut = with_variance.then_some(&mut cross);
-            Arch::new().dispatch(Cross {
-                plan: &plan,
-                points: &points,
-                alpha: &alpha,
-                x,
-                inputs,
-                mean,
-                cross: cross_mut,
-            });
-            if with_variance {
-                let count = x.len() / inputs;
-                let mut cross = cross.as_mut().subcols_mut(0, count);
-                solve_lower_triangular_in_place(view(&self.factor), cross.as_mut(), self.compute.par());
-                let explained = (0..count).map(|k| cross.as_ref().col(k).squared_norm_l2());
-                prediction.variance.extend(explained.map(|explained| (plan.variance() - explained).max(0.0)));
-            }
+        require_points(x, self.data.inputs())?;
+        let points = x.len() / self.data.inputs();
+        let mut prediction = Prediction { mean: vec![0.0; points * self.alpha.len()], variance: vec![] };
+        let prior = self.covariance.signal.variance();
+        if with_variance {
+            let variance = &mut prediction.variance;
+            let mut explain = |mut cross: MatMut<'_, f64>| {
+                solve_lower_triangular_in_place(view(&self.factor), cross.rb_mut(), self.compute.par());
+                let explained = cross.rb().col_iter().map(|column| column.squared_norm_l2());
+                variance.extend(explained.map(|explained| (prior - explained).max(0.0)));
+            };
+            self.for_each_batch(x, &self.alpha, &mut prediction.mean, Some(&mut explain));
+        } else {
+            prediction.mean = self.weigh(x, &self.alpha);
         }
         Ok(prediction)
+    }
+
+    /// k(x, X) times `columns`, and for each batch of points the covariances k(X, x), a column per point, to `each`.
+    fn for_each_batch(
+        &self,
+        x: &[f64],
+        columns: &[Vec<f64>],
+        products: &mut [f64],
+        mut each: Option<ForCovariances<'_>>,
+    ) {
+        if columns.is_empty() {
+            return;
+        }
+        let inputs = self.data.inputs();
+        let plan = Plan::new(&self.covariance.signal);
+        let points = plan.features::<f64>(self.data.x(), inputs);
+        let columns: Vec<Vec<f64>> = columns.iter().map(|column| padded(column)).collect();
+        let mut cross = Mat::zeros(if each.is_some() { self.data.len() } else { 0 }, BATCH);
+        for (x, mean) in x.chunks(BATCH * inputs).zip(products.chunks_mut(BATCH * columns.len())) {
+            let cross_mut = each.is_some().then_some(&mut cross);
+            let batch = Cross { plan: &plan, points: &points, alpha: &columns, x, inputs, mean, cross: cross_mut };
+            Arch::new().dispatch(batch);
+            if let Some(each) = &mut each {
+                each(cross.as_mut().subcols_mut(0, x.len() / inputs));
+            }
+        }
     }
 
     /// Every point predicted from all others, without fitting again.
@@ -158,6 +196,16 @@ impl GaussianProcess {
         }
         LeaveOneOut { mean, variance, log_predictive_density }
     }
+}
+
+/// Takes covariances with the data, a column per point.
+type ForCovariances<'a> = &'a mut dyn FnMut(MatMut<'_, f64>);
+
+pub(super) fn require_points(x: &[f64], inputs: usize) -> Result<(), GpError> {
+    if !x.len().is_multiple_of(inputs) {
+        return Err(GpError::Shape { what: "x", found: x.len(), expected: (x.len() / inputs + 1) * inputs });
+    }
+    require_finite("x", x, inputs)
 }
 
 /// With zeros at its end, so that whole registers can be read.

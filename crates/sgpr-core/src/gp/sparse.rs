@@ -6,7 +6,7 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::data::require_finite;
-use super::exact::{Cross, Prediction, padded};
+use super::exact::{Cross, Prediction, padded, require_points};
 use super::kernels::{Features, Plan, TILE};
 use super::matrix::{assemble_and_factor, factor, inverse_from, invert_factor};
 use super::{Compute, Covariance, Data, GpError};
@@ -457,10 +457,7 @@ impl SparseGaussianProcess {
     /// If `x` does not hold whole points, or a value is not finite.
     pub fn predict(&self, x: &[f64], with_variance: bool) -> Result<Prediction, GpError> {
         let inputs = self.inputs;
-        if !x.len().is_multiple_of(inputs) {
-            return Err(GpError::Shape { what: "x", found: x.len(), expected: (x.len() / inputs + 1) * inputs });
-        }
-        require_finite("x", x, inputs)?;
+        require_points(x, inputs)?;
         let plan = Plan::new(&self.covariance.signal);
         let points = plan.features::<f64>(&self.inducing, inputs);
         let alpha: Vec<Vec<f64>> = self.weights.iter().map(|weights| padded(weights)).collect();

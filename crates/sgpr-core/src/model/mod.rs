@@ -4,6 +4,7 @@ mod compare;
 mod file;
 mod identify;
 mod predictor;
+mod semi_parametric;
 mod torque_model;
 
 pub use compare::{Comparison, JointComparison, LogResidual, compare};
@@ -12,4 +13,8 @@ pub use identify::{
     CutoffInfluence, IdentificationReport, IdentifyError, IdentifyOptions, Start, cutoff_influence, identify,
 };
 pub use predictor::Predictor;
+pub use semi_parametric::{
+    Candidate, Coverage, Inputs, JointReport, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions,
+    SemiParametricPredictor, TorquePrediction, fit_semi_parametric,
+};
 pub use torque_model::{BaseParameter, Fit, Provenance, TorqueModel};
