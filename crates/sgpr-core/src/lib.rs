@@ -12,6 +12,7 @@
 //! - [`identification`]: base parameters, observation matrix, least squares
 //! - [`gp`]: Gaussian processes, for what the physics leaves over
 //! - [`model`]: identify, compare, predict, save and load
+//! - [`simulation`]: an arm that moves under a controller
 //! - [`progress`]: how long work reports and is stopped
 //! - [`linalg`]: the factors and selections behind the identification
 #![forbid(unsafe_code)]
@@ -29,4 +30,5 @@ pub mod recording;
 pub mod robot;
 pub mod signal;
 pub mod simd;
+pub mod simulation;
 pub mod spatial;
