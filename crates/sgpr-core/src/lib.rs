@@ -13,6 +13,7 @@
 //! - [`gp`]: Gaussian processes, for what the physics leaves over
 //! - [`model`]: identify, compare, predict, save and load
 //! - [`simulation`]: an arm that moves under a controller
+//! - [`excitation`]: motions that reveal the parameters
 //! - [`progress`]: how long work reports and is stopped
 //! - [`linalg`]: the factors and selections behind the identification
 #![forbid(unsafe_code)]
@@ -20,6 +21,7 @@
 mod atomic_file;
 pub mod dynamics;
 pub mod effects;
+pub mod excitation;
 pub mod gp;
 pub mod identification;
 pub mod linalg;

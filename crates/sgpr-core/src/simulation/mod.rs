@@ -19,7 +19,9 @@ pub use controller::{
 };
 pub use drive::{Drive, Motor, puma560_drives, two_link_drives};
 pub use error::SimulationError;
+pub(crate) use reference::quintic;
 pub use reference::{Reference, SampledReference, StandStill};
+pub(crate) use sensors::Noise;
 pub use sensors::{Sensors, VelocitySensor};
 pub use side_torque::{SideTorque, drives_from_parameters};
 pub use simulate::{Experiment, SimulationRecord, simulate};
