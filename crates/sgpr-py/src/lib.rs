@@ -4,8 +4,10 @@ mod compare;
 mod convert;
 mod dynamics;
 mod errors;
+mod estimators;
 mod identification;
 mod model;
+mod payload;
 mod progress;
 mod recording;
 mod robot;
@@ -24,9 +26,11 @@ mod _sgpr {
     #[pymodule_export]
     use crate::model::{Model, Parameter, Parameters, Predictor, Processing, load};
     #[pymodule_export]
+    use crate::payload::{DriveGains, Payload, identify_drive_gains, identify_payload, screen};
+    #[pymodule_export]
     use crate::recording::{Issue, Recording, Repaired, read_csv, read_mcap, write_mcap};
     #[pymodule_export]
-    use crate::robot::{BaseParameters, Robot, puma560, two_link};
+    use crate::robot::{BaseParameters, Robot, puma560, regroupings, two_link};
     #[pymodule_export]
     #[allow(non_upper_case_globals)]
     const __version__: &str = env!("CARGO_PKG_VERSION");

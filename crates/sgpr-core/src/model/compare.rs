@@ -1,7 +1,8 @@
 //! Model against measurement, on logs that no fit has seen.
 
 use super::TorqueModel;
-use super::identify::{IdentifyError, band_filter, motions, select_joints, torque_of};
+use super::experiment::{band_filter, select_joints, torque_of};
+use super::identify::{IdentifyError, motions};
 use crate::dynamics::{Samples, Workspace, gravity_torque};
 use crate::identification::Row;
 use crate::motion::{Motion, Processing};

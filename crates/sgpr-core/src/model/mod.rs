@@ -1,8 +1,10 @@
 //! The torque model of an arm: identified from logs, compared with others, kept in a file, used in a controller.
 
 mod compare;
+mod experiment;
 mod file;
 mod identify;
+mod payload;
 mod predictor;
 mod semi_parametric;
 mod torque_model;
@@ -10,11 +12,13 @@ mod torque_model;
 pub use compare::{Comparison, JointComparison, LogResidual, compare};
 pub use file::ModelFileError;
 pub use identify::{
-    CutoffInfluence, IdentificationReport, IdentifyError, IdentifyOptions, Start, cutoff_influence, identify,
+    Controller, CutoffInfluence, IdentificationReport, IdentifyError, IdentifyOptions, Start, Uncertainty,
+    cutoff_influence, identify, screen,
 };
+pub use payload::{identify_drive_gains, identify_payload};
 pub use predictor::Predictor;
 pub use semi_parametric::{
     Candidate, Coverage, Inputs, JointReport, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions,
     SemiParametricPredictor, TorquePrediction, fit_semi_parametric,
 };
-pub use torque_model::{BaseParameter, Fit, Provenance, TorqueModel};
+pub use torque_model::{BaseParameter, Certificate, Fit, Provenance, TorqueModel};

@@ -3,7 +3,8 @@
 use faer::Mat;
 
 use super::super::compare::LogResidual;
-use super::super::identify::{IdentifyError, band_filter};
+use super::super::experiment::band_filter;
+use super::super::identify::IdentifyError;
 use super::rest::{Rest, Rows};
 use super::{SemiParametricModel, TorqueModel};
 use crate::dynamics::{BatchWorkspace, Samples, regressor_batch};

@@ -5,7 +5,8 @@ use std::time::Duration;
 use faer::Mat;
 
 use super::super::compare::{LogResidual, residual};
-use super::super::identify::{IdentifyError, motions, select_joints};
+use super::super::experiment::select_joints;
+use super::super::identify::{IdentifyError, motions};
 use super::super::torque_model::TorqueModel;
 use super::basis::{self, Basis};
 use super::rest::{Rest, Rows};
