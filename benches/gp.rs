@@ -9,12 +9,60 @@ use std::time::Instant;
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
-use sgpr_core::gp::{Compute, Covariance, Data, Kernel, Likelihood, Shape};
+use sgpr_core::gp::{
+    Compute, Covariance, Data, GaussianProcess, GpPredictor, Kernel, Likelihood, Precision, PredictorOptions, Shape,
+};
 
 fn main() {
     for (n, d) in [(2002, 6), (6006, 18)] {
         floor(n, d);
     }
+    let exact = |n, d| GaussianProcess::fit(data(n, d), covariance(d), &Compute::default()).expect("enough memory");
+    let (small, large) = (exact(2002, 6), exact(6006, 18));
+    for precision in [Precision::Double, Precision::Single] {
+        latency("mean of six joints, n = 6006 each, d = 18", &large, precision, Some(0), 6, 18);
+        latency("mean, n = 2002, d = 6", &small, precision, Some(0), 1, 6);
+        latency("mean and variance, n = 2002, d = 6", &small, precision, None, 1, 6);
+        latency("the same from the 1000 most informative points", &small, precision, Some(1000), 1, 6);
+    }
+}
+
+/// Median and 99th percentile of one query after the other, each joint with a process of its own.
+fn latency(
+    what: &str,
+    gp: &GaussianProcess,
+    precision: Precision,
+    variance_points: Option<usize>,
+    joints: usize,
+    d: usize,
+) {
+    let options = PredictorOptions { precision, variance_points };
+    let mut predictors: Vec<GpPredictor> =
+        (0..joints).map(|_| GpPredictor::new(gp, options).expect("enough memory")).collect();
+    let mut x = vec![0.0; d];
+    let mut query = |k: usize| {
+        x.iter_mut().enumerate().for_each(|(m, x)| *x = (0.37 * (k * d + m) as f64).sin());
+        seconds(|| {
+            for predictor in &mut predictors {
+                if variance_points == Some(0) {
+                    black_box(predictor.mean(&x));
+                } else {
+                    black_box(predictor.mean_and_variance(&x));
+                }
+            }
+        })
+    };
+    for k in 0..200 {
+        query(k);
+    }
+    let mut times: Vec<f64> = (0..3000).map(query).collect();
+    times.sort_by(f64::total_cmp);
+    println!(
+        "{what}, {precision:?}: median {:.1}, p99 {:.1} microseconds, error {:.1e}",
+        1e6 * times[1500],
+        1e6 * times[2970],
+        predictors[0].error()
+    );
 }
 
 /// Points on a smooth path, as those of a log are, with a smooth function on them.

@@ -16,6 +16,9 @@ use sgpr_core::dynamics::{
     regressor_batch, rnea, rnea_batch,
 };
 use sgpr_core::effects::registry;
+use sgpr_core::gp::{
+    Compute, Covariance, Data, GaussianProcess, GpPredictor, Kernel, Precision, PredictorOptions, Shape,
+};
 use sgpr_core::model::{Predictor, TorqueModel};
 use sgpr_core::robot::Robot;
 
@@ -90,6 +93,38 @@ fn check(name: &str, robot: &Robot) {
     assert!(torque.iter().any(|value| *value != 0.0), "the work was done");
 }
 
+/// A process of three outputs over four inputs.
+fn process() -> GaussianProcess {
+    let x: Vec<f64> = (0..4 * 90).map(|k| (0.37 * f64::from(k)).sin()).collect();
+    let y = (0..3 * 90).map(|k| (0.11 * f64::from(k)).cos()).collect();
+    let turning = Kernel::ard(Shape::SquaredExponential, &[1.0; 4]).with_period(0, 2.0).scaled(1.0);
+    let kernel = turning.plus(Kernel::isotropic(Shape::RationalQuadratic { mixture: 1.0 }, 4, 2.0));
+    let data = Data::new(x, 4, y, 3).expect("good data");
+    GaussianProcess::fit(data, Covariance::new(kernel, 0.1), &Compute::default()).expect("good data")
+}
+
+fn check_processes() {
+    fn sendable(_: &impl Send) {}
+    let gp = process();
+    for precision in [Precision::Double, Precision::Single] {
+        for variance_points in [None, Some(0), Some(40)] {
+            let options = PredictorOptions { precision, variance_points };
+            let mut predictor = GpPredictor::new(&gp, options).expect("small");
+            sendable(&predictor);
+            let taken = bytes_taken(|| {
+                for k in 0..SAMPLES {
+                    let x = [0.1 * k as f64, 0.3, -0.2, 0.7];
+                    black_box(predictor.mean(&x)[2]);
+                    if variance_points != Some(0) {
+                        black_box(predictor.mean_and_variance(&x).1);
+                    }
+                }
+            });
+            assert_eq!(taken, 0, "GpPredictor, {options:?}");
+        }
+    }
+}
+
 #[test]
 fn nothing_is_allocated_after_set_up() {
     // The count sees what it should: eight bytes, and the set-up itself.
@@ -101,4 +136,5 @@ fn nothing_is_allocated_after_set_up() {
         assert!(taken > 1000, "{name}: a workspace of {taken} bytes");
         check(name, &robot);
     }
+    check_processes();
 }

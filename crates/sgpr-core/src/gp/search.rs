@@ -3,7 +3,7 @@ use super::kernels::{Kernel, spreads};
 use super::minimise::{Limits, Minimum, SearchStatus, minimise};
 use super::random::Random;
 use super::{Compute, Data, GpError, Likelihood};
-use crate::progress::Progress;
+use crate::progress::{Interrupted, Progress};
 
 /// How hyperparameters are searched for.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,7 +82,7 @@ pub fn search(
     start.validate(data.inputs())?;
     compute.check(data.len(), 2)?;
     let bounds = options.bounds_for(data, start)?;
-    let mut run = Run { start, options, compute, progress, bounds: &bounds, jitter: 0.0 };
+    let mut run = Run { start, options, compute, progress, bounds: &bounds, jitter: 0.0, stopped: false };
     let SubsetSearch { best, starts, evaluations: evaluations_on_subset } = run.on_subset(data)?;
     let minimum = run.search(data, &best, "hyperparameters")?;
     let covariance = start.with_theta(&minimum.at);
@@ -115,6 +115,8 @@ pub(super) struct Run<'a> {
     pub progress: &'a dyn Progress,
     pub bounds: &'a [(f64, f64)],
     pub jitter: f64,
+    /// The listener asked to stop: what follows is evaluated once.
+    pub stopped: bool,
 }
 
 /// What the starts came to.
@@ -170,6 +172,9 @@ impl Run<'_> {
         let mut evaluate = |theta: &[f64]| {
             // The first evaluation always is, so that there is something to keep.
             if done > 0 {
+                if self.stopped {
+                    return Err(Interrupted.into());
+                }
                 self.progress.step(stage, done, self.options.evaluations)?;
             }
             done += 1;
@@ -181,6 +186,7 @@ impl Run<'_> {
         };
         let minimum = minimise(theta, &lower, &upper, limits, &mut evaluate)?;
         self.jitter = jitter;
+        self.stopped |= minimum.status == SearchStatus::Stopped;
         Ok(minimum)
     }
 }

@@ -2,7 +2,7 @@ use super::minimise::{Limits, SearchStatus, minimise};
 use super::search::{Run, SubsetSearch, at_bounds, log_prior};
 use super::subset::informative_points;
 use super::{Compute, Covariance, Data, GpError, SearchOptions, SparseBound, SparseGaussianProcess};
-use crate::progress::Progress;
+use crate::progress::{Interrupted, Progress};
 
 /// How a sparse process is fitted.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,7 +17,7 @@ pub struct SparseOptions {
 
 impl Default for SparseOptions {
     fn default() -> Self {
-        Self { inducing: 500, move_inducing: false, search: SearchOptions::default() }
+        Self { inducing: 500, move_inducing: true, search: SearchOptions::default() }
     }
 }
 
@@ -60,8 +60,10 @@ pub fn search_sparse(
         return Err(GpError::InducingPoints { found: 0, points: data.len() });
     }
     let bounds = options.search.bounds_for(data, start)?;
-    let mut run = Run { start, options: &options.search, compute, progress, bounds: &bounds, jitter: 0.0 };
+    let mut run =
+        Run { start, options: &options.search, compute, progress, bounds: &bounds, jitter: 0.0, stopped: false };
     let SubsetSearch { best, evaluations: evaluations_on_subset, .. } = run.on_subset(data)?;
+    let stopped = run.stopped;
     let kernel = start.with_theta(&best).signal;
     let chosen = informative_points(&kernel, data.x(), data.inputs(), options.inducing);
     let inducing = data.select(&chosen).x().to_vec();
@@ -99,6 +101,9 @@ pub fn search_sparse(
     let mut done = 0;
     let mut evaluate = |at: &[f64]| {
         if done > 0 {
+            if stopped {
+                return Err(Interrupted.into());
+            }
             progress.step("hyperparameters of the sparse process", done, limits.evaluations)?;
         }
         done += 1;

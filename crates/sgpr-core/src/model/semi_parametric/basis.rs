@@ -101,25 +101,36 @@ pub(super) fn matrices(
     rows: &[Rows],
     processing: &Processing,
 ) -> Result<Vec<Mat<f64>>, IdentifyError> {
-    let unknowns = model.physics.base().rank();
-    let mut matrices = Vec::new();
-    for (joint, (rest, rows)) in model.joints.iter().zip(rows).enumerate() {
-        let all: Vec<usize> = (0..rows.source.len()).collect();
-        let points = if rest.gp.is_some() { &rest.points } else { &all };
-        let mut matrix = Mat::zeros(points.len(), unknowns);
-        for (index, log) in logs.iter().enumerate() {
-            let mut of_log = joint_rows(&model.physics, log.motion.samples(), joint);
-            if let Some(filter) = band_filter(processing, log.motion.rate_hz)? {
-                filter.apply(&mut of_log, unknowns)?;
-            }
-            for (i, &point) in points.iter().enumerate().filter(|(_, point)| rows.source[**point].0 == index) {
-                let sample = rows.source[point].1;
-                (0..unknowns).for_each(|k| matrix[(i, k)] = of_log[sample * unknowns + k]);
-            }
+    let of_joint = |(joint, (rest, rows)): (usize, (&Rest, &Rows))| {
+        let all = matrix(&model.physics, logs, joint, rows, processing)?;
+        if rest.gp.is_none() {
+            return Ok(all);
         }
-        matrices.push(matrix);
+        Ok(Mat::from_fn(rest.points.len(), all.ncols(), |i, k| all[(rest.points[i], k)]))
+    };
+    model.joints.iter().zip(rows).enumerate().map(of_joint).collect()
+}
+
+/// Rows of the base regressor of a joint, in the band of the model.
+pub(super) fn matrix(
+    model: &TorqueModel,
+    logs: &[LogResidual],
+    joint: usize,
+    rows: &Rows,
+    processing: &Processing,
+) -> Result<Mat<f64>, IdentifyError> {
+    let unknowns = model.base().rank();
+    let mut matrix = Mat::zeros(rows.source.len(), unknowns);
+    for (index, log) in logs.iter().enumerate() {
+        let mut of_log = joint_rows(model, log.motion.samples(), joint);
+        if let Some(filter) = band_filter(processing, log.motion.rate_hz)? {
+            filter.apply(&mut of_log, unknowns)?;
+        }
+        for (i, (_, sample)) in rows.source.iter().enumerate().filter(|(_, (source, _))| *source == index) {
+            (0..unknowns).for_each(|k| matrix[(i, k)] = of_log[sample * unknowns + k]);
+        }
     }
-    Ok(matrices)
+    Ok(matrix)
 }
 
 /// Share of a parameter's information that is added, so that directions without any stay where they are.

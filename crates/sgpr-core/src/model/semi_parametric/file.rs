@@ -127,8 +127,10 @@ impl SemiParametricModel {
             if !(noise_variance >= 0.0 && noise_variance.is_finite()) {
                 return Err(format!("the noise variance of joint {} is {noise_variance}", joint + 1));
             }
-            if !(report.calibration > 0.0 && report.calibration.is_finite()) {
-                return Err(format!("the calibration of joint {} is {}", joint + 1, report.calibration));
+            for value in [report.calibration, report.calibration_95] {
+                if !(value > 0.0 && value.is_finite()) {
+                    return Err(format!("a calibration of joint {} is {value}", joint + 1));
+                }
             }
             let gp = match covariance {
                 None => None,

@@ -9,7 +9,8 @@ use super::super::experiment::select_joints;
 use super::super::identify::{IdentifyError, motions};
 use super::super::torque_model::TorqueModel;
 use super::basis::{self, Basis};
-use super::rest::{Rest, Rows};
+use super::left_out::left_out;
+use super::rest::{LeftOut, Rest, Rows};
 use super::{Inputs, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions, identify};
 use crate::gp::{Compute, GpError};
 use crate::motion::Processing;
@@ -48,7 +49,8 @@ pub fn fit_semi_parametric(
         logs.push(residual(robot.dof(), motion, predicted, &processing)?);
     }
     let rows: Vec<Rows> = (0..robot.dof()).map(|joint| rows_of(&logs, joint, &processing)).collect();
-    let (joints, stopped) = fit_joints(&rows, options, progress)?;
+    let left_out = left_out(&physics, &logs, &rows, &processing, options.mean)?;
+    let (joints, stopped) = fit_joints(&rows, &left_out, options, progress)?;
     let mut model = SemiParametricModel { physics, mean: options.mean, joints, basis: None, stopped };
     if options.mean == Mean::Joint {
         let matrices = basis::matrices(&model, &logs, &rows, &processing)?;
@@ -121,6 +123,7 @@ impl Progress for Relay<'_> {
 /// The processes, and whether the listener stopped them. Only the calling thread talks to the listener.
 fn fit_joints(
     rows: &[Rows],
+    left_out: &[Vec<LeftOut>],
     options: &SemiParametricOptions,
     progress: &dyn Progress,
 ) -> Result<(Vec<Rest>, bool), GpError> {
@@ -137,7 +140,7 @@ fn fit_joints(
             if joint >= n {
                 return found;
             }
-            found.push((joint, Rest::fit(joint, n, &rows[joint], options, &compute, &relay)));
+            found.push((joint, Rest::fit(joint, n, &rows[joint], &left_out[joint], options, &compute, &relay)));
         }
     };
     let total = n * if options.inputs.is_some() { 1 } else { Inputs::EVERY.len() };

@@ -4,6 +4,7 @@ mod basis;
 mod file;
 mod fit;
 mod inputs;
+mod left_out;
 mod predictor;
 mod rest;
 
@@ -119,8 +120,12 @@ pub enum SemiParametricError {
 pub struct TorquePrediction {
     /// `[samples, n]`, row-major, N·m (N).
     pub tau: Vec<f64>,
-    /// Standard deviation of a measurement in the band of the model, `[samples, n]`, N·m (N); empty if not asked for.
+    /// Standard deviation of a measurement in the band of the model, `[samples, n]`, N·m (N): half the interval of 68 %.
+    /// Empty if not asked for.
     pub standard_deviation: Vec<f64>,
+    /// Half the interval of 95 %, `[samples, n]`, N·m (N): 1.96 standard deviations for errors with a normal distribution,
+    /// more where those on parts left out had heavy tails. Empty if the standard deviation was not asked for.
+    pub interval_95: Vec<f64>,
     /// Share of the process's variance that the data have not explained, `[samples, n]`, between 0 at a point of the data
     /// and 1 far from all; 0 for a joint without a process. Above 0.95 the prediction is that of the physics. Empty if
     /// the standard deviation was not asked for.
@@ -136,7 +141,7 @@ pub struct Coverage {
     pub samples: usize,
     /// Share within one standard deviation, percent; 68 if the intervals hold.
     pub percent_68: f64,
-    /// Share within 1.96 standard deviations, percent; 95 if they hold.
+    /// Share within the interval of 95 %, percent; 95 if it holds.
     pub percent_95: f64,
 }
 
@@ -195,16 +200,17 @@ impl SemiParametricModel {
                 }
             }
         }
-        if with_deviation {
-            if let Some(basis) = &self.basis {
-                basis.add_variance(&self.physics, &self.joints, samples, &x, &mut variance);
-            }
-            for (k, variance) in variance.iter_mut().enumerate() {
-                let Rest { noise_variance, report, .. } = &self.joints[k % n];
-                *variance = (*variance + noise_variance).sqrt() * report.calibration;
-            }
+        if let Some(basis) = self.basis.as_ref().filter(|_| with_deviation) {
+            basis.add_variance(&self.physics, &self.joints, samples, &x, &mut variance);
         }
-        Ok(TorquePrediction { tau, standard_deviation: variance, novelty })
+        let deviation = |(k, variance): (usize, &f64)| (variance + self.joints[k % n].noise_variance).sqrt();
+        let plain: Vec<f64> = variance.iter().enumerate().map(deviation).collect();
+        let times = |factor: fn(&JointReport) -> f64| -> Vec<f64> {
+            plain.iter().enumerate().map(|(k, plain)| plain * factor(&self.joints[k % n].report)).collect()
+        };
+        let (standard_deviation, interval_95) =
+            (times(|report| report.calibration), times(|report| report.calibration_95));
+        Ok(TorquePrediction { tau, standard_deviation, interval_95, novelty })
     }
 
     /// Compares with recordings, as [`super::compare`] does it for the physics alone.
@@ -234,13 +240,13 @@ impl SemiParametricModel {
         let n = self.physics.robot().dof();
         let mut hits = vec![(0usize, 0usize, 0usize); n];
         for log in self.compare(recordings)?.logs {
-            let deviation = self.predict(log.motion.samples(), true)?.standard_deviation;
-            for (k, deviation) in deviation.iter().enumerate().filter(|(k, _)| log.counted[*k]) {
+            let prediction = self.predict(log.motion.samples(), true)?;
+            for k in (0..log.counted.len()).filter(|&k| log.counted[k]) {
                 let error = (log.measured_in_band[k] - log.predicted_in_band[k]).abs();
                 let (count, within_68, within_95) = &mut hits[k % n];
                 *count += 1;
-                *within_68 += usize::from(error <= *deviation);
-                *within_95 += usize::from(error <= 1.96 * deviation);
+                *within_68 += usize::from(error <= prediction.standard_deviation[k]);
+                *within_95 += usize::from(error <= prediction.interval_95[k]);
             }
         }
         let percent = |hits: usize, count: usize| 100.0 * hits as f64 / count.max(1) as f64;

@@ -21,18 +21,11 @@ pub(super) struct Rows {
     pub source: Vec<(usize, usize)>,
 }
 
-impl Rows {
-    /// What is left out in turn: whole stretches of the logs if there are enough of them, else equal parts.
-    fn blocks(&self) -> Vec<Range<usize>> {
-        let count = self.residual.len();
-        let mut edges = vec![0];
-        edges.extend((1..count).filter(|&k| self.source[k].0 != self.source[k - 1].0));
-        if edges.len() < FEWEST_LOGS {
-            edges = (0..BLOCKS).map(|block| block * count / BLOCKS).collect();
-        }
-        let ends = edges[1..].iter().copied().chain([count]);
-        edges.iter().copied().zip(ends).map(|(first, end)| first..end).filter(|block| !block.is_empty()).collect()
-    }
+/// Rows of a joint and, for every part that is left out in turn, what physics identified without that part leaves over
+/// at all of them.
+pub(super) struct LeftOut {
+    pub part: Range<usize>,
+    pub residual: Vec<f64>,
 }
 
 /// How one selection of inputs did.
@@ -40,7 +33,7 @@ impl Rows {
 pub struct Candidate {
     /// What the process looked at.
     pub inputs: Inputs,
-    /// Root mean square residual of stretches of the logs that were left out, N·m (N).
+    /// Root mean square residual of the parts of the logs that were left out, by physics and process without them, N·m (N).
     pub rmse: f64,
     /// Log marginal likelihood.
     pub log_marginal_likelihood: f64,
@@ -57,12 +50,17 @@ pub struct JointReport {
     pub points: usize,
     /// Root mean square residual that the physics leaves, N·m (N).
     pub physics_rmse: f64,
+    /// The same of parts of the logs that were left out in turn, by physics identified without them, N·m (N).
+    pub physics_rmse_left_out: f64,
     /// Every selection that was tried.
     pub candidates: Vec<Candidate>,
     /// The one that was chosen; none if no process predicted stretches left out better than the physics alone.
     pub chosen: Option<Inputs>,
-    /// What standard deviations are multiplied by so that they hold on stretches left out.
+    /// What standard deviations are multiplied by so that 68 % of the errors on parts left out fall within one.
     pub calibration: f64,
+    /// What they are multiplied by to give the half of the interval that 95 % of the errors fall into: 1.96 times the above
+    /// for errors with a normal distribution, more for errors with heavy tails.
+    pub calibration_95: f64,
 }
 
 /// The process of one joint, if it has one.
@@ -76,12 +74,6 @@ pub(super) struct Rest {
     pub points: Vec<usize>,
 }
 
-/// Parts that are left out in turn ...
-const BLOCKS: usize = 8;
-
-/// ... unless there are this many logs.
-const FEWEST_LOGS: usize = 3;
-
 /// A process must explain at least this share of the mean square residual of stretches left out.
 const GAIN: f64 = 0.05;
 
@@ -94,6 +86,7 @@ impl Rest {
         joint: usize,
         n: usize,
         rows: &Rows,
+        left_out: &[LeftOut],
         options: &SemiParametricOptions,
         compute: &Compute,
         progress: &dyn Progress,
@@ -104,17 +97,22 @@ impl Rest {
             rows: count,
             points: 0,
             physics_rmse: mean_square.sqrt(),
+            physics_rmse_left_out: mean_square.sqrt(),
             candidates: vec![],
             chosen: None,
             calibration: 1.0,
+            calibration_95: 1.96,
         };
         if count < FEWEST || mean_square == 0.0 {
             return Ok(Self { gp: None, noise_variance: mean_square, report, points: vec![] });
         }
-        let physics: Vec<(f64, f64)> = rows.residual.iter().map(|r| (*r, mean_square)).collect();
-        report.calibration = calibration(&physics);
+        let errors = left_out.iter().flat_map(|left_out| &left_out.residual[left_out.part.clone()]);
+        let physics: Vec<(f64, f64)> = errors.map(|error| (*error, mean_square)).collect();
+        let physics_loss = loss_of(&physics);
+        report.physics_rmse_left_out = physics_loss.sqrt();
+        (report.calibration, report.calibration_95) = calibration(&physics, left_out.len());
         let mut best = None;
-        let mut lowest = if options.inputs.is_some() { f64::INFINITY } else { (1.0 - GAIN) * mean_square };
+        let mut lowest = if options.inputs.is_some() { f64::INFINITY } else { (1.0 - GAIN) * physics_loss };
         let selections = options.inputs.map_or_else(|| distinct(n), |inputs| vec![inputs]);
         for inputs in selections {
             if progress.step("rest", report.candidates.len(), Inputs::EVERY.len()).is_err() {
@@ -122,8 +120,8 @@ impl Rest {
             }
             let Found { gp, points, status } =
                 process(inputs.columns(joint, n), n, rows, mean_square, options, compute, progress)?;
-            let left_out = leave_stretches_out(&gp, rows, 3 * n + 1, compute)?;
-            let loss = left_out.iter().map(|(error, _)| error * error).sum::<f64>() / count as f64;
+            let errors = errors_left_out(&gp, &points, rows, left_out, compute)?;
+            let loss = loss_of(&errors);
             report.candidates.push(Candidate {
                 inputs,
                 rmse: loss.sqrt(),
@@ -133,13 +131,13 @@ impl Rest {
             if loss < lowest {
                 lowest = loss;
                 report.chosen = Some(inputs);
-                best = Some((gp, points, left_out));
+                best = Some((gp, points, errors));
             }
         }
-        let Some((gp, points, left_out)) = best else {
+        let Some((gp, points, errors)) = best else {
             return Ok(Self { gp: None, noise_variance: mean_square, report, points: vec![] });
         };
-        report.calibration = calibration(&left_out);
+        (report.calibration, report.calibration_95) = calibration(&errors, left_out.len());
         report.points = gp.data().len();
         Ok(Self { noise_variance: gp.covariance().total_noise_variance(), gp: Some(gp), report, points })
     }
@@ -234,39 +232,49 @@ fn thin(kernel: &Kernel, data: &Data, count: usize) -> Vec<usize> {
     chosen
 }
 
-/// Error and variance of every row, predicted by a process that has not seen the stretch around it.
-fn leave_stretches_out(
+fn loss_of(errors: &[(f64, f64)]) -> f64 {
+    errors.iter().map(|(error, _)| error * error).sum::<f64>() / errors.len().max(1) as f64
+}
+
+/// Error and variance of every row, predicted by physics and process that have not seen the part around it.
+fn errors_left_out(
     gp: &GaussianProcess,
+    points: &[usize],
     rows: &Rows,
-    width: usize,
+    left_out: &[LeftOut],
     compute: &Compute,
 ) -> Result<Vec<(f64, f64)>, GpError> {
-    let time = |x: &[f64]| x[width - 1];
+    let (width, noise) = (gp.data().inputs(), gp.covariance().total_noise_variance());
+    let prior = gp.covariance().signal.variance();
     let mut all = Vec::with_capacity(rows.residual.len());
-    for Range { start: first, end } in rows.blocks() {
-        let x = &rows.x[first * width..end * width];
-        let (from, to) = (time(x), time(&x[(end - first - 1) * width..]));
-        let known = gp.data().x().chunks_exact(width).enumerate();
-        let others: Vec<usize> = known.filter(|(_, x)| time(x) < from || time(x) > to).map(|(k, _)| k).collect();
-        let noise = gp.covariance().total_noise_variance();
-        let error = |residual: &f64, mean: f64, variance: f64| (residual - mean, variance + noise);
+    for LeftOut { part, residual } in left_out {
+        let measured = &residual[part.clone()];
+        let x = &rows.x[part.start * width..part.end * width];
+        let others: Vec<usize> = (0..points.len()).filter(|&k| !part.contains(&points[k])).collect();
         if others.is_empty() {
-            all.extend(rows.residual[first..end].iter().map(|r| error(r, 0.0, gp.covariance().signal.variance())));
+            all.extend(measured.iter().map(|residual| (*residual, prior + noise)));
             continue;
         }
-        let without = GaussianProcess::fit(gp.data().select(&others), gp.covariance().clone(), compute)?;
-        let predicted = without.predict(x, true)?;
+        let y = others.iter().map(|&k| residual[points[k]]).collect();
+        let data = Data::new(gp.data().select(&others).x().to_vec(), width, y, 1)?;
+        let predicted = GaussianProcess::fit(data, gp.covariance().clone(), compute)?.predict(x, true)?;
         let predictions = predicted.mean.iter().zip(&predicted.variance);
-        all.extend(rows.residual[first..end].iter().zip(predictions).map(|(r, (m, v))| error(r, *m, *v)));
+        all.extend(measured.iter().zip(predictions).map(|(y, (mean, variance))| (y - mean, variance + noise)));
     }
     Ok(all)
 }
 
-/// What standard deviations have to be multiplied by: between what makes 68 % and what makes 95 % of the errors fall within
-/// one and within two.
-fn calibration(errors: &[(f64, f64)]) -> f64 {
+/// What standard deviations have to be multiplied by so that 68 % and 95 % of the errors fall within: the quantiles of the
+/// errors in standard deviations. Errors of a part have much in common, so their quantiles are those of few observations,
+/// and a new log differs from them as they do from each other: by a factor of sqrt(1 + 1 / parts) on their spread.
+fn calibration(errors: &[(f64, f64)], parts: usize) -> (f64, f64) {
     let mut ratios: Vec<f64> = errors.iter().map(|(error, variance)| error.abs() / variance.sqrt()).collect();
     ratios.sort_unstable_by(f64::total_cmp);
-    let quantile = |share: f64| ratios[((share * ratios.len() as f64) as usize).min(ratios.len() - 1)];
-    (quantile(0.682_689) * quantile(0.954_5) / 2.0).sqrt()
+    if ratios.is_empty() {
+        return (1.0, 1.96);
+    }
+    let new = (1.0 + 1.0 / parts as f64).sqrt();
+    let quantile = |share: f64| new * ratios[((share * ratios.len() as f64) as usize).min(ratios.len() - 1)];
+    // Errors that are all zero leave nothing to multiply.
+    (quantile(0.682_689).max(1e-6), quantile(0.95).max(1e-6))
 }
