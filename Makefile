@@ -77,6 +77,7 @@ bench:
 ## Against Pinocchio's C++ and Python interfaces, in one run.
 peers: build
 	$(BIN)/python benches/peers/run.py
+	$(BIN)/python benches/peers/gp.py
 
 ## Damaged and made-up files of every kind, many of them.
 FUZZ_CASES ?= 100000

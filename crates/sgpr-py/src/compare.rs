@@ -60,9 +60,7 @@ pub fn compare(
     let recordings = self::recordings(recordings)?;
     let comparison =
         py.detach(|| core::compare(&model, &recordings, processing.as_ref())).map_err(IntoPyErr::into_py_err)?;
-    let core::Comparison { joints, relative_error_percent, relative_error_with_rests_percent, logs } = comparison;
-    let logs = logs.into_iter().map(|inner| Py::new(py, LogResidual { inner, dof })).collect::<PyResult<_>>()?;
-    Ok(Comparison { joints, relative_error_percent, relative_error_with_rests_percent, logs })
+    Comparison::new(py, comparison)
 }
 
 fn processing_of(given: &Bound<'_, PyAny>) -> PyResult<Option<sgpr_core::motion::Processing>> {
@@ -91,6 +89,14 @@ pub struct Comparison {
 }
 
 impl Comparison {
+    /// As the core made it.
+    pub fn new(py: Python<'_>, comparison: core::Comparison) -> PyResult<Self> {
+        let core::Comparison { joints, relative_error_percent, relative_error_with_rests_percent, logs } = comparison;
+        let dof = joints.len();
+        let logs = logs.into_iter().map(|inner| Py::new(py, LogResidual { inner, dof })).collect::<PyResult<_>>()?;
+        Ok(Self { joints, relative_error_percent, relative_error_with_rests_percent, logs })
+    }
+
     fn column<'py>(&self, py: Python<'py>, select: fn(&core::JointComparison) -> f64) -> PyResult<Array<'py>> {
         array(py, &[self.joints.len()], self.joints.iter().map(select).collect())
     }

@@ -4,11 +4,12 @@
 //! open are an `OSError`, as from `open`.
 
 use pyo3::create_exception;
-use pyo3::exceptions::{PyOSError, PyValueError};
+use pyo3::exceptions::{PyMemoryError, PyOSError, PyValueError};
 use pyo3::prelude::*;
 use sgpr_core::effects::UnknownEffect;
+use sgpr_core::gp::GpError;
 use sgpr_core::identification;
-use sgpr_core::model::{self, IdentifyError};
+use sgpr_core::model::{self, IdentifyError, SemiParametricError};
 use sgpr_core::motion::MotionError;
 use sgpr_core::recording;
 use sgpr_core::robot;
@@ -23,6 +24,7 @@ create_exception!(
     "A log that cannot be read, repaired, written or turned into motion."
 );
 create_exception!(sgpr, IdentificationError, SgprError, "Parameters that cannot be identified from what was given.");
+create_exception!(sgpr, GaussianProcessError, SgprError, "Data or a kernel of which no Gaussian process can be made.");
 create_exception!(sgpr, ModelFileError, SgprError, "A file that holds no model.");
 
 /// An error of the core, as Python shall see it.
@@ -106,6 +108,25 @@ impl IntoPyErr for IdentifyError {
             Self::Effect(error) => error.into_py_err(),
             Self::Signal(error) => error.into_py_err(),
             error => IdentificationError::new_err(error.to_string()),
+        }
+    }
+}
+
+impl IntoPyErr for GpError {
+    fn into_py_err(self) -> PyErr {
+        match self {
+            Self::TooLarge { .. } => PyMemoryError::new_err(self.to_string()),
+            error => GaussianProcessError::new_err(error.to_string()),
+        }
+    }
+}
+
+impl IntoPyErr for SemiParametricError {
+    fn into_py_err(self) -> PyErr {
+        match self {
+            Self::Identify(error) => error.into_py_err(),
+            Self::Gp(error) => error.into_py_err(),
+            error => invalid(error.to_string()),
         }
     }
 }

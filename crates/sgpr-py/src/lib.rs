@@ -5,12 +5,14 @@ mod convert;
 mod dynamics;
 mod errors;
 mod estimators;
+mod gp;
 mod identification;
 mod model;
 mod payload;
 mod progress;
 mod recording;
 mod robot;
+mod semi_parametric;
 
 /// Torque models of robot arms: identify, compare, diagnose, predict.
 #[pyo3::pymodule]
@@ -18,7 +20,11 @@ mod _sgpr {
     #[pymodule_export]
     use crate::compare::{Comparison, JointComparison, LogResidual, compare};
     #[pymodule_export]
-    use crate::errors::{IdentificationError, ModelFileError, RecordingError, RobotError, SgprError};
+    use crate::errors::{
+        GaussianProcessError, IdentificationError, ModelFileError, RecordingError, RobotError, SgprError,
+    };
+    #[pymodule_export]
+    use crate::gp::{FittedProcess, Kernel, ProcessPredictor, fit_process, restore_process};
     #[pymodule_export]
     use crate::identification::{
         CutoffChoice, CutoffInfluence, IdentificationReport, cutoff_influence, effects, identify,
@@ -31,6 +37,8 @@ mod _sgpr {
     use crate::recording::{Issue, Recording, Repaired, read_csv, read_mcap, write_mcap};
     #[pymodule_export]
     use crate::robot::{BaseParameters, Robot, puma560, regroupings, two_link};
+    #[pymodule_export]
+    use crate::semi_parametric::{FittedSemiParametric, SemiParametricPredictor, fit_semi_parametric};
     #[pymodule_export]
     #[allow(non_upper_case_globals)]
     const __version__: &str = env!("CARGO_PKG_VERSION");

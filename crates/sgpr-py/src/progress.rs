@@ -33,6 +33,9 @@ impl Listener {
 
 impl Progress for Listener {
     fn step(&self, stage: &'static str, done: usize, total: usize) -> Result<(), Interrupted> {
+        if self.failure.lock().unwrap_or_else(PoisonError::into_inner).is_some() {
+            return Err(Interrupted);
+        }
         let mut heard = self.heard.lock().unwrap_or_else(PoisonError::into_inner);
         // The end of a stage is always told: a bar should get there.
         if done != total && heard.is_some_and(|last| last.elapsed() < PAUSE) {
@@ -53,12 +56,21 @@ pub fn listen<T: Send>(
     callback: Option<Py<PyAny>>,
     work: impl FnOnce(&dyn Progress) -> Result<T, IdentifyError> + Send,
 ) -> PyResult<T> {
+    listen_and_keep(py, callback, work).map(|(value, _)| value)
+}
+
+/// The same for work that keeps the best so far when it is stopped: returns it with what stopped it.
+pub fn listen_and_keep<T: Send, E: IntoPyErr + Send>(
+    py: Python<'_>,
+    callback: Option<Py<PyAny>>,
+    work: impl FnOnce(&dyn Progress) -> Result<T, E> + Send,
+) -> PyResult<(T, Option<PyErr>)> {
     let listener = Listener { callback, heard: Mutex::new(None), failure: Mutex::new(None) };
     let result = py.detach(|| work(&listener));
     let failure = listener.failure.into_inner().unwrap_or_else(PoisonError::into_inner);
     match (result, failure) {
-        (Ok(value), _) => Ok(value),
-        (Err(IdentifyError::Interrupted(_)), Some(error)) => Err(error),
-        (Err(error), _) => Err(error.into_py_err()),
+        (Ok(value), failure) => Ok((value, failure)),
+        (Err(_), Some(failure)) => Err(failure),
+        (Err(error), None) => Err(error.into_py_err()),
     }
 }

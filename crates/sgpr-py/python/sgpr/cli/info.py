@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import load
+from .._sgpr import load
 from ..report.numbers import MISSING, counted, percent, readable, significant, with_deviation
 from . import describe
 from .console import Output

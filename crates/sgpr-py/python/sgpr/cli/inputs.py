@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-from .. import Model, load
+from .. import Model
+from .._sgpr import load
 from .errors import BadData
 from .robots import READY_MADE, load_robot
 

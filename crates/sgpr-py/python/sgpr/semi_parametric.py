@@ -1,0 +1,251 @@
+"""Physics and what it leaves over, with scikit-learn's manners."""
+
+from collections.abc import Callable, Sequence
+from os import PathLike
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._estimator import Estimator
+from ._sgpr import (
+    Comparison,
+    FittedSemiParametric,
+    Model,
+    Recording,
+    Robot,
+    SemiParametricPredictor,
+    fit_semi_parametric,
+)
+
+_Array = NDArray[np.float64]
+
+
+class SemiParametricModel(Estimator):
+    """tau = physics(q, dq, ddq) + f(x) + noise, with a Gaussian process f of what the physics leaves over at each
+    joint.
+
+    The physics is what `identify` finds. The process of a joint sees q, dq and ddq, or some of them: stretches of the
+    logs are left out in turn, and only a process that predicts those better than the physics alone is kept. Far from
+    the data its mean is zero, so that the physics still predicts. Errors that neighbouring samples share have a
+    kernel of their own, over time, so that the process does not take them for a function of the motion.
+
+    Parameters
+    ----------
+    robot : Robot
+    effects : list of str, optional
+        Physics beside the rigid body, as in `identify`.
+    kernel : {"squared_exponential", "exponential", "matern32", "matern52", "rational_quadratic"}
+    ard : bool, default True
+        A length scale for each input, or one for all.
+    inputs : str, optional
+        What the processes look at: "own_velocity", "own_joint", "velocities", "positions", "positions_and_velocities"
+        or "all"; chosen for each joint by stretches left out by default.
+    mean : {"physics", "joint", "zero"}
+        What the processes are the rest of: the physics as least squares found it, the physics estimated again together
+        with them (generalised least squares), or nothing, for comparison.
+    points : int, default 500
+        Budget of each process; of more rows the most informative ones are taken.
+    starts : int, default 1
+        Starts of the search for hyperparameters.
+    max_evaluations : int, default 60
+        Evaluations of the likelihood in each search.
+    n_jobs : int, default 2
+        Threads, which share the joints among them.
+    progress : callable, optional
+        Called with (stage, done, total) now and then. What it raises stops the work, and so does Ctrl-C: once the
+        physics is there, the model is then fitted with the processes so far, and the exception is raised.
+    options : dict, optional
+        Further options of `identify`: method, cutoff_hz, ...; {"start": "zero"} for the feedback torque of an internal
+        model (case 2 of the thesis).
+
+    Attributes
+    ----------
+    physics_ : Model
+    reports_ : list of dict
+        For each joint what was tried, chosen ("inputs", None if the physics alone is better) and learned.
+    stopped_ : bool
+        Whether the search was stopped before its end.
+
+    Examples
+    --------
+    >>> robot, log = sgpr.Robot.from_urdf("robot.urdf"), sgpr.read("train.csv.gz")
+    >>> model = sgpr.SemiParametricModel(robot, effects=[], inputs="own_velocity", points=50, max_evaluations=10)
+    >>> model = model.fit([log])
+    >>> tau, std = model.predict(np.zeros((3, 6)), np.zeros((3, 6)), np.zeros((3, 6)), return_std=True)
+    >>> tau.shape, std.shape
+    ((3, 6), (3, 6))
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        effects: Sequence[str] | None = None,
+        kernel: str = "squared_exponential",
+        ard: bool = True,
+        inputs: str | None = None,
+        mean: str = "physics",
+        points: int = 500,
+        starts: int = 1,
+        max_evaluations: int = 60,
+        n_jobs: int = 2,
+        progress: Callable[[str, int, int], object] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> None:
+        self.robot = robot
+        self.effects = effects
+        self.kernel = kernel
+        self.ard = ard
+        self.inputs = inputs
+        self.mean = mean
+        self.points = points
+        self.starts = starts
+        self.max_evaluations = max_evaluations
+        self.n_jobs = n_jobs
+        self.progress = progress
+        self.options = options
+
+    def fit(self, recordings: Sequence[Recording]) -> Self:
+        """Identify the physics, then learn what it leaves over.
+
+        Parameters
+        ----------
+        recordings : list of Recording
+            With torque; each one a trajectory of its own.
+
+        Returns
+        -------
+        the model
+
+        Raises
+        ------
+        RecordingError, IdentificationError
+            As `identify`.
+        """
+        options = dict(self.options or {}, progress=self.progress)
+        if self.effects is not None:
+            options["effects"] = list(self.effects)
+        fitted, stopped = fit_semi_parametric(
+            self.robot,
+            recordings,
+            mean=self.mean,
+            kernel=self.kernel,
+            ard=bool(self.ard),
+            inputs=self.inputs,
+            points=self.points,
+            starts=self.starts,
+            max_evaluations=self.max_evaluations,
+            n_jobs=self.n_jobs,
+            options=options,
+        )
+        self._set(fitted)
+        if stopped is not None:
+            raise stopped
+        return self
+
+    def _set(self, fitted: FittedSemiParametric) -> None:
+        self._fitted = fitted
+        self.physics_: Model = fitted.physics
+        self.reports_ = fitted.reports
+        self.stopped_ = fitted.stopped
+
+    def predict(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        return_std: bool = False,
+        *,
+        return_interval: bool = False,
+        return_novelty: bool = False,
+    ) -> Any:
+        """Torque that a motion needs, and how sure it is.
+
+        Parameters
+        ----------
+        q, dq, ddq : array of shape (N, n) or (n,)
+            rad, rad/s, rad/s² (m for prismatic joints).
+        return_std : bool
+            Whether the standard deviation of a measurement in the band of the model is returned, too: half the interval
+            of 68 %.
+        return_interval : bool
+            Whether half the interval of 95 % is returned, too: 1.96 standard deviations for errors with a normal
+            distribution, more where those on parts left out had heavy tails.
+        return_novelty : bool
+            Whether the share of the process's variance that the data have not explained is returned, too: 0 at a point
+            of the data, 1 far from all, where the prediction is that of the physics; 0 for a joint without a process.
+
+        Returns
+        -------
+        tau : array of the shape of q
+            N·m (N).
+        std, interval, novelty : array of the shape of q
+            If asked for.
+        """
+        fitted: FittedSemiParametric = self._require_fitted("_fitted")
+        asked = [return_std, return_interval, return_novelty]
+        tau, spread = fitted.predict(q, dq, ddq, any(asked))
+        if spread is None:
+            return tau
+        return tau, *(values for values, wanted in zip(spread, asked, strict=True) if wanted)
+
+    def compare(self, recordings: Sequence[Recording]) -> Comparison:
+        """Compare with recordings, best with logs that no fit has seen, as `sgpr.compare` does."""
+        fitted: FittedSemiParametric = self._require_fitted("_fitted")
+        return fitted.compare(recordings)
+
+    def score(self, recordings: Sequence[Recording]) -> float:
+        """Share of the variance of the torque that is explained on recordings, the mean over joints; at most one."""
+        fitted: FittedSemiParametric = self._require_fitted("_fitted")
+        return fitted.score(recordings)
+
+    def coverage(self, recordings: Sequence[Recording]) -> list[dict[str, Any]]:
+        """How many measurements fall within their predicted intervals.
+
+        Returns
+        -------
+        list of dict
+            For each joint "joint", "samples", and "percent_68" and "percent_95": measurements within the intervals
+            of 68 and 95 %, percent.
+        """
+        fitted: FittedSemiParametric = self._require_fitted("_fitted")
+        return fitted.coverage(recordings)
+
+    def predictor(self, *, single_precision: bool = False, variance_points: int | None = 0) -> SemiParametricPredictor:
+        """Predict one sample after the other, for a control loop.
+
+        Parameters
+        ----------
+        single_precision : bool
+            Twice as fast.
+        variance_points : int or None
+            Points that variances are computed from: none, all, or so many of the most informative ones.
+
+        Returns
+        -------
+        SemiParametricPredictor
+        """
+        fitted: FittedSemiParametric = self._require_fitted("_fitted")
+        return fitted.predictor(single_precision, variance_points)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the model to a file; the file is complete or not there. `load` reads it back."""
+        fitted: FittedSemiParametric = self._require_fitted("_fitted")
+        fitted.save(path)
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> Self:
+        """Read a model file. Safe with files from strangers: nothing in them is run.
+
+        Raises
+        ------
+        ModelFileError
+            If the file is no semi-parametric model, damaged, or of a later version.
+        OSError
+            If the file cannot be read.
+        """
+        fitted = FittedSemiParametric.load(path)
+        model = cls(fitted.physics.robot, effects=fitted.physics.effects, mean=fitted.mean)
+        model._set(fitted)
+        return model

@@ -1,0 +1,273 @@
+//! Physics and what it leaves over. The estimator with scikit-learn's interface is written in Python.
+
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use numpy::PyArrayDyn;
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+use sgpr_core::gp::{Precision, PredictorOptions};
+use sgpr_core::model::{self as core, Inputs, Mean, SemiParametricError, SemiParametricOptions};
+
+use crate::compare::Comparison;
+use crate::convert::{Numbers, Samples, array, choice, whole};
+use crate::dynamics::motion;
+use crate::errors::{IntoPyErr, invalid};
+use crate::gp::{shape, status_name};
+use crate::identification::{Arguments, recordings};
+use crate::model::Model;
+use crate::progress::listen_and_keep;
+use crate::robot::Robot;
+
+type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
+
+/// A fitted semi-parametric model; `sgpr.SemiParametricModel` makes and holds it.
+#[pyclass(module = "sgpr._sgpr", frozen)]
+pub struct FittedSemiParametric {
+    inner: Arc<core::SemiParametricModel>,
+}
+
+/// Fits a model; returns it and what stopped the work, if anything did.
+#[pyfunction]
+#[pyo3(signature = (robot, recordings, *, mean, kernel, ard, inputs, points, starts, max_evaluations, n_jobs, options))]
+#[allow(clippy::too_many_arguments)]
+pub fn fit_semi_parametric(
+    py: Python<'_>,
+    robot: &Bound<'_, Robot>,
+    recordings: &Bound<'_, PyAny>,
+    mean: &str,
+    kernel: &str,
+    ard: bool,
+    inputs: Option<&str>,
+    points: &Bound<'_, PyAny>,
+    starts: &Bound<'_, PyAny>,
+    max_evaluations: &Bound<'_, PyAny>,
+    n_jobs: &Bound<'_, PyAny>,
+    options: &Bound<'_, PyDict>,
+) -> PyResult<(FittedSemiParametric, Option<PyErr>)> {
+    let Arguments { options: identify, progress } = Arguments::new(robot.get(), Some(options))?;
+    let known = Inputs::EVERY.map(|inputs| (inputs.name(), inputs));
+    let mut options = SemiParametricOptions {
+        identify,
+        mean: choice("mean", mean, &[("physics", Mean::Physics), ("joint", Mean::Joint), ("zero", Mean::Zero)])?,
+        shape: shape(kernel)?,
+        ard,
+        inputs: inputs.map(|name| choice("inputs", name, &known)).transpose()?,
+        points: whole("points", points, 2..20_001)?,
+        starts: whole("starts", starts, 1..1001)?,
+        evaluations: whole("max_evaluations", max_evaluations, 1..usize::MAX)?,
+        ..SemiParametricOptions::default()
+    };
+    options.compute.threads = whole("n_jobs", n_jobs, 1..1025)?;
+    let recordings = self::recordings(recordings)?;
+    let robot = &robot.get().inner;
+    let work = |progress: &dyn sgpr_core::progress::Progress| {
+        core::fit_semi_parametric(robot, &recordings, &options, progress)
+    };
+    let (model, stopped) = listen_and_keep::<_, SemiParametricError>(py, progress, work)?;
+    Ok((FittedSemiParametric { inner: Arc::new(model) }, stopped))
+}
+
+#[pymethods]
+impl FittedSemiParametric {
+    /// Reads a file that `save` wrote.
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let model = py.detach(|| core::SemiParametricModel::load(path)).map_err(IntoPyErr::into_py_err)?;
+        Ok(Self { inner: Arc::new(model) })
+    }
+
+    /// Writes the model to a file; the file is complete or not there.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        py.detach(|| self.inner.save(path)).map_err(IntoPyErr::into_py_err)
+    }
+
+    /// The physics.
+    #[getter]
+    fn physics(&self) -> Model {
+        Model::from(self.inner.physics().clone())
+    }
+
+    /// What the processes are the rest of.
+    #[getter]
+    fn mean(&self) -> &'static str {
+        match self.inner.mean() {
+            Mean::Physics => "physics",
+            Mean::Joint => "joint",
+            Mean::Zero => "zero",
+        }
+    }
+
+    /// Whether the search for the processes was stopped before its end.
+    #[getter]
+    fn stopped(&self) -> bool {
+        self.inner.stopped()
+    }
+
+    /// Torque, and if asked for its standard deviation, half its interval of 95 % and the novelty of the samples.
+    #[pyo3(signature = (q, dq, ddq, with_std))]
+    fn predict<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        dq: &Bound<'py, PyAny>,
+        ddq: &Bound<'py, PyAny>,
+        with_std: bool,
+    ) -> PyResult<(Array<'py>, Option<[Array<'py>; 3]>)> {
+        let n = self.inner.physics().robot().dof();
+        let samples = Samples::together([("q", q), ("dq", dq), ("ddq", ddq)], n)?;
+        let motion = motion(&samples);
+        let prediction = py.detach(|| self.inner.predict(motion, with_std)).map_err(IntoPyErr::into_py_err)?;
+        let result = |values| samples[0].result(py, &[n], values);
+        let tau = result(prediction.tau)?;
+        if !with_std {
+            return Ok((tau, None));
+        }
+        let spread = [prediction.standard_deviation, prediction.interval_95, prediction.novelty];
+        let [deviation, interval, novelty] = spread.map(result);
+        Ok((tau, Some([deviation?, interval?, novelty?])))
+    }
+
+    /// Compares with recordings, as `sgpr.compare` does.
+    fn compare(&self, py: Python<'_>, recordings: &Bound<'_, PyAny>) -> PyResult<Comparison> {
+        let recordings = self::recordings(recordings)?;
+        let comparison = py.detach(|| self.inner.compare(&recordings)).map_err(IntoPyErr::into_py_err)?;
+        Comparison::new(py, comparison)
+    }
+
+    /// Mean over joints of the share of the variance that is explained.
+    fn score(&self, py: Python<'_>, recordings: &Bound<'_, PyAny>) -> PyResult<f64> {
+        let recordings = self::recordings(recordings)?;
+        py.detach(|| self.inner.score(&recordings)).map_err(IntoPyErr::into_py_err)
+    }
+
+    /// One dict per joint: how many measurements fall within their predicted intervals.
+    fn coverage<'py>(&self, py: Python<'py>, recordings: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let recordings = self::recordings(recordings)?;
+        let rows = py.detach(|| self.inner.coverage(&recordings)).map_err(IntoPyErr::into_py_err)?;
+        let describe = |row: core::Coverage| {
+            let dict = PyDict::new(py);
+            dict.set_item("joint", row.joint)?;
+            dict.set_item("samples", row.samples)?;
+            dict.set_item("percent_68", row.percent_68)?;
+            dict.set_item("percent_95", row.percent_95)?;
+            Ok(dict)
+        };
+        rows.into_iter().map(describe).collect()
+    }
+
+    /// One dict per joint: what was tried, chosen and learned.
+    #[getter]
+    fn reports<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let names: Vec<String> = self.inner.physics().robot().joint_names().map(String::from).collect();
+        let describe = |(joint, (name, report)): (usize, (String, &core::JointReport))| {
+            let candidates = report.candidates.iter().map(|candidate| {
+                let dict = PyDict::new(py);
+                dict.set_item("inputs", candidate.inputs.name())?;
+                dict.set_item("rmse", candidate.rmse)?;
+                dict.set_item("log_marginal_likelihood", candidate.log_marginal_likelihood)?;
+                dict.set_item("status", status_name(candidate.status))?;
+                Ok(dict)
+            });
+            let dict = PyDict::new(py);
+            dict.set_item("joint", name)?;
+            dict.set_item("rows", report.rows)?;
+            dict.set_item("points", report.points)?;
+            dict.set_item("physics_rmse", report.physics_rmse)?;
+            dict.set_item("inputs", report.chosen.map(Inputs::name))?;
+            dict.set_item("calibration", report.calibration)?;
+            dict.set_item("calibration_95", report.calibration_95)?;
+            dict.set_item("physics_rmse_left_out", report.physics_rmse_left_out)?;
+            dict.set_item("candidates", candidates.collect::<PyResult<Vec<_>>>()?)?;
+            let hyperparameters = PyDict::new(py);
+            for (name, value) in self.inner.hyperparameters(joint).unwrap_or_default() {
+                hyperparameters.set_item(name, value)?;
+            }
+            dict.set_item("hyperparameters", hyperparameters)?;
+            Ok(dict)
+        };
+        names.into_iter().zip(self.inner.reports()).enumerate().map(describe).collect()
+    }
+
+    /// One sample after the other.
+    fn predictor(
+        &self,
+        py: Python<'_>,
+        single: bool,
+        variance_points: Option<usize>,
+    ) -> PyResult<SemiParametricPredictor> {
+        let precision = if single { Precision::Single } else { Precision::Double };
+        let options = PredictorOptions { precision, variance_points };
+        let inner = py.detach(|| core::SemiParametricPredictor::new(&self.inner, options));
+        Ok(SemiParametricPredictor {
+            inner: Mutex::new(inner.map_err(IntoPyErr::into_py_err)?),
+            dof: self.inner.physics().robot().dof(),
+            with_variance: variance_points != Some(0),
+        })
+    }
+
+    /// The content of the file that `save` writes.
+    fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.inner.to_bytes())
+    }
+
+    /// The model of which `data` is the file.
+    #[staticmethod]
+    fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
+        let model = py.detach(|| core::SemiParametricModel::from_bytes(data, "bytes"));
+        Ok(Self { inner: Arc::new(model.map_err(IntoPyErr::into_py_err)?) })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        Ok((slf.get_type().getattr("from_bytes")?, (slf.get().to_bytes(slf.py()),)))
+    }
+}
+
+/// Torque of one sample after the other, for a control loop: physics and processes. One per thread.
+#[pyclass(module = "sgpr", frozen)]
+pub struct SemiParametricPredictor {
+    inner: Mutex<core::SemiParametricPredictor>,
+    dof: usize,
+    with_variance: bool,
+}
+
+#[pymethods]
+impl SemiParametricPredictor {
+    /// Torque that the motion needs, (n,), N·m (N).
+    fn torque<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        dq: &Bound<'py, PyAny>,
+        ddq: &Bound<'py, PyAny>,
+    ) -> PyResult<Array<'py>> {
+        let one = |name, value| Numbers::new(name, value)?.shaped(&[self.dof])?.finite();
+        let (q, dq, ddq) = (one("q", q)?, one("dq", dq)?, one("ddq", ddq)?);
+        let mut predictor = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
+        let tau = predictor.torque(q.values(), dq.values(), ddq.values()).to_vec();
+        array(py, &[self.dof], tau)
+    }
+
+    /// Torque and the standard deviation of its measurement, (n,) each, N·m (N).
+    fn torque_and_std<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        dq: &Bound<'py, PyAny>,
+        ddq: &Bound<'py, PyAny>,
+    ) -> PyResult<(Array<'py>, Array<'py>)> {
+        if !self.with_variance {
+            return Err(invalid("the predictor was made without variance: give variance_points"));
+        }
+        let one = |name, value| Numbers::new(name, value)?.shaped(&[self.dof])?.finite();
+        let (q, dq, ddq) = (one("q", q)?, one("dq", dq)?, one("ddq", ddq)?);
+        let mut predictor = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
+        let (tau, deviation) = predictor.torque_and_deviation(q.values(), dq.values(), ddq.values());
+        let (tau, deviation) = (tau.to_vec(), deviation.to_vec());
+        Ok((array(py, &[self.dof], tau)?, array(py, &[self.dof], deviation)?))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("SemiParametricPredictor for {} joints", self.dof)
+    }
+}

@@ -1,0 +1,119 @@
+"""Physics and what it leaves over."""
+
+import copy
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sgpr
+
+
+@pytest.fixture(scope="module")
+def robot() -> sgpr.Robot:
+    return sgpr.Robot.from_urdf(Path(__file__).parents[3] / "data" / "demo" / "robot.urdf")
+
+
+@pytest.fixture(scope="module")
+def test_log(robot: sgpr.Robot) -> list[sgpr.Recording]:
+    return [sgpr.read(Path(__file__).parents[3] / "data" / "demo" / "test.csv.gz")]
+
+
+@pytest.fixture(scope="module")
+def model(robot: sgpr.Robot, demo_logs: list[sgpr.Recording]) -> sgpr.SemiParametricModel:
+    """Physics without friction, small processes."""
+    model = sgpr.SemiParametricModel(
+        robot, effects=["rotor_inertia"], inputs="own_velocity", points=100, max_evaluations=20
+    )
+    return model.fit(demo_logs)
+
+
+def test_what_the_physics_lacks_is_learned(model: sgpr.SemiParametricModel, test_log: list[sgpr.Recording]) -> None:
+    before, after = sgpr.compare(model.physics_, test_log), model.compare(test_log)
+    assert np.all(after.rmse < 0.6 * before.rmse)
+    assert model.score(test_log) == pytest.approx(np.mean(after.r2))
+    assert [report["inputs"] for report in model.reports_] == ["own_velocity"] * 6
+    assert all(report["points"] <= 100 and report["hyperparameters"] for report in model.reports_)
+    assert {"joint", "samples", "percent_68", "percent_95"} == set(model.coverage(test_log)[0])
+    assert not model.stopped_
+
+
+def test_far_from_the_data_the_physics_is_alone(model: sgpr.SemiParametricModel) -> None:
+    far = np.full((2, 6), 300.0)
+    tau, std, interval, novelty = model.predict(
+        far, far, far, return_std=True, return_interval=True, return_novelty=True
+    )
+    assert np.all(interval > std)
+    assert np.allclose(tau, model.physics_.predict(far, far, far))
+    assert np.all(novelty > 0.95)
+    near = np.zeros((2, 6))
+    assert np.all(model.predict(near, near, near, return_std=True)[1] < std)
+    assert model.predict(near[0], near[0], near[0]).shape == (6,)
+
+
+def test_a_model_is_kept(model: sgpr.SemiParametricModel, tmp_path: Path) -> None:
+    q, dq, ddq = np.random.default_rng(3).uniform(-1, 1, (3, 20, 6))
+    expected = model.predict(q, dq, ddq, return_std=True)
+    model.save(tmp_path / "model.sgpr")
+    by_kind = sgpr.load(tmp_path / "model.sgpr")
+    assert isinstance(by_kind, sgpr.SemiParametricModel)
+    for again in [by_kind, pickle.loads(pickle.dumps(model)), copy.deepcopy(model)]:
+        assert np.array_equal(again.predict(q, dq, ddq, return_std=True), expected)
+        assert again.reports_ == model.reports_
+    exact, fast = model.predictor(variance_points=None), model.predictor(single_precision=True)
+    tau, std = exact.torque_and_std(q[0], dq[0], ddq[0])
+    assert np.allclose(tau, expected[0][0], atol=1e-9)
+    assert np.allclose(std, expected[1][0], atol=1e-7)
+    assert np.allclose(fast.torque(q[0], dq[0], ddq[0]), tau, atol=1e-3)
+    with pytest.raises(sgpr.SgprError, match="made without variance"):
+        fast.torque_and_std(q[0], dq[0], ddq[0])
+    model.physics_.save(tmp_path / "physics.sgpr")
+    assert isinstance(sgpr.load(tmp_path / "physics.sgpr"), sgpr.Model)
+    with pytest.raises(sgpr.ModelFileError, match="its head says `sgpr torque model`"):
+        sgpr.SemiParametricModel.load(tmp_path / "physics.sgpr")
+    (tmp_path / "damaged.sgpr").write_bytes((tmp_path / "model.sgpr").read_bytes()[:-100])
+    with pytest.raises(sgpr.ModelFileError, match="damaged"):
+        sgpr.load(tmp_path / "damaged.sgpr")
+    with pytest.raises(FileNotFoundError):
+        sgpr.SemiParametricModel.load(tmp_path / "missing.sgpr")
+
+
+@pytest.mark.parametrize("mean", ["joint", "zero"])
+def test_the_physics_may_be_estimated_together_or_left_out(
+    mean: str, robot: sgpr.Robot, demo_logs: list[sgpr.Recording], test_log: list[sgpr.Recording]
+) -> None:
+    model = sgpr.SemiParametricModel(
+        robot, effects=["rotor_inertia"], inputs="own_joint", mean=mean, points=80, max_evaluations=10
+    )
+    model.fit(demo_logs)
+    q, dq, ddq = np.random.default_rng(3).uniform(-1, 1, (3, 20, 6))
+    _, std = model.predict(q, dq, ddq, return_std=True)
+    assert np.all(std > 0)
+    if mean == "joint":
+        assert model.physics_.fit is not None
+        assert model.physics_.fit["method"] == "gls"
+    else:
+        assert not model.physics_.all_parameters.any()
+    assert np.isfinite(model.score(test_log))
+
+
+def test_it_is_stopped_and_refused_like_the_rest(robot: sgpr.Robot, demo_logs: list[sgpr.Recording]) -> None:
+    def stop(stage: str, done: int, total: int) -> None:
+        if stage == "processes":
+            raise RuntimeError("enough")
+
+    model = sgpr.SemiParametricModel(robot, points=50, progress=stop)
+    with pytest.raises(RuntimeError, match="enough"):
+        model.fit(demo_logs[:1])
+    assert model.stopped_
+    assert np.isfinite(model.predict(np.zeros(6), np.zeros(6), np.zeros(6))).all()
+    for options, message in [
+        ({"kernel": "rbf"}, "kernel = 'rbf'"),
+        ({"inputs": "speed"}, "inputs = 'speed': expected 'own_velocity' or"),
+        ({"mean": "none"}, "mean = 'none'"),
+        ({"points": 1}, "points = 1: expected a whole number, 2 to 20000"),
+    ]:
+        with pytest.raises(sgpr.SgprError, match=message):
+            sgpr.SemiParametricModel(robot, **options).fit(demo_logs)
+    with pytest.raises(AttributeError, match="not fitted yet"):
+        sgpr.SemiParametricModel(robot).predict(np.zeros(6), np.zeros(6), np.zeros(6))
