@@ -11,11 +11,13 @@
 //! - [`effects`]: friction and other physics beside the rigid body
 //! - [`identification`]: base parameters, observation matrix, least squares
 //! - [`model`]: identify, compare, predict, save and load
+//! - [`diagnosis`]: which physical effect the model lacks
 //! - [`progress`]: how long work reports and is stopped
 //! - [`linalg`]: the factors and selections behind the identification
 #![forbid(unsafe_code)]
 
 mod atomic_file;
+pub mod diagnosis;
 pub mod dynamics;
 pub mod effects;
 pub mod identification;

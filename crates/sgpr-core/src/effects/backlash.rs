@@ -7,7 +7,7 @@ use super::{About, Class, Constant, Context, Effect, Entry, LinkMotion, Reach, S
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Backlash;
 
-const CONSTANTS: [Constant; 1] = [Constant::neutral_at_zero("b", ["rad", "m"], [-0.001, 0.03], 1e-5)];
+const CONSTANTS: [Constant; 1] = [Constant::neutral_at_zero("b", ["rad", "m"], [0.0, 0.03], 1e-5)];
 
 impl Effect for Backlash {
     fn name(&self) -> &str {

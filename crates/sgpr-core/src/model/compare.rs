@@ -127,7 +127,7 @@ pub fn compare(
 fn residual(model: &TorqueModel, motion: Motion, processing: &Processing) -> Result<LogResidual, IdentifyError> {
     let n = model.robot().dof();
     let measured = torque_of(&motion)?.to_vec();
-    let predicted = model.predict(motion.samples());
+    let predicted = model.predict_motion(&motion);
     let (mut measured_in_band, mut predicted_in_band) = (measured.clone(), predicted.clone());
     if let Some(filter) = band_filter(processing, motion.rate_hz)? {
         filter.apply(&mut measured_in_band, n)?;

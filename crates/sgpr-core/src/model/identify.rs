@@ -114,7 +114,7 @@ pub fn identify(
 }
 
 /// The recordings with the robot's joints, in its order.
-pub(super) fn select_joints<'a>(
+pub(crate) fn select_joints<'a>(
     robot: &Robot,
     recordings: &'a [Recording],
 ) -> Result<Cow<'a, [Recording]>, RecordingError> {
@@ -225,7 +225,7 @@ fn describe(options: &IdentifyOptions, processing: &Processing, factors: &[Joint
 }
 
 /// Every stretch of every recording.
-pub(super) fn motions(recordings: &[Recording], processing: &Processing) -> Result<Vec<Motion>, MotionError> {
+pub(crate) fn motions(recordings: &[Recording], processing: &Processing) -> Result<Vec<Motion>, MotionError> {
     let mut motions = Vec::new();
     for recording in recordings {
         motions.extend(Motion::from_recording(recording, processing)?);
@@ -233,7 +233,7 @@ pub(super) fn motions(recordings: &[Recording], processing: &Processing) -> Resu
     Ok(motions)
 }
 
-pub(super) fn torque_of(motion: &Motion) -> Result<&[f64], MotionError> {
+pub(crate) fn torque_of(motion: &Motion) -> Result<&[f64], MotionError> {
     motion.tau.as_deref().ok_or_else(|| MotionError::NoTorque { recording: motion.source.clone() })
 }
 
@@ -256,8 +256,8 @@ fn correlation(
     let n = model.robot.dof();
     let mut residuals = Vec::with_capacity(motions.len());
     for motion in motions {
-        let mut residual = model.predict(motion.samples());
-        residual.iter_mut().zip(torque_of(motion)?).for_each(|(value, tau)| *value = tau - *value);
+        let mut residual = torque_of(motion)?.to_vec();
+        residual.iter_mut().zip(model.predict_motion(motion)).for_each(|(tau, predicted)| *tau -= predicted);
         if let Some(filter) = band_filter(processing, motion.rate_hz)? {
             filter.apply(&mut residual, n)?;
         }

@@ -4,7 +4,11 @@ mod compare;
 mod file;
 mod identify;
 mod predictor;
+mod terms;
 mod torque_model;
+
+pub(crate) use identify::{motions, select_joints, torque_of};
+pub(crate) use torque_model::nominal_parameters;
 
 pub use compare::{Comparison, JointComparison, LogResidual, compare};
 pub use file::ModelFileError;
@@ -12,4 +16,6 @@ pub use identify::{
     CutoffInfluence, IdentificationReport, IdentifyError, IdentifyOptions, Start, cutoff_influence, identify,
 };
 pub use predictor::Predictor;
+pub(crate) use terms::Rigid;
+pub use terms::{Term, Trajectory};
 pub use torque_model::{BaseParameter, Fit, Provenance, TorqueModel};

@@ -1,0 +1,672 @@
+//! Which effects: ranking, forward steps with joint refit, backward steps.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use super::basis::{Basis, Gain, INVISIBLE, Noise, dot_slices, gain, gain_of};
+use super::fit::{Fitted, held_out, refine_transforms, solve, solve_like, tangent};
+use super::problem::{Column, Problem};
+use crate::effects::{Effect, Entry, Reach, Scale, Site};
+use crate::model::Term;
+
+/// An effect at a site, and how much of the leftover it explains.
+#[derive(Clone, Debug)]
+pub(super) struct Candidate {
+    pub term: Term,
+    pub gain: Gain,
+    /// Log of the Bayes factor with a unit-information prior, multiplicity taken off.
+    pub score: f64,
+    /// Why it is out of the question, if it is.
+    pub impossible: bool,
+}
+
+/// A term that was accepted.
+#[derive(Clone, Debug)]
+pub(super) struct Accepted {
+    pub effect: String,
+    pub site: Site,
+    pub score: f64,
+    pub visible: f64,
+    /// Largest fall of the held-out error on a joint, as a share of what is left.
+    pub effect_size: f64,
+    /// Rivals at this step: effect and score.
+    pub rivals: Vec<(String, Site, f64)>,
+}
+
+/// Scores below this are no evidence.
+pub(super) const EVIDENCE: f64 = 8.0;
+
+/// Smallest fall of the held-out error on some joint, as a share of what is left.
+pub(super) const MATERIAL: f64 = 0.015;
+
+/// Most terms that are looked for.
+const MOST_TERMS: usize = 10;
+
+/// Resolution of the grid of times, s.
+const TIME_STEP: f64 = 0.5;
+
+pub(super) struct Search<'a> {
+    pub problem: Problem,
+    pub catalogue: &'a [Arc<dyn Effect>],
+    /// Names of effects that the model has everywhere.
+    pub known: Vec<String>,
+    pub noise: Noise,
+    pub units: f64,
+    pub rows: f64,
+    cache: HashMap<(String, Site, Vec<u64>), Vec<Column>>,
+}
+
+impl<'a> Search<'a> {
+    pub fn new(problem: Problem, catalogue: &'a [Arc<dyn Effect>], known: Vec<String>) -> Self {
+        let noise = Noise::white(&problem.y);
+        let robot = problem.nominal.robot();
+        let units: usize = catalogue.iter().map(|effect| effect.sites(robot).len()).sum();
+        let rows = problem.rows.iter().map(Vec::len).sum::<usize>() as f64;
+        Self { problem, catalogue, known, noise, units: units as f64, rows, cache: HashMap::new() }
+    }
+
+    /// The model without terms; noise from what the largest model leaves.
+    pub fn start(&mut self) -> Fitted {
+        let problem = &self.problem;
+        let mut plain = solve(problem, &problem.nominal, &[], &self.noise);
+        for _ in 0..2 {
+            self.noise = Noise::white(&plain.residual);
+            plain = solve_like(problem, &plain, &[], &self.noise);
+        }
+        self.noise = self.noise_of_largest(&plain);
+        self.rows = self.noise.rows(&self.problem);
+        solve_like(&self.problem, &plain, &[], &self.noise)
+    }
+
+    /// Noise as what the candidates at their default constants and random features of the state leave.
+    pub fn noise_of_largest(&mut self, fitted: &Fitted) -> Noise {
+        let n = self.problem.dof();
+        let mut residual = fitted.residual.clone();
+        let mut used = vec![0; n];
+        for joint in 0..n {
+            let mut columns = Vec::new();
+            let own: Vec<Term> = self
+                .terms_to_try(fitted)
+                .into_iter()
+                .filter(|term| term.effect.reach() == Reach::Own && term.site.joint() == Some(joint))
+                .collect();
+            let mut seen = vec![];
+            for term in own {
+                if !seen.contains(&term.effect.name().to_string()) {
+                    seen.push(term.effect.name().to_string());
+                    columns.extend(self.raw(fitted, &term));
+                }
+            }
+            columns.extend(super::unknown::features(&self.problem, joint, &super::unknown::ALL, 0.8));
+            let only = |column: &Column| -> Column {
+                (0..n).map(|j| if j == joint { column[j].clone() } else { vec![] }).collect()
+            };
+            let base = fitted.columns.iter().map(|column| only(column));
+            let all: Vec<Column> = base.chain(columns).filter(|column| !column[joint].is_empty()).collect();
+            let basis = Basis::new(&all);
+            let mut own = vec![vec![]; n];
+            own[joint] = residual[joint].clone();
+            basis.project_out(&mut own);
+            used[joint] = basis.q.len();
+            residual[joint] = own.swap_remove(joint);
+        }
+        Noise::of(&self.problem, &residual, &used)
+    }
+
+    /// Whether an effect is looked for.
+    fn wanted(&self, effect: &dyn Effect) -> bool {
+        let about = effect.about();
+        let everywhere = effect.entry() == Entry::State && self.known.iter().any(|known| known == effect.name());
+        let absorbed = ["payload", "link_inertia_error"].contains(&effect.name());
+        effect.entry() != Entry::Gate && about.alias_of.is_none() && !everywhere && !absorbed
+    }
+
+    /// Why the logs cannot show an effect.
+    pub fn not_testable(&self, fitted: &Fitted, effect: &dyn Effect) -> Option<String> {
+        let mut reason = None;
+        self.problem.with_contexts(&fitted.model, &fitted.rigid, |_, context| {
+            reason = reason.take().or_else(|| effect.not_testable(context));
+        });
+        reason
+    }
+
+    /// One term per effect, site and point of the grid; those that need a search of their own are left out.
+    fn terms_to_try(&self, fitted: &Fitted) -> Vec<Term> {
+        let robot = self.problem.nominal.robot();
+        let mut terms = Vec::new();
+        for effect in self.catalogue.iter().filter(|effect| self.wanted(effect.as_ref())) {
+            let constants = effect.constants();
+            let special = |c: &crate::effects::Constant| matches!(c.scale, Scale::Time | Scale::Order);
+            let limit = effect.entry() == Entry::Transform && constants.iter().any(|c| c.scale == Scale::Torque);
+            if limit || constants.iter().any(special) || self.not_testable(fitted, effect.as_ref()).is_some() {
+                continue;
+            }
+            for site in effect.sites(robot) {
+                if fitted.terms().iter().any(|t| t.effect.name() == effect.name() && t.site == site) {
+                    continue;
+                }
+                let grids: Vec<Vec<f64>> = (0..constants.len()).map(|k| self.grid(effect.as_ref(), site, k)).collect();
+                let mut points = vec![vec![]];
+                for grid in grids {
+                    points = points
+                        .into_iter()
+                        .flat_map(|point: Vec<f64>| grid.iter().map(move |x| [&point[..], &[*x]].concat()))
+                        .collect();
+                }
+                terms.extend(points.into_iter().map(|point| Term::new(effect.clone(), site, point)));
+            }
+        }
+        terms
+    }
+
+    /// Values of a constant to start from, in its unit.
+    fn grid(&self, effect: &dyn Effect, site: Site, index: usize) -> Vec<f64> {
+        let constant = &effect.constants()[index];
+        let joint = site.joint().unwrap_or_default();
+        let [low, high] = self.problem.range(joint);
+        let scaled = |x: &f64| match constant.scale {
+            Scale::Position => low + x * (high - low),
+            Scale::PositionWidth => x * (high - low),
+            Scale::Torque => x * super::basis::rms(&self.problem.y[joint]),
+            _ => *x,
+        };
+        constant.grid.iter().map(scaled).collect()
+    }
+
+    /// Lowest and highest value of a constant, in its unit.
+    fn bounds(&self, term: &Term, index: usize) -> [f64; 2] {
+        let constant = &term.effect.constants()[index];
+        let joint = term.site.joint().unwrap_or_default();
+        let [low, high] = self.problem.range(joint);
+        match constant.scale {
+            Scale::Position => [low, high],
+            Scale::PositionWidth => [constant.low, constant.high].map(|x| x * (high - low)),
+            Scale::Torque => [constant.low, constant.high].map(|x| x * super::basis::rms(&self.problem.y[joint])),
+            Scale::Time => self.problem.time_span(),
+            _ => [constant.low, constant.high],
+        }
+    }
+
+    /// Columns of a term in the band, tangents for a transform.
+    fn raw(&mut self, fitted: &Fitted, term: &Term) -> Vec<Column> {
+        let key =
+            (term.effect.name().to_string(), term.site, term.constants.iter().map(|c| c.to_bits()).collect::<Vec<_>>());
+        if term.is_transform() {
+            let mut terms = fitted.terms().to_vec();
+            terms.push(term.clone());
+            let model = fitted.model.clone().with_terms(terms, self.problem.clock);
+            let last = fitted.terms().len();
+            return (0..term.constants.len()).map(|k| tangent(&self.problem, &model, last, k)).collect();
+        }
+        if let Some(columns) = self.cache.get(&key) {
+            return columns.clone();
+        }
+        let columns = self.problem.term_columns(&fitted.model, &fitted.rigid, &[term]).swap_remove(0);
+        self.cache.insert(key, columns.clone());
+        columns
+    }
+
+    /// The columns of the fit and those that take up what constants of the model may be wrong by.
+    fn with_nuisances(&self, fitted: &Fitted) -> (Basis, Column) {
+        let mut basis = Basis::new(&[]);
+        let problem = &self.problem;
+        for column in &fitted.columns {
+            basis.push(&self.noise.whiten(problem, column));
+        }
+        for joint in 0..problem.dof() {
+            let has = |name: &str| {
+                self.known.iter().any(|known| known == name)
+                    || fitted.terms().iter().any(|t| t.effect.name() == name && t.site == Site::Joint(joint))
+            };
+            if has("coulomb_friction") {
+                let width = fitted.model.processing().map_or(0.003, |p| p.standstill_speed[joint]).clamp(0.002, 0.01);
+                let columns = problem.reversal_columns(&fitted.model, &fitted.rigid, joint, [width, 3.0 * width]);
+                columns.iter().for_each(|column| basis.push(&self.noise.whiten(problem, column)));
+            }
+        }
+        for (k, term) in fitted.terms().iter().enumerate() {
+            for index in 0..term.constants.len() {
+                if !(term.is_transform() && term.effect.constants()[index].scale == Scale::Torque) {
+                    basis.push(&self.noise.whiten(problem, &tangent(problem, &fitted.model, k, index)));
+                }
+            }
+        }
+        let mut white = self.noise.whiten(problem, &problem.y);
+        basis.project_out(&mut white);
+        basis.project_out(&mut white);
+        (basis, white)
+    }
+
+    fn candidate(&self, term: Term, gain: Gain, constants: usize) -> Candidate {
+        let size = (gain.rank + constants) as f64;
+        let score = 0.5 * gain.chi2 - 0.5 * size * self.rows.max(2.0).ln() - self.units.ln();
+        let score = if gain.visible < INVISIBLE { f64::NEG_INFINITY } else { score };
+        let signs = term.effect.parameters().iter().zip(&gain.coefficients);
+        let first_negative = signs.take(1).any(|(parameter, value)| parameter.non_negative && *value < 0.0);
+        let out_of_bounds = term.is_transform()
+            && term.effect.constants().iter().zip(&gain.coefficients).any(|(c, x)| c.low > -1e-3 * c.high && *x < 0.0);
+        let contact_like = term.effect.name() == "payload_change" || term.effect.name() == "external_contact";
+        Candidate { impossible: (first_negative && !contact_like) || out_of_bounds, term, gain, score }
+    }
+
+    /// Every effect at every site at its best point of the grid, best first.
+    fn rank(&mut self, fitted: &Fitted, basis: &Basis, white: &Column) -> Vec<Candidate> {
+        let mut best: HashMap<(String, Site), Candidate> = HashMap::new();
+        let keep = |best: &mut HashMap<(String, Site), Candidate>, candidate: Candidate| {
+            let key = (candidate.term.effect.name().to_string(), candidate.term.site);
+            match best.get(&key) {
+                Some(old) if (old.impossible, -old.score) <= (candidate.impossible, -candidate.score) => {}
+                _ => {
+                    best.insert(key, candidate);
+                }
+            }
+        };
+        for term in self.terms_to_try(fitted).into_iter().chain(self.orders_to_try(fitted)) {
+            let columns = self.raw(fitted, &term);
+            let white_columns: Vec<Column> = columns.iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
+            let gain = gain(basis, white, &white_columns);
+            let constants = if term.is_transform() { 0 } else { term.constants.len() };
+            keep(&mut best, self.candidate(term, gain, constants));
+        }
+        for candidate in self.scan_times(fitted, basis, white) {
+            keep(&mut best, candidate);
+        }
+        let mut all: Vec<Candidate> = best.into_values().collect();
+        all.sort_by(|a, b| {
+            let key = |c: &Candidate| (c.term.effect.name().to_string(), c.term.site);
+            (a.impossible, -a.score)
+                .partial_cmp(&(b.impossible, -b.score))
+                .unwrap_or(std::cmp::Ordering::Equal)
+                .then_with(|| key(a).cmp(&key(b)))
+        });
+        all
+    }
+
+    /// Effects with an order: the peaks of a periodogram of the residual over the position.
+    fn orders_to_try(&self, fitted: &Fitted) -> Vec<Term> {
+        const LOWEST: usize = 4;
+        const HIGHEST: usize = 200;
+        let n = self.problem.dof();
+        let mut terms = Vec::new();
+        for joint in 0..n {
+            let mut sums = vec![[0.0; 2]; HIGHEST + 2];
+            for (&(stretch, sample), r) in self.problem.rows[joint].iter().zip(&fitted.residual[joint]) {
+                let q = self.problem.stretches[stretch].motion.q[sample * n + joint];
+                let (s1, c1) = q.sin_cos();
+                let (s0, c0) = ((LOWEST - 1) as f64 * q).sin_cos();
+                let (mut s, mut c) = (s0, c0);
+                for sum in &mut sums[LOWEST - 1..] {
+                    sum[0] += r * c;
+                    sum[1] += r * s;
+                    (s, c) = (s * c1 + c * s1, c * c1 - s * s1);
+                }
+            }
+            let power: Vec<f64> = sums.iter().map(|[a, b]| a * a + b * b).collect();
+            let mut peaks: Vec<usize> = (LOWEST..=HIGHEST)
+                .filter(|&order| power[order] >= power[order - 1] && power[order] >= power[order + 1])
+                .collect();
+            peaks.sort_by(|&a, &b| power[b].total_cmp(&power[a]));
+            for effect in self.catalogue.iter().filter(|e| self.wanted(e.as_ref())) {
+                let constants = effect.constants();
+                if constants.len() == 1 && constants[0].scale == Scale::Order {
+                    let order = |order: &usize| Term::new(effect.clone(), Site::Joint(joint), vec![*order as f64]);
+                    terms.extend(peaks.iter().take(3).map(order));
+                }
+            }
+        }
+        terms.retain(|term| {
+            !fitted.terms().iter().any(|t| {
+                t.effect.name() == term.effect.name()
+                    && t.site == term.site
+                    && (t.constants[0] - term.constants[0]).abs() < 1.5
+            })
+        });
+        terms
+    }
+
+    /// Effects that begin, or begin and end, at a time: sums over blocks of time give every change point.
+    fn scan_times(&mut self, fitted: &Fitted, basis: &Basis, white: &Column) -> Vec<Candidate> {
+        let mut found = Vec::new();
+        let robot = self.problem.nominal.robot().clone();
+        let [start, end] = self.problem.time_span();
+        if !(end > start) {
+            return found;
+        }
+        let bins = ((end - start) / TIME_STEP).ceil() as usize + 1;
+        let wanted: Vec<Arc<dyn Effect>> =
+            self.catalogue.iter().filter(|effect| self.wanted(effect.as_ref())).cloned().collect();
+        for effect in &wanted {
+            let times = effect.constants().iter().filter(|c| c.scale == Scale::Time).count();
+            if times == 0 {
+                continue;
+            }
+            if self.not_testable(fitted, effect.as_ref()).is_some() {
+                continue;
+            }
+            for site in effect.sites(&robot) {
+                if times == 1 && fitted.terms().iter().any(|t| t.effect.name() == effect.name() && t.site == site) {
+                    continue;
+                }
+                let always = [f64::NEG_INFINITY, f64::INFINITY];
+                let whole = Term::new(effect.clone(), site, always[..times].to_vec());
+                let columns: Vec<Column> =
+                    self.raw(fitted, &whole).iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
+                let sums = self.sums_over_time(basis, white, &columns, start, bins);
+                let mut best: Option<(f64, Vec<f64>, Gain)> = None;
+                let k = columns.len();
+                let mut consider = |first: usize, last: usize, constants: Vec<f64>| {
+                    let sum: Vec<f64> = sums[last].iter().zip(&sums[first]).map(|(b, a)| b - a).collect();
+                    let gain = switched_gain(&sum, k, basis.q.len());
+                    if best.as_ref().is_none_or(|(chi2, ..)| gain.chi2 > *chi2) {
+                        best = Some((gain.chi2, constants, gain));
+                    }
+                };
+                let time = |bin: usize| start + bin as f64 * TIME_STEP;
+                if times == 1 {
+                    (2..bins - 2).for_each(|first| consider(first, bins, vec![time(first)]));
+                } else {
+                    for first in 1..bins - 2 {
+                        // A contact lasts at most a quarter of the session: longer ones are changes of payload.
+                        let longest = (first + (bins / 4).max(4)).min(bins - 1);
+                        (first + 1..longest).for_each(|last| consider(first, last, vec![time(first), time(last)]));
+                    }
+                }
+                if let Some((_, constants, gain)) = best {
+                    let term = Term::new(effect.clone(), site, constants);
+                    found.push(self.candidate(term, gain, times));
+                }
+            }
+        }
+        found
+    }
+
+    /// Running sums over the time of the session: per bin [ZᵀZ, ZᵀQ, Zᵀy], one entry more than bins.
+    fn sums_over_time(
+        &self,
+        basis: &Basis,
+        white: &Column,
+        columns: &[Column],
+        start: f64,
+        bins: usize,
+    ) -> Vec<Vec<f64>> {
+        let (k, r) = (columns.len(), basis.q.len());
+        let width = k * k + k * r + k;
+        let mut sums = vec![vec![0.0; width]; bins + 1];
+        for joint in 0..self.problem.dof() {
+            if columns.iter().all(|column| column[joint].is_empty()) {
+                continue;
+            }
+            let rows = &self.problem.rows[joint];
+            let bin = |row: usize| {
+                let time = self.problem.time_of(rows[row]);
+                (((time - start) / TIME_STEP) as usize).min(bins - 1)
+            };
+            let mut first = 0;
+            while first < rows.len() {
+                let here = bin(first);
+                let mut last = first;
+                while last < rows.len() && bin(last) == here && rows[last].0 == rows[first].0 {
+                    last += 1;
+                }
+                let sum = &mut sums[here + 1];
+                let part = |column: &Column| column[joint].get(first..last).unwrap_or(&[]).to_vec();
+                let z: Vec<Vec<f64>> = columns.iter().map(part).collect();
+                for a in 0..k {
+                    for b in 0..k {
+                        sum[a * k + b] += dot_slices(&z[a], &z[b]);
+                    }
+                    for (b, q) in basis.q.iter().enumerate() {
+                        if let Some(q) = q[joint].get(first..last) {
+                            sum[k * k + a * r + b] += dot_slices(&z[a], q);
+                        }
+                    }
+                    sum[k * k + k * r + a] += dot_slices(&z[a], &white[joint][first..last]);
+                }
+                first = last;
+            }
+        }
+        for bin in 1..=bins {
+            for entry in 0..width {
+                sums[bin][entry] += sums[bin - 1][entry];
+            }
+        }
+        sums
+    }
+
+    /// The constants of a term searched coordinate by coordinate, the rest of the model refitted linearly.
+    pub fn refine(&self, fitted: &Fitted, (basis, white): (&Basis, &Column), candidate: &Candidate) -> Candidate {
+        let term = &candidate.term;
+        if term.is_transform() || term.constants.is_empty() {
+            return candidate.clone();
+        }
+        let evaluate = |constants: &[f64]| {
+            let term = Term::new(term.effect.clone(), term.site, constants.to_vec());
+            let columns = self.problem.term_columns(&fitted.model, &fitted.rigid, &[&term]).swap_remove(0);
+            let columns: Vec<Column> = columns.iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
+            let gain = gain(basis, white, &columns);
+            self.candidate(term, gain, constants.len())
+        };
+        let mut best = evaluate(&candidate.term.constants);
+        let count = term.constants.len();
+        let mut steps: Vec<f64> = (0..count)
+            .map(|k| match term.effect.constants()[k].scale {
+                Scale::Logarithmic => 0.5,
+                Scale::Linear(step) => step,
+                Scale::Position => 0.06 * (self.bounds(term, k)[1] - self.bounds(term, k)[0]),
+                Scale::PositionWidth | Scale::Torque => 0.4 * term.constants[k],
+                Scale::Time => 0.5 * TIME_STEP,
+                Scale::Order => 0.3,
+                Scale::Neutral { step } => step,
+            })
+            .collect();
+        let smallest: Vec<f64> = steps.iter().map(|step| 0.03 * step).collect();
+        let logarithmic = |k: usize| term.effect.constants()[k].scale == Scale::Logarithmic;
+        for _ in 0..40 {
+            let mut moved = false;
+            for k in 0..count {
+                let [low, high] = self.bounds(term, k);
+                for direction in [1.0, -1.0] {
+                    let mut constants = best.term.constants.clone();
+                    let value = constants[k];
+                    let step = direction * steps[k];
+                    constants[k] = if logarithmic(k) { value * step.exp() } else { value + step }.clamp(low, high);
+                    if constants[k] == value
+                        || (count == 2
+                            && constants[0] >= constants[1]
+                            && term.effect.constants()[1].scale == Scale::Time)
+                    {
+                        continue;
+                    }
+                    let next = evaluate(&constants);
+                    if !next.impossible && (best.impossible || next.gain.chi2 > best.gain.chi2 + 0.02) {
+                        best = next;
+                        moved = true;
+                        break;
+                    }
+                }
+            }
+            if !moved {
+                steps.iter_mut().for_each(|step| *step *= 0.45);
+                if steps.iter().zip(&smallest).all(|(step, smallest)| step < smallest) {
+                    break;
+                }
+            }
+        }
+        best
+    }
+
+    /// The fit with one more term, all constants refined.
+    pub fn with_term(&mut self, fitted: &Fitted, term: Term) -> Fitted {
+        let mut terms = fitted.terms().to_vec();
+        terms.push(term);
+        self.refit(fitted, terms)
+    }
+
+    fn refit(&mut self, like: &Fitted, terms: Vec<Term>) -> Fitted {
+        let next = if terms.iter().any(Term::is_transform) {
+            solve(&self.problem, &like.model, &terms, &self.noise)
+        } else {
+            solve_like(&self.problem, like, &terms, &self.noise)
+        };
+        refine_transforms(&self.problem, next, &self.noise)
+    }
+
+    /// Every term's constants once more, the others given.
+    pub fn polish(&mut self, fitted: Fitted) -> Fitted {
+        let mut fitted = fitted;
+        for k in 0..fitted.terms().len() {
+            let term = fitted.terms()[k].clone();
+            if term.is_transform() || term.constants.is_empty() {
+                continue;
+            }
+            let mut others = fitted.terms().to_vec();
+            others.remove(k);
+            let without = solve_like(&self.problem, &fitted, &others, &self.noise);
+            let candidate = Candidate { term, gain: Gain::default(), score: 0.0, impossible: false };
+            let refined = self.refine(&without, (&without.basis, &without.white), &candidate);
+            let mut terms = fitted.terms().to_vec();
+            terms[k].constants = refined.term.constants;
+            let next = solve_like(&self.problem, &fitted, &terms, &self.noise);
+            if next.chi2 < fitted.chi2 {
+                fitted = next;
+            }
+        }
+        refine_transforms(&self.problem, fitted, &self.noise)
+    }
+
+    /// Score of going from one fit to a larger one.
+    pub fn score_of(&self, small: &Fitted, large: &Fitted) -> f64 {
+        let constants = |f: &Fitted| f.terms().iter().map(|t| t.constants.len()).sum::<usize>();
+        let size = (large.basis.q.len() + constants(large)) as f64 - (small.basis.q.len() + constants(small)) as f64;
+        0.5 * (small.chi2 - large.chi2) - 0.5 * size * self.rows.max(2.0).ln() - self.units.ln()
+    }
+
+    /// Largest fall of the held-out error on a joint, as a share of what is left.
+    pub fn effect_size(&self, small: &Fitted, large: &Fitted) -> f64 {
+        let [before, after] = [small, large].map(|f| held_out(&self.problem, &f.columns, &[], &self.noise));
+        before.iter().zip(&after).map(|(b, a)| (b - a) / a.max(1e-12)).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Forward steps with joint refit, then backward ones.
+    pub fn run(&mut self, start: &Fitted) -> (Fitted, Vec<Accepted>, Vec<Candidate>) {
+        let mut fitted = start.clone();
+        let mut accepted: Vec<Accepted> = Vec::new();
+        let mut first_ranking = Vec::new();
+        let verbose = std::env::var_os("SGPR_TRACE_DIAGNOSIS").is_some();
+        while fitted.terms().len() < MOST_TERMS {
+            let (basis, white) = self.with_nuisances(&fitted);
+            let ranking = self.rank(&fitted, &basis, &white);
+            if first_ranking.is_empty() {
+                first_ranking = ranking.clone();
+            }
+            let mut tried: Vec<Candidate> = Vec::new();
+            let mut names: Vec<String> = Vec::new();
+            for candidate in ranking.iter().filter(|c| !c.impossible && c.score > 0.0) {
+                let of_effect = names.iter().filter(|name| **name == candidate.term.effect.name()).count();
+                if tried.len() < 6 && of_effect < 2 {
+                    names.push(candidate.term.effect.name().into());
+                    tried.push(self.refine(&fitted, (&basis, &white), candidate));
+                }
+            }
+            tried.sort_by(|a, b| b.score.total_cmp(&a.score));
+            if verbose {
+                for c in tried.iter().take(5) {
+                    eprintln!(
+                        "  {} {:?} s={:.0} chi2={:.0} vis={:.2} {:?} {:?}",
+                        c.term.effect.name(),
+                        c.term.site,
+                        c.score,
+                        c.gain.chi2,
+                        c.gain.visible,
+                        c.term.constants,
+                        c.gain.coefficients
+                    );
+                }
+            }
+            let mut next = None;
+            // Transforms are judged by what they do exactly: tangents flatter and wrong them.
+            let mut trials: Vec<(Candidate, Fitted, f64)> = Vec::new();
+            for candidate in tried.iter().filter(|c| !c.impossible && c.score > EVIDENCE).take(4) {
+                let close = trials.first().is_none_or(|(_, _, score)| candidate.score > 0.5 * score);
+                if !close {
+                    continue;
+                }
+                let trial = self.with_term(&fitted, candidate.term.clone());
+                let score = self.score_of(&fitted, &trial);
+                trials.push((candidate.clone(), trial, score));
+            }
+            trials.sort_by(|a, b| b.2.total_cmp(&a.2));
+            for (candidate, trial, score) in trials {
+                if score < EVIDENCE {
+                    continue;
+                }
+                let effect_size = self.effect_size(&fitted, &trial);
+                if verbose {
+                    let name = candidate.term.effect.name();
+                    eprintln!("  trial {name} {:?} score {score:.0} size {effect_size:.4}", candidate.term.site);
+                }
+                if effect_size < MATERIAL {
+                    continue;
+                }
+                let own = candidate.term.effect.name();
+                let rivals = tried.iter().filter(|c| c.term.effect.name() != own);
+                let accepted = Accepted {
+                    effect: own.into(),
+                    site: candidate.term.site,
+                    score,
+                    visible: candidate.gain.visible,
+                    effect_size,
+                    rivals: rivals.map(|c| (c.term.effect.name().into(), c.term.site, c.score)).collect(),
+                };
+                next = Some((trial, accepted));
+                break;
+            }
+            let Some((trial, step)) = next else { break };
+            let transform = step_is_transform(&trial);
+            fitted = if trial.terms().len() > 1 { self.polish(trial) } else { trial };
+            accepted.push(step);
+            if transform {
+                self.cache.clear();
+            }
+        }
+        let (fitted, accepted) = self.backward(fitted, accepted);
+        (fitted, accepted, first_ranking)
+    }
+
+    fn backward(&mut self, mut fitted: Fitted, mut accepted: Vec<Accepted>) -> (Fitted, Vec<Accepted>) {
+        while fitted.terms().len() > 1 {
+            let mut weakest: Option<(f64, usize, Fitted)> = None;
+            for k in 0..fitted.terms().len() {
+                let mut others = fitted.terms().to_vec();
+                others.remove(k);
+                let without = self.refit(&fitted, others);
+                let score = self.score_of(&without, &fitted);
+                let size = self.effect_size(&without, &fitted);
+                accepted[k].score = score;
+                accepted[k].effect_size = size;
+                if (score < EVIDENCE || size < MATERIAL) && weakest.as_ref().is_none_or(|(s, ..)| size < *s) {
+                    weakest = Some((size, k, without));
+                }
+            }
+            let Some((_, k, without)) = weakest else { break };
+            accepted.remove(k);
+            fitted = self.polish(without);
+        }
+        (fitted, accepted)
+    }
+}
+
+fn step_is_transform(fitted: &Fitted) -> bool {
+    fitted.terms().last().is_some_and(Term::is_transform)
+}
+
+/// Gain from the sums of a window of time.
+fn switched_gain(sum: &[f64], k: usize, r: usize) -> Gain {
+    let share = |a: usize, b: usize| -> f64 {
+        let row = |a: usize| &sum[k * k + a * r..][..r];
+        row(a).iter().zip(row(b)).map(|(x, y)| x * y).sum()
+    };
+    let gram: Vec<f64> = (0..k * k).map(|i| sum[i] - share(i / k, i % k)).collect();
+    let lengths: Vec<f64> = (0..k).map(|a| sum[a * k + a]).collect();
+    gain_of(&gram, &sum[k * k + k * r..], &lengths, 0.03)
+}
