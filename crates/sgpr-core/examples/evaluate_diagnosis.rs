@@ -119,7 +119,7 @@ fn run(folder: &Path, case: &str, totals: &mut Totals) -> Result<(), Failure> {
             joints.into_iter().map(move |joint| (effect.clone(), joint, f.probability))
         })
         .collect();
-    let after = errors(diagnosis.after.as_ref().expect("made"), &test)?;
+    let after = errors(&diagnosis.after, &test)?;
     let before = errors(&model, &test)?;
     let (noise, base, oracle) =
         (numbers(&answer["noise_rmse"]), numbers(&answer["base_rmse"]), numbers(&answer["oracle_rmse"]));
@@ -193,8 +193,11 @@ fn describe(diagnosis: &Diagnosis, before: &[f64], after: &[f64], floor: &[f64],
         diagnosis.probability_nothing_missing, diagnosis.probability_unexplained, diagnosis.unexplained
     );
     for f in &diagnosis.findings {
-        let parameters: Vec<String> =
-            f.parameters.iter().map(|p| format!("{} {:.4} ({:.4})", p.name, p.value, p.std)).collect();
+        let parameters: Vec<String> = f
+            .parameters
+            .iter()
+            .map(|p| format!("{} {:.4} ({:.4})", p.name, p.value, p.std.unwrap_or(f64::NAN)))
+            .collect();
         println!(
             "    {} {:?} P {:.2} score {:.0} | {}",
             f.effect,

@@ -6,6 +6,7 @@
 use pyo3::create_exception;
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
+use sgpr_core::diagnosis::DiagnosisError;
 use sgpr_core::effects::UnknownEffect;
 use sgpr_core::identification;
 use sgpr_core::model::{self, IdentifyError};
@@ -103,6 +104,15 @@ impl IntoPyErr for IdentifyError {
             Self::Identification(error) => error.into_py_err(),
             Self::Effect(error) => error.into_py_err(),
             Self::Signal(error) => error.into_py_err(),
+            error => IdentificationError::new_err(error.to_string()),
+        }
+    }
+}
+
+impl IntoPyErr for DiagnosisError {
+    fn into_py_err(self) -> PyErr {
+        match self {
+            Self::Model(error) => error.into_py_err(),
             error => IdentificationError::new_err(error.to_string()),
         }
     }

@@ -2,6 +2,7 @@
 
 mod compare;
 mod convert;
+mod diagnosis;
 mod dynamics;
 mod errors;
 mod identification;
@@ -9,12 +10,15 @@ mod model;
 mod progress;
 mod recording;
 mod robot;
+mod user_effect;
 
 /// Torque models of robot arms: identify, compare, diagnose, predict.
 #[pyo3::pymodule]
 mod _sgpr {
     #[pymodule_export]
     use crate::compare::{Comparison, JointComparison, LogResidual, compare};
+    #[pymodule_export]
+    use crate::diagnosis::{Diagnosis, Finding, diagnose};
     #[pymodule_export]
     use crate::errors::{IdentificationError, ModelFileError, RecordingError, RobotError, SgprError};
     #[pymodule_export]
@@ -27,6 +31,8 @@ mod _sgpr {
     use crate::recording::{Issue, Recording, Repaired, read_csv, read_mcap, write_mcap};
     #[pymodule_export]
     use crate::robot::{BaseParameters, Robot, puma560, two_link};
+    #[pymodule_export]
+    use crate::user_effect::UserEffect;
     #[pymodule_export]
     #[allow(non_upper_case_globals)]
     const __version__: &str = env!("CARGO_PKG_VERSION");

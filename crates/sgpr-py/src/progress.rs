@@ -4,6 +4,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
+use sgpr_core::diagnosis::DiagnosisError;
 use sgpr_core::model::IdentifyError;
 use sgpr_core::progress::{Interrupted, Progress};
 
@@ -47,18 +48,36 @@ impl Progress for Listener {
     }
 }
 
+/// An error that may say that the listener stopped the work.
+pub trait MaybeInterrupted: IntoPyErr + Send {
+    /// Whether it does.
+    fn is_interruption(&self) -> bool;
+}
+
+impl MaybeInterrupted for IdentifyError {
+    fn is_interruption(&self) -> bool {
+        matches!(self, Self::Interrupted(_))
+    }
+}
+
+impl MaybeInterrupted for DiagnosisError {
+    fn is_interruption(&self) -> bool {
+        matches!(self, Self::Interrupted(_) | Self::Model(IdentifyError::Interrupted(_)))
+    }
+}
+
 /// Runs `work` detached from the interpreter. What the callback or a signal handler raises stops it and is raised again.
-pub fn listen<T: Send>(
+pub fn listen<T: Send, E: MaybeInterrupted>(
     py: Python<'_>,
     callback: Option<Py<PyAny>>,
-    work: impl FnOnce(&dyn Progress) -> Result<T, IdentifyError> + Send,
+    work: impl FnOnce(&dyn Progress) -> Result<T, E> + Send,
 ) -> PyResult<T> {
     let listener = Listener { callback, heard: Mutex::new(None), failure: Mutex::new(None) };
     let result = py.detach(|| work(&listener));
     let failure = listener.failure.into_inner().unwrap_or_else(PoisonError::into_inner);
     match (result, failure) {
         (Ok(value), _) => Ok(value),
-        (Err(IdentifyError::Interrupted(_)), Some(error)) => Err(error),
+        (Err(stopped), Some(error)) if stopped.is_interruption() => Err(error),
         (Err(error), _) => Err(error.into_py_err()),
     }
 }

@@ -46,7 +46,7 @@ impl Noise {
             for order in 1..=ORDER {
                 let reflection =
                     (c[order] - phi.iter().enumerate().map(|(k, p)| p * c[order - 1 - k]).sum::<f64>()) / error;
-                if !(reflection.abs() < 0.999) {
+                if reflection.is_nan() || reflection.abs() >= 0.999 {
                     break;
                 }
                 let mirrored: Vec<f64> = phi.iter().rev().copied().collect();
@@ -164,6 +164,27 @@ impl Basis {
                 *b -= t * x;
             }
         }
+    }
+
+    /// Covariance of the first `count` coefficients for unit noise, `[count, count]`, and their standard deviations;
+    /// zero and infinite for dependent ones.
+    pub fn covariance(&self, count: usize) -> (Vec<f64>, Vec<f64>) {
+        let size = self.kept.len();
+        // Columns of the inverse triangle, by the coefficient that each of their rows belongs to.
+        let mut inverse = vec![vec![0.0; size]; size];
+        for (k, column) in inverse.iter_mut().enumerate() {
+            column[k] = 1.0;
+            self.back_substitute(column);
+        }
+        let mut covariance = vec![0.0; count * count];
+        for (a, &i) in self.kept.iter().enumerate().filter(|(_, i)| **i < count) {
+            for (b, &j) in self.kept.iter().enumerate().filter(|(_, j)| **j < count) {
+                covariance[i * count + j] = inverse.iter().map(|column| column[a] * column[b]).sum();
+            }
+        }
+        let spread = |k: usize| if self.kept.contains(&k) { covariance[k * count + k].sqrt() } else { f64::INFINITY };
+        let deviations = (0..count).map(spread).collect();
+        (covariance, deviations)
     }
 
     /// Standard deviations of the coefficients for unit noise; infinite for dependent ones.

@@ -1,6 +1,7 @@
 //! From scores to probabilities.
 
-use super::search::Accepted;
+use super::answer::Finding;
+use super::search::{Accepted, Candidate};
 
 /// What decides between known and unknown.
 #[derive(Clone, Copy, Debug)]
@@ -25,7 +26,7 @@ fn logistic(x: f64) -> f64 {
 
 /// Probability that an accepted term is there.
 pub(super) fn probability(accepted: &Accepted, rival: f64, verdict: &VerdictFeatures) -> f64 {
-    let lead = ((accepted.score - rival) / accepted.score.max(1.0)).clamp(0.0, 1.0);
+    let lead = ((accepted.first_score - rival) / accepted.first_score.max(1.0)).clamp(0.0, 1.0);
     let size = (accepted.effect_size / 0.05).ln().clamp(-3.0, 3.0);
     let left = verdict.unknown / (verdict.unknown + verdict.known).max(1.0);
     logistic(1.2 + 3.0 * lead + 0.8 * size - 4.0 * left).clamp(0.01, 0.99)
@@ -46,4 +47,13 @@ pub(super) fn unexplained(verdict: &VerdictFeatures) -> f64 {
     let share = (verdict.unknown / (0.5 * verdict.known).max(1.0)).ln();
     let size = (verdict.unknown_size.max(1e-6) / 0.05).ln();
     logistic(2.0 * share.min(size)).clamp(0.01, 0.99)
+}
+
+/// Probability of an effect that was tested and not accepted: a share of what the best finding leaves.
+pub(super) fn of_candidate(candidate: &Candidate, best: Option<&Finding>) -> f64 {
+    if candidate.impossible || candidate.score < 0.0 {
+        return 0.001;
+    }
+    let share = best.map_or(0.5, |best| candidate.score / best.score.max(1.0)).clamp(0.0, 1.0);
+    (0.3 * share * best.map_or(1.0, |best| 1.0 - best.probability)).clamp(0.001, 0.3)
 }

@@ -1,7 +1,7 @@
 //! A model with terms, fitted to the equations.
 
 use super::DiagnosisError;
-use super::basis::{Basis, Noise, dot_slices, gain_of, rms};
+use super::basis::{Basis, Noise, dot_slices, gain_of};
 use super::problem::{Column, FOLDS, Problem};
 use crate::effects::Scale;
 use crate::model::{Rigid, Term, TorqueModel};
@@ -25,11 +25,6 @@ pub(super) struct Fitted {
 impl Fitted {
     pub fn terms(&self) -> &[Term] {
         self.model.terms()
-    }
-
-    /// Root mean square of the residual per joint, in the whole band of the log.
-    pub fn rmse(&self, problem: &Problem) -> Vec<f64> {
-        self.residual.iter().zip(&problem.beyond).map(|(r, beyond)| rms(r).hypot(*beyond)).collect()
     }
 }
 
@@ -65,7 +60,17 @@ fn solve_with(
     let white_columns: Vec<Column> = columns.iter().map(|column| noise.whiten(problem, column)).collect();
     let basis = Basis::new(&white_columns);
     let mut white = noise.whiten(problem, &problem.y);
-    let values = basis.solve(&white);
+    let rank = problem.base.rank();
+    // What the motion does not excite keeps the value that the model has: the fit is for the difference.
+    let kept = problem.base.combine(problem.nominal.parameters());
+    let mut known = white.clone();
+    for (column, value) in white_columns.iter().zip(&kept) {
+        for (y, c) in known.iter_mut().zip(column) {
+            y.iter_mut().zip(c).for_each(|(y, c)| *y -= value * c);
+        }
+    }
+    let mut values = basis.solve(&known);
+    values.iter_mut().zip(&kept).for_each(|(value, kept)| *value += kept);
     let deviations = basis.deviations();
     basis.project_out(&mut white);
     basis.project_out(&mut white);
@@ -76,7 +81,6 @@ fn solve_with(
             r.iter_mut().zip(c).for_each(|(r, c)| *r -= value * c);
         }
     }
-    let rank = problem.base.rank();
     model.set_parameters(problem.base.expand(&values[..rank], problem.nominal.parameters()));
     let mut at = rank;
     let filled = terms.into_iter().map(|mut term| {

@@ -4,7 +4,7 @@ use super::DiagnosisError;
 use crate::dynamics::{BatchWorkspace, Samples, for_each_regressor_block};
 use crate::effects::{Context, Reach, sgn};
 use crate::identification::{BaseParameters, ParameterSet, Row};
-use crate::model::{Rigid, Term, TorqueModel, Trajectory, motions, nominal_parameters, select_joints, torque_of};
+use crate::model::{Rigid, Term, TorqueModel, Trajectory, motions, select_joints, torque_of};
 use crate::motion::{Motion, Processing};
 use crate::recording::Recording;
 use crate::signal::LowPass;
@@ -40,6 +40,8 @@ pub(super) struct Problem {
     pub base: BaseParameters,
     /// The model without terms, from which constants of transforms are counted.
     pub nominal: TorqueModel,
+    /// Terms that the model has already.
+    pub given: Vec<Term>,
     pub stretches: Vec<Stretch>,
     /// Per joint: (stretch, sample) of each row.
     pub rows: Vec<Vec<(usize, usize)>>,
@@ -53,7 +55,6 @@ pub(super) struct Problem {
     pub beyond: Vec<f64>,
     /// Stamp at which the clock of the session starts, ns, if the logs share one.
     pub clock: Option<i64>,
-    pub rows_per_second: f64,
 }
 
 impl Problem {
@@ -61,7 +62,7 @@ impl Problem {
         let robot = model.robot();
         let recordings = select_joints(robot, train)?;
         let motions = motions(&recordings, processing)?;
-        let clock = common_clock(&motions);
+        let clock = common_clock(&motions).and(model.clock_start()).or(common_clock(&motions));
         let n = robot.dof();
         let mut stretches = Vec::new();
         for motion in motions {
@@ -74,12 +75,12 @@ impl Problem {
         }
         let set = model.parameter_set().clone();
         let mut nominal = model.clone().with_terms(vec![], clock);
-        nominal.set_parameters(nominal_parameters(robot, &set));
-        let rate = stretches.first().map_or(1.0, |s| s.motion.rate_hz / s.decimation as f64);
+        nominal.processing = Some(processing.clone());
         let mut problem = Self {
             base: BaseParameters::new(robot, &set),
             set,
             nominal,
+            given: model.terms().to_vec(),
             rows: vec![vec![]; n],
             run: vec![vec![]; n],
             fold: vec![vec![]; n],
@@ -87,7 +88,6 @@ impl Problem {
             beyond: vec![0.0; n],
             stretches,
             clock,
-            rows_per_second: rate,
         };
         problem.lay_out_rows();
         problem.fill_torque()?;

@@ -8,6 +8,7 @@ use super::fit::{Fitted, held_out, refine_transforms, solve, solve_like, tangent
 use super::problem::{Column, Problem};
 use crate::effects::{Effect, Entry, Reach, Scale, Site};
 use crate::model::Term;
+use crate::progress::{Interrupted, Progress};
 
 /// An effect at a site, and how much of the leftover it explains.
 #[derive(Clone, Debug)]
@@ -26,11 +27,32 @@ pub(super) struct Accepted {
     pub effect: String,
     pub site: Site,
     pub score: f64,
-    pub visible: f64,
+    /// The same when it was added, others not yet there.
+    pub first_score: f64,
     /// Largest fall of the held-out error on a joint, as a share of what is left.
     pub effect_size: f64,
     /// Rivals at this step: effect and score.
     pub rivals: Vec<(String, Site, f64)>,
+    /// Held-out error per joint right after it was added, N·m (N).
+    pub with: Vec<f64>,
+    /// Held-out error per joint of the whole model without it, N·m (N).
+    pub without: Vec<f64>,
+}
+
+/// What a search came to.
+pub(super) struct Outcome {
+    pub fitted: Fitted,
+    /// The last terms of the fit, in their order.
+    pub accepted: Vec<Accepted>,
+    /// All candidates against the model as it was.
+    pub ranking: Vec<Candidate>,
+    /// Held-out error per joint, N·m (N).
+    pub held_out: Vec<f64>,
+}
+
+/// Whether the base parameters take an effect up whatever the motion.
+pub(super) fn is_absorbed(effect: &dyn Effect) -> bool {
+    ["payload", "link_inertia_error"].contains(&effect.name())
 }
 
 /// Scores below this are no evidence.
@@ -41,6 +63,11 @@ pub(super) const MATERIAL: f64 = 0.015;
 
 /// Most terms that are looked for.
 const MOST_TERMS: usize = 10;
+
+/// Most candidates whose constants are refined in a step.
+const MOST_REFINED: usize = 6;
+
+const STAGE: &str = "look for effects";
 
 /// Resolution of the grid of times, s.
 const TIME_STEP: f64 = 0.5;
@@ -54,28 +81,41 @@ pub(super) struct Search<'a> {
     pub units: f64,
     pub rows: f64,
     cache: HashMap<(String, Site, Vec<u64>), Vec<Column>>,
+    progress: &'a dyn Progress,
 }
 
 impl<'a> Search<'a> {
-    pub fn new(problem: Problem, catalogue: &'a [Arc<dyn Effect>], known: Vec<String>) -> Self {
+    pub fn new(
+        problem: Problem,
+        catalogue: &'a [Arc<dyn Effect>],
+        known: Vec<String>,
+        progress: &'a dyn Progress,
+    ) -> Self {
         let noise = Noise::white(&problem.y);
         let robot = problem.nominal.robot();
         let units: usize = catalogue.iter().map(|effect| effect.sites(robot).len()).sum();
         let rows = problem.rows.iter().map(Vec::len).sum::<usize>() as f64;
-        Self { problem, catalogue, known, noise, units: units as f64, rows, cache: HashMap::new() }
+        Self { problem, catalogue, known, noise, units: units as f64, rows, cache: HashMap::new(), progress }
     }
 
-    /// The model without terms; noise from what the largest model leaves.
-    pub fn start(&mut self) -> Fitted {
+    /// The model as it is; noise from what the largest model leaves.
+    pub fn start(&mut self) -> Result<Fitted, Interrupted> {
+        self.progress.step("fit the model", 0, 4)?;
         let problem = &self.problem;
-        let mut plain = solve(problem, &problem.nominal, &[], &self.noise);
-        for _ in 0..2 {
+        let given = problem.given.clone();
+        let mut plain = solve(problem, &problem.nominal, &given, &self.noise);
+        for k in 0..2 {
+            self.progress.step("fit the model", k + 1, 4)?;
             self.noise = Noise::white(&plain.residual);
-            plain = solve_like(problem, &plain, &[], &self.noise);
+            plain = solve_like(problem, &plain, &given, &self.noise);
         }
+        self.progress.step("fit the model", 3, 4)?;
         self.noise = self.noise_of_largest(&plain);
         self.rows = self.noise.rows(&self.problem);
-        solve_like(&self.problem, &plain, &[], &self.noise)
+        let fitted = solve_like(&self.problem, &plain, &given, &self.noise);
+        let fitted = if given.is_empty() { fitted } else { self.polish(fitted) };
+        self.progress.step("fit the model", 4, 4)?;
+        Ok(fitted)
     }
 
     /// Noise as what the candidates at their default constants and random features of the state leave.
@@ -101,7 +141,7 @@ impl<'a> Search<'a> {
             let only = |column: &Column| -> Column {
                 (0..n).map(|j| if j == joint { column[j].clone() } else { vec![] }).collect()
             };
-            let base = fitted.columns.iter().map(|column| only(column));
+            let base = fitted.columns.iter().map(only);
             let all: Vec<Column> = base.chain(columns).filter(|column| !column[joint].is_empty()).collect();
             let basis = Basis::new(&all);
             let mut own = vec![vec![]; n];
@@ -116,9 +156,13 @@ impl<'a> Search<'a> {
     /// Whether an effect is looked for.
     fn wanted(&self, effect: &dyn Effect) -> bool {
         let about = effect.about();
-        let everywhere = effect.entry() == Entry::State && self.known.iter().any(|known| known == effect.name());
-        let absorbed = ["payload", "link_inertia_error"].contains(&effect.name());
-        effect.entry() != Entry::Gate && about.alias_of.is_none() && !everywhere && !absorbed
+        let absent = !self.has_everywhere(effect) && !is_absorbed(effect);
+        effect.entry() != Entry::Gate && about.alias_of.is_none() && absent
+    }
+
+    /// Whether the model has an effect at every joint.
+    pub fn has_everywhere(&self, effect: &dyn Effect) -> bool {
+        effect.entry() == Entry::State && self.known.iter().any(|known| known == effect.name())
     }
 
     /// Why the logs cannot show an effect.
@@ -250,7 +294,7 @@ impl<'a> Search<'a> {
     }
 
     /// Every effect at every site at its best point of the grid, best first.
-    fn rank(&mut self, fitted: &Fitted, basis: &Basis, white: &Column) -> Vec<Candidate> {
+    fn rank(&mut self, fitted: &Fitted, basis: &Basis, white: &Column) -> Result<Vec<Candidate>, Interrupted> {
         let mut best: HashMap<(String, Site), Candidate> = HashMap::new();
         let keep = |best: &mut HashMap<(String, Site), Candidate>, candidate: Candidate| {
             let key = (candidate.term.effect.name().to_string(), candidate.term.site);
@@ -261,7 +305,10 @@ impl<'a> Search<'a> {
                 }
             }
         };
-        for term in self.terms_to_try(fitted).into_iter().chain(self.orders_to_try(fitted)) {
+        let terms: Vec<Term> = self.terms_to_try(fitted).into_iter().chain(self.orders_to_try(fitted)).collect();
+        let count = terms.len();
+        for (index, term) in terms.into_iter().enumerate() {
+            self.progress.step("rank effects", index, count)?;
             let columns = self.raw(fitted, &term);
             let white_columns: Vec<Column> = columns.iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
             let gain = gain(basis, white, &white_columns);
@@ -279,7 +326,8 @@ impl<'a> Search<'a> {
                 .unwrap_or(std::cmp::Ordering::Equal)
                 .then_with(|| key(a).cmp(&key(b)))
         });
-        all
+        self.progress.step("rank effects", count, count)?;
+        Ok(all)
     }
 
     /// Effects with an order: the peaks of a periodogram of the residual over the position.
@@ -329,7 +377,7 @@ impl<'a> Search<'a> {
         let mut found = Vec::new();
         let robot = self.problem.nominal.robot().clone();
         let [start, end] = self.problem.time_span();
-        if !(end > start) {
+        if end <= start {
             return found;
         }
         let bins = ((end - start) / TIME_STEP).ceil() as usize + 1;
@@ -502,7 +550,7 @@ impl<'a> Search<'a> {
         self.refit(fitted, terms)
     }
 
-    fn refit(&mut self, like: &Fitted, terms: Vec<Term>) -> Fitted {
+    pub fn refit(&mut self, like: &Fitted, terms: Vec<Term>) -> Fitted {
         let next = if terms.iter().any(Term::is_transform) {
             solve(&self.problem, &like.model, &terms, &self.noise)
         } else {
@@ -541,110 +589,116 @@ impl<'a> Search<'a> {
         0.5 * (small.chi2 - large.chi2) - 0.5 * size * self.rows.max(2.0).ln() - self.units.ln()
     }
 
-    /// Largest fall of the held-out error on a joint, as a share of what is left.
-    pub fn effect_size(&self, small: &Fitted, large: &Fitted) -> f64 {
-        let [before, after] = [small, large].map(|f| held_out(&self.problem, &f.columns, &[], &self.noise));
-        before.iter().zip(&after).map(|(b, a)| (b - a) / a.max(1e-12)).fold(f64::NEG_INFINITY, f64::max)
-    }
-
     /// Forward steps with joint refit, then backward ones.
-    pub fn run(&mut self, start: &Fitted) -> (Fitted, Vec<Accepted>, Vec<Candidate>) {
+    pub fn run(&mut self, start: &Fitted) -> Result<Outcome, Interrupted> {
         let mut fitted = start.clone();
         let mut accepted: Vec<Accepted> = Vec::new();
-        let mut first_ranking = Vec::new();
-        let verbose = std::env::var_os("SGPR_TRACE_DIAGNOSIS").is_some();
-        while fitted.terms().len() < MOST_TERMS {
+        let mut ranking = None;
+        self.progress.step(STAGE, 0, MOST_TERMS)?;
+        while accepted.len() < MOST_TERMS {
             let (basis, white) = self.with_nuisances(&fitted);
-            let ranking = self.rank(&fitted, &basis, &white);
-            if first_ranking.is_empty() {
-                first_ranking = ranking.clone();
-            }
-            let mut tried: Vec<Candidate> = Vec::new();
-            let mut names: Vec<String> = Vec::new();
-            for candidate in ranking.iter().filter(|c| !c.impossible && c.score > 0.0) {
-                let of_effect = names.iter().filter(|name| **name == candidate.term.effect.name()).count();
-                if tried.len() < 6 && of_effect < 2 {
-                    names.push(candidate.term.effect.name().into());
-                    tried.push(self.refine(&fitted, (&basis, &white), candidate));
-                }
-            }
-            tried.sort_by(|a, b| b.score.total_cmp(&a.score));
-            if verbose {
-                for c in tried.iter().take(5) {
-                    eprintln!(
-                        "  {} {:?} s={:.0} chi2={:.0} vis={:.2} {:?} {:?}",
-                        c.term.effect.name(),
-                        c.term.site,
-                        c.score,
-                        c.gain.chi2,
-                        c.gain.visible,
-                        c.term.constants,
-                        c.gain.coefficients
-                    );
-                }
-            }
-            let mut next = None;
-            // Transforms are judged by what they do exactly: tangents flatter and wrong them.
-            let mut trials: Vec<(Candidate, Fitted, f64)> = Vec::new();
-            for candidate in tried.iter().filter(|c| !c.impossible && c.score > EVIDENCE).take(4) {
-                let close = trials.first().is_none_or(|(_, _, score)| candidate.score > 0.5 * score);
-                if !close {
-                    continue;
-                }
-                let trial = self.with_term(&fitted, candidate.term.clone());
-                let score = self.score_of(&fitted, &trial);
-                trials.push((candidate.clone(), trial, score));
-            }
-            trials.sort_by(|a, b| b.2.total_cmp(&a.2));
-            for (candidate, trial, score) in trials {
-                if score < EVIDENCE {
-                    continue;
-                }
-                let effect_size = self.effect_size(&fitted, &trial);
-                if verbose {
-                    let name = candidate.term.effect.name();
-                    eprintln!("  trial {name} {:?} score {score:.0} size {effect_size:.4}", candidate.term.site);
-                }
-                if effect_size < MATERIAL {
-                    continue;
-                }
-                let own = candidate.term.effect.name();
-                let rivals = tried.iter().filter(|c| c.term.effect.name() != own);
-                let accepted = Accepted {
-                    effect: own.into(),
-                    site: candidate.term.site,
-                    score,
-                    visible: candidate.gain.visible,
-                    effect_size,
-                    rivals: rivals.map(|c| (c.term.effect.name().into(), c.term.site, c.score)).collect(),
-                };
-                next = Some((trial, accepted));
-                break;
-            }
-            let Some((trial, step)) = next else { break };
-            let transform = step_is_transform(&trial);
-            fitted = if trial.terms().len() > 1 { self.polish(trial) } else { trial };
+            let candidates = self.rank(&fitted, &basis, &white)?;
+            let tried = self.refined(&fitted, (&basis, &white), &candidates)?;
+            ranking.get_or_insert(candidates);
+            let Some((next, step)) = self.next_term(&fitted, &tried)? else { break };
+            let transform = next.terms().last().is_some_and(Term::is_transform);
+            fitted = if next.terms().len() > 1 { self.polish(next) } else { next };
             accepted.push(step);
             if transform {
                 self.cache.clear();
             }
+            self.progress.step(STAGE, accepted.len(), MOST_TERMS)?;
         }
-        let (fitted, accepted) = self.backward(fitted, accepted);
-        (fitted, accepted, first_ranking)
+        let (fitted, accepted) = self.backward(fitted, accepted)?;
+        self.progress.step(STAGE, MOST_TERMS, MOST_TERMS)?;
+        let held_out = self.held_out(&fitted);
+        Ok(Outcome { fitted, accepted, ranking: ranking.unwrap_or_default(), held_out })
     }
 
-    fn backward(&mut self, mut fitted: Fitted, mut accepted: Vec<Accepted>) -> (Fitted, Vec<Accepted>) {
-        while fitted.terms().len() > 1 {
+    /// The best candidates, at most two sites of an effect, their constants refined, best first.
+    fn refined(
+        &self,
+        fitted: &Fitted,
+        residual: (&Basis, &Column),
+        candidates: &[Candidate],
+    ) -> Result<Vec<Candidate>, Interrupted> {
+        let mut tried: Vec<Candidate> = Vec::new();
+        let mut names: Vec<&str> = Vec::new();
+        for candidate in candidates.iter().filter(|c| !c.impossible && c.score > 0.0) {
+            let name = candidate.term.effect.name();
+            if tried.len() < MOST_REFINED && names.iter().filter(|other| **other == name).count() < 2 {
+                names.push(name);
+                tried.push(self.refine(fitted, residual, candidate));
+                self.progress.step("refine constants", tried.len() - 1, MOST_REFINED)?;
+            }
+        }
+        tried.sort_by(|a, b| b.score.total_cmp(&a.score));
+        Ok(tried)
+    }
+
+    /// The fit with the best of the candidates that has evidence and matters, if there is one.
+    fn next_term(&mut self, fitted: &Fitted, tried: &[Candidate]) -> Result<Option<(Fitted, Accepted)>, Interrupted> {
+        // Transforms are judged by what they do exactly: tangents flatter and wrong them.
+        let mut trials: Vec<(&Candidate, Fitted, f64)> = Vec::new();
+        for candidate in tried.iter().filter(|c| !c.impossible && c.score > EVIDENCE).take(4) {
+            if trials.first().is_none_or(|(_, _, best)| candidate.score > 0.5 * best) {
+                let trial = self.with_term(fitted, candidate.term.clone());
+                let score = self.score_of(fitted, &trial);
+                trials.push((candidate, trial, score));
+                self.progress.step("try effects", trials.len() - 1, 4)?;
+            }
+        }
+        trials.sort_by(|a, b| b.2.total_cmp(&a.2));
+        let without = self.held_out(fitted);
+        for (candidate, trial, score) in trials.into_iter().filter(|(_, _, score)| *score >= EVIDENCE) {
+            let with = self.held_out(&trial);
+            let effect_size = largest_fall(&without, &with);
+            let own = candidate.term.effect.name();
+            if std::env::var_os("SGPR_TRACE").is_some() {
+                eprintln!(
+                    "  {own} {:?} {:?} score {score:.0} size {effect_size:.4}",
+                    candidate.term.site, candidate.term.constants
+                );
+            }
+            if effect_size < MATERIAL {
+                continue;
+            }
+            let rivals = tried.iter().filter(|c| c.term.effect.name() != own);
+            let accepted = Accepted {
+                effect: own.into(),
+                site: candidate.term.site,
+                score,
+                first_score: score,
+                effect_size,
+                rivals: rivals.map(|c| (c.term.effect.name().into(), c.term.site, c.score)).collect(),
+                with,
+                without,
+            };
+            return Ok(Some((trial, accepted)));
+        }
+        Ok(None)
+    }
+
+    /// Takes terms out again that the others make superfluous.
+    fn backward(
+        &mut self,
+        mut fitted: Fitted,
+        mut accepted: Vec<Accepted>,
+    ) -> Result<(Fitted, Vec<Accepted>), Interrupted> {
+        let given = fitted.terms().len() - accepted.len();
+        while accepted.len() > 1 {
             let mut weakest: Option<(f64, usize, Fitted)> = None;
-            for k in 0..fitted.terms().len() {
+            let with = self.held_out(&fitted);
+            for (k, step) in accepted.iter_mut().enumerate() {
+                self.progress.step("check each effect again", k, MOST_TERMS)?;
                 let mut others = fitted.terms().to_vec();
-                others.remove(k);
+                others.remove(given + k);
                 let without = self.refit(&fitted, others);
-                let score = self.score_of(&without, &fitted);
-                let size = self.effect_size(&without, &fitted);
-                accepted[k].score = score;
-                accepted[k].effect_size = size;
-                if (score < EVIDENCE || size < MATERIAL) && weakest.as_ref().is_none_or(|(s, ..)| size < *s) {
+                step.score = self.score_of(&without, &fitted);
+                step.without = self.held_out(&without);
+                step.effect_size = largest_fall(&step.without, &with);
+                let size = step.effect_size;
+                if (step.score < EVIDENCE || size < MATERIAL) && weakest.as_ref().is_none_or(|(s, ..)| size < *s) {
                     weakest = Some((size, k, without));
                 }
             }
@@ -652,12 +706,18 @@ impl<'a> Search<'a> {
             accepted.remove(k);
             fitted = self.polish(without);
         }
-        (fitted, accepted)
+        Ok((fitted, accepted))
+    }
+
+    /// Root mean square error per joint on blocks that were left out, N·m (N).
+    pub fn held_out(&self, fitted: &Fitted) -> Vec<f64> {
+        held_out(&self.problem, &fitted.columns, &[], &self.noise)
     }
 }
 
-fn step_is_transform(fitted: &Fitted) -> bool {
-    fitted.terms().last().is_some_and(Term::is_transform)
+/// Largest fall of the held-out error on a joint, as a share of what is left.
+fn largest_fall(before: &[f64], after: &[f64]) -> f64 {
+    before.iter().zip(after).map(|(b, a)| (b - a) / a.max(1e-12)).fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// Gain from the sums of a window of time.

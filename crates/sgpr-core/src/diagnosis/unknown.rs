@@ -41,6 +41,13 @@ pub(super) struct Leftover {
     pub group: String,
 }
 
+impl Leftover {
+    /// Whether it is worth a word.
+    pub fn is_material(&self) -> bool {
+        self.evidence > 12.0 && self.effect_size > 0.02
+    }
+}
+
 /// Features of a group at a joint: cosines of random combinations of the standardised variables.
 pub(super) fn features(problem: &Problem, joint: usize, group: &[Variable], length_scale: f64) -> Vec<Column> {
     let n = problem.dof();

@@ -1,12 +1,12 @@
 //! Where the error sits.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::fit::Fitted;
 use super::problem::Problem;
 
 /// Error energy in one cell.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Excess {
     /// The cell, in words.
     pub cell: String,
@@ -17,14 +17,14 @@ pub struct Excess {
 }
 
 /// Where the error of each joint sits.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Whereabouts {
     /// Per joint: root mean square error in the band over the noise beyond it, and the autocorrelation of neighbours.
     pub joints: Vec<JointWhereabouts>,
 }
 
 /// Where the error of one joint sits.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct JointWhereabouts {
     /// Joint.
     pub joint: String,

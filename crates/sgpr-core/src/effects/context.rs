@@ -100,11 +100,11 @@ impl LinkMotion {
         };
         add(&mut self.q, deflection);
         let differentiation = Differentiation::Central { accuracy: 4 };
-        if rate_hz.is_finite() {
-            if let Ok((velocity, acceleration)) = differentiation.derivatives(deflection, 1, rate_hz) {
-                add(&mut self.dq, &velocity);
-                add(&mut self.ddq, &acceleration);
-            }
+        if rate_hz.is_finite()
+            && let Ok((velocity, acceleration)) = differentiation.derivatives(deflection, 1, rate_hz)
+        {
+            add(&mut self.dq, &velocity);
+            add(&mut self.ddq, &acceleration);
         }
     }
 }

@@ -8,7 +8,6 @@ mod terms;
 mod torque_model;
 
 pub(crate) use identify::{motions, select_joints, torque_of};
-pub(crate) use torque_model::nominal_parameters;
 
 pub use compare::{Comparison, JointComparison, LogResidual, compare};
 pub use file::ModelFileError;
