@@ -127,7 +127,7 @@ pub fn make(seed: u64, effects: &[&str], closed: bool) -> Case {
         bare.base[k].fill(0.0);
     }
     let guess = perturbed(&bare.robot, &mut random);
-    let (seed_noise, resolution) = (random.0, TAU / f64::from(1u32 << (16 + random.below(4))));
+    let (seed_noise, resolution) = (random.0, TAU / f64::from(1u32 << (17 + random.below(4))));
     let record = |truth: &Truth| -> Vec<Recording> {
         let mut random = Random(seed_noise);
         let mut logs = Vec::new();

@@ -23,19 +23,21 @@ impl Noise {
     }
 
     /// The autoregression that describes the residual of each joint best by Akaike's criterion, `used` parameters taken
-    /// into account.
-    pub fn of(problem: &Problem, residual: &Column, used: &[usize]) -> Self {
+    /// into account, from the rows that are `calm`.
+    pub fn of(problem: &Problem, residual: &Column, used: &[usize], calm: &[Vec<bool>]) -> Self {
         let mut noise = Self::white(residual);
         for (joint, r) in residual.iter().enumerate() {
-            let count = r.len() as f64;
+            let calm = &calm[joint];
+            let own = || r.iter().zip(calm).filter(|(_, calm)| **calm).map(|(x, _)| x);
+            let count = own().count() as f64;
             let freedom = (count - used[joint] as f64).max(0.2 * count).max(1.0);
-            let variance = r.iter().map(|x| x * x).sum::<f64>() / freedom;
+            let variance = own().map(|x| x * x).sum::<f64>() / freedom;
             if r.len() < 50 * ORDER || variance <= 0.0 {
                 continue;
             }
             let covariance = |lag: usize| {
                 let run = &problem.run[joint];
-                let pairs = (lag..r.len()).filter(|&k| run[k] >= lag);
+                let pairs = (lag..r.len()).filter(|&k| run[k] >= lag && calm[k] && calm[k - lag]);
                 let (sum, count) = pairs.fold((0.0, 0.0), |(s, c), k| (s + r[k] * r[k - lag], c + 1.0));
                 sum / f64::max(count, 1.0)
             };

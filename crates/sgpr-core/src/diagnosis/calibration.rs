@@ -33,8 +33,8 @@ pub(super) fn probability(accepted: &Accepted, rival: f64, verdict: &VerdictFeat
 }
 
 /// Probability that nothing material is missing.
-pub(super) fn nothing_missing(accepted: &[Accepted], verdict: &VerdictFeatures) -> f64 {
-    let strongest = accepted.iter().map(|a| (a.effect_size / 0.015).ln()).fold(-3.0, f64::max);
+pub(super) fn nothing_missing<'a>(accepted: impl Iterator<Item = &'a Accepted>, verdict: &VerdictFeatures) -> f64 {
+    let strongest = accepted.map(|a| (a.effect_size / 0.015).ln()).fold(-3.0, f64::max);
     let unknown = if verdict.unknown > 12.0 { (verdict.unknown_size.max(1e-6) / 0.05).ln() } else { -3.0 };
     logistic(-1.5 - 1.5 * strongest.max(unknown)).clamp(0.01, 0.99)
 }

@@ -1,5 +1,7 @@
 //! A model with terms, fitted to the equations.
 
+use std::sync::Arc;
+
 use super::DiagnosisError;
 use super::basis::{Basis, Noise, dot_slices, gain_of};
 use super::problem::{Column, FOLDS, Problem};
@@ -11,10 +13,12 @@ use crate::model::{Rigid, Term, TorqueModel};
 pub(super) struct Fitted {
     /// With its terms.
     pub model: TorqueModel,
-    pub rigid: std::rc::Rc<Vec<Rigid>>,
+    pub rigid: Arc<Vec<Rigid>>,
+    /// What the columns have to explain: the torque less that of the model as it was, in the band.
+    pub target: Arc<Column>,
     /// Base columns, then those of the terms, in the band.
     pub columns: Vec<Column>,
-    pub basis: std::rc::Rc<Basis>,
+    pub basis: Arc<Basis>,
     /// Measured minus predicted, in the band.
     pub residual: Column,
     /// The same, whitened.
@@ -32,19 +36,24 @@ impl Fitted {
 pub(super) fn solve(problem: &Problem, start: &TorqueModel, terms: &[Term], noise: &Noise) -> Fitted {
     let model = start.clone().with_terms(terms.to_vec(), problem.clock);
     let rigid = problem.rigid(&model);
-    let base = problem.base_columns(&model, &rigid);
-    solve_with(problem, model, rigid, base, noise)
+    let base = problem.base_columns(&problem.base, &model, &rigid);
+    let target = problem.target(&model, &rigid).into();
+    solve_with(problem, model, rigid, base, target, noise)
 }
 
-/// The same with the base columns of a fit whose transforms are those of `terms`.
+/// The same with the base columns of a fit, if its transforms are those of `terms`.
 pub(super) fn solve_like(problem: &Problem, like: &Fitted, terms: &[Term], noise: &Noise) -> Fitted {
-    if terms.iter().chain(like.terms()).any(Term::is_transform) {
+    let transforms = |terms: &[Term]| -> Vec<(String, crate::effects::Site, Vec<f64>)> {
+        let own = terms.iter().filter(|term| term.is_transform());
+        own.map(|term| (term.effect.name().to_string(), term.site, term.constants.clone())).collect()
+    };
+    if transforms(terms) != transforms(like.terms()) {
         return solve(problem, &like.model, terms, noise);
     }
     let model = like.model.clone().with_terms(terms.to_vec(), problem.clock);
     let rigid = problem.rigid(&model);
     let base = like.columns[..problem.base.rank()].to_vec();
-    solve_with(problem, model, rigid, base, noise)
+    solve_with(problem, model, rigid, base, like.target.clone(), noise)
 }
 
 fn solve_with(
@@ -52,6 +61,7 @@ fn solve_with(
     mut model: TorqueModel,
     rigid: Vec<Rigid>,
     mut columns: Vec<Column>,
+    target: Arc<Column>,
     noise: &Noise,
 ) -> Fitted {
     let terms: Vec<Term> = model.terms().to_vec();
@@ -59,30 +69,23 @@ fn solve_with(
     columns.extend(of_terms.into_iter().flatten());
     let white_columns: Vec<Column> = columns.iter().map(|column| noise.whiten(problem, column)).collect();
     let basis = Basis::new(&white_columns);
-    let mut white = noise.whiten(problem, &problem.y);
-    let rank = problem.base.rank();
-    // What the motion does not excite keeps the value that the model has: the fit is for the difference.
-    let kept = problem.base.combine(problem.nominal.parameters());
-    let mut known = white.clone();
-    for (column, value) in white_columns.iter().zip(&kept) {
-        for (y, c) in known.iter_mut().zip(column) {
-            y.iter_mut().zip(c).for_each(|(y, c)| *y -= value * c);
-        }
-    }
-    let mut values = basis.solve(&known);
-    values.iter_mut().zip(&kept).for_each(|(value, kept)| *value += kept);
+    let mut white = noise.whiten(problem, &target);
+    let values = basis.solve(&white);
     let deviations = basis.deviations();
     basis.project_out(&mut white);
     basis.project_out(&mut white);
     let chi2 = white.iter().map(|w| dot_slices(w, w)).sum();
-    let mut residual = problem.y.clone();
+    let mut residual = target.to_vec();
     for (column, value) in columns.iter().zip(&values) {
         for (r, c) in residual.iter_mut().zip(column) {
             r.iter_mut().zip(c).for_each(|(r, c)| *r -= value * c);
         }
     }
-    model.set_parameters(problem.base.expand(&values[..rank], problem.nominal.parameters()));
-    let mut at = rank;
+    // What the motion does not excite keeps the value that the model has: the fit is for the difference.
+    let mut parameters = problem.nominal.parameters().to_vec();
+    problem.base.independent().iter().zip(&values).for_each(|(index, change)| parameters[*index] += change);
+    model.set_parameters(parameters);
+    let mut at = problem.base.rank();
     let filled = terms.into_iter().map(|mut term| {
         let k = term.coefficients.len();
         term.coefficients = values[at..at + k].to_vec();
@@ -93,7 +96,7 @@ fn solve_with(
     });
     let terms = filled.collect();
     let model = model.with_terms(terms, problem.clock);
-    Fitted { model, rigid: rigid.into(), columns, basis: basis.into(), residual, white, chi2 }
+    Fitted { model, rigid: rigid.into(), target, columns, basis: basis.into(), residual, white, chi2 }
 }
 
 /// Tangent of the predicted torque by constant `index` of term `term`, in the band.
@@ -118,6 +121,9 @@ pub(super) fn tangent(problem: &Problem, model: &TorqueModel, term: usize, index
 /// Largest number of steps for the constants of transforms.
 const STEPS: usize = 6;
 
+/// A step that promises less of chi-squared is not worth a solution.
+const SMALL_STEP: f64 = 1.0;
+
 /// Gauss-Newton steps for the constants of all transforms, which move base columns and torque.
 pub(super) fn refine_transforms(problem: &Problem, mut fitted: Fitted, noise: &Noise) -> Fitted {
     for _ in 0..STEPS {
@@ -136,6 +142,9 @@ pub(super) fn refine_transforms(problem: &Problem, mut fitted: Fitted, noise: &N
             .map(|&(k, index)| noise.whiten(problem, &tangent(problem, &fitted.model, k, index)))
             .collect();
         let gain = super::basis::gain(&fitted.basis, &fitted.white, &tangents);
+        if gain.chi2 < SMALL_STEP {
+            return fitted;
+        }
         let mut accepted = false;
         for share in [1.0, 0.4, 0.1] {
             let mut terms = fitted.terms().to_vec();
@@ -192,9 +201,9 @@ pub(super) fn with_deviations(problem: &Problem, fitted: &Fitted, noise: &Noise)
 }
 
 /// Root mean square error per joint on blocks that were left out of the fit, in the whole band of the log.
-pub(super) fn held_out(problem: &Problem, columns: &[Column], extra: &[Column], noise: &Noise) -> Vec<f64> {
+pub(super) fn held_out(problem: &Problem, fitted: &Fitted, extra: &[Column], noise: &Noise) -> Vec<f64> {
     let n = problem.dof();
-    let all: Vec<&Column> = columns.iter().chain(extra).chain([&problem.y]).collect();
+    let all: Vec<&Column> = fitted.columns.iter().chain(extra).chain([&*fitted.target]).collect();
     let k = all.len();
     let mut grams = vec![vec![vec![0.0; k * k]; n]; FOLDS];
     let mut counts = vec![0.0; n];

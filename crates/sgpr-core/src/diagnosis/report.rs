@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use super::answer::{
     ByJoint, Diagnosis, Finding, FoundParameter, JointErrors, NextExperiment, NotTestable, Step, Verdict,
 };
-use super::fit::{Fitted, with_deviations};
+use super::basis::{Basis, Noise};
+use super::fit::{Fitted, solve, with_deviations};
+use super::problem::Column;
 use super::search::{Accepted, Candidate, Outcome, Search};
 use super::unknown::Leftover;
 use super::{DiagnosisError, calibration, whereabouts};
@@ -23,11 +25,11 @@ const LISTED: f64 = 0.01;
 pub(super) fn report(
     search: &mut Search<'_>,
     model: &TorqueModel,
-    start: &Fitted,
     outcome: &Outcome,
     left: &[Leftover],
-    test: &[Recording],
+    [train, test]: &[&[Recording]; 2],
 ) -> Result<Diagnosis, DiagnosisError> {
+    let start = &outcome.start;
     let features = calibration::VerdictFeatures {
         known: 0.5 * (start.chi2 - outcome.fitted.chi2),
         unknown: left.iter().map(|l| l.evidence.max(0.0)).sum(),
@@ -40,11 +42,7 @@ pub(super) fn report(
     if unexplained {
         findings.clear();
     }
-    let after = if findings.is_empty() {
-        model.clone()
-    } else {
-        finished(search, model, &outcome.fitted, findings.iter().map(sentence))
-    };
+    let after = without_harm(search, model, outcome, train, &mut findings)?;
     let names: Vec<&str> = model.robot().joint_names().collect();
     let words = |l: &Leftover| {
         format!(
@@ -62,7 +60,7 @@ pub(super) fn report(
     Ok(Diagnosis {
         schema: 1,
         verdict,
-        probability_nothing_missing: calibration::nothing_missing(&outcome.accepted, &features),
+        probability_nothing_missing: calibration::nothing_missing(outcome.news(search).map(|(_, a)| a), &features),
         probability_unexplained: calibration::unexplained(&features),
         next_experiment: next_experiments(&findings),
         findings,
@@ -77,6 +75,49 @@ pub(super) fn report(
     })
 }
 
+/// The model with the findings. Those at a joint whose torque as logged is predicted worse with them than without are
+/// taken out, weakest first: what helps in the band of the equations must not harm beyond it.
+fn without_harm(
+    search: &Search<'_>,
+    model: &TorqueModel,
+    outcome: &Outcome,
+    train: &[Recording],
+    findings: &mut Vec<Finding>,
+) -> Result<TorqueModel, DiagnosisError> {
+    const HARM: f64 = 1.05;
+    let processing = search.problem.nominal.processing();
+    let errors = |model: &TorqueModel| -> Result<Vec<f64>, DiagnosisError> {
+        Ok(compare(model, train, processing)?.joints.iter().map(|joint| joint.rmse_full_band).collect())
+    };
+    if findings.is_empty() {
+        return Ok(model.clone());
+    }
+    let before = errors(model)?;
+    let mut fitted = outcome.fitted.clone();
+    loop {
+        let after = finished(search, model, &fitted, findings.iter().map(sentence));
+        let now = errors(&after)?;
+        let worse: Vec<&str> = model
+            .robot()
+            .joint_names()
+            .zip(before.iter().zip(&now))
+            .filter(|(_, (before, now))| **now > HARM * **before)
+            .map(|(name, _)| name)
+            .collect();
+        let harms = |f: &Finding| f.joints.is_empty() || f.joints.iter().any(|joint| worse.contains(&joint.as_str()));
+        let Some(weakest) = findings.iter().rposition(harms).filter(|_| !worse.is_empty()) else {
+            return Ok(after);
+        };
+        let out = findings.remove(weakest);
+        if findings.is_empty() {
+            return Ok(model.clone());
+        }
+        let same = |term: &Term| out.terms.iter().any(|t| t.effect.name() == term.effect.name() && t.site == term.site);
+        let rest = fitted.terms().iter().filter(|term| !same(term)).cloned().collect();
+        fitted = search.refit(&fitted, rest);
+    }
+}
+
 /// The fitted model with its statistics, history and logs.
 pub(super) fn finished(
     search: &Search<'_>,
@@ -86,16 +127,27 @@ pub(super) fn finished(
 ) -> TorqueModel {
     let problem = &search.problem;
     let terms = with_deviations(problem, fitted, &search.noise);
-    let mut finished = fitted.model.clone().with_terms(terms, problem.clock);
-    let rank = problem.base.rank();
-    let (covariance, standard_deviations) = fitted.basis.covariance(rank);
-    let names = problem.base.names().iter().zip(&standard_deviations);
+    let own = fitted.model.base();
+    let columns = problem.base_columns(own, &fitted.model, &fitted.rigid);
+    let of_terms = fitted.columns[problem.base.rank()..].iter();
+    let all: Vec<Column> = columns.iter().chain(of_terms).map(|c| search.noise.whiten(problem, c)).collect();
+    let (covariance, standard_deviations) = Basis::new(&all).covariance(own.rank());
+    // Prediction is judged by its plain error: least squares for that, each joint weighted by what is left there.
+    let weights = Noise::white(&fitted.residual);
+    let plain = solve(problem, &fitted.model, fitted.terms(), &weights);
+    let mut finished = plain.model.clone();
+    let terms = terms.into_iter().zip(plain.terms()).map(|(mut term, plain)| {
+        term.coefficients.clone_from(&plain.coefficients);
+        term
+    });
+    finished = finished.with_terms(terms.collect(), problem.clock);
+    let names = own.names().iter().zip(&standard_deviations);
     let undetermined = names.filter(|(_, std)| std.is_infinite()).map(|(name, _)| name.clone()).collect();
     let (condition, scaled_condition) =
         model.fit().map_or((f64::INFINITY, f64::INFINITY), |fit| (fit.condition, fit.scaled_condition));
     finished.set_fit(Fit {
         method: "generalised least squares, noise autoregressive".into(),
-        values: problem.base.combine(finished.parameters()),
+        values: own.combine(finished.parameters()),
         standard_deviations,
         covariance,
         noise: search.noise.level.clone(),
@@ -128,10 +180,9 @@ fn largest_fall(before: &ByJoint, after: &ByJoint) -> Option<(String, f64, f64)>
 fn findings(search: &Search<'_>, outcome: &Outcome, features: &calibration::VerdictFeatures) -> Vec<Finding> {
     let robot = search.problem.nominal.robot();
     let terms = with_deviations(&search.problem, &outcome.fitted, &search.noise);
-    let new = terms.into_iter().skip(outcome.fitted.terms().len() - outcome.accepted.len());
     let mut findings: Vec<Finding> = Vec::new();
-    for (term, accepted) in new.zip(&outcome.accepted) {
-        let finding = finding(search, term, accepted, &outcome.held_out, features);
+    for (index, accepted) in outcome.news(search) {
+        let finding = finding(search, terms[index].clone(), accepted, &outcome.held_out, features);
         match findings.iter_mut().find(|f| f.effect == finding.effect && !f.joints.is_empty()) {
             Some(same) => merge(same, finding),
             None => findings.push(finding),
@@ -216,9 +267,9 @@ fn evidence(finding: &Finding, robot: &Robot) -> String {
 
 fn candidates(search: &Search<'_>, start: &Fitted, findings: &[Finding], ranking: &[Candidate]) -> Vec<Finding> {
     let robot = search.problem.nominal.robot();
-    let held = super::fit::held_out(&search.problem, &start.columns, &[], &search.noise);
+    let held = search.held_out(start);
     let mut candidates: Vec<Finding> = findings.to_vec();
-    for candidate in ranking {
+    for candidate in ranking.iter().filter(|c| c.term.effect.refines().is_none()) {
         let joints: Vec<String> =
             joints_of(&candidate.term).into_iter().map(|joint| robot.joints()[joint].name.clone()).collect();
         let name = candidate.term.effect.name();
@@ -274,7 +325,7 @@ fn not_testable(search: &Search<'_>, start: &Fitted, ranking: &[Candidate]) -> V
         let invisible = of_effect().next().is_some() && of_effect().all(|c| c.score == f64::NEG_INFINITY);
         let why = if effect.entry() == Entry::Gate {
             Some("found by the checks of the log, before any physics".to_string())
-        } else if search.has_everywhere(effect.as_ref()) {
+        } else if search.has_everywhere(effect.as_ref()) || effect.refines().is_some() {
             None
         } else if let Some(other) = about.alias_of {
             Some(format!("these logs cannot tell it from `{other}`, which stands for both"))
@@ -301,9 +352,9 @@ fn not_testable(search: &Search<'_>, start: &Fitted, ranking: &[Candidate]) -> V
 fn steps(search: &Search<'_>, start: &Fitted, outcome: &Outcome) -> Vec<Step> {
     let names: Vec<&str> = search.problem.nominal.robot().joint_names().collect();
     let by_joint = |errors: &[f64]| names.iter().map(|name| (*name).to_string()).zip(errors.iter().copied()).collect();
-    let errors = super::fit::held_out(&search.problem, &start.columns, &[], &search.noise);
+    let errors = search.held_out(start);
     let mut steps = vec![Step { effect: None, joints: vec![], rmse: by_joint(&errors) }];
-    for accepted in &outcome.accepted {
+    for (_, accepted) in outcome.news(search) {
         let joints = match accepted.site {
             Site::Joint(joint) | Site::Pair(joint, _) => vec![names[joint].to_string()],
             Site::Arm => vec![],

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::basis::{Basis, Gain, INVISIBLE, Noise, dot_slices, gain, gain_of};
 use super::fit::{Fitted, held_out, refine_transforms, solve, solve_like, tangent};
@@ -41,6 +42,8 @@ pub(super) struct Accepted {
 
 /// What a search came to.
 pub(super) struct Outcome {
+    /// The model as it was, on the rows that count.
+    pub start: Fitted,
     pub fitted: Fitted,
     /// The last terms of the fit, in their order.
     pub accepted: Vec<Accepted>,
@@ -49,6 +52,26 @@ pub(super) struct Outcome {
     /// Held-out error per joint, N·m (N).
     pub held_out: Vec<f64>,
 }
+
+impl Outcome {
+    /// The accepted terms with what the search knows of them, those that refine an effect of the model or align clocks
+    /// within a sample left out.
+    pub fn news(&self, search: &Search<'_>) -> impl Iterator<Item = (usize, &Accepted)> {
+        let given = self.fitted.terms().len() - self.accepted.len();
+        let period = search.problem.stretches.iter().map(|s| 1.0 / s.motion.rate_hz).fold(0.0, f64::max);
+        let news = move |(k, _): &(usize, &Accepted)| !is_silent(&self.fitted.terms()[*k], period);
+        self.accepted.iter().enumerate().map(move |(k, accepted)| (given + k, accepted)).filter(news)
+    }
+}
+
+/// Whether a term is part of what the model has already, or shorter than the time between two samples.
+fn is_silent(term: &Term, period: f64) -> bool {
+    let times = term.is_transform() && term.effect.constants().iter().all(|c| c.unit == "s");
+    term.effect.refines().is_some() || (times && term.constants.iter().all(|c| c.abs() < WITHIN_A_SAMPLE * period))
+}
+
+/// Torque and position of one row may be taken at moments that are this share of a period apart.
+const WITHIN_A_SAMPLE: f64 = 0.6;
 
 /// Whether the base parameters take an effect up whatever the motion.
 pub(super) fn is_absorbed(effect: &dyn Effect) -> bool {
@@ -62,10 +85,16 @@ pub(super) const EVIDENCE: f64 = 8.0;
 pub(super) const MATERIAL: f64 = 0.015;
 
 /// Most terms that are looked for.
-const MOST_TERMS: usize = 10;
+const MOST_TERMS: usize = 16;
 
 /// Most candidates whose constants are refined in a step.
-const MOST_REFINED: usize = 6;
+const MOST_REFINED: usize = 8;
+
+/// Scores that differ by less than this share are equal.
+const NEARLY: f64 = 0.005;
+
+/// Most candidates that are fitted with the whole model in a step.
+const MOST_TRIED: usize = 4;
 
 const STAGE: &str = "look for effects";
 
@@ -123,6 +152,7 @@ impl<'a> Search<'a> {
         let n = self.problem.dof();
         let mut residual = fitted.residual.clone();
         let mut used = vec![0; n];
+        let mut calm: Vec<Vec<bool>> = residual.iter().map(|r| vec![true; r.len()]).collect();
         for joint in 0..n {
             let mut columns = Vec::new();
             let own: Vec<Term> = self
@@ -143,14 +173,55 @@ impl<'a> Search<'a> {
             };
             let base = fitted.columns.iter().map(only);
             let all: Vec<Column> = base.chain(columns).filter(|column| !column[joint].is_empty()).collect();
-            let basis = Basis::new(&all);
-            let mut own = vec![vec![]; n];
-            own[joint] = residual[joint].clone();
-            basis.project_out(&mut own);
-            used[joint] = basis.q.len();
-            residual[joint] = own.swap_remove(joint);
+            let (left, parameters) = self.left_by(joint, &all, &residual[joint], &mut calm[joint]);
+            residual[joint] = left;
+            used[joint] = parameters;
         }
-        Noise::of(&self.problem, &residual, &used)
+        Noise::of(&self.problem, &residual, &used, &calm)
+    }
+
+    /// What columns leave of a joint's residual, and how many of them count. Seconds with far more of it than others hold
+    /// what begins and ends, a contact or a load: they are no noise, are left out of a second fit and marked.
+    fn left_by(&self, joint: usize, columns: &[Column], residual: &[f64], calm: &mut [bool]) -> (Vec<f64>, usize) {
+        const LOUD: f64 = 4.0;
+        let rows = &self.problem.rows[joint];
+        let second = |row: usize| {
+            let (stretch, sample) = rows[row];
+            (stretch, (sample as f64 / self.problem.stretches[stretch].motion.rate_hz) as usize)
+        };
+        let (mut left, mut used) = (residual.to_vec(), 0);
+        for _ in 0..3 {
+            let masked = |values: &[f64]| -> Vec<f64> {
+                values.iter().zip(calm.iter()).map(|(x, calm)| if *calm { *x } else { 0.0 }).collect()
+            };
+            let column = |values: Vec<f64>| -> Column {
+                let mut column = vec![vec![]; self.problem.dof()];
+                column[joint] = values;
+                column
+            };
+            let some: Vec<Column> = columns.iter().map(|c| column(masked(&c[joint]))).collect();
+            let basis = Basis::new(&some);
+            used = basis.q.len();
+            let factors = basis.solve(&column(masked(residual)));
+            left = residual.to_vec();
+            for (c, factor) in columns.iter().zip(&factors).filter(|(_, factor)| **factor != 0.0) {
+                left.iter_mut().zip(&c[joint]).for_each(|(left, c)| *left -= factor * c);
+            }
+            let mut energies: Vec<((usize, usize), f64, f64)> = Vec::new();
+            for (row, value) in left.iter().enumerate() {
+                match energies.last_mut().filter(|(key, ..)| *key == second(row)) {
+                    Some((_, sum, count)) => (*sum, *count) = (*sum + value * value, *count + 1.0),
+                    None => energies.push((second(row), value * value, 1.0)),
+                }
+            }
+            let mut sorted: Vec<f64> = energies.iter().map(|(_, sum, count)| sum / count).collect();
+            sorted.sort_by(f64::total_cmp);
+            let Some(median) = sorted.get(sorted.len() / 2) else { break };
+            let loud: Vec<(usize, usize)> =
+                energies.iter().filter(|(_, sum, count)| sum / count > LOUD * median).map(|(key, ..)| *key).collect();
+            (0..rows.len()).for_each(|row| calm[row] = loud.binary_search(&second(row)).is_err());
+        }
+        (left, used)
     }
 
     /// Whether an effect is looked for.
@@ -186,7 +257,9 @@ impl<'a> Search<'a> {
                 continue;
             }
             for site in effect.sites(robot) {
-                if fitted.terms().iter().any(|t| t.effect.name() == effect.name() && t.site == site) {
+                let there = |name: &str| fitted.terms().iter().any(|t| t.effect.name() == name && t.site == site);
+                let refines = |name: &str| self.known.iter().any(|known| known == name) || there(name);
+                if there(effect.name()) || !effect.refines().is_none_or(refines) {
                     continue;
                 }
                 let grids: Vec<Vec<f64>> = (0..constants.len()).map(|k| self.grid(effect.as_ref(), site, k)).collect();
@@ -227,6 +300,8 @@ impl<'a> Search<'a> {
             Scale::PositionWidth => [constant.low, constant.high].map(|x| x * (high - low)),
             Scale::Torque => [constant.low, constant.high].map(|x| x * super::basis::rms(&self.problem.y[joint])),
             Scale::Time => self.problem.time_span(),
+            // A resonance beyond the band would be seen by its foot alone.
+            _ if constant.unit == "Hz" => [constant.low, constant.high.min(0.6 * self.problem.band_hz)],
             _ => [constant.low, constant.high],
         }
     }
@@ -275,7 +350,7 @@ impl<'a> Search<'a> {
                 }
             }
         }
-        let mut white = self.noise.whiten(problem, &problem.y);
+        let mut white = self.noise.whiten(problem, &fitted.target);
         basis.project_out(&mut white);
         basis.project_out(&mut white);
         (basis, white)
@@ -289,8 +364,12 @@ impl<'a> Search<'a> {
         let first_negative = signs.take(1).any(|(parameter, value)| parameter.non_negative && *value < 0.0);
         let out_of_bounds = term.is_transform()
             && term.effect.constants().iter().zip(&gain.coefficients).any(|(c, x)| c.low > -1e-3 * c.high && *x < 0.0);
+        let resonances = term.constants.iter().enumerate().zip(term.effect.constants());
+        let at_edge = resonances
+            .filter(|(_, constant)| constant.unit == "Hz")
+            .any(|((k, value), _)| *value > 0.98 * self.bounds(&term, k)[1]);
         let contact_like = term.effect.name() == "payload_change" || term.effect.name() == "external_contact";
-        Candidate { impossible: (first_negative && !contact_like) || out_of_bounds, term, gain, score }
+        Candidate { impossible: (first_negative && !contact_like) || out_of_bounds || at_edge, term, gain, score }
     }
 
     /// Every effect at every site at its best point of the grid, best first.
@@ -544,23 +623,25 @@ impl<'a> Search<'a> {
     }
 
     /// The fit with one more term, all constants refined.
-    pub fn with_term(&mut self, fitted: &Fitted, term: Term) -> Fitted {
+    pub fn with_term(&self, fitted: &Fitted, term: Term) -> Fitted {
         let mut terms = fitted.terms().to_vec();
         terms.push(term);
         self.refit(fitted, terms)
     }
 
-    pub fn refit(&mut self, like: &Fitted, terms: Vec<Term>) -> Fitted {
-        let next = if terms.iter().any(Term::is_transform) {
-            solve(&self.problem, &like.model, &terms, &self.noise)
-        } else {
-            solve_like(&self.problem, like, &terms, &self.noise)
-        };
+    pub fn refit(&self, like: &Fitted, terms: Vec<Term>) -> Fitted {
+        let mut next = solve_like(&self.problem, like, &terms, &self.noise);
+        // Columns that follow the torque of the model are those of the fit before.
+        if terms.iter().any(|term| term.effect.follows_torque()) {
+            for _ in 0..2 {
+                next = solve_like(&self.problem, &next, &terms, &self.noise);
+            }
+        }
         refine_transforms(&self.problem, next, &self.noise)
     }
 
     /// Every term's constants once more, the others given.
-    pub fn polish(&mut self, fitted: Fitted) -> Fitted {
+    pub fn polish(&self, fitted: Fitted) -> Fitted {
         let mut fitted = fitted;
         for k in 0..fitted.terms().len() {
             let term = fitted.terms()[k].clone();
@@ -595,10 +676,20 @@ impl<'a> Search<'a> {
         let mut accepted: Vec<Accepted> = Vec::new();
         let mut ranking = None;
         self.progress.step(STAGE, 0, MOST_TERMS)?;
-        while accepted.len() < MOST_TERMS {
+        while fitted.terms().len() < MOST_TERMS {
             let (basis, white) = self.with_nuisances(&fitted);
+            if let Some(released) = self.without_holds(&fitted, (&basis, &white)) {
+                fitted = released;
+                continue;
+            }
             let candidates = self.rank(&fitted, &basis, &white)?;
             let tried = self.refined(&fitted, (&basis, &white), &candidates)?;
+            let tried = self.worth_it(&fitted, &accepted, tried);
+            if let Some((next, steps)) = self.finer_forms(&fitted, (&basis, &white), &candidates, &tried)? {
+                fitted = next;
+                accepted.extend(steps);
+                continue;
+            }
             ranking.get_or_insert(candidates);
             let Some((next, step)) = self.next_term(&fitted, &tried)? else { break };
             let transform = next.terms().last().is_some_and(Term::is_transform);
@@ -607,12 +698,46 @@ impl<'a> Search<'a> {
             if transform {
                 self.cache.clear();
             }
-            self.progress.step(STAGE, accepted.len(), MOST_TERMS)?;
+            self.progress.step(STAGE, fitted.terms().len().min(MOST_TERMS), MOST_TERMS)?;
         }
         let (fitted, accepted) = self.backward(fitted, accepted)?;
+        let start = solve(&self.problem, &start.model, start.terms(), &self.noise);
         self.progress.step(STAGE, MOST_TERMS, MOST_TERMS)?;
         let held_out = self.held_out(&fitted);
-        Ok(Outcome { fitted, accepted, ranking: ranking.unwrap_or_default(), held_out })
+        Ok(Outcome { start, fitted, accepted, ranking: ranking.unwrap_or_default(), held_out })
+    }
+
+    /// The fit without the moments before reversals at which joints stick, if there are joints that do.
+    fn without_holds(&mut self, fitted: &Fitted, (basis, white): (&Basis, &Column)) -> Option<Fitted> {
+        const DURATIONS_S: [f64; 5] = [0.016, 0.03, 0.05, 0.08, 0.12];
+        /// Rows are left out somewhat farther than the jump is seen: stops differ in length.
+        const FARTHER: f64 = 1.5;
+        let mut holds = Vec::new();
+        for joint in 0..self.problem.dof() {
+            let dry = self.known.iter().any(|known| known == "coulomb_friction")
+                || fitted.terms().iter().any(|t| t.effect.name() == "coulomb_friction" && t.site == Site::Joint(joint));
+            if !dry || self.problem.leaves_holds_out(joint) {
+                continue;
+            }
+            let tried = DURATIONS_S.map(|seconds| {
+                let column = self.noise.whiten(&self.problem, &self.problem.approach_column(joint, seconds));
+                (seconds, gain(basis, white, &[column]))
+            });
+            let best = tried.into_iter().max_by(|a, b| a.1.chi2.total_cmp(&b.1.chi2)).expect("some durations");
+            let (seconds, gain) = best;
+            let size = gain.coefficients[0];
+            if 0.5 * gain.chi2 > 3.0 * EVIDENCE && size > self.noise.level[joint] {
+                holds.push((joint, FARTHER * seconds + 0.02));
+            }
+        }
+        if holds.is_empty() || self.problem.leave_out_holds(&holds).is_err() {
+            return None;
+        }
+        self.cache.clear();
+        let again = solve(&self.problem, &fitted.model, fitted.terms(), &self.noise);
+        self.noise = self.noise_of_largest(&again);
+        self.rows = self.noise.rows(&self.problem);
+        Some(solve(&self.problem, &fitted.model, fitted.terms(), &self.noise))
     }
 
     /// The best candidates, at most two sites of an effect, their constants refined, best first.
@@ -622,33 +747,107 @@ impl<'a> Search<'a> {
         residual: (&Basis, &Column),
         candidates: &[Candidate],
     ) -> Result<Vec<Candidate>, Interrupted> {
-        let mut tried: Vec<Candidate> = Vec::new();
+        let mut chosen: Vec<&Candidate> = Vec::new();
         let mut names: Vec<&str> = Vec::new();
-        for candidate in candidates.iter().filter(|c| !c.impossible && c.score > 0.0) {
+        let own = |c: &&Candidate| !c.impossible && c.score > 0.0 && c.term.effect.refines().is_none();
+        for candidate in candidates.iter().filter(own) {
             let name = candidate.term.effect.name();
-            if tried.len() < MOST_REFINED && names.iter().filter(|other| **other == name).count() < 2 {
+            if chosen.len() < MOST_REFINED && names.iter().filter(|other| **other == name).count() < 2 {
                 names.push(name);
-                tried.push(self.refine(fitted, residual, candidate));
-                self.progress.step("refine constants", tried.len() - 1, MOST_REFINED)?;
+                chosen.push(candidate);
             }
         }
+        self.progress.step("refine constants", 0, 1)?;
+        let mut tried = in_parallel(&chosen, |candidate| self.refine(fitted, residual, candidate));
+        self.progress.step("refine constants", 1, 1)?;
         tried.sort_by(|a, b| b.score.total_cmp(&a.score));
         Ok(tried)
+    }
+
+    /// Candidates with evidence that is not tiny beside what was found before at the same joint: a form that is right to
+    /// one percent leaves so much, and it would be taken for an effect of its own.
+    fn worth_it(&self, fitted: &Fitted, accepted: &[Accepted], mut tried: Vec<Candidate>) -> Vec<Candidate> {
+        const SHARE_SAME_JOINT: f64 = 0.01;
+        const SHARE_OTHER_JOINT: f64 = 0.0005;
+        let given = fitted.terms().len() - accepted.len();
+        let news = || accepted.iter().zip(&fitted.terms()[given..]).filter(|(_, t)| t.effect.refines().is_none());
+        let joint = |term: &Term| term.site.joint().filter(|_| term.effect.reach() == Reach::Own);
+        tried.retain(|candidate| {
+            let least = news().map(|(step, term)| {
+                let apart = matches!((joint(term), joint(&candidate.term)), (Some(a), Some(b)) if a != b);
+                step.first_score * if apart { SHARE_OTHER_JOINT } else { SHARE_SAME_JOINT }
+            });
+            candidate.score > least.fold(0.0, f64::max)
+        });
+        tried
+    }
+
+    /// The fit with finer forms of effects that the model has, at all joints where no other effect of the joint does
+    /// better, if there are any.
+    fn finer_forms(
+        &mut self,
+        fitted: &Fitted,
+        residual: (&Basis, &Column),
+        candidates: &[Candidate],
+        tried: &[Candidate],
+    ) -> Result<Option<(Fitted, Vec<Accepted>)>, Interrupted> {
+        let finer = |c: &&Candidate| c.term.effect.refines().is_some() && !c.impossible && c.score > EVIDENCE;
+        let finer: Vec<&Candidate> = candidates.iter().filter(finer).collect();
+        self.progress.step("refine constants", 0, 1)?;
+        let mut found = in_parallel(&finer, |candidate| self.refine(fitted, residual, candidate));
+        self.progress.step("refine constants", 1, 1)?;
+        found.retain(|refined| {
+            let rival = |c: &&Candidate| c.term.site == refined.term.site && c.term.effect.reach() == Reach::Own;
+            let best = tried.iter().filter(rival).map(|c| c.score).fold(f64::NEG_INFINITY, f64::max);
+            !refined.impossible && refined.score > EVIDENCE && refined.score > best
+        });
+        if found.is_empty() {
+            return Ok(None);
+        }
+        let mut terms = fitted.terms().to_vec();
+        terms.extend(found.iter().map(|c| c.term.clone()));
+        let next = self.refit(fitted, terms);
+        let (without, with) = (self.held_out(fitted), self.held_out(&next));
+        let accepted = |c: Candidate| Accepted {
+            effect: c.term.effect.name().into(),
+            site: c.term.site,
+            score: c.score,
+            first_score: c.score,
+            effect_size: largest_fall(&without, &with),
+            rivals: vec![],
+            with: with.clone(),
+            without: without.clone(),
+        };
+        let steps = found.into_iter().map(accepted).collect();
+        Ok(Some((next, steps)))
     }
 
     /// The fit with the best of the candidates that has evidence and matters, if there is one.
     fn next_term(&mut self, fitted: &Fitted, tried: &[Candidate]) -> Result<Option<(Fitted, Accepted)>, Interrupted> {
         // Transforms are judged by what they do exactly: tangents flatter and wrong them.
-        let mut trials: Vec<(&Candidate, Fitted, f64)> = Vec::new();
-        for candidate in tried.iter().filter(|c| !c.impossible && c.score > EVIDENCE).take(4) {
-            if trials.first().is_none_or(|(_, _, best)| candidate.score > 0.5 * best) {
-                let trial = self.with_term(fitted, candidate.term.clone());
+        let mut worthy: Vec<&Candidate> = tried.iter().filter(|c| !c.impossible && c.score > EVIDENCE).collect();
+        let best = worthy.first().map_or(0.0, |candidate| candidate.score);
+        worthy.retain(|candidate| candidate.score > 0.3 * best);
+        worthy.truncate(MOST_TRIED);
+        self.progress.step("try effects", 0, 1)?;
+        let fits = in_parallel(&worthy, |candidate| self.with_term(fitted, candidate.term.clone()));
+        self.progress.step("try effects", 1, 1)?;
+        let mut trials: Vec<(&Candidate, Fitted, f64)> = worthy
+            .into_iter()
+            .zip(fits)
+            .map(|(candidate, trial)| {
                 let score = self.score_of(fitted, &trial);
-                trials.push((candidate, trial, score));
-                self.progress.step("try effects", trials.len() - 1, 4)?;
-            }
-        }
+                (candidate, trial, score)
+            })
+            .collect();
         trials.sort_by(|a, b| b.2.total_cmp(&a.2));
+        // Of effects that do equally well the plainest comes first: forms with more freedom imitate it.
+        let best = trials.first().map_or(0.0, |(_, _, score)| *score);
+        let freedom = |c: &Candidate| c.term.constants.len() + c.term.coefficients.len();
+        let (mut equal, others): (Vec<_>, Vec<_>) =
+            trials.into_iter().partition(|(_, _, score)| *score > best - NEARLY * best.abs());
+        equal.sort_by_key(|(candidate, ..)| freedom(candidate));
+        let trials: Vec<(&Candidate, Fitted, f64)> = equal.into_iter().chain(others).collect();
         let without = self.held_out(fitted);
         for (candidate, trial, score) in trials.into_iter().filter(|(_, _, score)| *score >= EVIDENCE) {
             let with = self.held_out(&trial);
@@ -687,18 +886,23 @@ impl<'a> Search<'a> {
     ) -> Result<(Fitted, Vec<Accepted>), Interrupted> {
         let given = fitted.terms().len() - accepted.len();
         while accepted.len() > 1 {
-            let mut weakest: Option<(f64, usize, Fitted)> = None;
             let with = self.held_out(&fitted);
-            for (k, step) in accepted.iter_mut().enumerate() {
-                self.progress.step("check each effect again", k, MOST_TERMS)?;
+            self.progress.step("check each effect again", 0, 1)?;
+            let steps: Vec<usize> = (0..accepted.len()).collect();
+            let fits = in_parallel(&steps, |k| {
                 let mut others = fitted.terms().to_vec();
                 others.remove(given + k);
-                let without = self.refit(&fitted, others);
+                self.refit(&fitted, others)
+            });
+            self.progress.step("check each effect again", 1, 1)?;
+            let mut weakest: Option<(f64, usize, Fitted)> = None;
+            for (k, (step, without)) in accepted.iter_mut().zip(fits).enumerate() {
                 step.score = self.score_of(&without, &fitted);
                 step.without = self.held_out(&without);
                 step.effect_size = largest_fall(&step.without, &with);
                 let size = step.effect_size;
-                if (step.score < EVIDENCE || size < MATERIAL) && weakest.as_ref().is_none_or(|(s, ..)| size < *s) {
+                let material = if fitted.terms()[given + k].effect.refines().is_some() { 0.0 } else { MATERIAL };
+                if (step.score < EVIDENCE || size < material) && weakest.as_ref().is_none_or(|(s, ..)| size < *s) {
                     weakest = Some((size, k, without));
                 }
             }
@@ -711,7 +915,7 @@ impl<'a> Search<'a> {
 
     /// Root mean square error per joint on blocks that were left out, N·m (N).
     pub fn held_out(&self, fitted: &Fitted) -> Vec<f64> {
-        held_out(&self.problem, &fitted.columns, &[], &self.noise)
+        held_out(&self.problem, fitted, &[], &self.noise)
     }
 }
 
@@ -729,4 +933,26 @@ fn switched_gain(sum: &[f64], k: usize, r: usize) -> Gain {
     let gram: Vec<f64> = (0..k * k).map(|i| sum[i] - share(i / k, i % k)).collect();
     let lengths: Vec<f64> = (0..k).map(|a| sum[a * k + a]).collect();
     gain_of(&gram, &sum[k * k + k * r..], &lengths, 0.03)
+}
+
+/// `work` for every item, on as many threads as there are cores; results in the order of the items.
+fn in_parallel<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    let next = AtomicUsize::new(0);
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(items.len().max(1));
+    let mut results: Vec<(usize, R)> = std::thread::scope(|scope| {
+        let run = || {
+            let mut own = Vec::new();
+            loop {
+                let index = next.fetch_add(1, Ordering::Relaxed);
+                match items.get(index) {
+                    Some(item) => own.push((index, work(item))),
+                    None => return own,
+                }
+            }
+        };
+        let handles: Vec<_> = (0..threads).map(|_| scope.spawn(run)).collect();
+        handles.into_iter().flat_map(|handle| handle.join().expect("a panic goes on")).collect()
+    });
+    results.sort_by_key(|(index, _)| *index);
+    results.into_iter().map(|(_, result)| result).collect()
 }

@@ -95,7 +95,7 @@ pub(super) fn features(problem: &Problem, joint: usize, group: &[Variable], leng
 
 /// Log evidence of a Gaussian process against none, per joint with its best group.
 pub(super) fn leftover(problem: &Problem, fitted: &Fitted, noise: &Noise) -> Vec<Leftover> {
-    let before = held_out(problem, &fitted.columns, &[], noise);
+    let before = held_out(problem, fitted, &[], noise);
     let mut all = Vec::new();
     for joint in 0..problem.dof() {
         let mut best: Option<(f64, &[Variable], Vec<Column>)> = None;
@@ -113,7 +113,7 @@ pub(super) fn leftover(problem: &Problem, fitted: &Fitted, noise: &Noise) -> Vec
         let Some((evidence, group, columns)) = best else { continue };
         let mut effect_size = 0.0;
         if evidence > 5.0 {
-            let after = held_out(problem, &fitted.columns, &columns, noise);
+            let after = held_out(problem, fitted, &columns, noise);
             effect_size = (before[joint] - after[joint]) / after[joint].max(1e-12);
         }
         let names = group.iter().map(|v| match v {

@@ -1,20 +1,24 @@
 use super::context::after;
 use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Reach, Scale, Site};
-use crate::dynamics::{Workspace, jacobian};
+use crate::dynamics::{Workspace, frame_pose, jacobian};
 use crate::robot::Frame;
-use crate::spatial::Pose;
+use crate::spatial::{Pose, Vector3};
 
-/// A constant force F on the origin of the last link between t0 and t1, in base axes: tau = Jᵀ F.
+/// A force on the origin of the last link between t0 and t1, constant in base axes (F), in axes of the link (f), or the
+/// sum of both: tau = Jᵀ (F + R f).
 ///
 /// Source: S. Haddadin, A. De Luca, A. Albu-Schäffer, Robot collisions: a survey on detection, isolation, and
 /// identification, IEEE Trans. Robotics 33(6) (2017).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ExternalContact;
 
-const PARAMETERS: [EffectParameter; 3] = [
+const PARAMETERS: [EffectParameter; 6] = [
     EffectParameter::signed("Fx", "N", "N"),
     EffectParameter::signed("Fy", "N", "N"),
     EffectParameter::signed("Fz", "N", "N"),
+    EffectParameter::signed("fx", "N", "N"),
+    EffectParameter::signed("fy", "N", "N"),
+    EffectParameter::signed("fz", "N", "N"),
 ];
 
 const CONSTANTS: [Constant; 2] = [
@@ -34,7 +38,7 @@ impl Effect for ExternalContact {
     fn about(&self) -> About<'_> {
         About {
             class: Class::ChangePoint,
-            formula: "tau = Jᵀ F for t0 < t < t1",
+            formula: "tau = Jᵀ (F + R f) for t0 < t < t1, F in base axes, f in axes of the last link",
             source: "S. Haddadin, A. De Luca, A. Albu-Schäffer, Robot collisions: a survey on detection, isolation, and identification, IEEE Trans. Robotics 33(6) (2017).",
             signature: "in the pattern of the Jacobian over the joints, for a limited time",
             confusable: &["payload_change"],
@@ -78,10 +82,13 @@ impl Effect for ExternalContact {
             let on = inside(constants[0]) * (1.0 - inside(constants[1]));
             if on > 0.0 {
                 let jacobian = jacobian(context.robot, &mut ws, context.state(k).q, &tip);
-                for (row, out) in out.iter_mut().enumerate() {
-                    for joint in 0..n {
-                        out[k * n + joint] = on * jacobian[row * n + joint];
-                    }
+                let jacobian = jacobian.to_vec();
+                let turn = frame_pose(context.robot, &mut ws, context.state(k).q, &tip).rotation;
+                for joint in 0..n {
+                    let lever = Vector3::new(jacobian[joint], jacobian[n + joint], jacobian[2 * n + joint]);
+                    let in_tool = turn.transpose_mul(lever);
+                    let levers = [lever.x, lever.y, lever.z, in_tool.x, in_tool.y, in_tool.z];
+                    out.iter_mut().zip(levers).for_each(|(out, lever)| out[k * n + joint] = on * lever);
                 }
             }
         }

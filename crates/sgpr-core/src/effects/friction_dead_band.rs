@@ -37,6 +37,10 @@ impl Effect for FrictionDeadBand {
         Entry::Trajectory
     }
 
+    fn follows_torque(&self) -> bool {
+        true
+    }
+
     fn trajectory_columns(&self, site: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
         let joint = site.joint().expect("at a joint");
         for (out, torque) in out[0].iter_mut().zip(context.of_joint(context.torque, joint)) {

@@ -39,6 +39,10 @@ impl Effect for LoadDependentFriction {
         Entry::Trajectory
     }
 
+    fn follows_torque(&self) -> bool {
+        true
+    }
+
     fn trajectory_columns(&self, site: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
         let joint = site.joint().expect("at a joint");
         let load = context.of_joint(context.rigid_torque, joint);

@@ -22,6 +22,7 @@ mod cable_stiffness;
 mod cogging_torque;
 mod context;
 mod coulomb_friction;
+mod coulomb_transition;
 mod encoder_eccentricity;
 mod encoder_offset;
 mod external_contact;
@@ -159,6 +160,16 @@ pub trait Effect: Send + Sync + Debug {
     fn limit(&self, site: Site, constants: &[f64], joint: usize) -> Option<f64> {
         let _ = (site, constants, joint);
         None
+    }
+
+    /// The effect of which this one is only a finer form: it is fitted beside it, and not a finding of its own.
+    fn refines(&self) -> Option<&str> {
+        None
+    }
+
+    /// Whether the columns depend on the torque of the model, and change as it is refitted.
+    fn follows_torque(&self) -> bool {
+        false
     }
 
     /// Whether the present torque depends on the past of the trajectory, so that one sample is not enough to predict it.
@@ -344,6 +355,7 @@ pub fn registry() -> Vec<Arc<dyn Effect>> {
     vec![
         Arc::new(viscous_friction::ViscousFriction),
         Arc::new(coulomb_friction::CoulombFriction),
+        Arc::new(coulomb_transition::CoulombTransition),
         Arc::new(asymmetric_viscous_friction::AsymmetricViscousFriction),
         Arc::new(rotor_inertia::RotorInertia),
         Arc::new(torque_offset::TorqueOffset),

@@ -43,6 +43,10 @@ impl Effect for TorqueGainDrift {
         context.time.is_empty().then(|| "the logs do not share a clock: their times overlap".into())
     }
 
+    fn follows_torque(&self) -> bool {
+        true
+    }
+
     fn trajectory_columns(&self, site: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
         let joint = site.joint().expect("at a joint");
         for ((out, torque), t) in out[0].iter_mut().zip(context.of_joint(context.torque, joint)).zip(context.time) {

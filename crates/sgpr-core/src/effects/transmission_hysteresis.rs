@@ -51,6 +51,10 @@ impl Effect for TransmissionHysteresis {
         true
     }
 
+    fn follows_torque(&self) -> bool {
+        true
+    }
+
     fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
         let joint = site.joint().expect("at a joint");
         dahl(context.of_joint(context.rigid_torque, joint), constants[0], &mut out[0]);

@@ -180,7 +180,6 @@ impl TorqueModel {
 
     /// The rigid body after all transforms of robot and motion; deflections follow the torque in two rounds.
     pub(crate) fn rigid(&self, trajectory: &Trajectory<'_>) -> Rigid {
-        let n = self.robot.dof();
         let Samples { q, dq, ddq } = trajectory.samples;
         let transforms = || self.terms.iter().filter(|term| term.is_transform());
         let robot = transforms().fold(self.dynamics.clone(), |robot, t| t.effect.robot(t.site, &t.constants, robot));
@@ -211,14 +210,32 @@ impl TorqueModel {
             }
         }
         let mut torque = rigid_torque.clone();
-        if self.set.len() > self.set.inertial() {
-            for (k, tau) in torque.chunks_exact_mut(n).enumerate() {
-                let row = k * n..(k + 1) * n;
-                let state = JointState { q: &q[row.clone()], dq: &dq[row.clone()], ddq: &ddq[row] };
-                self.set.add_effect_torque(&self.parameters, &state, tau);
-            }
-        }
+        self.add_effects(trajectory.samples, &mut torque);
         Rigid { robot, motion, rigid_torque, torque }
+    }
+
+    /// Torque of this model's parameters on the robot and along the motion that the transforms of another make.
+    pub(crate) fn torque_under(&self, rigid: &Rigid, trajectory: &Trajectory<'_>) -> Vec<f64> {
+        let robot = rigid.robot.clone().with_standard_parameters(&self.dynamics.standard_parameters());
+        let links = rigid.motion.as_ref();
+        let motion = links.map_or(trajectory.samples, |m| Samples { q: &m.q, dq: &m.dq, ddq: &m.ddq });
+        let mut torque = vec![0.0; motion.q.len()];
+        rnea_batch(&robot, &mut BatchWorkspace::new(&robot), motion, &mut torque);
+        self.add_effects(trajectory.samples, &mut torque);
+        torque
+    }
+
+    /// Adds the torque of the effects that the model has everywhere.
+    fn add_effects(&self, samples: Samples<'_>, torque: &mut [f64]) {
+        if self.set.len() == self.set.inertial() {
+            return;
+        }
+        let n = self.robot.dof();
+        for (k, tau) in torque.chunks_exact_mut(n).enumerate() {
+            let row = k * n..(k + 1) * n;
+            let state = JointState { q: &samples.q[row.clone()], dq: &samples.dq[row.clone()], ddq: &samples.ddq[row] };
+            self.set.add_effect_torque(&self.parameters, &state, tau);
+        }
     }
 
     pub(crate) fn context<'a>(&self, trajectory: &Trajectory<'a>, rigid: &'a Rigid) -> Context<'a> {
