@@ -308,21 +308,36 @@ impl<'a> Search<'a> {
 
     /// Columns of a term in the band, tangents for a transform.
     fn raw(&mut self, fitted: &Fitted, term: &Term) -> Vec<Column> {
-        let key =
-            (term.effect.name().to_string(), term.site, term.constants.iter().map(|c| c.to_bits()).collect::<Vec<_>>());
-        if term.is_transform() {
-            let mut terms = fitted.terms().to_vec();
-            terms.push(term.clone());
-            let model = fitted.model.clone().with_terms(terms, self.problem.clock);
-            let last = fitted.terms().len();
-            return (0..term.constants.len()).map(|k| tangent(&self.problem, &model, last, k)).collect();
-        }
+        let key = key_of(term);
         if let Some(columns) = self.cache.get(&key) {
             return columns.clone();
         }
-        let columns = self.problem.term_columns(&fitted.model, &fitted.rigid, &[term]).swap_remove(0);
+        let columns = self.columns_of(fitted, term);
         self.cache.insert(key, columns.clone());
         columns
+    }
+
+    fn columns_of(&self, fitted: &Fitted, term: &Term) -> Vec<Column> {
+        if !term.is_transform() {
+            return self.problem.term_columns(&fitted.model, &fitted.rigid, &[term]).swap_remove(0);
+        }
+        let mut terms = fitted.terms().to_vec();
+        terms.push(term.clone());
+        let model = fitted.model.clone().with_terms(terms, self.problem.clock);
+        let last = fitted.terms().len();
+        (0..term.constants.len()).map(|k| tangent(&self.problem, &model, last, k)).collect()
+    }
+
+    /// Computes the columns that [`Self::raw`] will be asked for, on all cores.
+    fn prepare(&mut self, fitted: &Fitted, terms: &[Term]) -> Result<(), Interrupted> {
+        const AT_ONCE: usize = 24;
+        let missing: Vec<&Term> = terms.iter().filter(|term| !self.cache.contains_key(&key_of(term))).collect();
+        for (index, some) in missing.chunks(AT_ONCE).enumerate() {
+            self.progress.step("columns of effects", AT_ONCE * index, missing.len())?;
+            let columns = in_parallel(some, |term| self.columns_of(fitted, term));
+            self.cache.extend(some.iter().map(|term| key_of(term)).zip(columns));
+        }
+        self.progress.step("columns of effects", missing.len(), missing.len())
     }
 
     /// The columns of the fit and those that take up what constants of the model may be wrong by.
@@ -386,14 +401,16 @@ impl<'a> Search<'a> {
         };
         let terms: Vec<Term> = self.terms_to_try(fitted).into_iter().chain(self.orders_to_try(fitted)).collect();
         let count = terms.len();
-        for (index, term) in terms.into_iter().enumerate() {
-            self.progress.step("rank effects", index, count)?;
-            let columns = self.raw(fitted, &term);
+        self.prepare(fitted, &terms)?;
+        self.progress.step("rank effects", 0, count)?;
+        let candidates = in_parallel(&terms, |term| {
+            let columns = &self.cache[&key_of(term)];
             let white_columns: Vec<Column> = columns.iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
             let gain = gain(basis, white, &white_columns);
             let constants = if term.is_transform() { 0 } else { term.constants.len() };
-            keep(&mut best, self.candidate(term, gain, constants));
-        }
+            self.candidate(term.clone(), gain, constants)
+        });
+        candidates.into_iter().for_each(|candidate| keep(&mut best, candidate));
         for candidate in self.scan_times(fitted, basis, white) {
             keep(&mut best, candidate);
         }
@@ -922,6 +939,11 @@ impl<'a> Search<'a> {
 /// Largest fall of the held-out error on a joint, as a share of what is left.
 fn largest_fall(before: &[f64], after: &[f64]) -> f64 {
     before.iter().zip(after).map(|(b, a)| (b - a) / a.max(1e-12)).fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// What a term is remembered by.
+fn key_of(term: &Term) -> (String, Site, Vec<u64>) {
+    (term.effect.name().to_string(), term.site, term.constants.iter().map(|c| c.to_bits()).collect())
 }
 
 /// Gain from the sums of a window of time.

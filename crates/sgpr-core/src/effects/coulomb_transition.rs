@@ -18,7 +18,7 @@ const CONSTANTS: [Constant; 1] = [Constant::logarithmic(
     "vc",
     ["rad/s", "m/s"],
     [0.001, 2.0],
-    &[0.003, 0.006, 0.012, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8],
+    &[0.8, 0.4, 0.2, 0.1, 0.05, 0.025, 0.012, 0.006, 0.003],
 )];
 
 impl Effect for CoulombTransition {

@@ -226,9 +226,7 @@ def show(result: Result, data: dict[str, Any], output: Output) -> None:
     if len(steps) > 1:
         names = list(steps[0]["rmse"])
         label = [f"{step['effect'] or 'model'} {', '.join(step['joints'])}".strip() for step in steps]
-        rows = [
-            [name, *(significant(step["rmse"][name]) for step in steps)] for name in names
-        ]
+        rows = [[name, *(significant(step["rmse"][name]) for step in steps)] for name in names]
         output.table(["held-out error of", *label], rows)
     show_errors({BEFORE: result.errors_before, AFTER: result.errors_after}, output)
     where = f"On {counted(len(result.test), 'unseen log')}" if result.test else "On the training logs"

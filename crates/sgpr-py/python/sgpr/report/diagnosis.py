@@ -159,9 +159,7 @@ class DiagnosisPage:
             parts.append(paragraph("No structure that a smooth function of position, speed or time could explain."))
         if data["next_experiment"]:
             parts.append(element("h3", "What to record next"))
-            parts.append(
-                items(f"{' or '.join(one['about'])}: {one['experiment']}." for one in data["next_experiment"])
-            )
+            parts.append(items(f"{' or '.join(one['about'])}: {one['experiment']}." for one in data["next_experiment"]))
         if data["not_testable"]:
             parts.append(element("h3", "Not testable with these logs"))
             rows = [[entry["effect"], entry["why"]] for entry in data["not_testable"]]
@@ -182,7 +180,7 @@ class DiagnosisPage:
         ]
         note = paragraph(
             f"The best {len(shown)} of {len(self.data['candidates'])}; the score is the log of the Bayes factor against "
-            "the model without the effect, with what looking at so many effects costs taken off."
+            "the model without the effect, less what looking at so many effects costs."
         )
         columns = ["effect", "where", "score", "probability", "evidence"]
         return join([note, table("Candidates", columns, rows, text_columns=(0, 1, 4))])
@@ -206,4 +204,5 @@ def _title(finding: Mapping[str, Any]) -> str:
 
 
 def _cell(cell: Mapping[str, Any]) -> str:
-    return f"{percent(100 * cell['share'])} % of the error in {percent(100 * cell['samples'])} % of the samples, {cell['cell']}"
+    share, samples = percent(100 * cell["share"]), percent(100 * cell["samples"])
+    return f"{share} % of the error in {samples} % of the samples, {cell['cell']}"

@@ -102,8 +102,12 @@ def _figure(joint: int, variable: str, before: Residuals, after: Residuals, unit
     x = np.concatenate([column(b)[mask] for (b, _), mask in zip(parts, masks, strict=True)])
     if variable == "t":
         x = x - x.min()
-    old = np.concatenate([(b.measured_in_band - b.predicted_in_band)[m, joint] for (b, _), m in zip(parts, masks, strict=True)])
-    new = np.concatenate([(a.measured_in_band - a.predicted_in_band)[m, joint] for (_, a), m in zip(parts, masks, strict=True)])
+    old = np.concatenate(
+        [(b.measured_in_band - b.predicted_in_band)[m, joint] for (b, _), m in zip(parts, masks, strict=True)]
+    )
+    new = np.concatenate(
+        [(a.measured_in_band - a.predicted_in_band)[m, joint] for (_, a), m in zip(parts, masks, strict=True)]
+    )
     centre, explained = _averages(x, old - new)
     _, left = _averages(x, new)
     keep = np.linspace(0, len(x) - 1, min(POINTS, len(x))).astype(int)

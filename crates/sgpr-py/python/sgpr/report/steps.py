@@ -21,9 +21,9 @@ def steps_section(steps: Sequence[Mapping[str, Any]], units: Mapping[str, str]) 
     names = list(steps[0]["rmse"])
     labels = ["the model", *(f"+ {step['effect']} {', '.join(step['joints'])}".strip() for step in steps[1:])]
     note = paragraph(
-        "Root mean square error on blocks of time that were left out of the fit, in the training logs. Effects are added "
-        "one after the other and all parameters are refitted each time; an effect that later ones make superfluous is "
-        "taken out again and does not appear."
+        "Root mean square error on blocks of time that were left out of the fit, in the training logs. Effects are "
+        "added one after the other and all parameters are refitted each time; an effect that later ones make "
+        "superfluous is taken out again and does not appear."
     )
     rows = [[name, units[name], *(significant(step["rmse"][name]) for step in steps)] for name in names]
     body = [
