@@ -8,7 +8,7 @@ SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-core/src crates/sgpr-l
 	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name Cargo.toml) \
 	crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
 
-.PHONY: build demo demo-real estimators test test-rust test-python browser lint bench peers fuzz clean
+.PHONY: build demo demo-real estimators test test-rust test-python browser lint bench diagnosis-bench peers fuzz clean
 
 build: $(VENV)/.built
 
@@ -73,6 +73,10 @@ lint: build $(VENV)/.test
 
 bench:
 	cargo bench --locked --package benches
+
+## The diagnosis on random arms with hidden effects: how often it is right (docs/diagnosis.md).
+diagnosis-bench:
+	cargo run --locked --release --package sgpr-core --example diagnosis_bench -- --seed 1 --rounds 1
 
 ## Against Pinocchio's C++ and Python interfaces, in one run.
 peers: build

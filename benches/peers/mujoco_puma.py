@@ -4,6 +4,7 @@ Usage: python mujoco_puma.py REFERENCE.json MODEL_DIRECTORY     (pip install muj
 The DH parameters are read from data/reference/puma560.json; rotors are `armature`, viscous friction `damping`, Coulomb
 friction (the mean of both directions) `frictionloss`.
 """
+
 import json
 import pathlib
 import sys
@@ -17,7 +18,7 @@ VISCOUS = np.array([1.48e-3, 8.17e-4, 1.38e-3, 7.12e-5, 8.26e-5, 3.67e-5]) * GEA
 COULOMB = np.array([0.415, 0.0985, 0.1185, 0.01405, 0.01188, 0.00723]) * GEAR
 
 
-def pose(rotation=np.eye(3), translation=(0, 0, 0)):
+def pose(rotation, translation=(0, 0, 0)):
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation, translation
     return matrix
@@ -47,7 +48,8 @@ def model(dh, gravity, dry_friction):
     g = " ".join(str(x) for x in gravity)
     actuators = "".join(f'<motor joint="j{i + 1}"/>' for i in range(n))
     result = mujoco.MjModel.from_xml_string(
-        f'<mujoco><compiler angle="radian"/><option gravity="{g}" timestep="0.00025"/><worldbody>{bodies}{"</body>" * n}'
+        f'<mujoco><compiler angle="radian"/><option gravity="{g}" timestep="0.00025"/><worldbody>'
+        f"{bodies}{'</body>' * n}"
         f"</worldbody><actuator>{actuators}</actuator></mujoco>"
     )
     # Set after compiling, so that a link without mass gets through.

@@ -14,11 +14,13 @@
 //! - [`model`]: identify, compare, predict, save and load
 //! - [`simulation`]: an arm that moves under a controller
 //! - [`excitation`]: motions that reveal the parameters
+//! - [`diagnosis`]: which physical effect the model lacks
 //! - [`progress`]: how long work reports and is stopped
 //! - [`linalg`]: the factors and selections behind the identification
 #![forbid(unsafe_code)]
 
 mod atomic_file;
+pub mod diagnosis;
 pub mod dynamics;
 pub mod effects;
 pub mod excitation;

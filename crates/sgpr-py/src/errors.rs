@@ -6,6 +6,7 @@
 use pyo3::create_exception;
 use pyo3::exceptions::{PyMemoryError, PyOSError, PyValueError};
 use pyo3::prelude::*;
+use sgpr_core::diagnosis::DiagnosisError;
 use sgpr_core::effects::UnknownEffect;
 use sgpr_core::gp::GpError;
 use sgpr_core::identification;
@@ -127,6 +128,15 @@ impl IntoPyErr for SemiParametricError {
             Self::Identify(error) => error.into_py_err(),
             Self::Gp(error) => error.into_py_err(),
             error => invalid(error.to_string()),
+        }
+    }
+}
+
+impl IntoPyErr for DiagnosisError {
+    fn into_py_err(self) -> PyErr {
+        match self {
+            Self::Model(error) => error.into_py_err(),
+            error => IdentificationError::new_err(error.to_string()),
         }
     }
 }

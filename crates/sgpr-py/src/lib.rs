@@ -2,6 +2,7 @@
 
 mod compare;
 mod convert;
+mod diagnosis;
 mod dynamics;
 mod errors;
 mod estimators;
@@ -13,12 +14,15 @@ mod progress;
 mod recording;
 mod robot;
 mod semi_parametric;
+mod user_effect;
 
 /// Torque models of robot arms: identify, compare, diagnose, predict.
 #[pyo3::pymodule]
 mod _sgpr {
     #[pymodule_export]
     use crate::compare::{Comparison, JointComparison, LogResidual, compare};
+    #[pymodule_export]
+    use crate::diagnosis::{Diagnosis, Finding, diagnose};
     #[pymodule_export]
     use crate::errors::{
         GaussianProcessError, IdentificationError, ModelFileError, RecordingError, RobotError, SgprError,
@@ -39,6 +43,8 @@ mod _sgpr {
     use crate::robot::{BaseParameters, Robot, puma560, regroupings, two_link};
     #[pymodule_export]
     use crate::semi_parametric::{FittedSemiParametric, SemiParametricPredictor, fit_semi_parametric};
+    #[pymodule_export]
+    use crate::user_effect::UserEffect;
     #[pymodule_export]
     #[allow(non_upper_case_globals)]
     const __version__: &str = env!("CARGO_PKG_VERSION");

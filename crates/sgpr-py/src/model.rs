@@ -12,6 +12,7 @@ use sgpr_core::model::{self as core, BaseParameter, TorqueModel};
 use sgpr_core::motion::Processing as CoreProcessing;
 
 use crate::convert::{Numbers, Samples, array, texts, view};
+use crate::diagnosis::Finding;
 use crate::dynamics::motion;
 use crate::errors::{IntoPyErr, invalid};
 use crate::identification::{IdentificationReport, differentiation_name};
@@ -182,6 +183,12 @@ impl Model {
             return Err(invalid(message));
         }
         Ok(self.inner.plus(error).into())
+    }
+
+    /// This model with an effect that `diagnose` found on top of it, all parameters refitted to the logs that the
+    /// effect was found in. The line that `history` gains says what it brought.
+    fn add(&self, py: Python<'_>, finding: &Bound<'_, Finding>) -> PyResult<Self> {
+        finding.get().added_to(py, self)
     }
 
     fn __add__(&self, error: &Bound<'_, Self>) -> PyResult<Self> {

@@ -4,7 +4,6 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
-use sgpr_core::model::IdentifyError;
 use sgpr_core::progress::{Interrupted, Progress};
 
 use crate::errors::IntoPyErr;
@@ -51,10 +50,10 @@ impl Progress for Listener {
 }
 
 /// Runs `work` detached from the interpreter. What the callback or a signal handler raises stops it and is raised again.
-pub fn listen<T: Send>(
+pub fn listen<T: Send, E: IntoPyErr + Send>(
     py: Python<'_>,
     callback: Option<Py<PyAny>>,
-    work: impl FnOnce(&dyn Progress) -> Result<T, IdentifyError> + Send,
+    work: impl FnOnce(&dyn Progress) -> Result<T, E> + Send,
 ) -> PyResult<T> {
     listen_and_keep(py, callback, work).map(|(value, _)| value)
 }

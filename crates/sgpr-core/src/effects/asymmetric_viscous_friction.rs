@@ -1,15 +1,14 @@
-use super::{Effect, EffectParameter, JointState};
+use super::{About, Effect, EffectParameter, JointState};
 
-/// Viscous friction that differs between the two directions: tau = c |dq| beside the viscous friction Fv dq, so that it
-/// is Fv + c forwards and Fv - c backwards.
+/// Viscous friction that differs between the two directions: tau = Fva |dq| beside the viscous friction Fv dq, so
+/// that it is Fv + Fva forwards and Fv - Fva backwards.
 ///
 /// Source: A. Janot, M. Gautier, M. Brunot, Data set and reference models of EMPS, Workshop on Nonlinear System
 /// Identification Benchmarks (2019), where a worn screw shows it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AsymmetricViscousFriction;
 
-const PARAMETERS: [EffectParameter; 1] =
-    [EffectParameter { symbol: "Fva", unit: "N·m·s/rad", sliding_unit: "N·s/m", non_negative: false }];
+const PARAMETERS: [EffectParameter; 1] = [EffectParameter::signed("Fva", "N·m·s/rad", "N·s/m")];
 
 impl Effect for AsymmetricViscousFriction {
     fn name(&self) -> &str {
@@ -18,6 +17,18 @@ impl Effect for AsymmetricViscousFriction {
 
     fn summary(&self) -> &str {
         "Viscous friction that is stronger in one direction than in the other."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            formula: "tau = Fva |dq|",
+            source: "A. Janot, M. Gautier, M. Brunot, Data set and reference models of EMPS, Workshop on Nonlinear System Identification Benchmarks (2019), where a worn screw shows it.",
+            signature: "even in the speed, grows with it, zero at rest",
+            confusable: &["stribeck_friction", "torque_offset"],
+            experiment: "equal times at the same speeds in both directions",
+            excitation: "speeds of both signs that differ by a factor of three",
+            ..About::default()
+        }
     }
 
     fn parameters(&self) -> &[EffectParameter] {

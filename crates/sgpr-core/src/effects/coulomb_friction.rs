@@ -1,4 +1,4 @@
-use super::{Effect, EffectParameter, JointState, sgn};
+use super::{About, Effect, EffectParameter, JointState, sgn};
 
 /// Coulomb friction tau = Fc sgn(dq), with sgn(0) = 0.
 ///
@@ -7,8 +7,7 @@ use super::{Effect, EffectParameter, JointState, sgn};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CoulombFriction;
 
-const PARAMETERS: [EffectParameter; 1] =
-    [EffectParameter { symbol: "Fc", unit: "N·m", sliding_unit: "N", non_negative: true }];
+const PARAMETERS: [EffectParameter; 1] = [EffectParameter::positive("Fc", "N·m", "N")];
 
 impl Effect for CoulombFriction {
     fn name(&self) -> &str {
@@ -17,6 +16,18 @@ impl Effect for CoulombFriction {
 
     fn summary(&self) -> &str {
         "Dry friction of one size at every speed, against the motion."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            formula: "tau = Fc sgn(dq)",
+            source: "B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, analysis tools and compensation methods for the control of machines with friction, Automatica 30(7) (1994).",
+            signature: "odd in the speed, the same at every speed, steps at reversals",
+            confusable: &["presliding_friction", "stribeck_friction", "load_dependent_friction"],
+            experiment: "constant speeds in both directions, at three speeds or more",
+            excitation: "reversals of the joint",
+            ..About::default()
+        }
     }
 
     fn parameters(&self) -> &[EffectParameter] {

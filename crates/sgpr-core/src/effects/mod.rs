@@ -1,20 +1,75 @@
-//! Physical effects beside the rigid body: what else the drive has to overcome.
+//! Physical effects beside the rigid body: what else the drive has to overcome, and what lies between drive and log.
 //!
-//! One effect is one file and one line in [`registry`]. An effect that enters the torque linearly gives columns of the
-//! observation matrix; its parameters are identified together with the inertial ones.
+//! One effect is one file and one line in [`registry`]. An effect enters the torque in one of three ways ([`Entry`]):
+//!
+//! - as columns of the observation matrix that depend on the present joint motion alone (`State`), the simplest kind;
+//! - as columns that depend on the whole trajectory (`Trajectory`): on time, on the rigid-body torque, on a hidden state
+//!   such as the deflection of bristles, and on constants that enter nonlinearly;
+//! - as a change of robot, motion or torque (`Transform`): gravity that leans, an encoder that is off, a delay. It has
+//!   constants only; around its neutral constants the change of the predicted torque gives the columns to rank it by.
+//!
+//! Linear parameters are identified together with the inertial ones; constants by variable projection.
 
+mod about;
+mod actuator_lag;
+mod asymmetric_coulomb_friction;
 mod asymmetric_viscous_friction;
+mod backlash;
+mod base_compliance;
+mod base_tilt;
+mod cable_hysteresis;
+mod cable_stiffness;
+mod cogging_torque;
+mod context;
 mod coulomb_friction;
+mod coulomb_transition;
+mod encoder_eccentricity;
+mod encoder_offset;
+mod external_contact;
+mod external_drag;
+mod friction_dead_band;
+mod friction_step;
+mod friction_warmup;
+mod joint_elasticity;
+mod kinematic_error;
+mod link_flexibility;
+mod link_inertia_error;
+mod link_length_error;
+mod load_dependent_friction;
+mod nonlinear_viscous_friction;
+mod payload;
+mod payload_change;
+mod position_dependent_friction;
+mod presliding_friction;
+mod quadratic_viscous_friction;
 mod rotor_inertia;
+mod spring_balancer;
+mod stribeck_friction;
+mod temperature_dependent_friction;
+mod time_base_error;
+mod torque_delay;
+mod torque_gain_drift;
+mod torque_gain_error;
 mod torque_offset;
+mod torque_offset_drift;
+mod torque_ripple;
+mod torque_saturation;
+mod transmission_hysteresis;
 mod viscous_friction;
+mod wrist_coupling;
 
 use std::fmt::Debug;
 use std::sync::Arc;
 
-use crate::robot::JointKind;
+pub use about::{About, Class};
+pub use context::{Context, LinkMotion};
+use serde::{Deserialize, Serialize};
 
-/// A physical effect, linear in its parameters.
+use crate::robot::{JointKind, Robot};
+
+/// A physical effect.
+///
+/// The torque is `sum over parameters of column * parameter`; columns may depend on constants.
 pub trait Effect: Send + Sync + Debug {
     /// Name in files, column labels and on the command line: `viscous_friction`.
     fn name(&self) -> &str;
@@ -22,16 +77,108 @@ pub trait Effect: Send + Sync + Debug {
     /// One sentence for a person.
     fn summary(&self) -> &str;
 
-    /// The parameters that one joint has.
+    /// Formula, source, signature, look-alikes, and the experiment that tells them apart.
+    fn about(&self) -> About<'_> {
+        About::default()
+    }
+
+    /// The linear parameters at one site.
     fn parameters(&self) -> &[EffectParameter];
 
-    /// Derivative of the joint's torque by each parameter.
+    /// The constants that enter nonlinearly, at one site.
+    fn constants(&self) -> &[Constant] {
+        &[]
+    }
+
+    /// How the effect enters the torque.
+    fn entry(&self) -> Entry {
+        Entry::State
+    }
+
+    /// The torque of which joints one site changes.
+    fn reach(&self) -> Reach {
+        Reach::Own
+    }
+
+    /// Where a robot can have the effect: at every joint unless said otherwise.
+    fn sites(&self, robot: &Robot) -> Vec<Site> {
+        (0..robot.dof()).map(Site::Joint).collect()
+    }
+
+    /// Why these logs cannot show the effect, if they cannot.
+    fn not_testable(&self, context: &Context<'_>) -> Option<String> {
+        let _ = context;
+        None
+    }
+
+    /// Derivative of the joint's torque by each parameter, for an effect that enters by [`Entry::State`].
     ///
     /// - `out`: one number per parameter
-    fn columns(&self, joint: usize, state: &JointState<'_>, out: &mut [f64]);
+    fn columns(&self, joint: usize, state: &JointState<'_>, out: &mut [f64]) {
+        let _ = (joint, state);
+        out.fill(0.0);
+    }
+
+    /// Derivative of the torque by each parameter along a trajectory.
+    ///
+    /// - `out`: per parameter `[samples]` for [`Reach::Own`], `[samples, n]` for [`Reach::All`]; zero on entry
+    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+        let _ = constants;
+        let joint = site.joint().unwrap_or_default();
+        let mut values = vec![0.0; out.len()];
+        for k in 0..context.len() {
+            self.columns(joint, &context.state(k), &mut values);
+            for (column, value) in out.iter_mut().zip(&values) {
+                column[k] = *value;
+            }
+        }
+    }
+
+    /// The robot as a transform makes it.
+    fn robot(&self, site: Site, constants: &[f64], robot: Robot) -> Robot {
+        let _ = (site, constants);
+        robot
+    }
+
+    /// Whether [`Self::link_motion`] does anything.
+    fn moves_links(&self) -> bool {
+        false
+    }
+
+    /// The links' motion as a transform makes it from the measured one; only the rigid body sees it.
+    fn link_motion(&self, site: Site, constants: &[f64], context: &Context<'_>, motion: &mut LinkMotion) {
+        let _ = (site, constants, context, motion);
+    }
+
+    /// What lies between torque and log, if it is linear in the torque: applied to `[samples, width]`, row-major, torques
+    /// or columns of `joint`.
+    fn transmit(&self, site: Site, constants: &[f64], joint: usize, rate_hz: f64, values: &mut [f64], width: usize) {
+        let _ = (site, constants, joint, rate_hz, values, width);
+    }
+
+    /// Largest torque of `joint` that the log can show.
+    fn limit(&self, site: Site, constants: &[f64], joint: usize) -> Option<f64> {
+        let _ = (site, constants, joint);
+        None
+    }
+
+    /// The effect of which this one is only a finer form: it is fitted beside it, and not a finding of its own.
+    fn refines(&self) -> Option<&str> {
+        None
+    }
+
+    /// Whether the columns depend on the torque of the model, and change as it is refitted.
+    fn follows_torque(&self) -> bool {
+        false
+    }
+
+    /// Whether the present torque depends on the past of the trajectory, so that one sample is not enough to predict it.
+    fn has_memory(&self) -> bool {
+        false
+    }
 }
 
-/// A parameter of an effect at one joint.
+/// A parameter of an effect at one site.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EffectParameter {
     /// Symbol, as in `joint_2.Fv`.
@@ -45,9 +192,150 @@ pub struct EffectParameter {
 }
 
 impl EffectParameter {
+    /// A parameter of either sign.
+    pub const fn signed(symbol: &'static str, unit: &'static str, sliding_unit: &'static str) -> Self {
+        Self { symbol, unit, sliding_unit, non_negative: false }
+    }
+
+    /// A parameter that physics keeps from being negative.
+    pub const fn positive(symbol: &'static str, unit: &'static str, sliding_unit: &'static str) -> Self {
+        Self { symbol, unit, sliding_unit, non_negative: true }
+    }
+
     /// Unit at a joint of this kind.
     pub fn unit_at(&self, kind: JointKind) -> &'static str {
         if kind.is_rotation() { self.unit } else { self.sliding_unit }
+    }
+}
+
+/// A constant that enters nonlinearly: a Stribeck velocity, a time, a delay.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Constant {
+    /// Symbol, as in `joint_2.vs`.
+    pub symbol: &'static str,
+    /// Unit at a rotating joint.
+    pub unit: &'static str,
+    /// Unit at a sliding joint.
+    pub sliding_unit: &'static str,
+    /// Lowest value.
+    pub low: f64,
+    /// Highest value.
+    pub high: f64,
+    /// What the values of the grid mean.
+    pub scale: Scale,
+    /// Values from which a search starts.
+    pub grid: &'static [f64],
+}
+
+impl Constant {
+    /// A constant that is searched in its logarithm.
+    pub const fn logarithmic(
+        symbol: &'static str,
+        units: [&'static str; 2],
+        bounds: [f64; 2],
+        grid: &'static [f64],
+    ) -> Self {
+        let [unit, sliding_unit] = units;
+        Self { symbol, unit, sliding_unit, low: bounds[0], high: bounds[1], scale: Scale::Logarithmic, grid }
+    }
+
+    /// A constant on a scale of its own.
+    pub const fn new(
+        symbol: &'static str,
+        units: [&'static str; 2],
+        bounds: [f64; 2],
+        scale: Scale,
+        grid: &'static [f64],
+    ) -> Self {
+        let [unit, sliding_unit] = units;
+        Self { symbol, unit, sliding_unit, low: bounds[0], high: bounds[1], scale, grid }
+    }
+
+    /// Constant of a transform: neutral at zero, `step` is small against what can be noticed.
+    pub const fn neutral_at_zero(symbol: &'static str, units: [&'static str; 2], bounds: [f64; 2], step: f64) -> Self {
+        let [unit, sliding_unit] = units;
+        Self {
+            symbol,
+            unit,
+            sliding_unit,
+            low: bounds[0],
+            high: bounds[1],
+            scale: Scale::Neutral { step },
+            grid: &[0.0],
+        }
+    }
+
+    /// Unit at a joint of this kind.
+    pub fn unit_at(&self, kind: JointKind) -> &'static str {
+        if kind.is_rotation() { self.unit } else { self.sliding_unit }
+    }
+}
+
+/// How a constant is searched.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Scale {
+    /// In its logarithm.
+    Logarithmic,
+    /// As it is; the number is a first step.
+    Linear(f64),
+    /// A position of the joint: the grid spans the joint's range, in shares of it.
+    Position,
+    /// A width of position: in shares of the joint's range.
+    PositionWidth,
+    /// A torque: in shares of the joint's root mean square torque.
+    Torque,
+    /// A time of the session, s: the grid is that of the logs.
+    Time,
+    /// A number of periods per revolution, found from a periodogram.
+    Order,
+    /// Constant of a transform: nothing happens at zero; `step` is small against what can be noticed.
+    Neutral {
+        /// Step of the finite difference.
+        step: f64,
+    },
+}
+
+/// How an effect enters the torque.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Entry {
+    /// By columns of the present joint motion ([`Effect::columns`]).
+    State,
+    /// By columns of the trajectory ([`Effect::trajectory_columns`]).
+    Trajectory,
+    /// By a change of robot, motion or measured torque.
+    Transform,
+    /// Not at all: found by checks of the log before any physics.
+    Gate,
+}
+
+/// The torque of which joints one site of an effect changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reach {
+    /// That of the site's joint.
+    Own,
+    /// That of all.
+    All,
+}
+
+/// A place where a robot can have an effect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Site {
+    /// The whole arm.
+    Arm,
+    /// A joint, or the link that it carries.
+    Joint(usize),
+    /// A joint, driven by another.
+    Pair(usize, usize),
+}
+
+impl Site {
+    /// The joint, if it is at one.
+    pub fn joint(self) -> Option<usize> {
+        match self {
+            Self::Arm => None,
+            Self::Joint(joint) | Self::Pair(joint, _) => Some(joint),
+        }
     }
 }
 
@@ -67,9 +355,49 @@ pub fn registry() -> Vec<Arc<dyn Effect>> {
     vec![
         Arc::new(viscous_friction::ViscousFriction),
         Arc::new(coulomb_friction::CoulombFriction),
+        Arc::new(coulomb_transition::CoulombTransition),
         Arc::new(asymmetric_viscous_friction::AsymmetricViscousFriction),
         Arc::new(rotor_inertia::RotorInertia),
         Arc::new(torque_offset::TorqueOffset),
+        Arc::new(asymmetric_coulomb_friction::AsymmetricCoulombFriction),
+        Arc::new(quadratic_viscous_friction::QuadraticViscousFriction),
+        Arc::new(cable_stiffness::CableStiffness),
+        Arc::new(stribeck_friction::StribeckFriction),
+        Arc::new(nonlinear_viscous_friction::NonlinearViscousFriction),
+        Arc::new(load_dependent_friction::LoadDependentFriction),
+        Arc::new(temperature_dependent_friction::TemperatureDependentFriction),
+        Arc::new(friction_warmup::FrictionWarmup),
+        Arc::new(position_dependent_friction::PositionDependentFriction),
+        Arc::new(presliding_friction::PreslidingFriction),
+        Arc::new(friction_step::FrictionStep),
+        Arc::new(friction_dead_band::FrictionDeadBand),
+        Arc::new(joint_elasticity::JointElasticity),
+        Arc::new(transmission_hysteresis::TransmissionHysteresis),
+        Arc::new(backlash::Backlash),
+        Arc::new(torque_ripple::TorqueRipple),
+        Arc::new(kinematic_error::KinematicError),
+        Arc::new(cogging_torque::CoggingTorque),
+        Arc::new(wrist_coupling::WristCoupling),
+        Arc::new(link_flexibility::LinkFlexibility),
+        Arc::new(torque_offset_drift::TorqueOffsetDrift),
+        Arc::new(cable_hysteresis::CableHysteresis),
+        Arc::new(spring_balancer::SpringBalancer),
+        Arc::new(base_tilt::BaseTilt),
+        Arc::new(base_compliance::BaseCompliance),
+        Arc::new(external_drag::ExternalDrag),
+        Arc::new(payload::Payload),
+        Arc::new(payload_change::PayloadChange),
+        Arc::new(link_inertia_error::LinkInertiaError),
+        Arc::new(link_length_error::LinkLengthError),
+        Arc::new(encoder_offset::EncoderOffset),
+        Arc::new(encoder_eccentricity::EncoderEccentricity),
+        Arc::new(torque_gain_error::TorqueGainError),
+        Arc::new(torque_gain_drift::TorqueGainDrift),
+        Arc::new(torque_delay::TorqueDelay),
+        Arc::new(actuator_lag::ActuatorLag),
+        Arc::new(torque_saturation::TorqueSaturation),
+        Arc::new(time_base_error::TimeBaseError),
+        Arc::new(external_contact::ExternalContact),
     ]
 }
 
@@ -107,37 +435,4 @@ pub fn sgn(x: f64) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Every effect is asked the same questions.
-    #[test]
-    fn every_effect_keeps_the_contract() {
-        for effect in registry() {
-            let name = effect.name();
-            assert!(name.chars().all(|c| c.is_ascii_lowercase() || c == '_'), "{name}");
-            assert!(effect.summary().ends_with('.'), "{name}: a sentence ends with a stop");
-            assert!(!effect.parameters().is_empty(), "{name}");
-            assert_eq!(by_name(name).expect("registered").name(), name);
-
-            let mut out = vec![f64::NAN; effect.parameters().len()];
-            let columns = |q: f64, dq: f64, ddq: f64, out: &mut [f64]| {
-                let state = JointState { q: &[0.3, q], dq: &[0.1, dq], ddq: &[0.7, ddq] };
-                effect.columns(1, &state, out);
-                assert!(out.iter().all(|c| c.is_finite()), "{name} at dq = {dq}");
-            };
-            for dq in [-2.0, -1e-12, 0.0, 1e-12, 2.0] {
-                columns(0.5, dq, -1.0, &mut out);
-            }
-            // At rest with nothing accelerating, only an offset acts.
-            columns(0.0, 0.0, 0.0, &mut out);
-            assert_eq!(out.iter().any(|c| *c != 0.0), name == "torque_offset", "{name}");
-        }
-    }
-
-    #[test]
-    fn an_unknown_name_lists_the_known_ones() {
-        let message = by_name("stiction").expect_err("not there").to_string();
-        assert!(message.contains("`stiction`") && message.contains("coulomb_friction"), "{message}");
-    }
-}
+mod tests;

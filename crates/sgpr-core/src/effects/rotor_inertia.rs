@@ -1,14 +1,13 @@
-use super::{Effect, EffectParameter, JointState};
+use super::{About, Effect, EffectParameter, JointState};
 
-/// Inertia of the motor's rotor, felt at the joint: tau = Ia ddq, Ia = gear ratio² times motor inertia.
+/// Inertia of the motor's rotor, felt at the joint: tau = Ia ddq, Ia = gear ratio² times motor inertia. The
+/// gyroscopic terms of the rotor, smaller by the gear ratio, are left out.
 ///
-/// Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.4.4; the gyroscopic
-/// terms of the rotor, smaller by the gear ratio, are left out.
+/// Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.4.4.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RotorInertia;
 
-const PARAMETERS: [EffectParameter; 1] =
-    [EffectParameter { symbol: "Ia", unit: "kg·m²", sliding_unit: "kg", non_negative: true }];
+const PARAMETERS: [EffectParameter; 1] = [EffectParameter::positive("Ia", "kg·m²", "kg")];
 
 impl Effect for RotorInertia {
     fn name(&self) -> &str {
@@ -17,6 +16,18 @@ impl Effect for RotorInertia {
 
     fn summary(&self) -> &str {
         "Inertia of the fast-turning rotor, multiplied by the square of the gear ratio."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            formula: "tau = Ia ddq",
+            source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.4.4.",
+            signature: "odd in the acceleration, on its own joint only",
+            confusable: &["transmission_hysteresis", "cable_stiffness"],
+            experiment: "the same path at a sixth of the speed",
+            excitation: "accelerations that are not proportional to the position",
+            ..About::default()
+        }
     }
 
     fn parameters(&self) -> &[EffectParameter] {

@@ -1,4 +1,4 @@
-use super::{Effect, EffectParameter, JointState};
+use super::{About, Effect, EffectParameter, JointState};
 
 /// A constant torque: bias of a current sensor, an unbalanced spring, or Coulomb friction that differs between the
 /// directions, from which it cannot be told apart while the joint moves.
@@ -7,8 +7,7 @@ use super::{Effect, EffectParameter, JointState};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TorqueOffset;
 
-const PARAMETERS: [EffectParameter; 1] =
-    [EffectParameter { symbol: "tau0", unit: "N·m", sliding_unit: "N", non_negative: false }];
+const PARAMETERS: [EffectParameter; 1] = [EffectParameter::signed("tau0", "N·m", "N")];
 
 impl Effect for TorqueOffset {
     fn name(&self) -> &str {
@@ -17,6 +16,18 @@ impl Effect for TorqueOffset {
 
     fn summary(&self) -> &str {
         "A torque that is always there, whatever the motion."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            formula: "tau = tau0",
+            source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 12.4.2.",
+            signature: "constant",
+            confusable: &["asymmetric_coulomb_friction", "spring_balancer"],
+            experiment: "measure at rest with the drive holding, after approaches from both sides, or with the brake on",
+            excitation: "any motion in which the gravity torque changes",
+            ..About::default()
+        }
     }
 
     fn parameters(&self) -> &[EffectParameter] {

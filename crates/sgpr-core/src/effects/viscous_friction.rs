@@ -1,4 +1,4 @@
-use super::{Effect, EffectParameter, JointState};
+use super::{About, Effect, EffectParameter, JointState};
 
 /// Viscous friction tau = Fv dq.
 ///
@@ -7,8 +7,7 @@ use super::{Effect, EffectParameter, JointState};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ViscousFriction;
 
-const PARAMETERS: [EffectParameter; 1] =
-    [EffectParameter { symbol: "Fv", unit: "N·m·s/rad", sliding_unit: "N·s/m", non_negative: true }];
+const PARAMETERS: [EffectParameter; 1] = [EffectParameter::positive("Fv", "N·m·s/rad", "N·s/m")];
 
 impl Effect for ViscousFriction {
     fn name(&self) -> &str {
@@ -17,6 +16,18 @@ impl Effect for ViscousFriction {
 
     fn summary(&self) -> &str {
         "Friction that grows in proportion to the speed."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            formula: "tau = Fv dq",
+            source: "B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, analysis tools and compensation methods for the control of machines with friction, Automatica 30(7) (1994).",
+            signature: "odd in the speed and proportional to it",
+            confusable: &["nonlinear_viscous_friction", "torque_gain_error", "temperature_dependent_friction"],
+            experiment: "speed steps in both directions at one temperature",
+            excitation: "speeds of both signs that differ by a factor of three",
+            ..About::default()
+        }
     }
 
     fn parameters(&self) -> &[EffectParameter] {

@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use crate::effects::{self, Effect, JointState, UnknownEffect};
+use crate::effects::{self, Effect, Entry, JointState, UnknownEffect};
 use crate::robot::Robot;
 use crate::spatial::{PARAMETERS_PER_LINK, STANDARD_PARAMETER_UNITS};
 
@@ -34,7 +34,12 @@ impl ParameterSet {
     /// If there is no effect of a name.
     pub fn new(robot: &Robot, effects: &[impl AsRef<str>]) -> Result<Self, UnknownEffect> {
         for name in effects {
-            effects::by_name(name.as_ref())?;
+            let effect = effects::by_name(name.as_ref())?;
+            if effect.entry() != Entry::State {
+                let plain = |effect: &Arc<dyn Effect>| effect.entry() == Entry::State;
+                let known = effects::registry().into_iter().filter(plain).map(|effect| effect.name().into()).collect();
+                return Err(UnknownEffect { name: name.as_ref().into(), known });
+            }
         }
         let wanted = |effect: &Arc<dyn Effect>| effects.iter().any(|name| name.as_ref() == effect.name());
         let effects: Vec<_> = effects::registry().into_iter().filter(wanted).collect();

@@ -3,7 +3,7 @@
 use super::TorqueModel;
 use super::experiment::{band_filter, select_joints, torque_of};
 use super::identify::{IdentifyError, motions};
-use crate::dynamics::{Samples, Workspace, gravity_torque};
+use crate::dynamics::{Workspace, gravity_torque};
 use crate::identification::Row;
 use crate::motion::{Motion, Processing};
 use crate::recording::Recording;
@@ -91,13 +91,13 @@ pub fn compare(
     recordings: &[Recording],
     processing: Option<&Processing>,
 ) -> Result<Comparison, IdentifyError> {
-    compare_by(model, &|samples| Ok(model.predict(samples)), recordings, processing)
+    compare_by(model, &|motion| Ok(model.predict_motion(motion)), recordings, processing)
 }
 
 /// Compares what `predict` says; the gravity torque and the processing are those of `model`.
 pub(super) fn compare_by<E: From<IdentifyError>>(
     model: &TorqueModel,
-    predict: &dyn Fn(Samples<'_>) -> Result<Vec<f64>, E>,
+    predict: &dyn Fn(&Motion) -> Result<Vec<f64>, E>,
     recordings: &[Recording],
     processing: Option<&Processing>,
 ) -> Result<Comparison, E> {
@@ -114,7 +114,7 @@ pub(super) fn compare_by<E: From<IdentifyError>>(
     let mut sums = vec![Sums::default(); n];
     let mut logs = Vec::new();
     for motion in motions(&recordings, processing).map_err(IdentifyError::from)? {
-        let predicted = predict(motion.samples())?;
+        let predicted = predict(&motion)?;
         let log = residual(n, motion, predicted, processing)?;
         let gravity = gravity(model, &log.motion);
         for (k, counted) in log.counted.iter().enumerate() {

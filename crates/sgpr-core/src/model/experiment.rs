@@ -53,7 +53,7 @@ impl Experiment {
     }
 }
 
-pub(super) fn torque_of(motion: &Motion) -> Result<&[f64], MotionError> {
+pub(crate) fn torque_of(motion: &Motion) -> Result<&[f64], MotionError> {
     motion.tau.as_deref().ok_or_else(|| MotionError::NoTorque { recording: motion.source.clone() })
 }
 
@@ -63,7 +63,7 @@ pub(super) fn band_filter(processing: &Processing, rate_hz: f64) -> Result<Optio
 }
 
 /// The recordings with the robot's joints, in its order.
-pub(super) fn select_joints<'a>(
+pub(crate) fn select_joints<'a>(
     robot: &Robot,
     recordings: &'a [Recording],
 ) -> Result<Cow<'a, [Recording]>, RecordingError> {

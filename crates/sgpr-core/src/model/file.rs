@@ -6,12 +6,15 @@
 use std::collections::HashMap;
 use std::io::Write;
 use std::path::Path;
+use std::sync::Arc;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
 use super::TorqueModel;
+use super::terms::TermDescription;
 use super::torque_model::{Fit, Provenance};
+use crate::effects::{self, Effect};
 use crate::identification::ParameterSet;
 use crate::motion::Processing;
 use crate::robot::Robot;
@@ -107,6 +110,8 @@ impl TorqueModel {
             parameter_names: self.set.names().to_vec(),
             processing: self.processing.clone(),
             fit: self.fit.clone(),
+            terms: self.terms.iter().map(TermDescription::of).collect(),
+            clock_start: self.clock_start,
             robot: self.robot.clone(),
         };
         let mut arrays: Vec<(&str, Vec<usize>, &[f64])> =
@@ -133,14 +138,22 @@ impl TorqueModel {
     /// # Errors
     /// As [`TorqueModel::load`].
     pub fn from_bytes(bytes: &[u8], origin: &str) -> Result<Self, ModelFileError> {
+        Self::from_bytes_with(bytes, origin, &effects::registry())
+    }
+
+    /// As [`TorqueModel::from_bytes`], with effects of the caller's own among the terms.
+    ///
+    /// # Errors
+    /// As [`TorqueModel::load`].
+    pub fn from_bytes_with(bytes: &[u8], origin: &str, effects: &[Arc<dyn Effect>]) -> Result<Self, ModelFileError> {
         let malformed = |message: String| ModelFileError::Malformed { path: origin.into(), message };
         let (head, tensors) = open(bytes, origin, FORMAT, VERSION)?;
         let head: Head = serde_json::from_str(&head).map_err(|error| malformed(format!("its head: {error}")))?;
-        Self::from_head(head, &tensors).map_err(malformed)
+        Self::from_head(head, &tensors, effects).map_err(malformed)
     }
 
-    fn from_head(head: Head, tensors: &SafeTensors<'_>) -> Result<Self, String> {
-        let Head { robot, effects, parameter_names, provenance, processing, fit, .. } = head;
+    fn from_head(head: Head, tensors: &SafeTensors<'_>, known: &[Arc<dyn Effect>]) -> Result<Self, String> {
+        let Head { robot, effects, parameter_names, provenance, processing, fit, terms, clock_start, .. } = head;
         let set = ParameterSet::new(&robot, &effects).map_err(|error| error.to_string())?;
         if parameter_names != set.names() {
             return Err("its parameters are not those of its robot and effects".into());
@@ -155,6 +168,8 @@ impl TorqueModel {
         }
         let mut model = Self::from_parameters(robot, set, parameters, vec![]);
         (model.provenance, model.processing) = (provenance, processing);
+        let terms = terms.into_iter().map(|term| term.term(known, &model.robot)).collect::<Result<_, _>>()?;
+        model = model.with_terms(terms, clock_start);
         if let Some(mut fit) = fit {
             let rank = model.base.rank();
             if fit.values.len() != rank {
@@ -178,6 +193,10 @@ struct Head {
     parameter_names: Vec<String>,
     processing: Option<Processing>,
     fit: Option<Fit>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    terms: Vec<TermDescription>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    clock_start: Option<i64>,
     robot: Robot,
 }
 

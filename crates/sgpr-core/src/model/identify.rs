@@ -462,7 +462,7 @@ fn describe(options: &IdentifyOptions, processing: &Processing, factors: &[Joint
 }
 
 /// Every stretch of every recording.
-pub(super) fn motions(recordings: &[Recording], processing: &Processing) -> Result<Vec<Motion>, MotionError> {
+pub(crate) fn motions(recordings: &[Recording], processing: &Processing) -> Result<Vec<Motion>, MotionError> {
     let mut motions = Vec::new();
     for recording in recordings {
         motions.extend(Motion::from_recording(recording, processing)?);
@@ -481,8 +481,8 @@ fn correlation(
     let n = model.robot.dof();
     let mut residuals = Vec::with_capacity(motions.len());
     for motion in motions {
-        let mut residual = model.predict(motion.samples());
-        residual.iter_mut().zip(torque_of(motion)?).for_each(|(value, tau)| *value = tau - *value);
+        let mut residual = torque_of(motion)?.to_vec();
+        residual.iter_mut().zip(model.predict_motion(motion)).for_each(|(tau, predicted)| *tau -= predicted);
         if let Some(filter) = band_filter(processing, motion.rate_hz)? {
             filter.apply(&mut residual, n)?;
         }

@@ -7,7 +7,11 @@ mod identify;
 mod payload;
 mod predictor;
 mod semi_parametric;
+mod terms;
 mod torque_model;
+
+pub(crate) use experiment::{select_joints, torque_of};
+pub(crate) use identify::motions;
 
 pub use compare::{Comparison, JointComparison, LogResidual, compare};
 pub use file::ModelFileError;
@@ -21,4 +25,6 @@ pub use semi_parametric::{
     Candidate, Coverage, Inputs, JointReport, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions,
     SemiParametricPredictor, TorquePrediction, fit_semi_parametric,
 };
+pub(crate) use terms::Rigid;
+pub use terms::{Term, Trajectory};
 pub use torque_model::{BaseParameter, Certificate, Fit, Provenance, TorqueModel};

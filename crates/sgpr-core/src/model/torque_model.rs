@@ -21,8 +21,12 @@ pub struct TorqueModel {
     /// The robot with the inertias of `parameters`.
     pub(super) dynamics: Robot,
     pub(super) fit: Option<Fit>,
-    pub(super) processing: Option<Processing>,
-    pub(super) provenance: Provenance,
+    pub(crate) processing: Option<Processing>,
+    pub(crate) provenance: Provenance,
+    /// Effects at single sites.
+    pub(super) terms: Vec<super::Term>,
+    /// Start of the clock that effects of time go by, ns.
+    pub(super) clock_start: Option<i64>,
 }
 
 /// What an identification says about its estimates.
@@ -138,7 +142,7 @@ impl TorqueModel {
         Ok(Self::from_parameters(robot.clone(), set, parameters, vec!["made from given parameters".into()]))
     }
 
-    pub(super) fn from_parameters(robot: Robot, set: ParameterSet, parameters: Vec<f64>, history: Vec<String>) -> Self {
+    pub(crate) fn from_parameters(robot: Robot, set: ParameterSet, parameters: Vec<f64>, history: Vec<String>) -> Self {
         assert_eq!(parameters.len(), set.len(), "every parameter of the set");
         let provenance = Provenance { library_version: env!("CARGO_PKG_VERSION").into(), logs: vec![], history };
         Self {
@@ -150,12 +154,18 @@ impl TorqueModel {
             fit: None,
             processing: None,
             provenance,
+            terms: vec![],
+            clock_start: None,
         }
     }
 
-    pub(super) fn set_parameters(&mut self, parameters: Vec<f64>) {
+    pub(crate) fn set_parameters(&mut self, parameters: Vec<f64>) {
         self.dynamics = self.robot.clone().with_standard_parameters(&parameters[..self.set.inertial()]);
         self.parameters = parameters;
+    }
+
+    pub(crate) fn set_fit(&mut self, fit: Fit) {
+        self.fit = Some(fit);
     }
 
     /// The robot with the inertias of its file.
@@ -239,10 +249,27 @@ impl TorqueModel {
         let mut model = Self::from_parameters(self.robot.clone(), set, sum, history);
         model.processing = error.processing.clone().or_else(|| self.processing.clone());
         model.provenance.logs.clone_from(&error.provenance.logs);
+        model.terms = self.terms.iter().chain(&error.terms).cloned().collect();
+        model.clock_start = self.clock_start.or(error.clock_start);
         model
     }
 
+    /// Torque along a processed stretch of a log.
+    pub fn predict_motion(&self, motion: &crate::motion::Motion) -> Vec<f64> {
+        if self.terms.is_empty() {
+            return self.predict(motion.samples());
+        }
+        self.predict_trajectory(&super::Trajectory {
+            samples: motion.samples(),
+            rate_hz: motion.rate_hz,
+            time: &self.session_time(&motion.time),
+            channels: &motion.channels,
+        })
+    }
+
     /// Torque of every sample, allocation aside as fast as the dynamics of a batch.
+    ///
+    /// Effects that need time or a sampling rate are left out: see [`Self::predict_trajectory`].
     ///
     /// - returns `[samples, n]`, row-major, N·m (N)
     ///
@@ -251,6 +278,10 @@ impl TorqueModel {
     pub fn predict(&self, samples: Samples<'_>) -> Vec<f64> {
         let n = self.robot.dof();
         samples.count(n);
+        if !self.terms.is_empty() {
+            let trajectory = super::Trajectory { samples, rate_hz: f64::NAN, time: &[], channels: &[] };
+            return self.predict_trajectory(&trajectory);
+        }
         let mut tau = vec![0.0; samples.q.len()];
         rnea_batch(&self.dynamics, &mut BatchWorkspace::new(&self.dynamics), samples, &mut tau);
         if self.set.len() > self.set.inertial() {
@@ -324,7 +355,7 @@ impl TorqueModel {
 }
 
 /// Parameters that the robot file gives: inertias, damping and friction; zero for what it does not know.
-pub(super) fn nominal_parameters(robot: &Robot, set: &ParameterSet) -> Vec<f64> {
+pub(crate) fn nominal_parameters(robot: &Robot, set: &ParameterSet) -> Vec<f64> {
     let mut parameters = robot.standard_parameters();
     debug_assert_eq!(parameters.len(), PARAMETERS_PER_LINK * robot.dof());
     for column in set.effect_columns() {

@@ -35,6 +35,8 @@ pub struct Motion {
     pub ddq: Vec<f64>,
     /// Torques as logged, if they were.
     pub tau: Option<Vec<f64>>,
+    /// What else was logged.
+    pub channels: Vec<crate::recording::Channel>,
     /// Whether a sample is far enough from the ends of the stretch for its derivatives to be right, `[samples]`.
     pub inner: Vec<bool>,
     /// What the equation of a joint at a sample is good for, `[samples, n]`.
@@ -94,6 +96,7 @@ impl Motion {
             dq,
             ddq,
             tau: recording.torque().map(<[f64]>::to_vec),
+            channels: recording.channels().to_vec(),
             inner,
             use_as,
         })

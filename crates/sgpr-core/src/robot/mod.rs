@@ -297,6 +297,17 @@ impl Robot {
         self
     }
 
+    /// The same robot with the frame of `joint` moved by `shift`, m, in its parent's axes.
+    ///
+    /// # Panics
+    /// If there is no such joint.
+    #[must_use]
+    pub fn with_placement_moved(mut self, joint: usize, shift: Vector3<f64>) -> Self {
+        let placement = &mut self.joints[joint].placement;
+        placement.translation = placement.translation + shift;
+        self
+    }
+
     /// The ten parameters of every link, `[10 n]`: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the link frame's
     /// origin, links in joint order.
     pub fn standard_parameters(&self) -> Vec<f64> {

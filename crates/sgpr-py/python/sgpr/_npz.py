@@ -29,6 +29,10 @@ def read(path: Path, joints: Sequence[str] | None = None, *, limit_bytes: int | 
             arrays = _Archive(path, archive, limit).read()
     except (zipfile.BadZipFile, zipfile.LargeZipFile, EOFError, NotImplementedError, RuntimeError, zlib.error) as error:
         raise RecordingError(f"{path}: not a NumPy archive, or damaged: {error}") from None
+    except OSError as error:
+        if error.filename is not None:  # The file could not be opened; else an offset in it leads nowhere.
+            raise
+        raise RecordingError(f"{path}: not a NumPy archive, or damaged: {error}") from None
     chosen = {role: _one_of(path, arrays, names) for role, names in _NAMES.items()}
     for role, expected in (("t", "(N,)"), ("q", "(N, n)")):
         if chosen[role] is None:

@@ -21,6 +21,7 @@ use super::identify::{IdentifyError, IdentifyOptions};
 use super::{TorqueModel, identify};
 use crate::dynamics::Samples;
 use crate::gp::{Compute, GpError, Shape};
+use crate::motion::Motion;
 use crate::recording::Recording;
 
 /// A torque model and, for every joint, a Gaussian process of what it leaves over (thesis 4-3 and 4-4).
@@ -218,7 +219,7 @@ impl SemiParametricModel {
     /// # Errors
     /// If a recording lacks a joint or torque, or cannot be differentiated.
     pub fn compare(&self, recordings: &[Recording]) -> Result<Comparison, SemiParametricError> {
-        let predict = |samples: Samples<'_>| Ok(self.predict(samples, false)?.tau);
+        let predict = |motion: &Motion| Ok(self.predict(motion.samples(), false)?.tau);
         compare_by(&self.physics, &predict, recordings, None)
     }
 

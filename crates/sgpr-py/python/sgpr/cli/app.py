@@ -9,6 +9,7 @@ import typer
 from .. import __version__
 from .arguments import Command
 from .compare import compare
+from .diagnose import diagnose
 from .errors import guarded
 from .identify import identify
 from .info import info
@@ -18,7 +19,7 @@ from .predict import predict
 
 app = typer.Typer(
     name="sgpr",
-    help="Identifies torque models of robot arms from logs, and says how good they are.\n\n"
+    help="Identifies torque models of robot arms from logs, says how good they are and what they lack.\n\n"
     "Exit code: 0 success, 2 wrong use, 1 bad data (one message on standard error says what to do).",
     no_args_is_help=True,
     add_completion=False,
@@ -32,7 +33,7 @@ def register(command: Callable[..., Any]) -> None:
     app.command(cls=Command, epilog=epilog, no_args_is_help=True)(with_option_groups(guarded(command)))
 
 
-for each in (info, identify, compare, predict, payload):
+for each in (info, identify, compare, diagnose, predict, payload):
     register(each)
 
 

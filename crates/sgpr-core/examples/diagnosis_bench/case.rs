@@ -1,0 +1,352 @@
+//! A log with hidden effects, and what a model that is told of them leaves.
+
+use std::f64::consts::TAU;
+
+use sgpr_core::dynamics::Samples;
+use sgpr_core::effects::{Site, by_name};
+use sgpr_core::model::{Term, TorqueModel, Trajectory};
+use sgpr_core::recording::Recording;
+use sgpr_core::robot::Robot;
+
+use crate::arm::{Motion, Random, arm};
+use crate::closed_loop::{Plant, STEP, follow};
+
+const BASE: [&str; 3] = ["viscous_friction", "coulomb_friction", "rotor_inertia"];
+const SECONDS: f64 = 20.0;
+
+/// Effects that are hidden one at a time, in turn.
+pub const SINGLES: [&str; 30] = [
+    "viscous_friction",
+    "coulomb_friction",
+    "rotor_inertia",
+    "stribeck_friction",
+    "cable_stiffness",
+    "torque_ripple",
+    "quadratic_viscous_friction",
+    "load_dependent_friction",
+    "torque_offset",
+    "wrist_coupling",
+    "presliding_friction",
+    "payload_change",
+    "base_tilt",
+    "friction_warmup",
+    "torque_gain_error",
+    "torque_delay",
+    "encoder_offset",
+    "link_length_error",
+    "external_contact",
+    "friction_step",
+    "asymmetric_viscous_friction",
+    "position_dependent_friction",
+    "torque_offset_drift",
+    "joint_elasticity",
+    "backlash",
+    "cable_hysteresis",
+    "nonlinear_viscous_friction",
+    "torque_saturation",
+    "spring_balancer",
+    "unknown",
+];
+
+/// Effects that the closed loop is simulated with.
+pub const CLOSED: [&str; 8] = [
+    "cable_stiffness",
+    "torque_offset",
+    "payload_change",
+    "external_contact",
+    "quadratic_viscous_friction",
+    "asymmetric_viscous_friction",
+    "position_dependent_friction",
+    "coulomb_friction",
+];
+
+pub struct Case {
+    pub name: String,
+    pub guess: Robot,
+    pub known: Vec<String>,
+    pub train: Vec<Recording>,
+    pub test: Vec<Recording>,
+    /// The same logs without the hidden effects: what is left there is the floor.
+    pub twin_train: Vec<Recording>,
+    pub twin_test: Vec<Recording>,
+    /// Effect and joint, none for the whole arm.
+    pub hidden: Vec<(String, Option<usize>)>,
+}
+
+struct Truth {
+    robot: Robot,
+    /// viscous, Coulomb, rotor: per joint.
+    base: [Vec<f64>; 3],
+    terms: Vec<Term>,
+    unknown: Option<(usize, f64)>,
+}
+
+/// Case number `seed` of a kind: the effects hidden in it, `[]` for none.
+pub fn make(seed: u64, effects: &[&str], closed: bool) -> Case {
+    let mut random = Random(seed.wrapping_mul(0x5851_F42D_4C95_7F2D) ^ 0xD1A6);
+    let robot = arm(&mut random);
+    let n = robot.dof();
+    let every = [2usize, 4, 8, 16][random.below(4)].max(if closed { 4 } else { 2 });
+    let rate = 1.0 / (STEP * every as f64);
+    let slow = random.between(3.0, 6.0);
+    let motions: Vec<Motion> = [1.0, 1.0, slow, 1.0].iter().map(|s| Motion::new(n, &mut random, *s)).collect();
+    let samples = (SECONDS * rate) as usize;
+
+    // Torques of the rigid body set the sizes.
+    let motion = sampled(&motions[0], rate, samples);
+    let rigid = TorqueModel::nominal(&robot).predict(as_samples(&motion));
+    let rms = |values: &[f64], joint: usize| {
+        let own: Vec<f64> = values.iter().skip(joint).step_by(n).copied().collect();
+        (own.iter().map(|x| x * x).sum::<f64>() / own.len() as f64).sqrt()
+    };
+    let size: Vec<f64> = (0..n).map(|j| rms(&rigid, j)).collect();
+    let speed: Vec<f64> = (0..n).map(|j| rms(&motion[1], j)).collect();
+    let acceleration: Vec<f64> = (0..n).map(|j| rms(&motion[2], j)).collect();
+    let mut base = [vec![], vec![], vec![]];
+    for j in 0..n {
+        base[0].push(random.between(0.05, 0.2) * size[j] / speed[j]);
+        base[1].push(random.between(0.05, 0.25) * size[j]);
+        base[2].push(random.between(0.05, 0.3) * size[j] / acceleration[j]);
+    }
+    let noise: Vec<f64> = size.iter().map(|s| s * random.logarithmic(0.003, 0.03)).collect();
+    let mut truth = Truth { robot: robot.clone(), base, terms: vec![], unknown: None };
+    let mut known: Vec<String> = BASE.map(String::from).to_vec();
+    let mut hidden = Vec::new();
+    let mut used = vec![];
+    for effect in effects {
+        let mut joint = random.below(n);
+        while used.contains(&joint) {
+            joint = random.below(n);
+        }
+        used.push(joint);
+        let wish = Wish { effect, joint, size: &size, noise: &noise, motion: &motion, rate };
+        hide(&mut truth, &wish, &mut known, &mut hidden, &mut random);
+    }
+    let mut bare = Truth { robot, base: truth.base.clone(), terms: vec![], unknown: None };
+    if let Some(k) = BASE.iter().position(|name| !known.iter().any(|known| known == name)) {
+        bare.base[k].fill(0.0);
+    }
+    let guess = perturbed(&bare.robot, &mut random);
+    let (seed_noise, resolution) = (random.0, TAU / f64::from(1u32 << (17 + random.below(4))));
+    let record = |truth: &Truth| -> Vec<Recording> {
+        let mut random = Random(seed_noise);
+        let mut logs = Vec::new();
+        for (index, motion) in motions.iter().enumerate() {
+            let start = index as f64 * SECONDS;
+            let [q, dq, mut tau] = if closed {
+                let plant = Plant {
+                    robot: &truth.robot,
+                    viscous: &truth.base[0],
+                    coulomb: &truth.base[1],
+                    rotor: &truth.base[2],
+                    terms: &truth.terms,
+                };
+                follow(&plant, &guess, motion, start, SECONDS, every)
+            } else {
+                let motion = sampled(motion, rate, samples);
+                let tau = torque(truth, &motion, rate, start);
+                let [q, dq, _] = motion;
+                [q, dq, tau]
+            };
+            let length = tau.len() / n;
+            for (k, tau) in tau.iter_mut().enumerate() {
+                *tau += noise[k % n] * random.normal();
+            }
+            if let Some(limit) = truth.terms.iter().find(|t| t.effect.name() == "torque_saturation") {
+                let joint = limit.site.joint().expect("at a joint");
+                let own = tau.iter_mut().skip(joint).step_by(n);
+                own.for_each(|tau| *tau = tau.clamp(-limit.constants[0], limit.constants[0]));
+            }
+            let q: Vec<f64> = q
+                .iter()
+                .map(|q| ((q + 0.2 * resolution * random.normal()) / resolution).round() * resolution)
+                .collect();
+            let dq: Vec<f64> = dq.iter().map(|dq| dq + 2e-3 * random.normal()).collect();
+            let time = (0..length).map(|k| ((start + k as f64 / rate) * 1e9).round() as i64).collect();
+            let names = guess.joint_names().map(String::from).collect();
+            let source = format!("log {index}");
+            logs.push(Recording::new(source, names, time, q, Some(dq), Some(tau), vec![]).expect("whole arrays"));
+        }
+        logs
+    };
+    let mut train = record(&truth);
+    let test = vec![train.pop().expect("four logs")];
+    let (mut twin_train, twin_test);
+    if effects.is_empty() {
+        (twin_train, twin_test) = (train.clone(), test.clone());
+    } else {
+        twin_train = record(&bare);
+        twin_test = vec![twin_train.pop().expect("four logs")];
+    }
+    let name = format!("{}{seed}", if closed { "closed " } else { "" });
+    Case { name, guess, known, train, test, twin_train, twin_test, hidden }
+}
+
+fn sampled(motion: &Motion, rate: f64, samples: usize) -> [Vec<f64>; 3] {
+    let mut out = [vec![], vec![], vec![]];
+    for k in 0..samples {
+        out.iter_mut().zip(motion.at(k as f64 / rate)).for_each(|(out, values)| out.extend(values));
+    }
+    out
+}
+
+fn as_samples(motion: &[Vec<f64>; 3]) -> Samples<'_> {
+    Samples { q: &motion[0], dq: &motion[1], ddq: &motion[2] }
+}
+
+fn torque(truth: &Truth, motion: &[Vec<f64>; 3], rate: f64, start: f64) -> Vec<f64> {
+    let n = truth.robot.dof();
+    let mut parameters = truth.robot.standard_parameters();
+    for joint in 0..n {
+        parameters.extend(truth.base.iter().map(|values| values[joint]));
+    }
+    let model = TorqueModel::with_parameters(&truth.robot, &BASE, parameters).expect("effects of the library");
+    let order: Vec<&str> = model.parameter_set().names()[10 * n..10 * n + 3].iter().map(String::as_str).collect();
+    debug_assert_eq!(order, ["joint_1.Fv", "joint_1.Fc", "joint_1.Ia"]);
+    let model = model.with_terms(truth.terms.clone(), Some(0));
+    let samples = motion[0].len() / n;
+    let time: Vec<f64> = (0..samples).map(|k| start + k as f64 / rate).collect();
+    let trajectory = Trajectory { samples: as_samples(motion), rate_hz: rate, time: &time, channels: &[] };
+    let mut tau = model.predict_trajectory(&trajectory);
+    if let Some((joint, size)) = truth.unknown {
+        let other = if joint + 1 < n { joint + 1 } else { joint - 1 };
+        for k in 0..samples {
+            let state = |values: &[f64], joint: usize| values[k * n + joint];
+            tau[k * n + joint] += size * state(&motion[1], other) * (1.3 * state(&motion[0], joint)).cos();
+        }
+    }
+    tau
+}
+
+struct Wish<'a> {
+    effect: &'a str,
+    joint: usize,
+    size: &'a [f64],
+    noise: &'a [f64],
+    motion: &'a [Vec<f64>; 3],
+    rate: f64,
+}
+
+fn hide(
+    truth: &mut Truth,
+    wish: &Wish<'_>,
+    known: &mut Vec<String>,
+    hidden: &mut Vec<(String, Option<usize>)>,
+    random: &mut Random,
+) {
+    let Wish { effect, joint, size, noise, motion, rate } = wish;
+    let (effect, joint, rate) = (*effect, *joint, *rate);
+    let n = truth.robot.dof();
+    if effect == "unknown" {
+        let strength = noise[joint] * random.logarithmic(1.5, 6.0);
+        truth.unknown = Some((joint, strength));
+        hidden.push((effect.into(), Some(joint)));
+        return;
+    }
+    if let Some(index) = BASE.iter().position(|base| *base == effect) {
+        known.retain(|name| name != effect);
+        let value = truth.base[index][joint];
+        truth.base[index].fill(0.0);
+        truth.base[index][joint] = value;
+        hidden.push((effect.into(), Some(joint)));
+        return;
+    }
+    let found = by_name(effect).expect("an effect of the library");
+    let site = match found.sites(&truth.robot).as_slice() {
+        [Site::Arm] => Site::Arm,
+        sites if sites.iter().any(|s| matches!(s, Site::Pair(..))) => sites[random.below(sites.len())],
+        sites if sites.contains(&Site::Joint(joint)) => Site::Joint(joint),
+        sites => sites[random.below(sites.len())],
+    };
+    let time = |random: &mut Random| random.between(12.0, 45.0);
+    let constants = match effect {
+        "stribeck_friction" => vec![random.logarithmic(0.02, 0.2)],
+        "torque_ripple" => vec![random.between(8.0, 60.0).round()],
+        "friction_warmup" => vec![random.logarithmic(8.0, 60.0)],
+        "presliding_friction" => vec![random.logarithmic(0.002, 0.02)],
+        "payload_change" | "friction_step" => vec![time(random)],
+        "external_contact" => {
+            let start = time(random);
+            vec![start, start + random.between(2.0, 8.0)]
+        }
+        "base_tilt" => vec![random.sign() * random.between(0.02, 0.08), random.sign() * random.between(0.02, 0.08)],
+        "torque_gain_error" => vec![random.sign() * random.between(0.05, 0.15)],
+        "torque_delay" => vec![random.between(0.003, 0.012)],
+        "encoder_offset" => vec![random.sign() * random.between(0.03, 0.1)],
+        "link_length_error" => (0..3).map(|_| random.between(-0.05, 0.05)).collect(),
+        "joint_elasticity" => vec![random.between(0.003, 0.015) / size[joint]],
+        "backlash" => vec![random.logarithmic(0.001, 0.005)],
+        "cable_hysteresis" => vec![random.logarithmic(0.05, 0.4)],
+        "nonlinear_viscous_friction" => vec![random.between(0.3, 0.7)],
+        "torque_saturation" => vec![random.between(1.2, 1.7) * size[joint]],
+        "spring_balancer" => vec![random.between(0.3, 1.5), random.between(-0.5, 0.5)],
+        _ => vec![],
+    };
+    let wanted = found.constants().len();
+    let constants = if constants.len() == wanted {
+        constants
+    } else {
+        found.constants().iter().map(|c| c.grid.first().copied().unwrap_or(c.low)).collect()
+    };
+    let mut term = Term::new(found, site, constants);
+    match effect {
+        "payload_change" => {
+            let mass = random.between(0.1, 0.5) * truth.robot.standard_parameters()[10 * (n - 1)].max(0.5) * 4.0;
+            let centre: [f64; 3] = std::array::from_fn(|_| random.between(-0.1, 0.1));
+            let [x, y, z] = centre;
+            let i = 0.002 * mass;
+            let values = [mass, mass * x, mass * y, mass * z];
+            term.coefficients[..4].copy_from_slice(&values);
+            let m = mass;
+            term.coefficients[4..].copy_from_slice(&[
+                i + m * (y * y + z * z),
+                -m * x * y,
+                i + m * (x * x + z * z),
+                -m * x * z,
+                -m * y * z,
+                i + m * (x * x + y * y),
+            ]);
+        }
+        "external_contact" => {
+            term.coefficients.iter_mut().for_each(|force| *force = random.sign() * random.between(5.0, 25.0));
+        }
+        _ => {
+            let positive: Vec<bool> = term.effect.parameters().iter().map(|p| p.non_negative).collect();
+            for (value, positive) in term.coefficients.iter_mut().zip(positive) {
+                *value = if positive { 1.0 } else { random.sign() } * random.between(0.3, 1.0);
+            }
+            scale(&mut term, truth, motion, rate, noise, random);
+        }
+    }
+    let named = if effect == "link_length_error" { None } else { site.joint() };
+    hidden.push((effect.into(), named));
+    truth.terms.push(term);
+}
+
+/// Makes the torque of a term a few times as large as the noise.
+fn scale(term: &mut Term, truth: &Truth, motion: &[Vec<f64>; 3], rate: f64, noise: &[f64], random: &mut Random) {
+    if term.coefficients.is_empty() {
+        return;
+    }
+    let n = truth.robot.dof();
+    // Each column first as large as any other: parameters have different units.
+    for k in 0..term.coefficients.len() {
+        let mut single = term.clone();
+        (0..single.coefficients.len()).filter(|j| *j != k).for_each(|j| single.coefficients[j] = 0.0);
+        let joint = term.site.joint().unwrap_or(0);
+        let [with, without] = [vec![single], vec![]].map(|terms| {
+            let truth = Truth { robot: truth.robot.clone(), base: truth.base.clone(), terms, unknown: None };
+            torque(&truth, motion, rate, 10.0)
+        });
+        let squares: f64 = with.iter().zip(&without).skip(joint).step_by(n).map(|(a, b)| (a - b).powi(2)).sum();
+        let rms = (squares / (with.len() / n) as f64).sqrt().max(1e-9);
+        term.coefficients[k] *= noise[joint] * random.logarithmic(1.0, 6.0) / rms;
+    }
+}
+
+/// A CAD guess: masses, centres of mass and inertias off by up to 15 %.
+fn perturbed(robot: &Robot, random: &mut Random) -> Robot {
+    let parameters = robot.standard_parameters();
+    let off: Vec<f64> = parameters.iter().map(|p| p * random.between(0.85, 1.15)).collect();
+    robot.clone().with_standard_parameters(&off)
+}

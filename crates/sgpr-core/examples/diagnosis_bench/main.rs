@@ -1,0 +1,202 @@
+//! Measures the diagnosis on random arms with random hidden effects, noise and rates, half of them under a controller
+//! with friction that sticks:
+//!
+//! `cargo run --release --example diagnosis_bench -- [--seed 1] [--rounds 1] [--only exact|closed|null|pairs] [--effect NAME]`
+
+mod arm;
+mod case;
+mod closed_loop;
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use case::{CLOSED, Case, SINGLES, make};
+use sgpr_core::diagnosis::{Diagnosis, DiagnosisOptions, Verdict, diagnose};
+use sgpr_core::model::{IdentifyOptions, TorqueModel, compare, identify};
+use sgpr_core::recording::Recording;
+
+type Failure = Box<dyn std::error::Error>;
+
+fn main() -> Result<(), Failure> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let value = |name: &str| arguments.iter().position(|a| a == name).and_then(|k| arguments.get(k + 1));
+    let first: u64 = value("--seed").map_or(Ok(1), |text| text.parse())?;
+    let rounds: u64 = value("--rounds").map_or(Ok(1), |text| text.parse())?;
+    let only = value("--only").map_or("", String::as_str);
+    let effect = value("--effect").map(String::as_str);
+    let wanted = |kind: &str| only.is_empty() || only == kind;
+    let mut totals = Totals::default();
+    for round in 0..rounds {
+        let seed = |kind: u64, index: usize| first + 1000 * round + 100_000 * kind + index as u64;
+        if wanted("exact") {
+            for (index, name) in SINGLES.iter().enumerate().filter(|(_, name)| effect.is_none_or(|e| e == **name)) {
+                totals.take(&make(seed(0, index), &[name], false))?;
+            }
+        }
+        if wanted("pairs") {
+            for index in 0..10usize {
+                let k = seed(1, index) as usize;
+                let count = SINGLES.len() - 2;
+                let pair = [SINGLES[(7 * k + 3) % count], SINGLES[(11 * k + 8) % count]];
+                if pair[0] != pair[1] {
+                    totals.take(&make(seed(1, index), &pair, false))?;
+                }
+            }
+        }
+        if wanted("null") {
+            for index in 0..6 {
+                totals.take(&make(seed(2, index), &[], index % 2 == 1))?;
+            }
+        }
+        if wanted("closed") {
+            for (index, name) in CLOSED.iter().enumerate().filter(|(_, name)| effect.is_none_or(|e| e == **name)) {
+                totals.take(&make(seed(3, index), &[name], true))?;
+            }
+        }
+    }
+    totals.print();
+    Ok(())
+}
+
+#[derive(Default)]
+struct Totals {
+    /// Detectable single effects: right effect first, right effect and joint first, all.
+    singles: [usize; 3],
+    /// Effects hidden together: found, all.
+    together: [usize; 2],
+    /// Nothing hidden: silent, all.
+    nulls: [usize; 2],
+    /// Outside of the catalogue: said so, all.
+    unknown: [usize; 2],
+    cases: usize,
+    false_findings: usize,
+    closures: Vec<f64>,
+    seconds: Vec<f64>,
+    /// (Probability, whether right).
+    calibration: Vec<(f64, bool)>,
+    /// Hidden -> first finding -> count.
+    confusion: BTreeMap<String, BTreeMap<String, usize>>,
+}
+
+/// One answer for both: a constant cannot be told from it while the joint moves.
+fn plain(effect: &str) -> String {
+    effect.replace("asymmetric_coulomb_friction", "torque_offset").replace("cogging_torque", "torque_ripple")
+}
+
+impl Totals {
+    fn take(&mut self, case: &Case) -> Result<(), Failure> {
+        let fit = |logs: &[Recording]| -> Result<TorqueModel, Failure> {
+            let options = IdentifyOptions { effects: case.known.clone(), ..Default::default() };
+            Ok(identify(&case.guess, logs, &options, &())?.0)
+        };
+        let model = fit(&case.train)?;
+        let clock = Instant::now();
+        let diagnosis = diagnose(&model, &case.train, &case.test, &DiagnosisOptions::default(), &())?;
+        let seconds = clock.elapsed().as_secs_f64();
+        let errors = |model: &TorqueModel, logs: &[Recording]| -> Result<Vec<f64>, Failure> {
+            Ok(compare(model, logs, None)?.joints.iter().map(|joint| joint.rmse_full_band).collect())
+        };
+        let floor = errors(&fit(&case.twin_train)?, &case.twin_test)?;
+        let (before, after) = (errors(&model, &case.test)?, errors(&diagnosis.after, &case.test)?);
+        let excess = |e: &[f64]| e.iter().zip(&floor).map(|(e, f)| (e - f) / f).sum::<f64>();
+        let detectable = before.iter().zip(&floor).any(|(b, f)| b - f > 0.05 * f);
+        let closure = (excess(&before) - excess(&after)) / excess(&before).max(1e-9);
+        self.score(case, &diagnosis, detectable, closure, seconds);
+        Ok(())
+    }
+
+    fn score(&mut self, case: &Case, diagnosis: &Diagnosis, detectable: bool, closure: f64, seconds: f64) {
+        let names: Vec<&str> = case.guess.joint_names().collect();
+        let truth: Vec<(String, Option<&str>)> =
+            case.hidden.iter().map(|(effect, joint)| (plain(effect), joint.map(|j| names[j]))).collect();
+        let found: Vec<(String, Option<&str>, f64)> = diagnosis
+            .findings
+            .iter()
+            .flat_map(|f| {
+                let joints: Vec<Option<&str>> =
+                    if f.joints.is_empty() { vec![None] } else { f.joints.iter().map(|j| Some(j.as_str())).collect() };
+                joints.into_iter().map(|joint| (plain(&f.effect), joint, f.probability))
+            })
+            .collect();
+        let right = |f: &(String, Option<&str>, f64)| truth.iter().any(|(e, j)| *e == f.0 && *j == f.1);
+        let wrong = found.iter().filter(|f| !right(f)).count();
+        self.cases += 1;
+        self.seconds.push(seconds);
+        self.calibration.extend(found.iter().map(|f| (f.2, right(f))));
+        let unknown = truth.iter().any(|(effect, _)| effect == "unknown");
+        if !unknown {
+            self.false_findings += wrong;
+        }
+        let mut mark = ' ';
+        if unknown {
+            let said = diagnosis.verdict == Verdict::UnexplainedStructure;
+            self.unknown[0] += usize::from(said);
+            self.unknown[1] += 1;
+            mark = if said { '+' } else { '-' };
+        } else if truth.is_empty() {
+            self.nulls[0] += usize::from(found.is_empty() && diagnosis.verdict == Verdict::NothingMissing);
+            self.nulls[1] += 1;
+        } else if detectable {
+            if truth.len() == 1 {
+                let first = found.first();
+                let effect = first.is_some_and(|f| f.0 == truth[0].0);
+                self.singles[0] += usize::from(effect);
+                self.singles[1] += usize::from(first.is_some_and(right));
+                self.singles[2] += 1;
+                mark = if first.is_some_and(right) { '+' } else { '-' };
+                let row = self.confusion.entry(truth[0].0.clone()).or_default();
+                *row.entry(first.map_or("nothing".into(), |f| f.0.clone())).or_default() += 1;
+            } else {
+                let hits = truth.iter().filter(|t| found.iter().any(|f| f.0 == t.0 && f.1 == t.1)).count();
+                self.together[0] += hits;
+                self.together[1] += truth.len();
+                mark = if hits == truth.len() { '+' } else { '-' };
+            }
+            self.closures.push(closure);
+        }
+        let show = |list: Vec<(String, Option<&str>)>| {
+            let one =
+                |(e, j): &(String, Option<&str>)| format!("{e}{}", j.map_or("", |j| j.trim_start_matches("joint")));
+            list.iter().map(one).collect::<Vec<_>>().join(" ")
+        };
+        println!(
+            "{mark} {:<13} {:?} [{}] found [{}] {wrong} false, closure {closure:.2}{}, left {:?} {seconds:.1} s",
+            case.name,
+            diagnosis.verdict,
+            show(truth.clone()),
+            show(found.iter().map(|f| (f.0.clone(), f.1)).collect()),
+            if detectable { "" } else { " (not detectable)" },
+            diagnosis.probability_unexplained,
+        );
+    }
+
+    fn print(&mut self) {
+        let share = |[part, all]: [usize; 2]| format!("{part}/{all}");
+        println!("\nsingle effects, right effect first: {}", share([self.singles[0], self.singles[2]]));
+        println!("single effects, right effect and joint first: {}", share([self.singles[1], self.singles[2]]));
+        println!("two at once, found: {}", share(self.together));
+        println!("nothing hidden and nothing said: {}", share(self.nulls));
+        println!("outside of the catalogue and said so: {}", share(self.unknown));
+        println!("false findings per case: {:.2}", self.false_findings as f64 / self.cases.max(1) as f64);
+        let quantile = |values: &mut Vec<f64>, p: f64| {
+            values.sort_by(f64::total_cmp);
+            values.get(((values.len() as f64 - 1.0) * p).round() as usize).copied().unwrap_or(f64::NAN)
+        };
+        let [tenth, median] = [0.1, 0.5].map(|p| quantile(&mut self.closures, p));
+        println!("share of the error closed: median {median:.3}, 10 % below {tenth:.3}");
+        let [median, worst] = [0.5, 1.0].map(|p| quantile(&mut self.seconds, p));
+        println!("seconds: median {median:.1}, worst {worst:.1}");
+        println!("\n| probability | findings | right |\n|---|---|---|");
+        for bin in 0..5 {
+            let inside = |p: f64| ((5.0 * p) as usize).min(4) == bin;
+            let own: Vec<bool> = self.calibration.iter().filter(|(p, _)| inside(*p)).map(|(_, right)| *right).collect();
+            let right = own.iter().filter(|right| **right).count();
+            println!("| {:.1} to {:.1} | {} | {right} |", 0.2 * bin as f64, 0.2 * (bin + 1) as f64, own.len());
+        }
+        println!("\n| hidden | first finding |\n|---|---|");
+        for (hidden, found) in &self.confusion {
+            let list: Vec<String> = found.iter().map(|(name, count)| format!("{name} {count}")).collect();
+            println!("| {hidden} | {} |", list.join(", "));
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! What a diagnosis says.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::whereabouts::Whereabouts;
+use crate::model::{Term, TorqueModel};
+
+/// What came out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// Effects of the catalogue are missing from the model.
+    EffectsFound,
+    /// Nothing material is missing at this noise.
+    NothingMissing,
+    /// Something is missing that no known effect explains.
+    UnexplainedStructure,
+}
+
+/// A parameter of a finding.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FoundParameter {
+    /// Name: `joint_2.vs`.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+    /// Standard deviation; none if the logs do not determine the parameter.
+    pub std: Option<f64>,
+    /// Unit.
+    pub unit: String,
+}
+
+/// Numbers by joint name.
+pub type ByJoint = BTreeMap<String, f64>;
+
+/// An effect that the diagnosis stands behind, or one that was tested.
+#[derive(Clone, Debug, Serialize)]
+pub struct Finding {
+    /// Effect.
+    pub effect: String,
+    /// Names of its joints; none for an effect of the whole arm.
+    pub joints: Vec<String>,
+    /// Probability that it is there.
+    pub probability: f64,
+    /// Log of the Bayes factor against the same model without it.
+    pub score: f64,
+    /// Constants and linear parameters.
+    pub parameters: Vec<FoundParameter>,
+    /// Error on blocks of time that no fit has seen, of the model with all findings but this, N·m (N).
+    pub rmse_before: ByJoint,
+    /// The same with it.
+    pub rmse_after: ByJoint,
+    /// One sentence.
+    pub evidence: String,
+    /// Effects that these logs tell from it badly.
+    pub confusable_with: Vec<String>,
+    /// What would tell them apart.
+    pub separating_experiment: String,
+    /// What it is made of, to be added to a model.
+    #[serde(skip)]
+    pub terms: Vec<Term>,
+}
+
+/// An effect that could not be tested.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct NotTestable {
+    /// Effect.
+    pub effect: String,
+    /// Why.
+    pub why: String,
+}
+
+/// Error of a joint on the test logs, torque as logged against prediction, and what noise alone would leave.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct JointErrors {
+    /// Before, N·m (N).
+    pub rmse_before: f64,
+    /// After, N·m (N).
+    pub rmse_after: f64,
+    /// Noise of the torque, N·m (N).
+    pub noise: f64,
+    /// 100 (1 - |residual| / |measured - its mean|) before, percent; none for a joint that never moves.
+    pub fit_before: Option<f64>,
+    /// The same after.
+    pub fit_after: Option<f64>,
+}
+
+/// A proposal for what to record next.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct NextExperiment {
+    /// Hypotheses that it would tell apart.
+    pub about: Vec<String>,
+    /// What to do.
+    pub experiment: String,
+    /// Joints to move.
+    pub joints: Vec<String>,
+}
+
+/// The held-out error after one more effect.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Step {
+    /// The effect that was added; none at the start.
+    pub effect: Option<String>,
+    /// Its joints.
+    pub joints: Vec<String>,
+    /// Error per joint on blocks of time that were left out of the fit, N·m (N).
+    pub rmse: ByJoint,
+}
+
+/// The answer of [`diagnose`](super::diagnose).
+#[derive(Clone, Debug, Serialize)]
+pub struct Diagnosis {
+    /// Version of this layout.
+    pub schema: u32,
+    /// What came out.
+    pub verdict: Verdict,
+    /// Probability that nothing material is missing.
+    pub probability_nothing_missing: f64,
+    /// Probability that something is missing that no known effect explains.
+    pub probability_unexplained: f64,
+    /// What the diagnosis stands behind, best first.
+    pub findings: Vec<Finding>,
+    /// Every effect that was tested, best first.
+    pub candidates: Vec<Finding>,
+    /// What could not be tested.
+    pub not_testable: Vec<NotTestable>,
+    /// Joint by joint.
+    pub joints: BTreeMap<String, JointErrors>,
+    /// How the held-out error fell, effect by effect.
+    pub steps: Vec<Step>,
+    /// Where the error sits.
+    pub whereabouts: Whereabouts,
+    /// What unexplained structure depends on, in words.
+    pub unexplained: Vec<String>,
+    /// What to record next.
+    pub next_experiment: Vec<NextExperiment>,
+    /// The model that was diagnosed.
+    #[serde(skip)]
+    pub before: TorqueModel,
+    /// The model with all findings, refitted.
+    #[serde(skip)]
+    pub after: TorqueModel,
+}
+
+impl Diagnosis {
+    /// The content of `diagnosis.json`: the same input gives the same bytes.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("finite numbers and strings")
+    }
+}

@@ -1,0 +1,292 @@
+//! Noise, and least squares on whitened columns by an orthonormal basis.
+
+use super::problem::{Column, Problem};
+
+/// Autoregressive noise of every joint.
+#[derive(Clone, Debug)]
+pub(super) struct Noise {
+    phi: Vec<Vec<f64>>,
+    /// Standard deviation of the innovations.
+    pub sigma: Vec<f64>,
+    /// Standard deviation in the band.
+    pub level: Vec<f64>,
+}
+
+/// Highest order of the autoregression.
+const ORDER: usize = 6;
+
+impl Noise {
+    /// White noise of the size of the residual.
+    pub fn white(residual: &Column) -> Self {
+        let level: Vec<f64> = residual.iter().map(|r| rms(r).max(1e-12)).collect();
+        Self { phi: vec![vec![]; residual.len()], sigma: level.clone(), level }
+    }
+
+    /// The autoregression that describes the residual of each joint best by Akaike's criterion, `used` parameters taken
+    /// into account, from the rows that are `calm`.
+    pub fn of(problem: &Problem, residual: &Column, used: &[usize], calm: &[Vec<bool>]) -> Self {
+        let mut noise = Self::white(residual);
+        for (joint, r) in residual.iter().enumerate() {
+            let calm = &calm[joint];
+            let own = || r.iter().zip(calm).filter(|(_, calm)| **calm).map(|(x, _)| x);
+            let count = own().count() as f64;
+            let freedom = (count - used[joint] as f64).max(0.2 * count).max(1.0);
+            let variance = own().map(|x| x * x).sum::<f64>() / freedom;
+            if r.len() < 50 * ORDER || variance <= 0.0 {
+                continue;
+            }
+            let covariance = |lag: usize| {
+                let run = &problem.run[joint];
+                let pairs = (lag..r.len()).filter(|&k| run[k] >= lag && calm[k] && calm[k - lag]);
+                let (sum, count) = pairs.fold((0.0, 0.0), |(s, c), k| (s + r[k] * r[k - lag], c + 1.0));
+                sum / f64::max(count, 1.0)
+            };
+            let c: Vec<f64> = (0..=ORDER).map(covariance).collect();
+            // Levinson and Durbin.
+            let (mut phi, mut error) = (Vec::<f64>::new(), c[0]);
+            let mut best = (count * c[0].ln(), vec![], 1.0);
+            for order in 1..=ORDER {
+                let reflection =
+                    (c[order] - phi.iter().enumerate().map(|(k, p)| p * c[order - 1 - k]).sum::<f64>()) / error;
+                if reflection.is_nan() || reflection.abs() >= 0.999 {
+                    break;
+                }
+                let mirrored: Vec<f64> = phi.iter().rev().copied().collect();
+                phi.iter_mut().zip(mirrored).for_each(|(p, m)| *p -= reflection * m);
+                phi.push(reflection);
+                error *= 1.0 - reflection * reflection;
+                let criterion = count * error.ln() + 2.0 * order as f64;
+                if criterion < best.0 {
+                    best = (criterion, phi.clone(), error / c[0]);
+                }
+            }
+            noise.level[joint] = variance.sqrt();
+            noise.sigma[joint] = (variance * best.2).sqrt().max(1e-12);
+            noise.phi[joint] = best.1;
+        }
+        noise
+    }
+
+    pub fn whiten(&self, problem: &Problem, column: &Column) -> Column {
+        let of_joint = |(joint, x): (usize, &Vec<f64>)| {
+            let (phi, scale) = (&self.phi[joint], 1.0 / self.sigma[joint]);
+            let run = &problem.run[joint];
+            let value = |k: usize| {
+                if run[k] < phi.len() {
+                    return 0.0;
+                }
+                scale * (x[k] - phi.iter().enumerate().map(|(lag, p)| p * x[k - 1 - lag]).sum::<f64>())
+            };
+            (0..x.len()).map(value).collect()
+        };
+        column.iter().enumerate().map(of_joint).collect()
+    }
+
+    /// Rows that count.
+    pub fn rows(&self, problem: &Problem) -> f64 {
+        let of_joint = |(run, phi): (&Vec<usize>, &Vec<f64>)| run.iter().filter(|run| **run >= phi.len()).count();
+        problem.run.iter().zip(&self.phi).map(of_joint).sum::<usize>() as f64
+    }
+}
+
+/// Orthonormal basis of whitened columns.
+#[derive(Debug)]
+pub(super) struct Basis {
+    pub q: Vec<Column>,
+    /// Index of each basis column's own column.
+    kept: Vec<usize>,
+    /// Column k of the triangle that makes the kept columns from the basis.
+    triangle: Vec<Vec<f64>>,
+    columns: usize,
+}
+
+/// Columns with less of their length left are dependent.
+const DEPENDENT: f64 = 1e-5;
+
+impl Basis {
+    /// By modified Gram-Schmidt, twice.
+    pub fn new(columns: &[Column]) -> Self {
+        let mut basis = Self { q: vec![], kept: vec![], triangle: vec![], columns: 0 };
+        columns.iter().for_each(|column| basis.push(column));
+        basis
+    }
+
+    pub fn push(&mut self, column: &Column) {
+        let index = self.columns;
+        self.columns += 1;
+        let length = dot(column, column).sqrt();
+        if length <= 0.0 || !length.is_finite() {
+            return;
+        }
+        let mut rest = column.clone();
+        let mut shares = self.project_out(&mut rest);
+        for (share, again) in shares.iter_mut().zip(self.project_out(&mut rest)) {
+            *share += again;
+        }
+        let left = dot(&rest, &rest).sqrt();
+        if left > DEPENDENT * length {
+            rest.iter_mut().flatten().for_each(|x| *x /= left);
+            shares.push(left);
+            self.triangle.push(shares);
+            self.kept.push(index);
+            self.q.push(rest);
+        }
+    }
+
+    /// Takes what lies in the basis out of a column; the coefficients of the basis.
+    pub fn project_out(&self, column: &mut Column) -> Vec<f64> {
+        let mut shares = Vec::with_capacity(self.q.len());
+        for q in &self.q {
+            let share = dot(q, column);
+            for (x, q) in column.iter_mut().zip(q) {
+                if x.is_empty() && !q.is_empty() && share != 0.0 {
+                    x.resize(q.len(), 0.0);
+                }
+                x.iter_mut().zip(q).for_each(|(x, q)| *x -= share * q);
+            }
+            shares.push(share);
+        }
+        shares
+    }
+
+    /// Coefficients of the columns that `y` is made of, zero for dependent ones.
+    pub fn solve(&self, y: &Column) -> Vec<f64> {
+        let mut along: Vec<f64> = self.q.iter().map(|q| dot(q, y)).collect();
+        self.back_substitute(&mut along);
+        let mut coefficients = vec![0.0; self.columns];
+        self.kept.iter().zip(along).for_each(|(index, value)| coefficients[*index] = value);
+        coefficients
+    }
+
+    fn back_substitute(&self, b: &mut [f64]) {
+        for j in (0..b.len()).rev() {
+            b[j] /= self.triangle[j][j];
+            let x = b[j];
+            for (b, t) in b[..j].iter_mut().zip(&self.triangle[j]) {
+                *b -= t * x;
+            }
+        }
+    }
+
+    /// Covariance of the first `count` coefficients for unit noise, `[count, count]`, and their standard deviations;
+    /// zero and infinite for dependent ones.
+    pub fn covariance(&self, count: usize) -> (Vec<f64>, Vec<f64>) {
+        let size = self.kept.len();
+        // Columns of the inverse triangle, by the coefficient that each of their rows belongs to.
+        let mut inverse = vec![vec![0.0; size]; size];
+        for (k, column) in inverse.iter_mut().enumerate() {
+            column[k] = 1.0;
+            self.back_substitute(column);
+        }
+        let mut covariance = vec![0.0; count * count];
+        for (a, &i) in self.kept.iter().enumerate().filter(|(_, i)| **i < count) {
+            for (b, &j) in self.kept.iter().enumerate().filter(|(_, j)| **j < count) {
+                covariance[i * count + j] = inverse.iter().map(|column| column[a] * column[b]).sum();
+            }
+        }
+        let spread = |k: usize| if self.kept.contains(&k) { covariance[k * count + k].sqrt() } else { f64::INFINITY };
+        let deviations = (0..count).map(spread).collect();
+        (covariance, deviations)
+    }
+
+    /// Standard deviations of the coefficients for unit noise; infinite for dependent ones.
+    pub fn deviations(&self) -> Vec<f64> {
+        let size = self.kept.len();
+        let mut squares = vec![0.0; size];
+        for k in 0..size {
+            let mut unit = vec![0.0; size];
+            unit[k] = 1.0;
+            self.back_substitute(&mut unit);
+            squares.iter_mut().zip(unit).for_each(|(sum, x)| *sum += x * x);
+        }
+        let mut deviations = vec![f64::INFINITY; self.columns];
+        self.kept.iter().zip(squares).for_each(|(index, square)| deviations[*index] = square.sqrt());
+        deviations
+    }
+}
+
+/// How much of a residual some columns explain.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Gain {
+    /// Fall of chi-squared.
+    pub chi2: f64,
+    pub coefficients: Vec<f64>,
+    /// Share of the columns' length that the model does not have already.
+    pub visible: f64,
+    /// Columns that are not in the model.
+    pub rank: usize,
+}
+
+/// Less of its length must be left for a column to be told from the model.
+pub(super) const INVISIBLE: f64 = 0.01;
+
+/// Gain of whitened columns on a residual that is orthogonal to `basis`.
+pub(super) fn gain(basis: &Basis, residual: &Column, columns: &[Column]) -> Gain {
+    let k = columns.len();
+    let shares: Vec<Vec<f64>> = columns.iter().map(|column| basis.q.iter().map(|q| dot(q, column)).collect()).collect();
+    let entry = |a: usize, b: usize| {
+        dot(&columns[a], &columns[b]) - shares[a].iter().zip(&shares[b]).map(|(x, y)| x * y).sum::<f64>()
+    };
+    let lengths: Vec<f64> = columns.iter().map(|column| dot(column, column)).collect();
+    let gram: Vec<f64> = (0..k * k).map(|i| entry(i / k, i % k)).collect();
+    let b: Vec<f64> = columns.iter().map(|column| dot(column, residual)).collect();
+    gain_of(&gram, &b, &lengths, INVISIBLE)
+}
+
+/// The same from projected products: Gram matrix, product with the residual, squared lengths before projection.
+/// Columns with less than `tolerance` of their length left are left out.
+pub(super) fn gain_of(gram: &[f64], b: &[f64], lengths: &[f64], tolerance: f64) -> Gain {
+    let k = b.len();
+    // Cholesky in the given order; columns that the ones before explain are left out.
+    let mut l = vec![0.0; k * k];
+    let mut kept = vec![false; k];
+    let mut forward = vec![0.0; k];
+    let mut visible = 0.0f64;
+    for i in 0..k {
+        for j in 0..i {
+            if kept[j] {
+                let sum: f64 = (0..j).map(|m| l[i * k + m] * l[j * k + m]).sum();
+                l[i * k + j] = (gram[i * k + j] - sum) / l[j * k + j];
+            }
+        }
+        let pivot = gram[i * k + i] - (0..i).map(|m| l[i * k + m].powi(2)).sum::<f64>();
+        let share = (pivot / lengths[i].max(f64::MIN_POSITIVE)).max(0.0).sqrt();
+        if share > tolerance && pivot > 0.0 {
+            visible = visible.max(share);
+            kept[i] = true;
+            l[i * k + i] = pivot.sqrt();
+            let sum: f64 = (0..i).map(|m| l[i * k + m] * forward[m]).sum();
+            forward[i] = (b[i] - sum) / l[i * k + i];
+        } else {
+            (0..k).for_each(|m| l[i * k + m] = 0.0);
+        }
+    }
+    let mut coefficients = vec![0.0; k];
+    for i in (0..k).rev().filter(|&i| kept[i]) {
+        let sum: f64 = (i + 1..k).map(|m| l[m * k + i] * coefficients[m]).sum();
+        coefficients[i] = (forward[i] - sum) / l[i * k + i];
+    }
+    let chi2 = forward.iter().map(|x| x * x).sum();
+    Gain { chi2, coefficients, visible, rank: kept.iter().filter(|kept| **kept).count() }
+}
+
+pub(super) fn dot(a: &Column, b: &Column) -> f64 {
+    a.iter().zip(b).map(|(a, b)| dot_slices(a, b)).sum()
+}
+
+pub(super) fn dot_slices(a: &[f64], b: &[f64]) -> f64 {
+    let (a8, a_rest) = a.as_chunks::<8>();
+    let (b8, b_rest) = b.as_chunks::<8>();
+    let mut sums = [0.0f64; 8];
+    for (a, b) in a8.iter().zip(b8) {
+        for k in 0..8 {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    let rest: f64 = if a8.len() == b8.len() { a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum() } else { 0.0 };
+    sums.iter().sum::<f64>() + rest
+}
+
+pub(super) fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64).sqrt()
+}

@@ -1,0 +1,59 @@
+//! From scores to probabilities.
+
+use super::answer::Finding;
+use super::search::{Accepted, Candidate};
+
+/// What decides between known and unknown.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct VerdictFeatures {
+    /// Log evidence of the known effects, and of a Gaussian process on what they leave.
+    pub known: f64,
+    pub unknown: f64,
+    /// Fall of the held-out error that the Gaussian process brings.
+    pub unknown_size: f64,
+}
+
+impl VerdictFeatures {
+    /// More is left that matters than known effects explain.
+    pub fn is_unexplained(&self) -> bool {
+        self.unknown > 12.0 && self.unknown_size > 0.05 && self.unknown > 0.5 * self.known
+    }
+}
+
+fn logistic(x: f64) -> f64 {
+    1.0 / (1.0 + (-x).exp())
+}
+
+/// Probability that an accepted term is there.
+pub(super) fn probability(accepted: &Accepted, rival: f64, verdict: &VerdictFeatures) -> f64 {
+    let lead = ((accepted.first_score - rival) / accepted.first_score.max(1.0)).clamp(0.0, 1.0);
+    let size = (accepted.effect_size / 0.05).ln().clamp(-3.0, 3.0);
+    let left = verdict.unknown / (verdict.unknown + verdict.known).max(1.0);
+    logistic(1.2 + 3.0 * lead + 0.8 * size - 4.0 * left).clamp(0.01, 0.99)
+}
+
+/// Probability that nothing material is missing.
+pub(super) fn nothing_missing<'a>(accepted: impl Iterator<Item = &'a Accepted>, verdict: &VerdictFeatures) -> f64 {
+    let strongest = accepted.map(|a| (a.effect_size / 0.015).ln()).fold(-3.0, f64::max);
+    let unknown = if verdict.unknown > 12.0 { (verdict.unknown_size.max(1e-6) / 0.05).ln() } else { -3.0 };
+    logistic(-1.5 - 1.5 * strongest.max(unknown)).clamp(0.01, 0.99)
+}
+
+/// Probability that something is missing that no known effect explains.
+pub(super) fn unexplained(verdict: &VerdictFeatures) -> f64 {
+    if verdict.unknown < 12.0 {
+        return 0.02;
+    }
+    let share = (verdict.unknown / (0.5 * verdict.known).max(1.0)).ln();
+    let size = (verdict.unknown_size.max(1e-6) / 0.05).ln();
+    logistic(2.0 * share.min(size)).clamp(0.01, 0.99)
+}
+
+/// Probability of an effect that was tested and not accepted: a share of what the best finding leaves.
+pub(super) fn of_candidate(candidate: &Candidate, best: Option<&Finding>) -> f64 {
+    if candidate.impossible || candidate.score < 0.0 {
+        return 0.001;
+    }
+    let share = best.map_or(0.5, |best| candidate.score / best.score.max(1.0)).clamp(0.0, 1.0);
+    (0.3 * share * best.map_or(1.0, |best| 1.0 - best.probability)).clamp(0.001, 0.3)
+}

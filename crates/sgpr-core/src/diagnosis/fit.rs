@@ -1,0 +1,263 @@
+//! A model with terms, fitted to the equations.
+
+use std::sync::Arc;
+
+use super::DiagnosisError;
+use super::basis::{Basis, Noise, dot_slices, gain_of};
+use super::problem::{Column, FOLDS, Problem};
+use crate::effects::Scale;
+use crate::model::{Rigid, Term, TorqueModel};
+
+/// A model and what it leaves of the torque.
+#[derive(Clone)]
+pub(super) struct Fitted {
+    /// With its terms.
+    pub model: TorqueModel,
+    pub rigid: Arc<Vec<Rigid>>,
+    /// What the columns have to explain: the torque less that of the model as it was, in the band.
+    pub target: Arc<Column>,
+    /// Base columns, then those of the terms, in the band.
+    pub columns: Vec<Column>,
+    pub basis: Arc<Basis>,
+    /// Measured minus predicted, in the band.
+    pub residual: Column,
+    /// The same, whitened.
+    pub white: Column,
+    pub chi2: f64,
+}
+
+impl Fitted {
+    pub fn terms(&self) -> &[Term] {
+        self.model.terms()
+    }
+}
+
+/// Least squares for base parameters and linear parameters of the terms, constants as they are.
+pub(super) fn solve(problem: &Problem, start: &TorqueModel, terms: &[Term], noise: &Noise) -> Fitted {
+    let model = start.clone().with_terms(terms.to_vec(), problem.clock);
+    let rigid = problem.rigid(&model);
+    let base = problem.base_columns(&problem.base, &model, &rigid);
+    let target = problem.target(&model, &rigid).into();
+    solve_with(problem, model, rigid, base, target, noise)
+}
+
+/// The same with the base columns of a fit, if its transforms are those of `terms`.
+pub(super) fn solve_like(problem: &Problem, like: &Fitted, terms: &[Term], noise: &Noise) -> Fitted {
+    let transforms = |terms: &[Term]| -> Vec<(String, crate::effects::Site, Vec<f64>)> {
+        let own = terms.iter().filter(|term| term.is_transform());
+        own.map(|term| (term.effect.name().to_string(), term.site, term.constants.clone())).collect()
+    };
+    if transforms(terms) != transforms(like.terms()) {
+        return solve(problem, &like.model, terms, noise);
+    }
+    let model = like.model.clone().with_terms(terms.to_vec(), problem.clock);
+    let rigid = problem.rigid(&model);
+    let base = like.columns[..problem.base.rank()].to_vec();
+    solve_with(problem, model, rigid, base, like.target.clone(), noise)
+}
+
+fn solve_with(
+    problem: &Problem,
+    mut model: TorqueModel,
+    rigid: Vec<Rigid>,
+    mut columns: Vec<Column>,
+    target: Arc<Column>,
+    noise: &Noise,
+) -> Fitted {
+    let terms: Vec<Term> = model.terms().to_vec();
+    let of_terms = problem.term_columns(&model, &rigid, &terms.iter().collect::<Vec<_>>());
+    columns.extend(of_terms.into_iter().flatten());
+    let white_columns: Vec<Column> = columns.iter().map(|column| noise.whiten(problem, column)).collect();
+    let basis = Basis::new(&white_columns);
+    let mut white = noise.whiten(problem, &target);
+    let values = basis.solve(&white);
+    let deviations = basis.deviations();
+    basis.project_out(&mut white);
+    basis.project_out(&mut white);
+    let chi2 = white.iter().map(|w| dot_slices(w, w)).sum();
+    let mut residual = target.to_vec();
+    for (column, value) in columns.iter().zip(&values) {
+        for (r, c) in residual.iter_mut().zip(column) {
+            r.iter_mut().zip(c).for_each(|(r, c)| *r -= value * c);
+        }
+    }
+    // What the motion does not excite keeps the value that the model has: the fit is for the difference.
+    let mut parameters = problem.nominal.parameters().to_vec();
+    problem.base.independent().iter().zip(&values).for_each(|(index, change)| parameters[*index] += change);
+    model.set_parameters(parameters);
+    let mut at = problem.base.rank();
+    let filled = terms.into_iter().map(|mut term| {
+        let k = term.coefficients.len();
+        term.coefficients = values[at..at + k].to_vec();
+        term.coefficient_deviations =
+            deviations[at..at + k].iter().map(|d| if d.is_finite() { *d } else { 0.0 }).collect();
+        at += k;
+        term
+    });
+    let terms = filled.collect();
+    let model = model.with_terms(terms, problem.clock);
+    Fitted { model, rigid: rigid.into(), target, columns, basis: basis.into(), residual, white, chi2 }
+}
+
+/// Tangent of the predicted torque by constant `index` of term `term`, in the band.
+pub(super) fn tangent(problem: &Problem, model: &TorqueModel, term: usize, index: usize) -> Column {
+    let constant = &model.terms()[term].effect.constants()[index];
+    let value = model.terms()[term].constants[index];
+    let step = match constant.scale {
+        Scale::Neutral { step } => step,
+        Scale::Time => 0.05,
+        Scale::Order => 0.01,
+        _ => 0.02 * value.abs().max(0.05),
+    };
+    let with = |value: f64| {
+        let mut terms = model.terms().to_vec();
+        terms[term].constants[index] = value;
+        model.clone().with_terms(terms, problem.clock)
+    };
+    let [low, high] = [(value - step).max(constant.low), (value + step).min(constant.high)];
+    problem.difference([&with(low), &with(high)], high - low)
+}
+
+/// Largest number of steps for the constants of transforms.
+const STEPS: usize = 6;
+
+/// A step that promises less of chi-squared is not worth a solution.
+const SMALL_STEP: f64 = 1.0;
+
+/// Gauss-Newton steps for the constants of all transforms, which move base columns and torque.
+pub(super) fn refine_transforms(problem: &Problem, mut fitted: Fitted, noise: &Noise) -> Fitted {
+    for _ in 0..STEPS {
+        let wanted: Vec<(usize, usize)> = fitted
+            .terms()
+            .iter()
+            .enumerate()
+            .flat_map(|(k, term)| (0..term.constants.len()).map(move |index| (k, index)))
+            .filter(|&(k, index)| matches!(fitted.terms()[k].effect.constants()[index].scale, Scale::Neutral { .. }))
+            .collect();
+        if wanted.is_empty() {
+            return fitted;
+        }
+        let tangents: Vec<Column> = wanted
+            .iter()
+            .map(|&(k, index)| noise.whiten(problem, &tangent(problem, &fitted.model, k, index)))
+            .collect();
+        let gain = super::basis::gain(&fitted.basis, &fitted.white, &tangents);
+        if gain.chi2 < SMALL_STEP {
+            return fitted;
+        }
+        let mut accepted = false;
+        for share in [1.0, 0.4, 0.1] {
+            let mut terms = fitted.terms().to_vec();
+            for (&(k, index), step) in wanted.iter().zip(&gain.coefficients) {
+                let constant = &terms[k].effect.constants()[index];
+                let value = (terms[k].constants[index] + share * step).clamp(constant.low, constant.high);
+                terms[k].constants[index] = value;
+            }
+            let next = solve(problem, &fitted.model, &terms, noise);
+            if next.chi2 < fitted.chi2 {
+                let small = fitted.chi2 - next.chi2 < 0.5;
+                fitted = next;
+                accepted = !small;
+                break;
+            }
+        }
+        if !accepted {
+            return fitted;
+        }
+    }
+    fitted
+}
+
+/// Standard deviations of the constants and linear parameters, all together, for a report.
+pub(super) fn with_deviations(problem: &Problem, fitted: &Fitted, noise: &Noise) -> Vec<Term> {
+    let mut basis = Basis::new(&[]);
+    fitted.columns.iter().for_each(|column| basis.push(&noise.whiten(problem, column)));
+    let mut terms = fitted.terms().to_vec();
+    for (k, term) in fitted.terms().iter().enumerate() {
+        for index in 0..term.constants.len() {
+            if term.effect.constants()[index].scale != Scale::Torque || !term.is_transform() {
+                basis.push(&noise.whiten(problem, &tangent(problem, &fitted.model, k, index)));
+            } else {
+                basis.push(&vec![vec![]; problem.dof()]);
+            }
+        }
+    }
+    let deviations = basis.deviations();
+    let finite = |d: f64| if d.is_finite() { d } else { 0.0 };
+    let mut at = problem.base.rank();
+    for term in &mut terms {
+        term.coefficient_deviations.iter_mut().for_each(|d| {
+            *d = finite(deviations[at]);
+            at += 1;
+        });
+    }
+    for term in &mut terms {
+        term.constant_deviations.iter_mut().for_each(|d| {
+            *d = finite(deviations[at]);
+            at += 1;
+        });
+    }
+    terms
+}
+
+/// Root mean square error per joint on blocks that were left out of the fit, in the whole band of the log.
+pub(super) fn held_out(problem: &Problem, fitted: &Fitted, extra: &[Column], noise: &Noise) -> Vec<f64> {
+    let n = problem.dof();
+    let all: Vec<&Column> = fitted.columns.iter().chain(extra).chain([&*fitted.target]).collect();
+    let k = all.len();
+    let mut grams = vec![vec![vec![0.0; k * k]; n]; FOLDS];
+    let mut counts = vec![0.0; n];
+    for joint in 0..n {
+        let fold = &problem.fold[joint];
+        let mut order: Vec<usize> = (0..fold.len()).collect();
+        order.sort_by_key(|&row| fold[row]);
+        counts[joint] = fold.len() as f64;
+        let present: Vec<usize> = (0..k).filter(|&c| !all[c][joint].is_empty()).collect();
+        let sorted: Vec<Vec<f64>> =
+            present.iter().map(|&c| order.iter().map(|&row| all[c][joint][row]).collect()).collect();
+        let mut first = 0;
+        for (index, gram) in grams.iter_mut().enumerate() {
+            let end = first + fold.iter().filter(|f| **f == index).count();
+            for (a, &i) in present.iter().enumerate() {
+                for (b, &j) in present.iter().enumerate().take(a + 1) {
+                    let value = dot_slices(&sorted[a][first..end], &sorted[b][first..end]);
+                    gram[joint][i * k + j] = value;
+                    gram[joint][j * k + i] = value;
+                }
+            }
+            first = end;
+        }
+    }
+    let weight: Vec<f64> = noise.level.iter().map(|level| 1.0 / (level * level)).collect();
+    let mut total = vec![0.0; k * k];
+    for gram in &grams {
+        for (of_joint, w) in gram.iter().zip(&weight) {
+            total.iter_mut().zip(of_joint).for_each(|(t, g)| *t += w * g);
+        }
+    }
+    let mut squares = vec![0.0; n];
+    let m = k - 1;
+    for gram in &grams {
+        let mut rest = total.clone();
+        for (of_joint, w) in gram.iter().zip(&weight) {
+            rest.iter_mut().zip(of_joint).for_each(|(r, g)| *r -= w * g);
+        }
+        let square: Vec<f64> = (0..m * m).map(|i| rest[i / m * k + i % m]).collect();
+        let lengths: Vec<f64> = (0..m).map(|i| rest[i * k + i]).collect();
+        let b: Vec<f64> = (0..m).map(|i| rest[i * k + m]).collect();
+        let mut x = gain_of(&square, &b, &lengths, 1e-5).coefficients;
+        x.push(-1.0);
+        for (of_joint, sum) in gram.iter().zip(&mut squares) {
+            let times = |i: usize| (0..k).map(|j| of_joint[i * k + j] * x[j]).sum::<f64>();
+            *sum += (0..k).map(|i| x[i] * times(i)).sum::<f64>().max(0.0);
+        }
+    }
+    let in_band = squares.iter().zip(&counts).map(|(sum, count)| (sum / f64::max(*count, 1.0)).sqrt());
+    in_band.zip(&problem.beyond).map(|(error, beyond)| error.hypot(*beyond)).collect()
+}
+
+impl From<crate::signal::SignalError> for DiagnosisError {
+    fn from(error: crate::signal::SignalError) -> Self {
+        Self::Model(error.into())
+    }
+}

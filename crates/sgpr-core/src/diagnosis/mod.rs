@@ -1,0 +1,137 @@
+//! Which physical effect a model lacks.
+//!
+//! [`diagnose`] takes a model and the logs it was identified from, and asks of every effect of the catalogue how much of
+//! the leftover torque it explains after projection on what the model can take up by itself. What stands is fitted
+//! jointly, must lower the error on blocks of time that were left out, and is given a probability. The method is described
+//! in `docs/diagnosis.md`.
+
+mod answer;
+mod basis;
+mod calibration;
+mod fit;
+mod problem;
+mod report;
+mod search;
+mod unknown;
+mod whereabouts;
+
+use std::sync::Arc;
+
+pub use answer::{
+    ByJoint, Diagnosis, Finding, FoundParameter, JointErrors, NextExperiment, NotTestable, Step, Verdict,
+};
+pub use whereabouts::{Excess, JointWhereabouts, Whereabouts};
+
+use crate::effects::{self, Effect};
+use crate::model::{IdentifyError, Term, TorqueModel, select_joints};
+use crate::motion::{MotionError, Processing};
+use crate::progress::{Interrupted, Progress};
+use crate::recording::{Recording, RecordingError};
+use problem::Problem;
+use search::Search;
+
+/// What to look for.
+#[derive(Clone, Debug)]
+pub struct DiagnosisOptions {
+    /// Effects to test; those of the library and the caller's own.
+    pub catalogue: Vec<Arc<dyn Effect>>,
+}
+
+impl Default for DiagnosisOptions {
+    fn default() -> Self {
+        Self { catalogue: effects::registry() }
+    }
+}
+
+/// Why there is no diagnosis.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DiagnosisError {
+    /// The logs cannot be used.
+    #[error(transparent)]
+    Model(#[from] IdentifyError),
+    /// Nothing to fit to.
+    #[error("{rows} usable rows for {parameters} parameters are too few to tell effects apart: record longer")]
+    TooFewRows {
+        /// Rows there are.
+        rows: usize,
+        /// Parameters of the model.
+        parameters: usize,
+    },
+    /// The listener stopped the work.
+    #[error(transparent)]
+    Interrupted(#[from] Interrupted),
+}
+
+impl From<RecordingError> for DiagnosisError {
+    fn from(error: RecordingError) -> Self {
+        Self::Model(error.into())
+    }
+}
+
+impl From<MotionError> for DiagnosisError {
+    fn from(error: MotionError) -> Self {
+        Self::Model(error.into())
+    }
+}
+
+/// Diagnoses `model`, which was identified from `train`; `test` is only looked at for the errors that are reported.
+///
+/// Effects that the model has already, everywhere or at single joints, stay and are refitted with what is found.
+///
+/// # Errors
+/// If the logs lack a joint or torque, cannot be differentiated, or hold too little.
+///
+/// # Panics
+/// Never on the user's data.
+pub fn diagnose(
+    model: &TorqueModel,
+    train: &[Recording],
+    test: &[Recording],
+    options: &DiagnosisOptions,
+    progress: &dyn Progress,
+) -> Result<Diagnosis, DiagnosisError> {
+    let problem = problem(model, train)?;
+    let known: Vec<String> = problem.set.effects().iter().map(|effect| effect.name().into()).collect();
+    let mut search = Search::new(problem, &options.catalogue, known, progress);
+    let start = search.start()?;
+    let outcome = search.run(&start)?;
+    progress.step("look at what is left", 0, 1)?;
+    let left = unknown::leftover(&search.problem, &outcome.fitted, &search.noise);
+    let diagnosis = report::report(&mut search, model, &outcome, &left, &[train, test])?;
+    progress.step("look at what is left", 1, 1)?;
+    Ok(diagnosis)
+}
+
+/// `model` with the effects of `findings` on top, all parameters refitted to `train`.
+///
+/// # Errors
+/// As [`diagnose`].
+pub fn add(model: &TorqueModel, findings: &[&Finding], train: &[Recording]) -> Result<TorqueModel, DiagnosisError> {
+    let problem = problem(model, train)?;
+    let known: Vec<String> = problem.set.effects().iter().map(|effect| effect.name().into()).collect();
+    let mut search = Search::new(problem, &[], known, &());
+    let start = search.start()?;
+    let mut terms = start.terms().to_vec();
+    let new =
+        |term: &&Term| !model.terms().iter().any(|t| t.effect.name() == term.effect.name() && t.site == term.site);
+    terms.extend(findings.iter().flat_map(|finding| &finding.terms).filter(new).cloned());
+    let refitted = search.refit(&start, terms);
+    let fitted = search.polish(refitted);
+    let history = findings.iter().map(|finding| report::sentence(finding));
+    Ok(report::finished(&search, model, &fitted, history))
+}
+
+fn problem(model: &TorqueModel, train: &[Recording]) -> Result<Problem, DiagnosisError> {
+    let processing = match model.processing() {
+        Some(processing) => processing.clone(),
+        None => Processing::choose(&select_joints(model.robot(), train)?, &Default::default())?.0,
+    };
+    let problem = Problem::new(model, train, &processing)?;
+    let parameters = problem.base.rank();
+    let rows = problem.rows.iter().map(Vec::len).sum();
+    if rows < 4 * parameters.max(10) {
+        return Err(DiagnosisError::TooFewRows { rows, parameters });
+    }
+    Ok(problem)
+}

@@ -1,0 +1,565 @@
+//! The logs as equations: rows of every joint, columns of the model and of candidates, all through one filter.
+
+use super::DiagnosisError;
+use crate::dynamics::{BatchWorkspace, Samples, Workspace, for_each_regressor_block, mass_matrix};
+use crate::effects::{Context, Reach, sgn};
+use crate::identification::{BaseParameters, ParameterSet, Row};
+use crate::model::{Rigid, Term, TorqueModel, Trajectory, motions, select_joints, torque_of};
+use crate::motion::{Motion, Processing};
+use crate::recording::Recording;
+use crate::signal::LowPass;
+use crate::spatial::{PARAMETERS_PER_LINK, Vector3};
+
+/// Highest cut-off of both sides of the equation, Hz: ripple and reversals show up to here.
+const BAND_HZ: f64 = 25.0;
+
+/// Rows per second, in cut-offs.
+const ROWS_PER_CUTOFF: f64 = 2.5;
+
+/// Folds of the held-out error, and the length of their blocks, s.
+pub(super) const FOLDS: usize = 5;
+const BLOCK_S: f64 = 2.0;
+
+/// One processed stretch of a log.
+#[derive(Debug)]
+pub(super) struct Stretch {
+    pub motion: Motion,
+    /// On the clock of the session, s; empty if the logs share none.
+    pub time: Vec<f64>,
+    filter: LowPass,
+    decimation: usize,
+}
+
+/// A column: per joint its rows, empty where it is zero.
+pub(super) type Column = Vec<Vec<f64>>;
+
+/// The equations of all joints.
+#[derive(Debug)]
+pub(super) struct Problem {
+    pub set: ParameterSet,
+    pub base: BaseParameters,
+    /// The model without terms, from which constants of transforms are counted.
+    pub nominal: TorqueModel,
+    /// Terms that the model has already.
+    pub given: Vec<Term>,
+    pub stretches: Vec<Stretch>,
+    /// Per joint: (stretch, sample) of each row.
+    pub rows: Vec<Vec<(usize, usize)>>,
+    /// Per joint and row: rows right before it without a gap.
+    pub run: Vec<Vec<usize>>,
+    /// Per joint and row: block of the held-out error.
+    pub fold: Vec<Vec<usize>>,
+    /// Per joint: how long before a reversal it may stick, s; rows there are left out.
+    holds: Vec<f64>,
+    /// Torque, per joint.
+    pub y: Column,
+    /// Per joint: root mean square of the torque outside of the band, which is noise.
+    pub beyond: Vec<f64>,
+    /// Stamp at which the clock of the session starts, ns, if the logs share one.
+    pub clock: Option<i64>,
+    /// Cut-off of the equations, Hz.
+    pub band_hz: f64,
+}
+
+impl Problem {
+    pub fn new(model: &TorqueModel, train: &[Recording], processing: &Processing) -> Result<Self, DiagnosisError> {
+        let robot = model.robot();
+        let recordings = select_joints(robot, train)?;
+        let quiet = quiet_band(model, &recordings, processing)?;
+        let narrow = quiet.map(|hz| Processing { cutoff_hz: hz, ..processing.clone() });
+        let motions = motions(&recordings, narrow.as_ref().unwrap_or(processing))?;
+        let clock = common_clock(&motions).and(model.clock_start()).or(common_clock(&motions));
+        let n = robot.dof();
+        let mut stretches = Vec::new();
+        for motion in motions {
+            torque_of(&motion)?;
+            let band = quiet.unwrap_or(BAND_HZ.max(processing.cutoff_hz)).min(0.2 * motion.rate_hz);
+            let filter = LowPass::butterworth(4, band, motion.rate_hz)?;
+            let decimation = (motion.rate_hz / (ROWS_PER_CUTOFF * band)).floor().max(1.0) as usize;
+            let time = clock.map_or(vec![], |start| seconds_since(start, &motion.time));
+            stretches.push(Stretch { motion, time, filter, decimation });
+        }
+        let set = model.parameter_set().clone();
+        let mut nominal = model.clone().with_terms(vec![], clock);
+        nominal.processing = Some(processing.clone());
+        let mut problem = Self {
+            base: BaseParameters::new(&generic(robot), &set),
+            set,
+            nominal,
+            given: model.terms().to_vec(),
+            rows: vec![vec![]; n],
+            run: vec![vec![]; n],
+            fold: vec![vec![]; n],
+            holds: vec![0.0; n],
+            y: vec![vec![]; n],
+            beyond: vec![0.0; n],
+            stretches,
+            clock,
+            band_hz: quiet.unwrap_or(BAND_HZ),
+        };
+        problem.lay_out_rows();
+        problem.fill_torque()?;
+        Ok(problem)
+    }
+
+    pub fn dof(&self) -> usize {
+        self.rows.len()
+    }
+
+    fn lay_out_rows(&mut self) {
+        let n = self.dof();
+        let mut offset = 0;
+        self.rows.iter_mut().for_each(Vec::clear);
+        self.run.iter_mut().for_each(Vec::clear);
+        self.fold.iter_mut().for_each(Vec::clear);
+        for (index, stretch) in self.stretches.iter().enumerate() {
+            let motion = &stretch.motion;
+            let block = (BLOCK_S * motion.rate_hz).max(1.0) as usize;
+            for joint in 0..n {
+                let mut run = 0;
+                let smear = 0.5 * stretch.decimation as f64 * ROWS_PER_CUTOFF / motion.rate_hz;
+                let mut sticks = sticking(motion, joint, self.top_speed(joint), smear);
+                if self.holds[joint] > 0.0 {
+                    let wait = until_reversal(motion, joint);
+                    let margin = (smear * motion.rate_hz).ceil() as usize;
+                    for k in (0..motion.len()).filter(|&k| wait[k] < self.holds[joint]) {
+                        sticks[k..(k + margin).min(motion.len())].fill(true);
+                    }
+                }
+                for sample in (0..motion.len()).step_by(stretch.decimation) {
+                    if motion.use_as[sample * n + joint] != Row::Moving || sticks[sample] {
+                        run = 0;
+                        continue;
+                    }
+                    self.rows[joint].push((index, sample));
+                    self.run[joint].push(run);
+                    self.fold[joint].push((offset + sample / block) % FOLDS);
+                    run += 1;
+                }
+            }
+            offset += motion.len() / block + 1;
+        }
+    }
+
+    /// Leaves the rows of a joint out in which it may stick before it reverses.
+    pub fn leave_out_holds(&mut self, holds: &[(usize, f64)]) -> Result<(), DiagnosisError> {
+        holds.iter().for_each(|(joint, seconds)| self.holds[*joint] = *seconds);
+        self.lay_out_rows();
+        self.fill_torque()
+    }
+
+    /// Whether rows of a joint were left out by [`Self::leave_out_holds`].
+    pub fn leaves_holds_out(&self, joint: usize) -> bool {
+        self.holds[joint] > 0.0
+    }
+
+    /// One in the direction of the motion to come while a joint is less than `seconds` before a reversal: what friction
+    /// lacks if the joint sticks there, while the filtered position still creeps to a stop.
+    pub fn approach_column(&self, joint: usize, seconds: f64) -> Column {
+        let n = self.dof();
+        let mut out = vec![vec![vec![]; n]];
+        for (index, stretch) in self.stretches.iter().enumerate() {
+            let motion = &stretch.motion;
+            let wait = until_reversal(motion, joint);
+            let mut values: Vec<f64> = (0..motion.len())
+                .map(|k| if wait[k] < seconds { -sgn(motion.dq[k * n + joint]) } else { 0.0 })
+                .collect();
+            self.append(&self.nominal, (index, joint), &mut values, &mut out);
+        }
+        out.swap_remove(0)
+    }
+
+    /// Speed that a joint stays below for 95 % of the time, rad/s (m/s).
+    fn top_speed(&self, joint: usize) -> f64 {
+        let n = self.dof();
+        let all = self.stretches.iter().flat_map(|s| s.motion.dq.iter().skip(joint).step_by(n).map(|dq| dq.abs()));
+        let mut speeds: Vec<f64> = all.collect();
+        speeds.sort_by(f64::total_cmp);
+        speeds.get(speeds.len() * 19 / 20).copied().unwrap_or_default()
+    }
+
+    fn fill_torque(&mut self) -> Result<(), DiagnosisError> {
+        let n = self.dof();
+        let mut y = vec![vec![]; n];
+        let mut beyond = vec![(0.0, 0.0); n];
+        for (index, stretch) in self.stretches.iter().enumerate() {
+            let tau = torque_of(&stretch.motion)?;
+            let mut smooth = tau.to_vec();
+            stretch.filter.apply(&mut smooth, n)?;
+            for joint in 0..n {
+                for k in (0..stretch.motion.len()).filter(|&k| stretch.motion.use_as[k * n + joint] == Row::Moving) {
+                    beyond[joint].0 += (tau[k * n + joint] - smooth[k * n + joint]).powi(2);
+                    beyond[joint].1 += 1.0;
+                }
+                let own = self.rows[joint].iter().filter(|(stretch, _)| *stretch == index);
+                y[joint].extend(own.map(|(_, sample)| smooth[sample * n + joint]));
+            }
+        }
+        self.beyond = beyond.into_iter().map(|(sum, count): (f64, f64)| (sum / count.max(1.0)).sqrt()).collect();
+        self.y = y;
+        Ok(())
+    }
+
+    /// Per stretch: the rigid body as `model` has it.
+    pub fn rigid(&self, model: &TorqueModel) -> Vec<Rigid> {
+        self.stretches.iter().map(|stretch| model.rigid(&stretch.trajectory())).collect()
+    }
+
+    /// Per stretch: what effects may depend on.
+    pub fn with_contexts(&self, model: &TorqueModel, rigid: &[Rigid], mut run: impl FnMut(usize, &Context<'_>)) {
+        for (index, (stretch, rigid)) in self.stretches.iter().zip(rigid).enumerate() {
+            run(index, &model.context(&stretch.trajectory(), rigid));
+        }
+    }
+
+    /// Filters full-rate columns of a joint, `[samples, width]` row-major, and appends their rows to `out`.
+    fn append(&self, model: &TorqueModel, at: (usize, usize), values: &mut [f64], out: &mut [Column]) {
+        let (index, joint) = at;
+        let width = out.len();
+        let stretch = &self.stretches[index];
+        for term in model.terms().iter().filter(|term| term.is_transform()) {
+            term.effect.transmit(term.site, &term.constants, joint, stretch.motion.rate_hz, values, width);
+        }
+        stretch.filter.apply(values, width).expect("a stretch is longer than the filter");
+        for (_, sample) in self.rows[joint].iter().filter(|(stretch, _)| *stretch == index) {
+            for (column, value) in out.iter_mut().zip(&values[sample * width..]) {
+                column[joint].push(*value);
+            }
+        }
+    }
+
+    /// Columns of the base parameters, rank of them, under the transforms of `model`.
+    pub fn base_columns(&self, base: &BaseParameters, model: &TorqueModel, rigid: &[Rigid]) -> Vec<Column> {
+        let n = self.dof();
+        let robot = model.robot();
+        let inertial = self.set.inertial();
+        let mut columns = vec![vec![vec![]; n]; base.rank()];
+        for (index, (stretch, rigid)) in self.stretches.iter().zip(rigid).enumerate() {
+            let samples = stretch.motion.len();
+            let trajectory = stretch.trajectory();
+            let links = rigid.motion.as_ref();
+            let motion = links.map_or(trajectory.samples, |m| Samples { q: &m.q, dq: &m.dq, ddq: &m.ddq });
+            let mut of_joint: Vec<Vec<usize>> = vec![vec![]; n];
+            for (column, &parameter) in base.independent().iter().enumerate() {
+                for (joint, own) in of_joint.iter_mut().enumerate() {
+                    let there = match parameter.checked_sub(inertial) {
+                        None => robot.carries(joint, parameter / PARAMETERS_PER_LINK),
+                        Some(effect) => self.set.effect_columns()[effect].joint == joint,
+                    };
+                    if there {
+                        own.push(column);
+                    }
+                }
+            }
+            let mut tables: Vec<Vec<f64>> = of_joint.iter().map(|own| vec![0.0; samples * own.len()]).collect();
+            // Per joint and link: (parameter of the link, position in the row).
+            let place = |joint: usize, link: usize| -> Vec<(usize, usize)> {
+                let own = of_joint[joint].iter().enumerate();
+                let of_link = own.filter(|(_, column)| base.independent()[**column] < inertial);
+                of_link
+                    .map(|(position, column)| (base.independent()[*column], position))
+                    .filter(|(parameter, _)| parameter / PARAMETERS_PER_LINK == link)
+                    .map(|(parameter, position)| (parameter % PARAMETERS_PER_LINK, position))
+                    .collect()
+            };
+            let places: Vec<Vec<Vec<(usize, usize)>>> =
+                (0..n).map(|joint| (0..n).map(|link| place(joint, link)).collect()).collect();
+            for_each_regressor_block(
+                &rigid.robot,
+                &mut BatchWorkspace::new(&rigid.robot),
+                motion,
+                |joint, link, first, count, block| {
+                    let width = of_joint[joint].len();
+                    for &(parameter, position) in &places[joint][link] {
+                        for (k, value) in (first..first + count).zip(&block[parameter]) {
+                            tables[joint][k * width + position] = *value;
+                        }
+                    }
+                },
+            );
+            let context = model.context(&trajectory, rigid);
+            let mut values = vec![0.0; self.set.effect_columns_per_joint()];
+            for joint in 0..n {
+                let parameters = self.set.effect_parameters_of(joint);
+                let width = of_joint[joint].len();
+                let wanted: Vec<(usize, usize)> = of_joint[joint]
+                    .iter()
+                    .enumerate()
+                    .filter_map(|(position, column)| {
+                        let parameter = base.independent()[*column];
+                        parameters.iter().position(|own| *own == parameter).map(|index| (index, position))
+                    })
+                    .collect();
+                for k in 0..samples {
+                    self.set.effect_row(joint, &context.state(k), &mut values);
+                    wanted.iter().for_each(|&(index, at)| tables[joint][k * width + at] = values[index]);
+                }
+                let mut out: Vec<Column> = of_joint[joint].iter().map(|_| vec![vec![]; n]).collect();
+                self.append(model, (index, joint), &mut tables[joint], &mut out);
+                for (own, out) in of_joint[joint].iter().zip(&out) {
+                    columns[*own][joint].extend_from_slice(&out[joint]);
+                }
+            }
+        }
+        columns
+    }
+
+    /// The torque less that of the model's parameters as they were, under the transforms of `model`.
+    pub fn target(&self, model: &TorqueModel, rigid: &[Rigid]) -> Column {
+        let n = self.dof();
+        let mut known = vec![vec![vec![]; n]];
+        for (index, (stretch, rigid)) in self.stretches.iter().zip(rigid).enumerate() {
+            let torque = self.nominal.torque_under(rigid, &stretch.trajectory());
+            for joint in 0..n {
+                let mut own: Vec<f64> = torque.iter().skip(joint).step_by(n).copied().collect();
+                self.append(model, (index, joint), &mut own, &mut known);
+            }
+        }
+        let known = known.swap_remove(0);
+        self.y.iter().zip(known).map(|(y, known)| y.iter().zip(known).map(|(y, k)| y - k).collect()).collect()
+    }
+
+    /// Columns of the linear parameters of terms that enter by columns.
+    pub fn term_columns(&self, model: &TorqueModel, rigid: &[Rigid], terms: &[&Term]) -> Vec<Vec<Column>> {
+        let n = self.dof();
+        let mut result: Vec<Vec<Column>> =
+            terms.iter().map(|term| vec![vec![vec![]; n]; term.effect.parameters().len()]).collect();
+        self.with_contexts(model, rigid, |index, context| {
+            for (term, result) in terms.iter().zip(&mut result) {
+                let columns = term.columns(context);
+                if columns.is_empty() {
+                    continue;
+                }
+                match term.effect.reach() {
+                    Reach::Own => {
+                        let joint = term.site.joint().expect("it reaches its own joint");
+                        let mut table = interleaved(&columns, |column, k| column[k], context.len());
+                        self.append(model, (index, joint), &mut table, result);
+                    }
+                    Reach::All => {
+                        for joint in 0..n {
+                            let mut table = interleaved(&columns, |column, k| column[k * n + joint], context.len());
+                            self.append(model, (index, joint), &mut table, result);
+                        }
+                    }
+                }
+            }
+        });
+        result
+    }
+
+    /// A column from the torque difference of two models, per unit.
+    pub fn difference(&self, models: [&TorqueModel; 2], per: f64) -> Column {
+        let n = self.dof();
+        let mut out = vec![vec![vec![]; n]];
+        for (index, stretch) in self.stretches.iter().enumerate() {
+            let [a, b] = models.map(|model| model.predict_trajectory(&stretch.trajectory()));
+            for joint in 0..n {
+                let pairs = a.iter().zip(&b).skip(joint).step_by(n);
+                let mut values: Vec<f64> = pairs.map(|(a, b)| (b - a) / per).collect();
+                if values.iter().all(|value| *value == 0.0) {
+                    let rows = self.rows[joint].iter().filter(|(stretch, _)| *stretch == index).count();
+                    out[0][joint].extend(std::iter::repeat_n(0.0, rows));
+                    continue;
+                }
+                self.append(&self.nominal, (index, joint), &mut values, &mut out);
+            }
+        }
+        out.swap_remove(0)
+    }
+
+    /// Columns that take up what is wrong with sgn(dq) near reversals, two per joint with dry friction.
+    pub fn reversal_columns(
+        &self,
+        model: &TorqueModel,
+        rigid: &[Rigid],
+        joint: usize,
+        widths: [f64; 2],
+    ) -> Vec<Column> {
+        let mut out = vec![vec![vec![]; self.dof()]; 2];
+        self.with_contexts(model, rigid, |index, context| {
+            let shape = |dq: f64, width: f64| sgn(dq) * (-(dq / width).abs()).exp();
+            let both = |dq: f64| widths.map(|width| shape(dq, width));
+            let mut table: Vec<f64> = context.of_joint(context.dq, joint).flat_map(both).collect();
+            self.append(model, (index, joint), &mut table, &mut out);
+        });
+        out
+    }
+
+    /// Columns of any function of a sample at one joint.
+    pub fn feature_columns(
+        &self,
+        joint: usize,
+        width: usize,
+        mut features: impl FnMut(&Stretch, usize, &mut [f64]),
+    ) -> Vec<Column> {
+        let mut out = vec![vec![vec![]; self.dof()]; width];
+        for (index, stretch) in self.stretches.iter().enumerate() {
+            let mut table = vec![0.0; stretch.motion.len() * width];
+            for (k, row) in table.chunks_exact_mut(width).enumerate() {
+                features(stretch, k, row);
+            }
+            self.append(&self.nominal, (index, joint), &mut table, &mut out);
+        }
+        out
+    }
+
+    /// Lowest and highest value of a joint's positions.
+    pub fn range(&self, joint: usize) -> [f64; 2] {
+        let n = self.dof();
+        let all = self.stretches.iter().flat_map(|s| s.motion.q.iter().skip(joint).step_by(n));
+        all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], q| [low.min(*q), high.max(*q)])
+    }
+
+    /// First and last time of the session, s.
+    pub fn time_span(&self) -> [f64; 2] {
+        let times = self.stretches.iter().flat_map(|s| s.time.iter());
+        times.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], t| [low.min(*t), high.max(*t)])
+    }
+
+    /// Time of a row, s.
+    pub fn time_of(&self, (stretch, sample): (usize, usize)) -> f64 {
+        self.stretches[stretch].time[sample]
+    }
+}
+
+impl Stretch {
+    pub fn trajectory(&self) -> Trajectory<'_> {
+        Trajectory {
+            samples: self.motion.samples(),
+            rate_hz: self.motion.rate_hz,
+            time: &self.time,
+            channels: &self.motion.channels,
+        }
+    }
+}
+
+/// Samples at which a joint sticks, or hardly moves for longer than its acceleration before and after explains: while it
+/// does, dry friction holds it with any torque up to the Coulomb level, and no model can say which.
+///
+/// - `smear`: how far the filter of the equation carries the torque of such a moment, s
+fn sticking(motion: &Motion, joint: usize, top_speed: f64, smear: f64) -> Vec<bool> {
+    const SLOW: f64 = 0.03;
+    const PATIENCE: f64 = 1.4;
+    const AROUND_S: f64 = 0.1;
+    let n = motion.dq.len() / motion.len().max(1);
+    let samples = motion.len();
+    let speed = |k: usize| motion.dq[k * n + joint].abs();
+    let (limit, around) = (SLOW * top_speed, (AROUND_S * motion.rate_hz).max(1.0) as usize);
+    let margin = (smear * motion.rate_hz).ceil() as usize;
+    let mut sticks = vec![false; samples];
+    let mut first = 0;
+    while first < samples {
+        if speed(first) >= limit {
+            first += 1;
+            continue;
+        }
+        let end = (first..samples).find(|&k| speed(k) >= limit).unwrap_or(samples);
+        let (before, after) = (first.saturating_sub(around), (end + around).min(samples - 1));
+        let gained = 0.5 * (speed(before) + speed(after)) - limit;
+        let expected = 2.0 * limit / (gained.max(0.1 * limit) / around as f64);
+        if (end - first) as f64 > PATIENCE * expected + 2.0 {
+            sticks[first.saturating_sub(margin)..(end + margin).min(samples)].fill(true);
+        }
+        first = end;
+    }
+    sticks
+}
+
+/// Time until the joint moves the other way, s; infinite if it does not any more.
+fn until_reversal(motion: &Motion, joint: usize) -> Vec<f64> {
+    let n = motion.dq.len() / motion.len().max(1);
+    let (mut wait, mut sign) = (f64::INFINITY, 0.0);
+    let mut times = vec![f64::INFINITY; motion.len()];
+    for k in (0..motion.len()).rev() {
+        let now = sgn(motion.dq[k * n + joint]);
+        if now != 0.0 && sign != 0.0 && now != sign {
+            wait = 0.0;
+        }
+        sign = if now == 0.0 { sign } else { now };
+        times[k] = wait;
+        wait += 1.0 / motion.rate_hz;
+    }
+    times
+}
+
+/// A band, Hz, in which the noise of the positions makes less torque than the noise of the torque, if that of the model
+/// is much wider. Beyond it the acceleration is noise, and what smooths the prediction, a lag, would seem to be missing.
+///
+/// White noise of the position with standard deviation s at rate f leaves (2 pi)² s sqrt(2 B⁵ / (5 f)) in the
+/// acceleration below B, white noise of the torque t sqrt(2 B / f).
+fn quiet_band(
+    model: &TorqueModel,
+    recordings: &[Recording],
+    processing: &Processing,
+) -> Result<Option<f64>, DiagnosisError> {
+    const SHARE: f64 = 0.5;
+    const MUCH: f64 = 1.2;
+    const LOWEST_HZ: f64 = 3.0;
+    let (_, choices) = Processing::choose(recordings, &Default::default())?;
+    let robot = model.identified_robot();
+    let n = robot.dof();
+    let mut ws = Workspace::new(robot);
+    let mut band = f64::INFINITY;
+    let names = model.parameter_set().names();
+    for joint in 0..n {
+        let name = format!("{}.Ia", robot.joints()[joint].name);
+        let rotor = names.iter().position(|own| *own == name).map_or(0.0, |index| model.parameters()[index]);
+        let (mut mass, mut count) = (0.0, 0.0);
+        let mut differences: Vec<f64> = Vec::new();
+        for recording in recordings {
+            for q in recording.position().chunks_exact(n).step_by(POSES) {
+                mass += (mass_matrix(robot, &mut ws, q)[joint * n + joint] + rotor).abs();
+                count += 1.0;
+            }
+            let Some(tau) = recording.torque() else { continue };
+            let own: Vec<f64> = tau.iter().skip(joint).step_by(n).copied().collect();
+            differences.extend(own.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs()));
+        }
+        differences.sort_by(f64::total_cmp);
+        let Some(median) = differences.get(differences.len() / 2) else { continue };
+        let torque = median / (MEDIAN_OF_NORMAL * 6f64.sqrt());
+        let position = choices.iter().map(|choice| choice.noise[joint]).fold(0.0, f64::max);
+        let acceleration = std::f64::consts::TAU.powi(2) * position * mass / f64::max(count, 1.0);
+        if acceleration > 0.0 && torque > 0.0 {
+            band = band.min((SHARE * 5f64.sqrt() * torque / acceleration).sqrt());
+        }
+    }
+    Ok((processing.cutoff_hz > MUCH * band).then_some(band.max(LOWEST_HZ)))
+}
+
+/// Every so many samples a mass matrix for its mean.
+const POSES: usize = 200;
+
+/// Median of the absolute value of a standard normal variable.
+const MEDIAN_OF_NORMAL: f64 = 0.6745;
+
+/// A robot of the same kind without what makes parameters of an arm invisible: axes that are parallel, cross or stand
+/// upright. An arm that leans, or a link that is longer, shows more parameters than the robot file's does.
+fn generic(robot: &crate::robot::Robot) -> crate::robot::Robot {
+    let gravity = robot.gravity();
+    let size = 0.05 * gravity.dot(gravity).sqrt();
+    (0..robot.dof())
+        .fold(robot.clone(), |robot, joint| {
+            let step = joint as f64;
+            robot.with_placement_moved(joint, Vector3::new(0.011 + 0.003 * step, 0.017 - 0.002 * step, 0.013))
+        })
+        .with_gravity(gravity + Vector3::new(size, 0.7 * size, 0.3 * size))
+}
+
+fn interleaved(columns: &[Vec<f64>], at: impl Fn(&[f64], usize) -> f64, samples: usize) -> Vec<f64> {
+    (0..samples).flat_map(|k| columns.iter().map(|column| at(column, k)).collect::<Vec<_>>()).collect()
+}
+
+fn seconds_since(start: i64, stamps: &[i64]) -> Vec<f64> {
+    stamps.iter().map(|stamp| (stamp - start) as f64 * 1e-9).collect()
+}
+
+/// The earliest stamp, if no two logs overlap in time. A clock that starts near zero starts at zero.
+fn common_clock(motions: &[Motion]) -> Option<i64> {
+    let mut spans: Vec<(i64, i64)> = motions.iter().filter_map(|m| Some((*m.time.first()?, *m.time.last()?))).collect();
+    spans.sort_unstable();
+    let apart = spans.windows(2).all(|pair| pair[0].1 <= pair[1].0);
+    let first = spans.first()?.0;
+    apart.then_some(if first.abs() < 3_600_000_000_000 { 0 } else { first })
+}

@@ -1,0 +1,433 @@
+//! The result of a search in words and numbers.
+
+use std::collections::BTreeMap;
+
+use super::answer::{
+    ByJoint, Diagnosis, Finding, FoundParameter, JointErrors, NextExperiment, NotTestable, Step, Verdict,
+};
+use super::basis::{Basis, Noise};
+use super::fit::{Fitted, solve, with_deviations};
+use super::problem::Column;
+use super::search::{Accepted, Candidate, Outcome, Search};
+use super::unknown::Leftover;
+use super::{DiagnosisError, calibration, whereabouts};
+use crate::effects::{Entry, Site};
+use crate::model::{Fit, Term, TorqueModel, compare};
+use crate::recording::Recording;
+use crate::robot::Robot;
+
+/// A rival with this share of a finding's evidence is named beside it.
+const CONFUSABLE: f64 = 0.6;
+
+/// Joints whose held-out error falls by this share are listed with a finding.
+const LISTED: f64 = 0.01;
+
+pub(super) fn report(
+    search: &mut Search<'_>,
+    model: &TorqueModel,
+    outcome: &Outcome,
+    left: &[Leftover],
+    [train, test]: &[&[Recording]; 2],
+) -> Result<Diagnosis, DiagnosisError> {
+    let start = &outcome.start;
+    let features = calibration::VerdictFeatures {
+        known: 0.5 * (start.chi2 - outcome.fitted.chi2),
+        unknown: left.iter().map(|l| l.evidence.max(0.0)).sum(),
+        unknown_size: left.iter().map(|l| l.effect_size).fold(0.0, f64::max),
+    };
+    let unexplained = features.is_unexplained();
+    let mut findings = findings(search, outcome, &features);
+    let candidates = candidates(search, start, &findings, &outcome.ranking);
+    let not_testable = not_testable(search, start, &outcome.ranking);
+    if unexplained {
+        findings.clear();
+    }
+    let after = without_harm(search, model, outcome, train, &mut findings)?;
+    let names: Vec<&str> = model.robot().joint_names().collect();
+    let words = |l: &Leftover| {
+        format!(
+            "{}: torque that depends on {}, {:.0} % of the error on unseen blocks of time",
+            names[l.joint],
+            l.group,
+            100.0 * l.effect_size / (1.0 + l.effect_size)
+        )
+    };
+    let verdict = match (unexplained, findings.is_empty()) {
+        (true, _) => Verdict::UnexplainedStructure,
+        (false, true) => Verdict::NothingMissing,
+        (false, false) => Verdict::EffectsFound,
+    };
+    Ok(Diagnosis {
+        schema: 1,
+        verdict,
+        probability_nothing_missing: calibration::nothing_missing(outcome.news(search).map(|(_, a)| a), &features),
+        probability_unexplained: calibration::unexplained(&features),
+        next_experiment: next_experiments(&findings),
+        findings,
+        candidates,
+        not_testable,
+        joints: joint_errors(search, model, &after, test)?,
+        steps: steps(search, start, outcome),
+        whereabouts: whereabouts::locate(&search.problem, start),
+        unexplained: left.iter().filter(|l| l.is_material()).map(words).collect(),
+        before: model.clone(),
+        after,
+    })
+}
+
+/// The model with the findings. Those at a joint whose torque as logged is predicted worse with them than without are
+/// taken out, weakest first: what helps in the band of the equations must not harm beyond it.
+fn without_harm(
+    search: &Search<'_>,
+    model: &TorqueModel,
+    outcome: &Outcome,
+    train: &[Recording],
+    findings: &mut Vec<Finding>,
+) -> Result<TorqueModel, DiagnosisError> {
+    const HARM: f64 = 1.05;
+    let processing = search.problem.nominal.processing();
+    let errors = |model: &TorqueModel| -> Result<Vec<f64>, DiagnosisError> {
+        Ok(compare(model, train, processing)?.joints.iter().map(|joint| joint.rmse_full_band).collect())
+    };
+    if findings.is_empty() {
+        return Ok(model.clone());
+    }
+    let before = errors(model)?;
+    let mut fitted = outcome.fitted.clone();
+    loop {
+        let after = finished(search, model, &fitted, findings.iter().map(sentence));
+        let now = errors(&after)?;
+        let worse: Vec<&str> = model
+            .robot()
+            .joint_names()
+            .zip(before.iter().zip(&now))
+            .filter(|(_, (before, now))| **now > HARM * **before)
+            .map(|(name, _)| name)
+            .collect();
+        let harms = |f: &Finding| f.joints.is_empty() || f.joints.iter().any(|joint| worse.contains(&joint.as_str()));
+        let Some(weakest) = findings.iter().rposition(harms).filter(|_| !worse.is_empty()) else {
+            return Ok(after);
+        };
+        let out = findings.remove(weakest);
+        if findings.is_empty() {
+            return Ok(model.clone());
+        }
+        let same = |term: &Term| out.terms.iter().any(|t| t.effect.name() == term.effect.name() && t.site == term.site);
+        let rest = fitted.terms().iter().filter(|term| !same(term)).cloned().collect();
+        fitted = search.refit(&fitted, rest);
+    }
+}
+
+/// The fitted model with its statistics, history and logs.
+pub(super) fn finished(
+    search: &Search<'_>,
+    model: &TorqueModel,
+    fitted: &Fitted,
+    history: impl Iterator<Item = String>,
+) -> TorqueModel {
+    let problem = &search.problem;
+    let terms = with_deviations(problem, fitted, &search.noise);
+    let own = fitted.model.base();
+    let columns = problem.base_columns(own, &fitted.model, &fitted.rigid);
+    let of_terms = fitted.columns[problem.base.rank()..].iter();
+    let all: Vec<Column> = columns.iter().chain(of_terms).map(|c| search.noise.whiten(problem, c)).collect();
+    let (covariance, standard_deviations) = Basis::new(&all).covariance(own.rank());
+    // Prediction is judged by its plain error: least squares for that, each joint weighted by what is left there.
+    let weights = Noise::white(&fitted.residual);
+    let plain = solve(problem, &fitted.model, fitted.terms(), &weights);
+    let mut finished = plain.model.clone();
+    let terms = terms.into_iter().zip(plain.terms()).map(|(mut term, plain)| {
+        term.coefficients.clone_from(&plain.coefficients);
+        term
+    });
+    finished = finished.with_terms(terms.collect(), problem.clock);
+    let names = own.names().iter().zip(&standard_deviations);
+    let undetermined = names.filter(|(_, std)| std.is_infinite()).map(|(name, _)| name.clone()).collect();
+    let (condition, scaled_condition) =
+        model.fit().map_or((f64::INFINITY, f64::INFINITY), |fit| (fit.condition, fit.scaled_condition));
+    finished.set_fit(Fit {
+        method: "generalised least squares, noise autoregressive".into(),
+        values: own.combine(finished.parameters()),
+        standard_deviations,
+        covariance,
+        noise: search.noise.level.clone(),
+        rows: problem.rows.iter().map(Vec::len).collect(),
+        correlation: vec![1.0; problem.dof()],
+        condition,
+        scaled_condition,
+        undetermined,
+        consistency: None,
+    });
+    finished.provenance = model.provenance().clone();
+    finished.provenance.history.extend(history);
+    finished
+}
+
+/// One line of a model's history.
+pub(super) fn sentence(finding: &Finding) -> String {
+    let at = if finding.joints.is_empty() { "the arm".into() } else { finding.joints.join(", ") };
+    let fell = largest_fall(&finding.rmse_before, &finding.rmse_after);
+    let fell = fell.map_or(String::new(), |(joint, before, after)| {
+        format!("; held-out error of {joint} {before:.4} to {after:.4}")
+    });
+    format!("added {} at {at}, probability {:.2}{fell}", finding.effect, finding.probability)
+}
+
+fn largest_fall(before: &ByJoint, after: &ByJoint) -> Option<(String, f64, f64)> {
+    let falls = before.iter().filter_map(|(joint, b)| Some((joint.clone(), *b, *after.get(joint)?)));
+    falls.max_by(|x, y| (x.2 / x.1).total_cmp(&(y.2 / y.1)).reverse())
+}
+
+fn findings(search: &Search<'_>, outcome: &Outcome, features: &calibration::VerdictFeatures) -> Vec<Finding> {
+    let robot = search.problem.nominal.robot();
+    let terms = with_deviations(&search.problem, &outcome.fitted, &search.noise);
+    let mut findings: Vec<Finding> = Vec::new();
+    for (index, accepted) in outcome.news(search) {
+        let finding = finding(search, terms[index].clone(), accepted, &outcome.held_out, features);
+        match findings.iter_mut().find(|f| f.effect == finding.effect && !f.joints.is_empty()) {
+            Some(same) => merge(same, finding),
+            None => findings.push(finding),
+        }
+    }
+    for finding in &mut findings {
+        finding.evidence = evidence(finding, robot);
+    }
+    findings.sort_by(|a, b| b.score.total_cmp(&a.score).then_with(|| a.effect.cmp(&b.effect)));
+    findings
+}
+
+/// The same effect at another joint.
+fn merge(same: &mut Finding, other: Finding) {
+    same.joints.extend(other.joints.into_iter().filter(|joint| !same.joints.contains(joint)).collect::<Vec<_>>());
+    same.parameters.extend(other.parameters);
+    same.probability = same.probability.min(other.probability);
+    same.score += other.score;
+    same.terms.extend(other.terms);
+    for (joint, before) in other.rmse_before {
+        let largest = same.rmse_before.entry(joint).or_insert(before);
+        *largest = largest.max(before);
+    }
+    same.rmse_after.extend(other.rmse_after);
+}
+
+fn finding(
+    search: &Search<'_>,
+    term: Term,
+    accepted: &Accepted,
+    after: &[f64],
+    features: &calibration::VerdictFeatures,
+) -> Finding {
+    let robot = search.problem.nominal.robot();
+    let about = term.effect.about();
+    let rival = accepted.rivals.iter().map(|(_, _, score)| *score).fold(0.0, f64::max);
+    let close = accepted.rivals.iter().filter(|(_, _, score)| *score > CONFUSABLE * accepted.first_score);
+    let mut confusable: Vec<String> = close.map(|(name, ..)| name.clone()).collect();
+    let name = term.effect.name();
+    let aliases = search.catalogue.iter().filter(|effect| effect.about().alias_of == Some(name));
+    confusable.extend(aliases.map(|effect| effect.name().to_string()));
+    confusable.dedup();
+    let joints = joints_of(&term);
+    let listed = |joint: &usize| {
+        joints.is_empty() || joints.contains(joint) || accepted.without[*joint] > (1.0 + LISTED) * after[*joint]
+    };
+    let by_joint = |errors: &[f64]| -> ByJoint {
+        let names = robot.joint_names().zip(errors).enumerate();
+        names.filter(|(joint, _)| listed(joint)).map(|(_, (name, error))| (name.to_string(), *error)).collect()
+    };
+    Finding {
+        effect: name.into(),
+        joints: joints.iter().map(|joint| robot.joints()[*joint].name.clone()).collect(),
+        probability: calibration::probability(accepted, rival, features),
+        score: accepted.score,
+        parameters: parameters_of(&term, robot),
+        rmse_before: by_joint(&accepted.without),
+        rmse_after: by_joint(after),
+        evidence: String::new(),
+        confusable_with: confusable,
+        separating_experiment: about.experiment.into(),
+        terms: vec![term],
+    }
+}
+
+fn evidence(finding: &Finding, robot: &Robot) -> String {
+    let about = finding.terms[0].effect.about();
+    let signature = if about.signature.is_empty() { String::new() } else { format!(" ({})", about.signature) };
+    let summary = finding.terms[0].effect.summary().trim_end_matches('.');
+    match largest_fall(&finding.rmse_before, &finding.rmse_after) {
+        Some((joint, before, after)) => {
+            let of_name = robot.joints().iter().find(|one| one.name == joint);
+            let unit = of_name.map_or("N·m", |one| one.kind.torque_unit());
+            format!(
+                "{summary}{signature}: with it the error of {joint} on blocks of time that no fit has seen falls from \
+                 {before:.4} to {after:.4} {unit}"
+            )
+        }
+        None => format!("{summary}{signature}"),
+    }
+}
+
+fn candidates(search: &Search<'_>, start: &Fitted, findings: &[Finding], ranking: &[Candidate]) -> Vec<Finding> {
+    let robot = search.problem.nominal.robot();
+    let held = search.held_out(start);
+    let mut candidates: Vec<Finding> = findings.to_vec();
+    for candidate in ranking.iter().filter(|c| c.term.effect.refines().is_none()) {
+        let joints: Vec<String> =
+            joints_of(&candidate.term).into_iter().map(|joint| robot.joints()[joint].name.clone()).collect();
+        let name = candidate.term.effect.name();
+        let listed = |f: &Finding| f.effect == name && joints.iter().all(|joint| f.joints.contains(joint));
+        if candidates.iter().any(listed) {
+            continue;
+        }
+        let about = candidate.term.effect.about();
+        let mut term = candidate.term.clone();
+        if term.is_transform() {
+            term.constants.iter_mut().zip(&candidate.gain.coefficients).for_each(|(c, step)| *c += step);
+        } else {
+            term.coefficients.clone_from(&candidate.gain.coefficients);
+        }
+        let evidence = if candidate.score == f64::NEG_INFINITY {
+            "the model takes it up by itself: these logs cannot tell it from the parameters of the model".into()
+        } else if candidate.impossible {
+            "explains part of the leftover only with an impossible sign: the shape, not this effect".into()
+        } else {
+            format!("log Bayes factor {:.0} alone against the model", candidate.score)
+        };
+        let errors: ByJoint = robot
+            .joint_names()
+            .zip(&held)
+            .filter(|(joint, _)| joints.iter().any(|own| own == joint) || joints.is_empty())
+            .map(|(joint, error)| (joint.to_string(), *error))
+            .collect();
+        candidates.push(Finding {
+            effect: name.into(),
+            joints,
+            probability: calibration::of_candidate(candidate, findings.first()),
+            score: candidate.score.max(LOWEST_SCORE),
+            parameters: parameters_of(&term, robot),
+            rmse_before: errors.clone(),
+            rmse_after: errors,
+            evidence,
+            confusable_with: about.confusable.iter().map(|c| (*c).to_string()).collect(),
+            separating_experiment: about.experiment.into(),
+            terms: vec![],
+        });
+    }
+    candidates
+}
+
+/// Stands for minus infinity, which JSON does not have.
+const LOWEST_SCORE: f64 = -1e6;
+
+fn not_testable(search: &Search<'_>, start: &Fitted, ranking: &[Candidate]) -> Vec<NotTestable> {
+    let mut list = Vec::new();
+    for effect in search.catalogue {
+        let about = effect.about();
+        let of_effect = || ranking.iter().filter(|c| c.term.effect.name() == effect.name());
+        let invisible = of_effect().next().is_some() && of_effect().all(|c| c.score == f64::NEG_INFINITY);
+        let why = if effect.entry() == Entry::Gate {
+            Some("found by the checks of the log, before any physics".to_string())
+        } else if search.has_everywhere(effect.as_ref()) || effect.refines().is_some() {
+            None
+        } else if let Some(other) = about.alias_of {
+            Some(format!("these logs cannot tell it from `{other}`, which stands for both"))
+        } else if super::search::is_absorbed(effect.as_ref()) {
+            Some("the refitted base parameters take it up".into())
+        } else if let Some(why) = search.not_testable(start, effect.as_ref()) {
+            Some(why)
+        } else {
+            invisible
+                .then(|| format!("the model's parameters take it up with this motion; it needs {}", about.excitation))
+        };
+        list.extend(why.map(|why| NotTestable { effect: effect.name().into(), why }));
+    }
+    let robot = search.problem.nominal.robot();
+    let still = robot.joint_names().zip(&search.problem.rows).filter(|(_, rows)| rows.is_empty());
+    let names: Vec<&str> = still.map(|(name, _)| name).collect();
+    if !names.is_empty() {
+        let why = format!("{} never moves in the training logs: no effect can be tested there", names.join(", "));
+        list.push(NotTestable { effect: "*".into(), why });
+    }
+    list
+}
+
+fn steps(search: &Search<'_>, start: &Fitted, outcome: &Outcome) -> Vec<Step> {
+    let names: Vec<&str> = search.problem.nominal.robot().joint_names().collect();
+    let by_joint = |errors: &[f64]| names.iter().map(|name| (*name).to_string()).zip(errors.iter().copied()).collect();
+    let errors = search.held_out(start);
+    let mut steps = vec![Step { effect: None, joints: vec![], rmse: by_joint(&errors) }];
+    for (_, accepted) in outcome.news(search) {
+        let joints = match accepted.site {
+            Site::Joint(joint) | Site::Pair(joint, _) => vec![names[joint].to_string()],
+            Site::Arm => vec![],
+        };
+        steps.push(Step { effect: Some(accepted.effect.clone()), joints, rmse: by_joint(&accepted.with) });
+    }
+    steps
+}
+
+fn next_experiments(findings: &[Finding]) -> Vec<NextExperiment> {
+    let unclear = findings.iter().filter(|f| !f.confusable_with.is_empty());
+    unclear
+        .map(|f| NextExperiment {
+            about: [std::slice::from_ref(&f.effect), &f.confusable_with[..]].concat(),
+            experiment: f.separating_experiment.clone(),
+            joints: f.joints.clone(),
+        })
+        .collect()
+}
+
+/// Joints that a report names.
+fn joints_of(term: &Term) -> Vec<usize> {
+    let whole_arm = term.effect.name() == "link_length_error";
+    match term.site {
+        Site::Joint(joint) | Site::Pair(joint, _) if !whole_arm => vec![joint],
+        _ => vec![],
+    }
+}
+
+fn parameters_of(term: &Term, robot: &Robot) -> Vec<FoundParameter> {
+    let joint = &robot.joints()[term.site.joint().unwrap_or_default()];
+    let at = match term.site {
+        Site::Arm => String::new(),
+        Site::Joint(_) => format!("{}.", joint.name),
+        Site::Pair(_, other) => format!("{}.{}.", joint.name, robot.joints()[other].name),
+    };
+    let constants = term.effect.constants().iter().zip(&term.constants).zip(&term.constant_deviations);
+    let constants = constants.map(|((c, value), std)| (c.symbol, c.unit_at(joint.kind), value, std));
+    let linear = term.effect.parameters().iter().zip(&term.coefficients).zip(&term.coefficient_deviations);
+    let linear = linear.map(|((p, value), std)| (p.symbol, p.unit_at(joint.kind), value, std));
+    let described = |(symbol, unit, value, std): (&str, &str, &f64, &f64)| FoundParameter {
+        name: format!("{at}{symbol}"),
+        value: *value,
+        std: (*std > 0.0).then_some(*std),
+        unit: unit.into(),
+    };
+    constants.chain(linear).map(described).collect()
+}
+
+/// Errors on the test logs against the torque as logged.
+fn joint_errors(
+    search: &Search<'_>,
+    before: &TorqueModel,
+    after: &TorqueModel,
+    test: &[Recording],
+) -> Result<BTreeMap<String, JointErrors>, DiagnosisError> {
+    let mut errors = BTreeMap::new();
+    if test.is_empty() {
+        return Ok(errors);
+    }
+    let processing = search.problem.nominal.processing();
+    let (old, new) = (compare(before, test, processing)?, compare(after, test, processing)?);
+    let finite = |value: f64| value.is_finite().then_some(value);
+    for ((b, a), noise) in old.joints.iter().zip(&new.joints).zip(&search.problem.beyond) {
+        let error = JointErrors {
+            rmse_before: b.rmse_full_band,
+            rmse_after: a.rmse_full_band,
+            noise: *noise,
+            fit_before: finite(b.fit_percent),
+            fit_after: finite(a.fit_percent),
+        };
+        errors.insert(b.joint.clone(), error);
+    }
+    Ok(errors)
+}

@@ -1,0 +1,980 @@
+//! Which effects: ranking, forward steps with joint refit, backward steps.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use super::basis::{Basis, Gain, INVISIBLE, Noise, dot_slices, gain, gain_of};
+use super::fit::{Fitted, held_out, refine_transforms, solve, solve_like, tangent};
+use super::problem::{Column, Problem};
+use crate::effects::{Effect, Entry, Reach, Scale, Site};
+use crate::model::Term;
+use crate::progress::{Interrupted, Progress};
+
+/// An effect at a site, and how much of the leftover it explains.
+#[derive(Clone, Debug)]
+pub(super) struct Candidate {
+    pub term: Term,
+    pub gain: Gain,
+    /// Log of the Bayes factor with a unit-information prior, multiplicity taken off.
+    pub score: f64,
+    /// Why it is out of the question, if it is.
+    pub impossible: bool,
+}
+
+/// A term that was accepted.
+#[derive(Clone, Debug)]
+pub(super) struct Accepted {
+    pub effect: String,
+    pub site: Site,
+    pub score: f64,
+    /// The same when it was added, others not yet there.
+    pub first_score: f64,
+    /// Largest fall of the held-out error on a joint, as a share of what is left.
+    pub effect_size: f64,
+    /// Rivals at this step: effect and score.
+    pub rivals: Vec<(String, Site, f64)>,
+    /// Held-out error per joint right after it was added, N·m (N).
+    pub with: Vec<f64>,
+    /// Held-out error per joint of the whole model without it, N·m (N).
+    pub without: Vec<f64>,
+}
+
+/// What a search came to.
+pub(super) struct Outcome {
+    /// The model as it was, on the rows that count.
+    pub start: Fitted,
+    pub fitted: Fitted,
+    /// The last terms of the fit, in their order.
+    pub accepted: Vec<Accepted>,
+    /// All candidates against the model as it was.
+    pub ranking: Vec<Candidate>,
+    /// Held-out error per joint, N·m (N).
+    pub held_out: Vec<f64>,
+}
+
+impl Outcome {
+    /// The accepted terms with what the search knows of them, those that refine an effect of the model or align clocks
+    /// within a sample left out.
+    pub fn news(&self, search: &Search<'_>) -> impl Iterator<Item = (usize, &Accepted)> {
+        let given = self.fitted.terms().len() - self.accepted.len();
+        let period = search.problem.stretches.iter().map(|s| 1.0 / s.motion.rate_hz).fold(0.0, f64::max);
+        let news = move |(k, _): &(usize, &Accepted)| !is_silent(&self.fitted.terms()[*k], period);
+        self.accepted.iter().enumerate().map(move |(k, accepted)| (given + k, accepted)).filter(news)
+    }
+}
+
+/// Whether a term is part of what the model has already, or shorter than the time between two samples.
+fn is_silent(term: &Term, period: f64) -> bool {
+    let times = term.is_transform() && term.effect.constants().iter().all(|c| c.unit == "s");
+    term.effect.refines().is_some() || (times && term.constants.iter().all(|c| c.abs() < WITHIN_A_SAMPLE * period))
+}
+
+/// Torque and position of one row may be taken at moments that are this share of a period apart.
+const WITHIN_A_SAMPLE: f64 = 0.6;
+
+/// Whether the base parameters take an effect up whatever the motion.
+pub(super) fn is_absorbed(effect: &dyn Effect) -> bool {
+    ["payload", "link_inertia_error"].contains(&effect.name())
+}
+
+/// Scores below this are no evidence.
+pub(super) const EVIDENCE: f64 = 8.0;
+
+/// Smallest fall of the held-out error on some joint, as a share of what is left.
+pub(super) const MATERIAL: f64 = 0.015;
+
+/// Most terms that are looked for.
+const MOST_TERMS: usize = 16;
+
+/// Most candidates whose constants are refined in a step.
+const MOST_REFINED: usize = 8;
+
+/// Scores that differ by less than this share are equal.
+const NEARLY: f64 = 0.005;
+
+/// Most candidates that are fitted with the whole model in a step.
+const MOST_TRIED: usize = 4;
+
+const STAGE: &str = "look for effects";
+
+/// Resolution of the grid of times, s.
+const TIME_STEP: f64 = 0.5;
+
+pub(super) struct Search<'a> {
+    pub problem: Problem,
+    pub catalogue: &'a [Arc<dyn Effect>],
+    /// Names of effects that the model has everywhere.
+    pub known: Vec<String>,
+    pub noise: Noise,
+    pub units: f64,
+    pub rows: f64,
+    cache: HashMap<(String, Site, Vec<u64>), Vec<Column>>,
+    progress: &'a dyn Progress,
+}
+
+impl<'a> Search<'a> {
+    pub fn new(
+        problem: Problem,
+        catalogue: &'a [Arc<dyn Effect>],
+        known: Vec<String>,
+        progress: &'a dyn Progress,
+    ) -> Self {
+        let noise = Noise::white(&problem.y);
+        let robot = problem.nominal.robot();
+        let units: usize = catalogue.iter().map(|effect| effect.sites(robot).len()).sum();
+        let rows = problem.rows.iter().map(Vec::len).sum::<usize>() as f64;
+        Self { problem, catalogue, known, noise, units: units as f64, rows, cache: HashMap::new(), progress }
+    }
+
+    /// The model as it is; noise from what the largest model leaves.
+    pub fn start(&mut self) -> Result<Fitted, Interrupted> {
+        self.progress.step("fit the model", 0, 4)?;
+        let problem = &self.problem;
+        let given = problem.given.clone();
+        let mut plain = solve(problem, &problem.nominal, &given, &self.noise);
+        for k in 0..2 {
+            self.progress.step("fit the model", k + 1, 4)?;
+            self.noise = Noise::white(&plain.residual);
+            plain = solve_like(problem, &plain, &given, &self.noise);
+        }
+        self.progress.step("fit the model", 3, 4)?;
+        self.noise = self.noise_of_largest(&plain);
+        self.rows = self.noise.rows(&self.problem);
+        let fitted = solve_like(&self.problem, &plain, &given, &self.noise);
+        let fitted = if given.is_empty() { fitted } else { self.polish(fitted) };
+        self.progress.step("fit the model", 4, 4)?;
+        Ok(fitted)
+    }
+
+    /// Noise as what the candidates at their default constants and random features of the state leave.
+    pub fn noise_of_largest(&mut self, fitted: &Fitted) -> Noise {
+        let n = self.problem.dof();
+        let mut residual = fitted.residual.clone();
+        let mut used = vec![0; n];
+        let mut calm: Vec<Vec<bool>> = residual.iter().map(|r| vec![true; r.len()]).collect();
+        for joint in 0..n {
+            let mut columns = Vec::new();
+            let own: Vec<Term> = self
+                .terms_to_try(fitted)
+                .into_iter()
+                .filter(|term| term.effect.reach() == Reach::Own && term.site.joint() == Some(joint))
+                .collect();
+            let mut seen = vec![];
+            for term in own {
+                if !seen.contains(&term.effect.name().to_string()) {
+                    seen.push(term.effect.name().to_string());
+                    columns.extend(self.raw(fitted, &term));
+                }
+            }
+            columns.extend(super::unknown::features(&self.problem, joint, &super::unknown::ALL, 0.8));
+            let only = |column: &Column| -> Column {
+                (0..n).map(|j| if j == joint { column[j].clone() } else { vec![] }).collect()
+            };
+            let base = fitted.columns.iter().map(only);
+            let all: Vec<Column> = base.chain(columns).filter(|column| !column[joint].is_empty()).collect();
+            let (left, parameters) = self.left_by(joint, &all, &residual[joint], &mut calm[joint]);
+            residual[joint] = left;
+            used[joint] = parameters;
+        }
+        Noise::of(&self.problem, &residual, &used, &calm)
+    }
+
+    /// What columns leave of a joint's residual, and how many of them count. Seconds with far more of it than others hold
+    /// what begins and ends, a contact or a load: they are no noise, are left out of a second fit and marked.
+    fn left_by(&self, joint: usize, columns: &[Column], residual: &[f64], calm: &mut [bool]) -> (Vec<f64>, usize) {
+        const LOUD: f64 = 4.0;
+        let rows = &self.problem.rows[joint];
+        let second = |row: usize| {
+            let (stretch, sample) = rows[row];
+            (stretch, (sample as f64 / self.problem.stretches[stretch].motion.rate_hz) as usize)
+        };
+        let (mut left, mut used) = (residual.to_vec(), 0);
+        for _ in 0..3 {
+            let masked = |values: &[f64]| -> Vec<f64> {
+                values.iter().zip(calm.iter()).map(|(x, calm)| if *calm { *x } else { 0.0 }).collect()
+            };
+            let column = |values: Vec<f64>| -> Column {
+                let mut column = vec![vec![]; self.problem.dof()];
+                column[joint] = values;
+                column
+            };
+            let some: Vec<Column> = columns.iter().map(|c| column(masked(&c[joint]))).collect();
+            let basis = Basis::new(&some);
+            used = basis.q.len();
+            let factors = basis.solve(&column(masked(residual)));
+            left = residual.to_vec();
+            for (c, factor) in columns.iter().zip(&factors).filter(|(_, factor)| **factor != 0.0) {
+                left.iter_mut().zip(&c[joint]).for_each(|(left, c)| *left -= factor * c);
+            }
+            let mut energies: Vec<((usize, usize), f64, f64)> = Vec::new();
+            for (row, value) in left.iter().enumerate() {
+                match energies.last_mut().filter(|(key, ..)| *key == second(row)) {
+                    Some((_, sum, count)) => (*sum, *count) = (*sum + value * value, *count + 1.0),
+                    None => energies.push((second(row), value * value, 1.0)),
+                }
+            }
+            let mut sorted: Vec<f64> = energies.iter().map(|(_, sum, count)| sum / count).collect();
+            sorted.sort_by(f64::total_cmp);
+            let Some(median) = sorted.get(sorted.len() / 2) else { break };
+            let loud: Vec<(usize, usize)> =
+                energies.iter().filter(|(_, sum, count)| sum / count > LOUD * median).map(|(key, ..)| *key).collect();
+            (0..rows.len()).for_each(|row| calm[row] = loud.binary_search(&second(row)).is_err());
+        }
+        (left, used)
+    }
+
+    /// Whether an effect is looked for.
+    fn wanted(&self, effect: &dyn Effect) -> bool {
+        let about = effect.about();
+        let absent = !self.has_everywhere(effect) && !is_absorbed(effect);
+        effect.entry() != Entry::Gate && about.alias_of.is_none() && absent
+    }
+
+    /// Whether the model has an effect at every joint.
+    pub fn has_everywhere(&self, effect: &dyn Effect) -> bool {
+        effect.entry() == Entry::State && self.known.iter().any(|known| known == effect.name())
+    }
+
+    /// Why the logs cannot show an effect.
+    pub fn not_testable(&self, fitted: &Fitted, effect: &dyn Effect) -> Option<String> {
+        let mut reason = None;
+        self.problem.with_contexts(&fitted.model, &fitted.rigid, |_, context| {
+            reason = reason.take().or_else(|| effect.not_testable(context));
+        });
+        reason
+    }
+
+    /// One term per effect, site and point of the grid; those that need a search of their own are left out.
+    fn terms_to_try(&self, fitted: &Fitted) -> Vec<Term> {
+        let robot = self.problem.nominal.robot();
+        let mut terms = Vec::new();
+        for effect in self.catalogue.iter().filter(|effect| self.wanted(effect.as_ref())) {
+            let constants = effect.constants();
+            let special = |c: &crate::effects::Constant| matches!(c.scale, Scale::Time | Scale::Order);
+            let limit = effect.entry() == Entry::Transform && constants.iter().any(|c| c.scale == Scale::Torque);
+            if limit || constants.iter().any(special) || self.not_testable(fitted, effect.as_ref()).is_some() {
+                continue;
+            }
+            for site in effect.sites(robot) {
+                let there = |name: &str| fitted.terms().iter().any(|t| t.effect.name() == name && t.site == site);
+                let refines = |name: &str| self.known.iter().any(|known| known == name) || there(name);
+                if there(effect.name()) || !effect.refines().is_none_or(refines) {
+                    continue;
+                }
+                let grids: Vec<Vec<f64>> = (0..constants.len()).map(|k| self.grid(effect.as_ref(), site, k)).collect();
+                let mut points = vec![vec![]];
+                for grid in grids {
+                    points = points
+                        .into_iter()
+                        .flat_map(|point: Vec<f64>| grid.iter().map(move |x| [&point[..], &[*x]].concat()))
+                        .collect();
+                }
+                terms.extend(points.into_iter().map(|point| Term::new(effect.clone(), site, point)));
+            }
+        }
+        terms
+    }
+
+    /// Values of a constant to start from, in its unit.
+    fn grid(&self, effect: &dyn Effect, site: Site, index: usize) -> Vec<f64> {
+        let constant = &effect.constants()[index];
+        let joint = site.joint().unwrap_or_default();
+        let [low, high] = self.problem.range(joint);
+        let scaled = |x: &f64| match constant.scale {
+            Scale::Position => low + x * (high - low),
+            Scale::PositionWidth => x * (high - low),
+            Scale::Torque => x * super::basis::rms(&self.problem.y[joint]),
+            _ => *x,
+        };
+        constant.grid.iter().map(scaled).collect()
+    }
+
+    /// Lowest and highest value of a constant, in its unit.
+    fn bounds(&self, term: &Term, index: usize) -> [f64; 2] {
+        let constant = &term.effect.constants()[index];
+        let joint = term.site.joint().unwrap_or_default();
+        let [low, high] = self.problem.range(joint);
+        match constant.scale {
+            Scale::Position => [low, high],
+            Scale::PositionWidth => [constant.low, constant.high].map(|x| x * (high - low)),
+            Scale::Torque => [constant.low, constant.high].map(|x| x * super::basis::rms(&self.problem.y[joint])),
+            Scale::Time => self.problem.time_span(),
+            // A resonance beyond the band would be seen by its foot alone.
+            _ if constant.unit == "Hz" => [constant.low, constant.high.min(0.6 * self.problem.band_hz)],
+            _ => [constant.low, constant.high],
+        }
+    }
+
+    /// Columns of a term in the band, tangents for a transform.
+    fn raw(&mut self, fitted: &Fitted, term: &Term) -> Vec<Column> {
+        let key = key_of(term);
+        if let Some(columns) = self.cache.get(&key) {
+            return columns.clone();
+        }
+        let columns = self.columns_of(fitted, term);
+        self.cache.insert(key, columns.clone());
+        columns
+    }
+
+    fn columns_of(&self, fitted: &Fitted, term: &Term) -> Vec<Column> {
+        if !term.is_transform() {
+            return self.problem.term_columns(&fitted.model, &fitted.rigid, &[term]).swap_remove(0);
+        }
+        let mut terms = fitted.terms().to_vec();
+        terms.push(term.clone());
+        let model = fitted.model.clone().with_terms(terms, self.problem.clock);
+        let last = fitted.terms().len();
+        (0..term.constants.len()).map(|k| tangent(&self.problem, &model, last, k)).collect()
+    }
+
+    /// Computes the columns that [`Self::raw`] will be asked for, on all cores.
+    fn prepare(&mut self, fitted: &Fitted, terms: &[Term]) -> Result<(), Interrupted> {
+        const AT_ONCE: usize = 24;
+        let missing: Vec<&Term> = terms.iter().filter(|term| !self.cache.contains_key(&key_of(term))).collect();
+        for (index, some) in missing.chunks(AT_ONCE).enumerate() {
+            self.progress.step("columns of effects", AT_ONCE * index, missing.len())?;
+            let columns = in_parallel(some, |term| self.columns_of(fitted, term));
+            self.cache.extend(some.iter().map(|term| key_of(term)).zip(columns));
+        }
+        self.progress.step("columns of effects", missing.len(), missing.len())
+    }
+
+    /// The columns of the fit and those that take up what constants of the model may be wrong by.
+    fn with_nuisances(&self, fitted: &Fitted) -> (Basis, Column) {
+        let mut basis = Basis::new(&[]);
+        let problem = &self.problem;
+        for column in &fitted.columns {
+            basis.push(&self.noise.whiten(problem, column));
+        }
+        for joint in 0..problem.dof() {
+            let has = |name: &str| {
+                self.known.iter().any(|known| known == name)
+                    || fitted.terms().iter().any(|t| t.effect.name() == name && t.site == Site::Joint(joint))
+            };
+            if has("coulomb_friction") {
+                let width = fitted.model.processing().map_or(0.003, |p| p.standstill_speed[joint]).clamp(0.002, 0.01);
+                let columns = problem.reversal_columns(&fitted.model, &fitted.rigid, joint, [width, 3.0 * width]);
+                columns.iter().for_each(|column| basis.push(&self.noise.whiten(problem, column)));
+            }
+        }
+        for (k, term) in fitted.terms().iter().enumerate() {
+            for index in 0..term.constants.len() {
+                if !(term.is_transform() && term.effect.constants()[index].scale == Scale::Torque) {
+                    basis.push(&self.noise.whiten(problem, &tangent(problem, &fitted.model, k, index)));
+                }
+            }
+        }
+        let mut white = self.noise.whiten(problem, &fitted.target);
+        basis.project_out(&mut white);
+        basis.project_out(&mut white);
+        (basis, white)
+    }
+
+    fn candidate(&self, term: Term, gain: Gain, constants: usize) -> Candidate {
+        let size = (gain.rank + constants) as f64;
+        let score = 0.5 * gain.chi2 - 0.5 * size * self.rows.max(2.0).ln() - self.units.ln();
+        let score = if gain.visible < INVISIBLE { f64::NEG_INFINITY } else { score };
+        let signs = term.effect.parameters().iter().zip(&gain.coefficients);
+        let first_negative = signs.take(1).any(|(parameter, value)| parameter.non_negative && *value < 0.0);
+        let out_of_bounds = term.is_transform()
+            && term.effect.constants().iter().zip(&gain.coefficients).any(|(c, x)| c.low > -1e-3 * c.high && *x < 0.0);
+        let resonances = term.constants.iter().enumerate().zip(term.effect.constants());
+        let at_edge = resonances
+            .filter(|(_, constant)| constant.unit == "Hz")
+            .any(|((k, value), _)| *value > 0.98 * self.bounds(&term, k)[1]);
+        let contact_like = term.effect.name() == "payload_change" || term.effect.name() == "external_contact";
+        Candidate { impossible: (first_negative && !contact_like) || out_of_bounds || at_edge, term, gain, score }
+    }
+
+    /// Every effect at every site at its best point of the grid, best first.
+    fn rank(&mut self, fitted: &Fitted, basis: &Basis, white: &Column) -> Result<Vec<Candidate>, Interrupted> {
+        let mut best: HashMap<(String, Site), Candidate> = HashMap::new();
+        let keep = |best: &mut HashMap<(String, Site), Candidate>, candidate: Candidate| {
+            let key = (candidate.term.effect.name().to_string(), candidate.term.site);
+            match best.get(&key) {
+                Some(old) if (old.impossible, -old.score) <= (candidate.impossible, -candidate.score) => {}
+                _ => {
+                    best.insert(key, candidate);
+                }
+            }
+        };
+        let terms: Vec<Term> = self.terms_to_try(fitted).into_iter().chain(self.orders_to_try(fitted)).collect();
+        let count = terms.len();
+        self.prepare(fitted, &terms)?;
+        self.progress.step("rank effects", 0, count)?;
+        let candidates = in_parallel(&terms, |term| {
+            let columns = &self.cache[&key_of(term)];
+            let white_columns: Vec<Column> = columns.iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
+            let gain = gain(basis, white, &white_columns);
+            let constants = if term.is_transform() { 0 } else { term.constants.len() };
+            self.candidate(term.clone(), gain, constants)
+        });
+        candidates.into_iter().for_each(|candidate| keep(&mut best, candidate));
+        for candidate in self.scan_times(fitted, basis, white) {
+            keep(&mut best, candidate);
+        }
+        let mut all: Vec<Candidate> = best.into_values().collect();
+        all.sort_by(|a, b| {
+            let key = |c: &Candidate| (c.term.effect.name().to_string(), c.term.site);
+            (a.impossible, -a.score)
+                .partial_cmp(&(b.impossible, -b.score))
+                .unwrap_or(std::cmp::Ordering::Equal)
+                .then_with(|| key(a).cmp(&key(b)))
+        });
+        self.progress.step("rank effects", count, count)?;
+        Ok(all)
+    }
+
+    /// Effects with an order: the peaks of a periodogram of the residual over the position.
+    fn orders_to_try(&self, fitted: &Fitted) -> Vec<Term> {
+        const LOWEST: usize = 4;
+        const HIGHEST: usize = 200;
+        let n = self.problem.dof();
+        let mut terms = Vec::new();
+        for joint in 0..n {
+            let mut sums = vec![[0.0; 2]; HIGHEST + 2];
+            for (&(stretch, sample), r) in self.problem.rows[joint].iter().zip(&fitted.residual[joint]) {
+                let q = self.problem.stretches[stretch].motion.q[sample * n + joint];
+                let (s1, c1) = q.sin_cos();
+                let (s0, c0) = ((LOWEST - 1) as f64 * q).sin_cos();
+                let (mut s, mut c) = (s0, c0);
+                for sum in &mut sums[LOWEST - 1..] {
+                    sum[0] += r * c;
+                    sum[1] += r * s;
+                    (s, c) = (s * c1 + c * s1, c * c1 - s * s1);
+                }
+            }
+            let power: Vec<f64> = sums.iter().map(|[a, b]| a * a + b * b).collect();
+            let mut peaks: Vec<usize> = (LOWEST..=HIGHEST)
+                .filter(|&order| power[order] >= power[order - 1] && power[order] >= power[order + 1])
+                .collect();
+            peaks.sort_by(|&a, &b| power[b].total_cmp(&power[a]));
+            for effect in self.catalogue.iter().filter(|e| self.wanted(e.as_ref())) {
+                let constants = effect.constants();
+                if constants.len() == 1 && constants[0].scale == Scale::Order {
+                    let order = |order: &usize| Term::new(effect.clone(), Site::Joint(joint), vec![*order as f64]);
+                    terms.extend(peaks.iter().take(3).map(order));
+                }
+            }
+        }
+        terms.retain(|term| {
+            !fitted.terms().iter().any(|t| {
+                t.effect.name() == term.effect.name()
+                    && t.site == term.site
+                    && (t.constants[0] - term.constants[0]).abs() < 1.5
+            })
+        });
+        terms
+    }
+
+    /// Effects that begin, or begin and end, at a time: sums over blocks of time give every change point.
+    fn scan_times(&mut self, fitted: &Fitted, basis: &Basis, white: &Column) -> Vec<Candidate> {
+        let mut found = Vec::new();
+        let robot = self.problem.nominal.robot().clone();
+        let [start, end] = self.problem.time_span();
+        if end <= start {
+            return found;
+        }
+        let bins = ((end - start) / TIME_STEP).ceil() as usize + 1;
+        let wanted: Vec<Arc<dyn Effect>> =
+            self.catalogue.iter().filter(|effect| self.wanted(effect.as_ref())).cloned().collect();
+        for effect in &wanted {
+            let times = effect.constants().iter().filter(|c| c.scale == Scale::Time).count();
+            if times == 0 {
+                continue;
+            }
+            if self.not_testable(fitted, effect.as_ref()).is_some() {
+                continue;
+            }
+            for site in effect.sites(&robot) {
+                if times == 1 && fitted.terms().iter().any(|t| t.effect.name() == effect.name() && t.site == site) {
+                    continue;
+                }
+                let always = [f64::NEG_INFINITY, f64::INFINITY];
+                let whole = Term::new(effect.clone(), site, always[..times].to_vec());
+                let columns: Vec<Column> =
+                    self.raw(fitted, &whole).iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
+                let sums = self.sums_over_time(basis, white, &columns, start, bins);
+                let mut best: Option<(f64, Vec<f64>, Gain)> = None;
+                let k = columns.len();
+                let mut consider = |first: usize, last: usize, constants: Vec<f64>| {
+                    let sum: Vec<f64> = sums[last].iter().zip(&sums[first]).map(|(b, a)| b - a).collect();
+                    let gain = switched_gain(&sum, k, basis.q.len());
+                    if best.as_ref().is_none_or(|(chi2, ..)| gain.chi2 > *chi2) {
+                        best = Some((gain.chi2, constants, gain));
+                    }
+                };
+                let time = |bin: usize| start + bin as f64 * TIME_STEP;
+                if times == 1 {
+                    (2..bins - 2).for_each(|first| consider(first, bins, vec![time(first)]));
+                } else {
+                    for first in 1..bins - 2 {
+                        // A contact lasts at most a quarter of the session: longer ones are changes of payload.
+                        let longest = (first + (bins / 4).max(4)).min(bins - 1);
+                        (first + 1..longest).for_each(|last| consider(first, last, vec![time(first), time(last)]));
+                    }
+                }
+                if let Some((_, constants, gain)) = best {
+                    let term = Term::new(effect.clone(), site, constants);
+                    found.push(self.candidate(term, gain, times));
+                }
+            }
+        }
+        found
+    }
+
+    /// Running sums over the time of the session: per bin [ZᵀZ, ZᵀQ, Zᵀy], one entry more than bins.
+    fn sums_over_time(
+        &self,
+        basis: &Basis,
+        white: &Column,
+        columns: &[Column],
+        start: f64,
+        bins: usize,
+    ) -> Vec<Vec<f64>> {
+        let (k, r) = (columns.len(), basis.q.len());
+        let width = k * k + k * r + k;
+        let mut sums = vec![vec![0.0; width]; bins + 1];
+        for joint in 0..self.problem.dof() {
+            if columns.iter().all(|column| column[joint].is_empty()) {
+                continue;
+            }
+            let rows = &self.problem.rows[joint];
+            let bin = |row: usize| {
+                let time = self.problem.time_of(rows[row]);
+                (((time - start) / TIME_STEP) as usize).min(bins - 1)
+            };
+            let mut first = 0;
+            while first < rows.len() {
+                let here = bin(first);
+                let mut last = first;
+                while last < rows.len() && bin(last) == here && rows[last].0 == rows[first].0 {
+                    last += 1;
+                }
+                let sum = &mut sums[here + 1];
+                let part = |column: &Column| column[joint].get(first..last).unwrap_or(&[]).to_vec();
+                let z: Vec<Vec<f64>> = columns.iter().map(part).collect();
+                for a in 0..k {
+                    for b in 0..k {
+                        sum[a * k + b] += dot_slices(&z[a], &z[b]);
+                    }
+                    for (b, q) in basis.q.iter().enumerate() {
+                        if let Some(q) = q[joint].get(first..last) {
+                            sum[k * k + a * r + b] += dot_slices(&z[a], q);
+                        }
+                    }
+                    sum[k * k + k * r + a] += dot_slices(&z[a], &white[joint][first..last]);
+                }
+                first = last;
+            }
+        }
+        for bin in 1..=bins {
+            for entry in 0..width {
+                sums[bin][entry] += sums[bin - 1][entry];
+            }
+        }
+        sums
+    }
+
+    /// The constants of a term searched coordinate by coordinate, the rest of the model refitted linearly.
+    pub fn refine(&self, fitted: &Fitted, (basis, white): (&Basis, &Column), candidate: &Candidate) -> Candidate {
+        let term = &candidate.term;
+        if term.is_transform() || term.constants.is_empty() {
+            return candidate.clone();
+        }
+        let evaluate = |constants: &[f64]| {
+            let term = Term::new(term.effect.clone(), term.site, constants.to_vec());
+            let columns = self.problem.term_columns(&fitted.model, &fitted.rigid, &[&term]).swap_remove(0);
+            let columns: Vec<Column> = columns.iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
+            let gain = gain(basis, white, &columns);
+            self.candidate(term, gain, constants.len())
+        };
+        let mut best = evaluate(&candidate.term.constants);
+        let count = term.constants.len();
+        let mut steps: Vec<f64> = (0..count)
+            .map(|k| match term.effect.constants()[k].scale {
+                Scale::Logarithmic => 0.5,
+                Scale::Linear(step) => step,
+                Scale::Position => 0.06 * (self.bounds(term, k)[1] - self.bounds(term, k)[0]),
+                Scale::PositionWidth | Scale::Torque => 0.4 * term.constants[k],
+                Scale::Time => 0.5 * TIME_STEP,
+                Scale::Order => 0.3,
+                Scale::Neutral { step } => step,
+            })
+            .collect();
+        let smallest: Vec<f64> = steps.iter().map(|step| 0.03 * step).collect();
+        let logarithmic = |k: usize| term.effect.constants()[k].scale == Scale::Logarithmic;
+        for _ in 0..40 {
+            let mut moved = false;
+            for k in 0..count {
+                let [low, high] = self.bounds(term, k);
+                for direction in [1.0, -1.0] {
+                    let mut constants = best.term.constants.clone();
+                    let value = constants[k];
+                    let step = direction * steps[k];
+                    constants[k] = if logarithmic(k) { value * step.exp() } else { value + step }.clamp(low, high);
+                    if constants[k] == value
+                        || (count == 2
+                            && constants[0] >= constants[1]
+                            && term.effect.constants()[1].scale == Scale::Time)
+                    {
+                        continue;
+                    }
+                    let next = evaluate(&constants);
+                    if !next.impossible && (best.impossible || next.gain.chi2 > best.gain.chi2 + 0.02) {
+                        best = next;
+                        moved = true;
+                        break;
+                    }
+                }
+            }
+            if !moved {
+                steps.iter_mut().for_each(|step| *step *= 0.45);
+                if steps.iter().zip(&smallest).all(|(step, smallest)| step < smallest) {
+                    break;
+                }
+            }
+        }
+        best
+    }
+
+    /// The fit with one more term, all constants refined.
+    pub fn with_term(&self, fitted: &Fitted, term: Term) -> Fitted {
+        let mut terms = fitted.terms().to_vec();
+        terms.push(term);
+        self.refit(fitted, terms)
+    }
+
+    pub fn refit(&self, like: &Fitted, terms: Vec<Term>) -> Fitted {
+        let mut next = solve_like(&self.problem, like, &terms, &self.noise);
+        // Columns that follow the torque of the model are those of the fit before.
+        if terms.iter().any(|term| term.effect.follows_torque()) {
+            for _ in 0..2 {
+                next = solve_like(&self.problem, &next, &terms, &self.noise);
+            }
+        }
+        refine_transforms(&self.problem, next, &self.noise)
+    }
+
+    /// Every term's constants once more, the others given.
+    pub fn polish(&self, fitted: Fitted) -> Fitted {
+        let mut fitted = fitted;
+        for k in 0..fitted.terms().len() {
+            let term = fitted.terms()[k].clone();
+            if term.is_transform() || term.constants.is_empty() {
+                continue;
+            }
+            let mut others = fitted.terms().to_vec();
+            others.remove(k);
+            let without = solve_like(&self.problem, &fitted, &others, &self.noise);
+            let candidate = Candidate { term, gain: Gain::default(), score: 0.0, impossible: false };
+            let refined = self.refine(&without, (&without.basis, &without.white), &candidate);
+            let mut terms = fitted.terms().to_vec();
+            terms[k].constants = refined.term.constants;
+            let next = solve_like(&self.problem, &fitted, &terms, &self.noise);
+            if next.chi2 < fitted.chi2 {
+                fitted = next;
+            }
+        }
+        refine_transforms(&self.problem, fitted, &self.noise)
+    }
+
+    /// Score of going from one fit to a larger one.
+    pub fn score_of(&self, small: &Fitted, large: &Fitted) -> f64 {
+        let constants = |f: &Fitted| f.terms().iter().map(|t| t.constants.len()).sum::<usize>();
+        let size = (large.basis.q.len() + constants(large)) as f64 - (small.basis.q.len() + constants(small)) as f64;
+        0.5 * (small.chi2 - large.chi2) - 0.5 * size * self.rows.max(2.0).ln() - self.units.ln()
+    }
+
+    /// Forward steps with joint refit, then backward ones.
+    pub fn run(&mut self, start: &Fitted) -> Result<Outcome, Interrupted> {
+        let mut fitted = start.clone();
+        let mut accepted: Vec<Accepted> = Vec::new();
+        let mut ranking = None;
+        self.progress.step(STAGE, 0, MOST_TERMS)?;
+        while fitted.terms().len() < MOST_TERMS {
+            let (basis, white) = self.with_nuisances(&fitted);
+            if let Some(released) = self.without_holds(&fitted, (&basis, &white)) {
+                fitted = released;
+                continue;
+            }
+            let candidates = self.rank(&fitted, &basis, &white)?;
+            let tried = self.refined(&fitted, (&basis, &white), &candidates)?;
+            let tried = self.worth_it(&fitted, &accepted, tried);
+            if let Some((next, steps)) = self.finer_forms(&fitted, (&basis, &white), &candidates, &tried)? {
+                fitted = next;
+                accepted.extend(steps);
+                continue;
+            }
+            ranking.get_or_insert(candidates);
+            let Some((next, step)) = self.next_term(&fitted, &tried)? else { break };
+            let transform = next.terms().last().is_some_and(Term::is_transform);
+            fitted = if next.terms().len() > 1 { self.polish(next) } else { next };
+            accepted.push(step);
+            if transform {
+                self.cache.clear();
+            }
+            self.progress.step(STAGE, fitted.terms().len().min(MOST_TERMS), MOST_TERMS)?;
+        }
+        let (fitted, accepted) = self.backward(fitted, accepted)?;
+        let start = solve(&self.problem, &start.model, start.terms(), &self.noise);
+        self.progress.step(STAGE, MOST_TERMS, MOST_TERMS)?;
+        let held_out = self.held_out(&fitted);
+        Ok(Outcome { start, fitted, accepted, ranking: ranking.unwrap_or_default(), held_out })
+    }
+
+    /// The fit without the moments before reversals at which joints stick, if there are joints that do.
+    fn without_holds(&mut self, fitted: &Fitted, (basis, white): (&Basis, &Column)) -> Option<Fitted> {
+        const DURATIONS_S: [f64; 5] = [0.016, 0.03, 0.05, 0.08, 0.12];
+        /// Rows are left out somewhat farther than the jump is seen: stops differ in length.
+        const FARTHER: f64 = 1.5;
+        let mut holds = Vec::new();
+        for joint in 0..self.problem.dof() {
+            let dry = self.known.iter().any(|known| known == "coulomb_friction")
+                || fitted.terms().iter().any(|t| t.effect.name() == "coulomb_friction" && t.site == Site::Joint(joint));
+            if !dry || self.problem.leaves_holds_out(joint) {
+                continue;
+            }
+            let tried = DURATIONS_S.map(|seconds| {
+                let column = self.noise.whiten(&self.problem, &self.problem.approach_column(joint, seconds));
+                (seconds, gain(basis, white, &[column]))
+            });
+            let best = tried.into_iter().max_by(|a, b| a.1.chi2.total_cmp(&b.1.chi2)).expect("some durations");
+            let (seconds, gain) = best;
+            let size = gain.coefficients[0];
+            if 0.5 * gain.chi2 > 3.0 * EVIDENCE && size > self.noise.level[joint] {
+                holds.push((joint, FARTHER * seconds + 0.02));
+            }
+        }
+        if holds.is_empty() || self.problem.leave_out_holds(&holds).is_err() {
+            return None;
+        }
+        self.cache.clear();
+        let again = solve(&self.problem, &fitted.model, fitted.terms(), &self.noise);
+        self.noise = self.noise_of_largest(&again);
+        self.rows = self.noise.rows(&self.problem);
+        Some(solve(&self.problem, &fitted.model, fitted.terms(), &self.noise))
+    }
+
+    /// The best candidates, at most two sites of an effect, their constants refined, best first.
+    fn refined(
+        &self,
+        fitted: &Fitted,
+        residual: (&Basis, &Column),
+        candidates: &[Candidate],
+    ) -> Result<Vec<Candidate>, Interrupted> {
+        let mut chosen: Vec<&Candidate> = Vec::new();
+        let mut names: Vec<&str> = Vec::new();
+        let own = |c: &&Candidate| !c.impossible && c.score > 0.0 && c.term.effect.refines().is_none();
+        for candidate in candidates.iter().filter(own) {
+            let name = candidate.term.effect.name();
+            if chosen.len() < MOST_REFINED && names.iter().filter(|other| **other == name).count() < 2 {
+                names.push(name);
+                chosen.push(candidate);
+            }
+        }
+        self.progress.step("refine constants", 0, 1)?;
+        let mut tried = in_parallel(&chosen, |candidate| self.refine(fitted, residual, candidate));
+        self.progress.step("refine constants", 1, 1)?;
+        tried.sort_by(|a, b| b.score.total_cmp(&a.score));
+        Ok(tried)
+    }
+
+    /// Candidates with evidence that is not tiny beside what was found before at the same joint: a form that is right to
+    /// one percent leaves so much, and it would be taken for an effect of its own.
+    fn worth_it(&self, fitted: &Fitted, accepted: &[Accepted], mut tried: Vec<Candidate>) -> Vec<Candidate> {
+        const SHARE_SAME_JOINT: f64 = 0.01;
+        const SHARE_OTHER_JOINT: f64 = 0.0005;
+        let given = fitted.terms().len() - accepted.len();
+        let news = || accepted.iter().zip(&fitted.terms()[given..]).filter(|(_, t)| t.effect.refines().is_none());
+        let joint = |term: &Term| term.site.joint().filter(|_| term.effect.reach() == Reach::Own);
+        tried.retain(|candidate| {
+            let least = news().map(|(step, term)| {
+                let apart = matches!((joint(term), joint(&candidate.term)), (Some(a), Some(b)) if a != b);
+                step.first_score * if apart { SHARE_OTHER_JOINT } else { SHARE_SAME_JOINT }
+            });
+            candidate.score > least.fold(0.0, f64::max)
+        });
+        tried
+    }
+
+    /// The fit with finer forms of effects that the model has, at all joints where no other effect of the joint does
+    /// better, if there are any.
+    fn finer_forms(
+        &mut self,
+        fitted: &Fitted,
+        residual: (&Basis, &Column),
+        candidates: &[Candidate],
+        tried: &[Candidate],
+    ) -> Result<Option<(Fitted, Vec<Accepted>)>, Interrupted> {
+        let finer = |c: &&Candidate| c.term.effect.refines().is_some() && !c.impossible && c.score > EVIDENCE;
+        let finer: Vec<&Candidate> = candidates.iter().filter(finer).collect();
+        self.progress.step("refine constants", 0, 1)?;
+        let mut found = in_parallel(&finer, |candidate| self.refine(fitted, residual, candidate));
+        self.progress.step("refine constants", 1, 1)?;
+        found.retain(|refined| {
+            let rival = |c: &&Candidate| c.term.site == refined.term.site && c.term.effect.reach() == Reach::Own;
+            let best = tried.iter().filter(rival).map(|c| c.score).fold(f64::NEG_INFINITY, f64::max);
+            !refined.impossible && refined.score > EVIDENCE && refined.score > best
+        });
+        if found.is_empty() {
+            return Ok(None);
+        }
+        let mut terms = fitted.terms().to_vec();
+        terms.extend(found.iter().map(|c| c.term.clone()));
+        let next = self.refit(fitted, terms);
+        let (without, with) = (self.held_out(fitted), self.held_out(&next));
+        let accepted = |c: Candidate| Accepted {
+            effect: c.term.effect.name().into(),
+            site: c.term.site,
+            score: c.score,
+            first_score: c.score,
+            effect_size: largest_fall(&without, &with),
+            rivals: vec![],
+            with: with.clone(),
+            without: without.clone(),
+        };
+        let steps = found.into_iter().map(accepted).collect();
+        Ok(Some((next, steps)))
+    }
+
+    /// The fit with the best of the candidates that has evidence and matters, if there is one.
+    fn next_term(&mut self, fitted: &Fitted, tried: &[Candidate]) -> Result<Option<(Fitted, Accepted)>, Interrupted> {
+        // Transforms are judged by what they do exactly: tangents flatter and wrong them.
+        let mut worthy: Vec<&Candidate> = tried.iter().filter(|c| !c.impossible && c.score > EVIDENCE).collect();
+        let best = worthy.first().map_or(0.0, |candidate| candidate.score);
+        worthy.retain(|candidate| candidate.score > 0.3 * best);
+        worthy.truncate(MOST_TRIED);
+        self.progress.step("try effects", 0, 1)?;
+        let fits = in_parallel(&worthy, |candidate| self.with_term(fitted, candidate.term.clone()));
+        self.progress.step("try effects", 1, 1)?;
+        let mut trials: Vec<(&Candidate, Fitted, f64)> = worthy
+            .into_iter()
+            .zip(fits)
+            .map(|(candidate, trial)| {
+                let score = self.score_of(fitted, &trial);
+                (candidate, trial, score)
+            })
+            .collect();
+        trials.sort_by(|a, b| b.2.total_cmp(&a.2));
+        // Of effects that do equally well the plainest comes first: forms with more freedom imitate it.
+        let best = trials.first().map_or(0.0, |(_, _, score)| *score);
+        let freedom = |c: &Candidate| c.term.constants.len() + c.term.coefficients.len();
+        let (mut equal, others): (Vec<_>, Vec<_>) =
+            trials.into_iter().partition(|(_, _, score)| *score > best - NEARLY * best.abs());
+        equal.sort_by_key(|(candidate, ..)| freedom(candidate));
+        let trials: Vec<(&Candidate, Fitted, f64)> = equal.into_iter().chain(others).collect();
+        let without = self.held_out(fitted);
+        for (candidate, trial, score) in trials.into_iter().filter(|(_, _, score)| *score >= EVIDENCE) {
+            let with = self.held_out(&trial);
+            let effect_size = largest_fall(&without, &with);
+            let own = candidate.term.effect.name();
+            if std::env::var_os("SGPR_TRACE").is_some() {
+                eprintln!(
+                    "  {own} {:?} {:?} score {score:.0} size {effect_size:.4}",
+                    candidate.term.site, candidate.term.constants
+                );
+            }
+            if effect_size < MATERIAL {
+                continue;
+            }
+            let rivals = tried.iter().filter(|c| c.term.effect.name() != own);
+            let accepted = Accepted {
+                effect: own.into(),
+                site: candidate.term.site,
+                score,
+                first_score: score,
+                effect_size,
+                rivals: rivals.map(|c| (c.term.effect.name().into(), c.term.site, c.score)).collect(),
+                with,
+                without,
+            };
+            return Ok(Some((trial, accepted)));
+        }
+        Ok(None)
+    }
+
+    /// Takes terms out again that the others make superfluous.
+    fn backward(
+        &mut self,
+        mut fitted: Fitted,
+        mut accepted: Vec<Accepted>,
+    ) -> Result<(Fitted, Vec<Accepted>), Interrupted> {
+        let given = fitted.terms().len() - accepted.len();
+        while accepted.len() > 1 {
+            let with = self.held_out(&fitted);
+            self.progress.step("check each effect again", 0, 1)?;
+            let steps: Vec<usize> = (0..accepted.len()).collect();
+            let fits = in_parallel(&steps, |k| {
+                let mut others = fitted.terms().to_vec();
+                others.remove(given + k);
+                self.refit(&fitted, others)
+            });
+            self.progress.step("check each effect again", 1, 1)?;
+            let mut weakest: Option<(f64, usize, Fitted)> = None;
+            for (k, (step, without)) in accepted.iter_mut().zip(fits).enumerate() {
+                step.score = self.score_of(&without, &fitted);
+                step.without = self.held_out(&without);
+                step.effect_size = largest_fall(&step.without, &with);
+                let size = step.effect_size;
+                let material = if fitted.terms()[given + k].effect.refines().is_some() { 0.0 } else { MATERIAL };
+                if (step.score < EVIDENCE || size < material) && weakest.as_ref().is_none_or(|(s, ..)| size < *s) {
+                    weakest = Some((size, k, without));
+                }
+            }
+            let Some((_, k, without)) = weakest else { break };
+            accepted.remove(k);
+            fitted = self.polish(without);
+        }
+        Ok((fitted, accepted))
+    }
+
+    /// Root mean square error per joint on blocks that were left out, N·m (N).
+    pub fn held_out(&self, fitted: &Fitted) -> Vec<f64> {
+        held_out(&self.problem, fitted, &[], &self.noise)
+    }
+}
+
+/// Largest fall of the held-out error on a joint, as a share of what is left.
+fn largest_fall(before: &[f64], after: &[f64]) -> f64 {
+    before.iter().zip(after).map(|(b, a)| (b - a) / a.max(1e-12)).fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// What a term is remembered by.
+fn key_of(term: &Term) -> (String, Site, Vec<u64>) {
+    (term.effect.name().to_string(), term.site, term.constants.iter().map(|c| c.to_bits()).collect())
+}
+
+/// Gain from the sums of a window of time.
+fn switched_gain(sum: &[f64], k: usize, r: usize) -> Gain {
+    let share = |a: usize, b: usize| -> f64 {
+        let row = |a: usize| &sum[k * k + a * r..][..r];
+        row(a).iter().zip(row(b)).map(|(x, y)| x * y).sum()
+    };
+    let gram: Vec<f64> = (0..k * k).map(|i| sum[i] - share(i / k, i % k)).collect();
+    let lengths: Vec<f64> = (0..k).map(|a| sum[a * k + a]).collect();
+    gain_of(&gram, &sum[k * k + k * r..], &lengths, 0.03)
+}
+
+/// `work` for every item, on as many threads as there are cores; results in the order of the items.
+fn in_parallel<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    let next = AtomicUsize::new(0);
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(items.len().max(1));
+    let mut results: Vec<(usize, R)> = std::thread::scope(|scope| {
+        let run = || {
+            let mut own = Vec::new();
+            loop {
+                let index = next.fetch_add(1, Ordering::Relaxed);
+                match items.get(index) {
+                    Some(item) => own.push((index, work(item))),
+                    None => return own,
+                }
+            }
+        };
+        let handles: Vec<_> = (0..threads).map(|_| scope.spawn(run)).collect();
+        handles.into_iter().flat_map(|handle| handle.join().expect("a panic goes on")).collect()
+    });
+    results.sort_by_key(|(index, _)| *index);
+    results.into_iter().map(|(_, result)| result).collect()
+}

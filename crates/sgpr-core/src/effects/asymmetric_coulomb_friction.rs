@@ -1,0 +1,42 @@
+use super::{About, Effect, EffectParameter, JointState, sgn};
+
+/// Coulomb friction that differs between the directions, Fc + dFc forwards and Fc - dFc backwards: tau = dFc
+/// |sgn(dq)| beside Fc sgn(dq). While the joint moves this is a constant torque.
+///
+/// Source: M. Gautier, Dynamic identification of robots with power model, IEEE ICRA (1997); the alias follows from
+/// the formula.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct AsymmetricCoulombFriction;
+
+const PARAMETERS: [EffectParameter; 1] = [EffectParameter::signed("dFc", "N·m", "N")];
+
+impl Effect for AsymmetricCoulombFriction {
+    fn name(&self) -> &str {
+        "asymmetric_coulomb_friction"
+    }
+
+    fn summary(&self) -> &str {
+        "Dry friction that is stronger in one direction than in the other."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            formula: "tau = dFc |sgn(dq)|",
+            source: "M. Gautier, Dynamic identification of robots with power model, IEEE ICRA (1997); the alias follows from the formula.",
+            signature: "constant while the joint moves",
+            confusable: &["torque_offset"],
+            experiment: "measure at rest with the drive holding, after approaches from both sides, or with the brake on",
+            excitation: "rests between motions in both directions",
+            alias_of: Some("torque_offset"),
+            ..About::default()
+        }
+    }
+
+    fn parameters(&self) -> &[EffectParameter] {
+        &PARAMETERS
+    }
+
+    fn columns(&self, joint: usize, state: &JointState<'_>, out: &mut [f64]) {
+        out[0] = sgn(state.dq[joint]).abs();
+    }
+}

@@ -1,0 +1,61 @@
+use super::{About, Class, Constant, Context, Effect, Entry, LinkMotion, Reach, Site};
+
+/// Play b between the flanks of the gear: the link lies half of it to either side of the encoder, depending on the
+/// sign of the torque, with a soft transition of a twentieth of the joint's torque.
+///
+/// Source: M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash - a survey, Automatica 38 (2002).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Backlash;
+
+const CONSTANTS: [Constant; 1] = [Constant::neutral_at_zero("b", ["rad", "m"], [0.0, 0.03], 1e-5)];
+
+impl Effect for Backlash {
+    fn name(&self) -> &str {
+        "backlash"
+    }
+
+    fn summary(&self) -> &str {
+        "Play of the gear: the link jumps when the torque changes sign."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            class: Class::Transform,
+            formula: "q_link = q - b/2 tanh(tau_rb / ts)",
+            source: "M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash - a survey, Automatica 38 (2002).",
+            signature: "jumps when the transmitted torque changes sign",
+            confusable: &["joint_elasticity", "presliding_friction"],
+            experiment: "motion that crosses zero torque slowly in both directions, with a sensor on the link side",
+            excitation: "zero crossings of the joint's torque",
+            ..About::default()
+        }
+    }
+
+    fn parameters(&self) -> &[super::EffectParameter] {
+        &[]
+    }
+
+    fn constants(&self) -> &[Constant] {
+        &CONSTANTS
+    }
+
+    fn entry(&self) -> Entry {
+        Entry::Transform
+    }
+
+    fn reach(&self) -> Reach {
+        Reach::All
+    }
+
+    fn moves_links(&self) -> bool {
+        true
+    }
+
+    fn link_motion(&self, site: Site, constants: &[f64], context: &Context<'_>, motion: &mut LinkMotion) {
+        let joint = site.joint().expect("at a joint");
+        let scale = (0.05 * context.rms(context.rigid_torque, joint)).max(f64::MIN_POSITIVE);
+        let side = |torque: f64| -0.5 * constants[0] * (torque / scale).tanh();
+        let play: Vec<f64> = context.of_joint(context.rigid_torque, joint).map(side).collect();
+        motion.deflect(joint, &play, context.rate_hz);
+    }
+}

@@ -1,0 +1,56 @@
+use super::context::dahl;
+use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Site};
+
+/// Rubbing of a cable or hose: a Dahl element over the large angle zs.
+///
+/// Source: P. Dahl, A solid friction model, Aerospace Corp. TOR-0158(3107-18)-1 (1968).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CableHysteresis;
+
+const PARAMETERS: [EffectParameter; 1] = [EffectParameter::signed("Th", "N·m", "N")];
+
+const CONSTANTS: [Constant; 1] = [Constant::logarithmic("zs", ["rad", "m"], [0.06, 1.0], &[0.1, 0.3])];
+
+impl Effect for CableHysteresis {
+    fn name(&self) -> &str {
+        "cable_hysteresis"
+    }
+
+    fn summary(&self) -> &str {
+        "A cable or hose that rubs, with a loop over a large angle."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            class: Class::HiddenState,
+            formula: "tau = Th z, dz/dt = (sgn(dq) - z) |dq| / zs, zs = 0.05 to 0.8 rad",
+            source: "P. Dahl, A solid friction model, Aerospace Corp. TOR-0158(3107-18)-1 (1968).",
+            signature: "a loop over a large angle that does not depend on speed",
+            confusable: &["cable_stiffness", "presliding_friction"],
+            experiment: "nested loops of different amplitude",
+            excitation: "reversals at different positions",
+            ..About::default()
+        }
+    }
+
+    fn parameters(&self) -> &[EffectParameter] {
+        &PARAMETERS
+    }
+
+    fn constants(&self) -> &[Constant] {
+        &CONSTANTS
+    }
+
+    fn entry(&self) -> Entry {
+        Entry::Trajectory
+    }
+
+    fn has_memory(&self) -> bool {
+        true
+    }
+
+    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+        let joint = site.joint().expect("at a joint");
+        dahl(context.of_joint(context.q, joint), constants[0], &mut out[0]);
+    }
+}

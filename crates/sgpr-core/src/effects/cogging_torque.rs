@@ -1,0 +1,59 @@
+use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Scale, Site};
+
+/// Cogging of the motor: its rotor prefers the slots, tau = a cos(n q) + b sin(n q), n the common multiple of slots
+/// and poles times the gear ratio. Joint data cannot tell it from ripple of the gear.
+///
+/// Source: N. Bianchi, S. Bolognani, Design techniques for reducing the cogging torque in surface-mounted PM motors,
+/// IEEE Trans. Industry Applications 38(5) (2002).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CoggingTorque;
+
+const PARAMETERS: [EffectParameter; 2] =
+    [EffectParameter::signed("a", "N·m", "N"), EffectParameter::signed("b", "N·m", "N")];
+
+const CONSTANTS: [Constant; 1] = [Constant::new("n", ["1/rev", "rad/m"], [3.5, 400.0], Scale::Order, &[])];
+
+impl Effect for CoggingTorque {
+    fn name(&self) -> &str {
+        "cogging_torque"
+    }
+
+    fn summary(&self) -> &str {
+        "The motor's rotor prefers certain angles."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            class: Class::Nonlinear,
+            formula: "tau = a cos(n q) + b sin(n q), n = lcm(slots, poles) gear ratio",
+            source: "N. Bianchi, S. Bolognani, Design techniques for reducing the cogging torque in surface-mounted PM motors, IEEE Trans. Industry Applications 38(5) (2002).",
+            signature: "periodic in the motor's angle, there without load too",
+            confusable: &["torque_ripple"],
+            experiment: "turn the drive without load: ripple of the gear goes away, cogging stays",
+            excitation: "slow passes over many periods",
+            alias_of: Some("torque_ripple"),
+            ..About::default()
+        }
+    }
+
+    fn parameters(&self) -> &[EffectParameter] {
+        &PARAMETERS
+    }
+
+    fn constants(&self) -> &[Constant] {
+        &CONSTANTS
+    }
+
+    fn entry(&self) -> Entry {
+        Entry::Trajectory
+    }
+
+    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+        let joint = site.joint().expect("at a joint");
+        for (k, q) in context.of_joint(context.q, joint).enumerate() {
+            let (sine, cosine) = (constants[0] * q).sin_cos();
+            out[0][k] = cosine;
+            out[1][k] = sine;
+        }
+    }
+}

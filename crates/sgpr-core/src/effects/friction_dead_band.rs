@@ -1,0 +1,50 @@
+use super::{About, Context, Effect, EffectParameter, Entry, Site, sgn};
+
+/// Dead band of the drive: a current that is lost near zero and must be added in the direction of the torque.
+///
+/// Source: G. Tao, P. V. Kokotović, Adaptive Control of Systems with Actuator and Sensor Nonlinearities (1996).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FrictionDeadBand;
+
+const PARAMETERS: [EffectParameter; 1] = [EffectParameter::signed("d", "N·m", "N")];
+
+impl Effect for FrictionDeadBand {
+    fn name(&self) -> &str {
+        "friction_dead_band"
+    }
+
+    fn summary(&self) -> &str {
+        "A small torque that the drive loses around zero, in the direction of the torque."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            formula: "tau = d sgn(tau)",
+            source: "G. Tao, P. V. Kokotović, Adaptive Control of Systems with Actuator and Sensor Nonlinearities (1996).",
+            signature: "odd in the torque, not in the speed",
+            confusable: &["coulomb_friction", "torque_gain_error"],
+            experiment: "poses in which the joint is held and driven back",
+            excitation: "torque and speed of unlike signs for part of the time",
+            ..About::default()
+        }
+    }
+
+    fn parameters(&self) -> &[EffectParameter] {
+        &PARAMETERS
+    }
+
+    fn entry(&self) -> Entry {
+        Entry::Trajectory
+    }
+
+    fn follows_torque(&self) -> bool {
+        true
+    }
+
+    fn trajectory_columns(&self, site: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
+        let joint = site.joint().expect("at a joint");
+        for (out, torque) in out[0].iter_mut().zip(context.of_joint(context.torque, joint)) {
+            *out = sgn(torque);
+        }
+    }
+}

@@ -1,0 +1,63 @@
+use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Scale, Site, sgn};
+
+/// Friction that changes at a time t0: a brake that drags, a damaged seal, fresh grease.
+///
+/// Source: A. C. Bittencourt, P. Axelsson, Modeling and experiment design for identification of wear in a robot
+/// joint, IEEE/ASME Trans. Mechatronics 19(5) (2014), for friction as the sign of wear.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FrictionStep;
+
+const PARAMETERS: [EffectParameter; 2] =
+    [EffectParameter::signed("a0", "N·m", "N"), EffectParameter::signed("a1", "N·m·s/rad", "N·s/m")];
+
+const CONSTANTS: [Constant; 1] =
+    [Constant::new("t0", ["s", "s"], [f64::NEG_INFINITY, f64::INFINITY], Scale::Time, &[])];
+
+impl Effect for FrictionStep {
+    fn name(&self) -> &str {
+        "friction_step"
+    }
+
+    fn summary(&self) -> &str {
+        "Friction that changes from one moment on."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            class: Class::ChangePoint,
+            formula: "tau = (a0 sgn(dq) + a1 dq) for t > t0",
+            source: "A. C. Bittencourt, P. Axelsson, Modeling and experiment design for identification of wear in a robot joint, IEEE/ASME Trans. Mechatronics 19(5) (2014), for friction as the sign of wear.",
+            signature: "shaped like friction, from t0 on",
+            confusable: &["payload_change", "friction_warmup"],
+            experiment: "repeat the identical motion before and after",
+            excitation: "the joint moves in both directions before and after, on one clock",
+            depends_on_time: true,
+            ..About::default()
+        }
+    }
+
+    fn parameters(&self) -> &[EffectParameter] {
+        &PARAMETERS
+    }
+
+    fn constants(&self) -> &[Constant] {
+        &CONSTANTS
+    }
+
+    fn entry(&self) -> Entry {
+        Entry::Trajectory
+    }
+
+    fn not_testable(&self, context: &Context<'_>) -> Option<String> {
+        context.time.is_empty().then(|| "the logs do not share a clock: their times overlap".into())
+    }
+
+    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+        let joint = site.joint().expect("at a joint");
+        for ((k, dq), t) in context.of_joint(context.dq, joint).enumerate().zip(context.time) {
+            let on = super::context::after(*t, constants[0], context.rate_hz);
+            out[0][k] = on * sgn(dq);
+            out[1][k] = on * dq;
+        }
+    }
+}

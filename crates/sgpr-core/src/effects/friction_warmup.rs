@@ -1,0 +1,64 @@
+use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Site, sgn};
+
+/// Friction of a cold gear that fades while the arm works: tau = exp(-t / tw) (a1 dq + a0 sgn(dq)), t the time of the
+/// session.
+///
+/// Source: A. C. Bittencourt, E. Wernholt, S. Sander-Tavallaey, T. Brogårdh, An extended friction model to capture
+/// load and temperature effects in robot joints, IEEE/RSJ IROS (2010), with an exponential in the place of the
+/// measured temperature.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FrictionWarmup;
+
+const PARAMETERS: [EffectParameter; 2] =
+    [EffectParameter::signed("a1", "N·m·s/rad", "N·s/m"), EffectParameter::signed("a0", "N·m", "N")];
+
+const CONSTANTS: [Constant; 1] = [Constant::logarithmic("tw", ["s", "s"], [3.0, 7200.0], &[8.0, 20.0, 60.0, 300.0])];
+
+impl Effect for FrictionWarmup {
+    fn name(&self) -> &str {
+        "friction_warmup"
+    }
+
+    fn summary(&self) -> &str {
+        "Friction that fades while the gear warms up."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            class: Class::Nonlinear,
+            formula: "tau = exp(-t/tw) (a1 dq + a0 sgn(dq))",
+            source: "A. C. Bittencourt, E. Wernholt, S. Sander-Tavallaey, T. Brogårdh, An extended friction model to capture load and temperature effects in robot joints, IEEE/RSJ IROS (2010), with an exponential in the place of the measured temperature.",
+            signature: "shaped like friction, its size falls with time, the same at all positions",
+            confusable: &["friction_step", "torque_gain_drift", "temperature_dependent_friction"],
+            experiment: "a cold run, a warm run and a cold run",
+            excitation: "logs over the time of the warm-up, on one clock",
+            depends_on_time: true,
+            ..About::default()
+        }
+    }
+
+    fn parameters(&self) -> &[EffectParameter] {
+        &PARAMETERS
+    }
+
+    fn constants(&self) -> &[Constant] {
+        &CONSTANTS
+    }
+
+    fn entry(&self) -> Entry {
+        Entry::Trajectory
+    }
+
+    fn not_testable(&self, context: &Context<'_>) -> Option<String> {
+        context.time.is_empty().then(|| "the logs do not share a clock: their times overlap".into())
+    }
+
+    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+        let joint = site.joint().expect("at a joint");
+        for ((k, dq), t) in context.of_joint(context.dq, joint).enumerate().zip(context.time) {
+            let cold = (-t / constants[0]).exp();
+            out[0][k] = cold * dq;
+            out[1][k] = cold * sgn(dq);
+        }
+    }
+}

@@ -1,0 +1,61 @@
+use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Scale, Site};
+
+/// Position error of a gear, e = A sin(n q + p), n periods per turn: the inertia behind it is shaken by e'', tau =
+/// d²/dt² (a cos(n q) + b sin(n q)).
+///
+/// Source: T. D. Tuttle, W. P. Seering, A nonlinear model of a harmonic drive gear transmission, IEEE Trans. Robotics
+/// and Automation 12(3) (1996).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct KinematicError;
+
+const PARAMETERS: [EffectParameter; 2] =
+    [EffectParameter::signed("a", "kg·m²", "kg"), EffectParameter::signed("b", "kg·m²", "kg")];
+
+const CONSTANTS: [Constant; 1] = [Constant::new("n", ["1/rev", "rad/m"], [3.5, 400.0], Scale::Order, &[])];
+
+impl Effect for KinematicError {
+    fn name(&self) -> &str {
+        "kinematic_error"
+    }
+
+    fn summary(&self) -> &str {
+        "A gear whose output runs ahead and behind many times per turn."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            class: Class::Nonlinear,
+            formula: "tau = d²/dt² (a cos(n q) + b sin(n q))",
+            source: "T. D. Tuttle, W. P. Seering, A nonlinear model of a harmonic drive gear transmission, IEEE Trans. Robotics and Automation 12(3) (1996).",
+            signature: "periodic in the position, grows with the square of the speed",
+            confusable: &["torque_ripple"],
+            experiment: "two speeds: ripple keeps its size, a kinematic error grows",
+            excitation: "passes over many periods at different speeds",
+            ..About::default()
+        }
+    }
+
+    fn parameters(&self) -> &[EffectParameter] {
+        &PARAMETERS
+    }
+
+    fn constants(&self) -> &[Constant] {
+        &CONSTANTS
+    }
+
+    fn entry(&self) -> Entry {
+        Entry::Trajectory
+    }
+
+    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+        let joint = site.joint().expect("at a joint");
+        let (n, size) = (constants[0], 1.0 / constants[0]);
+        for k in 0..context.len() {
+            let state = context.state(k);
+            let (sine, cosine) = (n * state.q[joint]).sin_cos();
+            let (square, ddq) = (n * state.dq[joint].powi(2), state.ddq[joint]);
+            out[0][k] = -size * n * (square * cosine + ddq * sine);
+            out[1][k] = size * n * (ddq * cosine - square * sine);
+        }
+    }
+}

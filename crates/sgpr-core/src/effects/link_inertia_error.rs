@@ -1,0 +1,68 @@
+use super::context::link_regressor;
+use super::{About, Context, Effect, EffectParameter, Entry, Reach, Site};
+
+/// Wrong inertial parameters of a link in a fixed model. A refit of the base parameters absorbs them.
+///
+/// Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.4.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LinkInertiaError;
+
+const PARAMETERS: [EffectParameter; 10] = [
+    EffectParameter::signed("m", "kg", "kg"),
+    EffectParameter::signed("mx", "kg·m", "kg·m"),
+    EffectParameter::signed("my", "kg·m", "kg·m"),
+    EffectParameter::signed("mz", "kg·m", "kg·m"),
+    EffectParameter::signed("Ixx", "kg·m²", "kg·m²"),
+    EffectParameter::signed("Ixy", "kg·m²", "kg·m²"),
+    EffectParameter::signed("Iyy", "kg·m²", "kg·m²"),
+    EffectParameter::signed("Ixz", "kg·m²", "kg·m²"),
+    EffectParameter::signed("Iyz", "kg·m²", "kg·m²"),
+    EffectParameter::signed("Izz", "kg·m²", "kg·m²"),
+];
+
+impl Effect for LinkInertiaError {
+    fn name(&self) -> &str {
+        "link_inertia_error"
+    }
+
+    fn summary(&self) -> &str {
+        "A link whose mass or inertia the model has wrong."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            formula: "tau = Y_link(q, dq, ddq) (dm, dmx, ..., dIzz)",
+            source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.4.",
+            signature: "shaped like gravity and inertia, on the joint and all before it",
+            confusable: &["payload", "link_length_error"],
+            experiment: "identify the parameters",
+            excitation: "motion of all joints",
+            ..About::default()
+        }
+    }
+
+    fn parameters(&self) -> &[EffectParameter] {
+        &PARAMETERS
+    }
+
+    fn entry(&self) -> Entry {
+        Entry::Trajectory
+    }
+
+    fn reach(&self) -> Reach {
+        Reach::All
+    }
+
+    fn trajectory_columns(&self, site: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
+        let joint = site.joint().expect("at a joint");
+        link_regressor(
+            context,
+            joint,
+            |k| {
+                let _ = k;
+                1.0
+            },
+            out,
+        );
+    }
+}

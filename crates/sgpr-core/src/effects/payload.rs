@@ -1,0 +1,75 @@
+use super::context::link_regressor;
+use super::{About, Context, Effect, EffectParameter, Entry, Reach, Site};
+
+/// A body fixed to the last link: ten inertial parameters. A refit of the base parameters absorbs it whole; against a
+/// fixed model it shows.
+///
+/// Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.5; M. Gautier, S.
+/// Briot, Global identification of joint drive gains and dynamic parameters of robots, ASME J. Dyn. Syst. 136(5)
+/// (2014).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Payload;
+
+const PARAMETERS: [EffectParameter; 10] = [
+    EffectParameter::positive("m", "kg", "kg"),
+    EffectParameter::signed("mx", "kg·m", "kg·m"),
+    EffectParameter::signed("my", "kg·m", "kg·m"),
+    EffectParameter::signed("mz", "kg·m", "kg·m"),
+    EffectParameter::signed("Ixx", "kg·m²", "kg·m²"),
+    EffectParameter::signed("Ixy", "kg·m²", "kg·m²"),
+    EffectParameter::signed("Iyy", "kg·m²", "kg·m²"),
+    EffectParameter::signed("Ixz", "kg·m²", "kg·m²"),
+    EffectParameter::signed("Iyz", "kg·m²", "kg·m²"),
+    EffectParameter::signed("Izz", "kg·m²", "kg·m²"),
+];
+
+impl Effect for Payload {
+    fn name(&self) -> &str {
+        "payload"
+    }
+
+    fn summary(&self) -> &str {
+        "A load that the model does not know, there all the time."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            formula: "tau = Y_last(q, dq, ddq) (m, mx, ..., Izz)",
+            source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.5; M. Gautier, S. Briot, Global identification of joint drive gains and dynamic parameters of robots, ASME J. Dyn. Syst. 136(5) (2014).",
+            signature: "shaped like gravity and inertia on all joints",
+            confusable: &["link_inertia_error", "payload_change"],
+            experiment: "a run without the load",
+            excitation: "poses in which the load's gravity differs",
+            ..About::default()
+        }
+    }
+
+    fn parameters(&self) -> &[EffectParameter] {
+        &PARAMETERS
+    }
+
+    fn entry(&self) -> Entry {
+        Entry::Trajectory
+    }
+
+    fn reach(&self) -> Reach {
+        Reach::All
+    }
+
+    fn sites(&self, _: &crate::robot::Robot) -> Vec<Site> {
+        vec![Site::Arm]
+    }
+
+    fn trajectory_columns(&self, _: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
+        let last = context.dof() - 1;
+        link_regressor(
+            context,
+            last,
+            |k| {
+                let _ = k;
+                1.0
+            },
+            out,
+        );
+    }
+}

@@ -1,0 +1,78 @@
+use super::context::{after, link_regressor};
+use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Reach, Scale, Site};
+
+/// A load that is taken up or put down at a time t0: ten inertial parameters of the last link for t > t0.
+///
+/// Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.5, with a change
+/// point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PayloadChange;
+
+const PARAMETERS: [EffectParameter; 10] = [
+    EffectParameter::positive("m", "kg", "kg"),
+    EffectParameter::signed("mx", "kg·m", "kg·m"),
+    EffectParameter::signed("my", "kg·m", "kg·m"),
+    EffectParameter::signed("mz", "kg·m", "kg·m"),
+    EffectParameter::signed("Ixx", "kg·m²", "kg·m²"),
+    EffectParameter::signed("Ixy", "kg·m²", "kg·m²"),
+    EffectParameter::signed("Iyy", "kg·m²", "kg·m²"),
+    EffectParameter::signed("Ixz", "kg·m²", "kg·m²"),
+    EffectParameter::signed("Iyz", "kg·m²", "kg·m²"),
+    EffectParameter::signed("Izz", "kg·m²", "kg·m²"),
+];
+
+const CONSTANTS: [Constant; 1] =
+    [Constant::new("t0", ["s", "s"], [f64::NEG_INFINITY, f64::INFINITY], Scale::Time, &[])];
+
+impl Effect for PayloadChange {
+    fn name(&self) -> &str {
+        "payload_change"
+    }
+
+    fn summary(&self) -> &str {
+        "A load taken up or put down at some moment."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            class: Class::ChangePoint,
+            formula: "tau = Y_last(q, dq, ddq) (m, mx, ..., Izz) for t > t0",
+            source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.5, with a change point.",
+            signature: "shaped like gravity on all joints, from t0 on",
+            confusable: &["torque_offset_drift", "external_contact", "friction_step"],
+            experiment: "more poses after the change",
+            excitation: "different poses before and after, on one clock",
+            depends_on_time: true,
+            ..About::default()
+        }
+    }
+
+    fn parameters(&self) -> &[EffectParameter] {
+        &PARAMETERS
+    }
+
+    fn constants(&self) -> &[Constant] {
+        &CONSTANTS
+    }
+
+    fn entry(&self) -> Entry {
+        Entry::Trajectory
+    }
+
+    fn reach(&self) -> Reach {
+        Reach::All
+    }
+
+    fn sites(&self, _: &crate::robot::Robot) -> Vec<Site> {
+        vec![Site::Arm]
+    }
+
+    fn not_testable(&self, context: &Context<'_>) -> Option<String> {
+        context.time.is_empty().then(|| "the logs do not share a clock: their times overlap".into())
+    }
+
+    fn trajectory_columns(&self, _: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+        let last = context.dof() - 1;
+        link_regressor(context, last, |k| after(context.time[k], constants[0], context.rate_hz), out);
+    }
+}

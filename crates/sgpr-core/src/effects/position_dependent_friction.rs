@@ -1,0 +1,66 @@
+use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Scale, Site, sgn};
+
+/// Friction of an eccentric bearing or a tight spot: tau = sgn(dq) (b exp(-((q - qc) / w)² / 2) + a1 cos q + a2 sin
+/// q).
+///
+/// Source: M. R. Popovic, A. A. Goldenberg, Modeling of friction
+/// using spectral analysis, IEEE Trans. Robotics and Automation 14(1) (1998).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PositionDependentFriction;
+
+const PARAMETERS: [EffectParameter; 3] = [
+    EffectParameter::signed("b", "N·m", "N"),
+    EffectParameter::signed("a1", "N·m", "N"),
+    EffectParameter::signed("a2", "N·m", "N"),
+];
+
+const CONSTANTS: [Constant; 2] = [
+    Constant::new("qc", ["rad", "m"], [0.0, 1.0], Scale::Position, &[0.08, 0.2, 0.32, 0.44, 0.56, 0.68, 0.8, 0.92]),
+    Constant::new("w", ["rad", "m"], [0.02, 0.5], Scale::PositionWidth, &[0.05, 0.12]),
+];
+
+impl Effect for PositionDependentFriction {
+    fn name(&self) -> &str {
+        "position_dependent_friction"
+    }
+
+    fn summary(&self) -> &str {
+        "Friction that is larger at some positions than at others."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            class: Class::Nonlinear,
+            formula: "tau = sgn(dq) (b exp(-((q - qc)/w)²/2) + a1 cos q + a2 sin q)",
+            source: "M. R. Popovic, A. A. Goldenberg, Modeling of friction using spectral analysis, IEEE Trans. Robotics and Automation 14(1) (1998).",
+            signature: "odd in the speed, its size follows the position",
+            confusable: &["load_dependent_friction", "torque_ripple"],
+            experiment: "slow sweeps over the whole range in both directions, at two loads",
+            excitation: "passes over every position in both directions",
+            ..About::default()
+        }
+    }
+
+    fn parameters(&self) -> &[EffectParameter] {
+        &PARAMETERS
+    }
+
+    fn constants(&self) -> &[Constant] {
+        &CONSTANTS
+    }
+
+    fn entry(&self) -> Entry {
+        Entry::Trajectory
+    }
+
+    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+        let joint = site.joint().expect("at a joint");
+        let q = context.of_joint(context.q, joint);
+        for ((k, dq), q) in context.of_joint(context.dq, joint).enumerate().zip(q) {
+            let direction = sgn(dq);
+            out[0][k] = direction * (-0.5 * ((q - constants[0]) / constants[1]).powi(2)).exp();
+            out[1][k] = direction * q.cos();
+            out[2][k] = direction * q.sin();
+        }
+    }
+}

@@ -1,0 +1,59 @@
+use super::context::dahl;
+use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Site};
+
+/// Dry friction with bristles that bend before they slide (Dahl): z follows sgn(dq) over the distance zs, dz =
+/// (sgn(dq) - z) |dq| / zs dt, tau = Fc z. Where the model has Coulomb friction too, this takes its place. Initial
+/// stiffness Fc / zs.
+///
+/// Source: P. Dahl, A solid friction model, Aerospace Corp. TOR-0158(3107-18)-1 (1968).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PreslidingFriction;
+
+const PARAMETERS: [EffectParameter; 1] = [EffectParameter::positive("Fc", "N·m", "N")];
+
+const CONSTANTS: [Constant; 1] =
+    [Constant::logarithmic("zs", ["rad", "m"], [3e-4, 0.05], &[1e-3, 2.5e-3, 6e-3, 1.5e-2, 3.5e-2])];
+
+impl Effect for PreslidingFriction {
+    fn name(&self) -> &str {
+        "presliding_friction"
+    }
+
+    fn summary(&self) -> &str {
+        "Dry friction that needs some distance to build up after each reversal."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            class: Class::HiddenState,
+            formula: "tau = Fc z, dz/dt = (sgn(dq) - z) |dq| / zs",
+            source: "P. Dahl, A solid friction model, Aerospace Corp. TOR-0158(3107-18)-1 (1968).",
+            signature: "only in the first zs after each reversal, a loop over the position, the same at every speed",
+            confusable: &["torque_delay", "stribeck_friction", "cable_hysteresis"],
+            experiment: "small reversals of one to ten zs at two speeds",
+            excitation: "many reversals",
+            ..About::default()
+        }
+    }
+
+    fn parameters(&self) -> &[EffectParameter] {
+        &PARAMETERS
+    }
+
+    fn constants(&self) -> &[Constant] {
+        &CONSTANTS
+    }
+
+    fn entry(&self) -> Entry {
+        Entry::Trajectory
+    }
+
+    fn has_memory(&self) -> bool {
+        true
+    }
+
+    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+        let joint = site.joint().expect("at a joint");
+        dahl(context.of_joint(context.q, joint), constants[0], &mut out[0]);
+    }
+}

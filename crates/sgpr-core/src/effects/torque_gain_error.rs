@@ -1,0 +1,51 @@
+use super::{About, Class, Constant, Effect, Entry, Site};
+
+/// A torque constant or drive gain that is off: the log shows (1 + e) times the torque of the joint.
+///
+/// Source: M. Gautier, S. Briot, Global identification of joint drive gains and dynamic parameters of robots, ASME J.
+/// Dyn. Syst. 136(5) (2014).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TorqueGainError;
+
+const CONSTANTS: [Constant; 1] = [Constant::neutral_at_zero("e", ["1", "1"], [-0.6, 1.5], 1e-4)];
+
+impl Effect for TorqueGainError {
+    fn name(&self) -> &str {
+        "torque_gain_error"
+    }
+
+    fn summary(&self) -> &str {
+        "A torque that is logged on a wrong scale."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            class: Class::Transform,
+            formula: "tau_log = (1 + e) tau",
+            source: "M. Gautier, S. Briot, Global identification of joint drive gains and dynamic parameters of robots, ASME J. Dyn. Syst. 136(5) (2014).",
+            signature: "follows the whole torque of the joint",
+            confusable: &["link_inertia_error", "torque_gain_drift"],
+            experiment: "the same motion with a known payload",
+            excitation: "inertial coupling with other joints, or a known payload",
+            ..About::default()
+        }
+    }
+
+    fn parameters(&self) -> &[super::EffectParameter] {
+        &[]
+    }
+
+    fn constants(&self) -> &[Constant] {
+        &CONSTANTS
+    }
+
+    fn entry(&self) -> Entry {
+        Entry::Transform
+    }
+
+    fn transmit(&self, site: Site, constants: &[f64], joint: usize, _: f64, values: &mut [f64], _: usize) {
+        if site.joint() == Some(joint) {
+            values.iter_mut().for_each(|value| *value *= 1.0 + constants[0]);
+        }
+    }
+}

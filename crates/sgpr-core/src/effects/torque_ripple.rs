@@ -1,0 +1,58 @@
+use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Scale, Site};
+
+/// Ripple of gear or motor over the position: tau = a cos(n q) + b sin(n q), n periods per turn of the joint.
+///
+/// Source: H.-J. Kircanski, A. A. Goldenberg, An experimental study of nonlinear stiffness, hysteresis, and friction
+/// effects in robot joints with harmonic drives, Int. J. Robotics Research 16(2) (1997); P. S. Gandhi, F. Ghorbel,
+/// IEEE TCST (2002).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TorqueRipple;
+
+const PARAMETERS: [EffectParameter; 2] =
+    [EffectParameter::signed("a", "N·m", "N"), EffectParameter::signed("b", "N·m", "N")];
+
+const CONSTANTS: [Constant; 1] = [Constant::new("n", ["1/rev", "rad/m"], [3.5, 400.0], Scale::Order, &[])];
+
+impl Effect for TorqueRipple {
+    fn name(&self) -> &str {
+        "torque_ripple"
+    }
+
+    fn summary(&self) -> &str {
+        "A torque that repeats many times per turn of the joint."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            class: Class::Nonlinear,
+            formula: "tau = a cos(n q) + b sin(n q)",
+            source: "H.-J. Kircanski, A. A. Goldenberg, An experimental study of nonlinear stiffness, hysteresis, and friction effects in robot joints with harmonic drives, Int. J. Robotics Research 16(2) (1997); P. S. Gandhi, F. Ghorbel, IEEE TCST (2002).",
+            signature: "periodic in the position, its size does not depend on speed",
+            confusable: &["cogging_torque", "kinematic_error"],
+            experiment: "very slow constant speed, then twice of it: the order stays, the frequency moves",
+            excitation: "slow passes over many periods",
+            ..About::default()
+        }
+    }
+
+    fn parameters(&self) -> &[EffectParameter] {
+        &PARAMETERS
+    }
+
+    fn constants(&self) -> &[Constant] {
+        &CONSTANTS
+    }
+
+    fn entry(&self) -> Entry {
+        Entry::Trajectory
+    }
+
+    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+        let joint = site.joint().expect("at a joint");
+        for (k, q) in context.of_joint(context.q, joint).enumerate() {
+            let (sine, cosine) = (constants[0] * q).sin_cos();
+            out[0][k] = cosine;
+            out[1][k] = sine;
+        }
+    }
+}

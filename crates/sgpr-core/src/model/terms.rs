@@ -1,0 +1,255 @@
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::TorqueModel;
+use crate::dynamics::{BatchWorkspace, Samples, rnea_batch};
+use crate::effects::{Context, Effect, Entry, JointState, LinkMotion, Reach, Site};
+use crate::recording::Channel;
+use crate::robot::Robot;
+
+/// An effect at one site of a robot, with its constants and parameters.
+#[derive(Clone, Debug)]
+pub struct Term {
+    /// The effect.
+    pub effect: Arc<dyn Effect>,
+    /// Where.
+    pub site: Site,
+    /// Values of its constants.
+    pub constants: Vec<f64>,
+    /// Values of its linear parameters.
+    pub coefficients: Vec<f64>,
+    /// Standard deviations of the constants.
+    pub constant_deviations: Vec<f64>,
+    /// Standard deviations of the linear parameters.
+    pub coefficient_deviations: Vec<f64>,
+}
+
+impl Term {
+    /// A term with these constants, all linear parameters zero.
+    pub fn new(effect: Arc<dyn Effect>, site: Site, constants: Vec<f64>) -> Self {
+        let (k, m) = (effect.parameters().len(), constants.len());
+        let [coefficients, coefficient_deviations, constant_deviations] = [vec![0.0; k], vec![0.0; k], vec![0.0; m]];
+        Self { effect, site, constants, coefficients, constant_deviations, coefficient_deviations }
+    }
+
+    /// Whether it is of class X.
+    pub fn is_transform(&self) -> bool {
+        self.effect.entry() == Entry::Transform
+    }
+
+    /// Columns along a trajectory, `[samples]` or `[samples, n]` each.
+    pub(crate) fn columns(&self, context: &Context<'_>) -> Vec<Vec<f64>> {
+        let length = match self.effect.reach() {
+            Reach::Own => context.len(),
+            Reach::All => context.q.len(),
+        };
+        let mut out = vec![vec![0.0; length]; self.effect.parameters().len()];
+        if !out.is_empty() {
+            self.effect.trajectory_columns(self.site, context, &self.constants, &mut out);
+        }
+        out
+    }
+}
+
+/// What a file keeps of a [`Term`].
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct TermDescription {
+    effect: String,
+    site: Site,
+    constants: Vec<f64>,
+    coefficients: Vec<f64>,
+    constant_deviations: Vec<f64>,
+    coefficient_deviations: Vec<f64>,
+}
+
+impl TermDescription {
+    pub fn of(term: &Term) -> Self {
+        Self {
+            effect: term.effect.name().into(),
+            site: term.site,
+            constants: term.constants.clone(),
+            coefficients: term.coefficients.clone(),
+            constant_deviations: term.constant_deviations.clone(),
+            coefficient_deviations: term.coefficient_deviations.clone(),
+        }
+    }
+
+    /// The term, its effect one of `effects`.
+    pub fn term(self, effects: &[Arc<dyn Effect>], robot: &Robot) -> Result<Term, String> {
+        let effect = effects.iter().find(|effect| effect.name() == self.effect).cloned();
+        let effect = effect.ok_or_else(|| format!("it has the effect `{}`, which is not known here", self.effect))?;
+        if !effect.sites(robot).contains(&self.site) {
+            return Err(format!("`{}` cannot be at {:?}", self.effect, self.site));
+        }
+        let (k, m) = (effect.parameters().len(), effect.constants().len());
+        let lengths = [&self.coefficients, &self.coefficient_deviations].map(Vec::len);
+        if lengths != [k; 2] || [&self.constants, &self.constant_deviations].map(Vec::len) != [m; 2] {
+            return Err(format!("`{}` has another number of parameters", self.effect));
+        }
+        if self.constants.iter().chain(&self.coefficients).any(|value| !value.is_finite()) {
+            return Err(format!("a parameter of `{}` is not a number", self.effect));
+        }
+        let Self { site, constants, coefficients, constant_deviations, coefficient_deviations, .. } = self;
+        Ok(Term { effect, site, constants, coefficients, constant_deviations, coefficient_deviations })
+    }
+}
+
+/// Evenly sampled motion with what effects may depend on beside it. Arrays are `[samples, n]`, row-major, SI.
+#[derive(Clone, Copy, Debug)]
+pub struct Trajectory<'a> {
+    /// Joint motion.
+    pub samples: Samples<'a>,
+    /// Sampling rate, Hz; NaN if it is not known: delays and elastic joints are then left out.
+    pub rate_hz: f64,
+    /// Time of the model's session, `[samples]`, s; empty if it is not known: effects of time are then left out.
+    pub time: &'a [f64],
+    /// What else was logged.
+    pub channels: &'a [Channel],
+}
+
+/// The rigid body as the transforms of a model make it.
+pub(crate) struct Rigid {
+    pub robot: Robot,
+    /// Motion of the links, where it is not the measured one.
+    pub motion: Option<LinkMotion>,
+    pub rigid_torque: Vec<f64>,
+    /// With the effects that the model has everywhere.
+    pub torque: Vec<f64>,
+}
+
+impl TorqueModel {
+    /// Effects at single sites.
+    pub fn terms(&self) -> &[Term] {
+        &self.terms
+    }
+
+    /// Time stamp at which the clock of the session starts, ns.
+    pub fn clock_start(&self) -> Option<i64> {
+        self.clock_start
+    }
+
+    /// The same model with other terms.
+    #[must_use]
+    pub fn with_terms(mut self, terms: Vec<Term>, clock_start: Option<i64>) -> Self {
+        self.terms = terms;
+        self.clock_start = clock_start;
+        self
+    }
+
+    /// Times of a log on the clock of the model, s.
+    pub fn session_time(&self, stamps: &[i64]) -> Vec<f64> {
+        let start = self.clock_start.or(stamps.first().copied()).unwrap_or_default();
+        stamps.iter().map(|stamp| (stamp - start) as f64 * 1e-9).collect()
+    }
+
+    /// Torque of every sample of a trajectory, hidden states, time and transforms included.
+    ///
+    /// - returns `[samples, n]`, row-major, N·m (N)
+    ///
+    /// # Panics
+    /// If the arrays do not hold whole samples.
+    pub fn predict_trajectory(&self, trajectory: &Trajectory<'_>) -> Vec<f64> {
+        let n = self.robot.dof();
+        let rigid = self.rigid(trajectory);
+        let context = self.context(trajectory, &rigid);
+        let mut tau = rigid.torque.clone();
+        for term in &self.terms {
+            for (column, factor) in term.columns(&context).iter().zip(&term.coefficients) {
+                match term.effect.reach() {
+                    Reach::All => tau.iter_mut().zip(column).for_each(|(tau, c)| *tau += factor * c),
+                    Reach::Own => {
+                        let joint = term.site.joint().expect("it reaches its own joint");
+                        tau.iter_mut().skip(joint).step_by(n).zip(column).for_each(|(tau, c)| *tau += factor * c);
+                    }
+                }
+            }
+        }
+        for term in self.terms.iter().filter(|term| term.is_transform()) {
+            for joint in 0..n {
+                let mut own: Vec<f64> = tau.iter().skip(joint).step_by(n).copied().collect();
+                term.effect.transmit(term.site, &term.constants, joint, trajectory.rate_hz, &mut own, 1);
+                if let Some(limit) = term.effect.limit(term.site, &term.constants, joint) {
+                    own.iter_mut().for_each(|tau| *tau = tau.clamp(-limit, limit));
+                }
+                tau.iter_mut().skip(joint).step_by(n).zip(own).for_each(|(tau, own)| *tau = own);
+            }
+        }
+        tau
+    }
+
+    /// The rigid body after all transforms of robot and motion; deflections follow the torque in two rounds.
+    pub(crate) fn rigid(&self, trajectory: &Trajectory<'_>) -> Rigid {
+        let Samples { q, dq, ddq } = trajectory.samples;
+        let transforms = || self.terms.iter().filter(|term| term.is_transform());
+        let robot = transforms().fold(self.dynamics.clone(), |robot, t| t.effect.robot(t.site, &t.constants, robot));
+        let mut ws = BatchWorkspace::new(&robot);
+        let mut rigid_torque = vec![0.0; q.len()];
+        rnea_batch(&robot, &mut ws, trajectory.samples, &mut rigid_torque);
+        let mut motion = None;
+        if transforms().any(|term| term.effect.moves_links()) {
+            for _ in 0..3 {
+                let mut links = LinkMotion { q: q.to_vec(), dq: dq.to_vec(), ddq: ddq.to_vec() };
+                let context = Context {
+                    robot: &robot,
+                    rate_hz: trajectory.rate_hz,
+                    time: trajectory.time,
+                    q,
+                    dq,
+                    ddq,
+                    rigid_torque: &rigid_torque,
+                    torque: &rigid_torque,
+                    channels: trajectory.channels,
+                };
+                transforms().for_each(|t| t.effect.link_motion(t.site, &t.constants, &context, &mut links));
+                let mut torque = vec![0.0; q.len()];
+                let samples = Samples { q: &links.q, dq: &links.dq, ddq: &links.ddq };
+                rnea_batch(&robot, &mut ws, samples, &mut torque);
+                rigid_torque = torque;
+                motion = Some(links);
+            }
+        }
+        let mut torque = rigid_torque.clone();
+        self.add_effects(trajectory.samples, &mut torque);
+        Rigid { robot, motion, rigid_torque, torque }
+    }
+
+    /// Torque of this model's parameters on the robot and along the motion that the transforms of another make.
+    pub(crate) fn torque_under(&self, rigid: &Rigid, trajectory: &Trajectory<'_>) -> Vec<f64> {
+        let robot = rigid.robot.clone().with_standard_parameters(&self.dynamics.standard_parameters());
+        let links = rigid.motion.as_ref();
+        let motion = links.map_or(trajectory.samples, |m| Samples { q: &m.q, dq: &m.dq, ddq: &m.ddq });
+        let mut torque = vec![0.0; motion.q.len()];
+        rnea_batch(&robot, &mut BatchWorkspace::new(&robot), motion, &mut torque);
+        self.add_effects(trajectory.samples, &mut torque);
+        torque
+    }
+
+    /// Adds the torque of the effects that the model has everywhere.
+    fn add_effects(&self, samples: Samples<'_>, torque: &mut [f64]) {
+        if self.set.len() == self.set.inertial() {
+            return;
+        }
+        let n = self.robot.dof();
+        for (k, tau) in torque.chunks_exact_mut(n).enumerate() {
+            let row = k * n..(k + 1) * n;
+            let state = JointState { q: &samples.q[row.clone()], dq: &samples.dq[row.clone()], ddq: &samples.ddq[row] };
+            self.set.add_effect_torque(&self.parameters, &state, tau);
+        }
+    }
+
+    pub(crate) fn context<'a>(&self, trajectory: &Trajectory<'a>, rigid: &'a Rigid) -> Context<'a> {
+        let Samples { q, dq, ddq } = trajectory.samples;
+        Context {
+            robot: &rigid.robot,
+            rate_hz: trajectory.rate_hz,
+            time: trajectory.time,
+            q,
+            dq,
+            ddq,
+            rigid_torque: &rigid.rigid_torque,
+            torque: &rigid.torque,
+            channels: trajectory.channels,
+        }
+    }
+}

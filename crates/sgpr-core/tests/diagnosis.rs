@@ -1,0 +1,188 @@
+//! Diagnosis through the public interface: what was hidden is found, what is not there is not.
+#![allow(missing_docs, clippy::unwrap_used)]
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use sgpr_core::diagnosis::{DiagnosisError, DiagnosisOptions, Verdict, add, diagnose};
+use sgpr_core::dynamics::Samples;
+use sgpr_core::effects::{Context, Effect, EffectParameter, Entry, Site, by_name, sgn};
+use sgpr_core::model::{IdentifyOptions, Term, TorqueModel, Trajectory, compare, identify};
+use sgpr_core::progress::{Interrupted, Progress};
+use sgpr_core::recording::Recording;
+use sgpr_core::robot::two_link;
+
+const RATE: f64 = 100.0;
+const BASE: [&str; 2] = ["viscous_friction", "coulomb_friction"];
+const NOISE: f64 = 0.05;
+
+/// Uniform numbers between -1 and 1 (Park and Miller (1988)), scaled to unit variance.
+struct Noise(u64);
+
+impl Noise {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0 * 48271 % 2_147_483_647;
+        (self.0 as f64 / 1_073_741_823.5 - 1.0) * 3f64.sqrt()
+    }
+}
+
+/// A log of the two-link arm with friction and `terms`; `number` counts logs on one clock.
+fn log(terms: &[Term], number: usize, seconds: f64) -> Recording {
+    let robot = two_link();
+    let mut parameters = robot.standard_parameters();
+    parameters.extend([0.8, 1.0, 0.5, 0.6]);
+    let model = TorqueModel::with_parameters(&robot, &BASE, parameters).unwrap().with_terms(terms.to_vec(), Some(0));
+    let samples = (seconds * RATE) as usize;
+    let (mut q, mut dq, mut ddq, mut time) = (vec![], vec![], vec![], vec![]);
+    for k in 0..samples {
+        let t = k as f64 / RATE;
+        time.push(number as f64 * seconds + t);
+        for joint in 0..2 {
+            let phase = (joint + 2 * number) as f64;
+            let waves = [(0.7, 0.9), (0.4, 2.3), (0.2, 4.1)].map(|(size, pulse)| (size, pulse * (1.0 + 0.13 * phase)));
+            let sum = |f: &dyn Fn(f64, f64) -> f64| waves.iter().map(|(a, w)| f(*a, *w)).sum::<f64>();
+            q.push(sum(&|a, w| a * (w * t + phase).sin()));
+            dq.push(sum(&|a, w| a * w * (w * t + phase).cos()));
+            ddq.push(sum(&|a, w| -a * w * w * (w * t + phase).sin()));
+        }
+    }
+    let trajectory =
+        Trajectory { samples: Samples { q: &q, dq: &dq, ddq: &ddq }, rate_hz: RATE, time: &time, channels: &[] };
+    let mut noise = Noise(12345 + number as u64);
+    let tau = model.predict_trajectory(&trajectory).into_iter().map(|tau| tau + NOISE * noise.next()).collect();
+    let q = q.into_iter().map(|q| q + 1e-6 * noise.next()).collect();
+    let stamps = time.iter().map(|t| (t * 1e9).round() as i64).collect();
+    let names = robot.joint_names().map(String::from).collect();
+    Recording::new(format!("log {number}"), names, stamps, q, None, Some(tau), vec![]).unwrap()
+}
+
+fn logs(terms: &[Term]) -> (Vec<Recording>, Vec<Recording>) {
+    ((0..2).map(|number| log(terms, number, 20.0)).collect(), vec![log(terms, 2, 20.0)])
+}
+
+fn identified(train: &[Recording]) -> TorqueModel {
+    let options = IdentifyOptions { effects: BASE.map(String::from).to_vec(), ..Default::default() };
+    identify(&two_link(), train, &options, &()).unwrap().0
+}
+
+fn hidden(name: &str, joint: usize, constants: &[f64], coefficients: &[f64]) -> Term {
+    let mut term = Term::new(by_name(name).unwrap(), Site::Joint(joint), constants.to_vec());
+    term.coefficients = coefficients.to_vec();
+    term
+}
+
+#[test]
+fn a_hidden_stribeck_curve_is_found_and_closes_the_error() {
+    let (train, test) = logs(&[hidden("stribeck_friction", 1, &[0.1], &[1.0])]);
+    let model = identified(&train);
+    let diagnosis = diagnose(&model, &train, &test, &DiagnosisOptions::default(), &()).unwrap();
+
+    assert_eq!(diagnosis.verdict, Verdict::EffectsFound);
+    assert_eq!(diagnosis.findings.len(), 1, "{:?}", diagnosis.findings);
+    let finding = &diagnosis.findings[0];
+    assert_eq!((finding.effect.as_str(), &finding.joints[..]), ("stribeck_friction", &["joint_2".to_string()][..]));
+    let value = |name: &str| finding.parameters.iter().find(|p| p.name == name).unwrap().value;
+    // Within ten percent of what was put in.
+    assert!((value("joint_2.vs") - 0.1).abs() < 0.01, "{}", value("joint_2.vs"));
+    assert!((value("joint_2.dFs") - 1.0).abs() < 0.1, "{}", value("joint_2.dFs"));
+    assert!(finding.probability > 0.9);
+    assert!(finding.rmse_after["joint_2"] < finding.rmse_before["joint_2"]);
+    let errors = &diagnosis.joints["joint_2"];
+    // Of what is not noise, nineteen twentieths.
+    assert!(errors.rmse_after - NOISE < 0.05 * (errors.rmse_before - NOISE), "{errors:?}");
+
+    let added = add(&model, &[finding], &train).unwrap();
+    let after = compare(&added, &test, None).unwrap();
+    assert!((after.joints[1].rmse_full_band - errors.rmse_after).abs() < 0.01 * errors.rmse_after);
+    assert!(added.provenance().history.last().unwrap().contains("stribeck_friction"));
+
+    let again = TorqueModel::from_bytes(&added.to_bytes(), "memory").unwrap();
+    assert_eq!(compare(&again, &test, None).unwrap().joints, after.joints);
+    // What is in the model is not found again.
+    let next = diagnose(&added, &train, &test, &DiagnosisOptions::default(), &()).unwrap();
+    assert_eq!(next.verdict, Verdict::NothingMissing, "{:?}", next.findings);
+}
+
+#[test]
+fn nothing_hidden_is_nothing_found_and_the_same_bytes_twice() {
+    let (train, test) = logs(&[]);
+    let model = identified(&train);
+    let run = || diagnose(&model, &train, &test, &DiagnosisOptions::default(), &()).unwrap();
+    let diagnosis = run();
+    assert_eq!(diagnosis.verdict, Verdict::NothingMissing, "{:?}", diagnosis.findings);
+    assert!(diagnosis.probability_nothing_missing > 0.8);
+    assert_eq!(diagnosis.to_json(), run().to_json());
+    let untestable: Vec<&str> = diagnosis.not_testable.iter().map(|entry| entry.effect.as_str()).collect();
+    assert!(untestable.contains(&"temperature_dependent_friction"), "no temperature was logged: {untestable:?}");
+}
+
+/// tau = a sgn(sin 3q).
+#[derive(Debug)]
+struct Teeth;
+
+const TEETH: [EffectParameter; 1] = [EffectParameter::signed("a", "N·m", "N")];
+
+impl Effect for Teeth {
+    fn name(&self) -> &str {
+        "teeth"
+    }
+
+    fn summary(&self) -> &str {
+        "A torque that switches with the position."
+    }
+
+    fn parameters(&self) -> &[EffectParameter] {
+        &TEETH
+    }
+
+    fn entry(&self) -> Entry {
+        Entry::Trajectory
+    }
+
+    fn trajectory_columns(&self, site: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
+        let joint = site.joint().expect("at a joint");
+        for (out, q) in out[0].iter_mut().zip(context.of_joint(context.q, joint)) {
+            *out = sgn((3.0 * q).sin());
+        }
+    }
+}
+
+#[test]
+fn an_effect_of_the_users_own_takes_part() {
+    let mut term = Term::new(Arc::new(Teeth), Site::Joint(0), vec![]);
+    term.coefficients = vec![0.5];
+    let (train, test) = logs(&[term]);
+    let mut options = DiagnosisOptions::default();
+    options.catalogue.push(Arc::new(Teeth));
+    let diagnosis = diagnose(&identified(&train), &train, &test, &options, &()).unwrap();
+    let finding = &diagnosis.findings[0];
+    assert_eq!((finding.effect.as_str(), &finding.joints[..]), ("teeth", &["joint_1".to_string()][..]));
+    assert!((finding.parameters[0].value - 0.5).abs() < 0.05);
+}
+
+#[test]
+fn too_little_data_is_said() {
+    let (train, test) = logs(&[]);
+    let model = identified(&train);
+    let short = [log(&[], 0, 1.0)];
+    let error = diagnose(&model, &short, &test, &DiagnosisOptions::default(), &()).unwrap_err();
+    assert!(matches!(error, DiagnosisError::TooFewRows { .. } | DiagnosisError::Model(_)), "{error}");
+}
+
+/// Stops at the third step.
+#[derive(Default)]
+struct Impatient(AtomicUsize);
+
+impl Progress for Impatient {
+    fn step(&self, _: &'static str, _: usize, _: usize) -> Result<(), Interrupted> {
+        if self.0.fetch_add(1, Ordering::Relaxed) < 3 { Ok(()) } else { Err(Interrupted) }
+    }
+}
+
+#[test]
+fn it_stops_on_request() {
+    let (train, test) = logs(&[]);
+    let model = identified(&train);
+    let error = diagnose(&model, &train, &test, &DiagnosisOptions::default(), &Impatient::default()).unwrap_err();
+    assert!(matches!(error, DiagnosisError::Interrupted(_)), "{error}");
+}

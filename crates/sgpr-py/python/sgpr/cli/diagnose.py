@@ -1,0 +1,236 @@
+"""`sgpr diagnose`: which physical effect the model lacks, and the model with it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import typer
+
+from .. import Comparison, Diagnosis, Model, Robot, __version__
+from .. import compare as compare_with
+from .. import diagnose as diagnose_model
+from .. import effects as registry
+from .. import identify as identify_from
+from ..report.diagnosis import DiagnosisPage
+from ..report.numbers import counted, percent, significant, with_deviation
+from . import describe
+from .console import Output, to_json
+from .effects import DEFAULT_EFFECTS, checked_effects
+from .error_table import show_errors
+from .errors import wrong_use
+from .inputs import kind_of, load_model
+from .output_folder import OutputFolder
+from .predictions import predictions, residuals_by_log, write_table
+from .reading import Log, ReadingOptions, read_logs, stretches
+from .robots import load_robot
+from .versions import versions
+
+BEFORE, AFTER = "before", "after"
+
+VERDICTS = {
+    "effects_found": "Effects are missing from the model.",
+    "nothing_missing": "Nothing is missing: what is left is noise as far as these logs can tell.",
+    "unexplained_structure": "Something is missing that no known effect explains.",
+}
+
+
+def diagnose(
+    robot: Annotated[
+        str,
+        typer.Option(
+            "--robot",
+            metavar="ROBOT|MODEL",
+            help="URDF, DH table, puma560 or two_link; or a model (.sgpr) that was identified from the training logs.",
+        ),
+    ],
+    train: Annotated[list[str], typer.Option("--train", metavar="FILE...", help="Logs to learn from.")],
+    out: Annotated[
+        str, typer.Option("--out", metavar="DIR", help="Folder for the results; an existing one is reused.")
+    ],
+    reading: ReadingOptions,
+    output: Output,
+    test: Annotated[
+        list[str] | None, typer.Option("--test", metavar="FILE...", help="Logs to judge by, not used to learn.")
+    ] = None,
+    effects: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--effects",
+            metavar="EFFECT...",
+            help="Effects that the model has already, or `none`.",
+            show_default=" ".join(DEFAULT_EFFECTS),
+        ),
+    ] = None,
+    look_for: Annotated[
+        list[str] | None,
+        typer.Option("--look-for", metavar="EFFECT...", help="Effects to test.", show_default="all of the library"),
+    ] = None,
+    apply: Annotated[
+        bool,
+        typer.Option(
+            "--apply/--no-apply", help="Put the findings into the model that is written (the report shows both)."
+        ),
+    ] = True,
+    joints: Annotated[
+        list[str] | None,
+        typer.Option("--joints", metavar="JOINT...", help="Joints of the URDF to model; the others are locked."),
+    ] = None,
+    gravity: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option("--gravity", metavar="X Y Z", help="Gravity in base axes, m/s².", show_default="0 0 -9.81"),
+    ] = None,
+    no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
+) -> None:
+    """Finds out which physical effects a model lacks, adds them, and shows the error before and after.
+
+    Writes to DIR: diagnosis.json, report.html, model.sgpr and, with test logs, predictions.csv.
+    """
+    both = sorted(set(train) & set(test or ()))
+    if both:
+        raise wrong_use(f"{', '.join(both)}: a log that trains the model cannot test it", "--test")
+    wanted = checked_effects(look_for, "--look-for") if look_for else None
+    given: Model | None = load_model(robot, joints, gravity) if kind_of(robot) == "model" else None
+    if given is not None and effects is not None:
+        raise wrong_use("a model has its effects already", "--effects")
+    known = given.effects if given else checked_effects(DEFAULT_EFFECTS if effects is None else effects)
+    folder = OutputFolder(out)
+    arm = given.robot if given else load_robot(robot, joints, gravity)
+    train_logs = read_logs(train, reading, arm.joint_names, output)
+    test_logs = read_logs(test or [], reading, arm.joint_names, output)
+    result = run(given or arm, train_logs, test_logs, known, wanted, output)
+    data = result.to_dict()
+    data["settings"] = {
+        "robot": robot,
+        "joints": joints,
+        "gravity": arm.gravity,
+        "effects": known,
+        "look_for": wanted,
+        "reading": reading.to_dict(),
+    }
+    with folder:
+        result.after.save(folder.file("model.sgpr")) if apply else result.before.save(folder.file("model.sgpr"))
+        if test_logs:
+            comparisons = {BEFORE: result.errors_before, AFTER: result.errors_after}
+            rows = predictions(test_logs, comparisons, arm.joint_names)
+            data["left_out_of_predictions"] = {row.path: row.left_out for row in rows if row.left_out}
+            columns = {BEFORE: "before", AFTER: "after"}
+            write_table(folder.file("predictions.csv"), rows, arm.joint_names, columns, with_file=True)
+        if not no_report:
+            folder.write("report.html", result.page(data).html())
+        folder.write("diagnosis.json", to_json(data))
+    show(result, data, output)
+    output.line(f"results: {folder.path}")
+    output.result(data)
+
+
+@dataclass(frozen=True)
+class Result:
+    """A diagnosis with the models before and after it, compared with the same logs."""
+
+    diagnosis: Diagnosis
+    before: Model
+    after: Model
+    train: list[Log]
+    test: list[Log]
+    errors_before: Comparison
+    errors_after: Comparison
+
+    @property
+    def judged(self) -> list[Log]:
+        """The logs of the comparisons."""
+        return self.test or self.train
+
+    def to_dict(self) -> dict[str, Any]:
+        """All figures: those of the diagnosis, and what they are for."""
+        return {
+            **self.diagnosis.to_dict(),
+            "command": "diagnose",
+            "robot": {"name": self.after.robot.name, "joint_names": self.after.robot.joint_names},
+            "comparison": {
+                "logs": "test" if self.test else "train",
+                BEFORE: describe.comparison(self.errors_before),
+                AFTER: describe.comparison(self.errors_after),
+            },
+            "history": self.after.history,
+            "logs": [
+                *(describe.repaired_log(log, "train") for log in self.train),
+                *(describe.repaired_log(log, "test") for log in self.test),
+            ],
+            "left_out_of_predictions": {},
+            "versions": versions(),
+            "library_version": __version__,
+        }
+
+    def page(self, data: dict[str, Any]) -> DiagnosisPage:
+        """The report."""
+        about = {effect["name"]: effect for effect in registry()}
+        return DiagnosisPage(
+            before=self.before,
+            after=self.after,
+            errors_before=self.errors_before,
+            errors_after=self.errors_after,
+            residuals_before=residuals_by_log(self.judged, self.errors_before),
+            residuals_after=residuals_by_log(self.judged, self.errors_after),
+            summaries={name: effect["summary"] for name, effect in about.items()},
+            data=data,
+        )
+
+
+def run(
+    start: Model | Robot,
+    train: Sequence[Log],
+    test: Sequence[Log],
+    known: Sequence[str],
+    look_for: Sequence[str] | None,
+    output: Output,
+) -> Result:
+    """Identifies if need be, and diagnoses."""
+    training, unseen = stretches(train), stretches(test)
+    with output.progress() as progress:
+        model = start
+        if not isinstance(model, Model):
+            model = identify_from(model, training, effects=known, progress=progress)
+        diagnosis = diagnose_model(model, training, unseen, effects=look_for, progress=progress)
+    judged = unseen or training
+    after = diagnosis.model
+    return Result(
+        diagnosis=diagnosis,
+        before=model,
+        after=after,
+        train=list(train),
+        test=list(test),
+        errors_before=compare_with(model, judged, processing=after),
+        errors_after=compare_with(after, judged),
+    )
+
+
+def show(result: Result, data: dict[str, Any], output: Output) -> None:
+    """The result for people."""
+    output.heading(VERDICTS[data["verdict"]])
+    output.line(
+        f"probability that nothing is missing {data['probability_nothing_missing']:.2f}, that something unknown is "
+        f"{data['probability_unexplained']:.2f}"
+    )
+    for number, finding in enumerate(data["findings"], start=1):
+        at = ", ".join(finding["joints"]) or "whole arm"
+        output.heading(f"{number}. {finding['effect']} ({at}), probability {finding['probability']:.2f}")
+        output.line(f"   {finding['evidence']}")
+        for parameter in finding["parameters"]:
+            value, deviation = with_deviation(parameter["value"], parameter["std"])
+            output.line(f"   {parameter['name']} = {value} ± {deviation} {parameter['unit']}")
+        if finding["confusable_with"]:
+            output.line(f"   could also be {', '.join(finding['confusable_with'])}; {finding['separating_experiment']}")
+    for text in data["unexplained"]:
+        output.line(f"left over: {text}")
+    steps = data["steps"]
+    if len(steps) > 1:
+        names = list(steps[0]["rmse"])
+        label = [f"{step['effect'] or 'model'} {', '.join(step['joints'])}".strip() for step in steps]
+        rows = [[name, *(significant(step["rmse"][name]) for step in steps)] for name in names]
+        output.table(["held-out error of", *label], rows)
+    show_errors({BEFORE: result.errors_before, AFTER: result.errors_after}, output)
+    where = f"On {counted(len(result.test), 'unseen log')}" if result.test else "On the training logs"
+    before, after = (c.relative_error_percent for c in (result.errors_before, result.errors_after))
+    output.heading(f"{where} the error is {percent(after)} % of the torque; before it was {percent(before)} %.")
+    if data["not_testable"]:
+        output.note(f"not testable with these logs: {', '.join(entry['effect'] for entry in data['not_testable'])}")

@@ -1,0 +1,287 @@
+//! Which effect a model lacks.
+
+use std::sync::Arc;
+
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyAny, PyDict, PyString};
+use sgpr_core::diagnosis as core;
+use sgpr_core::effects::{Effect, by_name, registry};
+use sgpr_core::recording as logs;
+
+use crate::errors::{IntoPyErr, invalid};
+use crate::identification::recordings;
+use crate::model::{Model, figure};
+use crate::progress::listen;
+use crate::user_effect::UserEffect;
+
+/// Finds out which physical effects a model lacks.
+///
+/// Every effect of the catalogue is tried at every joint: how much of the leftover torque does it explain beyond what
+/// the parameters of the model can take up? What has evidence and lowers the error on blocks of time that were left out
+/// is fitted together with all parameters, one effect after the other, and each is checked again at the end.
+///
+/// Parameters
+/// ----------
+/// model : Model
+///     As identified from `train`.
+/// train : list of Recording
+///     Logs to learn from; the first is enough if it is long.
+/// test : list of Recording, optional
+///     Unseen logs, only for the errors that are reported.
+/// effects : list of str or Effect, optional
+///     What to look for, by name or an effect of your own; all effects of the library by default.
+/// progress : callable, optional
+///     Called as ``progress(stage, done, total)``; what it raises stops the work, as Ctrl-C does.
+///
+/// Returns
+/// -------
+/// Diagnosis
+///
+/// Examples
+/// --------
+/// >>> robot, log = sgpr.Robot.from_urdf("robot.urdf"), sgpr.read("train.csv.gz")
+/// >>> model = sgpr.identify(robot, [log], effects=["viscous_friction", "rotor_inertia", "torque_offset"])
+/// >>> diagnosis = sgpr.diagnose(model, [log], effects=["coulomb_friction"])
+/// >>> diagnosis.findings[0].effect
+/// 'coulomb_friction'
+/// >>> better = model.add(diagnosis.findings[0])
+#[pyfunction]
+#[pyo3(signature = (model, train, test=None, *, effects=None, progress=None), text_signature = "(model, train, test=(), *, effects=None, progress=None)")]
+pub fn diagnose(
+    py: Python<'_>,
+    model: &Bound<'_, Model>,
+    train: &Bound<'_, PyAny>,
+    test: Option<&Bound<'_, PyAny>>,
+    effects: Option<&Bound<'_, PyAny>>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Diagnosis> {
+    let train = Arc::new(recordings(train)?);
+    let test = test.map(recordings).transpose()?.unwrap_or_default();
+    let (catalogue, own) = catalogue(effects)?;
+    let inner = model.get().inner.clone();
+    let options = core::DiagnosisOptions { catalogue };
+    let result = listen(py, progress, |progress| core::diagnose(&inner, &train, &test, &options, progress));
+    for effect in own {
+        if let Some(error) = effect.failure() {
+            return Err(error);
+        }
+    }
+    Ok(Diagnosis { inner: Arc::new(result?), train })
+}
+
+type Catalogue = (Vec<Arc<dyn Effect>>, Vec<UserEffect>);
+
+fn catalogue(effects: Option<&Bound<'_, PyAny>>) -> PyResult<Catalogue> {
+    let (mut catalogue, mut own) = (Vec::<Arc<dyn Effect>>::new(), Vec::new());
+    let Some(given) = effects.filter(|given| !given.is_none()) else { return Ok((registry(), own)) };
+    if given.is_instance_of::<PyString>() {
+        return Err(PyTypeError::new_err("effects: expected a list of names or Effect"));
+    }
+    for item in given.try_iter()? {
+        let item = item?;
+        if let Ok(effect) = item.cast::<UserEffect>() {
+            let effect = effect.get().clone();
+            own.push(effect.clone());
+            catalogue.push(Arc::new(effect));
+        } else if let Ok(name) = item.extract::<String>() {
+            catalogue.push(by_name(&name).map_err(IntoPyErr::into_py_err)?);
+        } else {
+            return Err(PyTypeError::new_err(format!("effects: got {}, expected names or Effect", item.repr()?)));
+        }
+    }
+    Ok((catalogue, own))
+}
+
+/// What a diagnosis says.
+///
+/// `to_dict` has all of it, with the keys of diagnosis.json.
+#[pyclass(module = "sgpr", frozen)]
+pub struct Diagnosis {
+    inner: Arc<core::Diagnosis>,
+    train: Arc<Vec<logs::Recording>>,
+}
+
+impl Diagnosis {
+    fn wrapped(&self, list: &[core::Finding]) -> Vec<Finding> {
+        list.iter().map(|inner| Finding { inner: inner.clone(), train: self.train.clone() }).collect()
+    }
+
+    fn word(&self) -> &'static str {
+        match self.inner.verdict {
+            core::Verdict::EffectsFound => "effects_found",
+            core::Verdict::NothingMissing => "nothing_missing",
+            core::Verdict::UnexplainedStructure => "unexplained_structure",
+        }
+    }
+}
+
+#[pymethods]
+impl Diagnosis {
+    /// "effects_found", "nothing_missing" or "unexplained_structure".
+    #[getter]
+    fn verdict(&self) -> &'static str {
+        self.word()
+    }
+
+    /// Probability that nothing material is missing.
+    #[getter]
+    fn probability_nothing_missing(&self) -> f64 {
+        self.inner.probability_nothing_missing
+    }
+
+    /// Probability that something is missing that no known effect explains.
+    #[getter]
+    fn probability_unexplained(&self) -> f64 {
+        self.inner.probability_unexplained
+    }
+
+    /// What the diagnosis stands behind, best first.
+    #[getter]
+    fn findings(&self) -> Vec<Finding> {
+        self.wrapped(&self.inner.findings)
+    }
+
+    /// Every effect that was tested, best first.
+    #[getter]
+    fn candidates(&self) -> Vec<Finding> {
+        self.wrapped(&self.inner.candidates)
+    }
+
+    /// Effects that these logs cannot show: name -> why.
+    #[getter]
+    fn not_testable<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        for entry in &self.inner.not_testable {
+            dict.set_item(&entry.effect, &entry.why)?;
+        }
+        Ok(dict)
+    }
+
+    /// What unexplained structure depends on, in words.
+    #[getter]
+    fn unexplained(&self) -> Vec<String> {
+        self.inner.unexplained.clone()
+    }
+
+    /// The model with all findings, all parameters refitted; the model itself if there is none.
+    #[getter]
+    fn model(&self) -> Model {
+        self.inner.after.clone().into()
+    }
+
+    /// All of it as plain data, with the keys of diagnosis.json.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        py.import("json")?.call_method1("loads", (self.inner.to_json(),))
+    }
+
+    fn __repr__(&self) -> String {
+        let mut text = format!("Diagnosis: {}", self.word());
+        for finding in &self.inner.findings {
+            text += &format!("\n  {}", describe(finding));
+        }
+        text
+    }
+}
+
+fn describe(finding: &core::Finding) -> String {
+    let at = if finding.joints.is_empty() { String::new() } else { format!(" at {}", finding.joints.join(", ")) };
+    format!("{}{at}, probability {:.2}", finding.effect, finding.probability)
+}
+
+/// An effect that the diagnosis stands behind, or one that was tested.
+#[pyclass(module = "sgpr", frozen)]
+pub struct Finding {
+    inner: core::Finding,
+    train: Arc<Vec<logs::Recording>>,
+}
+
+impl Finding {
+    /// `model` with this effect on top.
+    pub fn added_to(&self, py: Python<'_>, model: &Model) -> PyResult<Model> {
+        if self.inner.terms.is_empty() {
+            return Err(invalid(format!(
+                "{}: only what was found can be added, not a mere candidate",
+                self.inner.effect
+            )));
+        }
+        let model = model.inner.clone();
+        let added = py.detach(|| core::add(&model, &[&self.inner], &self.train));
+        added.map(Model::from).map_err(IntoPyErr::into_py_err)
+    }
+}
+
+#[pymethods]
+impl Finding {
+    /// Effect.
+    #[getter]
+    fn effect(&self) -> &str {
+        &self.inner.effect
+    }
+
+    /// Names of its joints; none for an effect of the whole arm.
+    #[getter]
+    fn joints(&self) -> Vec<String> {
+        self.inner.joints.clone()
+    }
+
+    /// Probability that it is there.
+    #[getter]
+    fn probability(&self) -> f64 {
+        self.inner.probability
+    }
+
+    /// Log of the Bayes factor against the same model without it.
+    #[getter]
+    fn score(&self) -> f64 {
+        self.inner.score
+    }
+
+    /// Name -> (value, standard deviation or None, unit).
+    #[getter]
+    fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        for parameter in &self.inner.parameters {
+            dict.set_item(&parameter.name, (parameter.value, parameter.std, &parameter.unit))?;
+        }
+        Ok(dict)
+    }
+
+    /// Error per joint without it, on blocks of time that no fit has seen, N·m (N).
+    #[getter]
+    fn rmse_before(&self) -> core::ByJoint {
+        self.inner.rmse_before.clone()
+    }
+
+    /// The same with it.
+    #[getter]
+    fn rmse_after(&self) -> core::ByJoint {
+        self.inner.rmse_after.clone()
+    }
+
+    /// One sentence.
+    #[getter]
+    fn evidence(&self) -> &str {
+        &self.inner.evidence
+    }
+
+    /// Effects that these logs tell from it badly.
+    #[getter]
+    fn confusable_with(&self) -> Vec<String> {
+        self.inner.confusable_with.clone()
+    }
+
+    /// What would tell them apart.
+    #[getter]
+    fn separating_experiment(&self) -> &str {
+        &self.inner.separating_experiment
+    }
+
+    fn __repr__(&self) -> String {
+        let parameters = self.inner.parameters.iter().map(|p| {
+            let spread = p.std.map_or(String::new(), |std| format!(" ± {}", figure(std)));
+            format!("\n  {} = {}{spread} {}", p.name, figure(p.value), p.unit)
+        });
+        format!("Finding({}){}", describe(&self.inner), parameters.collect::<String>())
+    }
+}

@@ -1,0 +1,162 @@
+"""Which effect is missing: the function, what it returns, and `sgpr diagnose`."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sgpr
+from cli_support import COULOMB, run, write_log
+
+HIDDEN = 4.0  # N·m/rad at the first joint
+RATE = 100.0
+
+
+def spring_log(number: int, seconds: float = 20.0) -> sgpr.Recording:
+    """A log of the two-link arm with friction and a spring that the model does not know."""
+    robot = sgpr.robots.two_link()
+    rng = np.random.default_rng(number)
+    t = np.arange(round(seconds * RATE)) / RATE
+    phase = np.arange(2) + 2.0 * number
+    waves = [(0.7, 0.9), (0.4, 2.3), (0.2, 4.1)]
+    turned = [(size, pulse * (1 + 0.13 * phase)) for size, pulse in waves]
+    q = sum(a * np.sin(np.outer(t, w) + phase) for a, w in turned)
+    dq = sum(a * w * np.cos(np.outer(t, w) + phase) for a, w in turned)
+    ddq = sum(-a * w * w * np.sin(np.outer(t, w) + phase) for a, w in turned)
+    tau = robot.inverse_dynamics(q, dq, ddq) + 0.8 * dq + 0.5 * np.sign(dq) + rng.normal(0, 0.05, q.shape)
+    tau[:, 0] += HIDDEN * q[:, 0]
+    time_ns = np.round((t + seconds * number) * 1e9).astype(np.int64)
+    noisy = q + rng.normal(0, 1e-6, q.shape)
+    return sgpr.Recording(time_ns, noisy, None, tau, joint_names=robot.joint_names, source=f"log {number}")
+
+
+@pytest.fixture(scope="module")
+def logs() -> list[sgpr.Recording]:
+    return [spring_log(number) for number in range(3)]
+
+
+@pytest.fixture(scope="module")
+def model(logs: list[sgpr.Recording]) -> sgpr.Model:
+    return sgpr.identify(sgpr.robots.two_link(), logs[:2], effects=["viscous_friction", "coulomb_friction"])
+
+
+@pytest.fixture(scope="module")
+def diagnosis(model: sgpr.Model, logs: list[sgpr.Recording]) -> sgpr.Diagnosis:
+    return sgpr.diagnose(model, train=logs[:2], test=logs[2:])
+
+
+def test_the_spring_is_found(diagnosis: sgpr.Diagnosis) -> None:
+    assert diagnosis.verdict == "effects_found"
+    (finding,) = diagnosis.findings
+    assert (finding.effect, finding.joints) == ("cable_stiffness", ["joint_1"])
+    value, deviation, unit = finding.parameters["joint_1.k"]
+    assert value == pytest.approx(HIDDEN, rel=0.02)
+    assert deviation is not None and 0 < deviation < 0.1
+    assert unit == "N·m/rad"
+    assert 0.8 < finding.probability <= 1.0
+    assert finding.rmse_after["joint_1"] < 0.2 * finding.rmse_before["joint_1"]
+    assert diagnosis.probability_nothing_missing < 0.1
+
+
+def test_what_was_found_can_be_added(
+    model: sgpr.Model, diagnosis: sgpr.Diagnosis, logs: list[sgpr.Recording], tmp_path: Path
+) -> None:
+    better = model.add(diagnosis.findings[0])
+    before, after = sgpr.compare(model, logs[2:]), sgpr.compare(better, logs[2:])
+    assert after.rmse[0] < 0.1 * before.rmse[0]
+    assert any("cable_stiffness" in line for line in better.history)
+    better.save(tmp_path / "better.sgpr")
+    again = sgpr.load(tmp_path / "better.sgpr")
+    assert np.array_equal(sgpr.compare(again, logs[2:]).rmse, after.rmse)
+
+
+def test_candidates_alone_are_not_added(model: sgpr.Model, diagnosis: sgpr.Diagnosis) -> None:
+    mere = next(one for one in diagnosis.candidates if one.effect != "cable_stiffness")
+    with pytest.raises(sgpr.SgprError, match="candidate"):
+        model.add(mere)
+
+
+def test_plain_data_has_the_keys_of_the_file(diagnosis: sgpr.Diagnosis) -> None:
+    data = diagnosis.to_dict()
+    assert data["schema"] == 1
+    assert data["verdict"] == diagnosis.verdict
+    keys = {"effect", "joints", "probability", "parameters", "rmse_before", "rmse_after", "evidence"}
+    assert keys | {"confusable_with", "separating_experiment"} <= set(data["findings"][0])
+    assert set(data["joints"]["joint_1"]) == {"rmse_before", "rmse_after", "noise", "fit_before", "fit_after"}
+    assert "temperature_dependent_friction" in diagnosis.not_testable
+
+
+def test_an_effect_that_is_a_function(model: sgpr.Model, logs: list[sgpr.Recording]) -> None:
+    def column(joint: int, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        return q[:, joint]
+
+    effect = sgpr.Effect("my_spring", column, ["k"], unit="N·m/rad")
+    found = sgpr.diagnose(model, logs[:2], effects=[effect, "quadratic_viscous_friction"])
+    assert [(one.effect, one.joints) for one in found.findings] == [("my_spring", ["joint_1"])]
+    assert found.findings[0].parameters["joint_1.k"][0] == pytest.approx(HIDDEN, rel=0.02)
+
+
+def test_what_a_function_raises_is_raised(model: sgpr.Model, logs: list[sgpr.Recording]) -> None:
+    def column(joint: int, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        raise ZeroDivisionError("by design")
+
+    with pytest.raises(ZeroDivisionError, match="by design"):
+        sgpr.diagnose(model, logs[:2], effects=[sgpr.Effect("broken", column, ["a"])])
+
+
+def test_progress_can_stop_it(model: sgpr.Model, logs: list[sgpr.Recording]) -> None:
+    def stop(stage: str, done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        sgpr.diagnose(model, logs[:2], progress=stop)
+
+
+def test_wrong_arguments(model: sgpr.Model, logs: list[sgpr.Recording]) -> None:
+    with pytest.raises(sgpr.SgprError, match="no_such_effect"):
+        sgpr.diagnose(model, logs[:2], effects=["no_such_effect"])
+    with pytest.raises(sgpr.SgprError, match="already"):
+        sgpr.Effect("viscous_friction", lambda joint, q, dq, ddq: q[:, joint], ["a"])
+    with pytest.raises(TypeError):
+        sgpr.diagnose(model, logs[:2], effects="stribeck_friction")
+
+
+def test_command(tmp_path: Path) -> None:
+    logs = [write_log(tmp_path / f"log_{seed}.csv", seed) for seed in (1, 2, 3)]
+    out = tmp_path / "out"
+    done = run(
+        "diagnose",
+        "--robot",
+        "two_link",
+        "--train",
+        *logs[:2],
+        "--test",
+        logs[2],
+        "--effects",
+        "viscous_friction",
+        "--look-for",
+        "coulomb_friction",
+        "stribeck_friction",
+        "--out",
+        out,
+        "--json",
+    )
+    assert done.code == 0, done.err
+    assert {path.name for path in out.iterdir()} == {"diagnosis.json", "report.html", "predictions.csv", "model.sgpr"}
+    data = json.loads(done.out)
+    assert data == json.loads((out / "diagnosis.json").read_text())
+    assert data["findings"][0]["effect"] == "coulomb_friction"
+    found = {p["name"]: p["value"] for p in data["findings"][0]["parameters"]}
+    for joint, size in zip(("joint_1", "joint_2"), np.broadcast_to(COULOMB, 2), strict=True):
+        assert found[f"{joint}.Fc"] == pytest.approx(size, rel=0.1)
+    with (out / "predictions.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0])[:5] == ["file", "t", "joint_1_measured", "joint_1_before", "joint_1_after"]
+
+    def error(which: str) -> float:
+        return float(np.std([float(row["joint_1_measured"]) - float(row[f"joint_1_{which}"]) for row in rows]))
+
+    assert error("after") < 0.5 * error("before")
+    assert sgpr.load(out / "model.sgpr").effects == ["viscous_friction"]
+    assert "coulomb friction" in (out / "report.html").read_text()
