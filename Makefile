@@ -4,11 +4,11 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 OUT := out
-SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-core/src crates/sgpr-py/src crates/sgpr-py/python \
+SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-core/src crates/sgpr-lapack/src crates/sgpr-py/src crates/sgpr-py/python \
 	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name Cargo.toml) \
 	crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
 
-.PHONY: build demo demo-real test test-rust test-python browser lint bench diagnosis-bench peers fuzz clean
+.PHONY: build demo demo-real estimators test test-rust test-python browser lint bench diagnosis-bench peers fuzz clean
 
 build: $(VENV)/.built
 
@@ -43,10 +43,14 @@ demo: build
 demo-real: build
 	$(BIN)/python examples/real_robots.py --out $(OUT)/real
 
+## Estimators against each other on simulated logs: the tables of docs/estimators.md.
+estimators:
+	cargo run --locked --release --quiet --package sgpr-core --example estimators -- 100
+
 test: test-rust test-python
 
 test-rust:
-	cargo test --locked --quiet --package sgpr-core
+	cargo test --locked --quiet --package sgpr-core --package sgpr-lapack
 
 test-python: build $(VENV)/.test browser
 	cd crates/sgpr-py && ../../$(BIN)/python -m pytest -q tests
@@ -77,6 +81,12 @@ diagnosis-bench:
 ## Against Pinocchio's C++ and Python interfaces, in one run.
 peers: build
 	$(BIN)/python benches/peers/run.py
+
+## Damaged and made-up files of every kind, many of them.
+FUZZ_CASES ?= 100000
+fuzz:
+	SGPR_FUZZ_CASES=$(FUZZ_CASES) cargo test --locked --release --package sgpr-core \
+		--test recording_hostile --test robot -- any changed damaged
 
 clean:
 	rm -rf $(OUT) $(VENV) target

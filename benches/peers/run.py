@@ -161,7 +161,15 @@ def main() -> None:
     theirs = pinocchio_program(python, folder)
     ours = sgpr_program()
     print("\n".join(compare_dynamics(python, ours, theirs, options.rounds)), end="\n\n", flush=True)
-    print("\n".join(compare_identification(python, ours, options.rounds)))
+    print("\n".join(compare_identification(python, ours, options.rounds)), end="\n\n", flush=True)
+    wheels = list((ROOT / ".venv" / "wheels").glob("sgpr-*.whl"))
+    if wheels:
+        install = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+        run(*install, "--force-reinstall", "--no-deps", *wheels)
+        run(*install, "pytest-benchmark", *wheels)
+        run(python, "-m", "pytest", "-q", PEERS / "test_python.py", env={**os.environ, **ONE_CORE})
+    else:
+        print("Python interfaces not compared: no wheel, run `make build`")
 
 
 if __name__ == "__main__":

@@ -10,8 +10,11 @@
 //! - [`motion`]: from a log to filtered position, velocity and acceleration
 //! - [`effects`]: friction and other physics beside the rigid body
 //! - [`identification`]: base parameters, observation matrix, least squares
+//! - [`gp`]: Gaussian processes, for what the physics leaves over
 //! - [`model`]: identify, compare, predict, save and load
 //! - [`diagnosis`]: which physical effect the model lacks
+//! - [`simulation`]: an arm that moves under a controller
+//! - [`excitation`]: motions that reveal the parameters
 //! - [`progress`]: how long work reports and is stopped
 //! - [`linalg`]: the factors and selections behind the identification
 #![forbid(unsafe_code)]
@@ -20,6 +23,8 @@ mod atomic_file;
 pub mod diagnosis;
 pub mod dynamics;
 pub mod effects;
+pub mod excitation;
+pub mod gp;
 pub mod identification;
 pub mod linalg;
 pub mod model;
@@ -29,4 +34,5 @@ pub mod recording;
 pub mod robot;
 pub mod signal;
 pub mod simd;
+pub mod simulation;
 pub mod spatial;

@@ -440,3 +440,30 @@ fn rounded_angles_of_a_robot_file_do_not_show_in_the_expressions() {
     let parameter = set.names().iter().position(|name| name == "joint_3.Fv").expect("in the set");
     assert_eq!(base.classes()[parameter], ParameterClass::Alone);
 }
+
+#[test]
+fn the_recursion_without_data_finds_the_subspace_of_random_motion() {
+    for name in ROBOTS {
+        for (path, robot) in Reference::load(name).robots() {
+            for effects in [&[][..], &ALL[..]] {
+                let set = ParameterSet::new(&robot, effects).expect("known effects");
+                let (exact, random) = (BaseParameters::by_recursion(&robot, &set), BaseParameters::new(&robot, &set));
+                assert_eq!(exact.independent(), random.independent(), "{name} by {path}");
+                let difference = largest_difference(&exact.matrix(), &random.matrix());
+                assert!(difference < 1e-8, "{name} by {path}: {difference:e}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_recursion_counts_as_the_thesis_does() {
+    let rank = |robot: &Robot| {
+        let set = ParameterSet::new(robot, &[] as &[&str]).expect("no effects");
+        BaseParameters::by_recursion(robot, &set).rank()
+    };
+    assert_eq!(rank(&puma560()), 36);
+    let arm = two_link();
+    assert_eq!(rank(&arm), 6);
+    assert_eq!(rank(&arm.with_gravity(Vector3::ZERO)), 4);
+}

@@ -103,8 +103,14 @@ fn change(content: &mut Vec<u8>, changes: &[(f64, u8, u8)]) {
     }
 }
 
+/// As many files of each kind as `SGPR_FUZZ_CASES` says; `make fuzz` says many.
+fn cases() -> ProptestConfig {
+    let cases = std::env::var("SGPR_FUZZ_CASES").ok().and_then(|text| text.parse().ok());
+    ProptestConfig::with_cases(cases.unwrap_or(400))
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(cases())]
 
     #[test]
     fn any_bytes(content in proptest::collection::vec(any::<u8>(), 0..2000), start in 0usize..5) {

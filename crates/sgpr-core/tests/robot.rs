@@ -605,8 +605,14 @@ fn a_table_with_theta_half_a_turn_is_not_mirrored() {
     assert!((pose.rotation.get(0, 0) - r.get(0, 0)).abs() < TOLERANCE);
 }
 
+/// As many files as `SGPR_FUZZ_CASES` says; `make fuzz` says many.
+fn cases() -> ProptestConfig {
+    let cases = std::env::var("SGPR_FUZZ_CASES").ok().and_then(|text| text.parse().ok());
+    ProptestConfig::with_cases(cases.unwrap_or(200))
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, ..ProptestConfig::default() })]
+    #![proptest_config(cases())]
 
     /// Whatever is done to a file: a robot or an error, in bounded time, never a panic.
     #[test]

@@ -40,7 +40,9 @@ pub fn invalid(message: impl Into<String>) -> PyErr {
 impl IntoPyErr for robot::RobotError {
     fn into_py_err(self) -> PyErr {
         match self {
-            Self::Unreadable { path, source } => os_error(path, &source).unwrap_or_else(RobotError::new_err),
+            Self::Unreadable { path, source } | Self::Unwritable { path, source } => {
+                os_error(path, &source).unwrap_or_else(RobotError::new_err)
+            }
             error => RobotError::new_err(error.to_string()),
         }
     }

@@ -7,14 +7,15 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use sgpr_core::effects::registry;
-use sgpr_core::identification::Method;
-use sgpr_core::model::{self as core, IdentifyOptions, Start};
+use sgpr_core::identification::{Essential, Method};
+use sgpr_core::model::{self as core, Controller, IdentifyOptions, Start};
 use sgpr_core::motion::TorqueBand;
 use sgpr_core::recording as logs;
 use sgpr_core::signal::{CutoffChoice as CoreChoice, Differentiation};
 
 use crate::convert::{Numbers, array, choice, positive, texts, view, whole};
 use crate::errors::invalid;
+use crate::estimators::{ConsistencyArguments, method, uncertainty};
 use crate::model::Model;
 use crate::progress::listen;
 use crate::recording::Recording;
@@ -36,7 +37,7 @@ pub fn recordings(given: &Bound<'_, PyAny>) -> PyResult<Vec<logs::Recording>> {
     Ok(recordings)
 }
 
-const OPTIONS: [&str; 11] = [
+const OPTIONS: [&str; 20] = [
     "effects",
     "method",
     "noise",
@@ -48,18 +49,35 @@ const OPTIONS: [&str; 11] = [
     "decimation",
     "standstill_speed",
     "progress",
+    "consistent",
+    "prior",
+    "prior_deviation",
+    "bounds",
+    "essential",
+    "uncertainty",
+    "instruments",
+    "kp",
+    "kd",
 ];
 
-/// Keyword arguments of `identify` and `cutoff_influence`.
-struct Arguments {
-    options: IdentifyOptions,
-    progress: Option<Py<PyAny>>,
+/// Keyword arguments of `identify` and its like.
+pub struct Arguments {
+    /// For the core.
+    pub options: IdentifyOptions,
+    /// Who wants to hear of the progress.
+    pub progress: Option<Py<PyAny>>,
 }
 
 impl Arguments {
-    fn new(robot: &Robot, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+    /// Reads them.
+    pub fn new(robot: &Robot, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let mut options = IdentifyOptions::default();
         let (mut progress, mut noise) = (None, None);
+        let mut consistency = ConsistencyArguments::default();
+        let gains = |key: &str, value: &Bound<'_, PyAny>| -> PyResult<Vec<f64>> {
+            Ok(Numbers::new(key, value)?.shaped(&[robot.dof()])?.finite()?.values().to_vec())
+        };
+        let (mut kp, mut kd) = (None, None);
         for (key, value) in given.into_iter().flatten() {
             let key: String = key.extract()?;
             // None stands for the default, whatever it is.
@@ -69,11 +87,13 @@ impl Arguments {
             let conditioning = &mut options.conditioning;
             match key.as_str() {
                 "effects" => options.effects = texts("effects", &value)?,
-                "method" => {
-                    let known = [("ols", false), ("wls", true)];
-                    let weighted = choice("method", &word(&key, &value)?, &known)?;
-                    options.method = if weighted { Method::Wls } else { Method::Ols };
-                }
+                "method" => options.method = method(&word(&key, &value)?)?,
+                key if ConsistencyArguments::OPTIONS.contains(&key) => consistency.take(key, &value)?,
+                "essential" => options.essential = value.extract()?,
+                "uncertainty" => options.uncertainty = uncertainty(&word(&key, &value)?)?,
+                "instruments" => options.instruments = recordings(&value)?,
+                "kp" => kp = Some(gains(&key, &value)?),
+                "kd" => kd = Some(gains(&key, &value)?),
                 "noise" => {
                     let numbers = Numbers::new("noise", &value)?.shaped(&[robot.dof()])?.finite()?;
                     noise = Some(numbers.values().to_vec());
@@ -98,11 +118,17 @@ impl Arguments {
             }
         }
         if let Some(noise) = noise {
-            if options.method == Method::Ols {
-                return Err(invalid("noise: known noise makes the weights of method 'wls', and 'ols' has none"));
+            if options.method != Method::Wls {
+                return Err(invalid("noise: known noise makes the weights of method 'wls', and only of that"));
             }
             options.method = Method::WlsKnown(noise);
         }
+        options.consistency = consistency.finish()?;
+        options.controller = match (kp, kd) {
+            (None, None) => None,
+            (Some(kp), Some(kd)) => Some(Controller { kp, kd }),
+            _ => return Err(invalid("kp, kd: a controller has both; zeros where it has no such gain")),
+        };
         Ok(Self { options, progress })
     }
 }
@@ -183,8 +209,11 @@ pub fn differentiation_name(method: Differentiation) -> String {
 /// effects : list of str
 ///     Physics beside the rigid body, see `effects`; by default viscous and Coulomb friction, rotor inertia and torque
 ///     offset.
-/// method : {"wls", "ols"}
-///     Least squares, each joint weighted by its noise or all alike.
+/// method : str, default "wls"
+///     "wls", least squares with each joint weighted by its noise; "ols", all alike; "irls" or "irls:THRESHOLD", Huber's
+///     weights against outliers; "ridge" or "ridge:DEVIATION", drawn to the robot file, whose values have that relative
+///     standard deviation; "tls" or "tls:NOISE", total least squares for columns of that relative noise; "iv",
+///     instrumental variables, and "output_error", both with `instruments`; "rls" or "rls:FORGETTING", recursive.
 /// noise : array of shape (n,), optional
 ///     Known standard deviation of each joint's torque, N·m (N), for the weights of "wls".
 /// start : {"robot_file", "zero"}
@@ -202,6 +231,26 @@ pub fn differentiation_name(method: Differentiation) -> String {
 ///     Every how many rows of the filtered equation are taken; from the band by default.
 /// standstill_speed : float, optional
 ///     Speed below which a joint counts as standing, rad/s (m/s); from the noise by default.
+/// consistent : bool, default False
+///     Whether the full set of parameters is to be that of bodies: every link with a positive mass and an inertia that
+///     some distribution of it has, friction and rotor inertia not negative. See `Model.certificate`.
+/// prior : {"entropic", "euclidean"}
+///     How the distance to the robot file is measured, which decides where the data are silent.
+/// prior_deviation : float, default 10.0
+///     Relative standard deviation of the robot file's values; 1 for a file that is roughly right.
+/// bounds : dict, optional
+///     Limits: {"joint_2": {"mass": (1, 5), "box": (lowest, highest)}} for the link that a joint carries, or "ellipsoid":
+///     (centre, half_axes) for its centre of mass; "total_mass": (20, 30); any parameter, "joint_2.Fv": (0, None).
+/// essential : bool, default False
+///     Whether base parameters that the data do not support are left out; see `IdentificationReport.essential`.
+/// uncertainty : str, default "memory"
+///     Where standard deviations come from: "memory" of each joint's residual, "hac" for residuals that are correlated
+///     between joints too, "bootstrap" or "bootstrap:REPLICATES" for experiments drawn from blocks of this one.
+/// instruments : list of Recording, optional
+///     The same motions without noise, simulated or references; the references of the controller, with its feed-forward
+///     torques, if `kp` and `kd` are given: then instruments are simulated.
+/// kp, kd : array of shape (n,), optional
+///     Gains of the controller at the joints, N·m/rad and N·m·s/rad, for "output_error" and simulated instruments.
 /// progress : callable, optional
 ///     Called with (stage, done, total) now and then; what it raises stops the work. So does Ctrl-C.
 ///
@@ -227,7 +276,9 @@ pub fn differentiation_name(method: Differentiation) -> String {
 #[pyo3(signature = (robot, recordings, **options),
     text_signature = "(robot, recordings, *, effects=('viscous_friction', 'coulomb_friction', 'rotor_inertia', \
     'torque_offset'), method='wls', noise=None, start='robot_file', cutoff_hz=None, filter_order=4, \
-    differentiation='central', torque_band='position', decimation=None, standstill_speed=None, progress=None)")]
+    differentiation='central', torque_band='position', decimation=None, standstill_speed=None, consistent=False, \
+    prior='entropic', prior_deviation=10.0, bounds=None, essential=False, uncertainty='memory', instruments=(), kp=None, \
+    kd=None, progress=None)")]
 pub fn identify(
     py: Python<'_>,
     robot: &Bound<'_, Robot>,
@@ -328,13 +379,20 @@ pub struct IdentificationReport {
     singular_values: Vec<f64>,
     warnings: Vec<String>,
     cutoff_choices: Vec<Py<CutoffChoice>>,
+    essential: Option<Essential>,
 }
 
 impl IdentificationReport {
     fn new(py: Python<'_>, report: core::IdentificationReport) -> PyResult<Self> {
-        let core::IdentificationReport { cutoff_choices, singular_values, warnings, samples } = report;
+        let core::IdentificationReport { cutoff_choices, singular_values, warnings, samples, essential } = report;
         let cutoff_choices = cutoff_choices.into_iter().map(|inner| Py::new(py, CutoffChoice { inner }));
-        Ok(Self { samples, singular_values, warnings, cutoff_choices: cutoff_choices.collect::<PyResult<_>>()? })
+        Ok(Self {
+            samples,
+            singular_values,
+            warnings,
+            cutoff_choices: cutoff_choices.collect::<PyResult<_>>()?,
+            essential,
+        })
     }
 }
 
@@ -362,6 +420,21 @@ impl IdentificationReport {
     #[getter]
     fn cutoff_choices(&self, py: Python<'_>) -> Vec<Py<CutoffChoice>> {
         self.cutoff_choices.iter().map(|choice| choice.clone_ref(py)).collect()
+    }
+
+    /// Which base parameters the data support, or None if that was not asked for: indices "kept" and "dropped", least
+    /// missed first; "rise" of the squared residual when each went, and its "limit", in units of the variance;
+    /// "validation", the error on data kept out of the fit with 0, 1, 2, ... dropped, relative to none.
+    #[getter]
+    fn essential<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(found) = &self.essential else { return Ok(None) };
+        let dict = PyDict::new(py);
+        dict.set_item("kept", found.kept.clone())?;
+        dict.set_item("dropped", found.dropped.iter().map(|gone| gone.base).collect::<Vec<_>>())?;
+        dict.set_item("rise", found.dropped.iter().map(|gone| gone.rise).collect::<Vec<_>>())?;
+        dict.set_item("limit", found.dropped.iter().map(|gone| gone.limit).collect::<Vec<_>>())?;
+        dict.set_item("validation", found.validation.clone())?;
+        Ok(Some(dict))
     }
 
     fn __repr__(&self) -> String {

@@ -5,8 +5,10 @@ mod convert;
 mod diagnosis;
 mod dynamics;
 mod errors;
+mod estimators;
 mod identification;
 mod model;
+mod payload;
 mod progress;
 mod recording;
 mod robot;
@@ -28,9 +30,11 @@ mod _sgpr {
     #[pymodule_export]
     use crate::model::{Model, Parameter, Parameters, Predictor, Processing, load};
     #[pymodule_export]
+    use crate::payload::{DriveGains, Payload, identify_drive_gains, identify_payload, screen};
+    #[pymodule_export]
     use crate::recording::{Issue, Recording, Repaired, read_csv, read_mcap, write_mcap};
     #[pymodule_export]
-    use crate::robot::{BaseParameters, Robot, puma560, two_link};
+    use crate::robot::{BaseParameters, Robot, puma560, regroupings, two_link};
     #[pymodule_export]
     use crate::user_effect::UserEffect;
     #[pymodule_export]

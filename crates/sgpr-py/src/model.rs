@@ -16,7 +16,7 @@ use crate::diagnosis::Finding;
 use crate::dynamics::motion;
 use crate::errors::{IntoPyErr, invalid};
 use crate::identification::{IdentificationReport, differentiation_name};
-use crate::robot::Robot;
+use crate::robot::{Robot, urdf_options};
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
@@ -202,22 +202,104 @@ impl Model {
     /// q, dq, ddq : array of shape (N, n) or (n,)
     ///     rad, rad/s, rad/s² (m for prismatic joints).
     ///
+    /// return_std : bool, default False
+    ///     Whether to return the standard deviation too that the uncertainty of the parameters makes; the noise of a
+    ///     single torque, `fit["noise"]`, comes on top of it.
+    ///
     /// Returns
     /// -------
-    /// array of the shape of q
+    /// array of the shape of q, or two
     ///     N·m (N).
+    #[pyo3(signature = (q, dq, ddq, *, return_std=false))]
     fn predict<'py>(
         &self,
         py: Python<'py>,
         q: &Bound<'py, PyAny>,
         dq: &Bound<'py, PyAny>,
         ddq: &Bound<'py, PyAny>,
-    ) -> PyResult<Array<'py>> {
+        return_std: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let n = self.inner.robot().dof();
         let samples = Samples::together([("q", q), ("dq", dq), ("ddq", ddq)], n)?;
         let motion = motion(&samples);
         let tau = py.detach(|| self.inner.predict(motion));
-        samples[0].result(py, &[n], tau)
+        let tau = samples[0].result(py, &[n], tau)?;
+        if !return_std {
+            return Ok(tau.into_any());
+        }
+        let deviation = py.detach(|| self.inner.standard_deviation(motion));
+        let deviation = samples[0].result(py, &[n], deviation)?;
+        Ok((tau, deviation).into_pyobject(py)?.into_any())
+    }
+
+    /// The proof that every link is a body, or None if consistency was not asked for: "links" with "joint", "mass" (kg),
+    /// "centre" (m), "smallest_eigenvalue" of the pseudo-inertia, "relative_eigenvalue" in units of the link's size, and
+    /// "principal_moments" (kg·m²); "active" limits; "cost", what consistency adds to the residual in standard
+    /// deviations of the fit; "seconds" in the solver.
+    #[getter]
+    fn certificate<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(certificate) = self.inner.fit().and_then(|fit| fit.consistency.as_ref()) else { return Ok(None) };
+        let mut links = Vec::new();
+        for link in &certificate.links {
+            let dict = PyDict::new(py);
+            dict.set_item("joint", &link.joint)?;
+            dict.set_item("mass", link.mass)?;
+            dict.set_item("centre", link.centre)?;
+            dict.set_item("smallest_eigenvalue", link.smallest_eigenvalue)?;
+            dict.set_item("relative_eigenvalue", link.relative_eigenvalue)?;
+            dict.set_item("principal_moments", link.principal_moments)?;
+            links.push(dict);
+        }
+        let dict = PyDict::new(py);
+        dict.set_item("links", links)?;
+        dict.set_item("active", &certificate.active)?;
+        dict.set_item("cost", certificate.cost)?;
+        dict.set_item("seconds", certificate.seconds)?;
+        Ok(Some(dict))
+    }
+
+    /// Writes the robot with the inertias of this model as URDF: the file `source`, from which the robot was read, with
+    /// other inertias, everything else as it was.
+    ///
+    /// Parameters
+    /// ----------
+    /// source, path : str or os.PathLike
+    ///     The file that the robot was read from, and the one to write.
+    /// locked : dict of str to float, optional
+    ///     As given to `Robot.from_urdf`.
+    ///
+    /// Raises
+    /// ------
+    /// RobotError
+    ///     If a link of the model is no body; identify with `consistent=True`.
+    #[pyo3(signature = (source, path, *, locked=None))]
+    fn write_urdf(
+        &self,
+        py: Python<'_>,
+        source: PathBuf,
+        path: PathBuf,
+        locked: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let robot = self.inner.identified_robot();
+        let mut options = urdf_options(None, locked, None)?;
+        options.joints = Some(robot.joint_names().map(String::from).collect());
+        py.detach(|| robot.write_urdf(source, path, &options)).map_err(IntoPyErr::into_py_err)
+    }
+
+    /// The model as MJCF for MuJoCo: the tree with its inertias, and rotor inertia, viscous and Coulomb friction as
+    /// armature, damping and frictionloss.
+    ///
+    /// Raises
+    /// ------
+    /// RobotError
+    ///     If a link of the model is no body; identify with `consistent=True`.
+    ///
+    /// Examples
+    /// --------
+    /// >>> sgpr.Model.nominal(sgpr.robots.two_link()).to_mjcf().splitlines()[0]
+    /// '<mujoco model="two_link">'
+    fn to_mjcf(&self) -> PyResult<String> {
+        self.inner.to_mjcf().map_err(IntoPyErr::into_py_err)
     }
 
     /// One sample after the other, for a control loop.

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sgpr_core::identification::{BaseParameters as CoreBase, ParameterClass, ParameterSet};
+use sgpr_core::identification::{self as estimation, BaseParameters as CoreBase, ParameterClass, ParameterSet};
 use sgpr_core::robot::{self as core, DhConvention, DhRow, JointKind, Limits, UrdfOptions};
 use sgpr_core::spatial::{PARAMETERS_PER_LINK, Vector3};
 
@@ -265,6 +265,9 @@ impl Robot {
 
     /// The combinations of parameters that motion can reveal, together with those of `effects`.
     ///
+    /// By `recursion` they follow from the geometry joint by joint, without a random motion; the result is the same for
+    /// robot files that are exact to 1e-6.
+    ///
     /// Examples
     /// --------
     /// >>> base = sgpr.robots.puma560().base_parameters()
@@ -272,11 +275,17 @@ impl Robot {
     /// (36, (36, 60))
     /// >>> base.classes["joint_1.m"]
     /// 'invisible'
-    #[pyo3(signature = (effects=None), text_signature = "($self, effects=())")]
-    fn base_parameters(&self, py: Python<'_>, effects: Option<&Bound<'_, PyAny>>) -> PyResult<BaseParameters> {
+    #[pyo3(signature = (effects=None, *, recursion=false), text_signature = "($self, effects=(), *, recursion=False)")]
+    fn base_parameters(
+        &self,
+        py: Python<'_>,
+        effects: Option<&Bound<'_, PyAny>>,
+        recursion: bool,
+    ) -> PyResult<BaseParameters> {
         let effects = effects.map(|names| texts("effects", names)).transpose()?.unwrap_or_default();
         let set = ParameterSet::new(&self.inner, &effects).map_err(IntoPyErr::into_py_err)?;
-        let inner = py.detach(|| CoreBase::new(&self.inner, &set));
+        let find = if recursion { CoreBase::by_recursion } else { CoreBase::new };
+        let inner = py.detach(|| find(&self.inner, &set));
         Ok(BaseParameters { inner, parameter_names: set.names().to_vec() })
     }
 
@@ -337,7 +346,8 @@ fn gravity_or_standard(gravity: Option<&Bound<'_, PyAny>>) -> PyResult<Vector3<f
     gravity.map_or(Ok(core::STANDARD_GRAVITY), |gravity| vector3("gravity", gravity).map(Vector3::from))
 }
 
-fn urdf_options(
+/// What to make of a URDF.
+pub fn urdf_options(
     joints: Option<&Bound<'_, PyAny>>,
     locked: Option<&Bound<'_, PyAny>>,
     gravity: Option<&Bound<'_, PyAny>>,
@@ -512,4 +522,30 @@ pub fn puma560() -> Robot {
 #[pyfunction]
 pub fn two_link() -> Robot {
     core::two_link().into()
+}
+
+/// The regrouping rules of Gautier and Khalil for a modified Denavit-Hartenberg table, as formulas.
+///
+/// Three parameters of a link behind a rotating joint, and six behind a sliding one, act as if they belonged to the link
+/// before it. `Robot.base_parameters` has the complete result for a robot, numbers in the place of symbols.
+///
+/// Parameters
+/// ----------
+/// rows : list of dict
+///     As in `Robot.from_dh`. The formulas call `a` d and `d` r, as the literature does.
+///
+/// Returns
+/// -------
+/// list of list of str
+///     For each joint: "SOURCE(j): TARGET(j-1) + FACTOR, ...".
+///
+/// Examples
+/// --------
+/// >>> sgpr.regroupings([{"a": 0.4, "d": 0.1}])[0][1]
+/// 'mz(j): Ixx(j-1) + 2 r, Ixy(j-1) + d sin(alpha), Ixz(j-1) - d cos(alpha), Iyy(j-1) + 2 r cos(alpha)^2, Iyz(j-1) + 2 r sin(alpha) cos(alpha), Izz(j-1) + 2 r sin(alpha)^2, my(j-1) - sin(alpha), mz(j-1) + cos(alpha)'
+#[pyfunction]
+pub fn regroupings(rows: &Bound<'_, PyAny>) -> PyResult<Vec<Vec<String>>> {
+    let rows = rows.try_iter()?.enumerate().map(|(index, row)| dh_row(index, &row?));
+    let rows: Vec<DhRow> = rows.collect::<PyResult<_>>()?;
+    Ok(rows.iter().map(|row| estimation::regroupings(row).iter().map(ToString::to_string).collect()).collect())
 }

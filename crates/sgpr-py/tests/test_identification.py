@@ -120,7 +120,7 @@ def test_options_do_what_they_say(demo_robot: sgpr.Robot, demo_logs: list[sgpr.R
         ({"decimation": -(10**40)}, "expected a whole number, 1 or more"),
         ({"decimation": 10**9}, "rows|usable"),
         ({"standstill_speed": -1.0}, "standstill_speed = -1"),
-        ({"standstill_speed": 1e9}, "usable|rows"),
+        ({"standstill_speed": 1e9}, "no joint of the logs is faster than"),
         ({"torque_band": "narrow"}, "torque_band = 'narrow': expected 'position', 'full' or a cut-off in Hz"),
         ({"torque_band": np.nan}, "torque_band = NaN"),
         ({"noise": np.ones(5)}, r"noise: got \(5,\), expected \(6,\)"),
@@ -259,7 +259,7 @@ def test_an_interrupt_stops_the_work(with_listener: bool) -> None:
         listener = {"lambda *step: None" if with_listener else "None"}
         print("ready", flush=True)
         try:
-            sgpr.identify(robot, [log] * 2000, progress=listener)
+            sgpr.identify(robot, [log] * 400, progress=listener)
         except KeyboardInterrupt:
             print("interrupted", flush=True)
         else:

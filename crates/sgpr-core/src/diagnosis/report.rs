@@ -156,6 +156,7 @@ pub(super) fn finished(
         condition,
         scaled_condition,
         undetermined,
+        consistency: None,
     });
     finished.provenance = model.provenance().clone();
     finished.provenance.history.extend(history);

@@ -17,10 +17,12 @@ mod workspace;
 
 pub(crate) use batch::for_each_regressor_block;
 pub use batch::{BatchWorkspace, Samples, regressor_batch, rnea_batch};
+pub(crate) use body::Body;
 pub use energy::{kinetic_energy, potential_energy};
 pub use forward_dynamics::{forward_dynamics, forward_dynamics_with_rotors};
 pub use kinematics::{forward_kinematics, frame_pose, jacobian};
 pub use mass_matrix::mass_matrix;
 pub use regressor::regressor;
+pub(crate) use regressor::regressor_kernel;
 pub use rnea::{bias_forces, gravity_torque, rnea};
 pub use workspace::Workspace;

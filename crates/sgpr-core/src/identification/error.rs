@@ -36,4 +36,94 @@ pub enum IdentificationError {
         /// Given standard deviation.
         value: f64,
     },
+    /// Limits that no arm can keep.
+    #[error("no arm keeps these limits together: {}; loosen one of them", limits.join("; "))]
+    Contradiction {
+        /// A smallest set of limits that contradict each other and the laws of bodies.
+        limits: Vec<String>,
+    },
+    /// A limit that cannot be read.
+    #[error("{bound}: {reason}")]
+    BadBound {
+        /// The limit.
+        bound: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A prior of no width.
+    #[error(
+        "a relative deviation of {value} for the prior: it is positive and finite, 1 where the robot file is a guess"
+    )]
+    Prior {
+        /// Given deviation.
+        value: f64,
+    },
+    /// The program of consistent parameters could not be solved although its limits can be kept.
+    #[error(
+        "the consistent parameters could not be computed ({reason}): a prior less wide or less narrow, or fewer \
+         unexcited parameters, make the problem better conditioned"
+    )]
+    Unsolved {
+        /// The solver's word.
+        reason: String,
+    },
+    /// A setting of a method out of its range.
+    #[error("{setting}: {value} is out of range")]
+    Setting {
+        /// Which.
+        setting: &'static str,
+        /// Given value.
+        value: f64,
+    },
+    /// Instrumental variables without instruments.
+    #[error(
+        "trajectory {trajectory} has no instruments: give the motion without its noise, the reference or a simulation, \
+         at the same samples"
+    )]
+    NoInstruments {
+        /// Trajectory, counted from zero.
+        trajectory: usize,
+    },
+    /// Output error without a controller.
+    #[error("trajectory {trajectory} has no controller: give its gains and the reference, or use another method")]
+    NoController {
+        /// Trajectory, counted from zero.
+        trajectory: usize,
+    },
+    /// The simulated arm runs away.
+    #[error(
+        "the simulation of trajectory {trajectory} diverges: check sign and unit of the gains, take more steps per sample, \
+         or start from a better robot file"
+    )]
+    Diverged {
+        /// Trajectory, counted from zero.
+        trajectory: usize,
+    },
+    /// Too few blocks to draw from.
+    #[error("{blocks} blocks of {rows} rows: at least {needed} are needed to draw from; record longer, or use HAC")]
+    FewBlocks {
+        /// Blocks there are.
+        blocks: usize,
+        /// Rows of time in each.
+        rows: usize,
+        /// Fewest.
+        needed: usize,
+    },
+    /// Gains without a scale.
+    #[error("nothing is known of the payload: gains need at least its mass, or its first moment")]
+    UnknownPayload,
+    /// A gain that no drive has.
+    #[error(
+        "the gain of joint {joint} comes out as {gain:.3}: the joint hardly feels the payload in these logs; record \
+         motions that carry it far from the joint, with speed changes"
+    )]
+    NoGain {
+        /// Joint, counted from zero.
+        joint: usize,
+        /// Estimate.
+        gain: f64,
+    },
+    /// Instruments that have nothing to do with the motion.
+    #[error("the instruments do not follow the motion: are they of the same samples?")]
+    WeakInstruments,
 }

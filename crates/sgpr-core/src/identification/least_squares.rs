@@ -5,8 +5,11 @@ use faer::Mat;
 use super::{BaseParameters, IdentificationError, JointFactor};
 use crate::linalg::{Svd, triangle};
 
-/// How the joints are weighted.
+/// How the base parameters are estimated.
+///
+/// On data without noise all agree; they differ in what they make of noise. [`estimate`](super::estimate) runs any of them.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Method {
     /// All rows in motion alike (thesis eq. 4-10).
     Ols,
@@ -17,12 +20,81 @@ pub enum Method {
     /// Each joint by the inverse of a noise variance known beforehand, for instance from repeated periods (thesis eq.
     /// 4-8): standard deviations `[n]`, N·m (N).
     WlsKnown(Vec<f64>),
+    /// As `Wls`, with rows that lie far off the others held down: Huber's weights, each joint's scale from the median of its
+    /// residual, iterated.
+    Irls {
+        /// Residuals count linearly, not squared, beyond this many standard deviations; Huber's 1.345 loses 5 % where
+        /// the noise is normal.
+        threshold: f64,
+    },
+    /// As `Wls`, pulled toward the robot file: a normal prior on all standard parameters, those of a link in the units of
+    /// its mass and size.
+    Ridge {
+        /// Standard deviation of the robot file's values as a share of them.
+        relative_deviation: f64,
+    },
+    /// Total least squares: the observation matrix has noise too.
+    TotalLeastSquares {
+        /// Standard deviation of a column's noise as a share of the column's root mean square.
+        relative_noise: f64,
+    },
+    /// Instrumental variables: consistent also when the observation matrix has noise, given the motion without noise, from
+    /// a simulation or the reference ([`Trajectory::instruments`](super::Trajectory::instruments)).
+    InstrumentalVariables,
+    /// Closed-loop output error: the rows are those of the arm simulated under its controller
+    /// ([`Trajectory::closed_loop`](super::Trajectory::closed_loop)), again and again with the parameters found (DIDIM).
+    OutputError,
+    /// Recursive least squares, sample after sample, what is past losing weight; the estimates are those at the end.
+    Recursive {
+        /// Weight that a sample keeps from one row of the decimated log to the next; 1 forgets nothing.
+        forgetting: f64,
+    },
+}
+
+impl Method {
+    /// Huber's estimator with his constant.
+    pub const HUBER: Self = Self::Irls { threshold: 1.345 };
+
+    /// Whether joints are weighted by what their residual turns out to be.
+    pub(crate) fn reweights(&self) -> bool {
+        matches!(self, Self::Wls | Self::Ridge { .. } | Self::TotalLeastSquares { .. } | Self::InstrumentalVariables)
+    }
+
+    /// Name in files.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Ols => "ols",
+            Self::Wls => "wls",
+            Self::WlsKnown(_) => "wls_known_noise",
+            Self::Irls { .. } => "irls",
+            Self::Ridge { .. } => "ridge",
+            Self::TotalLeastSquares { .. } => "tls",
+            Self::InstrumentalVariables => "iv",
+            Self::OutputError => "output_error",
+            Self::Recursive { .. } => "rls",
+        }
+    }
+
+    /// Name for a sentence.
+    pub fn title(&self) -> &'static str {
+        match self {
+            Self::Ols => "ordinary least squares",
+            Self::Wls => "weighted least squares",
+            Self::WlsKnown(_) => "least squares weighted by known noise",
+            Self::Irls { .. } => "iteratively reweighted (Huber) least squares",
+            Self::Ridge { .. } => "weighted least squares with a pull toward the robot file",
+            Self::TotalLeastSquares { .. } => "weighted total least squares",
+            Self::InstrumentalVariables => "weighted instrumental variables",
+            Self::OutputError => "closed-loop output error",
+            Self::Recursive { .. } => "recursive weighted least squares",
+        }
+    }
 }
 
 /// Least squares for the base parameters of a robot.
 #[derive(Clone, Debug)]
 pub struct LeastSquares {
-    /// Weights.
+    /// Weights; those of `Wls` for methods that begin with it.
     pub method: Method,
     /// Per factor: how many rows carry as much as one independent row, because the noise remembers. The variance of the
     /// estimates grows by it.
@@ -40,6 +112,17 @@ pub struct Estimate {
     pub noise: Vec<f64>,
     /// What the motion excited.
     pub excitation: Excitation,
+    /// Triangular factor of [W tau] weighted as in this estimate, in units of its noise (memory of the noise included),
+    /// `[rank + 1, rank + 1]`: all that the data say about the parameters.
+    pub whitened: Mat<f64>,
+    /// Noise level by which the rows of each factor were divided, N·m (N); infinite for those left out.
+    pub weights: Vec<f64>,
+    /// Standard deviation of the weighted rows, memory of the noise included: what `whitened` was divided by.
+    pub unit: f64,
+    /// Times the equations were gone through or weights changed.
+    pub iterations: usize,
+    /// What the user should know.
+    pub notes: Vec<String>,
 }
 
 impl Estimate {
@@ -65,6 +148,8 @@ pub struct Excitation {
     pub scaled_condition: f64,
     /// Directions that no row depends on.
     pub unexcited: Vec<SingularDirection>,
+    /// The direction with the smallest singular value.
+    pub weakest: Option<SingularDirection>,
 }
 
 /// A combination of base parameters that the data do not determine.
@@ -103,8 +188,17 @@ impl LeastSquares {
         base: &BaseParameters,
         nominal: &[f64],
     ) -> Result<Estimate, IdentificationError> {
-        let unknowns = base.rank();
-        assert_eq!(nominal.len(), unknowns, "a nominal value for every base parameter");
+        assert_eq!(nominal.len(), base.rank(), "a nominal value for every base parameter");
+        self.solve_unknowns(factors, nominal)
+    }
+
+    /// [`Self::solve`] for factors whose columns are any unknowns.
+    pub(super) fn solve_unknowns(
+        &self,
+        factors: &[JointFactor],
+        nominal: &[f64],
+    ) -> Result<Estimate, IdentificationError> {
+        let unknowns = nominal.len();
         let used: Vec<bool> = factors.iter().map(|factor| self.uses(factor)).collect();
         let count = |(factor, used): (&JointFactor, &bool)| if *used { factor.rows } else { 0 };
         match factors.iter().zip(&used).map(count).sum::<usize>() {
@@ -122,6 +216,7 @@ impl LeastSquares {
             residual_noise(factors, &values, &freedom)
         };
         let mut weights = ones;
+        let mut iterations = 0;
         match &self.method {
             Method::Ols => {}
             Method::WlsKnown(known) => {
@@ -131,8 +226,9 @@ impl LeastSquares {
                 let of_joint = |(factor, used): (&JointFactor, &bool)| ignored(known[factor.joint], used);
                 weights = factors.iter().zip(&used).map(of_joint).collect();
             }
-            Method::Wls => {
+            _ => {
                 for _ in 0..MOST_ITERATIONS {
+                    iterations += 1;
                     let noise = floored(&residual(&weights), factors);
                     let noise = noise.iter().zip(&used).map(|(noise, used)| ignored(*noise, used)).collect();
                     let before = std::mem::replace(&mut weights, noise);
@@ -145,16 +241,29 @@ impl LeastSquares {
                 }
             }
         }
-        let solution = Solution::new(&stack(factors, unknowns, &weights), nominal);
+        let system = stack(factors, unknowns, &weights);
+        let solution = Solution::new(&system, nominal);
         let noise = residual_noise(factors, &solution.values, &freedom);
         let inflation: Vec<f64> = (0..factors.len()).map(|index| self.correlation_of(index)).collect();
         let covariance = solution.covariance(factors, &weights, &noise, &inflation);
-        Ok(Estimate { values: solution.values, covariance, noise, excitation })
+        let unit = unit_noise(factors, &weights, &noise, &freedom, &inflation);
+        let whitened = faer::Scale(1.0 / unit) * system;
+        Ok(Estimate {
+            values: solution.values,
+            covariance,
+            noise,
+            excitation,
+            whitened,
+            unit,
+            weights,
+            iterations,
+            notes: vec![],
+        })
     }
 
     /// Rows at rest need a weight of their own.
     fn uses(&self, factor: &JointFactor) -> bool {
-        !factor.resting || self.method == Method::Wls
+        !factor.resting || !matches!(self.method, Method::Ols | Method::WlsKnown(_))
     }
 
     fn correlation_of(&self, index: usize) -> f64 {
@@ -163,7 +272,7 @@ impl LeastSquares {
 }
 
 /// Rows of all joints in all columns, each joint divided by its noise, reduced to `[unknowns + 1, unknowns + 1]`.
-fn stack(factors: &[JointFactor], unknowns: usize, noise: &[f64]) -> Mat<f64> {
+pub(super) fn stack(factors: &[JointFactor], unknowns: usize, noise: &[f64]) -> Mat<f64> {
     let height: usize = factors.iter().map(|joint| joint.factor.nrows()).sum();
     let mut all = Mat::zeros(height, unknowns + 1);
     let mut first = 0;
@@ -177,6 +286,20 @@ fn stack(factors: &[JointFactor], unknowns: usize, noise: &[f64]) -> Mat<f64> {
         first += size;
     }
     triangle(all.as_ref())
+}
+
+impl Estimate {
+    /// [`Self::whitened`] with the noise levels that other base parameters leave: where constraints move them, joints
+    /// whose rows they fit worse weigh less.
+    pub(crate) fn whitened_at(&self, factors: &[JointFactor], values: &[f64], correlation: &[f64]) -> Mat<f64> {
+        let unknowns = values.len();
+        let freedom = degrees_of_freedom(factors, unknowns);
+        let noise = floored(&residual_noise(factors, values, &freedom), factors);
+        let used = |(noise, weight): (&f64, &f64)| if weight.is_finite() { *noise } else { f64::INFINITY };
+        let weights: Vec<f64> = noise.iter().zip(&self.weights).map(used).collect();
+        let unit = unit_noise(factors, &weights, &noise, &freedom, correlation);
+        faer::Scale(1.0 / unit) * stack(factors, unknowns, &weights)
+    }
 }
 
 /// Rows of each factor less their share of the unknowns.
@@ -202,10 +325,28 @@ fn residual_norm(joint: &JointFactor, values: &[f64]) -> f64 {
     (0..size).map(|i| row(i).powi(2)).sum::<f64>().sqrt()
 }
 
+/// Standard deviation of the weighted rows, their memory included.
+fn unit_noise(factors: &[JointFactor], weights: &[f64], noise: &[f64], freedom: &[f64], inflation: &[f64]) -> f64 {
+    let used = (0..factors.len()).filter(|&index| weights[index].is_finite());
+    let (mut squares, mut rows) = (0.0, 0.0);
+    for index in used {
+        squares += (noise[index] / weights[index]).powi(2) * inflation[index] * freedom[index];
+        rows += freedom[index];
+    }
+    // Without noise the unit is what rounding leaves of the torque.
+    let size: f64 = factors.iter().zip(weights).map(|(factor, weight)| torque_norm(factor) / weight).sum();
+    (squares / rows).sqrt().max(1e-9 * size / f64::sqrt(rows)).max(f64::MIN_POSITIVE)
+}
+
+pub(super) fn torque_norm(factor: &JointFactor) -> f64 {
+    factor.factor.col(factor.factor.ncols() - 1).norm_l2()
+}
+
 /// Noise levels that can be divided by: a joint without noise gets a trifle of its torque.
-fn floored(noise: &[f64], factors: &[JointFactor]) -> Vec<f64> {
-    let torque =
-        |joint: &JointFactor| joint.factor.col(joint.factor.ncols() - 1).norm_l2() / (joint.rows.max(1) as f64).sqrt();
+pub(super) fn floored(noise: &[f64], factors: &[JointFactor]) -> Vec<f64> {
+    // Equations whose right-hand side is but rounding are measured by their left one.
+    let size = |joint: &JointFactor| torque_norm(joint).max(1e-6 * joint.factor.norm_max());
+    let torque = |joint: &JointFactor| size(joint) / (joint.rows.max(1) as f64).sqrt();
     noise.iter().zip(factors).map(|(noise, joint)| noise.max(1e-10 * torque(joint)).max(f64::MIN_POSITIVE)).collect()
 }
 
@@ -226,21 +367,55 @@ fn back_substitute(triangle: &Mat<f64>) -> Option<Vec<f64>> {
     Some(x)
 }
 
+/// Number of singular values that count.
+pub(super) fn determined(descending: &[f64]) -> usize {
+    let smallest = RANK_TOLERANCE * descending.first().copied().unwrap_or(0.0);
+    descending.iter().take_while(|value| **value > smallest).count()
+}
+
+/// Sum of factor * WᵀW over the rows of the used factors, `[unknowns, unknowns]`.
+pub(super) fn weighted_gram(factors: &[JointFactor], used: &[bool], weights: &[f64], unknowns: usize) -> Mat<f64> {
+    let mut sum = Mat::<f64>::zeros(unknowns, unknowns);
+    for ((joint, used), weight) in factors.iter().zip(used).zip(weights) {
+        if !used {
+            continue;
+        }
+        let w = joint.factor.as_ref().subcols(0, joint.columns.len());
+        let gram = w.transpose() * w;
+        for (a, &i) in joint.columns.iter().enumerate() {
+            for (b, &j) in joint.columns.iter().enumerate() {
+                sum[(i, j)] += weight * gram[(a, b)];
+            }
+        }
+    }
+    sum
+}
+
+/// Root mean square torque per joint, over its rows of all kinds.
+pub(crate) fn torque_sizes(factors: &[JointFactor], joints: usize) -> Vec<f64> {
+    let of_joint = |joint: usize| {
+        let own = factors.iter().filter(|factor| factor.joint == joint);
+        let (squares, rows) =
+            own.fold((0.0, 0), |(sum, rows), factor| (sum + torque_norm(factor).powi(2), rows + factor.rows));
+        (squares / f64::max(rows as f64, 1.0)).sqrt()
+    };
+    (0..joints).map(of_joint).collect()
+}
+
 /// Least-squares solution of a triangular system by its singular values.
-struct Solution {
-    values: Vec<f64>,
+pub(super) struct Solution {
+    pub values: Vec<f64>,
     /// Pseudo-inverse of RᵀR.
-    inverse: Mat<f64>,
+    pub inverse: Mat<f64>,
     /// Parameters with a share in an undetermined direction.
-    undetermined: Vec<bool>,
+    pub undetermined: Vec<bool>,
 }
 
 impl Solution {
-    fn new(triangle: &Mat<f64>, nominal: &[f64]) -> Self {
+    pub fn new(triangle: &Mat<f64>, nominal: &[f64]) -> Self {
         let unknowns = nominal.len();
         let Scaled { norms, u, values: singular, v } = Scaled::new(triangle);
-        let smallest = RANK_TOLERANCE * singular.first().copied().unwrap_or(0.0);
-        let determined = singular.iter().take_while(|value| **value > smallest).count();
+        let determined = determined(&singular);
         // Deviation from the nominal values, so that undetermined directions stay there.
         let rhs: Vec<f64> = (0..unknowns)
             .map(|i| triangle[(i, unknowns)] - (i..unknowns).map(|j| triangle[(i, j)] * nominal[j]).sum::<f64>())
@@ -264,22 +439,15 @@ impl Solution {
 
     /// Covariance of the solution under the noise that each joint really has (sandwich of the weights).
     fn covariance(&self, factors: &[JointFactor], weights: &[f64], noise: &[f64], inflation: &[f64]) -> Mat<f64> {
-        let unknowns = self.values.len();
-        let mut middle = Mat::<f64>::zeros(unknowns, unknowns);
-        for (index, joint) in factors.iter().enumerate() {
-            if weights[index].is_infinite() {
-                continue;
-            }
-            let variance = (noise[index] / weights[index].powi(2)).powi(2) * inflation[index];
-            let size = joint.columns.len();
-            let w = joint.factor.as_ref().subcols(0, size);
-            let gram = w.transpose() * w;
-            for (a, &i) in joint.columns.iter().enumerate() {
-                for (b, &j) in joint.columns.iter().enumerate() {
-                    middle[(i, j)] += variance * gram[(a, b)];
-                }
-            }
-        }
+        let used: Vec<bool> = weights.iter().map(|weight| weight.is_finite()).collect();
+        let variance = noise.iter().zip(weights).zip(inflation);
+        let variance: Vec<f64> =
+            variance.map(|((noise, weight), inflation)| (noise / weight.powi(2)).powi(2) * inflation).collect();
+        self.sandwich(&weighted_gram(factors, &used, &variance, self.values.len()))
+    }
+
+    /// Inverse * middle * inverse, infinite for what is undetermined.
+    pub fn sandwich(&self, middle: &Mat<f64>) -> Mat<f64> {
         let mut covariance = &self.inverse * middle * &self.inverse;
         for (k, undetermined) in self.undetermined.iter().enumerate() {
             if *undetermined {
@@ -290,16 +458,70 @@ impl Solution {
     }
 }
 
+/// Combinations of base parameters that the data determine, scaled so that the weighted rows, expressed in them, have the
+/// identity as their Gram matrix.
+pub(super) struct Directions {
+    /// `[rank, directions]`: base = basis * coordinates.
+    pub basis: Mat<f64>,
+    /// Base parameters with a share in an undetermined direction.
+    pub undetermined: Vec<bool>,
+}
+
+impl Directions {
+    /// Of the first columns of a triangle.
+    pub fn of(triangle: &Mat<f64>) -> Self {
+        let Scaled { norms, values, v, .. } = Scaled::new(triangle);
+        let determined = determined(&values);
+        let basis = Mat::from_fn(norms.len(), determined, |i, k| v[(i, k)] / (norms[i] * values[k]));
+        let dark = |i: usize| norms[i].is_infinite() || (determined..norms.len()).any(|k| v[(i, k)].abs() > 1e-6);
+        Self { basis, undetermined: (0..norms.len()).map(dark).collect() }
+    }
+
+    pub fn len(&self) -> usize {
+        self.basis.ncols()
+    }
+
+    /// The factors of a row in the coordinates, times `scale`, added to `out`.
+    pub fn add_coordinates(&self, columns: &[usize], row: &[f64], scale: f64, out: &mut [f64]) {
+        for (&column, factor) in columns.iter().zip(row) {
+            if *factor != 0.0 {
+                for (k, out) in out.iter_mut().enumerate() {
+                    *out += scale * factor * self.basis[(column, k)];
+                }
+            }
+        }
+    }
+
+    /// base += basis * step.
+    pub fn advance(&self, base: &mut [f64], step: &[f64]) {
+        for (i, base) in base.iter_mut().enumerate() {
+            *base += step.iter().enumerate().map(|(k, step)| self.basis[(i, k)] * step).sum::<f64>();
+        }
+    }
+
+    /// Covariance of the base parameters from that of the coordinates, infinite where nothing is known.
+    pub fn covariance(&self, coordinates: &Mat<f64>) -> Mat<f64> {
+        let mut covariance = &self.basis * coordinates * self.basis.transpose();
+        for (k, undetermined) in self.undetermined.iter().enumerate() {
+            if *undetermined {
+                covariance[(k, k)] = f64::INFINITY;
+            }
+        }
+        covariance
+    }
+}
+
 /// Singular values of the first columns of a triangle, columns scaled to unit length.
-struct Scaled {
-    norms: Vec<f64>,
-    u: Mat<f64>,
-    values: Vec<f64>,
-    v: Mat<f64>,
+pub(super) struct Scaled {
+    /// Length of each column, infinite for one without content.
+    pub norms: Vec<f64>,
+    pub u: Mat<f64>,
+    pub values: Vec<f64>,
+    pub v: Mat<f64>,
 }
 
 impl Scaled {
-    fn new(triangle: &Mat<f64>) -> Self {
+    pub fn new(triangle: &Mat<f64>) -> Self {
         let unknowns = triangle.ncols() - 1;
         let square = triangle.as_ref().submatrix(0, 0, unknowns, unknowns);
         let norms: Vec<f64> = (0..unknowns).map(|j| square.col(j).norm_l2()).collect();
@@ -326,10 +548,16 @@ impl Excitation {
             shares
         };
         let unexcited = (0..unknowns).filter(|&k| scaled.values[k] <= RANK_TOLERANCE * largest);
-        let unexcited = unexcited
-            .map(|k| SingularDirection { relative_singular_value: scaled.values[k] / largest, shares: shares(k) })
-            .collect();
-        Self { condition: ratio(&singular_values), scaled_condition: ratio(&scaled.values), singular_values, unexcited }
+        let direction =
+            |k: usize| SingularDirection { relative_singular_value: scaled.values[k] / largest, shares: shares(k) };
+        let unexcited = unexcited.map(direction).collect();
+        Self {
+            weakest: unknowns.checked_sub(1).map(direction),
+            condition: ratio(&singular_values),
+            scaled_condition: ratio(&scaled.values),
+            singular_values,
+            unexcited,
+        }
     }
 }
 

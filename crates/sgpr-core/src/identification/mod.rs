@@ -4,14 +4,49 @@
 //! motion can reveal, [`Observation`] turns samples into one triangular factor per joint, and least squares
 //! ([`LeastSquares`]) works on these factors only, so its cost does not depend on the length of the log.
 
+mod autocorrelation;
 mod base_parameters;
+mod block_bootstrap;
+mod closed_loop;
+mod consistency;
+mod drive_gains;
 mod error;
+mod essential;
+mod estimate;
+mod extended_factor;
+mod gautier_khalil;
+mod hac;
+mod instrumental_variables;
 mod least_squares;
+mod null_space;
 mod observation;
+mod output_error;
 mod parameter_set;
+mod payload;
+mod recursive;
+mod ridge;
+mod robust;
+mod screening;
+mod total_least_squares;
 
+pub(crate) use autocorrelation::{Series, rows_per_independent_row};
 pub use base_parameters::{BaseParameters, ParameterClass};
+pub use block_bootstrap::{Bootstrap, block_bootstrap};
+pub use closed_loop::{ClosedLoop, SimulatedMotion};
+pub use consistency::{
+    Consistency, ConsistentParameters, Distance, LinkBounds, LinkCertificate, ParameterBounds, PhysicalBounds, Prior,
+    Region,
+};
+pub use drive_gains::{DriveGains, GainEstimator, GainOptions, KnownPayload, identify_drive_gains};
 pub use error::IdentificationError;
+pub use essential::{Dropped, Essential, essential_parameters};
+pub use estimate::{estimate, residual_correlation};
+pub use gautier_khalil::{Gain, Regrouping, regroupings};
+pub use hac::hac_covariance;
+pub(crate) use least_squares::torque_sizes;
 pub use least_squares::{Estimate, Excitation, LeastSquares, Method, SingularDirection};
-pub use observation::{JointFactor, Observation, Row};
+pub use observation::{Equation, Equations, JointFactor, Observation, Row, Trajectory};
 pub use parameter_set::{EffectColumn, ParameterSet};
+pub use payload::{Payload, PayloadOptions, identify_payload};
+pub use recursive::RecursiveLeastSquares;
+pub use screening::{Finding, screen_factors, screen_rows};

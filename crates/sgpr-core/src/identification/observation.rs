@@ -2,7 +2,7 @@
 
 use faer::Mat;
 
-use super::{BaseParameters, IdentificationError, ParameterSet};
+use super::{BaseParameters, ClosedLoop, IdentificationError, ParameterSet};
 use crate::dynamics::{BatchWorkspace, Samples, for_each_regressor_block};
 use crate::effects::JointState;
 use crate::linalg::TriangularFactor;
@@ -17,14 +17,9 @@ use crate::spatial::PARAMETERS_PER_LINK;
 /// length of the log.
 #[derive(Debug)]
 pub struct Observation<'a> {
-    robot: &'a Robot,
-    set: &'a ParameterSet,
-    layouts: Vec<Layout>,
+    source: RowSource<'a>,
     /// Per joint: rows in motion, rows at rest.
     factors: Vec<[TriangularFactor; 2]>,
-    ws: BatchWorkspace,
-    /// Rows of each joint in the present piece of a trajectory, `[samples, columns + 1]`, the torque last.
-    rows: Vec<Vec<f64>>,
 }
 
 /// What an equation is good for.
@@ -96,15 +91,9 @@ const PIECE: usize = 8 << 20;
 impl<'a> Observation<'a> {
     /// No equations yet.
     pub fn new(robot: &'a Robot, set: &'a ParameterSet, base: &BaseParameters) -> Self {
-        let layouts: Vec<_> = (0..robot.dof()).map(|joint| Layout::new(joint, robot, set, base)).collect();
-        Self {
-            robot,
-            set,
-            factors: layouts.iter().map(|layout| [(); 2].map(|()| TriangularFactor::new(layout.width()))).collect(),
-            rows: vec![Vec::new(); layouts.len()],
-            layouts,
-            ws: BatchWorkspace::new(robot),
-        }
+        let source = RowSource::new(robot, set, base);
+        let factors = source.layouts.iter().map(|layout| [(); 2].map(|()| TriangularFactor::new(layout.width())));
+        Self { factors: factors.collect(), source }
     }
 
     /// Adds the equations of samples as they are.
@@ -123,7 +112,15 @@ impl<'a> Observation<'a> {
         tau: &[f64],
         use_as: Option<&[Row]>,
     ) -> Result<(), IdentificationError> {
-        self.add(samples, tau, use_as, None, 1)
+        self.add(&Trajectory {
+            samples,
+            tau,
+            use_as,
+            filter: None,
+            decimation: 1,
+            instruments: None,
+            closed_loop: None,
+        })
     }
 
     /// Adds the equations of one uniformly sampled trajectory, both sides passed through `filter`, every
@@ -145,13 +142,21 @@ impl<'a> Observation<'a> {
         filter: &LowPass,
         decimation: usize,
     ) -> Result<(), IdentificationError> {
-        self.add(samples, tau, use_as, Some(filter), decimation)
+        self.add(&Trajectory {
+            samples,
+            tau,
+            use_as,
+            filter: Some(filter),
+            decimation,
+            instruments: None,
+            closed_loop: None,
+        })
     }
 
     /// The factors of all joints in motion, then those of the joints at rest; without those that have no row.
     pub fn factors(&self) -> Vec<JointFactor> {
         let of_kind = |resting: bool| {
-            let joints = self.layouts.iter().zip(&self.factors).enumerate();
+            let joints = self.source.layouts.iter().zip(&self.factors).enumerate();
             joints.map(move |(joint, (layout, factors))| (joint, layout, &factors[usize::from(resting)], resting))
         };
         let factor = |(joint, layout, factor, resting): (usize, &Layout, &TriangularFactor, bool)| JointFactor {
@@ -164,14 +169,250 @@ impl<'a> Observation<'a> {
         of_kind(false).chain(of_kind(true)).filter(|(_, _, factor, _)| factor.rows() > 0).map(factor).collect()
     }
 
-    fn add(
+    /// Adds the equations of a trajectory.
+    ///
+    /// # Errors
+    /// If a value is not finite or the trajectory shorter than the filter.
+    ///
+    /// # Panics
+    /// If the arrays do not hold the same samples.
+    pub fn add(&mut self, trajectory: &Trajectory<'_>) -> Result<(), IdentificationError> {
+        let n = self.source.robot.dof();
+        let factors = &mut self.factors;
+        let Trajectory { use_as, decimation, .. } = *trajectory;
+        self.source.for_each_piece(trajectory, |piece| {
+            for (joint, [moving, resting]) in factors.iter_mut().enumerate() {
+                let (rows, width) = piece.rows(joint);
+                if use_as.is_none() && decimation == 1 {
+                    moving.push_all(rows);
+                    continue;
+                }
+                for (sample, row) in piece.samples.clone().zip(rows.chunks_exact(width)).step_by(decimation) {
+                    match use_as.map_or(Row::Moving, |use_as| use_as[sample * n + joint]) {
+                        Row::Skip => {}
+                        Row::Moving => moving.push(row),
+                        Row::Resting => resting.push(row),
+                    }
+                }
+            }
+        })
+    }
+}
+
+/// One uniformly sampled stretch of motion and torque, and how its equations are taken.
+#[derive(Clone, Copy, Debug)]
+pub struct Trajectory<'a> {
+    /// Motion.
+    pub samples: Samples<'a>,
+    /// Torque, `[samples, n]`, N·m (N).
+    pub tau: &'a [f64],
+    /// `[samples, n]`, what the equations are good for; all are in motion if `None`.
+    pub use_as: Option<&'a [Row]>,
+    /// Low-pass on both sides of the equation.
+    pub filter: Option<&'a LowPass>,
+    /// Every how many rows are taken.
+    pub decimation: usize,
+    /// The same motion without its measurement noise, from a simulation or the reference: for
+    /// [`Method::InstrumentalVariables`](super::Method::InstrumentalVariables).
+    pub instruments: Option<Samples<'a>>,
+    /// Controller and reference of the motion, for [`Method::OutputError`](super::Method::OutputError), and to simulate
+    /// instruments with where none are given.
+    pub closed_loop: Option<&'a ClosedLoop<'a>>,
+}
+
+/// One equation, row * base = torque.
+#[derive(Clone, Copy, Debug)]
+pub struct Equation<'a> {
+    /// Index of the trajectory.
+    pub trajectory: usize,
+    /// Sample of the trajectory.
+    pub sample: usize,
+    /// Joint.
+    pub joint: usize,
+    /// Whether the joint stands.
+    pub resting: bool,
+    /// Base parameters in the row.
+    pub columns: &'a [usize],
+    /// Their factors; the torque comes last.
+    pub row: &'a [f64],
+}
+
+impl Equation<'_> {
+    /// Torque of the joint, N·m (N).
+    pub fn torque(&self) -> f64 {
+        self.row[self.columns.len()]
+    }
+
+    /// Torque that `base` gives.
+    pub fn predicted(&self, base: &[f64]) -> f64 {
+        self.columns.iter().zip(self.row).map(|(&column, factor)| factor * base[column]).sum()
+    }
+
+    /// Measured minus predicted.
+    pub fn residual(&self, base: &[f64]) -> f64 {
+        self.torque() - self.predicted(base)
+    }
+}
+
+/// The equations of several trajectories, made anew each time they are gone through: memory stays bounded, and methods
+/// that look at single rows can go through them as often as they need.
+#[derive(Debug)]
+pub struct Equations<'a> {
+    source: RowSource<'a>,
+    base: &'a BaseParameters,
+    trajectories: Vec<Trajectory<'a>>,
+}
+
+impl<'a> Equations<'a> {
+    /// The equations of these trajectories.
+    pub fn new(
+        robot: &'a Robot,
+        set: &'a ParameterSet,
+        base: &'a BaseParameters,
+        trajectories: Vec<Trajectory<'a>>,
+    ) -> Self {
+        Self { source: RowSource::new(robot, set, base), base, trajectories }
+    }
+
+    /// The robot.
+    pub fn robot(&self) -> &'a Robot {
+        self.source.robot
+    }
+
+    /// All its parameters.
+    pub fn parameter_set(&self) -> &'a ParameterSet {
+        self.source.set
+    }
+
+    /// The unknowns.
+    pub fn base(&self) -> &'a BaseParameters {
+        self.base
+    }
+
+    /// The trajectories.
+    pub fn trajectories(&self) -> &[Trajectory<'a>] {
+        &self.trajectories
+    }
+
+    /// Visits every equation that is good for something, trajectory by trajectory, sample by sample, joint by joint.
+    ///
+    /// # Errors
+    /// If a value is not finite or a trajectory shorter than its filter.
+    pub fn for_each(&mut self, mut visit: impl FnMut(Equation<'_>)) -> Result<(), IdentificationError> {
+        for index in 0..self.trajectories.len() {
+            let trajectory = self.trajectories[index];
+            self.visit(index, &trajectory, &mut visit)?;
+        }
+        Ok(())
+    }
+
+    /// As [`Self::for_each`], with the row that the instruments give in the place of the measured one beside it; the
+    /// torque of the instruments' row has no meaning.
+    pub(super) fn for_each_with_instruments(
         &mut self,
-        samples: Samples<'_>,
-        tau: &[f64],
-        use_as: Option<&[Row]>,
-        filter: Option<&LowPass>,
-        decimation: usize,
+        mut visit: impl FnMut(Equation<'_>, &[f64]),
     ) -> Result<(), IdentificationError> {
+        for index in 0..self.trajectories.len() {
+            let trajectory = self.trajectories[index];
+            let samples = trajectory.instruments.ok_or(IdentificationError::NoInstruments { trajectory: index })?;
+            assert_eq!(samples.q.len(), trajectory.samples.q.len(), "one instrument per sample");
+            let mut rows: Vec<f64> = Vec::new();
+            let instruments = Trajectory { samples, ..trajectory };
+            self.visit(index, &instruments, |equation| rows.extend_from_slice(equation.row))?;
+            let mut rest = &rows[..];
+            self.visit(index, &trajectory, |equation| {
+                let (row, later) = rest.split_at(equation.row.len());
+                rest = later;
+                visit(equation, row);
+            })?;
+        }
+        Ok(())
+    }
+
+    fn visit(
+        &mut self,
+        index: usize,
+        trajectory: &Trajectory<'_>,
+        mut visit: impl FnMut(Equation<'_>),
+    ) -> Result<(), IdentificationError> {
+        let n = self.source.robot.dof();
+        self.source.for_each_piece(trajectory, |piece| {
+            for (k, sample) in piece.samples.clone().enumerate().step_by(trajectory.decimation) {
+                for joint in 0..n {
+                    let kind = trajectory.use_as.map_or(Row::Moving, |use_as| use_as[sample * n + joint]);
+                    if kind == Row::Skip {
+                        continue;
+                    }
+                    let (rows, width) = piece.rows(joint);
+                    visit(Equation {
+                        trajectory: index,
+                        sample,
+                        joint,
+                        resting: kind == Row::Resting,
+                        columns: piece.columns(joint),
+                        row: &rows[k * width..(k + 1) * width],
+                    });
+                }
+            }
+        })
+    }
+
+    /// The factors of all equations, as of an [`Observation`].
+    ///
+    /// # Errors
+    /// As [`Self::for_each`].
+    pub fn factors(&self) -> Result<Vec<JointFactor>, IdentificationError> {
+        let mut observation = Observation::new(self.source.robot, self.source.set, self.base);
+        self.trajectories.iter().try_for_each(|trajectory| observation.add(trajectory))?;
+        Ok(observation.factors())
+    }
+}
+
+/// What makes the rows of a trajectory, piece by piece.
+#[derive(Debug)]
+struct RowSource<'a> {
+    robot: &'a Robot,
+    set: &'a ParameterSet,
+    layouts: Vec<Layout>,
+    ws: BatchWorkspace,
+    /// Rows of each joint in the present piece of a trajectory, `[samples, columns + 1]`, the torque last.
+    rows: Vec<Vec<f64>>,
+}
+
+/// Rows of consecutive samples.
+struct Piece<'a> {
+    samples: std::ops::Range<usize>,
+    /// Samples before them in the buffers.
+    before: usize,
+    layouts: &'a [Layout],
+    buffers: &'a [Vec<f64>],
+}
+
+impl Piece<'_> {
+    /// Rows of a joint and their width.
+    fn rows(&self, joint: usize) -> (&[f64], usize) {
+        let width = self.layouts[joint].width();
+        (&self.buffers[joint][self.before * width..][..self.samples.len() * width], width)
+    }
+
+    fn columns(&self, joint: usize) -> &[usize] {
+        &self.layouts[joint].columns
+    }
+}
+
+impl<'a> RowSource<'a> {
+    fn new(robot: &'a Robot, set: &'a ParameterSet, base: &BaseParameters) -> Self {
+        let layouts: Vec<_> = (0..robot.dof()).map(|joint| Layout::new(joint, robot, set, base)).collect();
+        Self { robot, set, rows: vec![Vec::new(); layouts.len()], layouts, ws: BatchWorkspace::new(robot) }
+    }
+
+    /// Rows of a trajectory, filtered and not yet decimated.
+    fn for_each_piece(
+        &mut self,
+        trajectory: &Trajectory<'_>,
+        mut take: impl FnMut(Piece<'_>),
+    ) -> Result<(), IdentificationError> {
+        let Trajectory { samples, tau, use_as, filter, decimation, .. } = *trajectory;
         let n = self.robot.dof();
         let count = samples.count(n);
         assert_eq!(tau.len(), count * n, "one torque per position");
@@ -197,25 +438,13 @@ impl<'a> Observation<'a> {
             let end = if count - start < piece + overlap { count } else { start + piece };
             let reach = start.saturating_sub(overlap)..(end + overlap).min(count);
             self.fill(samples, tau, reach.clone());
-            for joint in 0..n {
-                let width = self.layouts[joint].width();
-                if let Some(filter) = filter {
-                    filter.apply(&mut self.rows[joint], width)?;
-                }
-                let rows = &self.rows[joint][(start - reach.start) * width..][..(end - start) * width];
-                let [moving, resting] = &mut self.factors[joint];
-                if use_as.is_none() && decimation == 1 {
-                    moving.push_all(rows);
-                    continue;
-                }
-                for (sample, row) in (start..end).zip(rows.chunks_exact(width)).step_by(decimation) {
-                    match use_as.map_or(Row::Moving, |use_as| use_as[sample * n + joint]) {
-                        Row::Skip => {}
-                        Row::Moving => moving.push(row),
-                        Row::Resting => resting.push(row),
-                    }
+            if let Some(filter) = filter {
+                for (rows, layout) in self.rows.iter_mut().zip(&self.layouts) {
+                    filter.apply(rows, layout.width())?;
                 }
             }
+            let (layouts, buffers) = (&self.layouts[..], &self.rows[..]);
+            take(Piece { samples: start..end, before: start - reach.start, layouts, buffers });
             start = end;
         }
         Ok(())

@@ -49,6 +49,39 @@ pub(crate) fn symmetric_eigen(matrix: MatRef<'_, f64>) -> (Vec<f64>, Mat<f64>) {
     (values.iter().copied().collect(), vectors)
 }
 
+/// Solves A X = B by elimination with row exchanges; `None` if A is singular. For matrices of base parameters' size.
+pub(crate) fn solve_general(a: &Mat<f64>, b: &Mat<f64>) -> Option<Mat<f64>> {
+    let n = a.nrows();
+    let (mut a, mut x) = (a.clone(), b.clone());
+    for k in 0..n {
+        let pivot = (k..n).max_by(|&i, &j| a[(i, k)].abs().total_cmp(&a[(j, k)].abs()))?;
+        if a[(pivot, k)].is_nan() || a[(pivot, k)] == 0.0 {
+            return None;
+        }
+        for matrix in [&mut a, &mut x] {
+            for j in 0..matrix.ncols() {
+                let kept = matrix[(k, j)];
+                matrix[(k, j)] = matrix[(pivot, j)];
+                matrix[(pivot, j)] = kept;
+            }
+        }
+        for i in k + 1..n {
+            let factor = a[(i, k)] / a[(k, k)];
+            if factor != 0.0 {
+                (k..n).for_each(|j| a[(i, j)] -= factor * a[(k, j)]);
+                (0..x.ncols()).for_each(|j| x[(i, j)] -= factor * x[(k, j)]);
+            }
+        }
+    }
+    for j in 0..x.ncols() {
+        for i in (0..n).rev() {
+            let known: f64 = (i + 1..n).map(|k| a[(i, k)] * x[(k, j)]).sum();
+            x[(i, j)] = (x[(i, j)] - known) / a[(i, i)];
+        }
+    }
+    Some(x)
+}
+
 /// Thin singular value decomposition U diag(values) Vᵀ, values descending.
 pub(crate) struct Svd {
     pub u: Mat<f64>,

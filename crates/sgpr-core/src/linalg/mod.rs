@@ -5,5 +5,5 @@ mod decompositions;
 mod triangular_factor;
 
 pub use column_selection::{ColumnSelection, select_columns};
-pub(crate) use decompositions::{Svd, symmetric_eigen, triangle};
+pub(crate) use decompositions::{Svd, cholesky, solve_general, symmetric_eigen, triangle};
 pub use triangular_factor::TriangularFactor;

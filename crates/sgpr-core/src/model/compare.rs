@@ -1,7 +1,8 @@
 //! Model against measurement, on logs that no fit has seen.
 
 use super::TorqueModel;
-use super::identify::{IdentifyError, band_filter, motions, select_joints, torque_of};
+use super::experiment::{band_filter, select_joints, torque_of};
+use super::identify::{IdentifyError, motions};
 use crate::dynamics::{Workspace, gravity_torque};
 use crate::identification::Row;
 use crate::motion::{Motion, Processing};
@@ -90,20 +91,31 @@ pub fn compare(
     recordings: &[Recording],
     processing: Option<&Processing>,
 ) -> Result<Comparison, IdentifyError> {
-    let recordings = select_joints(model.robot(), recordings)?;
+    compare_by(model, &|motion| Ok(model.predict_motion(motion)), recordings, processing)
+}
+
+/// Compares what `predict` says; the gravity torque and the processing are those of `model`.
+pub(super) fn compare_by<E: From<IdentifyError>>(
+    model: &TorqueModel,
+    predict: &dyn Fn(&Motion) -> Result<Vec<f64>, E>,
+    recordings: &[Recording],
+    processing: Option<&Processing>,
+) -> Result<Comparison, E> {
+    let recordings = select_joints(model.robot(), recordings).map_err(IdentifyError::from)?;
     let chosen;
     let processing = match processing.or(model.processing()) {
         Some(processing) => processing,
         None => {
-            chosen = Processing::choose(&recordings, &Default::default())?.0;
+            chosen = Processing::choose(&recordings, &Default::default()).map_err(IdentifyError::from)?.0;
             &chosen
         }
     };
     let n = model.robot().dof();
     let mut sums = vec![Sums::default(); n];
     let mut logs = Vec::new();
-    for motion in motions(&recordings, processing)? {
-        let log = residual(model, motion, processing)?;
+    for motion in motions(&recordings, processing).map_err(IdentifyError::from)? {
+        let predicted = predict(&motion)?;
+        let log = residual(n, motion, predicted, processing)?;
         let gravity = gravity(model, &log.motion);
         for (k, counted) in log.counted.iter().enumerate() {
             if log.motion.inner[k / n] {
@@ -124,10 +136,14 @@ pub fn compare(
     Ok(Comparison { joints, relative_error_percent, relative_error_with_rests_percent, logs })
 }
 
-fn residual(model: &TorqueModel, motion: Motion, processing: &Processing) -> Result<LogResidual, IdentifyError> {
-    let n = model.robot().dof();
+/// Measured and `predicted` torque of `n` joints.
+pub(super) fn residual(
+    n: usize,
+    motion: Motion,
+    predicted: Vec<f64>,
+    processing: &Processing,
+) -> Result<LogResidual, IdentifyError> {
     let measured = torque_of(&motion)?.to_vec();
-    let predicted = model.predict_motion(&motion);
     let (mut measured_in_band, mut predicted_in_band) = (measured.clone(), predicted.clone());
     if let Some(filter) = band_filter(processing, motion.rate_hz)? {
         filter.apply(&mut measured_in_band, n)?;

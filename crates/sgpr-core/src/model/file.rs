@@ -20,7 +20,7 @@ use crate::motion::Processing;
 use crate::robot::Robot;
 
 /// The entry of the head.
-const HEAD: &str = "sgpr";
+pub(super) const HEAD: &str = "sgpr";
 const FORMAT: &str = "sgpr torque model";
 const VERSION: u32 = 1;
 
@@ -97,13 +97,7 @@ impl TorqueModel {
     /// If the file is no model, damaged, or of a later version.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelFileError> {
         let path = path.as_ref();
-        let name = path.display().to_string();
-        let unreadable = |source| ModelFileError::Unreadable { path: name.clone(), source };
-        let bytes = std::fs::metadata(path).map_err(unreadable)?.len();
-        if bytes > LARGEST_FILE {
-            return Err(ModelFileError::TooLarge { path: name, bytes, limit: LARGEST_FILE });
-        }
-        Self::from_bytes(&std::fs::read(path).map_err(unreadable)?, &name)
+        Self::from_bytes(&read_limited(path)?, &path.display().to_string())
     }
 
     /// The file's content.
@@ -153,19 +147,8 @@ impl TorqueModel {
     /// As [`TorqueModel::load`].
     pub fn from_bytes_with(bytes: &[u8], origin: &str, effects: &[Arc<dyn Effect>]) -> Result<Self, ModelFileError> {
         let malformed = |message: String| ModelFileError::Malformed { path: origin.into(), message };
-        let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| malformed(error.to_string()))?;
-        let tensors = SafeTensors::deserialize(bytes).map_err(|error| malformed(error.to_string()))?;
-        let head = header.metadata().as_ref().and_then(|entries| entries.get(HEAD));
-        let head = head.ok_or_else(|| malformed(format!("its head has no entry `{HEAD}`")))?;
-        let Kind { format, version } =
-            serde_json::from_str(head).map_err(|error| malformed(format!("its head: {error}")))?;
-        if format != FORMAT {
-            return Err(malformed(format!("its head says `{format}`, not `{FORMAT}`")));
-        }
-        if version > VERSION {
-            return Err(ModelFileError::Version { path: origin.into(), found: version, supported: VERSION });
-        }
-        let head: Head = serde_json::from_str(head).map_err(|error| malformed(format!("its head: {error}")))?;
+        let (head, tensors) = open(bytes, origin, FORMAT, VERSION)?;
+        let head: Head = serde_json::from_str(&head).map_err(|error| malformed(format!("its head: {error}")))?;
         Self::from_head(head, &tensors, effects).map_err(malformed)
     }
 
@@ -224,7 +207,41 @@ struct Kind {
     version: u32,
 }
 
-fn array(tensors: &SafeTensors<'_>, name: &str, length: usize) -> Result<Vec<f64>, String> {
+/// The content of a file that is not too large.
+pub(super) fn read_limited(path: &Path) -> Result<Vec<u8>, ModelFileError> {
+    let name = path.display().to_string();
+    let unreadable = |source| ModelFileError::Unreadable { path: name.clone(), source };
+    let bytes = std::fs::metadata(path).map_err(unreadable)?.len();
+    if bytes > LARGEST_FILE {
+        return Err(ModelFileError::TooLarge { path: name, bytes, limit: LARGEST_FILE });
+    }
+    std::fs::read(path).map_err(unreadable)
+}
+
+/// Head and arrays of a file of `format`, if it is one and its version is known.
+pub(super) fn open<'a>(
+    bytes: &'a [u8],
+    origin: &str,
+    expected: &str,
+    supported: u32,
+) -> Result<(String, SafeTensors<'a>), ModelFileError> {
+    let malformed = |message: String| ModelFileError::Malformed { path: origin.into(), message };
+    let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| malformed(error.to_string()))?;
+    let tensors = SafeTensors::deserialize(bytes).map_err(|error| malformed(error.to_string()))?;
+    let head = header.metadata().as_ref().and_then(|entries| entries.get(HEAD));
+    let head = head.ok_or_else(|| malformed(format!("its head has no entry `{HEAD}`")))?;
+    let Kind { format, version } =
+        serde_json::from_str(head).map_err(|error| malformed(format!("its head: {error}")))?;
+    if format != expected {
+        return Err(malformed(format!("its head says `{format}`, not `{expected}`")));
+    }
+    if version > supported {
+        return Err(ModelFileError::Version { path: origin.into(), found: version, supported });
+    }
+    Ok((head.clone(), tensors))
+}
+
+pub(super) fn array(tensors: &SafeTensors<'_>, name: &str, length: usize) -> Result<Vec<f64>, String> {
     let view = tensors.tensor(name).map_err(|_| format!("`{name}` is missing"))?;
     let (chunks, rest) = view.data().as_chunks::<8>();
     if view.dtype() != Dtype::F64 || chunks.len() != length || !rest.is_empty() {

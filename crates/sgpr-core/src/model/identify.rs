@@ -1,26 +1,40 @@
 //! The main job: from a robot and logs to a model.
 
-use std::borrow::Cow;
+use faer::Mat;
 
 use super::TorqueModel;
+use super::experiment::{Experiment, band_filter, select_joints, torque_of};
 use super::torque_model::{Fit, nominal_parameters};
 use crate::effects::UnknownEffect;
 use crate::identification::{
-    BaseParameters, IdentificationError, JointFactor, LeastSquares, Method, Observation, ParameterSet, Row,
+    BaseParameters, ClosedLoop, Consistency, Equations, Essential, Estimate, Finding, IdentificationError, JointFactor,
+    LeastSquares, Method, Observation, ParameterSet, Row, Series, Trajectory, block_bootstrap, essential_parameters,
+    estimate, hac_covariance, rows_per_independent_row, screen_factors, screen_rows, torque_sizes,
 };
 use crate::motion::{Conditioning, Motion, MotionError, Processing};
 use crate::progress::{Interrupted, Progress};
 use crate::recording::{Recording, RecordingError};
 use crate::robot::Robot;
-use crate::signal::{CutoffChoice, LowPass, SignalError};
+use crate::signal::{CutoffChoice, SignalError};
 
 /// What to identify, and how.
 #[derive(Clone, Debug)]
 pub struct IdentifyOptions {
     /// Names of effects beside the rigid body.
     pub effects: Vec<String>,
-    /// Weights of least squares.
+    /// The estimator.
     pub method: Method,
+    /// Physics and limits that the full set of parameters keeps; none if `None`.
+    pub consistency: Option<Consistency>,
+    /// Whether parameters that the data do not support are left out.
+    pub essential: bool,
+    /// Where standard deviations come from.
+    pub uncertainty: Uncertainty,
+    /// The same motions without noise, simulated or the references, for instrumental variables; the references of the
+    /// controller, if there is one.
+    pub instruments: Vec<Recording>,
+    /// The controller, for output error and for simulated instruments.
+    pub controller: Option<Controller>,
     /// What is done to the logs.
     pub conditioning: Conditioning,
     /// Values that parameters keep where the motion does not determine them.
@@ -33,10 +47,38 @@ impl Default for IdentifyOptions {
         Self {
             effects: effects.map(String::from).to_vec(),
             method: Method::Wls,
+            consistency: None,
+            essential: false,
+            uncertainty: Uncertainty::Memory,
+            instruments: Vec::new(),
+            controller: None,
             conditioning: Conditioning::default(),
             start: Start::RobotFile,
         }
     }
+}
+
+/// Where the standard deviations of the estimates come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Uncertainty {
+    /// The scatter and the memory of each joint's residual, joints taken as independent.
+    Memory,
+    /// The residuals as they are, over time and between joints ([`hac_covariance`]).
+    Hac,
+    /// Experiments made of blocks of this one ([`block_bootstrap`]).
+    Bootstrap {
+        /// How many.
+        replicates: usize,
+    },
+}
+
+/// tau = torque of the reference's recording + kp (reference - q) + kd (its speed - dq), at the joints.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Controller {
+    /// `[n]`, N·m/rad (N/m).
+    pub kp: Vec<f64>,
+    /// `[n]`, N·m·s/rad (N·s/m).
+    pub kd: Vec<f64>,
 }
 
 /// What the parameters are counted from.
@@ -68,6 +110,40 @@ pub enum IdentifyError {
     /// A filter that cannot be.
     #[error(transparent)]
     Signal(#[from] SignalError),
+    /// Parameters set to zero make no body.
+    #[error("parameters that are left out make no body: choose between consistent and essential parameters")]
+    ConsistentAndEssential,
+    /// Instruments of other motions.
+    #[error(
+        "the instruments hold {found} stretches of {samples:?} samples, the recordings {expected} of {wanted:?}: they are \
+         the same motion at the same times"
+    )]
+    Instruments {
+        /// Stretches in the instruments.
+        found: usize,
+        /// Their samples.
+        samples: Vec<usize>,
+        /// Stretches in the recordings.
+        expected: usize,
+        /// Their samples.
+        wanted: Vec<usize>,
+    },
+    /// Output error without its controller.
+    #[error("output error simulates the arm under its controller: give the gains, and the references as instruments")]
+    NoController,
+    /// Gains of other joints.
+    #[error("{found} gains for {joints} joints")]
+    Gains {
+        /// Gains given.
+        found: usize,
+        /// Joints of the robot.
+        joints: usize,
+    },
+    /// The difference of two arms need not be an arm.
+    #[error(
+        "the error of an internal model is the difference of two arms and no arm itself: identify it without consistency"
+    )]
+    ConsistentError,
     /// The listener stopped the work.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
@@ -84,6 +160,8 @@ pub struct IdentificationReport {
     pub warnings: Vec<String>,
     /// Samples in the logs, and equations per joint taken from them.
     pub samples: usize,
+    /// Which base parameters the data support, if that was asked for.
+    pub essential: Option<Essential>,
 }
 
 /// Identifies the torque model of `robot` from recordings.
@@ -102,27 +180,23 @@ pub fn identify(
 ) -> Result<(TorqueModel, IdentificationReport), IdentifyError> {
     let recordings = select_joints(robot, recordings)?;
     let (processing, cutoff_choices) = Processing::choose(&recordings, &options.conditioning)?;
-    let (model, excitation) = fit(robot, &recordings, options, &processing, progress)?;
+    let (model, Outcome { estimate, essential, notes }) = fit(robot, &recordings, options, &processing, progress)?;
     let mut report = IdentificationReport {
         cutoff_choices,
-        singular_values: excitation.singular_values.clone(),
-        warnings: robot.warnings(),
+        singular_values: estimate.excitation.singular_values,
+        warnings: robot.warnings().into_iter().chain(notes).collect(),
         samples: recordings.iter().map(Recording::len).sum(),
+        essential,
     };
     warn(&mut report, &model);
     Ok((model, report))
 }
 
-/// The recordings with the robot's joints, in its order.
-pub(crate) fn select_joints<'a>(
-    robot: &Robot,
-    recordings: &'a [Recording],
-) -> Result<Cow<'a, [Recording]>, RecordingError> {
-    if recordings.iter().all(|recording| robot.joint_names().eq(recording.joint_names().iter().map(String::as_str))) {
-        return Ok(Cow::Borrowed(recordings));
-    }
-    let names: Vec<String> = robot.joint_names().map(String::from).collect();
-    recordings.iter().map(|recording| recording.select(&names)).collect::<Result<_, _>>().map(Cow::Owned)
+/// What a fit gives beside the model.
+struct Outcome {
+    estimate: Estimate,
+    essential: Option<Essential>,
+    notes: Vec<String>,
 }
 
 fn fit(
@@ -131,54 +205,95 @@ fn fit(
     options: &IdentifyOptions,
     processing: &Processing,
     progress: &dyn Progress,
-) -> Result<(TorqueModel, crate::identification::Excitation), IdentifyError> {
+) -> Result<(TorqueModel, Outcome), IdentifyError> {
     let set = ParameterSet::new(robot, &options.effects)?;
     let base = BaseParameters::new(robot, &set);
     let start = match options.start {
         Start::RobotFile => nominal_parameters(robot, &set),
         Start::Zero => vec![0.0; set.len()],
     };
-    let motions = motions(recordings, processing)?;
-    let mut observation = Observation::new(robot, &set, &base);
-    for (index, motion) in motions.iter().enumerate() {
-        progress.step("observe", index, motions.len())?;
-        let tau = torque_of(motion)?;
-        let use_as = Some(&motion.use_as[..]);
-        match band_filter(processing, motion.rate_hz)? {
-            Some(filter) => {
-                observation.add_trajectory(motion.samples(), tau, use_as, &filter, processing.decimation)?;
-            }
-            None => observation.add_samples(motion.samples(), tau, use_as)?,
-        }
+    if options.consistency.is_some() && options.start == Start::Zero {
+        return Err(IdentifyError::ConsistentError);
     }
-    progress.step("observe", motions.len(), motions.len())?;
+    if options.consistency.is_some() && options.essential {
+        return Err(IdentifyError::ConsistentAndEssential);
+    }
+    let experiment = Experiment::new(recordings, processing)?;
+    let motions = &experiment.motions;
+    let instruments = instruments(robot, options, processing, motions)?;
+    let loops = loops(robot, options, &instruments)?;
+    // Simulated instruments take the place of the reference that they are simulated from.
+    let given = if loops.is_empty() { &instruments[..] } else { &[] };
+    let trajectories = experiment.trajectories(given, &loops)?;
+    let mut observation = Observation::new(robot, &set, &base);
+    for (index, trajectory) in trajectories.iter().enumerate() {
+        progress.step("observe", index, trajectories.len())?;
+        observation.add(trajectory)?;
+    }
+    progress.step("observe", trajectories.len(), trajectories.len())?;
     let factors = observation.factors();
     let nominal = base.combine(&start);
-    let mut least_squares = LeastSquares::new(options.method.clone());
-    let mut model = TorqueModel::from_parameters(robot.clone(), set, start.clone(), vec![]);
+    let mut model = TorqueModel::from_parameters(robot.clone(), set.clone(), start.clone(), vec![]);
     // The residual of a first solution tells how much the noise remembers: the estimates stay, their spread grows.
-    let first = least_squares.solve(&factors, &base, &nominal)?;
+    let first = LeastSquares::new(options.method.clone()).solve(&factors, &base, &nominal)?;
     model.set_parameters(base.expand(&first.values, &start));
-    let correlation = correlation(&model, &motions, processing, &factors)?;
-    least_squares.correlation = Some(correlation.clone());
-    let estimate = least_squares.solve(&factors, &base, &nominal)?;
-    model.set_parameters(base.expand(&estimate.values, &start));
+    let correlation = correlation(&model, motions, processing, &factors)?;
+    let mut equations = Equations::new(robot, &set, &base, trajectories);
+    let mut estimate = estimate(&options.method, &mut equations, &factors, &nominal, Some(&correlation))?;
+    match options.uncertainty {
+        Uncertainty::Memory => {}
+        Uncertainty::Hac => estimate.covariance = hac_covariance(&mut equations, &factors, &estimate, None)?,
+        Uncertainty::Bootstrap { replicates } => {
+            let bootstrap = block_bootstrap(&mut equations, &factors, &estimate, replicates.max(2), None)?;
+            let undetermined = (0..base.rank()).filter(|&k| estimate.covariance[(k, k)].is_infinite());
+            let undetermined: Vec<usize> = undetermined.collect();
+            estimate.covariance = bootstrap.covariance();
+            undetermined.into_iter().for_each(|k| estimate.covariance[(k, k)] = f64::INFINITY);
+        }
+    }
+    let joints: Vec<String> = robot.joint_names().map(String::from).collect();
+    let mut notes: Vec<String> = estimate.notes.drain(..).collect();
+    notes.extend(screen_factors(&set, &base, &joints, &factors, &estimate).iter().map(ToString::to_string));
+    let mut essential = None;
+    if options.essential {
+        let found = self::essential(robot, &set, &base, equations.trajectories(), &factors, &estimate)?;
+        notes.push(essential_note(&found, &base));
+        estimate.values.clone_from(&found.values);
+        estimate.covariance.clone_from(&found.covariance);
+        essential = Some(found);
+    }
+    let consistent = match &options.consistency {
+        None => None,
+        Some(consistency) => {
+            let torque = torque_sizes(&factors, robot.dof());
+            let solve = |whitened: &Mat<f64>| consistency.solve(robot, &set, &base, whitened, &start, &torque);
+            let mut found = solve(&estimate.whitened)?;
+            for _ in 0..if options.method.reweights() { REWEIGHTINGS } else { 0 } {
+                found = solve(&estimate.whitened_at(&factors, &found.base, &correlation))?;
+            }
+            Some(found)
+        }
+    };
+    match &consistent {
+        None => model.set_parameters(base.expand(&estimate.values, &start)),
+        Some(consistent) => {
+            model.set_parameters(consistent.parameters.clone());
+            estimate.values.clone_from(&consistent.base);
+            notes.extend(consistent.notes.iter().cloned());
+        }
+    }
 
     let names = model.base.names();
     let deviations = estimate.standard_deviations();
     let rank = base.rank();
     model.provenance.history = vec![describe(options, processing, &factors)];
     model.fit = Some(Fit {
-        method: match options.method {
-            Method::Ols => "ols".into(),
-            Method::Wls => "wls".into(),
-            Method::WlsKnown(_) => "wls_known_noise".into(),
-        },
+        method: options.method.name().into(),
         covariance: (0..rank * rank).map(|k| estimate.covariance[(k / rank, k % rank)]).collect(),
         noise: per_joint(&factors, &estimate.noise, robot.dof()),
         rows: (0..robot.dof()).map(|joint| rows_of(&factors, joint)).collect(),
         correlation: per_joint(&factors, &correlation, robot.dof()),
-        values: estimate.values,
+        values: estimate.values.clone(),
         condition: estimate.excitation.condition,
         scaled_condition: estimate.excitation.scaled_condition,
         undetermined: names
@@ -188,10 +303,133 @@ fn fit(
             .map(|(name, _)| name.clone())
             .collect(),
         standard_deviations: deviations,
+        consistency: consistent.map(Into::into),
     });
     model.processing = Some(processing.clone());
     model.provenance.logs = recordings.iter().map(|recording| recording.source().to_string()).collect();
-    Ok((model, estimate.excitation))
+    Ok((model, Outcome { estimate, essential, notes }))
+}
+
+/// Motions of the instruments, sample by sample those of the recordings.
+fn instruments(
+    robot: &Robot,
+    options: &IdentifyOptions,
+    processing: &Processing,
+    motions: &[Motion],
+) -> Result<Vec<Motion>, IdentifyError> {
+    if options.instruments.is_empty() {
+        return Ok(Vec::new());
+    }
+    let recordings = select_joints(robot, &options.instruments)?;
+    let instruments = self::motions(&recordings, processing)?;
+    let (samples, wanted): (Vec<usize>, Vec<usize>) =
+        (instruments.iter().map(Motion::len).collect(), motions.iter().map(Motion::len).collect());
+    if samples != wanted {
+        let (found, expected) = (samples.len(), wanted.len());
+        return Err(IdentifyError::Instruments { found, samples, expected, wanted });
+    }
+    Ok(instruments)
+}
+
+/// Integration steps per sample of a simulated motion.
+const STEPS: usize = 10;
+
+fn loops<'a>(
+    robot: &Robot,
+    options: &'a IdentifyOptions,
+    references: &'a [Motion],
+) -> Result<Vec<ClosedLoop<'a>>, IdentifyError> {
+    let Some(Controller { kp, kd }) = &options.controller else {
+        return if options.method == Method::OutputError { Err(IdentifyError::NoController) } else { Ok(Vec::new()) };
+    };
+    if references.is_empty() {
+        return Err(IdentifyError::NoController);
+    }
+    if let Some(gains) = [kp, kd].into_iter().find(|gains| gains.len() != robot.dof()) {
+        return Err(IdentifyError::Gains { found: gains.len(), joints: robot.dof() });
+    }
+    let of_motion = |reference: &'a Motion| ClosedLoop {
+        reference: reference.samples(),
+        feed_forward: reference.tau.as_deref(),
+        kp,
+        kd,
+        rate_hz: reference.rate_hz,
+        steps: STEPS,
+    };
+    Ok(references.iter().map(of_motion).collect())
+}
+
+/// Times that joints are weighted anew by the residual of the consistent parameters.
+const REWEIGHTINGS: usize = 3;
+
+/// Parts of the data, each of which is predicted from the others.
+const FOLDS: usize = 5;
+
+fn essential(
+    robot: &Robot,
+    set: &ParameterSet,
+    base: &BaseParameters,
+    trajectories: &[Trajectory<'_>],
+    factors: &[JointFactor],
+    estimate: &Estimate,
+) -> Result<Essential, IdentificationError> {
+    let n = robot.dof();
+    let mut folds = Vec::new();
+    for fold in 0..FOLDS {
+        let mut observation = Observation::new(robot, set, base);
+        for trajectory in trajectories {
+            let count = trajectory.samples.count(n);
+            let part = fold * count / FOLDS * n..(fold + 1) * count / FOLDS * n;
+            let row = |k: usize| {
+                let row = trajectory.use_as.map_or(Row::Moving, |use_as| use_as[k]);
+                if part.contains(&k) { row } else { Row::Skip }
+            };
+            let use_as: Vec<Row> = (0..count * n).map(row).collect();
+            observation.add(&Trajectory { use_as: Some(&use_as), ..*trajectory })?;
+        }
+        folds.push(observation.factors());
+    }
+    essential_parameters(&folds, base.rank(), |part| {
+        let same = |factor: &&JointFactor| factor.joint == part.joint && factor.resting == part.resting;
+        let index = factors.iter().position(|factor| same(&factor));
+        index.map_or(f64::INFINITY, |index| estimate.weights[index] * estimate.unit)
+    })
+}
+
+fn essential_note(essential: &Essential, base: &BaseParameters) -> String {
+    let Some(last) = essential.dropped.last() else {
+        return format!("the data support all {} base parameters", base.rank());
+    };
+    let names: Vec<&str> = essential.dropped.iter().map(|dropped| base.names()[dropped.base].as_str()).collect();
+    let change = 100.0 * (essential.validation[names.len()] - 1.0);
+    format!(
+        "{} of {} base parameters are not supported by the data and are left out: {}; that raises the squared residual by \
+         {:.1} of its variance ({:.1} are chance), and the error on data kept out of the fit changes by {change:+.2} %",
+        names.len(),
+        base.rank(),
+        names.join(", "),
+        last.rise,
+        last.limit
+    )
+}
+
+/// What is suspicious in recordings from which `model` was identified, the rows of the data included: torques that are
+/// late, outliers, times on which everything hangs.
+///
+/// # Errors
+/// As [`identify`].
+pub fn screen(model: &TorqueModel, recordings: &[Recording]) -> Result<Vec<Finding>, IdentifyError> {
+    let Some(processing) = &model.processing else { return Ok(Vec::new()) };
+    let (robot, set, base) = (&model.robot, &model.set, &model.base);
+    let recordings = select_joints(robot, recordings)?;
+    let experiment = Experiment::new(&recordings, processing)?;
+    let mut equations = Equations::new(robot, set, base, experiment.trajectories(&[], &[])?);
+    let factors = equations.factors()?;
+    let estimate = LeastSquares::new(Method::Wls).solve(&factors, base, &base.combine(&model.parameters))?;
+    let joints: Vec<String> = robot.joint_names().map(String::from).collect();
+    let mut findings = screen_factors(set, base, &joints, &factors, &estimate);
+    findings.extend(screen_rows(&mut equations, &joints, &experiment.rates_hz(), &factors, &estimate)?);
+    Ok(findings)
 }
 
 /// The figure of each joint in motion; of the joint at rest if it never moves, zero if it has no row.
@@ -209,11 +447,10 @@ fn describe(options: &IdentifyOptions, processing: &Processing, factors: &[Joint
         Start::RobotFile => "identified",
         Start::Zero => "identified as the error of an internal model",
     };
-    let method = match options.method {
-        Method::Ols => "ordinary least squares",
-        Method::Wls => "weighted least squares",
-        Method::WlsKnown(_) => "least squares weighted by known noise",
-    };
+    let mut method = options.method.title().to_string();
+    if options.consistency.is_some() {
+        method += " under physical consistency";
+    }
     let band = match processing.torque_cutoff_hz {
         Some(hz) => format!("both sides filtered at {hz:.2} Hz, every {}th row taken", processing.decimation),
         None => "both sides unfiltered".into(),
@@ -233,20 +470,8 @@ pub(crate) fn motions(recordings: &[Recording], processing: &Processing) -> Resu
     Ok(motions)
 }
 
-pub(crate) fn torque_of(motion: &Motion) -> Result<&[f64], MotionError> {
-    motion.tau.as_deref().ok_or_else(|| MotionError::NoTorque { recording: motion.source.clone() })
-}
-
-/// The filter on both sides of the equation, if there is one.
-pub(super) fn band_filter(processing: &Processing, rate_hz: f64) -> Result<Option<LowPass>, SignalError> {
-    processing.torque_cutoff_hz.map(|hz| LowPass::butterworth(processing.order, hz, rate_hz)).transpose()
-}
-
-/// Per factor: how many rows carry as much as one independent row, 1 + 2 sum of the autocorrelation of the residual up to
-/// where it drowns in its own noise.
-///
-/// Source: G. V. Bayley, J. M. Hammersley, The effective number of independent observations in an autocorrelated time
-/// series, Suppl. J. R. Stat. Soc. 8(2) (1946).
+/// Per factor: how many rows carry as much as one independent row, from the autocorrelation of the residual up to where
+/// it drowns in its own noise.
 fn correlation(
     model: &TorqueModel,
     motions: &[Motion],
@@ -267,72 +492,11 @@ fn correlation(
         let wanted = if factor.resting { Row::Resting } else { Row::Moving };
         let of_motion = |(motion, residual): (&Motion, &Vec<f64>)| {
             let rows = (factor.joint..residual.len()).step_by(n * processing.decimation);
-            Series::new(rows.map(|row| (motion.use_as[row] == wanted).then_some(residual[row])))
+            rows.map(|row| (motion.use_as[row] == wanted).then_some(residual[row])).collect()
         };
         motions.iter().zip(&residuals).map(of_motion).collect()
     };
     Ok(factors.iter().map(|factor| rows_per_independent_row(&series(factor))).collect())
-}
-
-/// Numbers of which some are missing.
-struct Series {
-    /// Zero where missing.
-    values: Vec<f64>,
-    present: Vec<bool>,
-}
-
-impl Series {
-    fn new(values: impl Iterator<Item = Option<f64>>) -> Self {
-        let (values, present) = values.map(|value| (value.unwrap_or(0.0), value.is_some())).unzip();
-        Self { values, present }
-    }
-
-    /// Sum and number of the products of values that are `lag` apart.
-    fn products(&self, lag: usize) -> (f64, usize) {
-        let Self { values, present } = self;
-        if lag >= values.len() {
-            return (0.0, 0);
-        }
-        let pairs = present.iter().zip(&present[lag..]);
-        (sum_of_products(values, &values[lag..]), pairs.map(|(a, b)| usize::from(*a & *b)).sum())
-    }
-}
-
-/// In eight sums, so that the additions need not wait for each other.
-fn sum_of_products(a: &[f64], b: &[f64]) -> f64 {
-    let length = a.len().min(b.len());
-    let ((a, rest_of_a), (b, rest_of_b)) = (a[..length].as_chunks::<8>(), b[..length].as_chunks::<8>());
-    let mut sums = [0.0; 8];
-    for (a, b) in a.iter().zip(b) {
-        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
-            *sum += a * b;
-        }
-    }
-    sums.iter().sum::<f64>() + rest_of_a.iter().zip(rest_of_b).map(|(a, b)| a * b).sum::<f64>()
-}
-
-/// Longest memory that is looked at, in rows.
-const LONGEST_LAG: usize = 500;
-
-fn rows_per_independent_row(series: &[Series]) -> f64 {
-    let products = |lag: usize| {
-        let parts = series.iter().map(|series| series.products(lag));
-        let (sum, count) = parts.fold((0.0, 0), |(sum, count), (s, c)| (sum + s, count + c));
-        let count = f64::max(count as f64, 1.0);
-        (sum / count, count)
-    };
-    let (variance, _) = products(0);
-    let mut sum = 1.0;
-    for lag in 1..=LONGEST_LAG {
-        let (mean, count) = products(lag);
-        let correlation = mean / variance;
-        // A series without rows or without residual has the correlation 0 / 0.
-        if correlation.is_nan() || correlation <= 2.0 / count.sqrt() {
-            break;
-        }
-        sum += 2.0 * correlation;
-    }
-    sum
 }
 
 fn warn(report: &mut IdentificationReport, model: &TorqueModel) {

@@ -1,20 +1,30 @@
 //! The torque model of an arm: identified from logs, compared with others, kept in a file, used in a controller.
 
 mod compare;
+mod experiment;
 mod file;
 mod identify;
+mod payload;
 mod predictor;
+mod semi_parametric;
 mod terms;
 mod torque_model;
 
-pub(crate) use identify::{motions, select_joints, torque_of};
+pub(crate) use experiment::{select_joints, torque_of};
+pub(crate) use identify::motions;
 
 pub use compare::{Comparison, JointComparison, LogResidual, compare};
 pub use file::ModelFileError;
 pub use identify::{
-    CutoffInfluence, IdentificationReport, IdentifyError, IdentifyOptions, Start, cutoff_influence, identify,
+    Controller, CutoffInfluence, IdentificationReport, IdentifyError, IdentifyOptions, Start, Uncertainty,
+    cutoff_influence, identify, screen,
 };
+pub use payload::{identify_drive_gains, identify_payload};
 pub use predictor::Predictor;
+pub use semi_parametric::{
+    Candidate, Coverage, Inputs, JointReport, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions,
+    SemiParametricPredictor, TorquePrediction, fit_semi_parametric,
+};
 pub(crate) use terms::Rigid;
 pub use terms::{Term, Trajectory};
-pub use torque_model::{BaseParameter, Fit, Provenance, TorqueModel};
+pub use torque_model::{BaseParameter, Certificate, Fit, Provenance, TorqueModel};

@@ -2,9 +2,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::dynamics::{BatchWorkspace, Samples, rnea_batch};
 use crate::effects::{JointState, UnknownEffect};
-use crate::identification::{BaseParameters, ParameterSet};
+use crate::identification::{
+    BaseParameters, ConsistentParameters, Equations, LinkCertificate, ParameterSet, Trajectory,
+};
 use crate::motion::Processing;
-use crate::robot::Robot;
+use crate::robot::{JointDynamics, Robot, RobotError};
 use crate::spatial::PARAMETERS_PER_LINK;
 
 /// tau = rigid body(q, dq, ddq; parameters) + effects(q, dq, ddq; parameters).
@@ -54,6 +56,29 @@ pub struct Fit {
     pub scaled_condition: f64,
     /// Base parameters that the motion does not determine.
     pub undetermined: Vec<String>,
+    /// The proof that every link is a body, if that was required.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub consistency: Option<Certificate>,
+}
+
+/// What physical consistency did to the estimates, and the proof of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Certificate {
+    /// Link by link.
+    pub links: Vec<LinkCertificate>,
+    /// Limits at which the estimate lies.
+    pub active: Vec<String>,
+    /// Root mean square of what consistency adds to the residual, in standard deviations of the fit.
+    pub cost: f64,
+    /// Time in the solver, s.
+    pub seconds: f64,
+}
+
+impl From<ConsistentParameters> for Certificate {
+    fn from(consistent: ConsistentParameters) -> Self {
+        let ConsistentParameters { links, active, cost, seconds, .. } = consistent;
+        Self { links, active, cost, seconds }
+    }
 }
 
 /// Where a model comes from.
@@ -268,6 +293,64 @@ impl TorqueModel {
             }
         }
         tau
+    }
+}
+
+impl TorqueModel {
+    /// The model as MJCF for MuJoCo, with rotor inertia, viscous and Coulomb friction; MJCF has no place for other effects.
+    ///
+    /// # Errors
+    /// If a link is no body: identify with consistency first.
+    pub fn to_mjcf(&self) -> Result<String, RobotError> {
+        let mut joints = vec![JointDynamics::default(); self.robot.dof()];
+        for (column, value) in self.set.effect_columns().iter().zip(&self.parameters[self.set.inertial()..]) {
+            let joint = &mut joints[column.joint];
+            match self.set.effects()[column.effect].name() {
+                "rotor_inertia" => joint.rotor_inertia = *value,
+                "viscous_friction" => joint.viscous_friction = *value,
+                "coulomb_friction" => joint.coulomb_friction = *value,
+                _ => {}
+            }
+        }
+        self.dynamics.to_mjcf(&joints)
+    }
+
+    /// Standard deviation of the predicted torque that the uncertainty of the parameters makes, without the noise of a
+    /// single torque ([`Fit::noise`]).
+    ///
+    /// - returns `[samples, n]`, N·m (N); infinite where a parameter enters that the data did not determine; zero for a
+    ///   model that was not identified
+    ///
+    /// # Panics
+    /// If the arrays do not hold whole samples, or numbers that are not finite.
+    pub fn standard_deviation(&self, samples: Samples<'_>) -> Vec<f64> {
+        let n = self.robot.dof();
+        let zeros = vec![0.0; samples.count(n) * n];
+        let Some(fit) = &self.fit else { return zeros };
+        let trajectory = Trajectory {
+            samples,
+            tau: &zeros,
+            use_as: None,
+            filter: None,
+            decimation: 1,
+            instruments: None,
+            closed_loop: None,
+        };
+        let rank = self.base.rank();
+        let mut deviations = vec![0.0; zeros.len()];
+        let mut equations = Equations::new(&self.robot, &self.set, &self.base, vec![trajectory]);
+        let visited = equations.for_each(|equation| {
+            let (columns, row) = (equation.columns, equation.row);
+            let mut variance = 0.0;
+            for (&i, a) in columns.iter().zip(row).filter(|(_, factor)| **factor != 0.0) {
+                for (&j, b) in columns.iter().zip(row).filter(|(_, factor)| **factor != 0.0) {
+                    variance += a * b * fit.covariance[i * rank + j];
+                }
+            }
+            deviations[equation.sample * n + equation.joint] = variance.max(0.0).sqrt();
+        });
+        visited.expect("finite samples");
+        deviations
     }
 }
 

@@ -54,6 +54,16 @@ pub enum MotionError {
         /// Length needed, s.
         needed: f64,
     },
+    /// A threshold of standstill that nothing exceeds.
+    #[error(
+        "standstill_speed = {speed}: no joint of the logs is faster than {fastest:.3} rad/s (m/s), so all of them would count as standing; take less, or leave it to be chosen from the noise"
+    )]
+    NothingMoves {
+        /// The threshold asked for.
+        speed: f64,
+        /// Highest speed of any joint.
+        fastest: f64,
+    },
     /// No torque to learn from.
     #[error(
         "{recording}: there is no torque in this log; name its columns, or give torque constants for motor currents"

@@ -121,6 +121,13 @@ impl Processing {
             let speed_noise = std::f64::consts::TAU * cutoff_hz * noise * (2.0 * cutoff_hz / (3.0 * slowest)).sqrt();
             (NOISE_MARGIN * speed_noise).max(SPEED_SHARE * top_speed[joint]).max(SLOWEST)
         };
+        if let Some(speed) = conditioning.standstill_speed {
+            let moved = |(joint, &top): (usize, &f64)| top > standstill(joint);
+            let fastest = top_speed.iter().copied().fold(0.0, f64::max);
+            if speed >= fastest && top_speed.iter().enumerate().any(moved) {
+                return Err(MotionError::NothingMoves { speed, fastest });
+            }
+        }
         let standstill_speed =
             (0..top_speed.len()).map(|joint| conditioning.standstill_speed.unwrap_or_else(|| standstill(joint)));
         let processing = Self {

@@ -10,6 +10,14 @@ pub enum RobotError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// The file could not be written; an older file of that name is untouched.
+    #[error("{path} cannot be written: {source}")]
+    Unwritable {
+        /// File.
+        path: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
     /// Larger than any robot description.
     #[error("{path}: {bytes} bytes are too many for a robot description (at most {limit})")]
     TooLarge {
@@ -159,6 +167,19 @@ pub enum RobotError {
         frame: String,
         /// Frames to choose from.
         known: Vec<String>,
+    },
+    /// Parameters that no body has cannot be written to a file of bodies.
+    #[error(
+        "the link of `{link}` (mass {mass} kg, smallest eigenvalue of its pseudo-inertia {eigenvalue:.3e}) is no body: \
+         identify with physical consistency before writing a robot file"
+    )]
+    NotABody {
+        /// Link or joint.
+        link: String,
+        /// Its mass.
+        mass: f64,
+        /// Its smallest eigenvalue.
+        eigenvalue: f64,
     },
     /// One inertia per joint is needed.
     #[error("{found} links for {expected} joints: each joint carries one link")]

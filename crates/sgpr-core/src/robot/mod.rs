@@ -9,6 +9,7 @@ mod dh;
 mod error;
 mod ready_made;
 mod urdf;
+mod write;
 
 use serde::{Deserialize, Serialize};
 
@@ -16,6 +17,7 @@ pub use dh::{DhConvention, DhRow};
 pub use error::RobotError;
 pub use ready_made::{puma560, two_link};
 pub use urdf::UrdfOptions;
+pub use write::JointDynamics;
 
 use crate::spatial::{LinkInertia, Matrix3, PARAMETERS_PER_LINK, Pose, STANDARD_PARAMETER_NAMES, Vector3};
 

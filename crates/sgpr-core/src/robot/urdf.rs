@@ -80,6 +80,52 @@ impl Robot {
     }
 }
 
+/// The body that each URDF link gets when `robot` is written back: that of the moving link for the link that a moving joint
+/// carries, none for the links fixed to it; links that keep theirs are not in the map.
+pub(super) fn inertias_at_urdf_links(
+    robot: &Robot,
+    text: &str,
+    origin: &str,
+    options: &UrdfOptions,
+) -> Result<HashMap<String, Option<LinkInertia>>, RobotError> {
+    let read = Robot::from_urdf_text(text, origin, options)?;
+    if !read.joint_names().eq(robot.joint_names()) {
+        let moving: Vec<&str> = robot.joint_names().collect();
+        return Err(RobotError::Malformed {
+            path: origin.into(),
+            message: format!("its moving joints are not those of the robot, {}", moving.join(", ")),
+        });
+    }
+    let urdf = urdf_rs::read_from_string(text)
+        .map_err(|error| RobotError::Malformed { path: origin.into(), message: error.to_string() })?;
+    let tree = Tree::new(&urdf)?;
+    let mut bodies: HashMap<String, Option<LinkInertia>> = HashMap::new();
+    let mut carried = robot.links().to_vec();
+    let mut behind_locked: Vec<&str> = Vec::new();
+    for joint in tree.joints() {
+        let child = joint.child.link.as_str();
+        if robot.joint_index(&joint.name).is_some() {
+            continue;
+        }
+        let locked = joint.joint_type != JointType::Fixed || behind_locked.contains(&joint.parent.link.as_str());
+        let frame = read.frame(child)?;
+        let Some(body) = frame.joint else { continue };
+        if locked {
+            behind_locked.push(child);
+            let inertial = &urdf.links.iter().find(|link| link.name == child).expect("a tree").inertial;
+            carried[body] = carried[body].minus(link_inertia(child, inertial)?.expressed_in(&frame.pose));
+        } else {
+            bodies.insert(child.into(), None);
+        }
+    }
+    for joint in tree.joints() {
+        if let Some(index) = robot.joint_index(&joint.name) {
+            bodies.insert(joint.child.link.clone(), Some(carried[index]));
+        }
+    }
+    Ok(bodies)
+}
+
 /// The links and joints of a URDF, checked to be a tree and ordered from base to tips.
 struct Tree<'a> {
     urdf: &'a urdf_rs::Robot,

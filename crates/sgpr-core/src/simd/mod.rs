@@ -4,11 +4,13 @@
 //! ([`Lanes`]) and on any further type that brings the same operations (dual numbers). The instruction set is chosen
 //! when the program runs, by `pulp::Arch`, so one binary serves every machine.
 
+mod exponential;
 mod lanes;
 mod real;
 mod transpose;
 mod trigonometry;
 
+pub(crate) use exponential::{exp_f32, exp_f64};
 pub use lanes::Lanes;
 pub(crate) use lanes::MAX_LANES;
 pub use real::{Fused, Real};

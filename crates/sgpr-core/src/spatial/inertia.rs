@@ -109,6 +109,18 @@ impl LinkInertia {
     }
 }
 
+impl LinkInertia {
+    /// What is left when a part is taken off.
+    #[must_use]
+    pub fn minus(self, part: Self) -> Self {
+        Self {
+            mass: self.mass - part.mass,
+            first_moment: self.first_moment - part.first_moment,
+            inertia: self.inertia + part.inertia.scaled(-1.0),
+        }
+    }
+}
+
 impl Add for LinkInertia {
     type Output = Self;
 

@@ -1,6 +1,7 @@
 """NumPy archives: arrays by name. Nothing in them is run, and sizes are known before memory is taken."""
 
 import zipfile
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,7 @@ def read(path: Path, joints: Sequence[str] | None = None, *, limit_bytes: int | 
     try:
         with zipfile.ZipFile(path) as archive:
             arrays = _Archive(path, archive, limit).read()
-    except (zipfile.BadZipFile, zipfile.LargeZipFile, EOFError, NotImplementedError, RuntimeError) as error:
+    except (zipfile.BadZipFile, zipfile.LargeZipFile, EOFError, NotImplementedError, RuntimeError, zlib.error) as error:
         raise RecordingError(f"{path}: not a NumPy archive, or damaged: {error}") from None
     chosen = {role: _one_of(path, arrays, names) for role, names in _NAMES.items()}
     for role, expected in (("t", "(N,)"), ("q", "(N, n)")):
@@ -105,6 +106,8 @@ class _Archive:
 
     def _array(self, info: zipfile.ZipInfo) -> NDArray[Any]:
         """The header is believed only as far as the archive says that there are data."""
+        if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise RecordingError(f"{self.path}: `{info.filename}` is packed as NumPy packs nothing: save it with NumPy")
         with self.archive.open(info) as stream:
             try:
                 version = np.lib.format.read_magic(stream)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
-from typing import Any, Final, Literal, final
+from typing import Any, Final, Literal, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,7 @@ __all__ = [
     "Comparison",
     "CutoffChoice",
     "CutoffInfluence",
+    "DriveGains",
     "IdentificationError",
     "IdentificationReport",
     "Issue",
@@ -25,6 +26,7 @@ __all__ = [
     "ModelFileError",
     "Parameter",
     "Parameters",
+    "Payload",
     "Predictor",
     "Processing",
     "Recording",
@@ -38,10 +40,14 @@ __all__ = [
     "cutoff_influence",
     "effects",
     "identify",
+    "identify_drive_gains",
+    "identify_payload",
     "load",
     "puma560",
     "read_csv",
     "read_mcap",
+    "regroupings",
+    "screen",
     "two_link",
     "write_mcap",
 ]
@@ -119,7 +125,7 @@ class Robot:
     def jacobian(self, q: ArrayLike, frame: str | None = None) -> _Array: ...  # (..., 6, n)
     def kinetic_energy(self, q: ArrayLike, dq: ArrayLike) -> _Array: ...  # (N,) or float
     def potential_energy(self, q: ArrayLike) -> _Array: ...
-    def base_parameters(self, effects: Sequence[str] = ()) -> BaseParameters: ...
+    def base_parameters(self, effects: Sequence[str] = (), *, recursion: bool = False) -> BaseParameters: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __hash__(self) -> int: ...
 
@@ -334,7 +340,18 @@ class Model:
     def add(self, finding: Finding) -> Model: ...
     def __add__(self, error: Model, /) -> Model: ...
     def __radd__(self, model: Model, /) -> Model: ...
-    def predict(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> _Array: ...
+    @overload
+    def predict(
+        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, *, return_std: Literal[False] = False
+    ) -> _Array: ...
+    @overload
+    def predict(
+        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, *, return_std: Literal[True]
+    ) -> tuple[_Array, _Array]: ...
+    @property
+    def certificate(self) -> dict[str, Any] | None: ...  # links, active, cost
+    def write_urdf(self, source: _Path, path: _Path, *, locked: Mapping[str, float] | None = None) -> None: ...
+    def to_mjcf(self) -> str: ...
     def predictor(self) -> Predictor: ...
     def save(self, path: _Path) -> None: ...
     def to_bytes(self) -> bytes: ...
@@ -370,6 +387,8 @@ class IdentificationReport:
     def warnings(self) -> list[str]: ...
     @property
     def cutoff_choices(self) -> list[CutoffChoice]: ...  # one per log
+    @property
+    def essential(self) -> dict[str, Any] | None: ...  # kept, dropped, rise, limit, validation
 
 @final
 class CutoffInfluence:
@@ -388,7 +407,7 @@ def identify(
     recordings: Sequence[Recording],
     *,
     effects: Sequence[str] = ("viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"),
-    method: Literal["ols", "wls"] = "wls",
+    method: str = "wls",  # "ols", "irls:1.345", "ridge:1.0", "tls:0.001", "iv", "output_error", "rls:0.999"
     noise: ArrayLike | None = None,  # known standard deviation per joint: method "wls" with it
     start: Literal["robot_file", "zero"] = "robot_file",
     cutoff_hz: float | None = None,
@@ -397,6 +416,15 @@ def identify(
     torque_band: float | Literal["position", "full"] = "position",
     decimation: int | None = None,
     standstill_speed: float | None = None,
+    consistent: bool = False,
+    prior: Literal["entropic", "euclidean"] = "entropic",
+    prior_deviation: float = 10.0,
+    bounds: Mapping[str, Any] | None = None,
+    essential: bool = False,
+    uncertainty: str = "memory",  # "hac", "bootstrap:500"
+    instruments: Sequence[Recording] = (),
+    kp: ArrayLike | None = None,
+    kd: ArrayLike | None = None,
     progress: _Progress | None = None,
 ) -> Model: ...
 def cutoff_influence(
@@ -467,6 +495,57 @@ class Effect:
     ) -> Effect: ...
     @property
     def name(self) -> str: ...
+
+@final
+class Payload:
+    @property
+    def link(self) -> str: ...
+    @property
+    def mass(self) -> float: ...
+    @property
+    def mass_deviation(self) -> float: ...
+    @property
+    def centre(self) -> _Array: ...
+    @property
+    def parameters(self) -> _Array: ...
+    @property
+    def standard_deviations(self) -> _Array: ...
+    @property
+    def covariance(self) -> _Array: ...
+    def to_dict(self) -> list[dict[str, Any]]: ...
+
+@final
+class DriveGains:
+    @property
+    def gains(self) -> _Array: ...
+    @property
+    def standard_deviations(self) -> _Array: ...
+    @property
+    def payload(self) -> _Array: ...
+
+def identify_payload(
+    robot: Robot,
+    unloaded: Sequence[Recording],
+    loaded: Sequence[Recording],
+    *,
+    link: str | None = None,
+    friction_may_change: bool = False,
+    consistent: bool = True,
+    **options: Any,
+) -> Payload: ...
+def identify_drive_gains(
+    robot: Robot,
+    unloaded: Sequence[Recording],
+    loaded: Sequence[Recording],
+    *,
+    payload: Mapping[str, float],
+    link: str | None = None,
+    estimator: Literal["maximum_likelihood", "least_squares"] = "maximum_likelihood",
+    lowest: ArrayLike | None = None,
+    **options: Any,
+) -> DriveGains: ...
+def screen(model: Model, recordings: Sequence[Recording]) -> list[str]: ...
+def regroupings(rows: Sequence[Mapping[str, Any]]) -> list[list[str]]: ...
 
 @final
 class JointComparison:

@@ -33,12 +33,14 @@ mod cdr;
 mod chunk;
 mod collect;
 mod file;
+mod joint_trajectory;
 mod message;
 mod scan;
 mod write;
 
 use std::path::Path;
 
+pub use joint_trajectory::write_joint_trajectory;
 pub use write::write;
 
 use super::{Recording, RecordingError, require_joint_list};

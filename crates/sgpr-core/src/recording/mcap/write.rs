@@ -51,7 +51,7 @@ pub fn write(path: impl AsRef<Path>, topics: &[(&str, &Recording)]) -> Result<()
     write_file(path.as_ref(), |file| write_messages(file, topics).map_err(io_error))
 }
 
-fn io_error(error: McapError) -> io::Error {
+pub(super) fn io_error(error: McapError) -> io::Error {
     match error {
         McapError::Io(error) => error,
         error => io::Error::other(error.to_string()),
@@ -84,7 +84,7 @@ fn write_messages(file: impl io::Write + io::Seek, topics: &[(&str, &Recording)]
 }
 
 /// Seconds and nanoseconds of a ROS 2 stamp.
-fn stamp(time: i64) -> Option<(u32, u32)> {
+pub(super) fn stamp(time: i64) -> Option<(u32, u32)> {
     let seconds = i32::try_from(time.div_euclid(1_000_000_000)).ok()?;
     let nanoseconds = time.rem_euclid(1_000_000_000) as u32;
     u32::try_from(seconds).ok().map(|seconds| (seconds, nanoseconds))

@@ -14,6 +14,7 @@ from .errors import guarded
 from .identify import identify
 from .info import info
 from .options import with_option_groups
+from .payload import payload
 from .predict import predict
 
 app = typer.Typer(
@@ -32,7 +33,7 @@ def register(command: Callable[..., Any]) -> None:
     app.command(cls=Command, epilog=epilog, no_args_is_help=True)(with_option_groups(guarded(command)))
 
 
-for each in (info, identify, compare, diagnose, predict):
+for each in (info, identify, compare, diagnose, predict, payload):
     register(each)
 
 

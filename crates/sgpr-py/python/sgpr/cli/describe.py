@@ -88,6 +88,7 @@ def model(model: Model, path: str) -> dict[str, Any]:
         "parameters": parameters(model),
         "processing": processing(model),
         "fit": model.fit,
+        "certificate": model.certificate,
         "logs": model.logs,
         "history": model.history,
         "library_version": model.library_version,

@@ -1,5 +1,6 @@
 """`sgpr identify`: the main job, from a robot and logs to a torque model and a report on it."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,17 +8,18 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import Comparison, CutoffInfluence, Model, Robot, __version__, cutoff_influence
+from .. import Comparison, CutoffInfluence, Model, Recording, Robot, __version__, cutoff_influence
 from .. import compare as compare_with
 from .. import identify as identify_from
+from .. import screen as screen_with
 from ..report.identification import IdentificationPage
 from ..report.numbers import counted, percent
 from . import describe
 from .console import Output, to_json
 from .effects import DEFAULT_EFFECTS, checked_effects
 from .error_table import show_errors
-from .errors import one_of, wrong_use
-from .info import show_parameters
+from .errors import BadData, one_of, wrong_use
+from .info import show_certificate, show_parameters
 from .output_folder import OutputFolder
 from .predictions import predictions, residuals_by_log, write_table, write_topics
 from .reading import Log, ReadingOptions, read_logs, stretches
@@ -44,8 +46,66 @@ class IdentificationOptions:
     ] = None
     method: Annotated[
         str,
-        typer.Option("--method", metavar="ols|wls", help="Ordinary or weighted least squares.", rich_help_panel=FIT),
+        typer.Option(
+            "--method",
+            metavar="METHOD",
+            help="Ordinary or weighted least squares (ols, wls), against outliers (irls, irls:THRESHOLD), drawn to the "
+            "robot file (ridge, ridge:DEVIATION), total (tls, tls:NOISE), recursive (rls, rls:FORGETTING).",
+            rich_help_panel=FIT,
+        ),
     ] = "wls"
+    consistent: Annotated[
+        bool,
+        typer.Option(
+            "--consistent",
+            help="Every link a body, friction and rotors not negative; also writes robot.urdf and robot.xml (MJCF).",
+            rich_help_panel=FIT,
+        ),
+    ] = False
+    prior: Annotated[
+        str | None,
+        typer.Option(
+            "--prior",
+            metavar="entropic|euclidean",
+            help="With --consistent: how the distance to the robot file is measured where the data are silent.",
+            show_default="entropic",
+            rich_help_panel=FIT,
+        ),
+    ] = None
+    prior_deviation: Annotated[
+        float | None,
+        typer.Option(
+            "--prior-deviation",
+            metavar="SHARE",
+            help="With --consistent: relative standard deviation of the robot file's values.",
+            show_default="10",
+            rich_help_panel=FIT,
+        ),
+    ] = None
+    bounds: Annotated[
+        str | None,
+        typer.Option(
+            "--bounds",
+            metavar="FILE",
+            help='With --consistent: limits in JSON, {"joint_2": {"mass": [1, 5], "box": [[...], [...]]}, '
+            '"total_mass": [20, 30], "joint_2.Fv": [0, null]}.',
+            rich_help_panel=FIT,
+        ),
+    ] = None
+    essential: Annotated[
+        bool,
+        typer.Option("--essential", help="Leave out what the data do not support.", rich_help_panel=FIT),
+    ] = False
+    uncertainty: Annotated[
+        str,
+        typer.Option(
+            "--uncertainty",
+            metavar="memory|hac|bootstrap",
+            help="Where standard deviations come from: the memory of each joint's residual, residuals correlated over "
+            "time and joints, or blocks of the logs drawn again (bootstrap:REPLICATES).",
+            rich_help_panel=FIT,
+        ),
+    ] = "memory"
     start: Annotated[
         str,
         typer.Option(
@@ -111,7 +171,10 @@ class IdentificationOptions:
                 raise wrong_use("must be at least 1", option)
         return {
             "effects": checked_effects(DEFAULT_EFFECTS if self.effects is None else self.effects),
-            "method": one_of(self.method, ("ols", "wls"), "--method", "method"),
+            "method": self._method(),
+            **self._consistency(),
+            "essential": self.essential,
+            "uncertainty": self._uncertainty(),
             "start": one_of(self.start, ("robot_file", "zero"), "--start", "start"),
             "cutoff_hz": self.cutoff,
             "filter_order": self.order,
@@ -119,6 +182,38 @@ class IdentificationOptions:
             "torque_band": self._band(),
             "decimation": self.decimation,
             "standstill_speed": self.standstill_speed,
+        }
+
+    def _method(self) -> str:
+        name, _, setting = self.method.partition(":")
+        one_of(name, ("ols", "wls", "irls", "ridge", "tls", "rls"), "--method", "method")
+        if setting and (name in ("ols", "wls") or not _is_number(setting)):
+            raise wrong_use(f"`{self.method}`: expected ols, wls, or irls, ridge, tls, rls with a number", "--method")
+        return self.method
+
+    def _uncertainty(self) -> str:
+        name, _, count = self.uncertainty.partition(":")
+        one_of(name, ("memory", "hac", "bootstrap"), "--uncertainty", "source of standard deviations")
+        if count and not (name == "bootstrap" and count.isdigit() and 2 <= int(count) <= MOST_REPLICATES):
+            raise wrong_use(f"`{self.uncertainty}`: only bootstrap has a number, from 2 on", "--uncertainty")
+        return self.uncertainty
+
+    def _consistency(self) -> dict[str, Any]:
+        given = (("--prior", self.prior), ("--prior-deviation", self.prior_deviation), ("--bounds", self.bounds))
+        for option, value in given:
+            if value is not None and not self.consistent:
+                raise wrong_use("belongs to --consistent", option)
+        if self.consistent and self.essential:
+            raise wrong_use("parameters that are left out make no body: choose one of the two", "--consistent")
+        if self.prior is not None:
+            one_of(self.prior, ("entropic", "euclidean"), "--prior", "distance")
+        if self.prior_deviation is not None and not self.prior_deviation > 0.0:
+            raise wrong_use("must be greater than zero", "--prior-deviation")
+        return {
+            "consistent": self.consistent,
+            "prior": self.prior,
+            "prior_deviation": self.prior_deviation,
+            "bounds": None if self.bounds is None else _read_bounds(self.bounds),
         }
 
     def _band(self) -> float | str:
@@ -133,6 +228,27 @@ class IdentificationOptions:
                 f"`{self.torque_band}` is neither a cut-off in Hz nor `position` or `full`", "--torque-band"
             )
         return hz
+
+
+MOST_REPLICATES = 100_000
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _read_bounds(path: str) -> dict[str, Any]:
+    try:
+        bounds = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise BadData(f"{path}: no JSON: {error}") from error
+    if not isinstance(bounds, dict):
+        raise BadData(f"{path}: expected an object of limits by joint or parameter")
+    return bounds
 
 
 def identify(
@@ -167,7 +283,8 @@ def identify(
 ) -> None:
     """Identifies a torque model from logs, and says how good it is on logs it has not seen.
 
-    Writes to DIR: model.sgpr, report.html, identification.json and, with test logs, predictions.csv.
+    Writes to DIR: model.sgpr, report.html, identification.json and, with test logs, predictions.csv; with --consistent
+    also the robot with the inertias found, robot.xml (MJCF) and, from a URDF, robot.urdf.
     """
     options = fit.arguments()
     if mcap is not None and not test:
@@ -190,6 +307,10 @@ def identify(
     data = result.to_dict(settings)
     with folder:
         result.model.save(folder.file("model.sgpr"))
+        if fit.consistent:
+            folder.write("robot.xml", result.model.to_mjcf())
+            if Path(robot).suffix.lower() == ".urdf":
+                result.model.write_urdf(robot, folder.file("robot.urdf"))
         if test_logs:
             rows = predictions(test_logs, {BEFORE: result.before, AFTER: result.after}, loaded.joint_names)
             data["left_out_of_predictions"] = {row.path: row.left_out for row in rows if row.left_out}
@@ -216,6 +337,7 @@ class Result:
     after: Comparison
     influence: list[CutoffInfluence]
     influence_errors: list[dict[str, Any]]
+    findings: list[str]
 
     @property
     def judged(self) -> list[Log]:
@@ -255,7 +377,9 @@ class Result:
                 BEFORE: describe.comparison(self.before),
                 AFTER: describe.comparison(self.after),
             },
-            "warnings": report.warnings,
+            "certificate": self.model.certificate,
+            "essential": report.essential,
+            "warnings": [*report.warnings, *self.findings],
             "logs": [
                 *(describe.repaired_log(log, "train") for log in self.train),
                 *(describe.repaired_log(log, "test") for log in self.test),
@@ -293,15 +417,24 @@ def run(robot: Robot, train: Sequence[Log], test: Sequence[Log], options: dict[s
         before=compare_with(nominal, judged, processing=model),
         after=compare_with(model, judged),
         influence=influence,
+        findings=_findings(model, training),
         influence_errors=[
             describe.comparison(compare_with(other.model, judged, processing=model)) for other in influence
         ],
     )
 
 
+def _findings(model: Model, training: Sequence[Recording]) -> list[str]:
+    """What is suspicious in the training logs and not said yet."""
+    said = [] if model.report is None else model.report.warnings
+    return [text for text in screen_with(model, training) if text not in said]
+
+
 def show(result: Result, data: dict[str, Any], output: Output) -> None:
     """The result for people."""
     show_parameters(data["parameters"], output)
+    if data["certificate"]:
+        show_certificate(data["certificate"], output)
     show_errors({BEFORE: result.before, AFTER: result.after}, output)
     where = (
         f"On {counted(len(result.test), 'unseen log')}" if result.test else "On the training logs (no test logs given)"

@@ -142,6 +142,8 @@ def show_model(data: dict[str, Any], output: Output) -> None:
     for text in data["history"]:
         output.line(f"history: {text}")
     show_parameters(data["parameters"], output)
+    if data["certificate"]:
+        show_certificate(data["certificate"], output)
     output.line("")
 
 
@@ -156,6 +158,24 @@ def show_parameters(parameters: Sequence[dict[str, Any]], output: Output) -> Non
         rows.append([p["name"], value, deviation, relative, significant(p["nominal"], 4), p["unit"]])
     columns = ["base parameter", "value", "std. deviation", "%", "nominal", "unit"]
     output.table(columns, rows, text_columns=(0, 5))
+
+
+def show_certificate(certificate: dict[str, Any], output: Output) -> None:
+    """The proof that every link is a body."""
+    rows = [
+        [
+            link["joint"],
+            significant(link["mass"], 4),
+            ", ".join(significant(value, 3) for value in link["centre"]),
+            ", ".join(significant(value, 3) for value in link["principal_moments"]),
+            significant(link["smallest_eigenvalue"], 3),
+        ]
+        for link in certificate["links"]
+    ]
+    columns = ["link of", "mass [kg]", "centre of mass [m]", "principal moments [kg·m²]", "smallest eigenvalue"]
+    output.table(columns, rows, text_columns=(0, 2, 3), title="Links as bodies")
+    for name in certificate["active"]:
+        output.line(f"at its limit: {name}")
 
 
 def _bounds(found: list[float] | None) -> str:

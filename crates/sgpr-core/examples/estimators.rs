@@ -1,0 +1,241 @@
+//! Estimators against each other on simulated logs: bias, spread, and whether their intervals hold what they say.
+//!
+//! ```text
+//! cargo run --release --package sgpr-core --example estimators -- 100
+//! ```
+//!
+//! The two-link arm with friction and rotors follows a reference under a PD controller. Its logs are spoilt in four ways
+//! and go through the whole pipeline, filters and derivatives included. The table is Markdown.
+
+use std::error::Error;
+
+use sgpr_core::identification::{BaseParameters, ClosedLoop, Method, ParameterSet, SimulatedMotion};
+use sgpr_core::model::{Controller, IdentifyOptions, Uncertainty, identify};
+use sgpr_core::recording::Recording;
+use sgpr_core::robot::{Robot, two_link};
+
+const EFFECTS: [&str; 3] = ["viscous_friction", "coulomb_friction", "rotor_inertia"];
+const RATE_HZ: f64 = 200.0;
+const SAMPLES: usize = 4000;
+const GAINS: ([f64; 2], [f64; 2]) = ([400.0, 300.0], [40.0, 30.0]);
+
+/// How a log is spoilt.
+struct Scenario {
+    title: &'static str,
+    /// Standard deviation of the position's noise, rad.
+    position: f64,
+    /// Standard deviation of the torque's noise, N·m, and how much of it remains from sample to sample.
+    torque: f64,
+    memory: f64,
+    /// Share of torques that are wrong by twenty standard deviations.
+    outliers: f64,
+    /// Cut-off of the filters, Hz; from the spectra if none.
+    cutoff_hz: Option<f64>,
+}
+
+const SCENARIOS: [Scenario; 4] = [
+    Scenario {
+        title: "white torque noise, cut-off from the spectrum",
+        position: 1e-5,
+        torque: 0.5,
+        memory: 0.0,
+        outliers: 0.0,
+        cutoff_hz: None,
+    },
+    Scenario {
+        title: "coloured torque noise, cut-off from the spectrum",
+        position: 1e-5,
+        torque: 0.5,
+        memory: 0.95,
+        outliers: 0.0,
+        cutoff_hz: None,
+    },
+    Scenario {
+        title: "coloured torque noise, coarse encoder, a cut-off of 40 Hz that lets its noise through",
+        position: 3e-4,
+        torque: 0.5,
+        memory: 0.95,
+        outliers: 0.0,
+        cutoff_hz: Some(40.0),
+    },
+    Scenario {
+        title: "white torque noise and 2 % outliers",
+        position: 1e-5,
+        torque: 0.5,
+        memory: 0.0,
+        outliers: 0.02,
+        cutoff_hz: None,
+    },
+];
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let runs: usize = std::env::args().nth(1).map_or(Ok(50), |count| count.parse())?;
+    let arm = Arm::new();
+    let methods = [
+        ("OLS", Method::Ols, Uncertainty::Memory),
+        ("WLS", Method::Wls, Uncertainty::Memory),
+        ("WLS, HAC", Method::Wls, Uncertainty::Hac),
+        ("WLS, bootstrap", Method::Wls, Uncertainty::Bootstrap { replicates: 200 }),
+        ("IRLS (Huber)", Method::HUBER, Uncertainty::Memory),
+        ("ridge to CAD values 10 % off", Method::Ridge { relative_deviation: 0.1 }, Uncertainty::Memory),
+        ("TLS", Method::TotalLeastSquares { relative_noise: 0.01 }, Uncertainty::Memory),
+        ("IV, simulated instruments", Method::InstrumentalVariables, Uncertainty::Memory),
+        ("output error (DIDIM)", Method::OutputError, Uncertainty::Memory),
+        ("RLS, no forgetting", Method::Recursive { forgetting: 1.0 }, Uncertainty::Memory),
+    ];
+    println!("{runs} experiments of {} s each.", SAMPLES as f64 / RATE_HZ);
+    for scenario in &SCENARIOS {
+        println!("\n### {}\n", scenario.title);
+        println!("| estimator | bias % | spread % | 95 % intervals cover % |\n| --- | ---: | ---: | ---: |");
+        for (name, method, uncertainty) in &methods {
+            let score = arm.score(scenario, method, *uncertainty, runs)?;
+            println!("| {name} | {:.2} | {:.2} | {:.1} |", score.bias, score.spread, score.coverage);
+        }
+    }
+    Ok(())
+}
+
+struct Arm {
+    /// With inertias of the robot file.
+    robot: Robot,
+    truth: Vec<f64>,
+    reference: SimulatedMotion,
+    motion: SimulatedMotion,
+}
+
+/// Root mean squares over the base parameters that are not zero, percent of their values.
+struct Score {
+    bias: f64,
+    spread: f64,
+    coverage: f64,
+}
+
+impl Arm {
+    fn new() -> Self {
+        let real = two_link();
+        let set = ParameterSet::new(&real, &EFFECTS).expect("effects of the library");
+        let mut parameters = real.standard_parameters();
+        parameters.extend([0.5, 0.3, 0.4, 0.2, 0.08, 0.09]);
+        let reference = reference();
+        let (kp, kd) = GAINS;
+        let closed_loop = ClosedLoop {
+            reference: reference.samples(),
+            feed_forward: None,
+            kp: &kp,
+            kd: &kd,
+            rate_hz: RATE_HZ,
+            steps: 10,
+        };
+        let motion = closed_loop.simulate(&real, &set, &parameters, &reference.q[..2], &reference.dq[..2]);
+        let cad: Vec<f64> = real.standard_parameters().iter().map(|value| 1.1 * value).collect();
+        Self {
+            truth: BaseParameters::new(&real, &set).combine(&parameters),
+            robot: real.with_standard_parameters(&cad),
+            reference,
+            motion: motion.expect("a stable loop"),
+        }
+    }
+
+    fn score(
+        &self,
+        scenario: &Scenario,
+        method: &Method,
+        uncertainty: Uncertainty,
+        runs: usize,
+    ) -> Result<Score, Box<dyn Error>> {
+        let mut options = IdentifyOptions {
+            effects: EFFECTS.map(String::from).to_vec(),
+            method: method.clone(),
+            uncertainty,
+            ..IdentifyOptions::default()
+        };
+        options.conditioning.cutoff_hz = scenario.cutoff_hz;
+        if matches!(method, Method::InstrumentalVariables | Method::OutputError) {
+            options.instruments = vec![self.recording(&self.reference.q, None)?];
+            options.controller = Some(Controller { kp: GAINS.0.to_vec(), kd: GAINS.1.to_vec() });
+        }
+        let mut random = Noise(2026);
+        let mut estimates: Vec<Vec<f64>> = Vec::new();
+        let (mut covered, mut intervals) = (0, 0);
+        for _ in 0..runs {
+            let log = self.spoilt(scenario, &mut random)?;
+            let (model, _) = identify(&self.robot, &[log], &options, &())?;
+            let fit = model.fit().expect("identified");
+            for ((value, truth), deviation) in fit.values.iter().zip(&self.truth).zip(&fit.standard_deviations) {
+                covered += usize::from((value - truth).abs() < 1.96 * deviation);
+                intervals += 1;
+            }
+            estimates.push(fit.values.clone());
+        }
+        let (mut bias, mut spread, mut count) = (0.0, 0.0, 0.0);
+        for (k, truth) in self.truth.iter().enumerate().filter(|(_, truth)| truth.abs() > 1e-9) {
+            let mean = estimates.iter().map(|values| values[k]).sum::<f64>() / runs as f64;
+            let variance = estimates.iter().map(|values| (values[k] - mean).powi(2)).sum::<f64>() / runs as f64;
+            bias += (mean / truth - 1.0).powi(2);
+            spread += variance / truth.powi(2);
+            count += 1.0;
+        }
+        let percent = |sum: f64| 100.0 * (sum / count).sqrt();
+        let coverage = 100.0 * covered as f64 / intervals as f64;
+        Ok(Score { bias: percent(bias), spread: percent(spread), coverage })
+    }
+
+    fn spoilt(&self, scenario: &Scenario, random: &mut Noise) -> Result<Recording, Box<dyn Error>> {
+        let q: Vec<f64> = self.motion.q.iter().map(|q| q + scenario.position * random.normal()).collect();
+        let fresh = (1.0 - scenario.memory * scenario.memory).sqrt();
+        let mut state = [0.0; 2];
+        let mut tau = self.motion.tau.clone();
+        for sample in tau.chunks_exact_mut(2) {
+            for (tau, state) in sample.iter_mut().zip(&mut state) {
+                *state = scenario.memory * *state + fresh * scenario.torque * random.normal();
+                *tau += *state;
+                if random.uniform() < scenario.outliers {
+                    *tau += 20.0 * scenario.torque * if random.uniform() < 0.7 { 1.0 } else { -1.0 };
+                }
+            }
+        }
+        self.recording(&q, Some(tau))
+    }
+
+    fn recording(&self, q: &[f64], tau: Option<Vec<f64>>) -> Result<Recording, Box<dyn Error>> {
+        let names = self.robot.joint_names().map(String::from).collect();
+        let time = (0..SAMPLES as i64).map(|k| k * (1e9 / RATE_HZ) as i64).collect();
+        Ok(Recording::new("simulated", names, time, q.to_vec(), None, tau, vec![])?)
+    }
+}
+
+fn reference() -> SimulatedMotion {
+    let mut motion = SimulatedMotion::default();
+    for k in 0..SAMPLES {
+        let t = k as f64 / RATE_HZ;
+        for joint in 0..2 {
+            let (mut q, mut dq) = (0.0, 0.0);
+            for h in 1..=4 {
+                let (a, w) = (0.7 / h as f64, 0.9 * h as f64 + 0.17 * joint as f64);
+                let phase = w * t + 1.7 * (h * (joint + 1)) as f64;
+                (q, dq) = (q + a * phase.sin(), dq + a * w * phase.cos());
+            }
+            motion.q.push(q);
+            motion.dq.push(dq);
+            motion.ddq.push(0.0);
+        }
+    }
+    motion
+}
+
+/// SplitMix64 (Steele, Lea, Flood (2014)), and the sum of twelve uniform numbers for a normal one.
+struct Noise(u64);
+
+impl Noise {
+    fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
+    }
+}

@@ -1,0 +1,368 @@
+//! The information matrix A = WᵀΣ⁻¹W / samples of a motion, its derivative by the motion, and what is reported of W.
+
+use faer::linalg::matmul::matmul;
+use faer::{Accum, Mat, MatRef, Par};
+
+use super::dual::{DIRECTIONS, Dual};
+use super::{ExcitationError, TrajectorySamples};
+use crate::dynamics::{BatchWorkspace, Body, Samples, regressor_batch, regressor_kernel};
+use crate::effects::JointState;
+use crate::identification::{BaseParameters, ParameterSet};
+use crate::linalg::{Svd, TriangularFactor};
+use crate::robot::Robot;
+use crate::spatial::{PARAMETERS_PER_LINK, Vector3};
+
+/// Observation matrix of base parameters along a motion.
+#[derive(Debug)]
+pub(super) struct Information<'a> {
+    robot: &'a Robot,
+    set: &'a ParameterSet,
+    base: &'a BaseParameters,
+    /// 1 / standard deviation of the torque noise of each joint.
+    weights: Vec<f64>,
+    /// Speed over which sgn is smoothed out, rad/s; zero for none.
+    smoothing: f64,
+    batch: BatchWorkspace,
+    full: Vec<f64>,
+    /// W Σ^-1/2, `[samples n, base]`.
+    pub rows: Vec<f64>,
+    bodies: Vec<Body<Dual>>,
+    axes: Vec<[Vector3<Dual>; 2]>,
+}
+
+impl<'a> Information<'a> {
+    /// - `noise`: standard deviations of the torque, `[n]`; all alike if `None`
+    pub fn new(
+        robot: &'a Robot,
+        set: &'a ParameterSet,
+        base: &'a BaseParameters,
+        noise: Option<&[f64]>,
+        smoothing: f64,
+    ) -> Self {
+        let n = robot.dof();
+        let zero = Vector3::zero(());
+        Self {
+            robot,
+            set,
+            base,
+            weights: noise.map_or(vec![1.0; n], |noise| noise.iter().map(|s| 1.0 / s).collect()),
+            smoothing,
+            batch: BatchWorkspace::new(robot),
+            full: Vec::new(),
+            rows: Vec::new(),
+            bodies: vec![Body::zero(()); n],
+            axes: vec![[zero, zero]; n * n],
+        }
+    }
+
+    /// Values of the effect columns of `joint`, sgn smoothed.
+    fn effect_row(&self, joint: usize, state: &JointState<'_>, out: &mut [f64]) {
+        self.set.effect_row(joint, state, out);
+        if self.smoothing > 0.0 {
+            let mut index = 0;
+            for effect in self.set.effects() {
+                if effect.name() == "coulomb_friction" {
+                    out[index] = (state.dq[joint] / self.smoothing).tanh();
+                }
+                index += effect.parameters().len();
+            }
+        }
+    }
+
+    /// Sets `rows` to the observation matrix of the samples.
+    pub fn observe(&mut self, samples: &TrajectorySamples) {
+        let n = self.robot.dof();
+        let (rows, columns, width) = (samples.len() * n, self.base.rank(), PARAMETERS_PER_LINK * n);
+        self.full.resize(rows * width, 0.0);
+        let motion = Samples { q: &samples.q, dq: &samples.dq, ddq: &samples.ddq };
+        regressor_batch(self.robot, &mut self.batch, motion, &mut self.full);
+        let mut kept = std::mem::take(&mut self.rows);
+        kept.resize(rows * columns, 0.0);
+        let mut effects = vec![0.0; self.set.effect_columns_per_joint()];
+        for (index, row) in kept.chunks_exact_mut(columns).enumerate() {
+            let (sample, joint) = (index / n, index % n);
+            let weight = self.weights[joint];
+            let full = &self.full[index * width..(index + 1) * width];
+            let range = sample * n..(sample + 1) * n;
+            let state =
+                JointState { q: &samples.q[range.clone()], dq: &samples.dq[range.clone()], ddq: &samples.ddq[range] };
+            self.effect_row(joint, &state, &mut effects);
+            for (entry, &parameter) in row.iter_mut().zip(self.base.independent()) {
+                *entry = weight
+                    * match parameter.checked_sub(width) {
+                        None => full[parameter],
+                        Some(index) => self.effect_entry(index, joint, &effects),
+                    };
+            }
+        }
+        self.rows = kept;
+    }
+
+    /// Entry of effect column `index` in a row of `joint`.
+    fn effect_entry(&self, index: usize, joint: usize, effects: &[f64]) -> f64 {
+        let column = self.set.effect_columns()[index];
+        if column.joint != joint {
+            return 0.0;
+        }
+        let before: usize = self.set.effects()[..column.effect].iter().map(|effect| effect.parameters().len()).sum();
+        effects[before + column.parameter]
+    }
+
+    /// WᵀΣ⁻¹W / samples of the last observed motion.
+    pub fn matrix(&self) -> Mat<f64> {
+        let columns = self.base.rank();
+        let rows = self.rows.len() / columns;
+        let w = MatRef::from_row_major_slice(&self.rows, rows, columns);
+        let mut a = Mat::zeros(columns, columns);
+        let scale = self.robot.dof() as f64 / rows as f64;
+        matmul(a.as_mut(), Accum::Replace, w.transpose(), w, scale, Par::Seq);
+        a
+    }
+
+    /// Derivative of a function of the information matrix by the entries of the last observed `rows`, `[base, rows]`:
+    /// d f = 2 / samples · sum over rows of (S w_row) · dw_row, where S is the derivative by the matrix.
+    pub fn by_rows(&self, by_matrix: &Mat<f64>) -> Mat<f64> {
+        let columns = self.base.rank();
+        let rows = self.rows.len() / columns;
+        let w = MatRef::from_row_major_slice(&self.rows, rows, columns);
+        let mut pull = Mat::<f64>::zeros(columns, rows);
+        let scale = 2.0 * self.robot.dof() as f64 / rows as f64;
+        matmul(pull.as_mut(), Accum::Replace, by_matrix, w.transpose(), scale, Par::Seq);
+        pull
+    }
+
+    /// Number of base parameters.
+    pub fn parameters(&self) -> usize {
+        self.base.rank()
+    }
+
+    /// 1 / standard deviation of the torque noise of a joint.
+    pub fn weight(&self, joint: usize) -> f64 {
+        self.weights[joint]
+    }
+
+    /// Torque of joint `row % n` at sample `row / n` of the last observed motion with these base parameters.
+    pub fn torque(&self, base_parameters: &[f64]) -> Vec<f64> {
+        let torque = |(row, values): (usize, &[f64])| {
+            let sum: f64 = values.iter().zip(base_parameters).map(|(value, parameter)| value * parameter).sum();
+            sum / self.weights[row % self.weights.len()]
+        };
+        self.rows.chunks_exact(self.base.rank()).enumerate().map(torque).collect()
+    }
+
+    /// Derivative of a function by the motion, `[samples, n]` by q, dq and ddq, from its derivative by the entries of the
+    /// observation matrix, `[base, rows]`.
+    ///
+    /// The entries come from the regressor recursion on dual numbers, the effects' share from central differences (they
+    /// may be any function).
+    pub fn by_motion(&mut self, samples: &TrajectorySamples, pull: &Mat<f64>) -> [Vec<f64>; 3] {
+        let n = self.robot.dof();
+        let count = samples.len();
+        let rows = count * n;
+        let inertial = self.set.inertial();
+        let mut result = [vec![0.0; rows], vec![0.0; rows], vec![0.0; rows]];
+        let mut factors = vec![[0.0; PARAMETERS_PER_LINK]; n * n];
+        let mut effect_factors = vec![0.0; n * self.set.effect_columns_per_joint()];
+        for sample in 0..count {
+            factors.as_flattened_mut().fill(0.0);
+            effect_factors.fill(0.0);
+            for joint in 0..n {
+                let pull = pull.col_as_slice(sample * n + joint);
+                for (&parameter, &value) in self.base.independent().iter().zip(pull) {
+                    let value = self.weights[joint] * value;
+                    if parameter < inertial {
+                        factors.as_flattened_mut()[joint * inertial + parameter] = value;
+                    } else {
+                        self.set_effect_factor(parameter - inertial, joint, value, &mut effect_factors);
+                    }
+                }
+            }
+            let at = sample * n..(sample + 1) * n;
+            let motion = [&samples.q[at.clone()], &samples.dq[at.clone()], &samples.ddq[at.clone()]];
+            self.add_rigid_body(motion, &factors, &mut result, sample);
+            if self.set.effect_columns_per_joint() > 0 {
+                self.add_effects(motion, &effect_factors, &mut result, sample);
+            }
+        }
+        result
+    }
+
+    fn set_effect_factor(&self, index: usize, joint: usize, value: f64, factors: &mut [f64]) {
+        let column = self.set.effect_columns()[index];
+        if column.joint == joint {
+            let before: usize =
+                self.set.effects()[..column.effect].iter().map(|effect| effect.parameters().len()).sum();
+            factors[joint * self.set.effect_columns_per_joint() + before + column.parameter] = value;
+        }
+    }
+
+    fn add_rigid_body(
+        &mut self,
+        motion: [&[f64]; 3],
+        factors: &[[f64; PARAMETERS_PER_LINK]],
+        result: &mut [Vec<f64>; 3],
+        sample: usize,
+    ) {
+        let n = self.robot.dof();
+        for first in (0..3 * n).step_by(DIRECTIONS) {
+            set_motion(&mut self.bodies, motion, first);
+            let mut sum = [0.0; DIRECTIONS];
+            regressor_kernel((), self.robot, &mut self.bodies, &mut self.axes, |joint, link, block: [Dual; 10]| {
+                for (entry, factor) in block.iter().zip(&factors[joint * n + link]) {
+                    for k in 0..DIRECTIONS {
+                        sum[k] += factor * entry.slope[k];
+                    }
+                }
+            });
+            for (k, slope) in sum.iter().enumerate() {
+                let variable = first + k;
+                if variable < 3 * n {
+                    result[variable / n][sample * n + variable % n] += slope;
+                }
+            }
+        }
+    }
+
+    fn add_effects(&self, motion: [&[f64]; 3], factors: &[f64], result: &mut [Vec<f64>; 3], sample: usize) {
+        let n = self.robot.dof();
+        let width = self.set.effect_columns_per_joint();
+        let mut moved = motion.map(<[f64]>::to_vec);
+        let mut row = vec![0.0; width];
+        let mut contracted = |moved: &[Vec<f64>; 3]| {
+            let state = JointState { q: &moved[0], dq: &moved[1], ddq: &moved[2] };
+            let mut sum = 0.0;
+            for joint in 0..n {
+                self.effect_row(joint, &state, &mut row);
+                sum += row.iter().zip(&factors[joint * width..]).map(|(value, factor)| value * factor).sum::<f64>();
+            }
+            sum
+        };
+        for kind in 0..3 {
+            for joint in 0..n {
+                let here = moved[kind][joint];
+                let h = 1e-5 * (1.0 + here.abs());
+                moved[kind][joint] = here + h;
+                let above = contracted(&moved);
+                moved[kind][joint] = here - h;
+                let below = contracted(&moved);
+                moved[kind][joint] = here;
+                result[kind][sample * n + joint] += (above - below) / (2.0 * h);
+            }
+        }
+    }
+}
+
+/// Puts a motion into the bodies, the variables from `first` on (q, then dq, then ddq) as directions.
+pub(super) fn set_motion(bodies: &mut [Body<Dual>], [q, dq, ddq]: [&[f64]; 3], first: usize) {
+    let n = bodies.len();
+    for (joint, body) in bodies.iter_mut().enumerate() {
+        let variable = |kind: usize, value: f64| Dual::variable(value, (kind * n + joint).checked_sub(first));
+        body.q = variable(0, q[joint]);
+        let (sin, cos) = q[joint].sin_cos();
+        body.sin = body.q.chain(sin, cos);
+        body.cos = body.q.chain(cos, -sin);
+        body.dq = variable(1, dq[joint]);
+        body.ddq = variable(2, ddq[joint]);
+    }
+}
+
+/// How well a motion excites the base parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExcitationReport {
+    /// cond(W); infinite if a base parameter is not excited.
+    pub condition: f64,
+    /// cond(W) with every column scaled to unit length.
+    pub scaled_condition: f64,
+    /// |W|_F |W⁺|_F.
+    pub frobenius_condition: f64,
+    /// cond of the columns of each link with the friction of its joint; one for a link without.
+    pub link_conditions: Vec<f64>,
+    /// log det(Wᵀ Σ⁻¹ W) per sample.
+    pub log_determinant: f64,
+    /// Singular values of W, largest first.
+    pub singular_values: Vec<f64>,
+    /// Number of base parameters that are excited.
+    pub rank: usize,
+}
+
+impl ExcitationReport {
+    /// Sum of `link_conditions` over the links that have base parameters (thesis eq. 3-13).
+    pub fn sum_of_conditions(&self) -> f64 {
+        self.link_conditions.iter().filter(|condition| !condition.is_nan()).sum()
+    }
+}
+
+/// What `samples` reveal of the base parameters; friction with its true sign function.
+///
+/// - `noise`: standard deviations of the torque, `[n]`, N·m (N); all one if `None`
+///
+/// # Errors
+/// If `noise` has another length than the joints or a value that is not above zero.
+pub fn evaluate(
+    robot: &Robot,
+    set: &ParameterSet,
+    base: &BaseParameters,
+    samples: &TrajectorySamples,
+    noise: Option<&[f64]>,
+) -> Result<ExcitationReport, ExcitationError> {
+    require_noise(robot, noise)?;
+    let mut information = Information::new(robot, set, base, noise, 0.0);
+    let mut factor = TriangularFactor::new(base.rank());
+    let n = robot.dof();
+    for first in (0..samples.len()).step_by(256) {
+        let last = (first + 256).min(samples.len());
+        let cut = |values: &[f64]| values[first * n..last * n].to_vec();
+        let (q, dq, ddq) = (cut(&samples.q), cut(&samples.dq), cut(&samples.ddq));
+        information.observe(&TrajectorySamples { time: samples.time[first..last].to_vec(), q, dq, ddq });
+        factor.push_all(&information.rows);
+    }
+    let factor = factor.factor();
+    let values = Svd::new(factor.as_ref()).values;
+    let condition = |matrix: &Mat<f64>| {
+        let values = Svd::new(matrix.as_ref()).values;
+        if values.is_empty() { f64::NAN } else { ratio(values[0], values[values.len() - 1]) }
+    };
+    let columns = |keep: &dyn Fn(usize) -> bool| {
+        let kept: Vec<usize> = (0..base.rank()).filter(|column| keep(*column)).collect();
+        Mat::from_fn(factor.nrows(), kept.len(), |i, j| factor[(i, kept[j])])
+    };
+    let link_of = |column: usize| {
+        let parameter = base.independent()[column];
+        match parameter.checked_sub(set.inertial()) {
+            None => parameter / PARAMETERS_PER_LINK,
+            Some(index) => set.effect_columns()[index].joint,
+        }
+    };
+    let scaled = Mat::from_fn(factor.nrows(), base.rank(), |i, j| {
+        let length = factor.col(j).norm_l2();
+        if length > 0.0 { factor[(i, j)] / length } else { 0.0 }
+    });
+    let squares = |power: i32| values.iter().map(|value| value.powi(2 * power)).sum::<f64>().sqrt();
+    let count = samples.len() as f64;
+    Ok(ExcitationReport {
+        condition: ratio(values[0], values[values.len() - 1]),
+        scaled_condition: condition(&scaled),
+        frobenius_condition: squares(1) * squares(-1),
+        link_conditions: (0..n).map(|link| condition(&columns(&|column| link_of(column) == link))).collect(),
+        log_determinant: values.iter().map(|value| 2.0 * value.ln() - count.ln()).sum(),
+        rank: values.iter().filter(|value| **value > 1e-10 * values[0]).count(),
+        singular_values: values,
+    })
+}
+
+pub(super) fn require_noise(robot: &Robot, noise: Option<&[f64]>) -> Result<(), ExcitationError> {
+    let Some(noise) = noise else { return Ok(()) };
+    if noise.len() != robot.dof() {
+        return Err(ExcitationError::Length { what: "noise", expected: robot.dof(), found: noise.len() });
+    }
+    match noise.iter().find(|value| !(**value > 0.0 && value.is_finite())) {
+        Some(&value) => {
+            Err(ExcitationError::InvalidOption { option: "noise", value, expected: "a standard deviation above zero" })
+        }
+        None => Ok(()),
+    }
+}
+
+fn ratio(largest: f64, smallest: f64) -> f64 {
+    if smallest > 1e-14 * largest { largest / smallest } else { f64::INFINITY }
+}

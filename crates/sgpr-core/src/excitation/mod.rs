@@ -1,0 +1,25 @@
+//! Excitation trajectories: motions that reveal the parameters of an arm and stay within what the arm may do.
+//!
+//! A [`Trajectory`] is a [`Basis`] (Fourier series, B-splines, point to point) with coefficients; [`optimise`] finds
+//! the coefficients that make a [`Criterion`] small under [`MotionLimits`]; [`evaluate`] says how well any motion
+//! excites the base parameters. Source of the chapter: S. Krishnamoorthi, MSc thesis, TU Delft (2018), chapter 3.
+
+mod basis;
+mod criterion;
+mod dual;
+mod error;
+mod information;
+mod limits;
+mod optimise;
+mod peaks;
+mod problem;
+mod trajectory;
+
+pub use basis::Basis;
+pub use criterion::Criterion;
+pub use error::ExcitationError;
+pub use information::{ExcitationReport, evaluate};
+pub use limits::MotionLimits;
+pub use optimise::{Excitation, ExciteOptions, Status, Step, optimise, random_motion};
+pub use peaks::{Peaks, peaks};
+pub use trajectory::{Trajectory, TrajectorySamples};

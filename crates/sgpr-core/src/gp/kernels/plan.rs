@@ -1,0 +1,377 @@
+//! A kernel laid out for arithmetic on tiles of points: the tree flattened, inputs scaled once and stored by columns.
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use pulp::Simd;
+
+use super::{Element, Kernel, Shape, TILE};
+
+/// A kernel ready to be evaluated.
+#[derive(Clone, Debug)]
+pub(crate) struct Plan {
+    /// Children before parents; the last one is the kernel.
+    nodes: Vec<Node>,
+    leaves: Vec<Leaf>,
+    columns: Vec<Column>,
+    theta_len: usize,
+    variance: f64,
+}
+
+#[derive(Clone, Debug)]
+enum Node {
+    Leaf(usize),
+    Scaled { variance: f64, theta: usize, child: usize },
+    Sum(Vec<usize>),
+    Product(Vec<usize>),
+}
+
+#[derive(Clone, Debug)]
+struct Leaf {
+    shape: Shape,
+    /// Its columns among those of the plan.
+    columns: Range<usize>,
+    /// Index of the one length scale, if there is only one.
+    single: Option<usize>,
+    /// Index of the mixture of a rational quadratic.
+    mixture: Option<usize>,
+}
+
+/// A coordinate of the space in which distances are Euclidean.
+#[derive(Clone, Debug)]
+struct Column {
+    input: usize,
+    /// Of an input on a circle: (2 pi / period, phase), so that the coordinate is a cosine or sine.
+    wave: Option<(f64, f64)>,
+    /// One over the length scale, or the radius over it.
+    factor: f64,
+    /// Index of its length scale.
+    theta: usize,
+    /// Subtracted before scaling, so that single precision keeps its digits for differences.
+    centre: f64,
+}
+
+impl Column {
+    fn coordinate(&self, x: &[f64]) -> f64 {
+        let x = x[self.input];
+        match self.wave {
+            None => (x - self.centre) * self.factor,
+            Some((frequency, phase)) => (frequency * x + phase).cos() * self.factor,
+        }
+    }
+
+    fn slope(&self, x: &[f64]) -> f64 {
+        match self.wave {
+            None => self.factor,
+            Some((frequency, phase)) => -frequency * (frequency * x[self.input] + phase).sin() * self.factor,
+        }
+    }
+}
+
+/// Points in the coordinates of a plan, a column after the other, each `stride` long, padded with zeros.
+#[derive(Clone, Debug)]
+pub(crate) struct Features<T> {
+    values: Vec<T>,
+    stride: usize,
+    count: usize,
+}
+
+/// One point in the coordinates of a plan.
+#[derive(Clone, Debug)]
+pub(crate) struct Query<T>(Vec<T>);
+
+/// Tiles that an evaluation writes.
+#[derive(Clone, Debug)]
+pub(crate) struct Work<T> {
+    values: Vec<T>,
+    adjoints: Vec<T>,
+    squares: Vec<T>,
+    slopes: Vec<T>,
+    products: Vec<T>,
+}
+
+/// Points are padded to a multiple of this, the lanes of the widest register.
+const PADDING: usize = 16;
+
+impl<T: Element> Features<T> {
+    /// Number of points.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Tiles (start, length) that cover the points from `first` on; lengths are padded.
+    pub fn tiles_from(&self, first: usize) -> impl Iterator<Item = (usize, usize)> + use<T> {
+        let (start, end) = (first / PADDING * PADDING, self.count.next_multiple_of(PADDING));
+        (start..end).step_by(TILE).map(move |start| (start, TILE.min(end - start)))
+    }
+
+    /// Copies a point.
+    #[inline(always)]
+    pub fn point(&self, index: usize, query: &mut Query<T>) {
+        for (c, value) in query.0.iter_mut().enumerate() {
+            *value = self.values[c * self.stride + index];
+        }
+    }
+}
+
+impl Plan {
+    pub fn new(kernel: &Kernel) -> Self {
+        let mut plan =
+            Self { nodes: vec![], leaves: vec![], columns: vec![], theta_len: 0, variance: kernel.variance() };
+        plan.add(kernel);
+        plan
+    }
+
+    /// Subtracts `centre` (one number per input) from points before they are scaled.
+    #[must_use]
+    pub fn centred(mut self, centre: &[f64]) -> Self {
+        self.columns.iter_mut().for_each(|column| column.centre = centre[column.input]);
+        self
+    }
+
+    /// k(x, x).
+    pub fn variance(&self) -> f64 {
+        self.variance
+    }
+
+    pub fn theta_len(&self) -> usize {
+        self.theta_len
+    }
+
+    fn next_theta(&mut self) -> usize {
+        self.theta_len += 1;
+        self.theta_len - 1
+    }
+
+    /// Numbers the hyperparameters in the order of [`Kernel::theta`].
+    fn add(&mut self, kernel: &Kernel) -> usize {
+        let node = match kernel {
+            Kernel::Stationary(stationary) => {
+                let first = self.columns.len();
+                let single = (stationary.length_scales.len() == 1).then(|| self.next_theta());
+                for (k, input) in stationary.inputs.iter().enumerate() {
+                    let theta = single.unwrap_or_else(|| self.next_theta());
+                    let column = |wave, size: f64| Column {
+                        input: input.index,
+                        wave,
+                        factor: size / stationary.scale(k),
+                        theta,
+                        centre: 0.0,
+                    };
+                    match input.period {
+                        None => self.columns.push(column(None, 1.0)),
+                        Some(period) => {
+                            let frequency = TAU / period;
+                            for phase in [0.0, -std::f64::consts::FRAC_PI_2] {
+                                self.columns.push(column(Some((frequency, phase)), 1.0 / frequency));
+                            }
+                        }
+                    }
+                }
+                let shape = stationary.shape;
+                let mixture = matches!(shape, Shape::RationalQuadratic { .. }).then(|| self.next_theta());
+                self.leaves.push(Leaf { shape, columns: first..self.columns.len(), single, mixture });
+                Node::Leaf(self.leaves.len() - 1)
+            }
+            Kernel::Scaled { variance, kernel } => {
+                let theta = self.next_theta();
+                Node::Scaled { variance: *variance, theta, child: self.add(kernel) }
+            }
+            Kernel::Sum(parts) => Node::Sum(parts.iter().map(|part| self.add(part)).collect()),
+            Kernel::Product(parts) => Node::Product(parts.iter().map(|part| self.add(part)).collect()),
+        };
+        self.nodes.push(node);
+        self.nodes.len() - 1
+    }
+
+    /// The points of `x`, `[samples, inputs]` row-major, in the coordinates of the plan.
+    pub fn features<T: Element>(&self, x: &[f64], inputs: usize) -> Features<T> {
+        let count = x.len() / inputs;
+        // One more line of the cache than a power of two, so that columns do not fall on each other there.
+        let stride = count.next_multiple_of(PADDING) + PADDING;
+        let mut values = vec![T::default(); stride * self.columns.len()];
+        for (column, out) in self.columns.iter().zip(values.chunks_exact_mut(stride)) {
+            for (point, out) in x.chunks_exact(inputs).zip(out) {
+                *out = T::from_f64(column.coordinate(point));
+            }
+        }
+        Features { values, stride, count }
+    }
+
+    /// Room for a point.
+    pub fn query<T: Element>(&self) -> Query<T> {
+        Query(vec![T::default(); self.columns.len()])
+    }
+
+    /// Writes the point `x` into `query`.
+    #[inline]
+    pub fn set_query<T: Element>(&self, x: &[f64], query: &mut Query<T>) {
+        for (column, value) in self.columns.iter().zip(&mut query.0) {
+            *value = T::from_f64(column.coordinate(x));
+        }
+    }
+
+    pub fn work<T: Element>(&self) -> Work<T> {
+        let tiles = |count: usize| vec![T::default(); count * TILE];
+        Work {
+            values: tiles(self.nodes.len()),
+            adjoints: tiles(self.nodes.len()),
+            squares: tiles(self.leaves.len()),
+            slopes: tiles(self.leaves.len()),
+            products: tiles(1),
+        }
+    }
+
+    /// k(query, points start..start + length); with slopes, what [`Plan::gradient`] needs stays in `work`.
+    #[inline(always)]
+    pub fn values<'w, T: Element, S: Simd, const SLOPES: bool>(
+        &self,
+        simd: S,
+        points: &Features<T>,
+        (start, length): (usize, usize),
+        query: &Query<T>,
+        work: &'w mut Work<T>,
+    ) -> &'w [T] {
+        for (index, node) in self.nodes.iter().enumerate() {
+            let (before, rest) = work.values.split_at_mut(index * TILE);
+            let out = &mut rest[..length];
+            let child = |child: usize| &before[child * TILE..][..length];
+            match node {
+                Node::Leaf(leaf) => {
+                    let tile = leaf * TILE..leaf * TILE + length;
+                    let Leaf { shape, columns, .. } = &self.leaves[*leaf];
+                    let squares = &mut work.squares[tile.clone()];
+                    let x = &points.values[columns.start * points.stride + start..];
+                    T::squared_distances(simd, x, points.stride, &query.0[columns.clone()], squares);
+                    T::shape::<S, SLOPES>(simd, *shape, squares, out, &mut work.slopes[tile]);
+                }
+                Node::Scaled { variance, child: index, .. } => {
+                    let variance = T::from_f64(*variance);
+                    T::scale(variance, child(*index), out);
+                }
+                Node::Sum(children) => {
+                    out.copy_from_slice(child(children[0]));
+                    children[1..].iter().for_each(|index| T::add_to(child(*index), out));
+                }
+                Node::Product(children) => {
+                    out.copy_from_slice(child(children[0]));
+                    children[1..].iter().for_each(|index| T::multiply_to(child(*index), out));
+                }
+            }
+        }
+        &work.values[(self.nodes.len() - 1) * TILE..][..length]
+    }
+
+    /// Adds sum over points of weight * dk(query, point) / dtheta, right after [`Plan::values`] of the same tile.
+    ///
+    /// With `location`, adds sum of weight * dk / dcoordinate of the query as well.
+    #[allow(clippy::too_many_arguments)]
+    #[inline(always)]
+    pub fn gradient<T: Element, S: Simd>(
+        &self,
+        simd: S,
+        points: &Features<T>,
+        (start, length): (usize, usize),
+        query: &Query<T>,
+        weights: &[T],
+        work: &mut Work<T>,
+        gradient: &mut [f64],
+        mut location: Option<&mut [f64]>,
+    ) {
+        let root = self.nodes.len() - 1;
+        work.adjoints[root * TILE..][..length].copy_from_slice(weights);
+        for (index, node) in self.nodes.iter().enumerate().rev() {
+            let (before, rest) = work.adjoints.split_at_mut(index * TILE);
+            let adjoint = &rest[..length];
+            match node {
+                Node::Leaf(leaf) => {
+                    let tile = leaf * TILE..leaf * TILE + length;
+                    let Leaf { shape, columns, single, mixture } = &self.leaves[*leaf];
+                    let squares = &work.squares[tile.clone()];
+                    let slopes = &mut work.slopes[tile];
+                    T::multiply_to(adjoint, slopes);
+                    if let Some(theta) = single {
+                        gradient[*theta] -= 2.0 * T::dot(simd, slopes, squares);
+                    }
+                    for c in columns.clone() {
+                        let x = &points.values[c * points.stride + start..][..length];
+                        if single.is_none() {
+                            gradient[self.columns[c].theta] -= 2.0 * T::weighted_squares(simd, slopes, x, query.0[c]);
+                        }
+                        if let Some(location) = &mut location {
+                            location[c] -= 2.0 * T::weighted_differences(simd, slopes, x, query.0[c]);
+                        }
+                    }
+                    if let (Some(theta), Shape::RationalQuadratic { mixture }) = (mixture, shape) {
+                        let values = &work.values[index * TILE..][..length];
+                        for ((adjoint, k), r2) in adjoint.iter().zip(values).zip(squares) {
+                            let u = r2.to_f64() / (2.0 * mixture);
+                            let slope = mixture * (u / (1.0 + u) - u.ln_1p());
+                            gradient[*theta] += adjoint.to_f64() * k.to_f64() * slope;
+                        }
+                    }
+                }
+                Node::Scaled { variance, theta, child } => {
+                    gradient[*theta] += T::dot(simd, adjoint, &work.values[index * TILE..][..length]);
+                    T::scale(T::from_f64(*variance), adjoint, &mut before[child * TILE..][..length]);
+                }
+                Node::Sum(children) => {
+                    for child in children {
+                        before[child * TILE..][..length].copy_from_slice(adjoint);
+                    }
+                }
+                Node::Product(children) => {
+                    for child in children {
+                        let product = &mut work.products[..length];
+                        product.copy_from_slice(adjoint);
+                        for other in children.iter().filter(|other| *other != child) {
+                            T::multiply_to(&work.values[other * TILE..][..length], product);
+                        }
+                        before[child * TILE..][..length].copy_from_slice(product);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Number of coordinates.
+    pub fn coordinates(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// From derivatives by the coordinates of the point `x` to derivatives by its inputs.
+    pub fn by_inputs(&self, x: &[f64], by_coordinates: &[f64], by_inputs: &mut [f64]) {
+        for (column, derivative) in self.columns.iter().zip(by_coordinates) {
+            by_inputs[column.input] += derivative * column.slope(x);
+        }
+    }
+
+    /// Adds weight * dk(x, x) / dtheta.
+    pub fn diagonal_gradient(&self, weight: f64, gradient: &mut [f64]) {
+        let mut values = vec![1.0; self.nodes.len()];
+        for (index, node) in self.nodes.iter().enumerate() {
+            values[index] = match node {
+                Node::Leaf(_) => 1.0,
+                Node::Scaled { variance, child, .. } => variance * values[*child],
+                Node::Sum(children) => children.iter().map(|child| values[*child]).sum(),
+                Node::Product(children) => children.iter().map(|child| values[*child]).product(),
+            };
+        }
+        let mut adjoints = vec![0.0; self.nodes.len()];
+        adjoints[self.nodes.len() - 1] = weight;
+        for (index, node) in self.nodes.iter().enumerate().rev() {
+            let adjoint = adjoints[index];
+            match node {
+                Node::Leaf(_) => {}
+                Node::Scaled { variance, theta, child } => {
+                    gradient[*theta] += adjoint * values[index];
+                    adjoints[*child] = adjoint * variance;
+                }
+                Node::Sum(children) => children.iter().for_each(|child| adjoints[*child] = adjoint),
+                Node::Product(children) => {
+                    children.iter().for_each(|child| adjoints[*child] = adjoint * values[index] / values[*child]);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,35 @@
+//! Gaussian processes: kernels, exact inference by Cholesky, hyperparameters by marginal likelihood, a sparse process for
+//! more data than exact inference can take, and predictors for controllers.
+//!
+//! y = f(x) + noise, f ~ GP(0, k), one process per output. What is learned is the rest that a physical model leaves over,
+//! so the prior mean is zero: far from the data the prediction returns to the physics, and its variance to k(x, x).
+//!
+//! Source: C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006); thesis 4-3, appendix B.
+
+mod covariance;
+mod data;
+mod error;
+mod exact;
+mod kernels;
+mod likelihood;
+mod matrix;
+mod minimise;
+mod predictor;
+mod random;
+mod search;
+mod sparse;
+mod sparse_search;
+mod subset;
+
+pub use covariance::Covariance;
+pub use data::{Compute, Data};
+pub use error::GpError;
+pub use exact::{GaussianProcess, LeaveOneOut, Prediction};
+pub use kernels::{Input, Kernel, Shape, Stationary};
+pub use likelihood::Likelihood;
+pub use minimise::SearchStatus;
+pub use predictor::{GpPredictor, Precision, PredictorOptions};
+pub use search::{SearchOptions, SearchReport, search};
+pub use sparse::{SparseBound, SparseGaussianProcess, SparseGradient};
+pub use sparse_search::{SparseOptions, SparseReport, search_sparse};
+pub use subset::{informative_points, spread_points};

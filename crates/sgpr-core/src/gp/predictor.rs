@@ -1,0 +1,348 @@
+use pulp::{Arch, Simd, WithSimd};
+
+use super::exact::padded;
+use super::kernels::{Element, Features, Plan, Query, TILE, Work};
+use super::matrix::{assemble_and_factor, invert_factor, square, view, view_mut};
+use super::subset::informative_points;
+use super::{GaussianProcess, GpError, SparseGaussianProcess};
+
+/// Arithmetic of a [`GpPredictor`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precision {
+    /// 64 bits.
+    #[default]
+    Double,
+    /// 32 bits, sums of tiles in 64: twice as fast. [`GpPredictor::error`] says what it costs.
+    Single,
+}
+
+/// What a [`GpPredictor`] keeps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PredictorOptions {
+    /// Arithmetic.
+    pub precision: Precision,
+    /// Points that the variance is computed from; zero for no variance, none for all points. Of fewer, the most
+    /// informative ones are taken: the variance can then only be too large, and its cost falls with the square.
+    pub variance_points: Option<usize>,
+}
+
+impl Default for PredictorOptions {
+    fn default() -> Self {
+        Self { precision: Precision::Double, variance_points: Some(0) }
+    }
+}
+
+/// Predicts one point after the other, for a controller: owns its buffers, allocates nothing, takes no lock, and can
+/// move to another thread. The work of a prediction does not depend on the point.
+///
+/// # Examples
+/// ```
+/// use sgpr_core::gp::{Compute, Covariance, Data, GaussianProcess, GpPredictor, Kernel, PredictorOptions, Shape};
+/// let kernel = Kernel::isotropic(Shape::Matern52, 1, 1.0).scaled(1.0);
+/// let data = Data::new(vec![0.0, 1.0, 2.0], 1, vec![0.0, 1.0, 0.5], 1)?;
+/// let gp = GaussianProcess::fit(data, Covariance::new(kernel, 1e-4), &Compute::default())?;
+/// let mut predictor = GpPredictor::new(&gp, PredictorOptions { variance_points: None, ..Default::default() })?;
+/// let (mean, variance) = predictor.mean_and_variance(&[50.0]);
+/// assert!(mean[0].abs() < 1e-9 && predictor.is_far(variance));
+/// # Ok::<(), sgpr_core::gp::GpError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct GpPredictor {
+    kind: Kind,
+    mean: Vec<f64>,
+    prior_variance: f64,
+    error: f64,
+    inputs: usize,
+}
+
+#[derive(Clone, Debug)]
+enum Kind {
+    Double(Core<f64>),
+    Single(Core<f32>),
+}
+
+/// Points kept apart from the rest: as they enter, nothing moves or grows.
+#[derive(Clone, Debug)]
+struct Core<T> {
+    plan: Plan,
+    points: Features<T>,
+    /// Weights per output.
+    weights: Vec<Vec<T>>,
+    variance: Option<VarianceOf<T>>,
+    query: Query<T>,
+    work: Work<T>,
+}
+
+/// Variance = prior - |subtracted k|² + |added k|².
+#[derive(Clone, Debug)]
+struct VarianceOf<T> {
+    /// None if they are those of the mean.
+    points: Option<Features<T>>,
+    subtracted: Packed<T>,
+    added: Option<Packed<T>>,
+    cross: Vec<T>,
+}
+
+/// A lower triangular matrix by rows, each padded with zeros to whole registers.
+#[derive(Clone, Debug)]
+struct Packed<T> {
+    values: Vec<T>,
+    rows: usize,
+}
+
+/// Lanes of the widest register.
+const PADDING: usize = 16;
+
+/// Share of the prior variance from which a point counts as far from the data.
+const FAR: f64 = 0.95;
+
+/// Training points at which single precision is compared with double.
+const PROBES: usize = 200;
+
+/// What a predictor is made of, whatever process it comes from.
+pub(super) struct Parts<'a> {
+    pub plan: Plan,
+    pub x: &'a [f64],
+    pub inputs: usize,
+    pub weights: &'a [Vec<f64>],
+    pub variance: Option<VarianceParts>,
+}
+
+/// What its variance is made of.
+pub(super) struct VarianceParts {
+    /// None if they are those of the mean.
+    pub points: Option<Vec<f64>>,
+    pub subtracted: faer::Mat<f64>,
+    pub added: Option<faer::Mat<f64>>,
+}
+
+impl GpPredictor {
+    /// The only place that allocates.
+    ///
+    /// # Errors
+    /// If the variance needs more memory than allowed.
+    pub fn new(gp: &GaussianProcess, options: PredictorOptions) -> Result<Self, GpError> {
+        let (n, inputs) = (gp.data.len(), gp.data.inputs());
+        let par = gp.compute.par();
+        let variance = match options.variance_points {
+            Some(0) => None,
+            Some(count) if count < n => {
+                let chosen = informative_points(&gp.covariance.signal, gp.data.x(), inputs, count);
+                let data = gp.data.select(&chosen);
+                let plan = Plan::new(&gp.covariance.kernel());
+                let mut factor = square(chosen.len());
+                let points = plan.features(data.x(), inputs);
+                assemble_and_factor(&plan, &points, gp.covariance.noise_variance, &mut factor, &gp.compute)?;
+                let mut inverse = square(chosen.len());
+                invert_factor(view(&factor), view_mut(&mut inverse), par);
+                Some(VarianceParts { points: Some(data.x().to_vec()), subtracted: inverse, added: None })
+            }
+            _ => {
+                gp.compute.check(n, 2)?;
+                let mut inverse = square(n);
+                invert_factor(view(&gp.factor), view_mut(&mut inverse), par);
+                Some(VarianceParts { points: None, subtracted: inverse, added: None })
+            }
+        };
+        let plan = Plan::new(&gp.covariance.signal);
+        let parts = Parts { plan, x: gp.data.x(), inputs, weights: &gp.alpha, variance };
+        Ok(Self::from_parts(parts, options.precision))
+    }
+
+    /// The same for a sparse process, whose inducing points are all it keeps; `variance_points` other than zero gives its
+    /// variance, which needs all of them.
+    pub fn from_sparse(gp: &SparseGaussianProcess, options: PredictorOptions) -> Self {
+        let [prior, data] = &gp.inverse_factors;
+        let variance = (options.variance_points != Some(0)).then(|| VarianceParts {
+            points: None,
+            subtracted: prior.clone(),
+            added: Some(data.clone()),
+        });
+        let plan = Plan::new(&gp.covariance.signal);
+        let parts = Parts { plan, x: &gp.inducing, inputs: gp.inputs, weights: &gp.weights, variance };
+        Self::from_parts(parts, options.precision)
+    }
+
+    fn from_parts(parts: Parts<'_>, precision: Precision) -> Self {
+        let inputs = parts.inputs;
+        let samples = (parts.x.len() / inputs) as f64;
+        let mean = |m: usize| parts.x.iter().skip(m).step_by(inputs).sum::<f64>() / samples;
+        let centre: Vec<f64> = (0..inputs).map(mean).collect();
+        let plan = parts.plan.clone().centred(&centre);
+        let mut predictor = Self {
+            mean: vec![0.0; parts.weights.len()],
+            prior_variance: plan.variance(),
+            error: 0.0,
+            inputs,
+            kind: match precision {
+                Precision::Double => Kind::Double(Core::new(plan.clone(), &parts)),
+                Precision::Single => Kind::Single(Core::new(plan.clone(), &parts)),
+            },
+        };
+        if precision == Precision::Single {
+            predictor.error = predictor.compare(&parts, plan);
+        }
+        predictor
+    }
+
+    /// Largest difference to double precision at points of the data and half-way between them.
+    fn compare(&mut self, parts: &Parts<'_>, plan: Plan) -> f64 {
+        let mut exact = Core::<f64>::new(plan, &Parts { variance: None, plan: parts.plan.clone(), ..*parts });
+        let points: Vec<&[f64]> = parts.x.chunks_exact(self.inputs).collect();
+        let stride = points.len().div_ceil(PROBES);
+        let mut expected = vec![0.0; self.mean.len()];
+        let mut largest: f64 = 0.0;
+        for k in (0..points.len()).step_by(stride) {
+            let other = points[(k * 31 + 7) % points.len()];
+            let between: Vec<f64> = points[k].iter().zip(other).map(|(a, b)| 0.5 * (a + b)).collect();
+            for x in [points[k], &between] {
+                exact.predict(x, &mut expected, false);
+                let worse = |largest: f64, (a, b): (&f64, &f64)| largest.max((a - b).abs());
+                largest = self.mean(x).iter().zip(&expected).fold(largest, worse);
+            }
+        }
+        largest
+    }
+
+    /// Mean of the signal, one number per output.
+    ///
+    /// # Panics
+    /// If `x` has another length than the inputs.
+    pub fn mean(&mut self, x: &[f64]) -> &[f64] {
+        assert_eq!(x.len(), self.inputs, "one number per input");
+        match &mut self.kind {
+            Kind::Double(core) => core.predict(x, &mut self.mean, false),
+            Kind::Single(core) => core.predict(x, &mut self.mean, false),
+        };
+        &self.mean
+    }
+
+    /// Mean of the signal and its variance.
+    ///
+    /// # Panics
+    /// If `x` has another length than the inputs, or the predictor was made without variance.
+    pub fn mean_and_variance(&mut self, x: &[f64]) -> (&[f64], f64) {
+        assert_eq!(x.len(), self.inputs, "one number per input");
+        let explained = match &mut self.kind {
+            Kind::Double(core) => core.predict(x, &mut self.mean, true),
+            Kind::Single(core) => core.predict(x, &mut self.mean, true),
+        };
+        (&self.mean, (self.prior_variance - explained).max(0.0))
+    }
+
+    /// Whether a variance is that of a point so far from the data that they say nothing about it: within 5 % of the
+    /// variance before any data.
+    pub fn is_far(&self, variance: f64) -> bool {
+        variance > FAR * self.prior_variance
+    }
+
+    /// Variance before any data.
+    pub fn prior_variance(&self) -> f64 {
+        self.prior_variance
+    }
+
+    /// Largest error of the mean against double precision, measured at up to 200 points of the data and as many between
+    /// them; zero in double precision.
+    pub fn error(&self) -> f64 {
+        self.error
+    }
+
+    /// Number of inputs.
+    pub fn inputs(&self) -> usize {
+        self.inputs
+    }
+}
+
+impl<T: Element> Core<T> {
+    fn new(plan: Plan, parts: &Parts<'_>) -> Self {
+        let variance = parts.variance.as_ref().map(|VarianceParts { points, subtracted, added }| VarianceOf {
+            points: points.as_ref().map(|x| plan.features(x, parts.inputs)),
+            subtracted: Packed::new(subtracted),
+            added: added.as_ref().map(Packed::new),
+            cross: vec![T::default(); subtracted.ncols() + TILE],
+        });
+        Self {
+            points: plan.features(parts.x, parts.inputs),
+            weights: parts.weights.iter().map(|weights| padded(weights)).collect(),
+            query: plan.query(),
+            work: plan.work(),
+            variance,
+            plan,
+        }
+    }
+
+    /// Writes the means; returns the explained variance if asked.
+    fn predict(&mut self, x: &[f64], mean: &mut [f64], with_variance: bool) -> f64 {
+        Arch::new().dispatch(Predict { core: self, x, mean, with_variance })
+    }
+}
+
+struct Predict<'a, T> {
+    core: &'a mut Core<T>,
+    x: &'a [f64],
+    mean: &'a mut [f64],
+    with_variance: bool,
+}
+
+impl<T: Element> WithSimd for Predict<'_, T> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+        let Self { core: Core { plan, points, weights, variance, query, work }, x, mean, with_variance } = self;
+        plan.set_query(x, query);
+        mean.fill(0.0);
+        let mut keep = match variance {
+            Some(variance) if with_variance && variance.points.is_none() => Some(&mut variance.cross),
+            _ => None,
+        };
+        for (start, length) in points.tiles_from(0) {
+            let values = plan.values::<T, S, false>(simd, points, (start, length), query, work);
+            for (mean, weights) in mean.iter_mut().zip(&*weights) {
+                *mean += T::dot(simd, values, &weights[start..start + length]);
+            }
+            if let Some(cross) = &mut keep {
+                cross[start..start + length].copy_from_slice(values);
+            }
+        }
+        if !with_variance {
+            return 0.0;
+        }
+        let VarianceOf { points, subtracted, added, cross } = variance.as_mut().expect("made with variance");
+        if let Some(points) = points {
+            for (start, length) in points.tiles_from(0) {
+                let values = plan.values::<T, S, false>(simd, points, (start, length), query, work);
+                cross[start..start + length].copy_from_slice(values);
+            }
+        }
+        let explained = subtracted.squared_norm(simd, cross);
+        explained - added.as_ref().map_or(0.0, |added| added.squared_norm(simd, cross))
+    }
+}
+
+impl<T: Element> Packed<T> {
+    fn new(matrix: &faer::Mat<f64>) -> Self {
+        let rows = matrix.ncols();
+        let length = |row: usize| (row + 1).next_multiple_of(PADDING);
+        let mut values = Vec::with_capacity((0..rows).map(length).sum());
+        for i in 0..rows {
+            values.extend((0..=i).map(|j| T::from_f64(matrix[(i, j)])));
+            values.resize(values.len() + length(i) - (i + 1), T::default());
+        }
+        Self { values, rows }
+    }
+
+    /// |matrix * vector|².
+    #[inline(always)]
+    fn squared_norm<S: Simd>(&self, simd: S, vector: &[T]) -> f64 {
+        let mut sum = 0.0;
+        let mut rest = &self.values[..];
+        for row in 0..self.rows {
+            let (values, after) = rest.split_at((row + 1).next_multiple_of(PADDING));
+            let product = T::dot(simd, values, &vector[..values.len()]);
+            sum += product * product;
+            rest = after;
+        }
+        sum
+    }
+}

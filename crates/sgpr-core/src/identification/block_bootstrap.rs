@@ -1,0 +1,131 @@
+//! How the estimates would scatter: experiments made of blocks of this one, drawn with replacement.
+//!
+//! Blocks that are long against the memory of the noise keep it, so nothing is assumed of its law. Each block is one Gram
+//! matrix and one score, and a replicate is their sum: thousands cost less than one pass over the data.
+//!
+//! Source: H. R. Künsch, The jackknife and the bootstrap for general stationary observations, Annals of Statistics 17(3)
+//! (1989), with blocks that do not overlap (E. Carlstein, 1986).
+
+use faer::Mat;
+
+use super::estimate::Groups;
+use super::hac::suggested_lag;
+use super::least_squares::Directions;
+use super::{Equations, Estimate, IdentificationError, JointFactor};
+use crate::linalg::solve_general;
+
+/// Replicated estimates.
+#[derive(Clone, Debug)]
+pub struct Bootstrap {
+    /// `[replicates, rank]`
+    pub estimates: Vec<Vec<f64>>,
+    /// Rows of time per block.
+    pub block: usize,
+    /// Blocks in the data.
+    pub blocks: usize,
+}
+
+impl Bootstrap {
+    /// Covariance of the replicates, `[rank, rank]`.
+    pub fn covariance(&self) -> Mat<f64> {
+        let rank = self.estimates.first().map_or(0, Vec::len);
+        let count = self.estimates.len() as f64;
+        let mean: Vec<f64> = (0..rank).map(|k| self.estimates.iter().map(|e| e[k]).sum::<f64>() / count).collect();
+        Mat::from_fn(rank, rank, |i, j| {
+            self.estimates.iter().map(|e| (e[i] - mean[i]) * (e[j] - mean[j])).sum::<f64>() / (count - 1.0)
+        })
+    }
+
+    /// Interval that holds the share `level` of the replicates of each base parameter, `[rank]`.
+    pub fn intervals(&self, level: f64) -> Vec<[f64; 2]> {
+        let rank = self.estimates.first().map_or(0, Vec::len);
+        let tail = 0.5 * (1.0 - level);
+        let interval = |k: usize| {
+            let mut values: Vec<f64> = self.estimates.iter().map(|estimate| estimate[k]).collect();
+            values.sort_unstable_by(f64::total_cmp);
+            let at = |share: f64| values[((values.len() - 1) as f64 * share).round() as usize];
+            [at(tail), at(1.0 - tail)]
+        };
+        (0..rank).map(interval).collect()
+    }
+}
+
+/// Replicates of an estimate by weighted least squares.
+///
+/// - `block`: rows of time per block; several times what the residual remembers if `None`
+///
+/// # Errors
+/// If the data hold fewer than ten blocks.
+pub fn block_bootstrap(
+    equations: &mut Equations<'_>,
+    factors: &[JointFactor],
+    estimate: &Estimate,
+    replicates: usize,
+    block: Option<usize>,
+) -> Result<Bootstrap, IdentificationError> {
+    const FEWEST: usize = 10;
+    let block = match block {
+        Some(block) => block.max(1),
+        None => suggested_lag(equations, factors, estimate)?,
+    };
+    let directions = Directions::of(&estimate.whitened);
+    let size = directions.len();
+    let group = Groups::of(factors);
+    let steps: Vec<usize> = equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
+    let mut blocks: Vec<(Mat<f64>, Vec<f64>)> = Vec::new();
+    let mut at = None;
+    let mut row = vec![0.0; size];
+    equations.for_each(|equation| {
+        let now = (equation.trajectory, equation.sample / steps[equation.trajectory] / block);
+        if at.replace(now) != Some(now) {
+            blocks.push((Mat::zeros(size, size), vec![0.0; size]));
+        }
+        let noise = estimate.weights[group.index(&equation)] * estimate.unit;
+        if noise.is_finite() {
+            let (gram, score) = blocks.last_mut().expect("just begun");
+            row.fill(0.0);
+            directions.add_coordinates(equation.columns, equation.row, 1.0 / noise, &mut row);
+            let residual = equation.residual(&estimate.values) / noise;
+            for j in 0..size {
+                let factor = row[j];
+                if factor != 0.0 {
+                    gram.col_mut(j).iter_mut().zip(&row).for_each(|(gram, row)| *gram += factor * row);
+                    score[j] += factor * residual;
+                }
+            }
+        }
+    })?;
+    if blocks.len() < FEWEST {
+        return Err(IdentificationError::FewBlocks { blocks: blocks.len(), rows: block, needed: FEWEST });
+    }
+    let mut random = SplitMix(0x5EED_B007);
+    let mut estimates = Vec::with_capacity(replicates);
+    while estimates.len() < replicates {
+        let mut gram = Mat::<f64>::zeros(size, size);
+        let mut score = Mat::<f64>::zeros(size, 1);
+        for _ in 0..blocks.len() {
+            let (part, own) = &blocks[random.below(blocks.len())];
+            gram += part;
+            own.iter().enumerate().for_each(|(k, own)| score[(k, 0)] += own);
+        }
+        // A draw that leaves a direction without data is no experiment that anyone would evaluate.
+        let Some(step) = solve_general(&gram, &score) else { continue };
+        let mut values = estimate.values.clone();
+        directions.advance(&mut values, &(0..size).map(|k| step[(k, 0)]).collect::<Vec<_>>());
+        estimates.push(values);
+    }
+    Ok(Bootstrap { estimates, block, blocks: blocks.len() })
+}
+
+/// Steele, Lea, Flood (2014).
+struct SplitMix(u64);
+
+impl SplitMix {
+    fn below(&mut self, limit: usize) -> usize {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        (((z ^ (z >> 31)) as u128 * limit as u128) >> 64) as usize
+    }
+}

@@ -1,0 +1,167 @@
+//! The arm under its controller: the motion that a set of parameters makes of a reference.
+
+use super::ParameterSet;
+use crate::dynamics::{Samples, Workspace, forward_dynamics_with_rotors};
+use crate::effects::JointState;
+use crate::robot::Robot;
+
+/// The controller of a trajectory, continuous in time: tau = feed-forward + kp (reference - q) + kd (its speed - dq).
+#[derive(Clone, Copy, Debug)]
+pub struct ClosedLoop<'a> {
+    /// Reference at the samples of the trajectory; its accelerations are not used. Between samples it is a cubic.
+    pub reference: Samples<'a>,
+    /// Torque of an internal model at the samples, `[samples, n]`, N·m (N); between samples it is a line.
+    pub feed_forward: Option<&'a [f64]>,
+    /// Gain on the position at the joint, `[n]`, N·m/rad (N/m).
+    pub kp: &'a [f64],
+    /// Gain on the velocity at the joint, `[n]`, N·m·s/rad (N·s/m).
+    pub kd: &'a [f64],
+    /// Sampling rate, Hz.
+    pub rate_hz: f64,
+    /// Integration steps per sample.
+    pub steps: usize,
+}
+
+/// A simulated motion, `[samples, n]`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SimulatedMotion {
+    /// Positions, rad (m).
+    pub q: Vec<f64>,
+    /// Velocities, rad/s (m/s).
+    pub dq: Vec<f64>,
+    /// Accelerations, rad/s² (m/s²).
+    pub ddq: Vec<f64>,
+    /// Torques of the controller, N·m (N).
+    pub tau: Vec<f64>,
+}
+
+impl SimulatedMotion {
+    /// The motion as the dynamics takes it.
+    pub fn samples(&self) -> Samples<'_> {
+        Samples { q: &self.q, dq: &self.dq, ddq: &self.ddq }
+    }
+}
+
+impl ClosedLoop<'_> {
+    /// The motion of `robot` with `parameters` from a given state on, by the classical Runge-Kutta method of order four;
+    /// `None` if it leaves all bounds.
+    ///
+    /// Dry friction enters as its effect says, with a jump at standstill: a joint that sticks chatters about zero speed.
+    ///
+    /// - `parameters`: all of the set
+    /// - `q`, `dq`: `[n]`, the state at the first sample
+    ///
+    /// # Panics
+    /// If the lengths do not fit.
+    pub fn simulate(
+        &self,
+        robot: &Robot,
+        set: &ParameterSet,
+        parameters: &[f64],
+        q: &[f64],
+        dq: &[f64],
+    ) -> Option<SimulatedMotion> {
+        let n = robot.dof();
+        let count = self.reference.count(n);
+        assert_eq!((parameters.len(), q.len(), dq.len()), (set.len(), n, n), "parameters and state of this robot");
+        assert_eq!((self.kp.len(), self.kd.len()), (n, n), "gains of every joint");
+        let mut arm = Arm {
+            robot: robot.clone().with_standard_parameters(&parameters[..set.inertial()]),
+            ws: Workspace::new(robot),
+            set,
+            parameters,
+            zeros: vec![0.0; n],
+            ones: vec![1.0; n],
+            drag: vec![0.0; n],
+            rotor: vec![0.0; n],
+            tau: vec![0.0; n],
+        };
+        let step = 1.0 / (self.rate_hz * self.steps as f64);
+        let mut state = [q, dq].concat();
+        let mut motion = SimulatedMotion::default();
+        let (mut slope, mut trial) = (vec![vec![0.0; 2 * n]; 4], vec![0.0; 2 * n]);
+        for sample in 0..count {
+            self.slope(&mut arm, sample as f64, &state, &mut slope[0]);
+            motion.q.extend_from_slice(&state[..n]);
+            motion.dq.extend_from_slice(&state[n..]);
+            motion.ddq.extend_from_slice(&slope[0][n..]);
+            motion.tau.extend_from_slice(&arm.tau);
+            if slope[0].iter().any(|value| value.abs() > 1e9 || value.is_nan()) {
+                return None;
+            }
+            for k in 0..self.steps {
+                let at = |share: f64| sample as f64 + (k as f64 + share) / self.steps as f64;
+                if k > 0 {
+                    self.slope(&mut arm, at(0.0), &state, &mut slope[0]);
+                }
+                for (stage, share) in [(1, 0.5), (2, 0.5), (3, 1.0)] {
+                    for ((trial, state), slope) in trial.iter_mut().zip(&state).zip(&slope[stage - 1]) {
+                        *trial = state + share * step * slope;
+                    }
+                    self.slope(&mut arm, at(share), &trial, &mut slope[stage]);
+                }
+                for (index, state) in state.iter_mut().enumerate() {
+                    let [a, b, c, d] = [0, 1, 2, 3].map(|stage: usize| slope[stage][index]);
+                    *state += step / 6.0 * (a + 2.0 * b + 2.0 * c + d);
+                }
+            }
+        }
+        Some(motion)
+    }
+
+    /// Derivative of the state [q, dq] at a time in samples.
+    fn slope(&self, arm: &mut Arm<'_>, time: f64, state: &[f64], out: &mut [f64]) {
+        let n = self.kp.len();
+        let (q, dq) = state.split_at(n);
+        let last = self.reference.q.len() / n - 1;
+        let from = (time as usize).min(last.saturating_sub(1));
+        let (to, t) = ((from + 1).min(last), (time - from as f64).min(1.0));
+        for joint in 0..n {
+            let (a, b) = (from * n + joint, to * n + joint);
+            let (position, speed) = self.reference_between(a, b, t);
+            let forward = self.feed_forward.map_or(0.0, |tau| tau[a] + t * (tau[b] - tau[a]));
+            arm.tau[joint] = forward + self.kp[joint] * (position - q[joint]) + self.kd[joint] * (speed - dq[joint]);
+        }
+        out[..n].copy_from_slice(dq);
+        arm.accelerate(q, dq, &mut out[n..]);
+    }
+
+    /// Hermite's cubic between two samples.
+    fn reference_between(&self, a: usize, b: usize, t: f64) -> (f64, f64) {
+        let Samples { q, dq, .. } = self.reference;
+        let h = 1.0 / self.rate_hz;
+        let (s, t2) = (1.0 - t, t * t);
+        let position =
+            (1.0 + 2.0 * t) * s * s * q[a] + t * s * s * h * dq[a] + t2 * (3.0 - 2.0 * t) * q[b] - t2 * s * h * dq[b];
+        let speed = 6.0 * t * s / h * (q[b] - q[a]) + (1.0 - 4.0 * t + 3.0 * t2) * dq[a] + (3.0 * t2 - 2.0 * t) * dq[b];
+        (position, speed)
+    }
+}
+
+struct Arm<'a> {
+    robot: Robot,
+    ws: Workspace,
+    set: &'a ParameterSet,
+    parameters: &'a [f64],
+    zeros: Vec<f64>,
+    ones: Vec<f64>,
+    drag: Vec<f64>,
+    rotor: Vec<f64>,
+    tau: Vec<f64>,
+}
+
+impl Arm<'_> {
+    /// Effects are linear in the acceleration of their own joint: what they take at unit acceleration more than at none is
+    /// a rotor inertia.
+    fn accelerate(&mut self, q: &[f64], dq: &[f64], out: &mut [f64]) {
+        let Self { robot, ws, set, parameters, zeros, ones, drag, rotor, tau } = self;
+        drag.fill(0.0);
+        rotor.fill(0.0);
+        set.add_effect_torque(parameters, &JointState { q, dq, ddq: zeros }, drag);
+        set.add_effect_torque(parameters, &JointState { q, dq, ddq: ones }, rotor);
+        rotor.iter_mut().zip(drag.iter()).for_each(|(rotor, drag)| *rotor -= drag);
+        // The net torque stands where the drag was.
+        drag.iter_mut().zip(tau.iter()).for_each(|(drag, tau)| *drag = tau - *drag);
+        out.copy_from_slice(forward_dynamics_with_rotors(robot, ws, q, dq, drag, rotor));
+    }
+}

@@ -1,0 +1,219 @@
+//! What is known of the parameters beside the data.
+
+use super::program::{Affine, Program};
+use crate::identification::ParameterSet;
+use crate::robot::Robot;
+use crate::spatial::PARAMETERS_PER_LINK;
+
+/// Limits that the user sets on parameters.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PhysicalBounds {
+    /// Link by link; links that are not named are not limited.
+    pub links: Vec<LinkBounds>,
+    /// Lowest and highest mass of all moving links together, kg.
+    pub total_mass: Option<[f64; 2]>,
+    /// Single parameters, by their names.
+    pub parameters: Vec<ParameterBounds>,
+}
+
+/// Limits on the link that a joint carries.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinkBounds {
+    /// Name of the joint that carries it.
+    pub joint: String,
+    /// Lowest and highest mass, kg.
+    pub mass: Option<[f64; 2]>,
+    /// Where the centre of mass lies.
+    pub centre: Option<Region>,
+}
+
+/// A part of space, in the link frame, m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Region {
+    /// A box along the frame's axes.
+    Box {
+        /// Lowest corner.
+        lowest: [f64; 3],
+        /// Highest corner.
+        highest: [f64; 3],
+    },
+    /// An ellipsoid along the frame's axes.
+    Ellipsoid {
+        /// Its centre.
+        centre: [f64; 3],
+        /// Half its axes.
+        half_axes: [f64; 3],
+    },
+}
+
+/// Limits on one parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParameterBounds {
+    /// Name, as `joint_2.Fv`.
+    pub name: String,
+    /// Lowest value.
+    pub lowest: Option<f64>,
+    /// Highest value.
+    pub highest: Option<f64>,
+}
+
+/// One limit that can be named, as rows of a program.
+#[derive(Clone, Debug)]
+pub(super) struct Bound {
+    pub name: String,
+    rows: Rows,
+}
+
+#[derive(Clone, Debug)]
+enum Rows {
+    NonNegative(Vec<Affine>),
+    Ball(Vec<Affine>),
+}
+
+impl Bound {
+    fn linear(name: String, rows: Vec<Affine>) -> Self {
+        Self { name, rows: Rows::NonNegative(rows) }
+    }
+
+    pub fn require(&self, program: &mut Program) {
+        match &self.rows {
+            Rows::NonNegative(rows) => program.require_non_negative(rows.clone()),
+            Rows::Ball(rows) => program.require_in_ball(rows.clone()),
+        }
+    }
+
+    /// How far inside a point is, in the unit of the rows, which are scaled to order one.
+    pub fn margin(&self, x: &[f64]) -> f64 {
+        match &self.rows {
+            Rows::NonNegative(rows) => rows.iter().map(|row| row.value(x)).fold(f64::INFINITY, f64::min),
+            Rows::Ball(rows) => {
+                let distance: f64 = rows[1..].iter().map(|row| row.value(x).powi(2)).sum();
+                rows[0].value(x) - distance.sqrt()
+            }
+        }
+    }
+}
+
+/// A limit that cannot be read.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct BadBound {
+    pub bound: String,
+    pub reason: String,
+}
+
+/// All limits of the physics of effects and of the user, in scaled variables: parameter = scale * variable.
+pub(super) fn collect(
+    bounds: &PhysicalBounds,
+    robot: &Robot,
+    set: &ParameterSet,
+    scale: &[f64],
+) -> Result<Vec<Bound>, BadBound> {
+    let parameter = |index: usize| Affine::variable(index, scale[index]);
+    let mut all = Vec::new();
+    for (offset, column) in set.effect_columns().iter().enumerate() {
+        if set.effects()[column.effect].parameters()[column.parameter].non_negative {
+            let index = set.inertial() + offset;
+            all.push(Bound::linear(format!("{} >= 0", set.names()[index]), vec![Affine::variable(index, 1.0)]));
+        }
+    }
+    for link in &bounds.links {
+        let joint = link.joint.as_str();
+        let known = || robot.joint_names().collect::<Vec<_>>().join(", ");
+        let position = robot.joint_index(joint).ok_or_else(|| BadBound {
+            bound: format!("the limits on the link of `{joint}`"),
+            reason: format!("the robot has no such joint; it has {}", known()),
+        })?;
+        let first = position * PARAMETERS_PER_LINK;
+        if let Some(range) = link.mass {
+            let text = |side: &str, value: f64| format!("mass of the link of `{joint}` {side} {value} kg");
+            all.extend(two_sided(&parameter(first), range, scale[first], text)?);
+        }
+        if let Some(region) = link.centre {
+            all.extend(region.bounds(joint, [0, 1, 2, 3].map(|k| parameter(first + k)), scale[first])?);
+        }
+    }
+    if let Some(range) = bounds.total_mass {
+        let masses = (0..robot.dof()).map(|link| parameter(link * PARAMETERS_PER_LINK));
+        let total = masses.fold(Affine::default(), Affine::and);
+        let size = (0..robot.dof()).map(|link| scale[link * PARAMETERS_PER_LINK]).sum();
+        all.extend(two_sided(&total, range, size, |side, value| {
+            format!("mass of all links together {side} {value} kg")
+        })?);
+    }
+    for bound in &bounds.parameters {
+        let index = set.names().iter().position(|name| *name == bound.name).ok_or_else(|| BadBound {
+            bound: format!("the limits on `{}`", bound.name),
+            reason: "there is no such parameter; names are as in `joint_2.Fv`".into(),
+        })?;
+        let range = [bound.lowest.unwrap_or(f64::NEG_INFINITY), bound.highest.unwrap_or(f64::INFINITY)];
+        let unit = set.units()[index];
+        let text = |side: &str, value: f64| format!("{} {side} {value} {unit}", bound.name);
+        all.extend(two_sided(&parameter(index), range, scale[index], text)?);
+    }
+    Ok(all)
+}
+
+/// lowest <= value <= highest as two bounds, so that an explanation can name one of them.
+fn two_sided(
+    value: &Affine,
+    [lowest, highest]: [f64; 2],
+    size: f64,
+    text: impl Fn(&str, f64) -> String,
+) -> Result<Vec<Bound>, BadBound> {
+    if lowest.is_nan() || highest.is_nan() {
+        return Err(BadBound { bound: text("within", f64::NAN), reason: "a limit is not a number".into() });
+    }
+    let mut bounds = Vec::new();
+    let size = size.max(f64::MIN_POSITIVE);
+    if lowest.is_finite() {
+        let row = value.clone().plus(-lowest).scaled(1.0 / size);
+        bounds.push(Bound::linear(text("at least", lowest), vec![row]));
+    }
+    if highest.is_finite() {
+        let row = value.clone().scaled(-1.0).plus(highest).scaled(1.0 / size);
+        bounds.push(Bound::linear(text("at most", highest), vec![row]));
+    }
+    Ok(bounds)
+}
+
+impl Region {
+    /// `link`: mass and first moment. A centre of mass c in a region is a linear or a second-order condition on m and m c.
+    fn bounds(&self, joint: &str, link: [Affine; 4], size: f64) -> Result<Vec<Bound>, BadBound> {
+        let [mass, moment @ ..] = link;
+        let name = format!("centre of mass of the link of `{joint}`");
+        let bad = |reason: &str| BadBound { bound: name.clone(), reason: reason.into() };
+        let mut bounds = Vec::new();
+        match *self {
+            Self::Box { lowest, highest } => {
+                for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
+                    let (low, high) = (lowest[axis], highest[axis]);
+                    if !low.is_finite() || !high.is_finite() {
+                        return Err(bad("a corner of its box is not finite"));
+                    }
+                    let from = |corner: f64, sign: f64| {
+                        let row = moment[axis].clone().and(mass.clone().scaled(-corner));
+                        row.scaled(sign / (size * (high - low).abs().max(1e-3)))
+                    };
+                    bounds.push(Bound::linear(format!("{name}: {letter} at least {low} m"), vec![from(low, 1.0)]));
+                    bounds.push(Bound::linear(format!("{name}: {letter} at most {high} m"), vec![from(high, -1.0)]));
+                }
+            }
+            Self::Ellipsoid { centre, half_axes } => {
+                if !half_axes.iter().all(|axis| *axis > 0.0 && axis.is_finite())
+                    || centre.iter().any(|c| !c.is_finite())
+                {
+                    return Err(bad("its ellipsoid needs a finite centre and half axes above zero"));
+                }
+                let mut rows = vec![mass.clone().scaled(1.0 / size)];
+                for axis in 0..3 {
+                    let row = moment[axis].clone().and(mass.clone().scaled(-centre[axis]));
+                    rows.push(row.scaled(1.0 / (size * half_axes[axis])));
+                }
+                let [x, y, z] = centre;
+                let name = format!("{name} in the ellipsoid around ({x}, {y}, {z}) m");
+                bounds.push(Bound { name, rows: Rows::Ball(rows) });
+            }
+        }
+        Ok(bounds)
+    }
+}

@@ -1,0 +1,531 @@
+//! Parameters that a real arm can have: every link a body of positive density, friction that takes energy.
+//!
+//! Least squares knows nothing of bodies: it returns negative masses, or inertias that break the triangle inequality.
+//! Here the full set of parameters, not only its base, is estimated under
+//!
+//! - per link: the pseudo-inertia `[[S, h], [hᵀ, m]]` is positive definite, which says that a distribution of positive
+//!   mass has these parameters, and nothing more (Wensing, Kim, Slotine (2018));
+//! - per effect: parameters that physics forbids to be negative are not;
+//! - limits of the user ([`PhysicalBounds`]): masses, places of centres of mass, any parameter.
+//!
+//! The data enter by the triangular factor R of the weighted base parameters, so the program has the size of the robot,
+//! not of the log. Where the data are silent (a robot has more parameters than motion reveals) a weak pull toward the
+//! robot file decides ([`Prior`]).
+//!
+//! Sources: P. M. Wensing, S. Kim, J.-J. E. Slotine, Linear matrix inequalities for physically consistent inertial
+//! parameter identification, IEEE RA-L 3(1) (2018); C. D. Sousa, R. Cortesão, Physical feasibility of robot base inertial
+//! parameter identification: a linear matrix inequality approach, IJRR 33(6) (2014); T. Lee, P. M. Wensing, F. C. Park,
+//! Geometric robot dynamic identification: a convex programming approach, IEEE T-RO 36(2) (2020), for the entropic pull.
+
+mod bounds;
+mod program;
+
+use faer::Mat;
+use serde::{Deserialize, Serialize};
+
+pub use bounds::{LinkBounds, ParameterBounds, PhysicalBounds, Region};
+
+use super::{BaseParameters, IdentificationError, ParameterSet};
+use crate::linalg::symmetric_eigen;
+use crate::robot::Robot;
+use crate::spatial::{LinkInertia, PARAMETERS_PER_LINK, Vector3};
+use bounds::{BadBound, Bound};
+use program::{Affine, Outcome, Program, Status};
+
+/// What makes parameters consistent, beside physics.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Consistency {
+    /// Pull toward the robot file.
+    pub prior: Prior,
+    /// Limits of the user.
+    pub bounds: PhysicalBounds,
+}
+
+/// Pull toward the nominal parameters. It decides where the data are silent, and hardly counts where they speak: data and
+/// prior are weighed by their standard deviations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prior {
+    /// How the distance to the nominal parameters is measured.
+    pub distance: Distance,
+    /// Standard deviation of the nominal parameters as a share of them. With 1 they may well be wrong by their own size; the
+    /// default of 10 leaves them no say where the data have any, as for robot files with placeholders.
+    pub relative_deviation: f64,
+}
+
+impl Default for Prior {
+    fn default() -> Self {
+        Self { distance: Distance::Entropic, relative_deviation: 10.0 }
+    }
+}
+
+/// Distance of a link from its nominal inertia.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Distance {
+    /// Sum of squares of the parameters, each relative to the size of its link. Depends on the frame of the link.
+    Euclidean,
+    /// tr(P₀⁻¹ P) - ln det(P₀⁻¹ P) - 4, with P the pseudo-inertia: depends neither on frame nor units, and keeps P inside
+    /// the cone.
+    Entropic,
+}
+
+/// Parameters that a real arm can have.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ConsistentParameters {
+    /// All parameters of the set.
+    pub parameters: Vec<f64>,
+    /// Their base parameters, `[rank]`.
+    pub base: Vec<f64>,
+    /// Per link: the proof that it is a body.
+    pub links: Vec<LinkCertificate>,
+    /// Limits at which the estimate lies: without them it would be elsewhere.
+    pub active: Vec<String>,
+    /// Root mean square of what consistency adds to the residual, in standard deviations of the whole fit.
+    pub cost: f64,
+    /// Iterations of the solver.
+    pub iterations: u32,
+    /// Time in the solver, s.
+    pub seconds: f64,
+    /// What the caller should know: nominal inertias that had to be mended before they could pull.
+    pub notes: Vec<String>,
+}
+
+/// What shows that a link is a body.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LinkCertificate {
+    /// Joint that carries it.
+    pub joint: String,
+    /// Mass, kg.
+    pub mass: f64,
+    /// Centre of mass in the link frame, m.
+    pub centre: [f64; 3],
+    /// Smallest eigenvalue of the pseudo-inertia, whose entries are in kg, kg·m and kg·m²; above zero.
+    pub smallest_eigenvalue: f64,
+    /// The same with lengths in units of the link's size and masses in units of its mass.
+    pub relative_eigenvalue: f64,
+    /// Principal moments of inertia about the centre of mass, kg·m², ascending; the largest is at most the sum of the
+    /// others.
+    pub principal_moments: [f64; 3],
+}
+
+/// The scaled pseudo-inertia keeps this distance from the border of the cone, and so stays definite under rounding.
+const MARGIN: f64 = 1e-6;
+
+/// A limit is active within this share of its size.
+const ACTIVE: f64 = 1e-4;
+
+/// Size of a link of which the robot file says nothing, m.
+const LINK_SIZE: f64 = 0.1;
+
+impl Consistency {
+    /// The consistent parameters nearest to the data.
+    ///
+    /// - `whitened`: `[rank + 1, rank + 1]`, the triangular factor of [W tau] in units of its noise, as in
+    ///   [`Estimate::whitened`](super::Estimate::whitened)
+    /// - `nominal`: all parameters of the set, those of the robot file
+    /// - `torque`: size of the torque per joint, N·m (N), `[n]`; parameters of effects are expected to be of that order
+    ///
+    /// # Errors
+    /// If limits contradict each other: the message lists a smallest set of limits that no arm keeps.
+    ///
+    /// # Panics
+    /// If the lengths do not fit.
+    pub fn solve(
+        &self,
+        robot: &Robot,
+        set: &ParameterSet,
+        base: &BaseParameters,
+        whitened: &Mat<f64>,
+        nominal: &[f64],
+        torque: &[f64],
+    ) -> Result<ConsistentParameters, IdentificationError> {
+        let rank = base.rank();
+        assert_eq!(nominal.len(), set.len(), "every parameter of the set");
+        assert_eq!((whitened.nrows(), torque.len()), (rank + 1, robot.dof()), "the factor and torques of this robot");
+        let deviation = self.prior.relative_deviation;
+        if !(deviation > 0.0 && deviation.is_finite()) {
+            return Err(IdentificationError::Prior { value: deviation });
+        }
+        let sizes: Vec<LinkSize> = nominal_links(nominal, set).map(LinkSize::of).collect();
+        let scale = parameter_scales(set, nominal, torque);
+        let bounds = bounds::collect(&self.bounds, robot, set, &scale)
+            .map_err(|BadBound { bound, reason }| IdentificationError::BadBound { bound, reason })?;
+
+        let mut program = Program::default();
+        let x = program.variables(set.len());
+        debug_assert_eq!(x, 0, "parameters come first");
+        add_data(&mut program, base, whitened, &scale);
+        let notes = self.add_prior(&mut program, robot, set, nominal, &sizes, &scale);
+        (0..robot.dof()).for_each(|link| require_body(&mut program, link));
+        bounds.iter().for_each(|bound| bound.require(&mut program));
+        let Outcome { x, status, iterations, seconds } = program.solve();
+        match status {
+            Status::Solved => {}
+            Status::Infeasible => return Err(explain(robot.dof(), set.len(), &bounds)),
+            Status::Failed(reason) => {
+                // Limits without a common interior stop the solver before it has a proof.
+                let conflict = smallest_conflict(robot.dof(), set.len(), &bounds);
+                return Err(conflict.map_or(IdentificationError::Unsolved { reason }, |limits| {
+                    IdentificationError::Contradiction { limits }
+                }));
+            }
+        }
+
+        let parameters: Vec<f64> = x.iter().zip(&scale).map(|(x, scale)| x * scale).collect();
+        let estimate = base.combine(&parameters);
+        let links = nominal_links(&parameters, set).zip(robot.joints()).zip(&sizes);
+        let links: Vec<LinkCertificate> =
+            links.map(|((link, joint), size)| LinkCertificate::of(&joint.name, &link, size)).collect();
+        let mut active: Vec<String> =
+            bounds.iter().filter(|bound| bound.margin(&x) < ACTIVE).map(|bound| bound.name.clone()).collect();
+        let at_border = links.iter().filter(|link| link.relative_eigenvalue < 10.0 * MARGIN);
+        active.extend(at_border.map(|link| format!("the link of `{}` is a body of positive density", link.joint)));
+        Ok(ConsistentParameters {
+            cost: added_residual(whitened, &estimate),
+            base: estimate,
+            parameters,
+            links,
+            active,
+            iterations,
+            seconds,
+            notes,
+        })
+    }
+
+    fn add_prior(
+        &self,
+        program: &mut Program,
+        robot: &Robot,
+        set: &ParameterSet,
+        nominal: &[f64],
+        sizes: &[LinkSize],
+        scale: &[f64],
+    ) -> Vec<String> {
+        let weight = self.prior.relative_deviation.powi(-2);
+        let mut notes = Vec::new();
+        for (index, (link, size)) in nominal_links(nominal, set).zip(sizes).enumerate() {
+            let (matrix, mended) = size.definite(&link);
+            if mended {
+                notes.push(format!(
+                    "the robot file gives the link of `{}` an inertia that no body has; the pull goes toward the \
+                     nearest body",
+                    robot.joints()[index].name
+                ));
+            }
+            match self.prior.distance {
+                Distance::Entropic => add_divergence(program, index, &matrix, weight),
+                Distance::Euclidean => {
+                    for (k, centre) in parameters_of(&matrix).into_iter().enumerate() {
+                        program.add_square(index * PARAMETERS_PER_LINK + k, centre, weight);
+                    }
+                }
+            }
+        }
+        for index in set.inertial()..set.len() {
+            program.add_square(index, nominal[index] / scale[index], weight);
+        }
+        notes
+    }
+}
+
+/// min |R x - rho| with lower bounds on some unknowns.
+///
+/// - `system`: `[unknowns + 1, unknowns + 1]`, the triangle [R rho]
+/// - `lowest`: (unknown, bound)
+pub(super) fn bounded_least_squares(
+    system: &Mat<f64>,
+    lowest: &[(usize, f64)],
+) -> Result<Vec<f64>, IdentificationError> {
+    let unknowns = system.ncols() - 1;
+    let norm = |j: usize| system.col(j).subrows(0, unknowns).norm_l2();
+    let scale: Vec<f64> = (0..unknowns).map(|j| if norm(j) > 0.0 { 1.0 / norm(j) } else { 1.0 }).collect();
+    let mut program = Program::default();
+    program.variables(unknowns);
+    let residual = program.variables(unknowns);
+    let rows = (0..unknowns).map(|i| {
+        let mut row = Affine::variable(residual + i, -1.0).plus(-system[(i, unknowns)]);
+        row.terms.extend((i..unknowns).map(|j| (j, system[(i, j)] * scale[j])).filter(|(_, factor)| *factor != 0.0));
+        row
+    });
+    program.require_zero(rows.collect());
+    (residual..residual + unknowns).for_each(|variable| program.add_square(variable, 0.0, 1.0));
+    for &(unknown, bound) in lowest {
+        program.require_non_negative(vec![Affine::variable(unknown, 1.0).plus(-bound / scale[unknown])]);
+    }
+    let outcome = program.solve();
+    match outcome.status {
+        Status::Solved => Ok(outcome.x[..unknowns].iter().zip(&scale).map(|(x, scale)| x * scale).collect()),
+        Status::Infeasible => Err(IdentificationError::Unsolved { reason: "bounds without a point".into() }),
+        Status::Failed(reason) => Err(IdentificationError::Unsolved { reason }),
+    }
+}
+
+/// The body nearest to ten estimated parameters, distances measured by their covariance.
+pub(super) fn nearest_body(
+    parameters: &[f64; PARAMETERS_PER_LINK],
+    covariance: &Mat<f64>,
+) -> Result<[f64; PARAMETERS_PER_LINK], IdentificationError> {
+    let estimated = LinkInertia::from_standard_parameters(parameters);
+    let scale = LinkSize::of(estimated).scales();
+    // A direction of which nothing is known has a deviation of a hundred times the size of the body.
+    const UNKNOWN: f64 = 100.0;
+    let spread = |i: usize, j: usize| {
+        let scaled = covariance[(i, j)] / (scale[i] * scale[j]);
+        if scaled.is_finite() { scaled } else { UNKNOWN * UNKNOWN }
+    };
+    let known = |i: usize| covariance[(i, i)].is_finite();
+    let spread = Mat::from_fn(PARAMETERS_PER_LINK, PARAMETERS_PER_LINK, |i, j| {
+        if i == j || (known(i) && known(j)) { spread(i, j) } else { 0.0 }
+    });
+    let (values, vectors) = symmetric_eigen(spread.as_ref());
+    let largest = values[PARAMETERS_PER_LINK - 1];
+    let mut program = Program::default();
+    program.variables(PARAMETERS_PER_LINK);
+    let residual = program.variables(PARAMETERS_PER_LINK);
+    let rows = (0..PARAMETERS_PER_LINK).map(|k| {
+        // Directions known to more digits than the solver has are weighed by those it has.
+        let weight = values[k].max(1e-10 * largest).max(f64::MIN_POSITIVE).sqrt().recip();
+        let mut row = Affine::variable(residual + k, -1.0);
+        for i in 0..PARAMETERS_PER_LINK {
+            row.terms.push((i, weight * vectors[(i, k)]));
+            row.constant -= weight * vectors[(i, k)] * parameters[i] / scale[i];
+        }
+        row
+    });
+    program.require_zero(rows.collect());
+    (residual..residual + PARAMETERS_PER_LINK).for_each(|variable| program.add_square(variable, 0.0, 1.0));
+    require_body(&mut program, 0);
+    let outcome = program.solve();
+    match outcome.status {
+        Status::Solved => Ok(std::array::from_fn(|k| outcome.x[k] * scale[k])),
+        Status::Infeasible => Err(IdentificationError::Unsolved { reason: "no body".into() }),
+        Status::Failed(reason) => Err(IdentificationError::Unsolved { reason }),
+    }
+}
+
+/// 1/2 |R B x - rho|²: in extra variables for the residual, because squaring R would square its condition number.
+fn add_data(program: &mut Program, base: &BaseParameters, whitened: &Mat<f64>, scale: &[f64]) {
+    let rank = base.rank();
+    let combination = base.matrix();
+    let width = scale.len();
+    let residual = program.variables(rank);
+    let rows = (0..rank).map(|i| {
+        let mut row = Affine::variable(residual + i, -1.0).plus(-whitened[(i, rank)]);
+        for (k, scale) in scale.iter().enumerate() {
+            let factor: f64 = (i..rank).map(|j| whitened[(i, j)] * combination[j * width + k]).sum();
+            if factor != 0.0 {
+                row.terms.push((k, factor * scale));
+            }
+        }
+        row
+    });
+    let rows = rows.collect();
+    program.require_zero(rows);
+    (residual..residual + rank).for_each(|variable| program.add_square(variable, 0.0, 1.0));
+}
+
+/// |R (base - least squares)| / sqrt(rank).
+fn added_residual(whitened: &Mat<f64>, base: &[f64]) -> f64 {
+    let rank = base.len();
+    let row = |i: usize| whitened[(i, rank)] - (i..rank).map(|j| whitened[(i, j)] * base[j]).sum::<f64>();
+    ((0..rank).map(|i| row(i).powi(2)).sum::<f64>() / rank as f64).sqrt()
+}
+
+/// The pseudo-inertia of a link in scaled variables is definite.
+fn require_body(program: &mut Program, link: usize) {
+    program.require_semidefinite(4, |row, column| {
+        let margin = if row == column { -MARGIN } else { 0.0 };
+        pseudo_inertia_entry(link, row, column).plus(margin)
+    });
+}
+
+/// weight (tr(P₀⁻¹ P) - ln det P) of a link, the logarithm of the determinant by a definite matrix `[[P, Z], [Zᵀ, diag Z]]`
+/// with Z lower triangular.
+///
+/// Source: MOSEK Modeling Cookbook, section 6.2.3, log-determinant.
+fn add_divergence(program: &mut Program, link: usize, nominal: &nalgebra::Matrix4<f64>, weight: f64) {
+    let inverse = nominal.try_inverse().expect("a definite matrix");
+    for column in 0..4 {
+        for row in 0..4 {
+            let (low, high) = (row.min(column), row.max(column));
+            program.add_cost(&pseudo_inertia_entry(link, low, high).scaled(weight * inverse[(row, column)]));
+        }
+    }
+    let z = program.variables(10);
+    let logarithm = program.variables(4);
+    // Lower triangle by rows.
+    let z = |row: usize, column: usize| Affine::variable(z + row * (row + 1) / 2 + column, 1.0);
+    program.require_semidefinite(8, |row, column| match (row, column) {
+        (_, 0..4) => pseudo_inertia_entry(link, row, column),
+        (0..4, _) if row >= column - 4 => z(row, column - 4),
+        (0..4, _) => Affine::default(),
+        _ if row == column => z(row - 4, row - 4),
+        _ => Affine::default(),
+    });
+    for k in 0..4 {
+        program.require_below_log(Affine::variable(logarithm + k, 1.0), z(k, k));
+        program.add_cost(&Affine::variable(logarithm + k, -weight));
+    }
+}
+
+/// Entry of the pseudo-inertia of a link by its parameters m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz; row <= column.
+fn pseudo_inertia_entry(link: usize, row: usize, column: usize) -> Affine {
+    let first = link * PARAMETERS_PER_LINK;
+    const DIAGONAL: [usize; 3] = [4, 6, 9];
+    match (row, column) {
+        (3, 3) => Affine::variable(first, 1.0),
+        (row, 3) => Affine::variable(first + 1 + row, 1.0),
+        (row, column) if row == column => {
+            let terms = DIAGONAL.iter().enumerate();
+            let terms = terms.map(|(axis, offset)| (first + offset, if axis == row { -0.5 } else { 0.5 }));
+            Affine { terms: terms.collect(), constant: 0.0 }
+        }
+        (0, 1) => Affine::variable(first + 5, -1.0),
+        (0, 2) => Affine::variable(first + 7, -1.0),
+        _ => Affine::variable(first + 8, -1.0),
+    }
+}
+
+/// The other way round: the ten parameters of a pseudo-inertia.
+fn parameters_of(matrix: &nalgebra::Matrix4<f64>) -> [f64; PARAMETERS_PER_LINK] {
+    let trace = matrix[(0, 0)] + matrix[(1, 1)] + matrix[(2, 2)];
+    let inertia = |row: usize, column: usize| {
+        if row == column { trace - matrix[(row, row)] } else { -matrix[(row, column)] }
+    };
+    let h = |axis: usize| matrix[(axis, 3)];
+    [
+        matrix[(3, 3)],
+        h(0),
+        h(1),
+        h(2),
+        inertia(0, 0),
+        inertia(0, 1),
+        inertia(1, 1),
+        inertia(0, 2),
+        inertia(1, 2),
+        inertia(2, 2),
+    ]
+}
+
+fn nominal_links<'a>(parameters: &'a [f64], set: &ParameterSet) -> impl Iterator<Item = LinkInertia> + 'a {
+    parameters[..set.inertial()].as_chunks().0.iter().map(LinkInertia::from_standard_parameters)
+}
+
+/// Mass and length in whose units the parameters of a link are of order one.
+#[derive(Clone, Copy, Debug)]
+struct LinkSize {
+    mass: f64,
+    length: f64,
+}
+
+impl LinkSize {
+    fn of(nominal: LinkInertia) -> Self {
+        let trace: f64 = (0..3).map(|axis| nominal.pseudo_inertia()[axis][axis]).sum();
+        let mass = if nominal.mass > 1e-3 { nominal.mass } else { 1.0 };
+        let length = (trace / mass).sqrt();
+        let length = if length.is_finite() && length > 0.0 { length.clamp(0.02, 2.0) } else { LINK_SIZE };
+        Self { mass, length }
+    }
+
+    /// Units of the ten parameters.
+    fn scales(&self) -> [f64; PARAMETERS_PER_LINK] {
+        let Self { mass, length } = *self;
+        std::array::from_fn(|k| match k {
+            0 => mass,
+            1..4 => mass * length,
+            _ => mass * length * length,
+        })
+    }
+
+    fn scaled(&self, link: &LinkInertia) -> nalgebra::Matrix4<f64> {
+        let rows = link.pseudo_inertia();
+        let unit = |axis: usize| if axis < 3 { self.length } else { 1.0 };
+        nalgebra::Matrix4::from_fn(|row, column| rows[row][column] / (self.mass * unit(row) * unit(column)))
+    }
+
+    /// The scaled pseudo-inertia, with eigenvalues raised to where a body has them, and whether that was needed.
+    fn definite(&self, link: &LinkInertia) -> (nalgebra::Matrix4<f64>, bool) {
+        const THINNEST: f64 = 1e-3;
+        let matrix = self.scaled(link);
+        let eigen = matrix.symmetric_eigen();
+        if eigen.eigenvalues.min() >= THINNEST {
+            return (matrix, false);
+        }
+        // A slender rod is a body, and raising its thin directions is no news.
+        let mended = eigen.eigenvalues.min() < -1e-9;
+        let raised = nalgebra::Matrix4::from_diagonal(&eigen.eigenvalues.map(|value| value.max(THINNEST)));
+        (eigen.eigenvectors * raised * eigen.eigenvectors.transpose(), mended)
+    }
+}
+
+/// Units in which all parameters are of order one.
+pub(super) fn parameter_scales(set: &ParameterSet, nominal: &[f64], torque: &[f64]) -> Vec<f64> {
+    let mut scales: Vec<f64> = nominal_links(nominal, set).flat_map(|link| LinkSize::of(link).scales()).collect();
+    for (offset, column) in set.effect_columns().iter().enumerate() {
+        let usual = 0.1 * torque[column.joint];
+        let scale = nominal[set.inertial() + offset].abs().max(usual);
+        scales.push(if scale > 0.0 && scale.is_finite() { scale } else { 1.0 });
+    }
+    scales
+}
+
+impl LinkCertificate {
+    fn of(joint: &str, link: &LinkInertia, size: &LinkSize) -> Self {
+        let centre = link.centre_of_mass();
+        let rows = link.inertia_at_centre().to_rows();
+        let inertia = nalgebra::Matrix3::from_fn(|row, column| rows[row][column]);
+        let mut principal: Vec<f64> = inertia.symmetric_eigenvalues().iter().copied().collect();
+        principal.sort_by(f64::total_cmp);
+        let smallest = |matrix: nalgebra::Matrix4<f64>| matrix.symmetric_eigenvalues().min();
+        Self {
+            joint: joint.into(),
+            mass: link.mass,
+            centre: Vector3::to_array(centre),
+            smallest_eigenvalue: link.smallest_pseudo_inertia_eigenvalue(),
+            relative_eigenvalue: smallest(size.scaled(link)),
+            principal_moments: [principal[0], principal[1], principal[2]],
+        }
+    }
+}
+
+fn explain(links: usize, width: usize, bounds: &[Bound]) -> IdentificationError {
+    smallest_conflict(links, width, bounds).map_or_else(
+        || IdentificationError::Unsolved { reason: "no arm keeps all limits, though every one can be kept".into() },
+        |limits| IdentificationError::Contradiction { limits },
+    )
+}
+
+/// A set of limits that bodies cannot keep, of which none can be left out: limits are dropped one by one, and stay dropped
+/// while the others still contradict each other. None if there is no contradiction.
+///
+/// Source: J. W. Chinneck, E. W. Dravnieks, Locating minimal infeasible constraint sets in linear programs, ORSA J.
+/// Computing 3(2) (1991), deletion filter.
+fn smallest_conflict(links: usize, width: usize, bounds: &[Bound]) -> Option<Vec<String>> {
+    let contradict = |bounds: &[&Bound]| {
+        let mut program = Program::default();
+        program.variables(width);
+        (0..links).for_each(|link| require_body(&mut program, link));
+        bounds.iter().for_each(|bound| bound.require(&mut program));
+        // Of all points that keep the limits the nearest to the origin: the program has one solution.
+        (0..width).for_each(|variable| program.add_square(variable, 0.0, 1e-3));
+        let outcome = program.solve();
+        outcome.status != Status::Solved || bounds.iter().any(|bound| bound.margin(&outcome.x) < -1e-5)
+    };
+    let mut kept: Vec<&Bound> = bounds.iter().collect();
+    if !contradict(&kept) {
+        return None;
+    }
+    let mut index = 0;
+    while index < kept.len() {
+        let mut fewer = kept.clone();
+        fewer.remove(index);
+        if contradict(&fewer) {
+            kept = fewer;
+        } else {
+            index += 1;
+        }
+    }
+    Some(kept.iter().map(|bound| bound.name.clone()).collect())
+}
+
+#[cfg(test)]
+mod tests;

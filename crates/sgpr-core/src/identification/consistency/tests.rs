@@ -1,0 +1,58 @@
+use super::*;
+
+const BODY: [f64; 10] = [2.0, 0.3, -0.2, 0.5, 0.6, 0.01, 0.7, -0.02, 0.03, 0.4];
+
+#[test]
+fn entries_of_the_pseudo_inertia_are_those_of_the_body() {
+    let link = LinkInertia::from_standard_parameters(&BODY);
+    let rows = link.pseudo_inertia();
+    for row in 0..4 {
+        for column in row..4 {
+            let value = pseudo_inertia_entry(0, row, column).value(&BODY);
+            assert!((value - rows[row][column]).abs() < 1e-15, "{row} {column}");
+        }
+    }
+    let matrix = nalgebra::Matrix4::from_fn(|row, column| rows[row][column]);
+    for (a, b) in parameters_of(&matrix).iter().zip(BODY) {
+        assert!((a - b).abs() < 1e-15);
+    }
+}
+
+#[test]
+fn the_divergence_is_that_of_its_definition() {
+    // min over P of <G, P> + w (tr(P0⁻¹ P) - ln det P) is at P = (P0⁻¹ + G / w)⁻¹.
+    let size = LinkSize { mass: 1.0, length: 1.0 };
+    let (nominal, mended) = size.definite(&LinkInertia::from_standard_parameters(&BODY));
+    assert!(!mended);
+    let pull =
+        nalgebra::Matrix4::new(0.4, 0.1, 0.0, 0.05, 0.1, 0.7, -0.2, 0.0, 0.0, -0.2, 0.5, 0.1, 0.05, 0.0, 0.1, 0.3);
+    let weight = 0.7;
+    let mut program = Program::default();
+    program.variables(10);
+    for row in 0..4 {
+        for column in 0..4 {
+            let entry = pseudo_inertia_entry(0, row.min(column), row.max(column));
+            program.add_cost(&entry.scaled(pull[(row, column)]));
+        }
+    }
+    add_divergence(&mut program, 0, &nominal, weight);
+    let outcome = program.solve();
+    assert_eq!(outcome.status, Status::Solved);
+    let expected = (nominal.try_inverse().expect("definite") + pull / weight).try_inverse().expect("definite");
+    for (a, b) in outcome.x.iter().zip(parameters_of(&expected)) {
+        // The divergence is flat at its minimum: a gap of 1e-8 is 1e-4 in the parameters.
+        assert!((a - b).abs() < 1e-3, "{a} {b}");
+    }
+}
+
+#[test]
+fn an_inertia_that_no_body_has_is_mended_and_a_rod_is_not() {
+    let size = LinkSize { mass: 1.0, length: 0.1 };
+    let impossible = [1.0, 0.0, 0.0, 0.0, 0.01, 0.0, 0.01, 0.0, 0.0, 0.03];
+    let rod = [1.0, 0.0, 0.0, 0.0, 0.01, 0.0, 0.01, 0.0, 0.0, 0.0];
+    for (parameters, expected) in [(impossible, true), (rod, false)] {
+        let (matrix, mended) = size.definite(&LinkInertia::from_standard_parameters(&parameters));
+        assert_eq!(mended, expected);
+        assert!(matrix.symmetric_eigenvalues().min() > 9e-4);
+    }
+}

@@ -1,0 +1,91 @@
+//! One door to all estimators.
+
+use super::autocorrelation::Memory;
+use super::{Equation, Equations, Estimate, IdentificationError, JointFactor, LeastSquares, Method};
+use super::{instrumental_variables, output_error, recursive, ridge, robust, total_least_squares};
+
+/// Estimates the base parameters by any method.
+///
+/// - `factors`: those of the equations, [`Equations::factors`]; methods that do not look at single rows need nothing else
+/// - `nominal`: base parameters of the robot file, `[rank]`; directions that the data do not determine stay there
+/// - `correlation`: per factor, rows that carry as much as one independent row, as [`residual_correlation`] finds
+///
+/// # Errors
+/// If there are too few rows, a setting of the method makes no sense, or instruments are missing.
+///
+/// # Panics
+/// If `nominal` is not of length `rank`.
+pub fn estimate(
+    method: &Method,
+    equations: &mut Equations<'_>,
+    factors: &[JointFactor],
+    nominal: &[f64],
+    correlation: Option<&[f64]>,
+) -> Result<Estimate, IdentificationError> {
+    let start = LeastSquares { method: method.clone(), correlation: correlation.map(<[f64]>::to_vec) };
+    let start = start.solve(factors, equations.base(), nominal)?;
+    match *method {
+        Method::Ols | Method::Wls | Method::WlsKnown(_) => Ok(start),
+        Method::Irls { threshold } => robust::estimate(threshold, equations, factors, start, nominal),
+        Method::Ridge { relative_deviation } => ridge::estimate(relative_deviation, equations, factors, start, nominal),
+        Method::TotalLeastSquares { relative_noise } => {
+            total_least_squares::estimate(relative_noise, factors, start, nominal)
+        }
+        Method::InstrumentalVariables => {
+            instrumental_variables::estimate(equations, factors, start, nominal, correlation)
+        }
+        Method::OutputError => output_error::estimate(equations, start, nominal, correlation),
+        Method::Recursive { forgetting } => recursive::estimate(forgetting, equations, factors, start, nominal),
+    }
+}
+
+/// Per factor: how many rows carry as much as one independent row, from the autocorrelation of the residual that `base`
+/// leaves.
+///
+/// Source: G. V. Bayley, J. M. Hammersley, The effective number of independent observations in an autocorrelated time
+/// series, Suppl. J. R. Stat. Soc. 8(2) (1946).
+///
+/// # Errors
+/// As [`Equations::for_each`].
+pub fn residual_correlation(
+    equations: &mut Equations<'_>,
+    factors: &[JointFactor],
+    base: &[f64],
+) -> Result<Vec<f64>, IdentificationError> {
+    let memories = memories(equations, factors, base)?;
+    Ok(memories.iter().map(Memory::rows_per_independent_row).collect())
+}
+
+/// Per factor: the residuals that `base` leaves, in the order of time.
+pub(super) fn memories(
+    equations: &mut Equations<'_>,
+    factors: &[JointFactor],
+    base: &[f64],
+) -> Result<Vec<Memory>, IdentificationError> {
+    let group = Groups::of(factors);
+    let mut memories = vec![Memory::default(); factors.len()];
+    let steps: Vec<usize> = equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
+    equations.for_each(|equation| {
+        let time = equation.sample / steps[equation.trajectory];
+        memories[group.index(&equation)].push(equation.trajectory, time, equation.residual(base));
+    })?;
+    Ok(memories)
+}
+
+/// Which factor an equation belongs to.
+pub(super) struct Groups(Vec<[usize; 2]>);
+
+impl Groups {
+    pub fn of(factors: &[JointFactor]) -> Self {
+        let joints = factors.iter().map(|factor| factor.joint + 1).max().unwrap_or(0);
+        let mut index = vec![[usize::MAX; 2]; joints];
+        for (position, factor) in factors.iter().enumerate() {
+            index[factor.joint][usize::from(factor.resting)] = position;
+        }
+        Self(index)
+    }
+
+    pub fn index(&self, equation: &Equation<'_>) -> usize {
+        self.0[equation.joint][usize::from(equation.resting)]
+    }
+}

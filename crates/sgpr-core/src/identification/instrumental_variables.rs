@@ -1,0 +1,114 @@
+//! Instrumental variables: the normal equations Zᵀ W base = Zᵀ tau with rows Z that share no noise with W.
+//!
+//! Source: A. Janot, P.-O. Vandanjon, M. Gautier, A generic instrumental variable approach for industrial robot
+//! identification, IEEE T-CST 22(1) (2014), section III.
+
+use faer::Mat;
+
+use super::estimate::Groups;
+use super::least_squares::Directions;
+use super::{Equations, Estimate, IdentificationError, JointFactor, Trajectory, output_error};
+use crate::linalg::solve_general;
+
+/// Sums over the rows of a factor.
+struct Products {
+    /// Zᵀ W, `[columns, columns]`.
+    with_rows: Mat<f64>,
+    /// Zᵀ Z, `[columns, columns]`.
+    with_itself: Mat<f64>,
+    /// Zᵀ residual, `[columns]`.
+    with_residual: Vec<f64>,
+}
+
+pub(super) fn estimate(
+    equations: &mut Equations<'_>,
+    factors: &[JointFactor],
+    start: Estimate,
+    nominal: &[f64],
+    correlation: Option<&[f64]>,
+) -> Result<Estimate, IdentificationError> {
+    if equations
+        .trajectories()
+        .iter()
+        .any(|trajectory| trajectory.instruments.is_none() && trajectory.closed_loop.is_some())
+    {
+        return simulated(equations, factors, start, nominal, correlation);
+    }
+    let directions = Directions::of(&start.whitened);
+    let group = Groups::of(factors);
+    // The second round is a step of iterative refinement: its residual has the digits that the first sum lost.
+    let mut values = nominal.to_vec();
+    let mut covariance = start.covariance.clone();
+    for _ in 0..2 {
+        let mut products: Vec<Products> = factors.iter().map(|factor| Products::new(factor.columns.len())).collect();
+        equations.for_each_with_instruments(|equation, instrument| {
+            let residual = equation.residual(&values);
+            products[group.index(&equation)].add(equation.row, instrument, residual);
+        })?;
+        let size = nominal.len();
+        let (mut left, mut middle) = (Mat::<f64>::zeros(size, size), Mat::<f64>::zeros(size, size));
+        let mut right = Mat::<f64>::zeros(size, 1);
+        for (index, (factor, products)) in factors.iter().zip(&products).enumerate() {
+            let weight = start.weights[index].powi(-2);
+            if weight == 0.0 {
+                continue;
+            }
+            let spread = (weight * start.noise[index]).powi(2) * correlation.map_or(1.0, |memory| memory[index]);
+            for (a, &i) in factor.columns.iter().enumerate() {
+                right[(i, 0)] += weight * products.with_residual[a];
+                for (b, &j) in factor.columns.iter().enumerate() {
+                    left[(i, j)] += weight * products.with_rows[(a, b)];
+                    middle[(i, j)] += spread * products.with_itself[(a, b)];
+                }
+            }
+        }
+        let basis = &directions.basis;
+        let left = basis.transpose() * left * basis;
+        let step = solve_general(&left, &(basis.transpose() * right)).ok_or(IdentificationError::WeakInstruments)?;
+        directions.advance(&mut values, &(0..directions.len()).map(|k| step[(k, 0)]).collect::<Vec<_>>());
+        // (Zᵀ W)⁻¹ Zᵀ S Z (Zᵀ W)⁻ᵀ.
+        let half =
+            solve_general(&left, &(basis.transpose() * middle * basis)).ok_or(IdentificationError::WeakInstruments)?;
+        let full = solve_general(&left, &half.transpose().to_owned()).ok_or(IdentificationError::WeakInstruments)?;
+        covariance = directions.covariance(&full);
+    }
+    Ok(Estimate { values, covariance, ..start })
+}
+
+/// Instruments from the arm simulated with the first estimate.
+fn simulated(
+    equations: &Equations<'_>,
+    factors: &[JointFactor],
+    start: Estimate,
+    nominal: &[f64],
+    correlation: Option<&[f64]>,
+) -> Result<Estimate, IdentificationError> {
+    let motions = output_error::simulate(equations, &start.values)?;
+    let trajectories = equations.trajectories().iter().zip(&motions).map(|(trajectory, motion)| Trajectory {
+        instruments: trajectory.instruments.or(Some(motion.samples())),
+        ..*trajectory
+    });
+    let (robot, set, base) = (equations.robot(), equations.parameter_set(), equations.base());
+    estimate(&mut Equations::new(robot, set, base, trajectories.collect()), factors, start, nominal, correlation)
+}
+
+impl Products {
+    fn new(columns: usize) -> Self {
+        Self {
+            with_rows: Mat::zeros(columns, columns),
+            with_itself: Mat::zeros(columns, columns),
+            with_residual: vec![0.0; columns],
+        }
+    }
+
+    fn add(&mut self, row: &[f64], instrument: &[f64], residual: f64) {
+        let columns = self.with_residual.len();
+        for b in 0..columns {
+            for (a, z) in instrument[..columns].iter().enumerate() {
+                self.with_rows[(a, b)] += z * row[b];
+                self.with_itself[(a, b)] += z * instrument[b];
+            }
+        }
+        self.with_residual.iter_mut().zip(instrument).for_each(|(sum, z)| *sum += z * residual);
+    }
+}

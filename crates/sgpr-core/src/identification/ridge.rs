@@ -1,0 +1,49 @@
+//! Least squares with a normal prior around the robot file.
+
+use faer::Mat;
+
+use super::consistency::parameter_scales;
+use super::least_squares::{Solution, torque_sizes};
+use super::{Equations, Estimate, IdentificationError, JointFactor};
+use crate::linalg::{cholesky, triangle};
+
+/// The prior makes all standard parameters independent, with deviations in the units of their link, so the base parameters
+/// have the covariance B D Bᵀ; its inverse root stands below the data as more rows.
+pub(super) fn estimate(
+    relative_deviation: f64,
+    equations: &Equations<'_>,
+    factors: &[JointFactor],
+    start: Estimate,
+    nominal: &[f64],
+) -> Result<Estimate, IdentificationError> {
+    if !(relative_deviation > 0.0 && relative_deviation.is_finite()) {
+        return Err(IdentificationError::Prior { value: relative_deviation });
+    }
+    let (base, unknowns) = (equations.base(), nominal.len());
+    let set = equations.parameter_set();
+    let torque = torque_sizes(factors, equations.robot().dof());
+    let mut standard = equations.robot().standard_parameters();
+    standard.resize(set.len(), 0.0);
+    let scale = parameter_scales(set, &standard, &torque);
+    let combination = base.matrix();
+    let width = scale.len();
+    let covariance = Mat::from_fn(unknowns, unknowns, |i, j| {
+        let product = |k: usize| combination[i * width + k] * combination[j * width + k] * scale[k].powi(2);
+        relative_deviation.powi(2) * (0..width).map(product).sum::<f64>()
+    });
+    // Scaled to a unit diagonal, so that units do not spoil the factor.
+    let size: Vec<f64> = (0..unknowns).map(|k| covariance[(k, k)].sqrt()).collect();
+    let scaled = Mat::from_fn(unknowns, unknowns, |i, j| covariance[(i, j)] / (size[i] * size[j]));
+    // RᵀR = scaled, so the rows are R⁻ᵀ.
+    let root = cholesky(scaled.as_ref()).expect("combinations are independent");
+    let mut rows = Mat::<f64>::identity(unknowns, unknowns);
+    faer::linalg::triangular_solve::solve_lower_triangular_in_place(root.transpose(), rows.as_mut(), faer::Par::Seq);
+    let all = Mat::from_fn(2 * unknowns + 1, unknowns + 1, |i, j| match i.checked_sub(unknowns + 1) {
+        None => start.whitened[(i, j)],
+        Some(i) if j < unknowns => rows[(i, j)] / size[j],
+        Some(i) => (0..=i).map(|k| rows[(i, k)] / size[k] * nominal[k]).sum(),
+    });
+    let system = triangle(all.as_ref());
+    let solution = Solution::new(&system, nominal);
+    Ok(Estimate { covariance: solution.inverse.clone(), values: solution.values, ..start })
+}

@@ -1,0 +1,137 @@
+//! Huber's M-estimator by iteratively reweighted least squares.
+//!
+//! Source: P. J. Huber, E. M. Ronchetti, Robust Statistics (2009), sections 7.3 (normal equations), 7.8 (scale).
+
+use faer::Mat;
+
+use super::autocorrelation::Memory;
+use super::estimate::Groups;
+use super::least_squares::{Solution, floored, stack, weighted_gram};
+use super::{Equations, Estimate, IdentificationError, JointFactor};
+use crate::linalg::TriangularFactor;
+
+const MOST_ITERATIONS: usize = 100;
+
+/// A step shorter than this, in standard deviations, moves nothing that could be told from noise.
+const SMALL_STEP: f64 = 1e-4;
+
+/// The median of |normal noise| is this share of its standard deviation.
+const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_081_7;
+
+pub(super) fn estimate(
+    threshold: f64,
+    equations: &mut Equations<'_>,
+    factors: &[JointFactor],
+    mut start: Estimate,
+    nominal: &[f64],
+) -> Result<Estimate, IdentificationError> {
+    if threshold.is_nan() || threshold <= 0.0 {
+        return Err(IdentificationError::Setting { setting: "threshold of Huber's estimator", value: threshold });
+    }
+    let unknowns = nominal.len();
+    let group = Groups::of(factors);
+    let used: Vec<bool> = start.weights.iter().map(|weight| weight.is_finite()).collect();
+    let ones: Vec<f64> = used.iter().map(|used| if *used { 1.0 } else { f64::INFINITY }).collect();
+    let mut values = start.values.clone();
+    let mut scale = scales(equations, factors, &group, &values)?;
+    let mut system;
+    loop {
+        start.iterations += 1;
+        let mut weighted = empty(factors);
+        let mut scaled_row = Vec::new();
+        equations.for_each(|equation| {
+            let index = group.index(&equation);
+            let size = equation.residual(&values).abs() / scale[index];
+            let weight = if size > threshold { (threshold / size).sqrt() } else { 1.0 };
+            scaled_row.clear();
+            scaled_row.extend(equation.row.iter().map(|value| value * weight / scale[index]));
+            weighted[index].push(&scaled_row);
+        })?;
+        system = stack(&with_factors(factors, &weighted), unknowns, &ones);
+        let next = Solution::new(&system, nominal).values;
+        let step = length_in_deviations(&system, &next, &values);
+        values = next;
+        let scale_before = std::mem::replace(&mut scale, scales(equations, factors, &group, &values)?);
+        let change = scale.iter().zip(&scale_before).map(|(new, old)| (new / old - 1.0).abs());
+        let change = change.zip(&used).map(|(change, used)| if *used { change } else { 0.0 }).fold(0.0, f64::max);
+        if (step < SMALL_STEP && change < SMALL_STEP) || start.iterations > MOST_ITERATIONS {
+            break;
+        }
+    }
+
+    // Sandwich: the slope of Huber's function inside, its square outside, and the memory of what it lets through.
+    let mut slope = empty(factors);
+    let mut square = empty(factors);
+    let mut memory = vec![Memory::default(); factors.len()];
+    let mut down = 0usize;
+    let steps: Vec<usize> = equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
+    let mut scaled_row = Vec::new();
+    equations.for_each(|equation| {
+        let index = group.index(&equation);
+        let size = equation.residual(&values) / scale[index];
+        let kept = size.clamp(-threshold, threshold);
+        memory[index].push(equation.trajectory, equation.sample / steps[equation.trajectory], kept);
+        scaled_row.clear();
+        scaled_row.extend(equation.row.iter().map(|value| value * kept / scale[index]));
+        square[index].push(&scaled_row);
+        if size.abs() <= threshold {
+            scaled_row.clear();
+            scaled_row.extend(equation.row.iter().map(|value| value / scale[index]));
+            slope[index].push(&scaled_row);
+        } else if used[index] {
+            down += 1;
+        }
+    })?;
+    let inside = Solution::new(&stack(&with_factors(factors, &slope), unknowns, &ones), nominal);
+    let inflation: Vec<f64> = memory.iter().map(Memory::rows_per_independent_row).collect();
+    let outside = weighted_gram(&with_factors(factors, &square), &used, &inflation, unknowns);
+    let covariance = inside.sandwich(&outside);
+
+    let rows: usize = factors.iter().zip(&used).map(|(factor, used)| if *used { factor.rows } else { 0 }).sum();
+    start.notes.push(format!("{:.1} % of the rows were held down", 100.0 * down as f64 / rows as f64));
+    let counted = factors.iter().zip(&used).filter(|(_, used)| **used).map(|(factor, _)| factor.rows as f64);
+    let mean_memory = inflation.iter().zip(&used).filter(|(_, used)| **used).map(|(inflation, _)| inflation);
+    let memory = counted.zip(mean_memory).map(|(rows, inflation)| rows * inflation).sum::<f64>() / rows as f64;
+    Ok(Estimate {
+        values,
+        covariance,
+        noise: scale.clone(),
+        whitened: faer::Scale(1.0 / memory.sqrt()) * system,
+        unit: memory.sqrt(),
+        weights: scale.iter().zip(&used).map(|(s, used)| if *used { *s } else { f64::INFINITY }).collect(),
+        ..start
+    })
+}
+
+/// |R (new - old)| / sqrt(unknowns).
+fn length_in_deviations(system: &Mat<f64>, new: &[f64], old: &[f64]) -> f64 {
+    let unknowns = new.len();
+    let row = |i: usize| (i..unknowns).map(|j| system[(i, j)] * (new[j] - old[j])).sum::<f64>();
+    ((0..unknowns).map(|i| row(i).powi(2)).sum::<f64>() / unknowns as f64).sqrt()
+}
+
+fn empty(factors: &[JointFactor]) -> Vec<TriangularFactor> {
+    factors.iter().map(|factor| TriangularFactor::new(factor.columns.len() + 1)).collect()
+}
+
+fn with_factors(factors: &[JointFactor], weighted: &[TriangularFactor]) -> Vec<JointFactor> {
+    let pairs = factors.iter().zip(weighted);
+    pairs.map(|(factor, weighted)| JointFactor { factor: weighted.factor(), ..factor.clone() }).collect()
+}
+
+/// Per factor: standard deviation of the residual by its median size.
+fn scales(
+    equations: &mut Equations<'_>,
+    factors: &[JointFactor],
+    group: &Groups,
+    values: &[f64],
+) -> Result<Vec<f64>, IdentificationError> {
+    let mut sizes: Vec<Vec<f64>> = factors.iter().map(|factor| Vec::with_capacity(factor.rows)).collect();
+    equations.for_each(|equation| sizes[group.index(&equation)].push(equation.residual(values).abs()))?;
+    let median = |sizes: &mut Vec<f64>| {
+        let middle = sizes.len() / 2;
+        if sizes.is_empty() { 0.0 } else { *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    };
+    let scales: Vec<f64> = sizes.iter_mut().map(|sizes| median(sizes) / MEDIAN_OF_NORMAL).collect();
+    Ok(floored(&scales, factors))
+}

@@ -1,0 +1,75 @@
+//! Recordings made ready for an identification.
+
+use std::borrow::Cow;
+
+use super::identify::{IdentifyError, motions};
+use crate::identification::{ClosedLoop, Trajectory};
+use crate::motion::{Motion, MotionError, Processing};
+use crate::recording::{Recording, RecordingError};
+use crate::robot::Robot;
+use crate::signal::{LowPass, SignalError};
+
+/// The motion in some recordings with the filters of their equations.
+pub(super) struct Experiment {
+    pub motions: Vec<Motion>,
+    filters: Vec<Option<LowPass>>,
+    decimation: usize,
+}
+
+impl Experiment {
+    pub fn new(recordings: &[Recording], processing: &Processing) -> Result<Self, IdentifyError> {
+        let motions = motions(recordings, processing)?;
+        let filters = motions.iter().map(|motion| band_filter(processing, motion.rate_hz));
+        Ok(Self { filters: filters.collect::<Result<_, _>>()?, motions, decimation: processing.decimation })
+    }
+
+    /// One trajectory per motion.
+    ///
+    /// - `instruments`: the same motions without noise; none for none
+    /// - `loops`: the controller of each motion; none for none
+    pub fn trajectories<'a>(
+        &'a self,
+        instruments: &'a [Motion],
+        loops: &'a [ClosedLoop<'a>],
+    ) -> Result<Vec<Trajectory<'a>>, MotionError> {
+        let pairs = self.motions.iter().zip(&self.filters).enumerate();
+        pairs
+            .map(|(index, (motion, filter))| {
+                Ok(Trajectory {
+                    samples: motion.samples(),
+                    tau: torque_of(motion)?,
+                    use_as: Some(&motion.use_as),
+                    filter: filter.as_ref(),
+                    decimation: if filter.is_some() { self.decimation } else { 1 },
+                    instruments: instruments.get(index).map(Motion::samples),
+                    closed_loop: loops.get(index),
+                })
+            })
+            .collect()
+    }
+
+    pub fn rates_hz(&self) -> Vec<f64> {
+        self.motions.iter().map(|motion| motion.rate_hz).collect()
+    }
+}
+
+pub(crate) fn torque_of(motion: &Motion) -> Result<&[f64], MotionError> {
+    motion.tau.as_deref().ok_or_else(|| MotionError::NoTorque { recording: motion.source.clone() })
+}
+
+/// The filter on both sides of the equation, if there is one.
+pub(super) fn band_filter(processing: &Processing, rate_hz: f64) -> Result<Option<LowPass>, SignalError> {
+    processing.torque_cutoff_hz.map(|hz| LowPass::butterworth(processing.order, hz, rate_hz)).transpose()
+}
+
+/// The recordings with the robot's joints, in its order.
+pub(crate) fn select_joints<'a>(
+    robot: &Robot,
+    recordings: &'a [Recording],
+) -> Result<Cow<'a, [Recording]>, RecordingError> {
+    if recordings.iter().all(|recording| robot.joint_names().eq(recording.joint_names().iter().map(String::as_str))) {
+        return Ok(Cow::Borrowed(recordings));
+    }
+    let names: Vec<String> = robot.joint_names().map(String::from).collect();
+    recordings.iter().map(|recording| recording.select(&names)).collect::<Result<_, _>>().map(Cow::Owned)
+}

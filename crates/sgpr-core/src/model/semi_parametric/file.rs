@@ -1,0 +1,179 @@
+//! One file per model, in the format of the torque model: a head in JSON, the physics as a file within the file, points
+//! and residuals as little-endian `f64`. The processes are conditioned again when the file is read.
+
+use std::collections::HashMap;
+use std::io::Write;
+use std::path::Path;
+
+use faer::Mat;
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde::{Deserialize, Serialize};
+
+use super::super::file::{HEAD, ModelFileError, array, open, read_limited};
+use super::basis::Basis;
+use super::fit::MOST_POINTS;
+use super::rest::{JointReport, Rest};
+use super::{Mean, SemiParametricModel, TorqueModel};
+use crate::gp::{Compute, Covariance, Data, GaussianProcess};
+
+/// The format that the head names.
+pub(in super::super) const FORMAT: &str = "sgpr semi-parametric model";
+const VERSION: u32 = 1;
+
+#[derive(Serialize, Deserialize)]
+struct Head {
+    format: String,
+    version: u32,
+    mean: Mean,
+    /// The search was stopped.
+    stopped: bool,
+    joints: Vec<Joint>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Joint {
+    report: JointReport,
+    noise_variance: f64,
+    covariance: Option<Covariance>,
+}
+
+impl SemiParametricModel {
+    /// Writes the model to a file; the file is complete or not there.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), ModelFileError> {
+        let path = path.as_ref();
+        let bytes = self.to_bytes();
+        crate::atomic_file::write(path, |file| file.write_all(&bytes))
+            .map_err(|source| ModelFileError::Unwritable { path: path.display().to_string(), source })
+    }
+
+    /// Reads a model. Safe with files from strangers: nothing in them is run, sizes are checked before memory is taken.
+    ///
+    /// # Errors
+    /// If the file is no model, damaged, or of a later version.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelFileError> {
+        let path = path.as_ref();
+        Self::from_bytes(&read_limited(path)?, &path.display().to_string())
+    }
+
+    /// The file's content.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let joint = |rest: &Rest| Joint {
+            report: rest.report.clone(),
+            noise_variance: rest.noise_variance,
+            covariance: rest.gp.as_ref().map(|gp| gp.covariance().clone()),
+        };
+        let head = Head {
+            format: FORMAT.into(),
+            version: VERSION,
+            mean: self.mean,
+            stopped: self.stopped,
+            joints: self.joints.iter().map(joint).collect(),
+        };
+        let encode = |values: &mut dyn Iterator<Item = f64>| values.flat_map(f64::to_le_bytes).collect::<Vec<u8>>();
+        let mut arrays = Vec::new();
+        for (joint, rest) in self.joints.iter().enumerate() {
+            let Some(gp) = &rest.gp else { continue };
+            let (x, y) = (gp.data().x(), gp.data().y());
+            let shape = vec![y.len(), gp.data().inputs()];
+            arrays.push((format!("joint_{}.x", joint + 1), shape, encode(&mut x.iter().copied())));
+            arrays.push((format!("joint_{}.residual", joint + 1), vec![y.len()], encode(&mut y.iter().copied())));
+        }
+        if let Some(basis) = &self.basis {
+            let matrices = basis.rows.iter().enumerate().filter_map(|(joint, rows)| Some((joint, rows.as_ref()?)));
+            let named = matrices.map(|(joint, rows)| (format!("joint_{}.basis", joint + 1), rows));
+            for (name, matrix) in named.chain([("basis_covariance".into(), &basis.covariance)]) {
+                let (height, width) = (matrix.nrows(), matrix.ncols());
+                let mut values = (0..height * width).map(|k| matrix[(k / width, k % width)]);
+                arrays.push((name, vec![height, width], encode(&mut values)));
+            }
+        }
+        let physics = self.physics.to_bytes();
+        let numbers = arrays.iter().map(|(name, shape, bytes)| {
+            (name.as_str(), TensorView::new(Dtype::F64, shape.clone(), bytes).expect("eight bytes per number"))
+        });
+        let physics = TensorView::new(Dtype::U8, vec![physics.len()], &physics).expect("one byte per byte");
+        let views = numbers.chain([("physics", physics)]);
+        let head = serde_json::to_string(&head).expect("plain data");
+        safetensors::serialize(views, Some(HashMap::from([(HEAD.into(), head)]))).expect("valid tensors")
+    }
+
+    /// A model from a file's content; `origin` names it in messages.
+    ///
+    /// # Errors
+    /// As [`SemiParametricModel::load`].
+    pub fn from_bytes(bytes: &[u8], origin: &str) -> Result<Self, ModelFileError> {
+        let malformed = |message: String| ModelFileError::Malformed { path: origin.into(), message };
+        let (head, tensors) = open(bytes, origin, FORMAT, VERSION)?;
+        let head: Head = serde_json::from_str(&head).map_err(|error| malformed(format!("its head: {error}")))?;
+        let physics = tensors.tensor("physics").map_err(|_| malformed("`physics` is missing".into()))?;
+        let physics = TorqueModel::from_bytes(physics.data(), origin)?;
+        Self::from_head(head, physics, &tensors).map_err(malformed)
+    }
+
+    fn from_head(head: Head, physics: TorqueModel, tensors: &SafeTensors<'_>) -> Result<Self, String> {
+        let (n, unknowns) = (physics.robot().dof(), physics.base().rank());
+        if head.joints.len() != n {
+            return Err(format!("{} joints where the robot has {n}", head.joints.len()));
+        }
+        if physics.processing().is_none() {
+            return Err("its physics does not say how logs are processed".into());
+        }
+        let compute = Compute::default();
+        let mut joints = Vec::with_capacity(n);
+        for (joint, Joint { report, noise_variance, covariance }) in head.joints.into_iter().enumerate() {
+            if !(noise_variance >= 0.0 && noise_variance.is_finite()) {
+                return Err(format!("the noise variance of joint {} is {noise_variance}", joint + 1));
+            }
+            if !(report.calibration > 0.0 && report.calibration.is_finite()) {
+                return Err(format!("the calibration of joint {} is {}", joint + 1, report.calibration));
+            }
+            let gp = match covariance {
+                None => None,
+                Some(covariance) => Some(process(tensors, joint, 3 * n + 1, covariance, &compute)?),
+            };
+            joints.push(Rest { gp, noise_variance, report, points: vec![] });
+        }
+        let mut model = Self { physics, mean: head.mean, joints, basis: None, stopped: head.stopped };
+        if head.mean == Mean::Joint {
+            let covariance = matrix(tensors, "basis_covariance", unknowns, unknowns)?;
+            let rows = model.joints.iter().enumerate().map(|(joint, rest)| {
+                let gp = rest.gp.as_ref();
+                gp.map(|gp| matrix(tensors, &format!("joint_{}.basis", joint + 1), gp.data().len(), unknowns))
+                    .transpose()
+            });
+            let rows = rows.collect::<Result<Vec<_>, String>>()?;
+            model.basis = Some(Basis::new(covariance, rows, &model.joints));
+        }
+        Ok(model)
+    }
+}
+
+/// The process of a joint.
+fn process(
+    tensors: &SafeTensors<'_>,
+    joint: usize,
+    width: usize,
+    covariance: Covariance,
+    compute: &Compute,
+) -> Result<GaussianProcess, String> {
+    let name = format!("joint_{}.residual", joint + 1);
+    let points = tensors.tensor(&name).map_err(|_| format!("`{name}` is missing"))?.data().len() / size_of::<f64>();
+    if points > MOST_POINTS {
+        return Err(format!("{points} points of joint {} are more than {MOST_POINTS}", joint + 1));
+    }
+    let y = array(tensors, &name, points)?;
+    let x = array(tensors, &format!("joint_{}.x", joint + 1), points * width)?;
+    let data = Data::new(x, width, y, 1).map_err(|error| error.to_string())?;
+    GaussianProcess::fit(data, covariance, compute).map_err(|error| error.to_string())
+}
+
+fn matrix(tensors: &SafeTensors<'_>, name: &str, height: usize, width: usize) -> Result<Mat<f64>, String> {
+    let values = array(tensors, name, height * width)?;
+    if values.iter().any(|value| !value.is_finite()) {
+        return Err(format!("`{name}` has numbers that are not finite"));
+    }
+    Ok(Mat::from_fn(height, width, |i, j| values[i * width + j]))
+}

@@ -1,0 +1,218 @@
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Duration;
+
+use faer::Mat;
+
+use super::super::compare::{LogResidual, residual};
+use super::super::experiment::select_joints;
+use super::super::identify::{IdentifyError, motions};
+use super::super::torque_model::TorqueModel;
+use super::basis::{self, Basis};
+use super::rest::{Rest, Rows};
+use super::{Inputs, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions, identify};
+use crate::gp::{Compute, GpError};
+use crate::motion::Processing;
+use crate::progress::{Interrupted, Progress};
+use crate::recording::Recording;
+use crate::robot::Robot;
+
+/// A process of more points would be slow to use and could not be read back.
+pub(super) const MOST_POINTS: usize = 20_000;
+
+/// Fits a semi-parametric model: the physics, then a process for each joint, the joints in parallel.
+///
+/// `progress` hears of the logs and of every selection of inputs; when it asks to stop after the physics is there, the
+/// processes found so far are the result, and [`SemiParametricModel::stopped`] says so.
+///
+/// # Errors
+/// As [`identify`], or if the processes need more memory than allowed.
+pub fn fit_semi_parametric(
+    robot: &Robot,
+    recordings: &[Recording],
+    options: &SemiParametricOptions,
+    progress: &dyn Progress,
+) -> Result<SemiParametricModel, SemiParametricError> {
+    if !(2..=MOST_POINTS).contains(&options.points) {
+        return Err(SemiParametricError::Budget { points: options.points, most: MOST_POINTS });
+    }
+    let physics = match options.mean {
+        Mean::Zero => nothing(robot, recordings, options)?,
+        Mean::Physics | Mean::Joint => identify(robot, recordings, &options.identify, progress)?.0,
+    };
+    let processing = physics.processing().expect("set with the model").clone();
+    let recordings = select_joints(robot, recordings).map_err(IdentifyError::from)?;
+    let mut logs = Vec::new();
+    for motion in motions(&recordings, &processing).map_err(IdentifyError::from)? {
+        let predicted = physics.predict(motion.samples());
+        logs.push(residual(robot.dof(), motion, predicted, &processing)?);
+    }
+    let rows: Vec<Rows> = (0..robot.dof()).map(|joint| rows_of(&logs, joint, &processing)).collect();
+    let (joints, stopped) = fit_joints(&rows, options, progress)?;
+    let mut model = SemiParametricModel { physics, mean: options.mean, joints, basis: None, stopped };
+    if options.mean == Mean::Joint {
+        let matrices = basis::matrices(&model, &logs, &rows, &processing)?;
+        estimate_again(&mut model, &rows, matrices)?;
+    }
+    let learned = model.joints.iter().filter(|rest| rest.gp.is_some()).count();
+    model.physics.provenance.history.push(format!(
+        "{} process of {learned} of {} joints on what is left over, at most {} points each",
+        options.shape.name().replace('_', " "),
+        robot.dof(),
+        options.points
+    ));
+    Ok(model)
+}
+
+/// A model without torque, with the processing of the logs.
+fn nothing(
+    robot: &Robot,
+    recordings: &[Recording],
+    options: &SemiParametricOptions,
+) -> Result<TorqueModel, IdentifyError> {
+    let recordings = select_joints(robot, recordings)?;
+    let parameters = vec![0.0; robot.standard_parameters().len()];
+    let mut model = TorqueModel::with_parameters(robot, &[] as &[&str], parameters)?;
+    model.processing = Some(Processing::choose(&recordings, &options.identify.conditioning)?.0);
+    model.provenance.history = vec!["no physics".into()];
+    model.provenance.logs = recordings.iter().map(|recording| recording.source().to_string()).collect();
+    Ok(model)
+}
+
+/// Time between logs, s: more than any error is remembered.
+const APART: f64 = 1e3;
+
+/// Rows of a joint: the samples that count, as many per second as the identification takes.
+fn rows_of(logs: &[LogResidual], joint: usize, processing: &Processing) -> Rows {
+    let mut rows = Rows { x: vec![], residual: vec![], source: vec![] };
+    let mut start = 0.0;
+    for (index, log) in logs.iter().enumerate() {
+        let n = log.counted.len() / log.time.len();
+        let seconds = |k: usize| (log.time[k] - log.time[0]) as f64 * 1e-9;
+        for k in (0..log.time.len()).step_by(processing.decimation).filter(|k| log.counted[k * n + joint]) {
+            let sample: Range<usize> = k * n..(k + 1) * n;
+            for part in [&log.motion.q, &log.motion.dq, &log.motion.ddq] {
+                rows.x.extend_from_slice(&part[sample.clone()]);
+            }
+            rows.x.push(start + seconds(k));
+            rows.residual.push(log.measured_in_band[k * n + joint] - log.predicted_in_band[k * n + joint]);
+            rows.source.push((index, k));
+        }
+        start += seconds(log.time.len() - 1) + APART;
+    }
+    rows
+}
+
+/// Hears for a worker whether the caller wants to go on.
+struct Relay<'a> {
+    stopped: &'a AtomicBool,
+    done: &'a AtomicUsize,
+}
+
+impl Progress for Relay<'_> {
+    fn step(&self, stage: &'static str, _: usize, _: usize) -> Result<(), Interrupted> {
+        if stage == "rest" {
+            self.done.fetch_add(1, Ordering::Relaxed);
+        }
+        if self.stopped.load(Ordering::Relaxed) { Err(Interrupted) } else { Ok(()) }
+    }
+}
+
+/// The processes, and whether the listener stopped them. Only the calling thread talks to the listener.
+fn fit_joints(
+    rows: &[Rows],
+    options: &SemiParametricOptions,
+    progress: &dyn Progress,
+) -> Result<(Vec<Rest>, bool), GpError> {
+    let n = rows.len();
+    let threads = options.compute.threads.clamp(1, n);
+    // Each joint computes on one thread.
+    let compute = Compute { threads: 1, memory_limit: options.compute.memory_limit / threads as u64 };
+    let (stopped, done, next) = (AtomicBool::new(false), AtomicUsize::new(0), AtomicUsize::new(0));
+    let work = || {
+        let relay = Relay { stopped: &stopped, done: &done };
+        let mut found = Vec::new();
+        loop {
+            let joint = next.fetch_add(1, Ordering::Relaxed);
+            if joint >= n {
+                return found;
+            }
+            found.push((joint, Rest::fit(joint, n, &rows[joint], options, &compute, &relay)));
+        }
+    };
+    let total = n * if options.inputs.is_some() { 1 } else { Inputs::EVERY.len() };
+    let found = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+        while !workers.iter().all(std::thread::ScopedJoinHandle::is_finished) {
+            if progress.step("processes", done.load(Ordering::Relaxed).min(total), total).is_err() {
+                stopped.store(true, Ordering::Relaxed);
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        let join = |worker: std::thread::ScopedJoinHandle<'_, Vec<_>>| {
+            worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        };
+        workers.into_iter().flat_map(join).collect::<Vec<_>>()
+    });
+    let mut joints: Vec<Option<Rest>> = (0..n).map(|_| None).collect();
+    for (joint, rest) in found {
+        joints[joint] = Some(rest?);
+    }
+    let joints = joints.into_iter().map(|rest| rest.expect("every joint was taken by a worker")).collect();
+    Ok((joints, stopped.into_inner()))
+}
+
+/// Generalised least squares: the base parameters and the processes together, hyperparameters as they are.
+///
+/// Source: GPML eqs. 2.41 and 2.42, without a prior.
+fn estimate_again(
+    model: &mut SemiParametricModel,
+    rows: &[Rows],
+    matrices: Vec<Mat<f64>>,
+) -> Result<(), SemiParametricError> {
+    let unknowns = model.physics.base.rank();
+    let mut information = Mat::<f64>::zeros(unknowns, unknowns);
+    let mut projection = Mat::<f64>::zeros(unknowns, 1);
+    let correlation = model.physics.fit.as_ref().map(|fit| fit.correlation.clone()).unwrap_or_default();
+    for (joint, (rest, matrix)) in model.joints.iter().zip(&matrices).enumerate() {
+        let (solved, residual) = match &rest.gp {
+            Some(gp) => (gp.solve(matrix), gp.data().y().to_vec()),
+            None => {
+                // Without a process: white errors, with the weight of rows that repeat each other.
+                let variance = rest.noise_variance * correlation.get(joint).copied().unwrap_or(1.0);
+                let scale = if variance > 0.0 { 1.0 / variance } else { 0.0 };
+                (matrix * faer::Scale(scale), rows[joint].residual.clone())
+            }
+        };
+        information += matrix.transpose() * &solved;
+        projection += solved.transpose() * Mat::from_fn(residual.len(), 1, |i, _| residual[i]);
+    }
+    let (change, covariance) = basis::solve(&information, &projection);
+    let base = model.physics.base.clone();
+    let before = base.combine(model.physics.parameters());
+    let values: Vec<f64> = before.iter().zip(&change).map(|(value, change)| value + change).collect();
+    let parameters = base.expand(&values, model.physics.parameters());
+    model.physics.set_parameters(parameters);
+    if let Some(fit) = &mut model.physics.fit {
+        fit.method = "gls".into();
+        for k in 0..unknowns {
+            if fit.standard_deviations[k].is_finite() {
+                fit.standard_deviations[k] = covariance[(k, k)].sqrt();
+            }
+        }
+        fit.covariance = (0..unknowns * unknowns).map(|k| covariance[(k / unknowns, k % unknowns)]).collect();
+        fit.values = values;
+    }
+    for (rest, matrix) in model.joints.iter_mut().zip(&matrices) {
+        if let Some(gp) = &mut rest.gp {
+            let residual: Vec<f64> = (0..gp.data().len())
+                .map(|i| gp.data().y()[i] - (0..unknowns).map(|k| matrix[(i, k)] * change[k]).sum::<f64>())
+                .collect();
+            *gp = gp.with_outputs(residual)?;
+        }
+    }
+    let rows = model.joints.iter().zip(matrices).map(|(rest, matrix)| rest.gp.is_some().then_some(matrix)).collect();
+    model.basis = Some(Basis::new(covariance, rows, &model.joints));
+    Ok(())
+}

@@ -1,0 +1,270 @@
+//! tau = physics + what the physics leaves over, learned by a Gaussian process per joint.
+
+mod basis;
+mod file;
+mod fit;
+mod inputs;
+mod predictor;
+mod rest;
+
+pub use fit::fit_semi_parametric;
+pub use inputs::Inputs;
+pub use predictor::SemiParametricPredictor;
+pub use rest::{Candidate, JointReport};
+
+use basis::Basis;
+use rest::Rest;
+
+use super::compare::{Comparison, compare_by};
+use super::identify::{IdentifyError, IdentifyOptions};
+use super::{TorqueModel, identify};
+use crate::dynamics::Samples;
+use crate::gp::{Compute, GpError, Shape};
+use crate::motion::Motion;
+use crate::recording::Recording;
+
+/// A torque model and, for every joint, a Gaussian process of what it leaves over (thesis 4-3 and 4-4).
+///
+/// tau_j = physics_j(q, dq, ddq) + f_j(x) + noise, f_j ~ GP(0, k_j). The process of a joint sees q, dq and ddq, or some
+/// of them. The logs decide which: stretches of them are left out in turn, and only a process that predicts those better
+/// than the physics alone is kept. Far from the data its mean is zero, so that the physics still predicts.
+///
+/// Samples of a log share their errors with their neighbours in time. Such errors have a kernel of their own, over time,
+/// so that the process does not take them for a function of the motion.
+#[derive(Clone, Debug)]
+pub struct SemiParametricModel {
+    physics: TorqueModel,
+    mean: Mean,
+    joints: Vec<Rest>,
+    /// With [`Mean::Joint`].
+    basis: Option<Basis>,
+    stopped: bool,
+}
+
+/// What the processes are the rest of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Mean {
+    /// The identified physics, its parameters as least squares found them (thesis eq. 4-12).
+    #[default]
+    Physics,
+    /// The physics, its parameters estimated again together with the processes: generalised least squares with their
+    /// covariances.
+    Joint,
+    /// Nothing: the process alone, for comparison (thesis 4-3).
+    Zero,
+}
+
+/// How a semi-parametric model is fitted.
+#[derive(Clone, Debug)]
+pub struct SemiParametricOptions {
+    /// How the physics is identified. With [`super::Start::Zero`] the logs hold the feedback torque of a controller with
+    /// an internal model, and the result is its error (case 2 of the thesis, 4-4).
+    pub identify: IdentifyOptions,
+    /// What the processes are the rest of.
+    pub mean: Mean,
+    /// Kernel of the processes.
+    pub shape: Shape,
+    /// A length scale for each input, or one for all.
+    pub ard: bool,
+    /// What the processes look at; chosen for each joint by stretches left out if `None`.
+    pub inputs: Option<Inputs>,
+    /// Budget: points of each process. Of more rows the most informative ones are taken.
+    pub points: usize,
+    /// Starts of the search for the hyperparameters.
+    pub starts: usize,
+    /// Evaluations of the likelihood in each search.
+    pub evaluations: usize,
+    /// Threads, which share the joints among them.
+    pub compute: Compute,
+}
+
+impl Default for SemiParametricOptions {
+    fn default() -> Self {
+        Self {
+            identify: IdentifyOptions::default(),
+            mean: Mean::Physics,
+            shape: Shape::SquaredExponential,
+            ard: true,
+            inputs: None,
+            points: 500,
+            starts: 1,
+            evaluations: 60,
+            compute: Compute::default(),
+        }
+    }
+}
+
+/// Why a semi-parametric model could not be fitted or asked.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SemiParametricError {
+    /// The physics could not be identified.
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
+    /// A process could not be computed.
+    #[error(transparent)]
+    Gp(#[from] GpError),
+    /// A budget of no points, or of too many.
+    #[error("a budget of {points} points per joint; choose between 2 and {most}")]
+    Budget {
+        /// Points asked for.
+        points: usize,
+        /// Most that are allowed.
+        most: usize,
+    },
+}
+
+/// Torques of many samples.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TorquePrediction {
+    /// `[samples, n]`, row-major, N·m (N).
+    pub tau: Vec<f64>,
+    /// Standard deviation of a measurement in the band of the model, `[samples, n]`, N·m (N); empty if not asked for.
+    pub standard_deviation: Vec<f64>,
+    /// Share of the process's variance that the data have not explained, `[samples, n]`, between 0 at a point of the data
+    /// and 1 far from all; 0 for a joint without a process. Above 0.95 the prediction is that of the physics. Empty if
+    /// the standard deviation was not asked for.
+    pub novelty: Vec<f64>,
+}
+
+/// How many measurements fall within their predicted intervals.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coverage {
+    /// Joint.
+    pub joint: String,
+    /// Samples counted.
+    pub samples: usize,
+    /// Share within one standard deviation, percent; 68 if the intervals hold.
+    pub percent_68: f64,
+    /// Share within 1.96 standard deviations, percent; 95 if they hold.
+    pub percent_95: f64,
+}
+
+impl SemiParametricModel {
+    /// The physics.
+    pub fn physics(&self) -> &TorqueModel {
+        &self.physics
+    }
+
+    /// What the processes are the rest of.
+    pub fn mean(&self) -> Mean {
+        self.mean
+    }
+
+    /// Whether the search for the processes was stopped before its end.
+    pub fn stopped(&self) -> bool {
+        self.stopped
+    }
+
+    /// What was learned, joint by joint.
+    pub fn reports(&self) -> Vec<&JointReport> {
+        self.joints.iter().map(|rest| &rest.report).collect()
+    }
+
+    /// Hyperparameters of a joint's process by name; none without a process.
+    ///
+    /// # Panics
+    /// If there is no such joint.
+    pub fn hyperparameters(&self, joint: usize) -> Option<Vec<(String, f64)>> {
+        let covariance = self.joints[joint].gp.as_ref()?.covariance();
+        Some(covariance.names().into_iter().zip(covariance.theta().into_iter().map(f64::exp)).collect())
+    }
+
+    /// Torque of every sample, and how sure it is.
+    ///
+    /// # Errors
+    /// If a value is not finite.
+    ///
+    /// # Panics
+    /// If the arrays do not hold whole samples.
+    pub fn predict(&self, samples: Samples<'_>, with_deviation: bool) -> Result<TorquePrediction, SemiParametricError> {
+        let n = self.physics.robot().dof();
+        let mut tau = self.physics.predict(samples);
+        let mut variance = vec![0.0; if with_deviation { tau.len() } else { 0 }];
+        let mut novelty = variance.clone();
+        let x = process_inputs(samples, n);
+        for (joint, rest) in self.joints.iter().enumerate() {
+            let place = |k: usize| k * n + joint;
+            if let Some(gp) = &rest.gp {
+                let prediction = gp.predict(&x, with_deviation)?;
+                let prior = gp.covariance().signal.variance();
+                prediction.mean.iter().enumerate().for_each(|(k, mean)| tau[place(k)] += mean);
+                for (k, unexplained) in prediction.variance.iter().enumerate() {
+                    variance[place(k)] = *unexplained;
+                    novelty[place(k)] = unexplained / prior;
+                }
+            }
+        }
+        if with_deviation {
+            if let Some(basis) = &self.basis {
+                basis.add_variance(&self.physics, &self.joints, samples, &x, &mut variance);
+            }
+            for (k, variance) in variance.iter_mut().enumerate() {
+                let Rest { noise_variance, report, .. } = &self.joints[k % n];
+                *variance = (*variance + noise_variance).sqrt() * report.calibration;
+            }
+        }
+        Ok(TorquePrediction { tau, standard_deviation: variance, novelty })
+    }
+
+    /// Compares with recordings, as [`super::compare`] does it for the physics alone.
+    ///
+    /// # Errors
+    /// If a recording lacks a joint or torque, or cannot be differentiated.
+    pub fn compare(&self, recordings: &[Recording]) -> Result<Comparison, SemiParametricError> {
+        let predict = |motion: &Motion| Ok(self.predict(motion.samples(), false)?.tau);
+        compare_by(&self.physics, &predict, recordings, None)
+    }
+
+    /// Share of the variance of the torque that is explained on recordings, the mean over joints; at most one.
+    ///
+    /// # Errors
+    /// As [`SemiParametricModel::compare`].
+    pub fn score(&self, recordings: &[Recording]) -> Result<f64, SemiParametricError> {
+        let joints = self.compare(recordings)?.joints;
+        Ok(joints.iter().map(|joint| joint.r2).sum::<f64>() / joints.len() as f64)
+    }
+
+    /// How many of the measurements of recordings fall within their predicted intervals, in the band of the model, over
+    /// the samples at which a joint moves.
+    ///
+    /// # Errors
+    /// As [`SemiParametricModel::compare`].
+    pub fn coverage(&self, recordings: &[Recording]) -> Result<Vec<Coverage>, SemiParametricError> {
+        let n = self.physics.robot().dof();
+        let mut hits = vec![(0usize, 0usize, 0usize); n];
+        for log in self.compare(recordings)?.logs {
+            let deviation = self.predict(log.motion.samples(), true)?.standard_deviation;
+            for (k, deviation) in deviation.iter().enumerate().filter(|(k, _)| log.counted[*k]) {
+                let error = (log.measured_in_band[k] - log.predicted_in_band[k]).abs();
+                let (count, within_68, within_95) = &mut hits[k % n];
+                *count += 1;
+                *within_68 += usize::from(error <= *deviation);
+                *within_95 += usize::from(error <= 1.96 * deviation);
+            }
+        }
+        let percent = |hits: usize, count: usize| 100.0 * hits as f64 / count.max(1) as f64;
+        let names = self.physics.robot().joint_names();
+        let row = |(joint, (count, within_68, within_95)): (&str, &(usize, usize, usize))| Coverage {
+            joint: joint.into(),
+            samples: *count,
+            percent_68: percent(*within_68, *count),
+            percent_95: percent(*within_95, *count),
+        };
+        Ok(names.zip(&hits).map(row).collect())
+    }
+}
+
+/// x of every sample, `[samples, 3 n + 1]`: q, dq, ddq and a time that predictions do not look at.
+fn process_inputs(samples: Samples<'_>, n: usize) -> Vec<f64> {
+    let count = samples.count(n);
+    let mut x = Vec::with_capacity(count * (3 * n + 1));
+    for k in 0..count {
+        for part in [samples.q, samples.dq, samples.ddq] {
+            x.extend_from_slice(&part[k * n..(k + 1) * n]);
+        }
+        x.push(0.0);
+    }
+    x
+}

@@ -1,0 +1,101 @@
+//! Parameters of bodies: near the data, inside the limits, and a reason where there are none.
+
+use sgpr_core::identification::{
+    Consistency, ConsistentParameters, Distance, IdentificationError, LinkBounds, Method, ParameterBounds,
+    PhysicalBounds, Prior, Region,
+};
+use sgpr_core::spatial::LinkInertia;
+
+use crate::arm::{Experiment, Noise, largest_difference};
+
+fn solve(consistency: &Consistency, noise: f64) -> (Experiment, Result<ConsistentParameters, IdentificationError>) {
+    let experiment = Experiment::new(1500);
+    let motion = experiment.run(&experiment.truth);
+    let mut random = Noise(7);
+    let tau: Vec<f64> = motion.tau.iter().map(|tau| tau + noise * random.normal()).collect();
+    let estimate = experiment.estimate(&Method::Wls, &motion, &tau).expect("good data");
+    let mut nominal = experiment.truth.clone();
+    nominal[experiment.set.inertial()..].fill(0.0);
+    let torque = [20.0, 5.0];
+    let found =
+        consistency.solve(&experiment.robot, &experiment.set, &experiment.base, &estimate.whitened, &nominal, &torque);
+    (experiment, found)
+}
+
+fn of_distance(distance: Distance) -> Consistency {
+    Consistency { prior: Prior { distance, relative_deviation: 1.0 }, ..Consistency::default() }
+}
+
+#[test]
+fn a_consistent_arm_is_near_the_data_and_made_of_bodies() {
+    for distance in [Distance::Entropic, Distance::Euclidean] {
+        let (experiment, found) = solve(&of_distance(distance), 0.5);
+        let found = found.expect("an arm");
+        // Point masses lie on the border of what bodies are, and noise pushes the estimate over it.
+        let error = largest_difference(&found.base, &experiment.expected());
+        assert!(error < 0.1, "{distance:?}: {error}");
+        assert!(largest_difference(&experiment.base.combine(&found.parameters), &found.base) < 1e-12);
+        for (link, values) in found.links.iter().zip(found.parameters.as_chunks::<10>().0) {
+            assert!(link.smallest_eigenvalue > 0.0 && link.relative_eigenvalue > 0.0, "{link:?}");
+            let body = LinkInertia::from_standard_parameters(values);
+            assert!((body.smallest_pseudo_inertia_eigenvalue() - link.smallest_eigenvalue).abs() < 1e-12);
+            let [a, b, c] = link.principal_moments;
+            assert!(a > 0.0 && c <= a + b + 1e-12, "{link:?}");
+        }
+        let effects = &found.parameters[experiment.set.inertial()..];
+        assert!(effects.iter().all(|value| *value >= -1e-6), "{effects:?}");
+        assert!(found.cost < 3.0, "{}", found.cost);
+    }
+}
+
+#[test]
+fn limits_are_kept_and_named_where_they_matter() {
+    let region = Region::Ellipsoid { centre: [0.5, 0.0, 0.0], half_axes: [0.05, 0.1, 0.1] };
+    let bounds = PhysicalBounds {
+        links: vec![
+            LinkBounds { joint: "joint_1".into(), mass: Some([0.5, 3.0]), centre: None },
+            LinkBounds { joint: "joint_2".into(), mass: Some([1.4, 1.5]), centre: Some(region) },
+        ],
+        total_mass: Some([1.0, 4.0]),
+        parameters: vec![ParameterBounds { name: "joint_1.Fv".into(), lowest: Some(0.6), highest: None }],
+    };
+    let (_, found) = solve(&Consistency { bounds, ..of_distance(Distance::Entropic) }, 0.2);
+    let found = found.expect("an arm");
+    assert!((1.4 - 1e-4..1.5 + 1e-4).contains(&found.links[1].mass), "{}", found.links[1].mass);
+    assert!((found.links[1].centre[0] - 0.5).abs() < 0.0501);
+    assert!(found.active.iter().any(|name| name.contains("joint_1.Fv")), "{:?}", found.active);
+}
+
+#[test]
+fn limits_that_contradict_each_other_are_named_and_no_others() {
+    let link = |joint: &str, mass| LinkBounds { joint: joint.into(), mass: Some(mass), centre: None };
+    let bounds = PhysicalBounds {
+        links: vec![link("joint_1", [2.0, 9.0]), link("joint_2", [1.0, 9.0])],
+        total_mass: Some([0.0, 2.5]),
+        ..PhysicalBounds::default()
+    };
+    let (_, found) = solve(&Consistency { bounds, ..Consistency::default() }, 0.1);
+    let message = found.expect_err("no arm").to_string();
+    for word in ["`joint_1` at least 2 kg", "`joint_2` at least 1 kg", "all links together at most 2.5 kg"] {
+        assert!(message.contains(word), "{message}");
+    }
+    assert!(!message.contains("at most 9"), "{message}");
+
+    let bounds = PhysicalBounds { links: vec![link("joint_2", [2.0, 1.0])], ..PhysicalBounds::default() };
+    let (_, found) = solve(&Consistency { bounds, ..Consistency::default() }, 0.1);
+    let message = found.expect_err("no arm").to_string();
+    assert!(message.contains("at least 2 kg") && message.contains("at most 1 kg"), "{message}");
+}
+
+#[test]
+fn limits_on_what_is_not_there_are_refused() {
+    let bad = |bounds: PhysicalBounds| {
+        let (_, found) = solve(&Consistency { bounds, ..Consistency::default() }, 0.1);
+        found.expect_err("refused").to_string()
+    };
+    let links = vec![LinkBounds { joint: "elbow".into(), mass: None, centre: None }];
+    assert!(bad(PhysicalBounds { links, ..PhysicalBounds::default() }).contains("elbow"));
+    let parameters = vec![ParameterBounds { name: "joint_1.Q".into(), lowest: Some(0.0), highest: None }];
+    assert!(bad(PhysicalBounds { parameters, ..PhysicalBounds::default() }).contains("joint_1.Q"));
+    assert!(bad(PhysicalBounds { total_mass: Some([f64::NAN, 1.0]), ..PhysicalBounds::default() }).contains("number"));
+}

@@ -1,0 +1,145 @@
+//! Every estimator on the same data: they agree where there is no noise, and each does what it is for where there is
+//! some.
+
+use sgpr_core::identification::{
+    Equations, Estimate, JointFactor, Method, SimulatedMotion, estimate, residual_correlation,
+};
+
+use crate::arm::{Experiment, Noise, largest_difference, trajectory};
+
+fn every_method() -> [Method; 9] {
+    [
+        Method::Ols,
+        Method::Wls,
+        Method::WlsKnown(vec![2.0, 1.0]),
+        Method::HUBER,
+        Method::Ridge { relative_deviation: 1.0 },
+        Method::TotalLeastSquares { relative_noise: 1e-3 },
+        Method::InstrumentalVariables,
+        Method::OutputError,
+        Method::Recursive { forgetting: 0.999 },
+    ]
+}
+
+#[test]
+fn without_noise_all_agree() {
+    let experiment = Experiment::new(2000);
+    let motion = experiment.run(&experiment.truth);
+    let expected = experiment.expected();
+    for method in every_method() {
+        let estimate = experiment.estimate(&method, &motion, &motion.tau).expect("good data");
+        let error = largest_difference(&estimate.values, &expected);
+        assert!(error < 1e-9, "{}: {error:e}", method.name());
+        assert_eq!(estimate.covariance.nrows(), expected.len());
+        assert!(estimate.standard_deviations().iter().all(|deviation| *deviation < 1e-3), "{}", method.name());
+    }
+}
+
+#[test]
+fn huber_is_not_moved_by_a_few_wrong_torques() {
+    let experiment = Experiment::new(3000);
+    let motion = experiment.run(&experiment.truth);
+    let mut noise = Noise(3);
+    let mut outlier = |k: usize| 0.1 * noise.normal() + if k % 23 == 4 { 8.0 } else { 0.0 };
+    let tau: Vec<f64> = motion.tau.iter().enumerate().map(|(k, tau)| tau + outlier(k)).collect();
+    let expected = experiment.expected();
+    let robust = experiment.estimate(&Method::HUBER, &motion, &tau).expect("good data");
+    let plain = experiment.estimate(&Method::Wls, &motion, &tau).expect("good data");
+    let (robust_error, plain_error) =
+        (largest_difference(&robust.values, &expected), largest_difference(&plain.values, &expected));
+    assert!(robust_error < 0.25 * plain_error, "{robust_error} {plain_error}");
+    assert!(robust.noise.iter().all(|noise| (noise - 0.1).abs() < 0.02), "{:?}", robust.noise);
+    for ((value, expected), deviation) in robust.values.iter().zip(&expected).zip(robust.standard_deviations()) {
+        assert!((value - expected).abs() < 5.0 * deviation, "{value} {expected} {deviation}");
+    }
+}
+
+#[test]
+fn a_narrow_prior_stays_at_the_robot_file_and_a_wide_one_is_weighted_least_squares() {
+    let experiment = Experiment::new(1000);
+    let motion = experiment.run(&experiment.truth);
+    let mut noise = Noise(5);
+    let tau: Vec<f64> = motion.tau.iter().map(|tau| tau + noise.normal()).collect();
+    let solve = |method: Method| experiment.estimate(&method, &motion, &tau).expect("good data").values;
+    let narrow = solve(Method::Ridge { relative_deviation: 1e-7 });
+    assert!(largest_difference(&narrow, &experiment.nominal()) < 1e-5);
+    let wide = solve(Method::Ridge { relative_deviation: 1e7 });
+    assert!(largest_difference(&wide, &solve(Method::Wls)) < 1e-6);
+}
+
+#[test]
+fn noise_in_the_positions_biases_least_squares_and_neither_instruments_nor_output_error() {
+    let experiment = Experiment::new(6000);
+    let motion = experiment.run(&experiment.truth);
+    let mut noise = Noise(11);
+    let mut noisy = motion.clone();
+    noisy.ddq.iter_mut().for_each(|ddq| *ddq += 2.0 * noise.normal());
+    let tau: Vec<f64> = motion.tau.iter().map(|tau| tau + 0.5 * noise.normal()).collect();
+    let expected = experiment.expected();
+    let distance = |method: Method| {
+        let estimate = experiment.estimate(&method, &noisy, &tau).expect("good data");
+        let deviations = estimate.standard_deviations();
+        let error = estimate.values.iter().zip(&expected).zip(&deviations).map(|((a, b), s)| ((a - b) / s).abs());
+        error.fold(0.0, f64::max)
+    };
+    let (plain, instruments, output) =
+        (distance(Method::Wls), distance(Method::InstrumentalVariables), distance(Method::OutputError));
+    assert!(plain > 8.0, "least squares is {plain} standard deviations off");
+    assert!(instruments < 4.0 && output < 4.0, "{instruments} {output}");
+}
+
+#[test]
+fn forgetting_follows_a_payload_that_is_picked_up() {
+    let experiment = Experiment::new(4000);
+    let motion = experiment.run(&experiment.truth);
+    let mut loaded = experiment.truth.clone();
+    // A point mass of 0.5 kg at the tip, one metre out.
+    loaded[10] += 0.5;
+    let (before, after) = (experiment.expected(), experiment.base.combine(&loaded));
+    let later = experiment.run(&loaded);
+    let join = |a: &[f64], b: &[f64]| [a, b].concat();
+    let mut noise = Noise(13);
+    let both = SimulatedMotion {
+        q: join(&motion.q, &later.q),
+        dq: join(&motion.dq, &later.dq),
+        ddq: join(&motion.ddq, &later.ddq),
+        tau: join(&motion.tau, &later.tau).into_iter().map(|tau| tau + 1e-3 * noise.normal()).collect(),
+    };
+    let estimate = |method: Method| {
+        let mut equations =
+            Equations::new(&experiment.robot, &experiment.set, &experiment.base, vec![trajectory(&both, &both.tau)]);
+        let factors = equations.factors().expect("good data");
+        solve(&method, &mut equations, &factors, &experiment.nominal())
+    };
+    let forgetful = estimate(Method::Recursive { forgetting: 0.99 });
+    let elephant = estimate(Method::Recursive { forgetting: 1.0 });
+    assert!(largest_difference(&before, &after) > 0.4);
+    let error = largest_difference(&forgetful.values, &after);
+    assert!(error < 0.05, "{:?} {after:?}", forgetful.values);
+    assert!(largest_difference(&elephant.values, &after) > 0.05);
+    assert!(largest_difference(&elephant.values, &estimate(Method::Wls).values) < 0.2);
+}
+
+fn solve(method: &Method, equations: &mut Equations<'_>, factors: &[JointFactor], nominal: &[f64]) -> Estimate {
+    estimate(method, equations, factors, nominal, None).expect("good data")
+}
+
+#[test]
+fn settings_out_of_range_and_missing_things_are_named() {
+    let experiment = Experiment::new(300);
+    let motion = experiment.run(&experiment.truth);
+    let message = |method: Method| experiment.estimate(&method, &motion, &motion.tau).expect_err("refused").to_string();
+    assert!(message(Method::Irls { threshold: -1.0 }).contains("threshold"));
+    assert!(message(Method::Ridge { relative_deviation: f64::NAN }).contains("prior"));
+    assert!(message(Method::TotalLeastSquares { relative_noise: 2.0 }).contains("noise of the columns"));
+    assert!(message(Method::Recursive { forgetting: 1.5 }).contains("forgetting"));
+    let mut equations =
+        Equations::new(&experiment.robot, &experiment.set, &experiment.base, vec![trajectory(&motion, &motion.tau)]);
+    let factors = equations.factors().expect("good data");
+    for (method, word) in [(Method::InstrumentalVariables, "instruments"), (Method::OutputError, "controller")] {
+        let error = estimate(&method, &mut equations, &factors, &experiment.nominal(), None).expect_err("refused");
+        assert!(error.to_string().contains(word), "{error}");
+    }
+    let correlation = residual_correlation(&mut equations, &factors, &experiment.expected()).expect("good data");
+    assert_eq!(correlation.len(), factors.len());
+}

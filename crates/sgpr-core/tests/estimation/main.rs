@@ -1,0 +1,9 @@
+//! Estimators, physical consistency, payloads, confidence and screening, on an arm of which everything is known.
+#![allow(missing_docs)]
+
+mod arm;
+mod confidence;
+mod consistency;
+mod estimators;
+mod payload;
+mod screening;

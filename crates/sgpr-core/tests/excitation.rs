@@ -1,0 +1,253 @@
+//! Excitation trajectories against the published ones, and against their limits.
+#![allow(missing_docs)]
+
+use std::time::Instant;
+
+use sgpr_core::dynamics::{Workspace, regressor};
+use sgpr_core::excitation::*;
+use sgpr_core::identification::{BaseParameters, ParameterSet};
+use sgpr_core::progress::{Interrupted, Progress};
+use sgpr_core::robot::{Robot, puma560, two_link};
+use sgpr_core::simulation::Reference;
+use sgpr_core::spatial::Vector3;
+
+/// S. Krishnamoorthi, MSc thesis, TU Delft (2018), table C-1: a_1 .. a_4 and b_1 .. b_4 of the PUMA 560.
+const PUMA: [[f64; 24]; 2] = [
+    [
+        0.88, 1.20, 0.0008, -0.28, -0.09, -1.44, //
+        0.26, -0.13, 0.0006, 0.41, -0.026, 0.19, //
+        -0.54, 0.41, 0.066, -0.88, -0.86, 0.26, //
+        -0.76, 0.21, 0.11, -0.99, -0.22, -1.0,
+    ],
+    [
+        -0.57, 0.27, -0.63, 0.24, 0.75, 0.091, //
+        0.26, 0.28, -0.30, -0.067, 0.74, 1.33, //
+        0.23, -1.89, 0.56, 0.92, 0.20, 1.08, //
+        0.11, -0.29, 0.17, 0.44, -0.44, -0.54,
+    ],
+];
+
+/// The same, table C-2: a_1 .. a_3 and b_1 .. b_3 of the two-link arm.
+const TWO_LINK: [[f64; 6]; 2] =
+    [[0.15, -0.25, -2.80e-5, -6.59e-5, -0.21, 0.22], [8.96e-5, 0.00021, 0.0648, 0.029, -5.04e-5, -0.00011]];
+
+const FRICTION: [&str; 2] = ["viscous_friction", "coulomb_friction"];
+
+/// The four criteria of the thesis.
+const CRITERIA: [Criterion; 4] =
+    [Criterion::Condition, Criterion::FrobeniusCondition, Criterion::SumOfConditions, Criterion::DOptimality];
+
+/// The two-link arm of the thesis, level: gravity does no work, four base parameters.
+fn level_two_link() -> Robot {
+    two_link().with_gravity(Vector3::new(0.0, 0.0, -9.81))
+}
+
+struct Case {
+    robot: Robot,
+    set: ParameterSet,
+    base: BaseParameters,
+    limits: MotionLimits,
+    published: Trajectory,
+}
+
+impl Case {
+    fn new(robot: Robot, effects: &[&str], acceleration: f64, [a, b]: [&[f64]; 2]) -> Self {
+        let set = ParameterSet::new(&robot, effects).expect("known effects");
+        let base = BaseParameters::new(&robot, &set);
+        let limits = MotionLimits::of_robot(&robot, &vec![acceleration; robot.dof()]).expect("limits");
+        let published = Trajectory::fourier(0.1, robot.dof(), a, b).expect("amplitudes");
+        Self { robot, set, base, limits, published }
+    }
+
+    fn puma(effects: &[&str]) -> Self {
+        Self::new(puma560(), effects, 6.0, [&PUMA[0], &PUMA[1]])
+    }
+
+    fn two_link(effects: &[&str]) -> Self {
+        Self::new(level_two_link(), effects, 2.0, [&TWO_LINK[0], &TWO_LINK[1]])
+    }
+
+    fn options(&self, criterion: Criterion) -> ExciteOptions {
+        ExciteOptions {
+            criterion,
+            starts: 2,
+            evaluations: 900,
+            threads: 2,
+            ..ExciteOptions::new(self.published.basis().clone(), self.limits.clone())
+        }
+    }
+
+    fn report(&self, motion: &Trajectory) -> ExcitationReport {
+        evaluate(&self.robot, &self.set, &self.base, &motion.samples(60.0, motion.duration()), None).expect("samples")
+    }
+
+    fn optimise(&self, options: &ExciteOptions) -> Excitation {
+        optimise(&self.robot, &self.set, &self.base, options, &()).expect("feasible limits")
+    }
+}
+
+fn value(criterion: Criterion, report: &ExcitationReport) -> f64 {
+    match criterion {
+        Criterion::Condition => report.condition,
+        Criterion::FrobeniusCondition => report.frobenius_condition,
+        Criterion::SumOfConditions => report.sum_of_conditions(),
+        Criterion::DOptimality => -report.log_determinant,
+        _ => unreachable!("not in this test"),
+    }
+}
+
+/// Every limit over continuous time: a grid that is a hundred times finer than what the search saw, and rest at the ends.
+fn assert_within_limits(case: &Case, found: &Excitation) {
+    assert!(found.utilisation <= 1.0 && found.utilisation > 0.99, "{}", found.utilisation);
+    let motion = &found.trajectory;
+    let n = case.robot.dof();
+    let samples = motion.samples(2000.0, motion.duration());
+    for (index, ((q, dq), ddq)) in samples.q.iter().zip(&samples.dq).zip(&samples.ddq).enumerate() {
+        let joint = index % n;
+        let [low, high] = case.limits.position[joint];
+        assert!(*q >= low - 1e-6 && *q <= high + 1e-6);
+        assert!(dq.abs() <= case.limits.velocity[joint] + 1e-6);
+        assert!(ddq.abs() <= case.limits.acceleration[joint] + 1e-6);
+    }
+    for time in [0.0, motion.duration()] {
+        let mut state = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
+        let [q, dq, ddq] = &mut state;
+        motion.sample(time, q, dq, ddq);
+        assert!(state.iter().flatten().all(|value| value.abs() < 1e-12), "{state:?}");
+    }
+}
+
+#[test]
+fn published_amplitudes_are_beaten_under_the_same_limits() {
+    // The six-axis arm with two criteria only: the others are as good, see `sgpr reproduce thesis`.
+    let few = [Criterion::Condition, Criterion::SumOfConditions];
+    let cases =
+        [(Case::two_link(&FRICTION), &CRITERIA[..]), (Case::two_link(&[]), &CRITERIA), (Case::puma(&FRICTION), &few)];
+    for (case, criteria) in cases {
+        let published = case.report(&case.published);
+        for &criterion in criteria {
+            let clock = Instant::now();
+            let starts = if case.robot.dof() == 2 { 2 } else { 1 };
+            let found = case.optimise(&ExciteOptions { starts, ..case.options(criterion) });
+            assert_within_limits(&case, &found);
+            let (before, after) = (value(criterion, &published), value(criterion, &case.report(&found.trajectory)));
+            println!(
+                "{} {} friction, {}: published {before:.3}, found {after:.3} ({:?}), {:.1} s",
+                case.robot.name(),
+                if case.base.rank() == 4 { "without" } else { "with" },
+                criterion.name(),
+                found.values,
+                clock.elapsed().as_secs_f64()
+            );
+            assert!(after < before, "{}: {before} {after}", criterion.name());
+        }
+    }
+}
+
+#[test]
+fn the_report_is_that_of_the_regressor() {
+    let case = Case::two_link(&[]);
+    let samples = case.published.samples(20.0, 10.0);
+    let mut ws = Workspace::new(&case.robot);
+    let rows: Vec<Vec<f64>> = (0..samples.len())
+        .flat_map(|k| {
+            let at = 2 * k..2 * k + 2;
+            let y = regressor(&case.robot, &mut ws, &samples.q[at.clone()], &samples.dq[at.clone()], &samples.ddq[at]);
+            let pick = |row: &[f64]| case.base.independent().iter().map(|&k| row[k]).collect::<Vec<_>>();
+            y.chunks_exact(20).map(pick).collect::<Vec<_>>()
+        })
+        .collect();
+    let report = evaluate(&case.robot, &case.set, &case.base, &samples, None).expect("samples");
+    let energy: f64 = rows.iter().flatten().map(|x| x * x).sum();
+    let squares: f64 = report.singular_values.iter().map(|s| s * s).sum();
+    assert!((energy - squares).abs() < 1e-9 * energy, "{energy} {squares}");
+    assert_eq!((report.rank, report.link_conditions.len()), (4, 2));
+    assert!(report.frobenius_condition >= report.condition);
+}
+
+#[test]
+fn torque_limits_are_kept_and_cost_excitation() {
+    let case = Case::puma(&FRICTION);
+    let mut options = ExciteOptions { starts: 1, evaluations: 150, ..case.options(Criterion::DOptimality) };
+    let mut parameters = case.robot.standard_parameters();
+    parameters.extend([1.0; 12]);
+    options.parameters = Some(parameters.clone());
+    // Hanging: the arm's weight alone takes no torque.
+    options.start = Some(vec![0.0, -1.57, 0.0, 0.0, 0.0, 0.0]);
+    let free = case.optimise(&options);
+    let limits: Vec<f64> = free.peaks.torque.iter().map(|peak| 0.8 * peak).collect();
+    options.limits.torque = Some(limits.clone());
+    let found = case.optimise(&options);
+    assert!(found.utilisation <= 1.0 && found.value > free.value);
+    let model = sgpr_core::model::TorqueModel::with_parameters(&case.robot, &FRICTION, parameters).expect("effects");
+    let samples = found.trajectory.samples(2000.0, 10.0);
+    let motion = sgpr_core::dynamics::Samples { q: &samples.q, dq: &samples.dq, ddq: &samples.ddq };
+    for (index, tau) in model.predict(motion).iter().enumerate() {
+        assert!(tau.abs() <= limits[index % 6] + 1e-6, "joint {}: {tau}", index % 6 + 1);
+    }
+}
+
+#[test]
+fn every_basis_and_criterion_gives_a_motion() {
+    let case = Case::two_link(&FRICTION);
+    for basis in [
+        Basis::BSpline { duration: 10.0, control_points: 14 },
+        Basis::PointToPoint { duration: 10.0, points: 8 },
+        Basis::Fourier { fundamental_hz: 0.1, harmonics: 3..=6 },
+    ] {
+        for criterion in Criterion::ALL {
+            let options = ExciteOptions { basis: basis.clone(), starts: 1, evaluations: 60, ..case.options(criterion) };
+            let found = case.optimise(&options);
+            assert!(found.value.is_finite() && found.report.rank == 8, "{basis:?} {criterion:?}");
+            assert_within_limits(&case, &found);
+        }
+    }
+}
+
+#[test]
+fn the_result_depends_on_the_seed_and_on_nothing_else() {
+    let case = Case::two_link(&FRICTION);
+    let run = |threads: usize, seed: u64| {
+        let options = ExciteOptions { starts: 3, evaluations: 60, threads, seed, ..case.options(Criterion::Condition) };
+        case.optimise(&options).trajectory
+    };
+    assert_eq!(run(1, 3), run(3, 3));
+    assert_ne!(run(1, 3), run(1, 4));
+}
+
+#[test]
+fn an_interrupted_search_gives_its_best_so_far() {
+    struct Stop;
+    impl Progress for Stop {
+        fn step(&self, _: &'static str, done: usize, _: usize) -> Result<(), Interrupted> {
+            if done > 40 { Err(Interrupted) } else { Ok(()) }
+        }
+    }
+    let case = Case::puma(&FRICTION);
+    let options = ExciteOptions { starts: 100, evaluations: 1000, ..case.options(Criterion::Condition) };
+    let found = optimise(&case.robot, &case.set, &case.base, &options, &Stop).expect("a motion");
+    assert_eq!(found.status, Status::Interrupted);
+    assert!(found.value.is_finite() && found.utilisation <= 1.0);
+}
+
+#[test]
+fn bad_input_is_refused_with_names() {
+    let case = Case::puma(&FRICTION);
+    let message = |change: &dyn Fn(&mut ExciteOptions)| {
+        let mut options = case.options(Criterion::Condition);
+        change(&mut options);
+        optimise(&case.robot, &case.set, &case.base, &options, &()).expect_err("bad").to_string()
+    };
+    let infeasible = message(&|options| options.limits.torque = Some(vec![50.0, 20.0, 50.0, 5.0, 5.0, 5.0]));
+    assert!(infeasible.contains("torque of joint `joint_2` against gravity is"), "{infeasible}");
+    let outside = message(&|options| options.start = Some(vec![0.0, 0.0, 0.9, 0.0, 0.0, 0.0]));
+    assert!(outside.contains("position of joint `joint_3` is 0.9"), "{outside}");
+    let negative = message(&|options| options.limits.velocity[3] = -1.0);
+    assert_eq!(negative, "the speed limit of joint `joint_4` is -1: a limit is finite and above zero");
+    let short = message(&|options| options.limits.acceleration.truncate(2));
+    assert_eq!(short, "acceleration limits: 2 values for 6 joints");
+    let basis = message(&|options| options.basis = Basis::fourier(0.0, 4));
+    assert!(basis.starts_with("fundamental_hz is 0"), "{basis}");
+    let robot = two_link().with_standard_parameters(&[0.0; 20]);
+    assert!(MotionLimits::of_robot(&robot, &[1.0]).expect_err("short").to_string().contains("1 values for 2 joints"));
+}

@@ -1,0 +1,370 @@
+//! Gaussian processes against scikit-learn, SciPy and finite differences (`data/reference/gp`).
+#![allow(missing_docs)]
+
+mod common;
+
+use common::{data, largest_difference};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use sgpr_core::gp::{
+    Compute, Covariance, Data, GaussianProcess, GpError, Kernel, Likelihood, SearchOptions, SearchStatus, Shape,
+    SparseBound, SparseGaussianProcess, SparseOptions, informative_points, search, search_sparse,
+};
+use sgpr_core::progress::{Interrupted, Progress};
+
+pub fn reference() -> serde_json::Value {
+    let text = std::fs::read_to_string(data("reference/gp/reference.json")).expect("bundled");
+    serde_json::from_str(&text).expect("valid JSON")
+}
+
+pub fn numbers(value: &serde_json::Value) -> Vec<f64> {
+    serde_json::from_value(value.clone()).expect("numbers")
+}
+
+/// The kernel of a case, and where its theta stands in scikit-learn's.
+fn case(name: &str) -> (Kernel, Vec<usize>) {
+    let shape = |name: &str| match name {
+        name if name.starts_with("squared") => Shape::SquaredExponential,
+        name if name.starts_with("exponential") => Shape::Exponential,
+        name if name.starts_with("matern32") => Shape::Matern32,
+        name if name.starts_with("matern52") => Shape::Matern52,
+        _ => Shape::RationalQuadratic { mixture: 0.6 },
+    };
+    let ard = |shape| Kernel::ard(shape, &[0.7, 1.3, 4.0]);
+    match name {
+        "sum" => {
+            let second = Kernel::isotropic(Shape::Matern32, 3, 2.0).scaled(0.4);
+            (ard(Shape::SquaredExponential).scaled(1.7).plus(second), (0..6).collect())
+        }
+        "product" => {
+            let second = Kernel::isotropic(Shape::Matern52, 3, 2.0);
+            (ard(Shape::SquaredExponential).scaled(1.7).times(second), (0..5).collect())
+        }
+        name if name.ends_with("ard") => (ard(shape(name)).scaled(1.7), (0..4).collect()),
+        "rational_quadratic_isotropic" => (Kernel::isotropic(shape(name), 3, 0.9).scaled(1.7), vec![0, 2, 1]),
+        name => (Kernel::isotropic(shape(name), 3, 0.9).scaled(1.7), vec![0, 1]),
+    }
+}
+
+pub fn reference_data(reference: &serde_json::Value) -> Data {
+    Data::new(numbers(&reference["x"]), 3, numbers(&reference["y"]), 1).expect("good data")
+}
+
+#[test]
+fn likelihood_gradient_and_predictions_are_those_of_scikit_learn() {
+    let reference = reference();
+    let (data, noise) = (reference_data(&reference), reference["noise"].as_f64().expect("a number"));
+    for (name, expected) in reference["cases"].as_object().expect("cases") {
+        let (kernel, order) = case(name);
+        let theta = numbers(&expected["theta"]);
+        let theta: Vec<f64> = order.iter().map(|k| theta[*k]).collect();
+        assert!(largest_difference(&kernel.theta(), &theta) < 1e-14, "{name}");
+        let covariance = Covariance::new(kernel, noise);
+        let mut likelihood = Likelihood::new(&data, &Compute::default()).expect("small");
+        let (value, gradient) = likelihood.value_and_gradient(&covariance).expect("well-conditioned");
+        let scale = 1.0 + expected["log_marginal_likelihood"].as_f64().expect("a number").abs();
+        assert!(
+            (value - expected["log_marginal_likelihood"].as_f64().expect("a number")).abs() < 1e-10 * scale,
+            "{name}"
+        );
+        let expected_gradient = numbers(&expected["gradient"]);
+        for (k, position) in order.iter().enumerate() {
+            assert!((gradient[k] - expected_gradient[*position]).abs() < 1e-9 * scale, "{name} {k}: {gradient:?}");
+        }
+        let gp = GaussianProcess::fit(data.clone(), covariance, &Compute::default()).expect("well-conditioned");
+        assert_eq!(gp.jitter(), 0.0);
+        let prediction = gp.predict(&numbers(&reference["x_new"]), true).expect("good points");
+        assert!(largest_difference(&prediction.mean, &numbers(&expected["mean"])) < 1e-10, "{name}");
+        assert!(largest_difference(&prediction.variance, &numbers(&expected["variance"])) < 1e-10, "{name}");
+    }
+}
+
+/// A kernel with everything in it.
+fn rich_kernel() -> Kernel {
+    let angles = Kernel::ard(Shape::SquaredExponential, &[0.8, 1.1]).on(&[0, 1]).with_period(0, 6.3).scaled(0.7);
+    let speeds = Kernel::isotropic(Shape::Matern32, 2, 1.2).on(&[2, 1]);
+    let rational = Kernel::ard(Shape::RationalQuadratic { mixture: 0.8 }, &[0.9, 1.4]).on(&[1, 2]);
+    let rough = Kernel::isotropic(Shape::Exponential, 1, 2.0).on(&[0]).scaled(0.4);
+    let product = Kernel::isotropic(Shape::Matern52, 3, 1.9).with_period(2, 5.0).times(rational).scaled(0.3);
+    angles.times(speeds).plus(rough).plus(product)
+}
+
+#[test]
+fn gradients_are_those_of_finite_differences() {
+    let reference = reference();
+    let one = reference_data(&reference);
+    // Two outputs, a duplicate row, and correlated noise.
+    let mut x = one.x()[..150].to_vec();
+    x.extend_from_slice(&one.x()[..3]);
+    let y = (0..102).map(|k| (0.37 * f64::from(k)).sin()).collect();
+    let data = Data::new(x, 3, y, 2).expect("good data");
+    let covariance = Covariance::new(rich_kernel(), 0.02)
+        .with_correlated_noise(Kernel::isotropic(Shape::Exponential, 1, 0.3).on(&[1]).scaled(0.05));
+    let mut likelihood = Likelihood::new(&data, &Compute::default()).expect("small");
+    let theta = covariance.theta();
+    assert_eq!((theta.len(), covariance.names().len()), (14, 14));
+    let (value, gradient) = likelihood.value_and_gradient(&covariance).expect("well-conditioned");
+    assert!((value - likelihood.value(&covariance).expect("again")).abs() < 1e-12 * value.abs());
+    for k in 0..theta.len() {
+        let step = 1e-5;
+        let mut at = |sign: f64| {
+            let mut theta = theta.clone();
+            theta[k] += sign * step;
+            likelihood.value(&covariance.with_theta(&theta)).expect("well-conditioned")
+        };
+        let difference = (at(1.0) - at(-1.0)) / (2.0 * step);
+        // Rounding of the value over the step, truncation with its square.
+        assert!((gradient[k] - difference).abs() < 1e-6 * (1.0 + value.abs()), "{k}: {} {difference}", gradient[k]);
+    }
+    let compute = Compute { threads: 2, ..Compute::default() };
+    let parallel = Likelihood::new(&data, &compute).expect("small").value_and_gradient(&covariance).expect("same");
+    assert!(largest_difference(&gradient, &parallel.1) < 1e-10 * (1.0 + value.abs()));
+}
+
+#[test]
+fn plain_and_vectorised_kernels_agree_and_a_period_is_one() {
+    let kernel = rich_kernel();
+    let data = Data::new(vec![0.3, -0.4, 0.9], 3, vec![1.0], 1).expect("one point");
+    let gp = GaussianProcess::fit(data, Covariance::new(kernel.clone(), 0.1), &Compute::default()).expect("one point");
+    let here = [1.1, 0.2, -0.7];
+    let found = gp.predict(&here, true).expect("a point");
+    let cross = kernel.value(&here, &[0.3, -0.4, 0.9]);
+    assert!((found.mean[0] - cross / (kernel.variance() + 0.1)).abs() < 1e-14);
+    assert!((found.variance[0] - kernel.variance() + cross * cross / (kernel.variance() + 0.1)).abs() < 1e-14);
+    let periodic = Kernel::isotropic(Shape::Matern32, 1, 0.5).with_period(0, 2.0);
+    assert!((periodic.value(&[0.1], &[0.1 + 6.0]) - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn leaving_a_point_out_is_fitting_without_it() {
+    let reference = reference();
+    let data = reference_data(&reference);
+    let covariance = Covariance::new(case("matern52_ard").0, 0.01);
+    let gp = GaussianProcess::fit(data.clone(), covariance.clone(), &Compute::default()).expect("good data");
+    let all = gp.leave_one_out();
+    let mut density = 0.0;
+    for i in 0..data.len() {
+        let others: Vec<usize> = (0..data.len()).filter(|k| *k != i).collect();
+        let without =
+            GaussianProcess::fit(data.select(&others), covariance.clone(), &Compute::default()).expect("good");
+        let prediction = without.predict(&data.x()[3 * i..3 * i + 3], true).expect("a point");
+        assert!((prediction.mean[0] - all.mean[i]).abs() < 1e-9);
+        let variance = prediction.variance[0] + 0.01;
+        assert!((variance - all.variance[i]).abs() < 1e-9);
+        let error = data.y()[i] - prediction.mean[0];
+        density -= 0.5 * ((std::f64::consts::TAU * variance).ln() + error * error / variance);
+    }
+    assert!((density - all.log_predictive_density).abs() < 1e-7);
+}
+
+/// The noise variance within the bounds that the reference was searched in.
+fn reference_bounds(covariance: &Covariance) -> Vec<(f64, f64)> {
+    let mut bounds = vec![(1e-2f64.ln(), 1e3f64.ln()); covariance.theta().len()];
+    bounds[0] = (1e-3f64.ln(), 1e3f64.ln());
+    *bounds.last_mut().expect("the noise") = (1e-6f64.ln(), 10f64.ln());
+    bounds
+}
+
+#[test]
+fn the_search_reaches_the_best_of_twenty_starts_of_scipy() {
+    let reference = reference();
+    let data = reference_data(&reference);
+    for (name, expected) in reference["optima"].as_object().expect("optima") {
+        let kernel = match name.as_str() {
+            "squared_exponential_isotropic" => Kernel::isotropic(Shape::SquaredExponential, 3, 1.0),
+            "squared_exponential_ard" => Kernel::ard(Shape::SquaredExponential, &[1.0; 3]),
+            _ => Kernel::ard(Shape::Matern52, &[1.0; 3]),
+        };
+        let start = Covariance::new(kernel.scaled(1.0), 1e-2);
+        let bounds = reference_bounds(&start);
+        let options = SearchOptions { bounds: Some(bounds.clone()), subset: 50, ..SearchOptions::default() };
+        let found = search(&data, &start, &options, &Compute::default(), &()).expect("good data");
+        let value = expected["log_marginal_likelihood"].as_f64().expect("a number");
+        assert!((found.log_marginal_likelihood - value).abs() < 1e-3, "{name}: {found:?}, {value}");
+        assert_eq!((found.status, found.starts.len()), (SearchStatus::Converged, 3), "{name}");
+
+        // Stationary, or pressed against a bound, which is named.
+        let mut likelihood = Likelihood::new(&data, &Compute::default()).expect("small");
+        let (again, gradient) = likelihood.value_and_gradient(&found.covariance).expect("an optimum");
+        assert!((again - found.log_marginal_likelihood).abs() < 1e-9);
+        for (k, theta) in found.covariance.theta().iter().enumerate() {
+            let (low, high) = bounds[k];
+            let bound = (theta - low).abs() < 1e-6 || (theta - high).abs() < 1e-6;
+            let outward = if (theta - low).abs() < 1e-6 { -gradient[k] } else { gradient[k] };
+            assert!(if bound { outward > -1e-3 } else { gradient[k].abs() < 1e-2 }, "{name} {k}: {gradient:?}");
+            assert_eq!(bound, found.at_bounds.contains(&found.covariance.names()[k]), "{name} {k}");
+        }
+    }
+}
+
+/// Asks to stop after some steps.
+struct StopAfter(AtomicUsize);
+
+impl Progress for StopAfter {
+    fn step(&self, _: &'static str, _: usize, _: usize) -> Result<(), Interrupted> {
+        let left = self.0.load(Ordering::Relaxed);
+        self.0.store(left.saturating_sub(1), Ordering::Relaxed);
+        if left == 0 { Err(Interrupted) } else { Ok(()) }
+    }
+}
+
+#[test]
+fn a_stopped_search_keeps_the_best_so_far_and_a_prior_keeps_the_noise_up() {
+    let reference = reference();
+    let data = reference_data(&reference);
+    let start = Covariance::new(Kernel::ard(Shape::SquaredExponential, &[1.0; 3]).scaled(1.0), 1e-2);
+    let before = Likelihood::new(&data, &Compute::default()).expect("small").value(&start).expect("good start");
+    let options = SearchOptions { starts: 1, ..SearchOptions::default() };
+    let stop = StopAfter(AtomicUsize::new(6));
+    let stopped = search(&data, &start, &options, &Compute::default(), &stop).expect("seven evaluations");
+    assert_eq!((stopped.status, stopped.evaluations), (SearchStatus::Stopped, 8));
+    assert!(stopped.log_marginal_likelihood > before);
+
+    // Interpolation of noise-free data: the likelihood wants no noise at all, the prior does.
+    let x: Vec<f64> = (0..25).map(|k| 0.2 * f64::from(k)).collect();
+    let smooth = Data::new(x.clone(), 1, x.iter().map(|x| x.sin()).collect(), 1).expect("good data");
+    let start = Covariance::new(Kernel::isotropic(Shape::SquaredExponential, 1, 1.0).scaled(1.0), 1e-3);
+    let free = search(&smooth, &start, &options, &Compute::default(), &()).expect("good data");
+    let priors = vec![None, None, Some((1e-3f64.ln(), 0.5))];
+    let held =
+        search(&smooth, &start, &SearchOptions { priors, ..options }, &Compute::default(), &()).expect("good data");
+    assert!(free.covariance.noise_variance < 1e-6, "{free:?}");
+    assert!(held.covariance.noise_variance > 1e-5, "{held:?}");
+}
+
+/// The same kernel twice: with everything that a derivative by a location has to pass.
+fn sparse_case() -> (Data, Covariance, Vec<f64>) {
+    let reference = reference();
+    let one = reference_data(&reference);
+    let y = (0..2 * one.len()).map(|k| (0.37 * k as f64).sin()).collect();
+    let data = Data::new(one.x().to_vec(), 3, y, 2).expect("good data");
+    let inducing = data.select(&[3, 8, 15, 22, 40, 41, 60]).x().iter().map(|x| x + 0.05).collect();
+    (data, Covariance::new(rich_kernel(), 0.03), inducing)
+}
+
+#[test]
+fn gradients_of_the_sparse_bound_are_those_of_finite_differences() {
+    let (data, covariance, inducing) = sparse_case();
+    let bound = SparseBound::new(&data, &Compute::default());
+    let (value, gradient) = bound.value_and_gradient(&covariance, &inducing).expect("good");
+    assert!((value - bound.value(&covariance, &inducing).expect("again")).abs() < 1e-10 * value.abs());
+    let theta = covariance.theta();
+    let step = 1e-5;
+    // Rounding of the value, through the condition of the inducing points, over the step.
+    let tolerance = 1e-5 * (1.0 + value.abs());
+    for k in 0..theta.len() {
+        let at = |sign: f64| {
+            let mut theta = theta.clone();
+            theta[k] += sign * step;
+            bound.value(&covariance.with_theta(&theta), &inducing).expect("good")
+        };
+        let difference = (at(1.0) - at(-1.0)) / (2.0 * step);
+        assert!((gradient.theta[k] - difference).abs() < tolerance, "{k}: {} {difference}", gradient.theta[k]);
+    }
+    for k in 0..inducing.len() {
+        let at = |sign: f64| {
+            let mut inducing = inducing.clone();
+            inducing[k] += sign * step;
+            bound.value(&covariance, &inducing).expect("good")
+        };
+        let difference = (at(1.0) - at(-1.0)) / (2.0 * step);
+        assert!((gradient.inducing[k] - difference).abs() < tolerance, "{k}: {} {difference}", gradient.inducing[k]);
+    }
+    let parallel = SparseBound::new(&data, &Compute { threads: 2, ..Compute::default() });
+    let parallel = parallel.value_and_gradient(&covariance, &inducing).expect("good");
+    assert!(largest_difference(&gradient.theta, &parallel.1.theta) < tolerance);
+}
+
+#[test]
+fn a_sparse_process_with_all_points_is_the_exact_one_and_with_fewer_a_bound() {
+    let reference = reference();
+    let data = reference_data(&reference);
+    let covariance = Covariance::new(case("matern32_ard").0, 0.01);
+    let exact = GaussianProcess::fit(data.clone(), covariance.clone(), &Compute::default()).expect("good data");
+    let all = SparseGaussianProcess::fit(&data, covariance.clone(), data.x().to_vec(), &Compute::default());
+    let all = all.expect("good data");
+    // The jitter of the inducing points is a millionth of the variance.
+    assert!((all.bound() - exact.log_marginal_likelihood()).abs() < 0.02, "{}", all.bound());
+    assert!(all.bound() < exact.log_marginal_likelihood());
+    let x = numbers(&reference["x_new"]);
+    let (expected, found) = (exact.predict(&x, true).expect("good"), all.predict(&x, true).expect("good"));
+    assert!(largest_difference(&found.mean, &expected.mean) < 1e-3);
+    assert!(largest_difference(&found.variance, &expected.variance) < 1e-4);
+    let mut last = f64::NEG_INFINITY;
+    for count in [5, 20, 50, 70] {
+        let chosen = informative_points(&covariance.signal, data.x(), 3, count);
+        let inducing = data.select(&chosen).x().to_vec();
+        let bound = SparseBound::new(&data, &Compute::default()).value(&covariance, &inducing).expect("good");
+        assert!(bound > last && bound <= exact.log_marginal_likelihood(), "{count}: {bound}");
+        last = bound;
+    }
+}
+
+#[test]
+fn a_sparse_search_keeps_to_its_budget_and_moving_the_points_gains() {
+    let x: Vec<f64> = (0..3000).map(|k| 0.005 * f64::from(k)).collect();
+    let y = x.iter().enumerate().map(|(k, x)| x.sin() + 0.1 * ((k * 7919 % 1000) as f64 / 500.0 - 1.0)).collect();
+    let data = Data::new(x, 1, y, 1).expect("good data");
+    let start = Covariance::new(Kernel::isotropic(Shape::SquaredExponential, 1, 0.5).scaled(0.5), 0.1);
+    let search = SearchOptions { starts: 1, subset: 200, ..SearchOptions::default() };
+    let options = SparseOptions { inducing: 9, search, ..SparseOptions::default() };
+    let run = |options: &SparseOptions| search_sparse(&data, &start, options, &Compute::default(), &()).expect("good");
+    let (gp, report) = run(&options);
+    assert!(report.chosen.len() <= 9 && gp.inducing().len() == report.chosen.len());
+    assert_eq!((gp.bound(), report.status), (report.bound, SearchStatus::Converged));
+    // The noise is uniform between -0.1 and 0.1.
+    assert!((gp.covariance().noise_variance / (0.01 / 3.0) - 1.0).abs() < 0.1, "{report:?}");
+    let (moved, _) = run(&SparseOptions { move_inducing: true, ..options.clone() });
+    assert!(moved.bound() >= gp.bound() - 1e-6, "{} {}", moved.bound(), gp.bound());
+    let at = [1.0, 4.0, 7.7];
+    let prediction = moved.predict(&at, true).expect("good");
+    for (k, x) in at.iter().enumerate() {
+        assert!((prediction.mean[k] - x.sin()).abs() < 0.02);
+    }
+
+    let none =
+        search_sparse(&data, &start, &SparseOptions { inducing: 0, ..options.clone() }, &Compute::default(), &());
+    assert!(matches!(none, Err(GpError::InducingPoints { found: 0, points: 3000 })));
+    let correlated = start.clone().with_correlated_noise(Kernel::isotropic(Shape::Exponential, 1, 1.0));
+    let error = SparseBound::new(&data, &Compute::default()).value(&correlated, &[0.0]).expect_err("not possible");
+    assert!(error.to_string().contains("correlated noise"));
+}
+
+#[test]
+fn bad_input_is_an_error_that_says_what_to_do() {
+    let kernel = || Kernel::isotropic(Shape::SquaredExponential, 2, 1.0).scaled(1.0);
+    let message = |error: GpError| error.to_string();
+    assert_eq!(Data::new(vec![], 2, vec![], 1), Err(GpError::Empty));
+    assert!(message(Data::new(vec![0.0; 5], 2, vec![0.0; 2], 1).expect_err("odd")).contains("5 numbers where 6"));
+    assert!(message(Data::new(vec![0.0; 6], 2, vec![0.0; 2], 1).expect_err("few")).contains("2 numbers where 3"));
+    let nan = Data::new(vec![0.0, f64::NAN, 1.0, 1.0], 2, vec![0.0; 2], 1).expect_err("NaN");
+    assert!(message(nan).contains("row 0, column 1 is NaN"));
+
+    let data = Data::new(vec![0.5; 6], 2, vec![1.0; 3], 1).expect("three times the same point");
+    let fit = |covariance| GaussianProcess::fit(data.clone(), covariance, &Compute::default());
+    // Duplicates without noise need jitter, and it is told.
+    let gp = fit(Covariance::new(kernel(), 0.0)).expect("jitter helps");
+    assert!(gp.jitter() > 0.0 && gp.jitter() <= 1e-4);
+    assert!((gp.predict(&[0.5, 0.5], true).expect("a point").mean[0] - 1.0).abs() < 1e-4);
+    assert!(message(fit(Covariance::new(kernel().on(&[0, 7]), 0.1)).expect_err("no input 7")).contains("input 7"));
+    assert!(
+        message(fit(Covariance::new(kernel().scaled(-1.0), 0.1)).expect_err("negative")).contains("signal_variance")
+    );
+    assert!(message(fit(Covariance::new(kernel(), f64::NAN)).expect_err("NaN")).contains("noise_variance is NaN"));
+    assert!(fit(Covariance::new(Kernel::Sum(vec![]), 0.1)).is_err());
+    assert!(matches!(gp.predict(&[0.0; 3], false), Err(GpError::Shape { found: 3, expected: 4, .. })));
+    assert!(matches!(gp.predict(&[0.0, f64::INFINITY], false), Err(GpError::NotFinite { .. })));
+
+    // A million points: refused before memory is taken, with the alternative named.
+    let many = Data::new(vec![0.0; 1_000_000], 1, vec![0.0; 1_000_000], 1).expect("good data");
+    let one = Kernel::isotropic(Shape::SquaredExponential, 1, 1.0);
+    let error = GaussianProcess::fit(many.clone(), Covariance::new(one, 0.1), &Compute::default()).expect_err("large");
+    assert!(message(error).contains("8000.0 GB") && Likelihood::new(&many, &Compute::default()).is_err());
+
+    // Huge and tiny scales, constant outputs, one point.
+    let x: Vec<f64> = (0..40).map(|k| 1e9 * f64::from(k)).collect();
+    let far = Data::new(x, 1, vec![1e-9; 40], 1).expect("good data");
+    let scaled = Kernel::isotropic(Shape::Matern32, 1, 1.0).fitted_to(far.x(), 1, far.mean_square());
+    let gp = GaussianProcess::fit(far, Covariance::new(scaled, 1e-22), &Compute::default()).expect("scaled");
+    assert!((gp.predict(&[5e9], false).expect("a point").mean[0] / 1e-9 - 1.0).abs() < 1e-3);
+}

@@ -1,0 +1,136 @@
+"""`sgpr payload`: what hangs on an arm, or what its drives give per ampere, from logs with and without a payload."""
+
+from typing import Annotated, Any
+
+import typer
+
+from .. import __version__, identify_drive_gains, identify_payload
+from ..report.numbers import percent, significant, with_deviation
+from .console import Output, to_json
+from .errors import wrong_use
+from .identify import IdentificationOptions
+from .output_folder import OutputFolder
+from .reading import ReadingOptions, read_logs, stretches
+from .robots import load_robot
+
+
+def payload(
+    robot: Annotated[
+        str, typer.Option("--robot", metavar="ROBOT", help="URDF, DH table (.toml, .json), puma560 or two_link.")
+    ],
+    unloaded: Annotated[list[str], typer.Option("--unloaded", metavar="FILE...", help="Logs without the payload.")],
+    loaded: Annotated[list[str], typer.Option("--loaded", metavar="FILE...", help="Logs with the payload.")],
+    fit: IdentificationOptions,
+    reading: ReadingOptions,
+    output: Output,
+    link: Annotated[
+        str | None,
+        typer.Option("--link", metavar="JOINT", help="Joint whose link holds it.", show_default="the last joint"),
+    ] = None,
+    friction_may_change: Annotated[
+        bool, typer.Option("--friction-may-change", help="Friction may differ with and without the payload.")
+    ] = False,
+    known: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--known",
+            metavar="PARAMETER=VALUE...",
+            help="The payload is known, as m=2.805 in kg, and the gains of the drives are looked for: what to multiply "
+            "the currents or torques of the logs by.",
+        ),
+    ] = None,
+    joints: Annotated[
+        list[str] | None,
+        typer.Option("--joints", metavar="JOINT...", help="Joints of the URDF to model; the others are locked."),
+    ] = None,
+    gravity: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option("--gravity", metavar="X Y Z", help="Gravity in base axes, m/s².", show_default="0 0 -9.81"),
+    ] = None,
+    out: Annotated[str | None, typer.Option("--out", metavar="DIR", help="Folder for payload.json.")] = None,
+) -> None:
+    """Identifies a payload from logs with it and without it; or, with --known, the gains of the drives."""
+    options = fit.arguments()
+    # The payload is a body unless the user says otherwise through Python; the arm need not be.
+    for key in ("method", "consistent", "prior", "prior_deviation", "bounds", "essential", "uncertainty", "start"):
+        options.pop(key)
+    both = sorted(set(unloaded) & set(loaded))
+    if both:
+        raise wrong_use(f"{', '.join(both)}: a log is with the payload or without it", "--loaded")
+    given = _known(known or [])
+    arm = load_robot(robot, joints, gravity)
+    if link is not None and link not in arm.joint_names:
+        raise wrong_use(f"`{link}`: the joints are {', '.join(arm.joint_names)}", "--link")
+    folder = OutputFolder(out) if out else None
+    without = stretches(read_logs(unloaded, reading, arm.joint_names, output))
+    with_it = stretches(read_logs(loaded, reading, arm.joint_names, output))
+    data: dict[str, Any] = {
+        "command": "payload",
+        "robot": {"name": arm.name, "joints": arm.joint_names},
+        "unloaded": unloaded,
+        "loaded": loaded,
+        "link": link or arm.joint_names[-1],
+        "settings": {**options, "reading": reading.to_dict(), "friction_may_change": friction_may_change},
+        "library_version": __version__,
+    }
+    with output.progress() as progress:
+        if given:
+            gains = identify_drive_gains(arm, without, with_it, payload=given, link=link, progress=progress, **options)
+            data["known"] = given
+            data["gains"] = gains.gains
+            data["standard_deviations"] = gains.standard_deviations
+        else:
+            found = identify_payload(
+                arm,
+                without,
+                with_it,
+                link=link,
+                friction_may_change=friction_may_change,
+                progress=progress,
+                **options,
+            )
+            data["mass"] = found.mass
+            data["mass_deviation"] = found.mass_deviation
+            data["centre"] = found.centre
+            data["parameters"] = found.to_dict()
+    if folder:
+        with folder:
+            folder.write("payload.json", to_json(data))
+    if given:
+        show_gains(data, output)
+    else:
+        show_payload(data, output)
+    output.result(data)
+
+
+def _known(pairs: list[str]) -> dict[str, float]:
+    given = {}
+    for pair in pairs:
+        name, _, text = pair.partition("=")
+        try:
+            given[name] = float(text)
+        except ValueError:
+            raise wrong_use(f"`{pair}`: expected PARAMETER=VALUE, as m=2.805", "--known") from None
+    return given
+
+
+def show_payload(data: dict[str, Any], output: Output) -> None:
+    """The payload for people."""
+    mass, deviation = with_deviation(data["mass"], data["mass_deviation"])
+    centre = ", ".join(significant(float(value), 3) for value in data["centre"])
+    output.heading(f"payload of {mass} ± {deviation} kg on {data['link']}, centre of mass at ({centre}) m in its frame")
+    rows = []
+    for parameter in data["parameters"]:
+        value, spread = with_deviation(parameter["value"], parameter["standard_deviation"])
+        rows.append([parameter["name"], value, spread, parameter["unit"]])
+    output.table(["parameter", "value", "std. deviation", "unit"], rows, text_columns=(0, 3))
+
+
+def show_gains(data: dict[str, Any], output: Output) -> None:
+    """The gains for people."""
+    output.heading("gains of the drives: multiply the logged currents or torques by them")
+    rows = []
+    for joint, gain, deviation in zip(data["robot"]["joints"], data["gains"], data["standard_deviations"], strict=True):
+        value, spread = with_deviation(float(gain), float(deviation))
+        rows.append([joint, value, spread, percent(100.0 * float(deviation) / float(gain))])
+    output.table(["joint", "gain", "std. deviation", "%"], rows)

@@ -1,0 +1,150 @@
+//! Words, numbers and dicts that say how parameters are estimated.
+
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyString};
+use sgpr_core::identification::{Consistency, Distance, LinkBounds, Method, ParameterBounds, PhysicalBounds, Region};
+use sgpr_core::model::Uncertainty;
+
+use crate::convert::{choice, items, positive, vector3};
+use crate::errors::invalid;
+
+const METHODS: &str = "'ols', 'wls', 'irls', 'irls:THRESHOLD', 'ridge', 'ridge:RELATIVE_DEVIATION', 'tls', \
+    'tls:RELATIVE_NOISE', 'iv', 'output_error', 'rls' or 'rls:FORGETTING'";
+
+/// "wls", "irls:1.345", "rls:0.999"
+pub fn method(text: &str) -> PyResult<Method> {
+    let wrong = || invalid(format!("method = '{text}': expected {METHODS}"));
+    let (name, setting) = match text.split_once(':') {
+        Some((name, number)) => (name, Some(number.parse::<f64>().map_err(|_| wrong())?)),
+        None => (text, None),
+    };
+    match (name, setting) {
+        ("ols", None) => Ok(Method::Ols),
+        ("wls", None) => Ok(Method::Wls),
+        ("iv", None) => Ok(Method::InstrumentalVariables),
+        ("output_error", None) => Ok(Method::OutputError),
+        ("irls", None) => Ok(Method::HUBER),
+        ("irls", Some(threshold)) => Ok(Method::Irls { threshold }),
+        ("ridge", setting) => Ok(Method::Ridge { relative_deviation: setting.unwrap_or(1.0) }),
+        ("tls", setting) => Ok(Method::TotalLeastSquares { relative_noise: setting.unwrap_or(1e-3) }),
+        ("rls", setting) => Ok(Method::Recursive { forgetting: setting.unwrap_or(1.0) }),
+        _ => Err(wrong()),
+    }
+}
+
+/// "memory", "hac", "bootstrap", "bootstrap:500"
+pub fn uncertainty(text: &str) -> PyResult<Uncertainty> {
+    let wrong =
+        || invalid(format!("uncertainty = '{text}': expected 'memory', 'hac', 'bootstrap' or 'bootstrap:REPLICATES'"));
+    match text.split_once(':') {
+        None if text == "memory" => Ok(Uncertainty::Memory),
+        None if text == "hac" => Ok(Uncertainty::Hac),
+        None if text == "bootstrap" => Ok(Uncertainty::Bootstrap { replicates: 500 }),
+        Some(("bootstrap", count)) => match count.parse() {
+            Ok(replicates @ 2..=100_000) => Ok(Uncertainty::Bootstrap { replicates }),
+            _ => Err(wrong()),
+        },
+        _ => Err(wrong()),
+    }
+}
+
+/// What `consistent`, `prior`, `prior_deviation` and `bounds` say together.
+#[derive(Default)]
+pub struct ConsistencyArguments {
+    wanted: bool,
+    consistency: Consistency,
+    given: Option<&'static str>,
+}
+
+impl ConsistencyArguments {
+    pub const OPTIONS: [&str; 4] = ["consistent", "prior", "prior_deviation", "bounds"];
+
+    /// Takes an option of [`Self::OPTIONS`].
+    pub fn take(&mut self, key: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
+        match key {
+            "consistent" => self.wanted = value.extract()?,
+            "prior" => {
+                let text: String = value.extract()?;
+                let known = [("entropic", Distance::Entropic), ("euclidean", Distance::Euclidean)];
+                self.consistency.prior.distance = choice(key, &text, &known)?;
+                self.given = Some("prior");
+            }
+            "prior_deviation" => {
+                self.consistency.prior.relative_deviation = positive(key, value.extract()?)?;
+                self.given = Some("prior_deviation");
+            }
+            _ => {
+                self.consistency.bounds = bounds(value)?;
+                self.given = Some("bounds");
+            }
+        }
+        Ok(())
+    }
+
+    /// The settings, if consistency is wanted.
+    pub fn finish(self) -> PyResult<Option<Consistency>> {
+        match (self.wanted, self.given) {
+            (true, _) => Ok(Some(self.consistency)),
+            (false, None) => Ok(None),
+            (false, Some(option)) => Err(invalid(format!("{option}: it belongs to consistent=True"))),
+        }
+    }
+}
+
+/// {"joint_2": {"mass": [1, 5], "box": [[...], [...]]}, "total_mass": [20, 30], "joint_2.Fv": [0, None]}
+fn bounds(value: &Bound<'_, PyAny>) -> PyResult<PhysicalBounds> {
+    let mut bounds = PhysicalBounds::default();
+    for (name, limits) in items("bounds", value)? {
+        let label = format!("bounds['{name}']");
+        if limits.is_instance_of::<PyDict>() {
+            let mut link = LinkBounds { joint: name, mass: None, centre: None };
+            for (key, limit) in items(&label, &limits)? {
+                let label = format!("{label}['{key}']");
+                match key.as_str() {
+                    "mass" => link.mass = Some(interval(&label, &limit)?),
+                    "box" => {
+                        let (lowest, highest) = pair(&label, &limit)?;
+                        let (lowest, highest) = (vector3(&label, &lowest)?, vector3(&label, &highest)?);
+                        link.centre = Some(Region::Box { lowest, highest });
+                    }
+                    "ellipsoid" => {
+                        let (centre, half_axes) = pair(&label, &limit)?;
+                        let (centre, half_axes) = (vector3(&label, &centre)?, vector3(&label, &half_axes)?);
+                        link.centre = Some(Region::Ellipsoid { centre, half_axes });
+                    }
+                    _ => return Err(invalid(format!("{label}: known are 'mass', 'box' and 'ellipsoid'"))),
+                }
+            }
+            bounds.links.push(link);
+        } else if name == "total_mass" {
+            bounds.total_mass = Some(interval(&label, &limits)?);
+        } else {
+            let [lowest, highest] = interval(&label, &limits)?;
+            let finite = |limit: f64| limit.is_finite().then_some(limit);
+            bounds.parameters.push(ParameterBounds { name, lowest: finite(lowest), highest: finite(highest) });
+        }
+    }
+    Ok(bounds)
+}
+
+fn pair<'py>(label: &str, value: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+    let both = (!value.is_instance_of::<PyString>()).then(|| value.try_iter().ok()).flatten();
+    let both: Option<Vec<Bound<'py, PyAny>>> = both.and_then(|both| both.collect::<PyResult<_>>().ok());
+    match both.as_deref() {
+        Some([first, second]) => Ok((first.clone(), second.clone())),
+        _ => Err(invalid(format!("{label}: expected two values"))),
+    }
+}
+
+/// Two numbers; None is no limit.
+fn interval(label: &str, value: &Bound<'_, PyAny>) -> PyResult<[f64; 2]> {
+    let (low, high) = pair(label, value)?;
+    let number = |limit: Bound<'_, PyAny>, none: f64| -> PyResult<f64> {
+        if limit.is_none() {
+            return Ok(none);
+        }
+        let number: f64 = limit.extract().map_err(|_| invalid(format!("{label}: expected two numbers or None")))?;
+        if number.is_nan() { Err(invalid(format!("{label}: NaN is no limit"))) } else { Ok(number) }
+    };
+    Ok([number(low, f64::NEG_INFINITY)?, number(high, f64::INFINITY)?])
+}

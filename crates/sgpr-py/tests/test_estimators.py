@@ -1,0 +1,138 @@
+"""Every estimator through the one door, and what they say of their uncertainty."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import sgpr
+
+EFFECTS = ["viscous_friction", "coulomb_friction", "rotor_inertia"]
+
+
+@pytest.mark.parametrize("method", ["ols", "wls", "irls", "irls:2", "ridge:100", "tls", "rls"])
+def test_estimators_agree_on_good_logs(
+    method: str, demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording], demo_test: sgpr.Recording
+) -> None:
+    model = sgpr.identify(demo_robot, demo_logs, effects=EFFECTS, method=method)
+    assert model.fit is not None
+    assert model.fit["method"] == method.split(":")[0]
+    assert sgpr.compare(model, [demo_test]).relative_error_percent < 5.0
+
+
+@pytest.mark.parametrize("method", ["lasso", "wls:2", "irls:x", "ridge:", "tls:-1", "rls:2", "irls:0"])
+def test_unknown_methods_and_settings_are_refused(
+    method: str, demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording]
+) -> None:
+    with pytest.raises(sgpr.SgprError):
+        sgpr.identify(demo_robot, demo_logs, method=method)
+
+
+def test_instruments_are_the_same_motion(demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording]) -> None:
+    # Instruments that are the measured motion itself make instrumental variables least squares.
+    ours = sgpr.identify(demo_robot, demo_logs, effects=EFFECTS, method="iv", instruments=demo_logs)
+    theirs = sgpr.identify(demo_robot, demo_logs, effects=EFFECTS)
+    values = [np.array([p.value for p in model.parameters]) for model in (ours, theirs)]
+    assert np.abs(values[0] - values[1]).max() < 1e-6
+    with pytest.raises(sgpr.SgprError, match="instruments"):
+        sgpr.identify(demo_robot, demo_logs, method="iv")
+    with pytest.raises(sgpr.SgprError, match="same times"):
+        sgpr.identify(demo_robot, demo_logs, method="iv", instruments=demo_logs[:1])
+    with pytest.raises(sgpr.SgprError, match="gains"):
+        sgpr.identify(demo_robot, demo_logs, method="output_error")
+    with pytest.raises(sgpr.SgprError, match="kp, kd"):
+        sgpr.identify(demo_robot, demo_logs, kp=np.ones(6))
+
+
+@pytest.mark.parametrize("uncertainty", ["hac", "bootstrap:100"])
+def test_other_sources_of_deviations_are_of_the_same_size(
+    uncertainty: str, demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording]
+) -> None:
+    plain, other = (
+        sgpr.identify(demo_robot, demo_logs, effects=EFFECTS, uncertainty=name) for name in ("memory", uncertainty)
+    )
+    ratios = [
+        b.standard_deviation / a.standard_deviation
+        for a, b in zip(plain.parameters, other.parameters, strict=True)
+        if a.standard_deviation and b.standard_deviation and np.isfinite(a.standard_deviation)
+    ]
+    assert 0.3 < float(np.median(ratios)) < 3.0
+    with pytest.raises(sgpr.SgprError, match="uncertainty"):
+        sgpr.identify(demo_robot, demo_logs, uncertainty="jackknife")
+
+
+def test_predictions_have_a_band(demo_model: sgpr.Model, demo_test: sgpr.Recording) -> None:
+    q = demo_test.q[::50]
+    zeros = np.zeros_like(q)
+    tau, deviation = demo_model.predict(q, zeros, zeros, return_std=True)
+    assert np.array_equal(tau, demo_model.predict(q, zeros, zeros))
+    assert deviation.shape == tau.shape
+    assert (deviation >= 0.0).all()
+    assert np.median(deviation) < 0.1 * np.abs(tau).max()
+    # By hand, from the covariance: the base regressor is the derivative by base parameters.
+    nominal = sgpr.Model.nominal(demo_model.robot)
+    assert not nominal.predict(q, zeros, zeros, return_std=True)[1].any()
+
+
+def test_essential_parameters_predict_as_well(
+    demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording], demo_test: sgpr.Recording
+) -> None:
+    whole = sgpr.identify(demo_robot, demo_logs)
+    model = sgpr.identify(demo_robot, demo_logs, essential=True)
+    assert model.report is not None
+    found = model.report.essential
+    assert found is not None
+    rank = len(model.parameters)
+    assert sorted(found["kept"] + found["dropped"]) == list(range(rank))
+    assert all(abs(model.parameters[k].value) < 1e-12 for k in found["dropped"])
+    assert len(found["validation"]) == rank + 1
+    before, after = (sgpr.compare(each, [demo_test]).relative_error_percent for each in (whole, model))
+    assert after < 1.02 * before
+
+
+def test_mistakes_in_logs_are_named(demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording]) -> None:
+    def changed(log: sgpr.Recording, factors: list[float]) -> sgpr.Recording:
+        tau = log.tau * np.array(factors)
+        return sgpr.Recording(log.time_ns, log.q, log.dq, tau, joint_names=log.joint_names, source=log.source)
+
+    def warnings(factors: list[float]) -> str:
+        logs = [changed(log, factors) for log in demo_logs]
+        report = sgpr.identify(demo_robot, logs, effects=EFFECTS).report
+        assert report is not None
+        return "\n".join(report.warnings)
+
+    names = demo_robot.joint_names
+    assert "negated" not in warnings([1.0] * 6)
+    assert f"torque of {names[2]} looks negated" in warnings([1.0, 1.0, -1.0, 1.0, 1.0, 1.0])
+    assert "all torques look negated" in warnings([-1.0] * 6)
+    assert f"torque of {names[1]} is in another unit" in warnings([1.0, 1000.0, 1.0, 1.0, 1.0, 1.0])
+
+
+def test_late_torque_is_named(demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording]) -> None:
+    def late(log: sgpr.Recording) -> sgpr.Recording:
+        tau = log.tau.copy()
+        tau[10:, 1] = log.tau[:-10, 1]
+        return sgpr.Recording(log.time_ns, log.q, log.dq, tau, joint_names=log.joint_names, source=log.source)
+
+    logs = [late(log) for log in demo_logs]
+    model = sgpr.identify(demo_robot, logs, effects=EFFECTS)
+    found = [text for text in sgpr.screen(model, logs) if "after its motion" in text]
+    assert len(found) == 1
+    assert demo_robot.joint_names[1] in found[0]
+    assert sgpr.screen(sgpr.Model.nominal(demo_robot), logs) == []
+
+
+def test_base_parameters_by_recursion_are_those_of_random_motion(reference: Any) -> None:
+    for effects in ([], EFFECTS):
+        exact = reference.robot.base_parameters(effects, recursion=True)
+        random = reference.robot.base_parameters(effects)
+        assert exact.names == random.names
+        assert np.allclose(exact.matrix, random.matrix, atol=1e-8)
+
+
+def test_regrouping_rules_are_formulas() -> None:
+    [rules] = sgpr.regroupings([{"prismatic": True, "a": 0.1}])
+    assert [rule.split("(")[0] for rule in rules] == ["Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"]
+    [rules] = sgpr.regroupings([{}])
+    assert rules[0].startswith("Iyy(j): Ixx(j-1) + 1, Iyy(j-1) + cos(alpha)^2")
+    with pytest.raises(sgpr.SgprError):
+        sgpr.regroupings([{"angle": 1.0}])
