@@ -162,7 +162,7 @@ class DiagnosisPage:
             parts.append(items(f"{' or '.join(one['about'])}: {one['experiment']}." for one in data["next_experiment"]))
         if data["not_testable"]:
             parts.append(element("h3", "Not testable with these logs"))
-            rows = [[entry["effect"], entry["why"]] for entry in data["not_testable"]]
+            rows = [[entry["effect"], prose(entry["why"])] for entry in data["not_testable"]]
             parts.append(table("Not testable", ["effect", "why"], rows, text_columns=(0, 1)))
         return join(parts)
 
@@ -179,8 +179,8 @@ class DiagnosisPage:
             for one in shown
         ]
         note = paragraph(
-            f"The best {len(shown)} of {len(self.data['candidates'])}; the score is the log of the Bayes factor "
-            "against the model without the effect, less what looking at so many effects costs."
+            f"The best {len(shown)} of {len(self.data['candidates'])}; the score is the log of the Bayes factor of "
+            "the effect against the model, less what looking at so many effects costs."
         )
         columns = ["effect", "where", "score", "probability", "evidence"]
         return join([note, table("Candidates", columns, rows, text_columns=(0, 1, 4))])
