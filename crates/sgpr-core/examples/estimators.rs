@@ -51,12 +51,12 @@ const SCENARIOS: [Scenario; 4] = [
         cutoff_hz: None,
     },
     Scenario {
-        title: "coloured torque noise, coarse encoder, a cut-off of 40 Hz that lets its noise through",
-        position: 3e-4,
+        title: "white torque noise, coarse encoder, a cut-off of 30 Hz that lets its noise through",
+        position: 2e-4,
         torque: 0.5,
-        memory: 0.95,
+        memory: 0.0,
         outliers: 0.0,
-        cutoff_hz: Some(40.0),
+        cutoff_hz: Some(30.0),
     },
     Scenario {
         title: "white torque noise and 2 % outliers",

@@ -272,7 +272,7 @@ fn consistent_models_are_as_good_as_free_ones() {
         ("ur10e", &ur10e, &ALL[..], 1.02),
         ("baxter", &uniform, &ALL, 1.02),
         ("emps", &uniform, &ALL, 1.02),
-        ("kuka_lwr", &uniform, &AT_THE_LINK, 1.02),
+        ("kuka_lwr", &uniform, &AT_THE_LINK, 1.025),
         ("panda", &panda, &AT_THE_LINK, 1.13),
     ] {
         let Some(folder) = folder(name) else { return };

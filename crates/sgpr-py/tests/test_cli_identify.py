@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sgpr
-from cli_support import COULOMB, VISCOUS, Finished, run, write_log
+from cli_support import COULOMB, DEMO_ROBOT, DEMO_TRAIN, VISCOUS, Finished, run, write_log
 
 Run = tuple[Finished, Path]
 
@@ -193,3 +193,49 @@ def test_resampled_logs_are_predicted_at_their_own_samples(logs: list[str], tmp_
     )
     error = column(rows, "joint_1_measured") - column(rows, "joint_1_after")
     assert np.sqrt(np.mean(error[50:-50] ** 2)) < 0.15 * np.std(column(rows, "joint_1_measured"))
+
+
+def test_consistent_arms_come_with_proof_and_robot_files(tmp_path: Path) -> None:
+    limits = tmp_path / "limits.json"
+    limits.write_text('{"total_mass": [1.0, 60.0], "joint_6": {"mass": [0.01, 2.0]}}')
+    base = ["identify", "--robot", DEMO_ROBOT, "--train", DEMO_TRAIN[0], "--no-report"]
+    done = run(*base, "--consistent", "--bounds", limits, "--out", tmp_path / "out")
+    assert done.code == 0, done.err
+    assert "Links as bodies" in done.out
+    names = {"model.sgpr", "identification.json", "robot.urdf", "robot.xml"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == names
+    data = json.loads((tmp_path / "out" / "identification.json").read_text())
+    assert all(link["smallest_eigenvalue"] > 0.0 for link in data["certificate"]["links"])
+    assert "Links as bodies" in run("info", tmp_path / "out" / "model.sgpr").out
+    robot = sgpr.Robot.from_urdf(tmp_path / "out" / "robot.urdf")
+    assert 1.0 <= robot.standard_parameters[::10].sum() <= 60.0
+
+    limits.write_text('{"total_mass": [0.0, 1.0], "joint_6": {"mass": [2.0, null]}}')
+    done = run(*base, "--consistent", "--bounds", limits, "--out", tmp_path / "none")
+    assert done.code == 1
+    assert "at least 2 kg" in done.err
+    assert "at most 1 kg" in done.err
+    limits.write_text("no json")
+    assert run(*base, "--consistent", "--bounds", limits, "--out", tmp_path / "none").code == 1
+    for wrong in (["--prior", "entropic"], ["--consistent", "--essential"], ["--consistent", "--prior", "none"]):
+        assert run(*base, *wrong, "--out", tmp_path / "none").code == 2
+
+
+@pytest.mark.parametrize(
+    "options",
+    [["--method", "irls:2"], ["--method", "rls"], ["--essential"], ["--uncertainty", "hac"]],
+)
+def test_other_estimators_by_command(options: list[str], logs: list[str], tmp_path: Path) -> None:
+    done = identify(logs, tmp_path / "out", *options, "--no-report")
+    assert done.code == 0, done.err
+    data = json.loads(done.out)
+    assert data["comparison"]["after"]["relative_error_percent"] < 2.0
+    assert (data["essential"] is not None) == ("--essential" in options)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [["--method", "wls:2"], ["--method", "lasso"], ["--uncertainty", "hac:3"], ["--uncertainty", "bootstrap:1"]],
+)
+def test_other_estimators_that_are_not(options: list[str], logs: list[str], tmp_path: Path) -> None:
+    assert identify(logs, tmp_path / "out", *options).code == 2

@@ -83,7 +83,10 @@ fn simulated(
     nominal: &[f64],
     correlation: Option<&[f64]>,
 ) -> Result<Estimate, IdentificationError> {
-    let motions = output_error::simulate(equations, &start.values)?;
+    let motions = match output_error::simulate(equations, &start.values) {
+        Err(IdentificationError::Diverged { .. }) => output_error::simulate(equations, nominal)?,
+        result => result?,
+    };
     let trajectories = equations.trajectories().iter().zip(&motions).map(|(trajectory, motion)| Trajectory {
         instruments: trajectory.instruments.or(Some(motion.samples())),
         ..*trajectory

@@ -26,7 +26,11 @@ pub(super) fn estimate(
     let least_squares = LeastSquares { method: Method::Wls, correlation: correlation.map(<[f64]>::to_vec) };
     let mut best = start;
     for iteration in 1..=MOST_ITERATIONS {
-        let simulated = simulate(equations, &best.values)?;
+        let simulated = match simulate(equations, &best.values) {
+            // Noise can make of the first estimate an arm that no controller holds: the robot file is better than that.
+            Err(IdentificationError::Diverged { .. }) if iteration == 1 => simulate(equations, nominal)?,
+            result => result?,
+        };
         let trajectories = equations.trajectories().iter().zip(&simulated);
         let trajectories =
             trajectories.map(|(trajectory, motion)| Trajectory { samples: motion.samples(), ..*trajectory });

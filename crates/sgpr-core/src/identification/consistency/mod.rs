@@ -145,6 +145,51 @@ impl Consistency {
         if !(deviation > 0.0 && deviation.is_finite()) {
             return Err(IdentificationError::Prior { value: deviation });
         }
+        // Where data that are almost without noise meet a pull that is almost none, the solver may give up: a distance that
+        // is easier to compute, and then a stronger pull, are better than no result.
+        let Prior { distance, relative_deviation } = self.prior;
+        let stronger = |distance, factor: f64| Prior { distance, relative_deviation: relative_deviation / factor };
+        let priors = [
+            self.prior,
+            stronger(Distance::Euclidean, 1.0),
+            stronger(distance, 3.0),
+            stronger(distance, 10.0),
+            stronger(Distance::Euclidean, 30.0),
+        ];
+        let mut failure = None;
+        for prior in priors {
+            let consistency = Self { prior, bounds: self.bounds.clone() };
+            match consistency.attempt(robot, set, base, whitened, nominal, torque) {
+                Ok(mut found) => {
+                    if prior != self.prior {
+                        found.notes.push(format!(
+                            "the program of consistent parameters was solved with {} pull toward the robot file of relative \
+                             deviation {:.2} instead of what was asked for",
+                            if prior.distance == Distance::Euclidean { "a Euclidean" } else { "an entropic" },
+                            prior.relative_deviation
+                        ));
+                    }
+                    return Ok(found);
+                }
+                Err(error @ IdentificationError::Unsolved { .. }) => {
+                    failure.get_or_insert(error);
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        Err(failure.expect("every attempt failed"))
+    }
+
+    /// The program with the prior as it is.
+    fn attempt(
+        &self,
+        robot: &Robot,
+        set: &ParameterSet,
+        base: &BaseParameters,
+        whitened: &Mat<f64>,
+        nominal: &[f64],
+        torque: &[f64],
+    ) -> Result<ConsistentParameters, IdentificationError> {
         let sizes: Vec<LinkSize> = nominal_links(nominal, set).map(LinkSize::of).collect();
         let scale = parameter_scales(set, nominal, torque);
         let bounds = bounds::collect(&self.bounds, robot, set, &scale)
@@ -175,6 +220,12 @@ impl Consistency {
         let links = nominal_links(&parameters, set).zip(robot.joints()).zip(&sizes);
         let links: Vec<LinkCertificate> =
             links.map(|((link, joint), size)| LinkCertificate::of(&joint.name, &link, size)).collect();
+        if let Some(link) =
+            links.iter().find(|link| link.relative_eigenvalue.is_nan() || link.relative_eigenvalue <= 0.0)
+        {
+            let reason = format!("the link of `{}` is no body by a rounding error", link.joint);
+            return Err(IdentificationError::Unsolved { reason });
+        }
         let mut active: Vec<String> =
             bounds.iter().filter(|bound| bound.margin(&x) < ACTIVE).map(|bound| bound.name.clone()).collect();
         let at_border = links.iter().filter(|link| link.relative_eigenvalue < 10.0 * MARGIN);

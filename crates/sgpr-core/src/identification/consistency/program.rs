@@ -47,6 +47,9 @@ impl Affine {
     }
 }
 
+/// Where the solver cannot get closer: objectives count half squared standard deviations, of which a hundredth is nothing.
+const WORTHLESS: f64 = 1e-2;
+
 /// Minimise 1/2 sum of curvature x² + slope x under conic constraints.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Program {
@@ -166,6 +169,8 @@ impl Program {
             .verbose(false)
             .max_threads(1)
             .max_iter(300)
+            .reduced_tol_gap_abs(WORTHLESS)
+            .reduced_tol_feas(1e-6)
             .build()
             .expect("settings that the solver knows");
         let mut solver = DefaultSolver::new(&quadratic, &self.slope, &constraints, &constants, &self.cones, settings)
