@@ -8,7 +8,7 @@ SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-core/src crates/sgpr-l
 	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name Cargo.toml) \
 	crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
 
-.PHONY: build demo demo-real estimators test test-rust test-python browser lint bench diagnosis-bench peers fuzz clean
+.PHONY: build demo demo-real estimators test test-rust test-python browser lint bench diagnosis-bench peers fuzz clean thesis
 
 build: $(VENV)/.built
 
@@ -47,6 +47,11 @@ demo-real: build
 estimators:
 	cargo run --locked --release --quiet --package sgpr-core --example estimators -- 100
 
+## The experiments of the thesis, a few minutes; its numbers beside ours go to docs/thesis.md.
+thesis: build
+	$(BIN)/sgpr reproduce thesis --out $(OUT)/thesis --page docs/thesis.md
+	@echo "figures: $(OUT)/thesis/report.html"
+
 test: test-rust test-python
 
 test-rust:
@@ -78,10 +83,11 @@ bench:
 diagnosis-bench:
 	cargo run --locked --release --package sgpr-core --example diagnosis_bench -- --seed 1 --rounds 1
 
-## Against Pinocchio's C++ and Python interfaces, in one run.
+## Against Pinocchio's C++ and Python interfaces, and a simulation step against MuJoCo's, each pair in one run.
 peers: build
 	$(BIN)/python benches/peers/run.py
 	$(BIN)/python benches/peers/gp.py
+	$(BIN)/python benches/peers/simulation.py
 
 ## Damaged and made-up files of every kind, many of them.
 FUZZ_CASES ?= 100000

@@ -34,6 +34,16 @@ def test_the_tutorial_runs() -> None:
         assert done.returncode == 0, done.stderr
 
 
+def test_the_page_on_excitation_runs() -> None:
+    (ROOT / "out").mkdir(exist_ok=True)
+    for command in blocks("docs/excitation.md", "sh"):
+        done = run(["sh", "-euc", command])
+        assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+    assert (ROOT / "out/excite/trajectory.mcap").stat().st_size > 1000
+    done = run([sys.executable, "-c", "\n".join(blocks("docs/excitation.md", "python"))])
+    assert done.returncode == 0, done.stderr
+
+
 def test_the_program_in_the_readme_runs() -> None:
     (ROOT / "out").mkdir(exist_ok=True)
     for program in blocks("README.md", "python"):

@@ -3,7 +3,7 @@
 
 use std::time::Instant;
 
-use sgpr_core::dynamics::{Workspace, regressor};
+use sgpr_core::dynamics::{Workspace, forward_kinematics, jacobian, regressor};
 use sgpr_core::excitation::*;
 use sgpr_core::identification::{BaseParameters, ParameterSet};
 use sgpr_core::progress::{Interrupted, Progress};
@@ -188,6 +188,42 @@ fn torque_limits_are_kept_and_cost_excitation() {
 }
 
 #[test]
+fn the_arm_stays_clear_of_its_surroundings() {
+    let case = Case::puma(&FRICTION);
+    let mut cell = Surroundings::skeleton(&case.robot, 0.05);
+    cell.floor = Some(-0.5);
+    cell.blocks = vec![Block { low: [0.7, -0.2, 0.3], high: [1.0, 0.2, 0.8] }];
+    cell.self_collision = true;
+    cell.clearance = 0.02;
+    let tip = case.robot.frames().last().expect("a tool frame").clone();
+    cell.tip_speed = Some((tip.clone(), 1.2));
+    let mut options = ExciteOptions { starts: 1, evaluations: 150, ..case.options(Criterion::Condition) };
+    let free = case.optimise(&options).trajectory;
+    options.surroundings = Some(cell);
+    let found = case.optimise(&options);
+    assert!(found.utilisation <= 1.0 && found.value.is_finite());
+
+    // Lowest point and tool speed, by kinematics alone.
+    let mut ws = Workspace::new(&case.robot);
+    let mut extremes = |motion: &Trajectory| {
+        let samples = motion.samples(500.0, 10.0);
+        let (mut lowest, mut fastest) = (f64::INFINITY, 0.0f64);
+        for (q, dq) in samples.q.chunks_exact(6).zip(samples.dq.chunks_exact(6)) {
+            for pose in forward_kinematics(&case.robot, &mut ws, q) {
+                lowest = lowest.min(pose.translation.z);
+            }
+            let j = jacobian(&case.robot, &mut ws, q, &tip);
+            let speed = (0..3).map(|row| (0..6).map(|k| j[row * 6 + k] * dq[k]).sum::<f64>().powi(2)).sum::<f64>();
+            fastest = fastest.max(speed.sqrt());
+        }
+        (lowest, fastest)
+    };
+    let ((_, free_speed), (lowest, speed)) = (extremes(&free), extremes(&found.trajectory));
+    assert!(lowest > -0.5 + 0.07 - 1e-6, "{lowest}");
+    assert!(speed <= 1.2 + 1e-6 && free_speed > 1.2, "{speed} {free_speed}");
+}
+
+#[test]
 fn every_basis_and_criterion_gives_a_motion() {
     let case = Case::two_link(&FRICTION);
     for basis in [
@@ -248,6 +284,12 @@ fn bad_input_is_refused_with_names() {
     assert_eq!(short, "acceleration limits: 2 values for 6 joints");
     let basis = message(&|options| options.basis = Basis::fourier(0.0, 4));
     assert!(basis.starts_with("fundamental_hz is 0"), "{basis}");
+    let low = message(&|options| {
+        let mut cell = Surroundings::skeleton(&case.robot, 0.1);
+        cell.floor = Some(0.0);
+        options.surroundings = Some(cell);
+    });
+    assert!(low.contains("distance of the link of joint `joint_") && low.contains("from the floor"), "{low}");
     let robot = two_link().with_standard_parameters(&[0.0; 20]);
     assert!(MotionLimits::of_robot(&robot, &[1.0]).expect_err("short").to_string().contains("1 values for 2 joints"));
 }

@@ -8,6 +8,7 @@ use pyo3::exceptions::{PyMemoryError, PyOSError, PyValueError};
 use pyo3::prelude::*;
 use sgpr_core::diagnosis::DiagnosisError;
 use sgpr_core::effects::UnknownEffect;
+use sgpr_core::excitation::ExcitationError as ExcitationFailure;
 use sgpr_core::gp::GpError;
 use sgpr_core::identification;
 use sgpr_core::model::{self, IdentifyError, SemiParametricError};
@@ -15,6 +16,7 @@ use sgpr_core::motion::MotionError;
 use sgpr_core::recording;
 use sgpr_core::robot;
 use sgpr_core::signal::SignalError;
+use sgpr_core::simulation::SimulationError as SimulationFailure;
 
 create_exception!(sgpr, SgprError, PyValueError, "What sgpr cannot accept, and why. The base of its exceptions.");
 create_exception!(sgpr, RobotError, SgprError, "A robot file or table that makes no robot.");
@@ -27,6 +29,14 @@ create_exception!(
 create_exception!(sgpr, IdentificationError, SgprError, "Parameters that cannot be identified from what was given.");
 create_exception!(sgpr, GaussianProcessError, SgprError, "Data or a kernel of which no Gaussian process can be made.");
 create_exception!(sgpr, ModelFileError, SgprError, "A file that holds no model.");
+
+create_exception!(sgpr, ExcitationError, SgprError, "Limits or options under which there is no excitation trajectory.");
+create_exception!(
+    sgpr,
+    SimulationError,
+    SgprError,
+    "A simulation that cannot be run, or stopped: which joint, and when."
+);
 
 /// An error of the core, as Python shall see it.
 pub trait IntoPyErr {
@@ -85,6 +95,21 @@ impl IntoPyErr for MotionError {
 impl IntoPyErr for SignalError {
     fn into_py_err(self) -> PyErr {
         IdentificationError::new_err(self.to_string())
+    }
+}
+
+impl IntoPyErr for ExcitationFailure {
+    fn into_py_err(self) -> PyErr {
+        match self {
+            Self::Recording(error) => error.into_py_err(),
+            error => ExcitationError::new_err(error.to_string()),
+        }
+    }
+}
+
+impl IntoPyErr for SimulationFailure {
+    fn into_py_err(self) -> PyErr {
+        SimulationError::new_err(self.to_string())
     }
 }
 

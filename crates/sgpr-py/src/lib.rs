@@ -6,6 +6,7 @@ mod diagnosis;
 mod dynamics;
 mod errors;
 mod estimators;
+mod excitation;
 mod gp;
 mod identification;
 mod model;
@@ -14,6 +15,7 @@ mod progress;
 mod recording;
 mod robot;
 mod semi_parametric;
+mod simulation;
 mod user_effect;
 
 /// Torque models of robot arms: identify, compare, diagnose, predict.
@@ -25,8 +27,11 @@ mod _sgpr {
     use crate::diagnosis::{Diagnosis, Finding, diagnose};
     #[pymodule_export]
     use crate::errors::{
-        GaussianProcessError, IdentificationError, ModelFileError, RecordingError, RobotError, SgprError,
+        ExcitationError, GaussianProcessError, IdentificationError, ModelFileError, RecordingError, RobotError,
+        SgprError, SimulationError,
     };
+    #[pymodule_export]
+    use crate::excitation::{Excitation, Trajectory, excite};
     #[pymodule_export]
     use crate::gp::{FittedProcess, Kernel, ProcessPredictor, fit_process, restore_process};
     #[pymodule_export]
@@ -43,6 +48,8 @@ mod _sgpr {
     use crate::robot::{BaseParameters, Robot, puma560, regroupings, two_link};
     #[pymodule_export]
     use crate::semi_parametric::{FittedSemiParametric, SemiParametricPredictor, fit_semi_parametric};
+    #[pymodule_export]
+    use crate::simulation::{Drive, Simulation, puma560_drives, simulate, two_link_drives};
     #[pymodule_export]
     use crate::user_effect::UserEffect;
     #[pymodule_export]

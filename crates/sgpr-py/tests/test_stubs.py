@@ -23,7 +23,7 @@ def test_stubs_fit_the_module() -> None:
 
 
 def test_everything_is_exported() -> None:
-    robots = {"puma560", "two_link"}
+    robots = {"puma560", "puma560_drives", "two_link", "two_link_drives"}
     # What the estimators are built on.
     within = {"FittedProcess", "FittedSemiParametric", "fit_process", "fit_semi_parametric", "restore_process"}
     assert set(_sgpr.__all__) - robots - within <= set(sgpr.__all__)

@@ -13,6 +13,7 @@ mod limits;
 mod optimise;
 mod peaks;
 mod problem;
+mod surroundings;
 mod trajectory;
 
 pub use basis::Basis;
@@ -22,4 +23,5 @@ pub use information::{ExcitationReport, evaluate};
 pub use limits::MotionLimits;
 pub use optimise::{Excitation, ExciteOptions, Status, Step, optimise, random_motion};
 pub use peaks::{Peaks, peaks};
+pub use surroundings::{Block, Capsule, Surroundings};
 pub use trajectory::{Trajectory, TrajectorySamples};

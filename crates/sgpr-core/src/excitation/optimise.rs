@@ -9,13 +9,17 @@ use slsqp::{StopTols, minimize};
 
 use super::criterion::Objective;
 use super::information::{Information, require_noise};
+use super::peaks::suprema;
 use super::problem::{Grid, Problem, SIGN_WIDTH, Sharpness, TorqueLimits, trajectory};
-use super::{Basis, Criterion, ExcitationError, ExcitationReport, MotionLimits, Peaks, Trajectory, evaluate, peaks};
+use super::surroundings::Checker;
+use super::{
+    Basis, Criterion, ExcitationError, ExcitationReport, MotionLimits, Peaks, Surroundings, Trajectory, evaluate, peaks,
+};
 use crate::dynamics::{Workspace, gravity_torque};
 use crate::identification::{BaseParameters, ParameterSet};
 use crate::progress::{Interrupted, Progress};
 use crate::robot::Robot;
-use crate::simulation::Noise;
+use crate::simulation::{Noise, Reference};
 
 /// What to search for, and how hard.
 #[derive(Clone, Debug)]
@@ -32,6 +36,8 @@ pub struct ExciteOptions {
     pub noise: Option<Vec<f64>>,
     /// Parameters of the set that torque limits are checked with; those of the robot file if `None`.
     pub parameters: Option<Vec<f64>>,
+    /// What is around the arm, if anything.
+    pub surroundings: Option<Surroundings>,
     /// Searches from different random motions; the best result counts.
     pub starts: usize,
     /// Evaluations of the criterion per search.
@@ -52,6 +58,7 @@ impl ExciteOptions {
             start: None,
             noise: None,
             parameters: None,
+            surroundings: None,
             starts: 6,
             evaluations: 1500,
             threads: std::thread::available_parallelism().map_or(1, usize::from),
@@ -281,6 +288,10 @@ impl<'a> Search<'a> {
         if let Some(limits) = &options.limits.torque {
             require_start_torque(robot, set, limits, &parameters, &start)?;
         }
+        if let Some(cell) = &options.surroundings {
+            cell.require_valid()?;
+            require_start_clearance(robot, cell, &start)?;
+        }
         let torque = options.limits.torque.clone();
         let free = options.basis.free_directions();
         let turns = options.basis.duration() / options.basis.shortest_time();
@@ -300,6 +311,14 @@ impl<'a> Search<'a> {
         })
     }
 
+    fn checker(&self) -> Option<Checker<'_>> {
+        self.options
+            .surroundings
+            .as_ref()
+            .map(|cell| Checker::new(self.robot, cell))
+            .filter(|checker| checker.len() > 0)
+    }
+
     fn problem(&self) -> Problem<'_> {
         let slowest = self.options.limits.velocity.iter().copied().fold(f64::INFINITY, f64::min);
         let noise = self.options.noise.as_deref();
@@ -308,6 +327,7 @@ impl<'a> Search<'a> {
             objective: &self.objective,
             limits: &self.options.limits,
             torque: self.torque.as_ref(),
+            surroundings: self.checker(),
             start: &self.start,
             grid: &self.grid,
             limit_grid: &self.limit_grid,
@@ -400,21 +420,21 @@ impl<'a> Search<'a> {
         best.into_inner().1
     }
 
-    /// The motion scaled about its start so that its peaks are at the limits, and the factor; the torque too with
-    /// `torque`.
-    fn scaled(&self, motion: Trajectory, torque: Option<()>) -> (Trajectory, f64) {
+    /// The motion scaled about its start so that its peaks are at the limits, and the factor; with `all`, torque and
+    /// surroundings too.
+    fn scaled(&self, motion: Trajectory, all: Option<()>) -> (Trajectory, f64) {
         let limits = &self.options.limits;
         let of = |motion: &Trajectory| peaks(self.robot, self.set, &self.parameters, motion);
         let mut factor = WITHIN / of(&motion).motion_utilisation(limits, Some(&self.start)).max(1e-12);
-        if limits.torque.is_none() || torque.is_none() {
+        if all.is_none() || (limits.torque.is_none() && self.checker().is_none()) {
             return (motion.scaled(factor), factor);
         }
-        // Torque is no linear function of the motion: bisection between a smaller motion that keeps within its limits,
-        // in the end standing still, and the whole one.
-        let fits = |factor: f64| of(&motion.clone().scaled(factor)).utilisation(limits) <= WITHIN.sqrt();
+        // Torque and distance are no linear functions of the motion: bisection between a smaller motion that keeps
+        // within its limits, in the end standing still, and the whole one.
+        let fits = |factor: f64| self.utilisation(&motion.clone().scaled(factor)) <= WITHIN.sqrt();
         if !fits(factor) {
             let (mut low, mut high) = (0.0, factor);
-            for _ in 0..50 {
+            for _ in 0..40 {
                 let middle = 0.5 * (low + high);
                 if fits(middle) {
                     low = middle;
@@ -425,6 +445,22 @@ impl<'a> Search<'a> {
             factor = low;
         }
         (motion.scaled(factor), factor)
+    }
+
+    /// The largest share of any limit, over continuous time.
+    fn utilisation(&self, motion: &Trajectory) -> f64 {
+        let used = peaks(self.robot, self.set, &self.parameters, motion).utilisation(&self.options.limits);
+        let Some(mut checker) = self.checker() else { return used };
+        let n = self.robot.dof();
+        let mut state = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
+        let mut values = |time: f64, out: &mut [f64]| {
+            let [q, dq, ddq] = &mut state;
+            motion.sample(time, q, dq, ddq);
+            checker.shares(q, dq, out);
+        };
+        let count = self.checker().map_or(0, |checker| checker.len());
+        let shares = suprema(count, motion.duration(), motion.basis().shortest_time(), &mut values);
+        shares.into_iter().fold(used, f64::max)
     }
 
     /// The criterion of a motion on a dense grid, with the true sign function.
@@ -451,7 +487,7 @@ impl<'a> Search<'a> {
         }
         let peaks = peaks(self.robot, self.set, &self.parameters, &best.trajectory);
         Ok(Excitation {
-            utilisation: peaks.utilisation(&self.options.limits),
+            utilisation: self.utilisation(&best.trajectory),
             value: best.value,
             trajectory: best.trajectory,
             report,
@@ -502,4 +538,17 @@ fn require_start_torque(
         }
     }
     Ok(())
+}
+
+fn require_start_clearance(robot: &Robot, cell: &Surroundings, start: &[f64]) -> Result<(), ExcitationError> {
+    let mut checker = Checker::new(robot, cell);
+    let mut shares = vec![0.0; checker.len()];
+    checker.shares(start, &vec![0.0; start.len()], &mut shares);
+    match shares.iter().position(|share| *share >= 1.0) {
+        Some(index) => {
+            let (value, limit) = checker.quantity(index, shares[index]);
+            Err(ExcitationError::InfeasibleStart { what: checker.name(index), value, limit })
+        }
+        None => Ok(()),
+    }
 }

@@ -4,6 +4,7 @@ use faer::Mat;
 
 use super::criterion::Objective;
 use super::information::Information;
+use super::surroundings::Checker;
 use super::{Basis, MotionLimits, Trajectory, TrajectorySamples};
 
 /// The functions of a basis in its free directions, at the times of a grid.
@@ -83,6 +84,7 @@ pub(super) struct Problem<'a> {
     pub objective: &'a Objective,
     pub limits: &'a MotionLimits,
     pub torque: Option<&'a TorqueLimits>,
+    pub surroundings: Option<Checker<'a>>,
     pub start: &'a [f64],
     /// Samples of the criterion and of the torque.
     pub grid: &'a Grid,
@@ -91,13 +93,16 @@ pub(super) struct Problem<'a> {
     pub sharpness: Sharpness,
 }
 
+/// Step of the central differences of distances and speeds, rad (m) and per s.
+const DIFFERENCE: f64 = 1e-6;
+
 /// Value of a motion without any information: finite, so that a line search turns back.
 const WORTHLESS: f64 = 1e3;
 
 impl Problem<'_> {
     /// Number of constraints.
     pub fn constraints(&self) -> usize {
-        3 * self.start.len() + usize::from(self.torque.is_some())
+        3 * self.start.len() + usize::from(self.torque.is_some()) + usize::from(self.surroundings.is_some())
     }
 
     /// The largest constraint, if it is above zero: by how much of a limit the smooth maximum exceeds it.
@@ -141,11 +146,12 @@ impl Problem<'_> {
     }
 
     /// Constraint `index`, not above zero where the limit is kept, and its derivative: joint by joint position, speed,
-    /// acceleration; last the torque of all joints.
+    /// acceleration; then the torque of all joints, then the surroundings.
     pub fn constraint(&mut self, index: usize, x: &[f64], gradient: Option<&mut [f64]>) -> f64 {
         let n = self.start.len();
-        if index == 3 * n {
-            return self.torque_constraint(x, gradient);
+        if index >= 3 * n {
+            let torque = index == 3 * n && self.torque.is_some();
+            return if torque { self.torque_constraint(x, gradient) } else { self.clearance_constraint(x, gradient) };
         }
         let (joint, order) = (index / 3, index % 3);
         let free = self.limit_grid.free;
@@ -168,6 +174,46 @@ impl Problem<'_> {
             for (slope, row) in slopes.iter().zip(table.chunks_exact(free)) {
                 own.iter_mut().zip(row).for_each(|(own, function)| *own += slope * scale * function);
             }
+        }
+        value - 1.0
+    }
+
+    fn clearance_constraint(&mut self, x: &[f64], gradient: Option<&mut [f64]>) -> f64 {
+        let Some(checker) = &mut self.surroundings else { return -1.0 };
+        let (n, checks) = (self.start.len(), checker.len());
+        let samples = self.limit_grid.samples(self.start, x);
+        let mut shares = vec![0.0; samples.len() * checks];
+        let state = |k: usize| (&samples.q[k * n..(k + 1) * n], &samples.dq[k * n..(k + 1) * n]);
+        for (k, row) in shares.chunks_exact_mut(checks).enumerate() {
+            let (q, dq) = state(k);
+            checker.shares(q, dq, row);
+        }
+        let (value, slopes) = smooth_upper(&shares, self.sharpness.maximum);
+        if let Some(gradient) = gradient {
+            gradient.fill(0.0);
+            let mut by_motion = [vec![0.0; samples.q.len()], vec![0.0; samples.q.len()], vec![0.0; samples.q.len()]];
+            let (mut above, mut below) = (vec![0.0; checks], vec![0.0; checks]);
+            for (k, slopes) in slopes.chunks_exact(checks).enumerate() {
+                // Most samples are far from everything.
+                if slopes.iter().all(|slope| *slope < 1e-9) {
+                    continue;
+                }
+                let (q, dq) = state(k);
+                let mut moved = [q.to_vec(), dq.to_vec()];
+                for kind in 0..2 {
+                    for joint in 0..n {
+                        let here = moved[kind][joint];
+                        moved[kind][joint] = here + DIFFERENCE;
+                        checker.shares(&moved[0], &moved[1], &mut above);
+                        moved[kind][joint] = here - DIFFERENCE;
+                        checker.shares(&moved[0], &moved[1], &mut below);
+                        moved[kind][joint] = here;
+                        let change = above.iter().zip(&below).zip(slopes).map(|((a, b), slope)| slope * (a - b));
+                        by_motion[kind][k * n + joint] = change.sum::<f64>() / (2.0 * DIFFERENCE);
+                    }
+                }
+            }
+            self.limit_grid.pull_back(&by_motion, gradient);
         }
         value - 1.0
     }
@@ -221,6 +267,15 @@ fn smooth_maximum(values: &[f64], sharpness: f64) -> (f64, Vec<f64>) {
     (most + sum.ln() / sharpness, slopes)
 }
 
+/// ln(sum exp(s values)) / s, and its derivatives.
+fn smooth_upper(values: &[f64], sharpness: f64) -> (f64, Vec<f64>) {
+    let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let mut slopes: Vec<f64> = values.iter().map(|value| (sharpness * (value - most)).exp()).collect();
+    let sum: f64 = slopes.iter().sum();
+    slopes.iter_mut().for_each(|slope| *slope /= sum);
+    (most + sum.ln() / sharpness, slopes)
+}
+
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
@@ -228,7 +283,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::excitation::Criterion;
+    use crate::excitation::{Criterion, Surroundings};
     use crate::identification::{BaseParameters, ParameterSet};
     use crate::robot::puma560;
 
@@ -251,6 +306,10 @@ mod tests {
             limits: vec![90.0, 200.0, 80.0, 20.0, 15.0, 12.0],
             base_parameters: base.combine(&parameters),
         };
+        let mut cell = Surroundings::skeleton(&robot, 0.05);
+        cell.floor = Some(-0.6);
+        cell.self_collision = true;
+        cell.tip_speed = robot.frames().last().map(|frame| (frame.clone(), 2.0));
         for criterion in Criterion::ALL {
             let objective = Objective::new(criterion, &robot, &set, &base);
             let noise = [0.5, 0.7, 0.2, 0.1, 0.1, 0.3];
@@ -259,6 +318,7 @@ mod tests {
                 objective: &objective,
                 limits: &limits,
                 torque: Some(&torque),
+                surroundings: Some(Checker::new(&robot, &cell)),
                 start: &start,
                 grid: &grid,
                 limit_grid: &limit_grid,

@@ -16,7 +16,10 @@ __all__ = [
     "Comparison",
     "CutoffChoice",
     "CutoffInfluence",
+    "Drive",
     "DriveGains",
+    "Excitation",
+    "ExcitationError",
     "FittedProcess",
     "FittedSemiParametric",
     "GaussianProcessError",
@@ -41,10 +44,14 @@ __all__ = [
     "RobotError",
     "SemiParametricPredictor",
     "SgprError",
+    "Simulation",
+    "SimulationError",
+    "Trajectory",
     "__version__",
     "compare",
     "cutoff_influence",
     "effects",
+    "excite",
     "fit_process",
     "fit_semi_parametric",
     "identify",
@@ -52,12 +59,15 @@ __all__ = [
     "identify_payload",
     "load",
     "puma560",
+    "puma560_drives",
     "read_csv",
     "read_mcap",
     "regroupings",
     "restore_process",
     "screen",
+    "simulate",
     "two_link",
+    "two_link_drives",
     "write_mcap",
 ]
 
@@ -69,6 +79,8 @@ class RecordingError(SgprError): ...
 class IdentificationError(SgprError): ...
 class GaussianProcessError(SgprError): ...
 class ModelFileError(SgprError): ...
+class ExcitationError(SgprError): ...
+class SimulationError(SgprError): ...
 
 @final
 class Robot:
@@ -751,3 +763,156 @@ def fit_semi_parametric(
 ) -> tuple[FittedSemiParametric, BaseException | None]: ...
 def puma560() -> Robot: ...
 def two_link() -> Robot: ...
+
+@final
+class Trajectory:
+    @staticmethod
+    def fourier(robot: Robot, fundamental_hz: float, a: ArrayLike, b: ArrayLike) -> Trajectory: ...
+    @staticmethod
+    def random(
+        robot: Robot, *, start: ArrayLike | None = None, random_state: int = 0, **options: Any
+    ) -> Trajectory: ...
+    @property
+    def duration(self) -> float: ...
+    @property
+    def joint_names(self) -> list[str]: ...
+    @property
+    def coefficients(self) -> _Array: ...
+    @property
+    def start(self) -> _Array: ...
+    def scaled(self, factor: float) -> Trajectory: ...
+    def at(self, t: ArrayLike) -> tuple[_Array, _Array, _Array]: ...
+    def samples(self, rate_hz: float, duration: float | None = None) -> tuple[_Array, _Array, _Array, _Array]: ...
+    def excitation(
+        self, effects: Sequence[str] = (), *, noise: ArrayLike | None = None, rate_hz: float = 100.0
+    ) -> dict[str, Any]: ...
+    def peaks(self) -> dict[str, _Array]: ...
+    def save_csv(self, path: _Path, rate_hz: float = 100.0) -> None: ...
+    def save_mcap(self, path: _Path, rate_hz: float = 100.0, topic: str = "/joint_trajectory") -> None: ...
+
+@final
+class Excitation:
+    @property
+    def trajectory(self) -> Trajectory: ...
+    @property
+    def value(self) -> float: ...
+    @property
+    def values(self) -> _Array: ...
+    @property
+    def report(self) -> dict[str, Any]: ...
+    @property
+    def peaks(self) -> dict[str, _Array]: ...
+    @property
+    def utilisation(self) -> float: ...
+    @property
+    def history(self) -> _Array: ...
+    @property
+    def status(self) -> Literal["finished", "interrupted"]: ...
+
+def excite(
+    robot: Robot,
+    effects: Sequence[str] = ("viscous_friction", "coulomb_friction"),
+    *,
+    criterion: str = "condition",
+    start: ArrayLike | None = None,
+    noise: ArrayLike | None = None,
+    model: Model | None = None,
+    starts: int = 6,
+    max_evaluations: int = 1500,
+    random_state: int = 0,
+    n_jobs: int | None = None,
+    progress: _Progress | None = None,
+    **options: Any,
+) -> Excitation: ...
+
+@final
+class Drive:
+    def __new__(
+        cls,
+        *,
+        rotor_inertia: float = 0.0,
+        viscous_friction: float = 0.0,
+        coulomb_friction: float | tuple[float, float] = 0.0,
+        static_friction: float | tuple[float, float] | None = None,
+        stribeck_velocity: float = 0.0,
+    ) -> Drive: ...
+    @property
+    def rotor_inertia(self) -> float: ...
+    @property
+    def viscous_friction(self) -> float: ...
+    @property
+    def coulomb_friction(self) -> tuple[float, float]: ...
+    @property
+    def static_friction(self) -> tuple[float, float]: ...
+    @property
+    def stribeck_velocity(self) -> float: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __lt__(self, other: object, /) -> bool: ...
+    def __le__(self, other: object, /) -> bool: ...
+    def __gt__(self, other: object, /) -> bool: ...
+    def __ge__(self, other: object, /) -> bool: ...
+
+def puma560_drives() -> list[Drive]: ...
+def two_link_drives() -> list[Drive]: ...
+
+@final
+class Simulation:
+    @property
+    def t(self) -> _Array: ...
+    @property
+    def joint_names(self) -> list[str]: ...
+    @property
+    def q(self) -> _Array: ...
+    @property
+    def dq(self) -> _Array: ...
+    @property
+    def ddq(self) -> _Array: ...
+    @property
+    def tau(self) -> _Array: ...
+    @property
+    def friction(self) -> _Array: ...
+    @property
+    def q_measured(self) -> _Array: ...
+    @property
+    def dq_measured(self) -> _Array: ...
+    @property
+    def tau_measured(self) -> _Array: ...
+    @property
+    def q_wanted(self) -> _Array: ...
+    @property
+    def dq_wanted(self) -> _Array: ...
+    @property
+    def ddq_wanted(self) -> _Array: ...
+    @property
+    def tracking_rmse(self) -> _Array: ...
+    def recording(self, source: str = "simulation") -> Recording: ...
+    def __len__(self) -> int: ...
+
+_Controller = Callable[[float, _Array, _Array, _Array, _Array, _Array], ArrayLike]
+
+def simulate(
+    robot: Robot | Model,
+    reference: Trajectory | ArrayLike | tuple[float, ArrayLike, ArrayLike, ArrayLike],
+    *,
+    duration: float | None = None,
+    controller: Literal["feed_forward", "computed_torque", "impedance", "pd"] | _Controller = "feed_forward",
+    kp: ArrayLike = 75.0,
+    kd: ArrayLike = 5.0,
+    model: Robot | Model | Sequence[Robot | Model] | None = None,
+    feed_forward: ArrayLike | None = None,
+    drives: Sequence[Drive] | None = None,
+    integrator: Literal["euler", "runge_kutta"] = "euler",
+    step: float = 2.5e-4,
+    control_period: float = 1e-3,
+    record_period: float | None = None,
+    delay: float = 0.0,
+    position_resolution: ArrayLike | None = None,
+    position_noise: ArrayLike | None = None,
+    torque_noise: ArrayLike | None = None,
+    actuation_noise: ArrayLike | None = None,
+    velocity: Literal["exact", "difference"] = "exact",
+    torque_limits: ArrayLike | None = None,
+    random_state: int = 0,
+    progress: _Progress | None = None,
+) -> Simulation: ...

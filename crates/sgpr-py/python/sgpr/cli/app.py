@@ -11,11 +11,14 @@ from .arguments import Command
 from .compare import compare
 from .diagnose import diagnose
 from .errors import guarded
+from .excite import excite
 from .identify import identify
 from .info import info
 from .options import with_option_groups
 from .payload import payload
 from .predict import predict
+from .reproduce import reproduce
+from .simulate import simulate
 
 app = typer.Typer(
     name="sgpr",
@@ -33,7 +36,7 @@ def register(command: Callable[..., Any]) -> None:
     app.command(cls=Command, epilog=epilog, no_args_is_help=True)(with_option_groups(guarded(command)))
 
 
-for each in (info, identify, compare, diagnose, predict, payload):
+for each in (info, identify, compare, diagnose, predict, payload, excite, simulate, reproduce):
     register(each)
 
 

@@ -1,0 +1,194 @@
+"""`sgpr excite`: a motion that reveals the parameters of a robot within its limits."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .. import Excitation, Robot, __version__
+from .. import excite as excite_robot
+from ..report.motion import MotionPage
+from ..report.numbers import significant
+from .console import Output, to_json
+from .effects import checked_effects
+from .errors import one_of, wrong_use
+from .output_folder import OutputFolder
+from .robots import load_robot
+from .versions import versions
+
+DEFAULT_EFFECTS = ("viscous_friction", "coulomb_friction")
+CRITERIA = (
+    "condition",
+    "frobenius_condition",
+    "sum_of_conditions",
+    "static_conditions",
+    "dynamic_conditions",
+    "d_optimality",
+    "hadamard",
+)
+BASES = ("fourier", "b_spline", "point_to_point")
+
+
+def excite(
+    robot: Annotated[
+        str, typer.Option("--robot", metavar="ROBOT", help="URDF, DH table (.toml, .json), puma560 or two_link.")
+    ],
+    max_acceleration: Annotated[
+        list[float],
+        typer.Option("--max-acceleration", metavar="A...", help="Per joint, or one for all, rad/s² (m/s²)."),
+    ],
+    out: Annotated[
+        str, typer.Option("--out", metavar="DIR", help="Folder for the results; an existing one is reused.")
+    ],
+    output: Output,
+    effects: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--effects",
+            metavar="EFFECT...",
+            help="Effects whose parameters shall be revealed too, or `none`.",
+            show_default=" ".join(DEFAULT_EFFECTS),
+        ),
+    ] = None,
+    criterion: Annotated[
+        str, typer.Option("--criterion", help=f"What is made small: {', '.join(CRITERIA)}.")
+    ] = "condition",
+    basis: Annotated[str, typer.Option("--basis", help="fourier, b_spline or point_to_point.")] = "fourier",
+    fundamental: Annotated[float, typer.Option("--fundamental", metavar="HZ", help="One over the period.")] = 0.1,
+    terms: Annotated[int, typer.Option("--terms", help="Harmonics of the series.")] = 4,
+    duration: Annotated[float, typer.Option("--duration", metavar="S", help="Of splines and points.")] = 10.0,
+    points: Annotated[int, typer.Option("--points", help="Control points of a spline, or points.")] = 12,
+    max_velocity: Annotated[
+        list[float] | None,
+        typer.Option("--max-velocity", metavar="V...", help="Per joint, or one for all.", show_default="robot file"),
+    ] = None,
+    max_torque: Annotated[
+        list[float] | None,
+        typer.Option("--max-torque", metavar="TAU...", help="Per joint, or one for all.", show_default="robot file"),
+    ] = None,
+    floor: Annotated[
+        float | None, typer.Option("--floor", metavar="Z", help="Height that links stay above, m.")
+    ] = None,
+    self_collision: Annotated[
+        bool, typer.Option("--self-collision", help="Keep links that are no neighbours apart.")
+    ] = False,
+    link_radius: Annotated[float, typer.Option("--link-radius", metavar="R", help="Of the links, m.")] = 0.05,
+    clearance: Annotated[float, typer.Option("--clearance", metavar="D", help="Distance that is kept, m.")] = 0.0,
+    max_tip_speed: Annotated[
+        float | None, typer.Option("--max-tip-speed", metavar="V", help="Of the tool, m/s.")
+    ] = None,
+    start: Annotated[
+        list[float] | None,
+        typer.Option("--start", metavar="Q...", help="Position at both ends.", show_default="zero or mid-range"),
+    ] = None,
+    starts: Annotated[int, typer.Option("--starts", help="Searches from different random motions.")] = 6,
+    evaluations: Annotated[int, typer.Option("--evaluations", help="Evaluations per search.")] = 1500,
+    seed: Annotated[int, typer.Option("--seed", help="Of the random motions.")] = 0,
+    rate: Annotated[float, typer.Option("--rate", metavar="HZ", help="Samples in the files.")] = 100.0,
+    joints: Annotated[
+        list[str] | None,
+        typer.Option("--joints", metavar="JOINT...", help="Joints of the URDF to move; the others are locked."),
+    ] = None,
+    gravity: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option("--gravity", metavar="X Y Z", help="Gravity in base axes, m/s².", show_default="0 0 -9.81"),
+    ] = None,
+) -> None:
+    """Finds a motion that reveals the parameters of a robot and stays within its limits.
+
+    Writes to DIR: trajectory.csv, trajectory.mcap (JointTrajectory), excitation.json and report.html. Ctrl-C ends the
+    search and keeps the best motion so far.
+    """
+    for value, option in ((starts, "--starts"), (evaluations, "--evaluations")):
+        if value < 1:
+            raise wrong_use("must be at least 1", option)
+    if not rate > 0.0:
+        raise wrong_use("must be greater than zero", "--rate")
+    if seed < 0:
+        raise wrong_use("must not be negative", "--seed")
+    chosen = checked_effects(DEFAULT_EFFECTS if effects is None else effects)
+    one_of(criterion, CRITERIA, "--criterion", "criterion")
+    one_of(basis, BASES, "--basis", "basis")
+    folder = OutputFolder(out)
+    loaded = load_robot(robot, joints, gravity)
+    options: dict[str, Any] = {
+        "criterion": criterion,
+        "basis": basis,
+        "fundamental_hz": fundamental,
+        "terms": terms,
+        "duration": duration,
+        "points": points,
+        "max_acceleration": per_joint(max_acceleration, loaded, "--max-acceleration"),
+        "max_velocity": per_joint(max_velocity, loaded, "--max-velocity"),
+        "max_torque": per_joint(max_torque, loaded, "--max-torque"),
+        "floor": floor,
+        "self_collision": self_collision,
+        "link_radius": link_radius,
+        "clearance": clearance,
+        "max_tip_speed": max_tip_speed,
+        "start": per_joint(start, loaded, "--start"),
+        "starts": starts,
+        "max_evaluations": evaluations,
+        "random_state": seed,
+    }
+    with output.progress() as progress:
+        found = excite_robot(loaded, chosen, progress=progress, **options)
+    data = to_dict(found, {"robot": robot, "effects": chosen, "rate_hz": rate, **options})
+    with folder:
+        found.trajectory.save_csv(folder.file("trajectory.csv"), rate)
+        found.trajectory.save_mcap(folder.file("trajectory.mcap"), rate)
+        folder.write("report.html", MotionPage(loaded, found, data).html())
+        folder.write("excitation.json", to_json(data))
+    show(found, loaded, data, output)
+    output.line(f"results: {Path(out)}")
+    output.result(data)
+
+
+def per_joint(values: list[float] | None, robot: Robot, option: str) -> list[float] | None:
+    """One number per joint; a single one counts for all."""
+    if values is None:
+        return None
+    if len(values) == 1:
+        return values * robot.dof
+    if len(values) != robot.dof:
+        raise wrong_use(f"got {len(values)} numbers for {robot.dof} joints", option)
+    return values
+
+
+def to_dict(found: Excitation, settings: dict[str, Any]) -> dict[str, Any]:
+    """All figures."""
+    trajectory = found.trajectory
+    return {
+        "command": "excite",
+        "settings": settings,
+        "status": found.status,
+        "criterion": settings["criterion"],
+        "value": found.value,
+        "values": found.values,
+        "report": found.report,
+        "peaks": found.peaks,
+        "utilisation": found.utilisation,
+        "joints": trajectory.joint_names,
+        "duration_s": trajectory.duration,
+        "start": trajectory.start,
+        "coefficients": trajectory.coefficients,
+        "versions": versions(),
+        "library_version": __version__,
+    }
+
+
+def show(found: Excitation, robot: Robot, data: dict[str, Any], output: Output) -> None:
+    """The result for people."""
+    report, peaks = found.report, found.peaks
+    if found.status == "interrupted":
+        output.warning("stopped: this is the best motion so far")
+    output.heading(
+        f"{data['criterion']} {significant(found.value)}; condition number {significant(report['condition'])}, "
+        f"{report['rank']} of {report['base_parameters']} base parameters excited"
+    )
+    rows = [
+        [name, *map(significant, (*peaks["position"][k], peaks["velocity"][k], peaks["acceleration"][k])), unit]
+        for k, (name, unit) in enumerate(zip(robot.joint_names, robot.position_units, strict=True))
+    ]
+    output.table(["joint", "lowest", "highest", "speed", "acceleration", "unit"], rows, text_columns=(0, 5))
+    output.line(f"largest share of a limit, between samples too: {100 * found.utilisation:.4f} %")

@@ -1,0 +1,61 @@
+"""`sgpr reproduce`: published experiments, run again."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .. import __version__
+from ..report.numbers import significant
+from ..thesis import Settings, html, markdown
+from ..thesis import run as run_thesis
+from .console import Output, to_json
+from .errors import one_of
+from .output_folder import OutputFolder
+from .versions import versions
+
+WORKS = ("thesis",)
+
+
+def reproduce(
+    work: Annotated[str, typer.Argument(metavar="thesis", help="What to reproduce.")],
+    output: Output,
+    out: Annotated[
+        str, typer.Option("--out", metavar="DIR", help="Folder for the results; an existing one is reused.")
+    ],
+    short: Annotated[bool, typer.Option("--short", help="Fewer searches and shorter experiments.")] = False,
+    page: Annotated[
+        str | None, typer.Option("--page", metavar="FILE", help="Also write the tables as a Markdown page here.")
+    ] = None,
+) -> None:
+    """Runs every experiment of the thesis behind this library, and sets its numbers beside ours.
+
+    Writes to DIR: thesis.json, thesis.md (the tables) and report.html (the figures).
+    """
+    one_of(work, WORKS, "thesis", "work")
+    folder = OutputFolder(out)
+    thesis = run_thesis(Settings.short() if short else Settings(), output.note)
+    data: dict[str, Any] = {
+        "command": "reproduce",
+        "work": work,
+        "short": short,
+        **thesis.data,
+        "versions": versions(),
+        "library_version": __version__,
+    }
+    text = markdown(thesis)
+    with folder:
+        folder.write("thesis.json", to_json(data))
+        folder.write("thesis.md", text)
+        folder.write("report.html", html(thesis, data))
+        if page is not None:
+            folder.write(str(Path(page).absolute()), text)
+    deviation = 100.0 * thesis.data["case_2"]["largest_deviation"]
+    output.heading(f"Case 2: the error of the internal model is recovered within {significant(deviation)} %")
+    rows = [
+        [row["motion"], *map(significant, (sum(row["published"]), row["parametric"].sum()))]
+        for row in thesis.data["table_5_8"]
+    ]
+    output.table(["trained on", "thesis, semi-parametric", "identified model [rad]"], rows)
+    output.line(f"results: {Path(out)}")
+    output.result(data)

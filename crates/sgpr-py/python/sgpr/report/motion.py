@@ -1,0 +1,132 @@
+"""The report on an excitation trajectory."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .. import Excitation, Robot
+from .colours import line_of
+from .figures import axis, layout, log_axis, rounded
+from .markup import Html, Section, join, paragraph, plot, table
+from .numbers import counted, significant
+from .page import page
+from .settings import settings_section
+
+SHOWN_SAMPLES = 500
+QUANTITIES = (("position", "position [{0}]"), ("velocity", "speed [{0}/s]"), ("acceleration", "acceleration [{0}/s²]"))
+
+
+@dataclass(frozen=True)
+class MotionPage:
+    """All that the page shows.
+
+    - `data`: the figures, as in excitation.json
+    """
+
+    robot: Robot
+    found: Excitation
+    data: dict[str, Any]
+
+    def html(self) -> str:
+        """The file."""
+        motion, plots = self._motion()
+        search, more = self._search()
+        settings = {"Asked for": self.data["settings"], "Versions": self.data["versions"]}
+        sections = [
+            Section("motion", "Motion", motion),
+            Section("limits", "Largest values", self._limits()),
+            Section("excitation", "What it reveals", self._excitation()),
+            Section("search", "Search", search),
+            Section("settings", "Settings and provenance", settings_section(settings)),
+        ]
+        payload = {"figures": plots | more, "switches": {}, "torque": None}
+        return page(f"Excitation trajectory for {self.robot.name}", self._lead(), sections, payload)
+
+    def _lead(self) -> Html:
+        report = self.found.report
+        text = (
+            f"{self.data['criterion']} {significant(self.found.value)}. {report['rank']} of "
+            f"{counted(report['base_parameters'], 'base parameter')} are excited, condition number "
+            f"{significant(report['condition'])}. The motion uses {100 * self.found.utilisation:.3f} % of its tightest "
+            "limit, between samples too."
+        )
+        stopped = "The search was stopped: this is the best motion that it had found."
+        return join([paragraph(text), *([paragraph(stopped)] if self.found.status == "interrupted" else [])])
+
+    def _motion(self) -> tuple[Html, dict[str, Any]]:
+        trajectory = self.found.trajectory
+        time = np.linspace(0.0, trajectory.duration, SHOWN_SAMPLES)
+        places, figures = [], {}
+        for (name, label), values in zip(QUANTITIES, trajectory.at(time), strict=True):
+            place = f"{name}-plot"
+            unit = " or ".join(dict.fromkeys(self.robot.position_units))
+            places.append(plot(place, 320, f"{name} of every joint over time"))
+            lines = [
+                {
+                    "type": "scatter",
+                    "mode": "lines",
+                    "name": joint,
+                    "x": rounded(time),
+                    "y": rounded(values[:, k]),
+                    "line": {"width": 1.5, **line_of(k)},
+                }
+                for k, joint in enumerate(self.robot.joint_names)
+            ]
+            figures[place] = {
+                "data": lines,
+                "layout": layout(xaxis=axis("time [s]"), yaxis=axis(label.format(unit))),
+            }
+        return join(places), figures
+
+    def _limits(self) -> Html:
+        peaks = self.found.peaks
+        rows = [
+            [
+                name,
+                *map(
+                    significant,
+                    (*peaks["position"][k], peaks["velocity"][k], peaks["acceleration"][k], peaks["torque"][k]),
+                ),
+            ]
+            for k, name in enumerate(self.robot.joint_names)
+        ]
+        columns = ["joint", "lowest position", "highest position", "speed", "acceleration", "torque"]
+        return table("Largest values in continuous time (rad, m, s, N·m, N)", columns, rows)
+
+    def _excitation(self) -> Html:
+        report = self.found.report
+        rows = [
+            ["condition number", significant(report["condition"])],
+            ["condition number, columns of equal length", significant(report["scaled_condition"])],
+            ["Frobenius condition number", significant(report["frobenius_condition"])],
+            ["sum of condition numbers of the links", significant(report["sum_of_conditions"])],
+            ["log determinant per sample", significant(report["log_determinant"])],
+        ]
+        return table("Excitation of the base parameters", ["figure", "value"], rows)
+
+    def _search(self) -> tuple[Html, dict[str, Any]]:
+        history = self.found.history
+        lines = []
+        for number in np.unique(history[:, 0]):
+            own = history[history[:, 0] == number]
+            best = np.minimum.accumulate(own[:, 2])
+            lines.append(
+                {
+                    "type": "scatter",
+                    "mode": "lines",
+                    "name": f"search {int(number) + 1}",
+                    "x": rounded(own[:, 1]),
+                    "y": rounded(best),
+                    "line": {"width": 1.5, **line_of(int(number))},
+                }
+            )
+        positive = all(value is None or value > 0 for line in lines for value in line["y"])
+        label = f"best {self.data['criterion']}, smoothed"
+        figure = {
+            "data": lines,
+            "layout": layout(xaxis=axis("evaluation"), yaxis=(log_axis if positive else axis)(label)),
+        }
+        ends = [[f"search {k + 1}", significant(value)] for k, value in enumerate(self.found.values)]
+        body = join([plot("search-plot", 320, label), table("Where the searches ended", ["search", "value"], ends)])
+        return body, {"search-plot": figure}

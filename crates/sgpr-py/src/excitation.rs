@@ -1,0 +1,620 @@
+//! Excitation trajectories: found, sampled, judged, written.
+
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+
+use numpy::PyArrayDyn;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sgpr_core::excitation::{self as core, Basis, Block, Criterion, ExciteOptions, MotionLimits, Status, Surroundings};
+use sgpr_core::identification::{BaseParameters, ParameterSet};
+use sgpr_core::progress::{Interrupted, Progress};
+use sgpr_core::robot::Robot as CoreRobot;
+
+use crate::convert::{Numbers, array, choice, positive, texts, unknown, whole};
+use crate::errors::{IntoPyErr, invalid};
+use crate::model::Model;
+use crate::progress::listen;
+use crate::robot::Robot;
+
+type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
+
+/// A motion of all joints, at every time: sum of functions with coefficients. Never changes.
+///
+/// Made by `excite`, `Trajectory.fourier` or `Trajectory.random`.
+///
+/// Examples
+/// --------
+/// >>> robot = sgpr.robots.two_link()
+/// >>> motion = sgpr.Trajectory.fourier(robot, 0.1, a=[[0.3, -0.2], [-0.3, 0.2]], b=[[0.0, 0.0], [0.0, 0.0]])
+/// >>> t, q, dq, ddq = motion.samples(rate_hz=20)
+/// >>> q.shape
+/// (200, 2)
+#[pyclass(module = "sgpr", frozen)]
+pub struct Trajectory {
+    /// Of the core.
+    pub inner: core::Trajectory,
+    robot: CoreRobot,
+}
+
+#[pymethods]
+impl Trajectory {
+    /// A Fourier series from the amplitudes of its velocity, dq = sum a_l cos(2 pi f l t) + b_l sin(2 pi f l t), that
+    /// starts at position zero.
+    ///
+    /// Parameters
+    /// ----------
+    /// robot : Robot
+    /// fundamental_hz : float
+    /// a, b : array of shape (terms, n)
+    ///     rad/s (m/s), two terms or more.
+    #[staticmethod]
+    fn fourier(
+        robot: &Bound<'_, Robot>,
+        fundamental_hz: f64,
+        a: &Bound<'_, PyAny>,
+        b: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let robot = robot.get().inner.clone();
+        let n = robot.dof();
+        let [a, b] = [("a", a), ("b", b)].map(|(name, value)| {
+            let numbers = Numbers::new(name, value)?.finite()?;
+            match *numbers.shape() {
+                [_, columns] if columns == n => Ok(numbers),
+                _ => Err(numbers.wrong_shape(&format!("(terms, {n})"))),
+            }
+        });
+        let (a, b) = (a?, b?);
+        let b = b.shaped(a.shape())?;
+        let inner = core::Trajectory::fourier(fundamental_hz, n, a.values(), b.values());
+        Ok(Self { inner: inner.map_err(IntoPyErr::into_py_err)?, robot })
+    }
+
+    /// A random motion that starts and ends at rest and uses its limits to the full, for tests and for high-frequency
+    /// series.
+    ///
+    /// Parameters
+    /// ----------
+    /// robot : Robot
+    /// start : array of shape (n,), optional
+    ///     Position at both ends, rad (m); zero, or the middle of the range where zero is outside it.
+    /// random_state : int, default 0
+    /// **options
+    ///     Basis and limits as in `excite`.
+    ///
+    /// Examples
+    /// --------
+    /// >>> robot = sgpr.robots.puma560()
+    /// >>> test = sgpr.Trajectory.random(robot, terms=4, max_acceleration=[6] * 6, random_state=3)
+    /// >>> test.duration
+    /// 10.0
+    #[staticmethod]
+    #[pyo3(signature = (robot, *, start=None, random_state=0, **options))]
+    fn random(
+        robot: &Bound<'_, Robot>,
+        start: Option<&Bound<'_, PyAny>>,
+        random_state: u64,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let robot = robot.get().inner.clone();
+        let mut options = Keywords::new(options)?;
+        let basis = options.basis()?;
+        let limits = options.limits(&robot)?;
+        options.finish()?;
+        let start = match start {
+            Some(start) => per_joint("start", start, &robot)?,
+            None => limits.default_start(),
+        };
+        let inner = core::random_motion(&robot, &basis, &limits, &start, random_state);
+        Ok(Self { inner: inner.map_err(IntoPyErr::into_py_err)?, robot })
+    }
+
+    /// Duration; one period of a series, s.
+    #[getter]
+    fn duration(&self) -> f64 {
+        self.inner.duration()
+    }
+
+    /// Names of the joints.
+    #[getter]
+    fn joint_names(&self) -> Vec<String> {
+        self.robot.joint_names().map(String::from).collect()
+    }
+
+    /// Coefficients of the functions, (n, functions): of a series a_l, b_l, q_0.
+    #[getter]
+    fn coefficients<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let shape = [self.robot.dof(), self.inner.basis().len()];
+        array(py, &shape, self.inner.coefficients().to_vec())
+    }
+
+    /// Position at both ends of an optimised motion, (n,), rad (m).
+    #[getter]
+    fn start<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        array(py, &[self.robot.dof()], self.inner.start().to_vec())
+    }
+
+    /// The same motion about its start, smaller or larger.
+    fn scaled(&self, factor: f64) -> PyResult<Self> {
+        if !factor.is_finite() {
+            return Err(invalid(format!("factor = {factor}: expected a number")));
+        }
+        Ok(Self { inner: self.inner.clone().scaled(factor), robot: self.robot.clone() })
+    }
+
+    /// Position, velocity and acceleration at these times.
+    ///
+    /// Parameters
+    /// ----------
+    /// t : array of shape (N,)
+    ///     s.
+    ///
+    /// Returns
+    /// -------
+    /// q, dq, ddq : arrays of shape (N, n)
+    fn at<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> PyResult<(Array<'py>, Array<'py>, Array<'py>)> {
+        let times = Numbers::new("t", t)?.finite()?;
+        let [count] = *times.shape() else { return Err(times.wrong_shape("(N,)")) };
+        let samples = self.inner.at(times.values().iter().copied());
+        let shape = [count, self.robot.dof()];
+        Ok((array(py, &shape, samples.q)?, array(py, &shape, samples.dq)?, array(py, &shape, samples.ddq)?))
+    }
+
+    /// Samples from time zero on.
+    ///
+    /// Parameters
+    /// ----------
+    /// rate_hz : float
+    /// duration : float, optional
+    ///     s; one period or the whole motion by default.
+    ///
+    /// Returns
+    /// -------
+    /// t, q, dq, ddq : arrays of shape (N,), (N, n), (N, n), (N, n)
+    #[pyo3(signature = (rate_hz, duration=None))]
+    #[allow(clippy::type_complexity)]
+    fn samples<'py>(
+        &self,
+        py: Python<'py>,
+        rate_hz: f64,
+        duration: Option<f64>,
+    ) -> PyResult<(Array<'py>, Array<'py>, Array<'py>, Array<'py>)> {
+        let samples = self.sampled(rate_hz, duration)?;
+        let shape = [samples.len(), self.robot.dof()];
+        Ok((
+            array(py, &shape[..1], samples.time)?,
+            array(py, &shape, samples.q)?,
+            array(py, &shape, samples.dq)?,
+            array(py, &shape, samples.ddq)?,
+        ))
+    }
+
+    /// How well the motion excites the base parameters.
+    ///
+    /// Parameters
+    /// ----------
+    /// effects : list of str, optional
+    ///     Effects beside the rigid body.
+    /// noise : array of shape (n,), optional
+    ///     Standard deviations of the torque, N·m (N).
+    /// rate_hz : float, default 100
+    ///
+    /// Returns
+    /// -------
+    /// dict
+    ///     "condition", "scaled_condition", "frobenius_condition", "link_conditions", "sum_of_conditions",
+    ///     "log_determinant" (per sample), "singular_values", "rank", "base_parameters".
+    #[pyo3(signature = (effects=None, *, noise=None, rate_hz=100.0), text_signature = "($self, effects=(), *, noise=None, rate_hz=100.0)")]
+    fn excitation<'py>(
+        &self,
+        py: Python<'py>,
+        effects: Option<&Bound<'py, PyAny>>,
+        noise: Option<&Bound<'py, PyAny>>,
+        rate_hz: f64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let effects = effects.map(|names| texts("effects", names)).transpose()?.unwrap_or_default();
+        let noise = noise.map(|noise| per_joint("noise", noise, &self.robot)).transpose()?;
+        let set = ParameterSet::new(&self.robot, &effects).map_err(IntoPyErr::into_py_err)?;
+        let samples = self.sampled(rate_hz, None)?;
+        let report = py.detach(|| {
+            let base = BaseParameters::new(&self.robot, &set);
+            core::evaluate(&self.robot, &set, &base, &samples, noise.as_deref())
+        });
+        report_dict(py, &report.map_err(IntoPyErr::into_py_err)?)
+    }
+
+    /// Largest values in continuous time.
+    ///
+    /// Returns
+    /// -------
+    /// dict of arrays
+    ///     "position" (n, 2), "velocity", "acceleration", "torque" (n,); the torque is that of the rigid body.
+    fn peaks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let none: &[&str] = &[];
+        let set = ParameterSet::new(&self.robot, none).map_err(IntoPyErr::into_py_err)?;
+        peaks_dict(py, &core::peaks(&self.robot, &set, &self.robot.standard_parameters(), &self.inner))
+    }
+
+    /// Writes a table (.csv, .csv.gz) of time, position, velocity and acceleration; the file is complete or not there.
+    #[pyo3(signature = (path, rate_hz=100.0))]
+    fn save_csv(&self, py: Python<'_>, path: PathBuf, rate_hz: f64) -> PyResult<()> {
+        let samples = self.sampled(rate_hz, None)?;
+        py.detach(|| samples.write_csv(&self.robot, path)).map_err(IntoPyErr::into_py_err)
+    }
+
+    /// Writes an MCAP file with one trajectory_msgs/msg/JointTrajectory message; the file is complete or not there.
+    #[pyo3(signature = (path, rate_hz=100.0, topic="/joint_trajectory"))]
+    fn save_mcap(&self, py: Python<'_>, path: PathBuf, rate_hz: f64, topic: &str) -> PyResult<()> {
+        let samples = self.sampled(rate_hz, None)?;
+        py.detach(|| samples.write_mcap(&self.robot, topic, path)).map_err(IntoPyErr::into_py_err)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Trajectory of {} joints, {} s", self.robot.dof(), self.inner.duration())
+    }
+}
+
+/// Samples of one motion that an array still has room for.
+const MOST_SAMPLES: f64 = 1e8;
+
+impl Trajectory {
+    fn sampled(&self, rate_hz: f64, duration: Option<f64>) -> PyResult<core::TrajectorySamples> {
+        let rate_hz = positive("rate_hz", rate_hz)?;
+        let duration = positive("duration", duration.unwrap_or(self.inner.duration()))?;
+        if rate_hz * duration > MOST_SAMPLES {
+            return Err(invalid(format!("rate_hz = {rate_hz}: that are more than {MOST_SAMPLES} samples")));
+        }
+        Ok(self.inner.samples(rate_hz, duration))
+    }
+}
+
+/// A motion that reveals the parameters, and how it was found.
+#[pyclass(module = "sgpr", frozen)]
+pub struct Excitation {
+    inner: core::Excitation,
+    robot: CoreRobot,
+}
+
+#[pymethods]
+impl Excitation {
+    /// The motion.
+    #[getter]
+    fn trajectory(&self) -> Trajectory {
+        Trajectory { inner: self.inner.trajectory.clone(), robot: self.robot.clone() }
+    }
+
+    /// Value of the criterion, not smoothed.
+    #[getter]
+    fn value(&self) -> f64 {
+        self.inner.value
+    }
+
+    /// Value that each search ended with; infinite if it was not begun.
+    #[getter]
+    fn values<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        array(py, &[self.inner.values.len()], self.inner.values.clone())
+    }
+
+    /// As `Trajectory.excitation`.
+    #[getter]
+    fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        report_dict(py, &self.inner.report)
+    }
+
+    /// As `Trajectory.peaks`, with the torque of the parameters that were given.
+    #[getter]
+    fn peaks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        peaks_dict(py, &self.inner.peaks)
+    }
+
+    /// The largest share of a limit that the motion uses, over continuous time.
+    #[getter]
+    fn utilisation(&self) -> f64 {
+        self.inner.utilisation
+    }
+
+    /// How the searches went, (evaluations, 3): number of the search, evaluation in it, smoothed value.
+    #[getter]
+    fn history<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let steps = &self.inner.history;
+        let rows = steps.iter().flat_map(|step| [step.start as f64, step.evaluation as f64, step.value]).collect();
+        array(py, &[steps.len(), 3], rows)
+    }
+
+    /// "finished", or "interrupted" by Ctrl-C or the progress callback: then it is the best motion so far.
+    #[getter]
+    fn status(&self) -> &'static str {
+        match self.inner.status {
+            Status::Finished => "finished",
+            Status::Interrupted => "interrupted",
+        }
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Excitation of {} joints, value {:.6}, {}", self.robot.dof(), self.inner.value, self.status())
+    }
+}
+
+/// Finds a motion that reveals the parameters of a robot and stays within its limits.
+///
+/// Sequential quadratic programming with exact derivatives, from several random motions. Limits of position, speed,
+/// acceleration and torque hold in continuous time. Ctrl-C gives the best motion so far.
+///
+/// Parameters
+/// ----------
+/// robot : Robot
+/// effects : list of str, default ("viscous_friction", "coulomb_friction")
+///     Effects whose parameters shall be revealed too.
+/// criterion : str, default "condition"
+///     What is made small: "condition", "frobenius_condition", "sum_of_conditions" (per link), "static_conditions",
+///     "dynamic_conditions", "d_optimality", "hadamard".
+/// basis : {"fourier", "b_spline", "point_to_point"}
+/// fundamental_hz : float, default 0.1
+///     Of a series; it lasts one period.
+/// terms : int, default 4
+///     Harmonics 1 to `terms`.
+/// harmonics : (int, int), optional
+///     First and last harmonic, instead of `terms`.
+/// duration : float, default 10
+///     Of splines and points, s.
+/// points : int, default 12
+///     Control points of a spline; points of point-to-point.
+/// max_acceleration : array of shape (n,)
+///     rad/s² (m/s²); robot files do not know it.
+/// position_range, max_velocity, max_torque : arrays of shape (n, 2), (n,), (n,), optional
+///     Those of the robot by default.
+/// floor : float, optional
+///     Height that links stay above, base axes, m.
+/// boxes : list of (lowest corner, highest corner), optional
+///     Boxes along the base axes that links stay out of, m.
+/// self_collision : bool, default False
+///     Keep links that are no neighbours apart.
+/// clearance, link_radius : float, default 0 and 0.05
+///     Distance that is kept; radius of the links, which are capsules from joint to joint, m.
+/// max_tip_speed : float, optional
+///     Of the last frame of the last joint, m/s.
+/// start : array of shape (n,), optional
+///     Position at both ends, rad (m); zero, or the middle of the range where zero is outside it.
+/// noise : array of shape (n,), optional
+///     Standard deviations of the torque, N·m (N), which weigh the joints.
+/// model : Model, optional
+///     What torque limits are checked with; its effects must be `effects`. The rigid body by default.
+/// starts : int, default 6
+///     Searches.
+/// max_evaluations : int, default 1500
+///     Per search.
+/// random_state : int, default 0
+/// n_jobs : int, optional
+///     Threads; all by default. The result does not depend on them.
+/// progress : callable, optional
+///     Called as ``progress(stage, done, total)``; what it raises ends the search with the best motion so far.
+///
+/// Returns
+/// -------
+/// Excitation
+///
+/// Examples
+/// --------
+/// >>> robot = sgpr.robots.two_link()
+/// >>> found = sgpr.excite(robot, terms=3, max_acceleration=[2, 2], starts=1, max_evaluations=200)
+/// >>> bool(found.report["condition"] < 30 and found.utilisation <= 1)
+/// True
+#[pyfunction]
+#[pyo3(signature = (robot, effects=None, *, criterion="condition", start=None, noise=None, model=None, starts=None,
+    max_evaluations=None, random_state=0, n_jobs=None, progress=None, **options),
+    text_signature = "(robot, effects=('viscous_friction', 'coulomb_friction'), *, criterion='condition', start=None, noise=None, model=None, starts=6, max_evaluations=1500, random_state=0, n_jobs=None, progress=None, **options)")]
+#[allow(clippy::too_many_arguments)]
+pub fn excite(
+    py: Python<'_>,
+    robot: &Bound<'_, Robot>,
+    effects: Option<&Bound<'_, PyAny>>,
+    criterion: &str,
+    start: Option<&Bound<'_, PyAny>>,
+    noise: Option<&Bound<'_, PyAny>>,
+    model: Option<&Bound<'_, Model>>,
+    starts: Option<&Bound<'_, PyAny>>,
+    max_evaluations: Option<&Bound<'_, PyAny>>,
+    random_state: u64,
+    n_jobs: Option<&Bound<'_, PyAny>>,
+    progress: Option<Py<PyAny>>,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Excitation> {
+    let robot = robot.get().inner.clone();
+    let effects = match effects {
+        Some(names) => texts("effects", names)?,
+        None => ["viscous_friction", "coulomb_friction"].map(String::from).to_vec(),
+    };
+    let set = ParameterSet::new(&robot, &effects).map_err(IntoPyErr::into_py_err)?;
+    let mut keywords = Keywords::new(options)?;
+    let basis = keywords.basis()?;
+    let limits = keywords.limits(&robot)?;
+    let surroundings = keywords.surroundings(&robot)?;
+    keywords.finish()?;
+    let mut options = ExciteOptions::new(basis, limits);
+    options.surroundings = surroundings;
+    options.criterion = choice("criterion", criterion, &Criterion::ALL.map(|known| (known.name(), known)))?;
+    options.start = start.map(|start| per_joint("start", start, &robot)).transpose()?;
+    options.noise = noise.map(|noise| per_joint("noise", noise, &robot)).transpose()?;
+    if let Some(model) = model {
+        let model = &model.get().inner;
+        if model.parameter_set().names() != set.names() {
+            return Err(invalid("model: its joints and effects must be those of robot and effects"));
+        }
+        options.parameters = Some(model.parameters().to_vec());
+    }
+    options.starts = starts.map_or(Ok(options.starts), |value| whole("starts", value, 1..100_001))?;
+    options.evaluations =
+        max_evaluations.map_or(Ok(options.evaluations), |value| whole("max_evaluations", value, 1..1_000_001))?;
+    options.threads = n_jobs.map_or(Ok(options.threads), |value| whole("n_jobs", value, 1..1025))?;
+    options.seed = random_state;
+    // An interruption is no failure here: it ends the search, and what was found is returned.
+    let found = listen(py, progress, |progress| {
+        let base = BaseParameters::new(&robot, &set);
+        core::optimise(&robot, &set, &base, &options, &Once { progress, stopped: Mutex::new(false) })
+    })?;
+    Ok(Excitation { inner: found, robot })
+}
+
+/// Asks a listener that has stopped the work no more.
+struct Once<'a> {
+    progress: &'a dyn Progress,
+    stopped: Mutex<bool>,
+}
+
+impl Progress for Once<'_> {
+    fn step(&self, stage: &'static str, done: usize, total: usize) -> Result<(), Interrupted> {
+        let mut stopped = self.stopped.lock().unwrap_or_else(PoisonError::into_inner);
+        if *stopped {
+            return Err(Interrupted);
+        }
+        let answer = self.progress.step(stage, done, total);
+        *stopped = answer.is_err();
+        answer
+    }
+}
+
+fn report_dict<'py>(py: Python<'py>, report: &core::ExcitationReport) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("condition", report.condition)?;
+    dict.set_item("scaled_condition", report.scaled_condition)?;
+    dict.set_item("frobenius_condition", report.frobenius_condition)?;
+    dict.set_item("link_conditions", array(py, &[report.link_conditions.len()], report.link_conditions.clone())?)?;
+    dict.set_item("sum_of_conditions", report.sum_of_conditions())?;
+    dict.set_item("log_determinant", report.log_determinant)?;
+    dict.set_item("singular_values", array(py, &[report.singular_values.len()], report.singular_values.clone())?)?;
+    dict.set_item("rank", report.rank)?;
+    dict.set_item("base_parameters", report.singular_values.len())?;
+    Ok(dict)
+}
+
+fn peaks_dict<'py>(py: Python<'py>, peaks: &core::Peaks) -> PyResult<Bound<'py, PyDict>> {
+    let n = peaks.velocity.len();
+    let dict = PyDict::new(py);
+    dict.set_item("position", array(py, &[n, 2], peaks.position.as_flattened().to_vec())?)?;
+    dict.set_item("velocity", array(py, &[n], peaks.velocity.clone())?)?;
+    dict.set_item("acceleration", array(py, &[n], peaks.acceleration.clone())?)?;
+    dict.set_item("torque", array(py, &[n], peaks.torque.clone())?)?;
+    Ok(dict)
+}
+
+/// One finite number per joint.
+pub fn per_joint(name: &str, value: &Bound<'_, PyAny>, robot: &CoreRobot) -> PyResult<Vec<f64>> {
+    Ok(Numbers::new(name, value)?.shaped(&[robot.dof()])?.finite()?.values().to_vec())
+}
+
+/// Keyword arguments of basis and limits, of which each is taken once.
+struct Keywords<'py>(Option<Bound<'py, PyDict>>);
+
+const KEYWORDS: [&str; 16] = [
+    "basis",
+    "fundamental_hz",
+    "terms",
+    "harmonics",
+    "duration",
+    "points",
+    "max_acceleration",
+    "position_range",
+    "max_velocity",
+    "max_torque",
+    "floor",
+    "boxes",
+    "self_collision",
+    "clearance",
+    "link_radius",
+    "max_tip_speed",
+];
+
+impl<'py> Keywords<'py> {
+    fn new(options: Option<&Bound<'py, PyDict>>) -> PyResult<Self> {
+        Ok(Self(options.map(|options| options.copy()).transpose()?))
+    }
+
+    fn take(&mut self, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Some(options) = &self.0 else { return Ok(None) };
+        let Some(value) = options.get_item(name)? else { return Ok(None) };
+        options.del_item(name)?;
+        Ok((!value.is_none()).then_some(value))
+    }
+
+    fn finish(self) -> PyResult<()> {
+        let Some(left) = self.0.and_then(|options| options.keys().iter().next()) else { return Ok(()) };
+        Err(unknown("options", &left.extract::<String>()?, &KEYWORDS))
+    }
+
+    fn number(&mut self, name: &str, default: f64) -> PyResult<f64> {
+        self.take(name)?.map_or(Ok(default), |value| value.extract())
+    }
+
+    fn basis(&mut self) -> PyResult<Basis> {
+        let kind = self.take("basis")?.map_or(Ok("fourier".to_string()), |value| value.extract())?;
+        let kind = choice("basis", &kind, &[("fourier", 0), ("b_spline", 1), ("point_to_point", 2)])?;
+        let fundamental_hz = self.number("fundamental_hz", 0.1)?;
+        let duration = self.number("duration", 10.0)?;
+        let terms = self.take("terms")?.map_or(Ok(4), |value| whole("terms", &value, 2..10_001))?;
+        let points = self.take("points")?.map_or(Ok(12), |value| whole("points", &value, 3..10_001))?;
+        let (first, last): (usize, usize) = match self.take("harmonics")? {
+            Some(pair) => pair.extract().map_err(|_| invalid("harmonics: expected first and last harmonic"))?,
+            None => (1, terms),
+        };
+        Ok(match kind {
+            0 => Basis::Fourier { fundamental_hz, harmonics: first..=last },
+            1 => Basis::BSpline { duration, control_points: points },
+            _ => Basis::PointToPoint { duration, points },
+        })
+    }
+
+    /// What is around the arm; nothing if no option says so.
+    fn surroundings(&mut self, robot: &CoreRobot) -> PyResult<Option<Surroundings>> {
+        let mut cell = Surroundings::skeleton(robot, self.number("link_radius", 0.05)?);
+        cell.floor = self.take("floor")?.map(|value| value.extract()).transpose()?;
+        if let Some(boxes) = self.take("boxes")? {
+            let corners: Vec<([f64; 3], [f64; 3])> = boxes
+                .extract()
+                .map_err(|_| invalid("boxes: expected pairs of lowest and highest corner, three numbers each"))?;
+            cell.blocks = corners.into_iter().map(|(low, high)| Block { low, high }).collect();
+        }
+        cell.self_collision = self.take("self_collision")?.map_or(Ok(false), |value| value.extract())?;
+        cell.clearance = self.number("clearance", 0.0)?;
+        if let Some(limit) = self.take("max_tip_speed")? {
+            let tip = robot.frames().iter().rev().find(|frame| frame.joint == Some(robot.dof() - 1));
+            let tip = tip.ok_or_else(|| invalid("max_tip_speed: the robot has no frame at its last joint"))?;
+            cell.tip_speed = Some((tip.clone(), limit.extract()?));
+        }
+        let empty = cell.floor.is_none() && cell.blocks.is_empty() && !cell.self_collision && cell.tip_speed.is_none();
+        Ok((!empty).then_some(cell))
+    }
+
+    fn limits(&mut self, robot: &CoreRobot) -> PyResult<MotionLimits> {
+        let n = robot.dof();
+        let Some(acceleration) = self.take("max_acceleration")? else {
+            return Err(invalid(format!(
+                "max_acceleration: give one number per joint, ({n},); robot files do not know it"
+            )));
+        };
+        let acceleration = per_joint("max_acceleration", &acceleration, robot)?;
+        let mut given: [Option<Vec<f64>>; 2] = [None, None];
+        for (slot, name) in given.iter_mut().zip(["max_velocity", "max_torque"]) {
+            *slot = self.take(name)?.map(|value| per_joint(name, &value, robot)).transpose()?;
+        }
+        let [velocity, torque] = given;
+        let position = match self.take("position_range")? {
+            Some(value) => {
+                let numbers = Numbers::new("position_range", &value)?.shaped(&[n, 2])?.finite()?;
+                Some(numbers.values().chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect::<Vec<_>>())
+            }
+            None => None,
+        };
+        let known = match (&position, &velocity) {
+            (Some(position), Some(velocity)) => {
+                MotionLimits { position: position.clone(), velocity: velocity.clone(), acceleration, torque: None }
+            }
+            _ => MotionLimits::of_robot(robot, &acceleration).map_err(IntoPyErr::into_py_err)?,
+        };
+        Ok(MotionLimits {
+            position: position.unwrap_or(known.position),
+            velocity: velocity.unwrap_or(known.velocity),
+            acceleration: known.acceleration,
+            torque: torque.or(known.torque),
+        })
+    }
+}

@@ -1,0 +1,539 @@
+//! Simulated experiments.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use numpy::{PyArray1, PyArrayDyn};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use sgpr_core::model::Predictor;
+use sgpr_core::robot::Robot as CoreRobot;
+use sgpr_core::simulation::{
+    self as core, ComputedTorque, Controller, Experiment, FeedForward, Gains, Integrator, InverseDynamics,
+    JointImpedance, Measurement, Pd, Reference, RigidBody, SampledReference, Scheduled, Sensors, Setpoint, Simulator,
+    StandStill, VelocitySensor, drives_from_parameters,
+};
+
+use crate::convert::{Numbers, array, choice, positive, view};
+use crate::errors::{IntoPyErr, invalid};
+use crate::excitation::{Trajectory, per_joint};
+use crate::model::Model;
+use crate::progress::listen;
+use crate::recording::Recording;
+use crate::robot::Robot;
+
+type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
+
+/// Rotor and friction of one joint, all seen at the joint: rad, N·m (m, N for a sliding joint). Never changes.
+///
+/// Parameters
+/// ----------
+/// rotor_inertia : float
+///     kg·m², gear ratio² times that of the motor.
+/// viscous_friction : float
+///     N·m·s/rad.
+/// coulomb_friction, static_friction : float or (float, float)
+///     Sizes forwards and backwards, N·m; the static one is the Coulomb one by default.
+/// stribeck_velocity : float
+///     rad/s; speed over which static falls to Coulomb friction.
+///
+/// Examples
+/// --------
+/// >>> sgpr.Drive(rotor_inertia=0.8, coulomb_friction=(25.0, 27.0)).coulomb_friction
+/// (25.0, 27.0)
+#[pyclass(module = "sgpr", frozen, eq)]
+#[derive(PartialEq, Clone)]
+pub struct Drive {
+    inner: core::Drive,
+}
+
+#[pymethods]
+impl Drive {
+    #[new]
+    #[pyo3(signature = (*, rotor_inertia=0.0, viscous_friction=0.0, coulomb_friction=None, static_friction=None, stribeck_velocity=0.0),
+        text_signature = "(*, rotor_inertia=0.0, viscous_friction=0.0, coulomb_friction=0.0, static_friction=None, stribeck_velocity=0.0)")]
+    fn new(
+        rotor_inertia: f64,
+        viscous_friction: f64,
+        coulomb_friction: Option<&Bound<'_, PyAny>>,
+        static_friction: Option<&Bound<'_, PyAny>>,
+        stribeck_velocity: f64,
+    ) -> PyResult<Self> {
+        let both = |name: &str, value: &Bound<'_, PyAny>| -> PyResult<[f64; 2]> {
+            if let Ok(size) = value.extract::<f64>() {
+                return Ok([size; 2]);
+            }
+            value
+                .extract()
+                .map_err(|_| invalid(format!("{name}: expected a number, or one forwards and one backwards")))
+        };
+        let coulomb = coulomb_friction.map_or(Ok([0.0; 2]), |value| both("coulomb_friction", value))?;
+        let at_rest = static_friction.map_or(Ok(coulomb), |value| both("static_friction", value))?;
+        Ok(Self {
+            inner: core::Drive {
+                rotor_inertia,
+                viscous_friction,
+                coulomb_friction: coulomb,
+                static_friction: at_rest,
+                stribeck_velocity,
+            },
+        })
+    }
+
+    /// kg·m².
+    #[getter]
+    fn rotor_inertia(&self) -> f64 {
+        self.inner.rotor_inertia
+    }
+
+    /// N·m·s/rad.
+    #[getter]
+    fn viscous_friction(&self) -> f64 {
+        self.inner.viscous_friction
+    }
+
+    /// Sizes forwards and backwards, N·m.
+    #[getter]
+    fn coulomb_friction(&self) -> (f64, f64) {
+        self.inner.coulomb_friction.into()
+    }
+
+    /// Sizes at rest, forwards and backwards, N·m.
+    #[getter]
+    fn static_friction(&self) -> (f64, f64) {
+        self.inner.static_friction.into()
+    }
+
+    /// rad/s.
+    #[getter]
+    fn stribeck_velocity(&self) -> f64 {
+        self.inner.stribeck_velocity
+    }
+
+    fn __repr__(&self) -> String {
+        let drive = &self.inner;
+        format!(
+            "Drive(rotor_inertia={}, viscous_friction={}, coulomb_friction={:?}, static_friction={:?}, \
+             stribeck_velocity={})",
+            drive.rotor_inertia,
+            drive.viscous_friction,
+            self.coulomb_friction(),
+            self.static_friction(),
+            drive.stribeck_velocity
+        )
+    }
+}
+
+/// Drives of the PUMA 560: rotors, viscous and direction-dependent Coulomb friction, seen at the joints.
+#[pyfunction]
+pub fn puma560_drives() -> Vec<Drive> {
+    core::puma560_drives().into_iter().map(|inner| Drive { inner }).collect()
+}
+
+/// Drives of the two-link arm.
+#[pyfunction]
+pub fn two_link_drives() -> Vec<Drive> {
+    core::two_link_drives().into_iter().map(|inner| Drive { inner }).collect()
+}
+
+/// What happened in a simulated experiment, sample by sample; arrays are (N, n), read-only, SI.
+#[pyclass(module = "sgpr", frozen)]
+pub struct Simulation {
+    inner: core::SimulationRecord,
+}
+
+impl Simulation {
+    fn shown<'py>(slf: &Bound<'py, Self>, pick: fn(&core::SimulationRecord) -> &[f64]) -> PyResult<Array<'py>> {
+        let record = &slf.get().inner;
+        view(slf, &[record.len(), record.dof()], |simulation| pick(&simulation.inner))
+    }
+}
+
+#[pymethods]
+impl Simulation {
+    /// Time, (N,), s.
+    #[getter]
+    fn t<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        array(py, &[self.inner.len()], self.inner.time.iter().map(|time| *time as f64 * 1e-9).collect())
+    }
+
+    /// Names of the joints.
+    #[getter]
+    fn joint_names(&self) -> Vec<String> {
+        self.inner.joint_names.clone()
+    }
+
+    /// True positions.
+    #[getter]
+    fn q<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        Self::shown(slf, |record| &record.q)
+    }
+
+    /// True velocities.
+    #[getter]
+    fn dq<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        Self::shown(slf, |record| &record.dq)
+    }
+
+    /// True accelerations, in the step that begins at the sample.
+    #[getter]
+    fn ddq<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        Self::shown(slf, |record| &record.ddq)
+    }
+
+    /// True torques of the drives.
+    #[getter]
+    fn tau<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        Self::shown(slf, |record| &record.tau)
+    }
+
+    /// Torques of friction.
+    #[getter]
+    fn friction<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        Self::shown(slf, |record| &record.friction)
+    }
+
+    /// Measured positions.
+    #[getter]
+    fn q_measured<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        Self::shown(slf, |record| &record.q_measured)
+    }
+
+    /// Measured velocities.
+    #[getter]
+    fn dq_measured<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        Self::shown(slf, |record| &record.dq_measured)
+    }
+
+    /// Measured torques.
+    #[getter]
+    fn tau_measured<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        Self::shown(slf, |record| &record.tau_measured)
+    }
+
+    /// Wanted positions.
+    #[getter]
+    fn q_wanted<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        Self::shown(slf, |record| &record.q_wanted)
+    }
+
+    /// Wanted velocities.
+    #[getter]
+    fn dq_wanted<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        Self::shown(slf, |record| &record.dq_wanted)
+    }
+
+    /// Wanted accelerations.
+    #[getter]
+    fn ddq_wanted<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        Self::shown(slf, |record| &record.ddq_wanted)
+    }
+
+    /// Root mean square of wanted minus true position, (n,), rad (m).
+    #[getter]
+    fn tracking_rmse<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        array(py, &[self.inner.dof()], self.inner.tracking_rmse())
+    }
+
+    /// What a logger would have written: measured position, velocity and torque.
+    #[pyo3(signature = (source="simulation"))]
+    fn recording(&self, source: &str) -> Recording {
+        self.inner.recording(source).into()
+    }
+
+    fn __len__(&self) -> usize {
+        self.inner.len()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Simulation of {} joints, {} samples", self.inner.dof(), self.inner.len())
+    }
+}
+
+/// Simulates an arm that follows a motion under a controller.
+///
+/// The same arguments give the same bits. Dry friction sticks and breaks away as the balance of torques says; friction
+/// of any stiffness is stable at any step with the integrator "euler".
+///
+/// Parameters
+/// ----------
+/// robot : Robot or Model
+///     The arm. A model brings its effects; `drives` is then not given.
+/// reference : Trajectory, array of shape (n,), or (rate_hz, q, dq, ddq)
+///     The wanted motion: at every time, standing still, or samples of shape (N, n) that are interpolated.
+/// duration : float, optional
+///     s; that of the trajectory by default.
+/// controller : {"feed_forward", "computed_torque", "impedance", "pd"} or callable
+///     The law: model(q_d, dq_d, ddq_d) + PD; model(q, dq, ddq_d + PD); model(q, dq, ddq_d) + PD; PD alone. A callable is
+///     called as ``controller(t, q, dq, q_wanted, dq_wanted, ddq_wanted)`` and returns the torques, (n,).
+/// kp, kd : float or array of shape (n,)
+///     Gains at the joints.
+/// model : Robot, Model or list of them, optional
+///     What the controller knows of the arm; several are added. By default the rigid body of `robot`.
+/// feed_forward : array of shape (K, n), optional
+///     Torque added by the controller, one row per control period; the last row stays.
+/// drives : list of Drive, optional
+///     Rotors and friction.
+/// integrator : {"euler", "runge_kutta"}
+/// step, control_period, record_period, delay : float
+///     s; whole numbers of steps (of control periods for the record).
+/// position_resolution, position_noise, torque_noise, actuation_noise : array of shape (n,), optional
+///     Encoder step, and standard deviations.
+/// velocity : {"exact", "difference"}
+///     What the controller sees.
+/// torque_limits : array of shape (n,), optional
+/// random_state : int, default 0
+///     Of all noise.
+/// progress : callable, optional
+///     Called as ``progress(stage, done, total)``; what it raises stops the work, as Ctrl-C does.
+///
+/// Returns
+/// -------
+/// Simulation
+///
+/// Raises
+/// ------
+/// SimulationError
+///     If a joint runs away (with time and joint), or a torque is not finite.
+///
+/// Examples
+/// --------
+/// >>> robot = sgpr.robots.two_link()
+/// >>> run = sgpr.simulate(robot, [0.3, -0.2], duration=0.5, drives=sgpr.robots.two_link_drives())
+/// >>> bool(run.tracking_rmse.max() < 1e-6)
+/// True
+#[pyfunction]
+#[pyo3(signature = (robot, reference, *, duration=None, controller=None, kp=None, kd=None, model=None,
+    feed_forward=None, drives=None, integrator="euler", step=2.5e-4, control_period=1e-3, record_period=None, delay=0.0,
+    position_resolution=None, position_noise=None, torque_noise=None, actuation_noise=None, velocity="exact",
+    torque_limits=None, random_state=0, progress=None),
+    text_signature = "(robot, reference, *, duration=None, controller='feed_forward', kp=75.0, kd=5.0, model=None, feed_forward=None, drives=None, integrator='euler', step=2.5e-4, control_period=1e-3, record_period=None, delay=0.0, position_resolution=None, position_noise=None, torque_noise=None, actuation_noise=None, velocity='exact', torque_limits=None, random_state=0, progress=None)")]
+#[allow(clippy::too_many_arguments)]
+pub fn simulate(
+    py: Python<'_>,
+    robot: &Bound<'_, PyAny>,
+    reference: &Bound<'_, PyAny>,
+    duration: Option<f64>,
+    controller: Option<&Bound<'_, PyAny>>,
+    kp: Option<&Bound<'_, PyAny>>,
+    kd: Option<&Bound<'_, PyAny>>,
+    model: Option<&Bound<'_, PyAny>>,
+    feed_forward: Option<&Bound<'_, PyAny>>,
+    drives: Option<Vec<Bound<'_, Drive>>>,
+    integrator: &str,
+    step: f64,
+    control_period: f64,
+    record_period: Option<f64>,
+    delay: f64,
+    position_resolution: Option<&Bound<'_, PyAny>>,
+    position_noise: Option<&Bound<'_, PyAny>>,
+    torque_noise: Option<&Bound<'_, PyAny>>,
+    actuation_noise: Option<&Bound<'_, PyAny>>,
+    velocity: &str,
+    torque_limits: Option<&Bound<'_, PyAny>>,
+    random_state: u64,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Simulation> {
+    let integrator = choice(
+        "integrator",
+        integrator,
+        &[("euler", Integrator::SemiImplicitEuler), ("runge_kutta", Integrator::RungeKutta4)],
+    )?;
+    let mut simulator = simulator(robot, drives, integrator, step)?;
+    let arm = simulator.robot().clone();
+    let n = arm.dof();
+    let (reference, own_duration) = self::reference(reference, &arm)?;
+    let Some(duration) = duration.or(own_duration) else {
+        return Err(invalid("duration: give one, a position to hold has none"));
+    };
+    let list = |name: &str, value: Option<&Bound<'_, PyAny>>| {
+        value.map(|value| per_joint(name, value, &arm)).transpose().map(Option::unwrap_or_default)
+    };
+    let gain = |name: &str, value: Option<&Bound<'_, PyAny>>, default: f64| match value {
+        None => Ok(vec![default; n]),
+        Some(value) => match value.extract::<f64>() {
+            Ok(gain) => Ok(vec![gain; n]),
+            Err(_) => per_joint(name, value, &arm),
+        },
+    };
+    let gains = Gains { kp: gain("kp", kp, 75.0)?, kd: gain("kd", kd, 5.0)? };
+    let sensors = Sensors {
+        position_resolution: list("position_resolution", position_resolution)?,
+        position_noise: list("position_noise", position_noise)?,
+        torque_noise: list("torque_noise", torque_noise)?,
+        actuation_noise: list("actuation_noise", actuation_noise)?,
+        velocity: choice(
+            "velocity",
+            velocity,
+            &[("exact", VelocitySensor::Exact), ("difference", VelocitySensor::Difference)],
+        )?,
+    };
+    let experiment = Experiment {
+        control_period: positive("control_period", control_period)?,
+        delay,
+        record_period: positive("record_period", record_period.unwrap_or(control_period))?,
+        sensors,
+        torque_limits: torque_limits.map(|value| per_joint("torque_limits", value, &arm)).transpose()?,
+        seed: random_state,
+    };
+    let known = models(model, &arm)?;
+    let failure = Arc::new(Mutex::new(None));
+    let mut controller = self::controller(controller, known, gains, &failure)?;
+    if let Some(value) = feed_forward {
+        let numbers = Numbers::new("feed_forward", value)?.finite()?;
+        match *numbers.shape() {
+            [_, columns] if columns == n => {}
+            _ => return Err(numbers.wrong_shape(&format!("(K, {n})"))),
+        }
+        controller = Box::new(Scheduled::new(controller, numbers.values().to_vec()));
+    }
+    let result = listen(py, progress, |progress| {
+        core::simulate(&mut simulator, controller.as_mut(), reference.as_ref(), duration, &experiment, progress)
+    });
+    if let Some(error) = failure.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        return Err(error);
+    }
+    Ok(Simulation { inner: result? })
+}
+
+/// The arm with what turns it.
+fn simulator(
+    robot: &Bound<'_, PyAny>,
+    drives: Option<Vec<Bound<'_, Drive>>>,
+    integrator: Integrator,
+    step: f64,
+) -> PyResult<Simulator> {
+    let given = drives.map(|drives| drives.iter().map(|drive| drive.get().inner).collect::<Vec<_>>());
+    let (arm, drives, side) = if let Ok(robot) = robot.cast::<Robot>() {
+        let robot = robot.get().inner.clone();
+        let drives = given.unwrap_or_else(|| vec![core::Drive::default(); robot.dof()]);
+        (robot, drives, None)
+    } else if let Ok(model) = robot.cast::<Model>() {
+        if given.is_some() {
+            return Err(invalid("drives: the model brings its own effects; give its `identified_robot` instead"));
+        }
+        let model = &model.get().inner;
+        let (drives, side) = drives_from_parameters(model.parameter_set(), model.parameters());
+        (model.identified_robot().clone(), drives, side)
+    } else {
+        return Err(wrong_type("robot", robot, "a Robot or Model"));
+    };
+    let simulator = Simulator::new(&arm, &drives, integrator, step).map_err(IntoPyErr::into_py_err)?;
+    Ok(match side {
+        Some(torque) => simulator.with_side_torque(torque),
+        None => simulator,
+    })
+}
+
+type Wanted = (Box<dyn Reference>, Option<f64>);
+
+fn reference(value: &Bound<'_, PyAny>, robot: &CoreRobot) -> PyResult<Wanted> {
+    let n = robot.dof();
+    if let Ok(trajectory) = value.cast::<Trajectory>() {
+        let inner = trajectory.get().inner.clone();
+        let duration = sgpr_core::excitation::Trajectory::duration(&inner);
+        return Ok((Box::new(inner), Some(duration)));
+    }
+    if let Ok((rate_hz, q, dq, ddq)) = value.extract::<(f64, Bound<'_, PyAny>, Bound<'_, PyAny>, Bound<'_, PyAny>)>() {
+        let rate_hz = positive("rate_hz", rate_hz)?;
+        let [q, dq, ddq] = crate::convert::Samples::together([("q", &q), ("dq", &dq), ("ddq", &ddq)], n)?;
+        if q.count() == 0 {
+            return Err(invalid("reference: there is no sample"));
+        }
+        let last = (q.count() - 1) as f64 / rate_hz;
+        let own = |samples: &crate::convert::Samples<'_>| samples.values().to_vec();
+        let sampled = SampledReference::new(n, rate_hz, own(&q), own(&dq), own(&ddq));
+        return Ok((Box::new(sampled), (last > 0.0).then_some(last)));
+    }
+    Ok((Box::new(StandStill(per_joint("reference", value, robot)?)), None))
+}
+
+/// What the controller knows.
+fn models(value: Option<&Bound<'_, PyAny>>, robot: &CoreRobot) -> PyResult<Vec<Box<dyn InverseDynamics>>> {
+    let Some(value) = value else { return Ok(vec![Box::new(RigidBody::new(robot))]) };
+    let one = |item: &Bound<'_, PyAny>| -> PyResult<Option<Box<dyn InverseDynamics>>> {
+        let (found, model): (usize, Box<dyn InverseDynamics>) = if let Ok(robot) = item.cast::<Robot>() {
+            let robot = &robot.get().inner;
+            (robot.dof(), Box::new(RigidBody::new(robot)))
+        } else if let Ok(model) = item.cast::<Model>() {
+            let model = &model.get().inner;
+            (model.robot().dof(), Box::new(Predictor::new(model)))
+        } else {
+            return Ok(None);
+        };
+        if found != robot.dof() {
+            return Err(invalid(format!("model: it has {found} joints, the arm has {}", robot.dof())));
+        }
+        Ok(Some(model))
+    };
+    if let Some(model) = one(value)? {
+        return Ok(vec![model]);
+    }
+    let wrong = || wrong_type("model", value, "a Robot, a Model, or a list of them");
+    let mut all = Vec::new();
+    for item in value.try_iter().map_err(|_| wrong())? {
+        all.push(one(&item?)?.ok_or_else(wrong)?);
+    }
+    Ok(all)
+}
+
+fn controller(
+    value: Option<&Bound<'_, PyAny>>,
+    model: Vec<Box<dyn InverseDynamics>>,
+    gains: Gains,
+    failure: &Arc<Mutex<Option<PyErr>>>,
+) -> PyResult<Box<dyn Controller>> {
+    if let Some(callable) = value.filter(|value| value.is_callable()) {
+        return Ok(Box::new(UserController { callable: callable.clone().unbind(), failure: failure.clone() }));
+    }
+    let name = match value {
+        None => "feed_forward".to_string(),
+        Some(value) => value.extract().map_err(|_| wrong_type("controller", value, "a name or a callable"))?,
+    };
+    let known = [("feed_forward", 0), ("computed_torque", 1), ("impedance", 2), ("pd", 3)];
+    Ok(match choice("controller", &name, &known)? {
+        0 => Box::new(FeedForward { model, gains }),
+        1 => Box::new(ComputedTorque::new(model, gains)),
+        2 => Box::new(JointImpedance { model, gains }),
+        _ => Box::new(Pd(gains)),
+    })
+}
+
+fn wrong_type(name: &str, value: &Bound<'_, PyAny>, expected: &str) -> PyErr {
+    let found = value.get_type().name().map_or_else(|_| "?".into(), |name| name.to_string());
+    PyTypeError::new_err(format!("{name}: got {found}, expected {expected}"))
+}
+
+/// A control law written in Python.
+struct UserController {
+    callable: Py<PyAny>,
+    failure: Arc<Mutex<Option<PyErr>>>,
+}
+
+impl UserController {
+    fn call(&self, measured: &Measurement<'_>, wanted: &Setpoint<'_>, tau: &mut [f64]) -> PyResult<()> {
+        Python::attach(|py| {
+            let array = |values: &[f64]| PyArray1::from_slice(py, values);
+            let arguments = (
+                measured.time,
+                array(measured.q),
+                array(measured.dq),
+                array(wanted.q),
+                array(wanted.dq),
+                array(wanted.ddq),
+            );
+            let result = self.callable.bind(py).call1(arguments)?;
+            tau.copy_from_slice(Numbers::new("the controller's torque", &result)?.shaped(&[tau.len()])?.values());
+            Ok(())
+        })
+    }
+}
+
+impl Controller for UserController {
+    fn torque(&mut self, measured: &Measurement<'_>, wanted: &Setpoint<'_>, tau: &mut [f64]) {
+        if let Err(error) = self.call(measured, wanted, tau) {
+            // A torque that is not finite ends the simulation; the exception is raised instead of its error.
+            tau.fill(f64::NAN);
+            *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+        }
+    }
+}

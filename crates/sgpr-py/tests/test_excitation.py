@@ -1,0 +1,112 @@
+"""Excitation trajectories."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sgpr
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+ROBOT = sgpr.robots.two_link()
+LIMITS: dict[str, Any] = {"max_acceleration": [2.0, 2.0]}
+QUICK: dict[str, Any] = {"terms": 3, "starts": 2, "max_evaluations": 150, **LIMITS}
+
+
+def test_a_motion_keeps_its_limits_and_excites() -> None:
+    found = sgpr.excite(ROBOT, **QUICK)
+    assert found.status == "finished" and found.utilisation <= 1.0
+    report = found.report
+    assert report["rank"] == report["base_parameters"] == 10
+    assert np.isclose(report["condition"], report["singular_values"][0] / report["singular_values"][-1])
+    t, q, dq, ddq = found.trajectory.samples(2000.0)
+    assert len(t) == 20000
+    assert (np.abs(q) <= np.pi / 2 + 1e-6).all() and (np.abs(dq) <= 2 + 1e-6).all() and (np.abs(ddq) <= 2 + 1e-6).all()
+    assert max(np.abs(values[0]).max() for values in (q, dq, ddq)) < 1e-12
+    peaks = found.peaks
+    assert np.allclose(peaks["acceleration"], np.abs(ddq).max(axis=0), atol=1e-5)
+    history = found.history
+    assert history.shape[1] == 3 and set(history[:, 0]) == {0.0, 1.0}
+    assert found.values.min() == found.value
+
+
+def test_speed_is_the_derivative_of_position() -> None:
+    motion = sgpr.Trajectory.random(ROBOT, terms=4, random_state=2, **LIMITS)
+    t = np.linspace(0.1, 9.9, 99)
+    h = 1e-5
+    (before, _, _), (_, dq, _), (after, _, _) = (motion.at(t + shift) for shift in (-h, 0.0, h))
+    assert np.abs((after - before) / (2 * h) - dq).max() < 1e-7
+
+
+def test_criteria_and_families_by_name() -> None:
+    for criterion in ("d_optimality", "sum_of_conditions"):
+        assert np.isfinite(sgpr.excite(ROBOT, criterion=criterion, **QUICK).value)
+    for basis in ("b_spline", "point_to_point"):
+        assert sgpr.excite(ROBOT, basis=basis, points=10, **QUICK).utilisation <= 1.0
+
+
+def test_torque_limits() -> None:
+    start = [-1.57 + 0.1, 0.0]
+    free = sgpr.excite(ROBOT, [], start=start, **QUICK)
+    limit = 0.7 * free.peaks["torque"]
+    found = sgpr.excite(ROBOT, [], start=start, max_torque=limit, **QUICK)
+    assert (found.peaks["torque"] <= limit + 1e-6).all()
+
+
+def test_surroundings() -> None:
+    robot = sgpr.robots.puma560()
+    options: dict[str, Any] = {"max_acceleration": [6.0] * 6, "starts": 1, "max_evaluations": 60}
+    found = sgpr.excite(robot, floor=-0.5, max_tip_speed=1.0, link_radius=0.05, self_collision=True, **options)
+    _, q, dq, _ = found.trajectory.samples(200.0)
+    speed = np.linalg.norm(np.einsum("kij,kj->ki", robot.jacobian(q), dq)[:, :3], axis=1)
+    assert speed.max() <= 1.0 + 1e-6
+    assert robot.forward_kinematics(q)[:, 2, 3].min() > -0.5 + 0.05 - 1e-6
+    with pytest.raises(sgpr.SgprError, match="from box 1, m is"):
+        sgpr.excite(robot, boxes=[([-1, -1, -1], [1, 1, 1])], **options)
+
+
+def test_files(tmp_path: Path) -> None:
+    motion = sgpr.Trajectory.random(ROBOT, terms=3, **LIMITS)
+    motion.save_csv(tmp_path / "motion.csv", 50.0)
+    log = sgpr.read(tmp_path / "motion.csv")
+    _, q, dq, ddq = motion.samples(50.0)
+    assert np.allclose(log.q, q) and np.allclose(log.dq, dq)
+    assert np.allclose(log.channels["joint_2_acceleration"], ddq[:, 1])
+    motion.save_mcap(tmp_path / "motion.mcap", 50.0, "/arm/trajectory")
+    with (tmp_path / "motion.mcap").open("rb") as file:
+        [(_, channel, _, message)] = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+    assert channel.topic == "/arm/trajectory"
+    points = message.points
+    assert message.joint_names == ROBOT.joint_names and len(points) == 500
+    assert np.allclose(points[7].positions, q[7]) and np.allclose(points[7].accelerations, ddq[7])
+    assert points[7].time_from_start.nanosec == 140_000_000
+
+
+def test_interrupted_work_gives_its_best() -> None:
+    def stop(stage: str, done: int, total: int) -> None:
+        if done > 20:
+            raise KeyboardInterrupt
+
+    found = sgpr.excite(ROBOT, terms=3, starts=1000, progress=stop, **LIMITS)
+    assert found.status == "interrupted" and np.isfinite(found.value)
+
+
+WRONG: dict[str, tuple[dict[str, Any], str]] = {
+    "no acceleration": ({}, "max_acceleration: give one number per joint"),
+    "short": ({"max_acceleration": [1.0]}, r"got \(1,\), expected \(2,\)"),
+    "negative": ({"max_acceleration": [1.0, -1.0]}, "the acceleration limit of joint `joint_2` is -1"),
+    "unknown": ({**LIMITS, "max_jerk": 1}, "there is no `max_jerk`"),
+    "criterion": ({**LIMITS, "criterion": "best"}, "expected 'condition'"),
+    "basis": ({**LIMITS, "fundamental_hz": -1.0}, "fundamental_hz is -1"),
+    "start": ({**LIMITS, "start": [2.0, 0.0]}, "the start position breaks a limit: position of joint `joint_1` is 2"),
+    "weak": ({**LIMITS, "max_torque": [1.0, 1.0]}, "torque of joint `joint_1` against gravity is 19.62"),
+    "empty": ({**LIMITS, "position_range": [[0.0, 0.0], [0.0, 1.0]]}, r"range of joint `joint_1` is \[0, 0\]"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_bad_arguments(case: str) -> None:
+    options, message = WRONG[case]
+    with pytest.raises(sgpr.SgprError, match=message):
+        sgpr.excite(ROBOT, **options)
