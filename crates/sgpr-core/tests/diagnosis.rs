@@ -164,9 +164,9 @@ fn an_effect_of_the_users_own_takes_part() {
 fn too_little_data_is_said() {
     let (train, test) = logs(&[]);
     let model = identified(&train);
-    let short = [log(&[], 0, 1.0)];
+    let short = [log(&[], 0, 5.0)];
     let error = diagnose(&model, &short, &test, &DiagnosisOptions::default(), &()).unwrap_err();
-    assert!(matches!(error, DiagnosisError::TooFewRows { .. } | DiagnosisError::Model(_)), "{error}");
+    assert!(matches!(error, DiagnosisError::TooShort { .. }), "{error}");
 }
 
 /// Stops at the third step.

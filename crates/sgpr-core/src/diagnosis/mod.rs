@@ -58,6 +58,14 @@ pub enum DiagnosisError {
         /// Parameters of the model.
         parameters: usize,
     },
+    /// Too little time for blocks that are left out.
+    #[error("{seconds:.1} s of training logs are too short to tell effects apart: record {needed:.0} s or more")]
+    TooShort {
+        /// Length of the logs, s.
+        seconds: f64,
+        /// Least length, s.
+        needed: f64,
+    },
     /// The listener stopped the work.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
@@ -128,6 +136,10 @@ fn problem(model: &TorqueModel, train: &[Recording]) -> Result<Problem, Diagnosi
         None => Processing::choose(&select_joints(model.robot(), train)?, &Default::default())?.0,
     };
     let problem = Problem::new(model, train, &processing)?;
+    let seconds: f64 = problem.stretches.iter().map(|s| s.motion.len() as f64 / s.motion.rate_hz).sum();
+    if seconds < problem::LEAST_S {
+        return Err(DiagnosisError::TooShort { seconds, needed: problem::LEAST_S });
+    }
     let parameters = problem.base.rank();
     let rows = problem.rows.iter().map(Vec::len).sum();
     if rows < 4 * parameters.max(10) {

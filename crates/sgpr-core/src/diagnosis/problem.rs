@@ -20,6 +20,9 @@ const ROWS_PER_CUTOFF: f64 = 2.5;
 pub(super) const FOLDS: usize = 5;
 const BLOCK_S: f64 = 2.0;
 
+/// Every fold needs a block, s.
+pub(super) const LEAST_S: f64 = FOLDS as f64 * BLOCK_S;
+
 /// One processed stretch of a log.
 #[derive(Debug)]
 pub(super) struct Stretch {

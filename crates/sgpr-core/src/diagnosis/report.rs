@@ -11,7 +11,7 @@ use super::problem::Column;
 use super::search::{Accepted, Candidate, Outcome, Search};
 use super::unknown::Leftover;
 use super::{DiagnosisError, calibration, whereabouts};
-use crate::effects::{Entry, Site};
+use crate::effects::{Entry, Scale, Site};
 use crate::model::{Fit, Term, TorqueModel, compare};
 use crate::recording::Recording;
 use crate::robot::Robot;
@@ -332,6 +332,8 @@ fn not_testable(search: &Search<'_>, start: &Fitted, ranking: &[Candidate]) -> V
             Some(format!("these logs cannot tell it from `{other}`, which stands for both"))
         } else if super::search::is_absorbed(effect.as_ref()) {
             Some("the refitted base parameters take it up".into())
+        } else if effect.entry() == Entry::Transform && effect.constants().iter().any(|c| c.scale == Scale::Torque) {
+            Some("not searched for: a torque at its limit shows as a flat top in the plots".into())
         } else if let Some(why) = search.not_testable(start, effect.as_ref()) {
             Some(why)
         } else {
