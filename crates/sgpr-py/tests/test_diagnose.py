@@ -10,6 +10,7 @@ import sgpr
 from cli_support import COULOMB, run, write_log
 
 HIDDEN = 4.0  # N·m/rad at the first joint
+NOISE = 0.05  # N·m
 RATE = 100.0
 
 
@@ -24,7 +25,7 @@ def spring_log(number: int, seconds: float = 20.0) -> sgpr.Recording:
     q = sum(a * np.sin(np.outer(t, w) + phase) for a, w in turned)
     dq = sum(a * w * np.cos(np.outer(t, w) + phase) for a, w in turned)
     ddq = sum(-a * w * w * np.sin(np.outer(t, w) + phase) for a, w in turned)
-    tau = robot.inverse_dynamics(q, dq, ddq) + 0.8 * dq + 0.5 * np.sign(dq) + rng.normal(0, 0.05, q.shape)
+    tau = robot.inverse_dynamics(q, dq, ddq) + 0.8 * dq + 0.5 * np.sign(dq) + rng.normal(0, NOISE, q.shape)
     tau[:, 0] += HIDDEN * q[:, 0]
     time_ns = np.round((t + seconds * number) * 1e9).astype(np.int64)
     noisy = q + rng.normal(0, 1e-6, q.shape)
@@ -55,7 +56,8 @@ def test_the_spring_is_found(diagnosis: sgpr.Diagnosis) -> None:
     assert deviation is not None and 0 < deviation < 0.1
     assert unit == "N·m/rad"
     assert 0.8 < finding.probability <= 1.0
-    assert finding.rmse_after["joint_1"] < 0.2 * finding.rmse_before["joint_1"]
+    assert finding.rmse_after["joint_1"] < 0.5 * finding.rmse_before["joint_1"]
+    assert finding.rmse_after["joint_1"] < 1.5 * NOISE
     assert diagnosis.probability_nothing_missing < 0.1
 
 
@@ -64,7 +66,8 @@ def test_what_was_found_can_be_added(
 ) -> None:
     better = model.add(diagnosis.findings[0])
     before, after = sgpr.compare(model, logs[2:]), sgpr.compare(better, logs[2:])
-    assert after.rmse[0] < 0.1 * before.rmse[0]
+    assert after.rmse[0] < 0.25 * before.rmse[0]
+    assert after.rmse[0] < NOISE
     assert any("cable_stiffness" in line for line in better.history)
     better.save(tmp_path / "better.sgpr")
     again = sgpr.load(tmp_path / "better.sgpr")
