@@ -75,6 +75,9 @@ pub(super) fn report(
     })
 }
 
+/// Numbers by joint, borrowed names.
+type ByName<'a> = BTreeMap<&'a str, f64>;
+
 /// The model with the findings. Those at a joint whose torque as logged is predicted worse with them than without are
 /// taken out, weakest first: what helps in the band of the equations must not harm beyond it.
 fn without_harm(
@@ -104,7 +107,18 @@ fn without_harm(
             .filter(|(_, (before, now))| **now > HARM * **before)
             .map(|(name, _)| name)
             .collect();
-        let harms = |f: &Finding| f.joints.is_empty() || f.joints.iter().any(|joint| worse.contains(&joint.as_str()));
+        // What an effect of several joints brings at one outweighs what it costs at another.
+        let change: ByName<'_> = model
+            .robot()
+            .joint_names()
+            .zip(before.iter().zip(&now))
+            .map(|(name, (before, now))| (name, (now / before).ln()))
+            .collect();
+        let harms = |f: &Finding| {
+            let its = |(name, change): (&&str, &f64)| f.joints.iter().any(|j| j == name).then_some(*change);
+            let total: f64 = change.iter().filter_map(its).sum();
+            f.joints.is_empty() || (total > 0.0 && f.joints.iter().any(|joint| worse.contains(&joint.as_str())))
+        };
         let Some(weakest) = findings.iter().rposition(harms).filter(|_| !worse.is_empty()) else {
             return Ok(after);
         };
