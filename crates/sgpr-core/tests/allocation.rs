@@ -15,7 +15,7 @@ use sgpr_core::dynamics::{
     forward_kinematics, frame_pose, gravity_torque, jacobian, kinetic_energy, mass_matrix, potential_energy, regressor,
     regressor_batch, rnea, rnea_batch,
 };
-use sgpr_core::effects::registry;
+use sgpr_core::effects::{Entry, registry};
 use sgpr_core::gp::{
     Compute, Covariance, Data, GaussianProcess, GpPredictor, Kernel, Precision, PredictorOptions, Shape,
 };
@@ -48,8 +48,9 @@ fn check(name: &str, robot: &Robot) {
     let (mut torque, mut matrix) = (vec![0.0; SAMPLES * n], vec![0.0; SAMPLES * n * 10 * n]);
     let mut ws = Workspace::new(robot);
     let mut batch = BatchWorkspace::new(robot);
-    let effects: Vec<String> = registry().iter().map(|effect| effect.name().to_string()).collect();
-    let effect_parameters = registry().iter().map(|effect| effect.parameters().len() * n).sum::<usize>();
+    let of_state: Vec<_> = registry().into_iter().filter(|effect| effect.entry() == Entry::State).collect();
+    let effects: Vec<String> = of_state.iter().map(|effect| effect.name().to_string()).collect();
+    let effect_parameters = of_state.iter().map(|effect| effect.parameters().len() * n).sum::<usize>();
     let mut parameters = robot.standard_parameters();
     parameters.extend((0..effect_parameters).map(|k| 0.1 * k as f64));
     let model = TorqueModel::with_parameters(robot, &effects, parameters).expect("known effects");

@@ -41,8 +41,8 @@ pub struct Gain {
 /// use sgpr_core::{identification::regroupings, robot::DhRow};
 /// let rules = regroupings(&DhRow::revolute(0.4, 0.0, 0.1, 0.0));
 /// let mass = rules.iter().find(|rule| rule.source == 0).unwrap();
-/// assert_eq!(mass.to_string(), "m(j): Ixx(j-1) + r^2, Ixy(j-1) + d r sin(alpha), Ixz(j-1) + d r cos(alpha), \
-///     Iyy(j-1) + d^2 + r^2 cos(alpha)^2, Iyz(j-1) - r^2 sin(alpha) cos(alpha), Izz(j-1) + d^2 + r^2 sin(alpha)^2, \
+/// assert_eq!(mass.to_string(), "m(j): Ixx(j-1) + r^2, Ixy(j-1) + d r sin(alpha), Ixz(j-1) - d r cos(alpha), \
+///     Iyy(j-1) + d^2 + r^2 cos(alpha)^2, Iyz(j-1) + r^2 sin(alpha) cos(alpha), Izz(j-1) + d^2 + r^2 sin(alpha)^2, \
 ///     mx(j-1) + d, my(j-1) - r sin(alpha), mz(j-1) + r cos(alpha), m(j-1) + 1");
 /// ```
 pub fn regroupings(row: &DhRow) -> Vec<Regrouping> {
