@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use sgpr_core::robot::{Robot, UrdfOptions};
+use sgpr_core::simulation::Reference;
 
 /// Robots that every dynamics benchmark runs on.
 pub const ROBOTS: [&str; 3] = ["puma560", "ur5e_like", "panda_like"];
@@ -67,5 +68,23 @@ impl Uniform {
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
         ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+}
+
+/// Every joint swings by half a radian, joint k at k rad/s: what the simulated arms follow.
+#[derive(Clone, Copy, Debug)]
+pub struct Sines;
+
+impl Reference for Sines {
+    fn dof(&self) -> usize {
+        6
+    }
+
+    fn sample(&self, time: f64, q: &mut [f64], dq: &mut [f64], ddq: &mut [f64]) {
+        for joint in 0..6 {
+            let w = (joint + 1) as f64;
+            let (sin, cos) = (w * time).sin_cos();
+            (q[joint], dq[joint], ddq[joint]) = (0.5 * sin, 0.5 * w * cos, -0.5 * w * w * sin);
+        }
     }
 }

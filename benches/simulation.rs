@@ -3,9 +3,10 @@
 #![allow(missing_docs)]
 
 use divan::{Bencher, black_box};
+use sgpr_benches::Sines;
 use sgpr_core::robot::puma560;
 use sgpr_core::simulation::{
-    Drive, FeedForward, Gains, Integrator, Reference, RigidBody, Simulator, puma560_drives, simulate,
+    Drive, Experiment, FeedForward, Gains, Integrator, RigidBody, Simulator, puma560_drives, simulate,
 };
 
 fn main() {
@@ -13,22 +14,6 @@ fn main() {
 }
 
 const STEPS: usize = 4000;
-
-struct Sines;
-
-impl Reference for Sines {
-    fn dof(&self) -> usize {
-        6
-    }
-
-    fn sample(&self, time: f64, q: &mut [f64], dq: &mut [f64], ddq: &mut [f64]) {
-        for joint in 0..6 {
-            let w = (joint + 1) as f64;
-            let (sin, cos) = (w * time).sin_cos();
-            (q[joint], dq[joint], ddq[joint]) = (0.5 * sin, 0.5 * w * cos, -0.5 * w * w * sin);
-        }
-    }
-}
 
 fn bench(bencher: Bencher, drives: &[Drive], integrator: Integrator, experiment: &Experiment) {
     let robot = puma560();
@@ -38,8 +23,6 @@ fn bench(bencher: Bencher, drives: &[Drive], integrator: Integrator, experiment:
         black_box(simulate(&mut arm, &mut controller, &Sines, 1.0, experiment, &()).expect("stable"))
     });
 }
-
-use sgpr_core::simulation::Experiment;
 
 fn with_stiction() -> Vec<Drive> {
     puma560_drives().into_iter().map(|drive| drive.with_stiction(1.3, 0.05)).collect()

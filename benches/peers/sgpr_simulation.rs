@@ -3,29 +3,14 @@
 
 use std::time::Instant;
 
+use sgpr_benches::Sines;
 use sgpr_core::robot::puma560;
 use sgpr_core::simulation::{
-    Drive, Experiment, FeedForward, Gains, Integrator, Pd, Reference, RigidBody, Simulator, puma560_drives, simulate,
+    Drive, Experiment, FeedForward, Gains, Integrator, Pd, RigidBody, Simulator, puma560_drives, simulate,
 };
 
 const STEPS: usize = 4000;
 const BATCHES: usize = 40;
-
-struct Sines;
-
-impl Reference for Sines {
-    fn dof(&self) -> usize {
-        6
-    }
-
-    fn sample(&self, time: f64, q: &mut [f64], dq: &mut [f64], ddq: &mut [f64]) {
-        for joint in 0..6 {
-            let w = (joint + 1) as f64;
-            let (sin, cos) = (w * time).sin_cos();
-            (q[joint], dq[joint], ddq[joint]) = (0.5 * sin, 0.5 * w * cos, -0.5 * w * w * sin);
-        }
-    }
-}
 
 /// Fastest time per step, everything that an experiment records included.
 fn nanoseconds(drives: &[Drive], feed_forward: bool) -> f64 {

@@ -30,6 +30,7 @@ pub mod linalg;
 pub mod model;
 pub mod motion;
 pub mod progress;
+mod random;
 pub mod recording;
 pub mod robot;
 pub mod signal;

@@ -1,6 +1,7 @@
 //! Noise, and least squares on whitened columns by an orthonormal basis.
 
 use super::problem::{Column, Problem};
+use crate::linalg::dot_in_lanes;
 
 /// Autoregressive noise of every joint.
 #[derive(Clone, Debug)]
@@ -271,20 +272,7 @@ pub(super) fn gain_of(gram: &[f64], b: &[f64], lengths: &[f64], tolerance: f64) 
 }
 
 pub(super) fn dot(a: &Column, b: &Column) -> f64 {
-    a.iter().zip(b).map(|(a, b)| dot_slices(a, b)).sum()
-}
-
-pub(super) fn dot_slices(a: &[f64], b: &[f64]) -> f64 {
-    let (a8, a_rest) = a.as_chunks::<8>();
-    let (b8, b_rest) = b.as_chunks::<8>();
-    let mut sums = [0.0f64; 8];
-    for (a, b) in a8.iter().zip(b8) {
-        for k in 0..8 {
-            sums[k] += a[k] * b[k];
-        }
-    }
-    let rest: f64 = if a8.len() == b8.len() { a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum() } else { 0.0 };
-    sums.iter().sum::<f64>() + rest
+    a.iter().zip(b).map(|(a, b)| dot_in_lanes(a, b)).sum()
 }
 
 pub(super) fn rms(values: &[f64]) -> f64 {

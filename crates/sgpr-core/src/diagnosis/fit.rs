@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use super::DiagnosisError;
-use super::basis::{Basis, Noise, dot_slices, gain_of};
+use super::basis::{Basis, Noise, gain_of};
 use super::problem::{Column, FOLDS, Problem};
 use crate::effects::Scale;
+use crate::linalg::dot_in_lanes;
 use crate::model::{Rigid, Term, TorqueModel};
 
 /// A model and what it leaves of the torque.
@@ -74,7 +75,7 @@ fn solve_with(
     let deviations = basis.deviations();
     basis.project_out(&mut white);
     basis.project_out(&mut white);
-    let chi2 = white.iter().map(|w| dot_slices(w, w)).sum();
+    let chi2 = white.iter().map(|w| dot_in_lanes(w, w)).sum();
     let mut residual = target.to_vec();
     for (column, value) in columns.iter().zip(&values) {
         for (r, c) in residual.iter_mut().zip(column) {
@@ -220,7 +221,7 @@ pub(super) fn held_out(problem: &Problem, fitted: &Fitted, extra: &[Column], noi
             let end = first + fold.iter().filter(|f| **f == index).count();
             for (a, &i) in present.iter().enumerate() {
                 for (b, &j) in present.iter().enumerate().take(a + 1) {
-                    let value = dot_slices(&sorted[a][first..end], &sorted[b][first..end]);
+                    let value = dot_in_lanes(&sorted[a][first..end], &sorted[b][first..end]);
                     gram[joint][i * k + j] = value;
                     gram[joint][j * k + i] = value;
                 }

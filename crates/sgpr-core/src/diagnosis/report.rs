@@ -83,9 +83,14 @@ fn is_explained_away(search: &Search<'_>, outcome: &Outcome) -> bool {
     const FALL: f64 = 0.2;
     let terms = outcome.fitted.terms();
     let at = |site: Site, joint: usize| site == Site::Arm || site == Site::Joint(joint);
+    let scores = |joint: usize| -> Vec<f64> {
+        outcome.news(search).filter(|(k, _)| at(terms[*k].site, joint)).map(|(_, a)| a.first_score).collect()
+    };
+    if (0..search.problem.dof()).all(|joint| scores(joint).len() < MANY) {
+        return false;
+    }
     unknown::leftover(&search.problem, &outcome.start, &search.noise).iter().any(|left| {
-        let scores: Vec<f64> =
-            outcome.news(search).filter(|(k, _)| at(terms[*k].site, left.joint)).map(|(_, a)| a.first_score).collect();
+        let scores = scores(left.joint);
         let best = scores.iter().copied().fold(0.0, f64::max);
         scores.len() >= MANY && left.effect_size > FALL && left.evidence > FAR_MORE * best
     })

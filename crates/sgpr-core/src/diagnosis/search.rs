@@ -4,10 +4,11 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::basis::{Basis, Gain, INVISIBLE, Noise, dot_slices, gain, gain_of};
+use super::basis::{Basis, Gain, INVISIBLE, Noise, gain, gain_of};
 use super::fit::{Fitted, held_out, refine_transforms, solve, solve_like, tangent};
 use super::problem::{Column, Problem};
 use crate::effects::{Effect, Entry, Reach, Scale, Site};
+use crate::linalg::dot_in_lanes;
 use crate::model::Term;
 use crate::progress::{Interrupted, Progress};
 
@@ -557,14 +558,14 @@ impl<'a> Search<'a> {
                 let z: Vec<Vec<f64>> = columns.iter().map(part).collect();
                 for a in 0..k {
                     for b in 0..k {
-                        sum[a * k + b] += dot_slices(&z[a], &z[b]);
+                        sum[a * k + b] += dot_in_lanes(&z[a], &z[b]);
                     }
                     for (b, q) in basis.q.iter().enumerate() {
                         if let Some(q) = q[joint].get(first..last) {
-                            sum[k * k + a * r + b] += dot_slices(&z[a], q);
+                            sum[k * k + a * r + b] += dot_in_lanes(&z[a], q);
                         }
                     }
-                    sum[k * k + k * r + a] += dot_slices(&z[a], &white[joint][first..last]);
+                    sum[k * k + k * r + a] += dot_in_lanes(&z[a], &white[joint][first..last]);
                 }
                 first = last;
             }

@@ -3,6 +3,7 @@
 use super::basis::{Noise, dot};
 use super::fit::{Fitted, held_out};
 use super::problem::{Column, Problem};
+use crate::random::Random;
 
 /// Variables that a joint's torque may depend on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,7 +78,7 @@ pub(super) fn features(problem: &Problem, joint: usize, group: &[Variable], leng
             (mean, (squares / f64::max(count, 1.0) - mean * mean).max(1e-18).sqrt())
         })
         .collect();
-    let mut random = Random(0x00D1_A905 ^ joint as u64);
+    let mut random = Random::new(0x00D1_A905 ^ joint as u64);
     let draws: Vec<(Vec<f64>, f64)> = (0..FEATURES)
         .map(|_| {
             let weights = picks.iter().map(|_| random.normal() / length_scale).collect();
@@ -145,22 +146,4 @@ fn evidence(fitted: &Fitted, white: &[Column]) -> f64 {
         values.iter().zip(&along).map(one).sum::<f64>()
     };
     (-24..12).map(|e| at(f64::from(e).exp2())).fold(0.0, f64::max)
-}
-
-/// SplitMix64 (Steele, Lea, Flood (2014)).
-pub(super) struct Random(pub u64);
-
-impl Random {
-    pub fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    pub fn normal(&mut self) -> f64 {
-        let radius = (-2.0 * self.uniform().max(1e-300).ln()).sqrt();
-        radius * (std::f64::consts::TAU * self.uniform()).cos()
-    }
 }

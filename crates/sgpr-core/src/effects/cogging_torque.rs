@@ -1,3 +1,4 @@
+use super::context::harmonic;
 use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Scale, Site};
 
 /// Cogging of the motor: its rotor prefers the slots, tau = a cos(n q) + b sin(n q), n the common multiple of slots
@@ -49,11 +50,6 @@ impl Effect for CoggingTorque {
     }
 
     fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
-        let joint = site.joint().expect("at a joint");
-        for (k, q) in context.of_joint(context.q, joint).enumerate() {
-            let (sine, cosine) = (constants[0] * q).sin_cos();
-            out[0][k] = cosine;
-            out[1][k] = sine;
-        }
+        harmonic(context, site, constants[0], out);
     }
 }

@@ -1,4 +1,4 @@
-use super::JointState;
+use super::{EffectParameter, JointState, Site};
 use crate::dynamics::{BatchWorkspace, Samples, for_each_regressor_block};
 use crate::recording::Channel;
 use crate::robot::Robot;
@@ -109,6 +109,16 @@ impl LinkMotion {
     }
 }
 
+/// Columns cos(n q) and sin(n q) of the joint's position, with n = `order`.
+pub(super) fn harmonic(context: &Context<'_>, site: Site, order: f64, out: &mut [Vec<f64>]) {
+    let joint = site.joint().expect("at a joint");
+    for (k, q) in context.of_joint(context.q, joint).enumerate() {
+        let (sine, cosine) = (order * q).sin_cos();
+        out[0][k] = cosine;
+        out[1][k] = sine;
+    }
+}
+
 /// Output of a Dahl element driven by `input`: z follows the sign of the input's direction, dz = (s - z) |dx| / scale,
 /// stepped exactly for pieces of one direction. Starts at zero.
 ///
@@ -129,6 +139,28 @@ pub(super) fn dahl(input: impl Iterator<Item = f64>, scale: f64, out: &mut [f64]
 /// One after the time `edge`, zero before it; the sample in whose period the edge falls gets its share.
 pub(super) fn after(time: f64, edge: f64, rate_hz: f64) -> f64 {
     if rate_hz.is_finite() { ((time - edge) * rate_hz + 0.5).clamp(0.0, 1.0) } else { f64::from(time > edge) }
+}
+
+/// The ten inertial parameters of a link, of which the mass is `mass`.
+pub(super) const fn of_a_link(mass: EffectParameter) -> [EffectParameter; 10] {
+    const fn inertia(symbol: &'static str) -> EffectParameter {
+        EffectParameter::signed(symbol, "kg·m²", "kg·m²")
+    }
+    const fn moment(symbol: &'static str) -> EffectParameter {
+        EffectParameter::signed(symbol, "kg·m", "kg·m")
+    }
+    [
+        mass,
+        moment("mx"),
+        moment("my"),
+        moment("mz"),
+        inertia("Ixx"),
+        inertia("Ixy"),
+        inertia("Iyy"),
+        inertia("Ixz"),
+        inertia("Iyz"),
+        inertia("Izz"),
+    ]
 }
 
 /// Columns of the ten inertial parameters of the link that `joint` carries, each sample times `weight(sample)`.

@@ -69,10 +69,6 @@ impl Effect for ExternalContact {
         vec![Site::Arm]
     }
 
-    fn not_testable(&self, context: &Context<'_>) -> Option<String> {
-        context.time.is_empty().then(|| "the logs do not share a clock: their times overlap".into())
-    }
-
     fn trajectory_columns(&self, _: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
         let n = context.dof();
         let mut ws = Workspace::new(context.robot);

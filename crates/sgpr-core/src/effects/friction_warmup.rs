@@ -49,10 +49,6 @@ impl Effect for FrictionWarmup {
         Entry::Trajectory
     }
 
-    fn not_testable(&self, context: &Context<'_>) -> Option<String> {
-        context.time.is_empty().then(|| "the logs do not share a clock: their times overlap".into())
-    }
-
     fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
         let joint = site.joint().expect("at a joint");
         for ((k, dq), t) in context.of_joint(context.dq, joint).enumerate().zip(context.time) {

@@ -49,13 +49,13 @@ impl Effect for KinematicError {
 
     fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
         let joint = site.joint().expect("at a joint");
-        let (n, size) = (constants[0], 1.0 / constants[0]);
+        let n = constants[0];
         for k in 0..context.len() {
             let state = context.state(k);
             let (sine, cosine) = (n * state.q[joint]).sin_cos();
             let (square, ddq) = (n * state.dq[joint].powi(2), state.ddq[joint]);
-            out[0][k] = -size * n * (square * cosine + ddq * sine);
-            out[1][k] = size * n * (ddq * cosine - square * sine);
+            out[0][k] = -(square * cosine + ddq * sine);
+            out[1][k] = ddq * cosine - square * sine;
         }
     }
 }

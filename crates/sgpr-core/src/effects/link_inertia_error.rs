@@ -1,4 +1,4 @@
-use super::context::link_regressor;
+use super::context::{link_regressor, of_a_link};
 use super::{About, Context, Effect, EffectParameter, Entry, Reach, Site};
 
 /// Wrong inertial parameters of a link in a fixed model. A refit of the base parameters absorbs them.
@@ -7,18 +7,7 @@ use super::{About, Context, Effect, EffectParameter, Entry, Reach, Site};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LinkInertiaError;
 
-const PARAMETERS: [EffectParameter; 10] = [
-    EffectParameter::signed("m", "kg", "kg"),
-    EffectParameter::signed("mx", "kg·m", "kg·m"),
-    EffectParameter::signed("my", "kg·m", "kg·m"),
-    EffectParameter::signed("mz", "kg·m", "kg·m"),
-    EffectParameter::signed("Ixx", "kg·m²", "kg·m²"),
-    EffectParameter::signed("Ixy", "kg·m²", "kg·m²"),
-    EffectParameter::signed("Iyy", "kg·m²", "kg·m²"),
-    EffectParameter::signed("Ixz", "kg·m²", "kg·m²"),
-    EffectParameter::signed("Iyz", "kg·m²", "kg·m²"),
-    EffectParameter::signed("Izz", "kg·m²", "kg·m²"),
-];
+const PARAMETERS: [EffectParameter; 10] = of_a_link(EffectParameter::signed("m", "kg", "kg"));
 
 impl Effect for LinkInertiaError {
     fn name(&self) -> &str {
@@ -55,14 +44,6 @@ impl Effect for LinkInertiaError {
 
     fn trajectory_columns(&self, site: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
         let joint = site.joint().expect("at a joint");
-        link_regressor(
-            context,
-            joint,
-            |k| {
-                let _ = k;
-                1.0
-            },
-            out,
-        );
+        link_regressor(context, joint, |_| 1.0, out);
     }
 }

@@ -105,10 +105,11 @@ pub trait Effect: Send + Sync + Debug {
         (0..robot.dof()).map(Site::Joint).collect()
     }
 
-    /// Why these logs cannot show the effect, if they cannot.
+    /// Why these logs cannot show the effect, if they cannot. An effect that depends on time needs a clock that the logs
+    /// share.
     fn not_testable(&self, context: &Context<'_>) -> Option<String> {
-        let _ = context;
-        None
+        (self.about().depends_on_time && context.time.is_empty())
+            .then(|| "the logs do not share a clock: their times overlap".into())
     }
 
     /// Derivative of the joint's torque by each parameter, for an effect that enters by [`Entry::State`].

@@ -1,4 +1,4 @@
-use super::context::link_regressor;
+use super::context::{link_regressor, of_a_link};
 use super::{About, Context, Effect, EffectParameter, Entry, Reach, Site};
 
 /// A body fixed to the last link: ten inertial parameters. A refit of the base parameters absorbs it whole; against a
@@ -10,18 +10,7 @@ use super::{About, Context, Effect, EffectParameter, Entry, Reach, Site};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Payload;
 
-const PARAMETERS: [EffectParameter; 10] = [
-    EffectParameter::positive("m", "kg", "kg"),
-    EffectParameter::signed("mx", "kg·m", "kg·m"),
-    EffectParameter::signed("my", "kg·m", "kg·m"),
-    EffectParameter::signed("mz", "kg·m", "kg·m"),
-    EffectParameter::signed("Ixx", "kg·m²", "kg·m²"),
-    EffectParameter::signed("Ixy", "kg·m²", "kg·m²"),
-    EffectParameter::signed("Iyy", "kg·m²", "kg·m²"),
-    EffectParameter::signed("Ixz", "kg·m²", "kg·m²"),
-    EffectParameter::signed("Iyz", "kg·m²", "kg·m²"),
-    EffectParameter::signed("Izz", "kg·m²", "kg·m²"),
-];
+const PARAMETERS: [EffectParameter; 10] = of_a_link(EffectParameter::positive("m", "kg", "kg"));
 
 impl Effect for Payload {
     fn name(&self) -> &str {
@@ -62,14 +51,6 @@ impl Effect for Payload {
 
     fn trajectory_columns(&self, _: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
         let last = context.dof() - 1;
-        link_regressor(
-            context,
-            last,
-            |k| {
-                let _ = k;
-                1.0
-            },
-            out,
-        );
+        link_regressor(context, last, |_| 1.0, out);
     }
 }

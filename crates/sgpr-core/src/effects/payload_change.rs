@@ -1,4 +1,4 @@
-use super::context::{after, link_regressor};
+use super::context::{after, link_regressor, of_a_link};
 use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Reach, Scale, Site};
 
 /// A load that is taken up or put down at a time t0: ten inertial parameters of the last link for t > t0.
@@ -8,18 +8,7 @@ use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Rea
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PayloadChange;
 
-const PARAMETERS: [EffectParameter; 10] = [
-    EffectParameter::positive("m", "kg", "kg"),
-    EffectParameter::signed("mx", "kg·m", "kg·m"),
-    EffectParameter::signed("my", "kg·m", "kg·m"),
-    EffectParameter::signed("mz", "kg·m", "kg·m"),
-    EffectParameter::signed("Ixx", "kg·m²", "kg·m²"),
-    EffectParameter::signed("Ixy", "kg·m²", "kg·m²"),
-    EffectParameter::signed("Iyy", "kg·m²", "kg·m²"),
-    EffectParameter::signed("Ixz", "kg·m²", "kg·m²"),
-    EffectParameter::signed("Iyz", "kg·m²", "kg·m²"),
-    EffectParameter::signed("Izz", "kg·m²", "kg·m²"),
-];
+const PARAMETERS: [EffectParameter; 10] = of_a_link(EffectParameter::positive("m", "kg", "kg"));
 
 const CONSTANTS: [Constant; 1] =
     [Constant::new("t0", ["s", "s"], [f64::NEG_INFINITY, f64::INFINITY], Scale::Time, &[])];
@@ -65,10 +54,6 @@ impl Effect for PayloadChange {
 
     fn sites(&self, _: &crate::robot::Robot) -> Vec<Site> {
         vec![Site::Arm]
-    }
-
-    fn not_testable(&self, context: &Context<'_>) -> Option<String> {
-        context.time.is_empty().then(|| "the logs do not share a clock: their times overlap".into())
     }
 
     fn trajectory_columns(&self, _: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {

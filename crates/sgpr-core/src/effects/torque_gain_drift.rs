@@ -39,10 +39,6 @@ impl Effect for TorqueGainDrift {
         Entry::Trajectory
     }
 
-    fn not_testable(&self, context: &Context<'_>) -> Option<String> {
-        context.time.is_empty().then(|| "the logs do not share a clock: their times overlap".into())
-    }
-
     fn follows_torque(&self) -> bool {
         true
     }

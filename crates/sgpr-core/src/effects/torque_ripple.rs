@@ -1,3 +1,4 @@
+use super::context::harmonic;
 use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Scale, Site};
 
 /// Ripple of gear or motor over the position: tau = a cos(n q) + b sin(n q), n periods per turn of the joint.
@@ -48,11 +49,6 @@ impl Effect for TorqueRipple {
     }
 
     fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
-        let joint = site.joint().expect("at a joint");
-        for (k, q) in context.of_joint(context.q, joint).enumerate() {
-            let (sine, cosine) = (constants[0] * q).sin_cos();
-            out[0][k] = cosine;
-            out[1][k] = sine;
-        }
+        harmonic(context, site, constants[0], out);
     }
 }

@@ -6,6 +6,7 @@ use super::criterion::Objective;
 use super::information::Information;
 use super::surroundings::Checker;
 use super::{Basis, MotionLimits, Trajectory, TrajectorySamples};
+use crate::linalg::dot;
 
 /// The functions of a basis in its free directions, at the times of a grid.
 #[derive(Debug)]
@@ -274,10 +275,6 @@ fn smooth_upper(values: &[f64], sharpness: f64) -> (f64, Vec<f64>) {
     let sum: f64 = slopes.iter().sum();
     slopes.iter_mut().for_each(|slope| *slope /= sum);
     (most + sum.ln() / sharpness, slopes)
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]

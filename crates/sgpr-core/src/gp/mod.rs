@@ -15,7 +15,6 @@ mod likelihood;
 mod matrix;
 mod minimise;
 mod predictor;
-mod random;
 mod search;
 mod sparse;
 mod sparse_search;

@@ -1,9 +1,9 @@
 use super::covariance::Covariance;
 use super::kernels::{Kernel, spreads};
 use super::minimise::{Limits, Minimum, SearchStatus, minimise};
-use super::random::Random;
 use super::{Compute, Data, GpError, Likelihood};
 use crate::progress::{Interrupted, Progress};
+use crate::random::Random;
 
 /// How hyperparameters are searched for.
 #[derive(Clone, Debug, PartialEq)]

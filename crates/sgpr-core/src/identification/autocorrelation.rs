@@ -1,5 +1,7 @@
 //! How much a residual remembers.
 
+use crate::linalg::dot_in_lanes;
+
 /// Numbers in the order of time, of which some are missing.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Series {
@@ -28,21 +30,8 @@ impl Series {
             return (0.0, 0);
         }
         let pairs = present.iter().zip(&present[lag..]);
-        (sum_of_products(values, &values[lag..]), pairs.map(|(a, b)| usize::from(*a & *b)).sum())
+        (dot_in_lanes(values, &values[lag..]), pairs.map(|(a, b)| usize::from(*a & *b)).sum())
     }
-}
-
-/// In eight sums, so that the additions need not wait for each other.
-fn sum_of_products(a: &[f64], b: &[f64]) -> f64 {
-    let length = a.len().min(b.len());
-    let ((a, rest_of_a), (b, rest_of_b)) = (a[..length].as_chunks::<8>(), b[..length].as_chunks::<8>());
-    let mut sums = [0.0; 8];
-    for (a, b) in a.iter().zip(b) {
-        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
-            *sum += a * b;
-        }
-    }
-    sums.iter().sum::<f64>() + rest_of_a.iter().zip(rest_of_b).map(|(a, b)| a * b).sum::<f64>()
 }
 
 /// Longest memory that is looked at, in rows.

@@ -4,6 +4,7 @@ use super::parameter_set::ParameterSet;
 use crate::dynamics::{Workspace, regressor};
 use crate::effects::JointState;
 use crate::linalg::{ColumnSelection, select_columns};
+use crate::random::Random;
 use crate::robot::{Joint, Robot};
 use crate::spatial::{PARAMETERS_PER_LINK, Vector3};
 
@@ -243,12 +244,12 @@ fn largest_component(axis: Vector3<f64>) -> usize {
 fn random_columns(robot: &Robot, set: &ParameterSet) -> Vec<Vec<f64>> {
     let n = robot.dof();
     let samples = 3 * set.len() / n + 20;
-    let mut random = Uniform(0x5EED_0F5E_ED0F);
+    let mut random = Random::new(0x5EED_0F5E_ED0F);
     let mut ws = Workspace::new(robot);
     let mut columns = vec![vec![0.0; samples * n]; set.len()];
     let width = set.inertial();
     for sample in 0..samples {
-        let mut state = |scale: f64| (0..n).map(|_| scale * random.next()).collect::<Vec<_>>();
+        let mut state = |scale: f64| (0..n).map(|_| scale * (2.0 * random.uniform() - 1.0)).collect::<Vec<_>>();
         let (mut q, dq, ddq) = (state(std::f64::consts::PI), state(2.0), state(5.0));
         for (q, joint) in q.iter_mut().zip(robot.joints()) {
             if !joint.kind.is_rotation() {
@@ -271,17 +272,4 @@ fn random_columns(robot: &Robot, set: &ParameterSet) -> Vec<Vec<f64>> {
         }
     }
     columns
-}
-
-/// Numbers in [-1, 1) from SplitMix64 (Steele, Lea, Flood (2014)).
-struct Uniform(u64);
-
-impl Uniform {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
 }

@@ -13,6 +13,7 @@ use super::hac::suggested_lag;
 use super::least_squares::Directions;
 use super::{Equations, Estimate, IdentificationError, JointFactor};
 use crate::linalg::solve_general;
+use crate::random::Random;
 
 /// Replicated estimates.
 #[derive(Clone, Debug)]
@@ -98,7 +99,7 @@ pub fn block_bootstrap(
     if blocks.len() < FEWEST {
         return Err(IdentificationError::FewBlocks { blocks: blocks.len(), rows: block, needed: FEWEST });
     }
-    let mut random = SplitMix(0x5EED_B007);
+    let mut random = Random::new(0x5EED_B007);
     let mut estimates = Vec::with_capacity(replicates);
     while estimates.len() < replicates {
         let mut gram = Mat::<f64>::zeros(size, size);
@@ -115,17 +116,4 @@ pub fn block_bootstrap(
         estimates.push(values);
     }
     Ok(Bootstrap { estimates, block, blocks: blocks.len() })
-}
-
-/// Steele, Lea, Flood (2014).
-struct SplitMix(u64);
-
-impl SplitMix {
-    fn below(&mut self, limit: usize) -> usize {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        (((z ^ (z >> 31)) as u128 * limit as u128) >> 64) as usize
-    }
 }

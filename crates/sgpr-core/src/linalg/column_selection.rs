@@ -1,5 +1,7 @@
 //! Which columns of a matrix carry all others.
 
+use super::dot;
+
 /// Columns kept, and how each other column depends on them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColumnSelection {
@@ -80,10 +82,6 @@ fn back_substitute(columns: &[Vec<f64>], mut b: Vec<f64>) -> Vec<f64> {
         }
     }
     b
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 fn norm(a: &[f64]) -> f64 {

@@ -85,10 +85,7 @@ impl TorqueModel {
     /// # Errors
     /// If the file cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), ModelFileError> {
-        let path = path.as_ref();
-        let bytes = self.to_bytes();
-        crate::atomic_file::write(path, |file| file.write_all(&bytes))
-            .map_err(|source| ModelFileError::Unwritable { path: path.display().to_string(), source })
+        write(path.as_ref(), &self.to_bytes())
     }
 
     /// Reads a model. Safe with files from strangers: nothing in them is run, sizes are checked before memory is taken.
@@ -216,6 +213,11 @@ pub(super) fn read_limited(path: &Path) -> Result<Vec<u8>, ModelFileError> {
         return Err(ModelFileError::TooLarge { path: name, bytes, limit: LARGEST_FILE });
     }
     std::fs::read(path).map_err(unreadable)
+}
+
+pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<(), ModelFileError> {
+    crate::atomic_file::write(path, |file| file.write_all(bytes))
+        .map_err(|source| ModelFileError::Unwritable { path: path.display().to_string(), source })
 }
 
 /// Head and arrays of a file of `format`, if it is one and its version is known.

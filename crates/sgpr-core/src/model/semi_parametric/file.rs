@@ -2,14 +2,13 @@
 //! and residuals as little-endian `f64`. The processes are conditioned again when the file is read.
 
 use std::collections::HashMap;
-use std::io::Write;
 use std::path::Path;
 
 use faer::Mat;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
-use super::super::file::{HEAD, ModelFileError, array, open, read_limited};
+use super::super::file::{HEAD, ModelFileError, array, open, read_limited, write};
 use super::basis::Basis;
 use super::fit::MOST_POINTS;
 use super::rest::{JointReport, Rest};
@@ -43,10 +42,7 @@ impl SemiParametricModel {
     /// # Errors
     /// If the file cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), ModelFileError> {
-        let path = path.as_ref();
-        let bytes = self.to_bytes();
-        crate::atomic_file::write(path, |file| file.write_all(&bytes))
-            .map_err(|source| ModelFileError::Unwritable { path: path.display().to_string(), source })
+        write(path.as_ref(), &self.to_bytes())
     }
 
     /// Reads a model. Safe with files from strangers: nothing in them is run, sizes are checked before memory is taken.

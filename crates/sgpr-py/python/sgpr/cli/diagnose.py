@@ -20,12 +20,10 @@ from .error_table import show_errors
 from .errors import wrong_use
 from .inputs import kind_of, load_model
 from .output_folder import OutputFolder
-from .predictions import predictions, residuals_by_log, write_table
+from .predictions import AFTER, BEFORE, left_out, predictions, residuals_by_log, write_before_and_after
 from .reading import Log, ReadingOptions, read_logs, stretches
 from .robots import load_robot
 from .versions import versions
-
-BEFORE, AFTER = "before", "after"
 
 VERDICTS = {
     "effects_found": "Effects are missing from the model.",
@@ -112,9 +110,8 @@ def diagnose(
         if test_logs:
             comparisons = {BEFORE: result.errors_before, AFTER: result.errors_after}
             rows = predictions(test_logs, comparisons, arm.joint_names)
-            data["left_out_of_predictions"] = {row.path: row.left_out for row in rows if row.left_out}
-            columns = {BEFORE: "before", AFTER: "after"}
-            write_table(folder.file("predictions.csv"), rows, arm.joint_names, columns, with_file=True)
+            data["left_out_of_predictions"] = left_out(rows)
+            write_before_and_after(folder.file("predictions.csv"), rows, arm.joint_names)
         if not no_report:
             folder.write("report.html", result.page(data).html())
         folder.write("diagnosis.json", to_json(data))

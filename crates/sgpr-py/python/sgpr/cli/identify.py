@@ -21,13 +21,20 @@ from .error_table import show_errors
 from .errors import BadData, one_of, wrong_use
 from .info import show_certificate, show_parameters
 from .output_folder import OutputFolder
-from .predictions import predictions, residuals_by_log, write_table, write_topics
+from .predictions import (
+    AFTER,
+    BEFORE,
+    left_out,
+    predictions,
+    residuals_by_log,
+    write_before_and_after,
+    write_topics,
+)
 from .reading import Log, ReadingOptions, read_logs, stretches
 from .robots import load_robot
 from .versions import versions
 
 FIT = "Identification"
-BEFORE, AFTER = "before", "after"
 
 
 @dataclass(frozen=True)
@@ -313,9 +320,8 @@ def identify(
                 result.model.write_urdf(robot, folder.file("robot.urdf"))
         if test_logs:
             rows = predictions(test_logs, {BEFORE: result.before, AFTER: result.after}, loaded.joint_names)
-            data["left_out_of_predictions"] = {row.path: row.left_out for row in rows if row.left_out}
-            columns = {BEFORE: "before", AFTER: "after"}
-            write_table(folder.file("predictions.csv"), rows, loaded.joint_names, columns, with_file=True)
+            data["left_out_of_predictions"] = left_out(rows)
+            write_before_and_after(folder.file("predictions.csv"), rows, loaded.joint_names)
             if mcap:
                 write_topics(folder.file(str(Path(mcap).absolute())), rows, loaded.joint_names, AFTER)
         if not no_report:

@@ -17,6 +17,9 @@ from .reading import Log
 
 Array = NDArray[np.float64]
 
+BEFORE, AFTER = "before", "after"
+"""The models that `identify` and `diagnose` compare: the one given and the new one."""
+
 NANOSECONDS = 9
 CHUNK = 10_000
 DIGITS = "%.9g"
@@ -150,6 +153,16 @@ def decimal_seconds(nanoseconds: int) -> str:
     sign = "-" if nanoseconds < 0 else ""
     whole, part = divmod(abs(nanoseconds), 10**NANOSECONDS)
     return f"{sign}{whole}.{part:0{NANOSECONDS}d}".rstrip("0").rstrip(".")
+
+
+def write_before_and_after(path: Path, rows: Sequence[Prediction], joints: Sequence[str]) -> None:
+    """Writes what the models before and after predict for logs: `file, t`, then three columns per joint."""
+    write_table(path, rows, joints, {BEFORE: BEFORE, AFTER: AFTER}, with_file=True)
+
+
+def left_out(rows: Sequence[Prediction]) -> dict[str, int]:
+    """Samples without a prediction, by log; only logs that have some."""
+    return {row.path: row.left_out for row in rows if row.left_out}
 
 
 def write_topics(
