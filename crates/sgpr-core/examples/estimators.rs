@@ -150,6 +150,8 @@ impl Arm {
             ..IdentifyOptions::default()
         };
         options.conditioning.cutoff_hz = scenario.cutoff_hz;
+        // The arm never stands, however noisy its speed looks.
+        options.conditioning.standstill_speed = Some(0.0);
         if matches!(method, Method::InstrumentalVariables | Method::OutputError) {
             options.instruments = vec![self.recording(&self.reference.q, None)?];
             options.controller = Some(Controller { kp: GAINS.0.to_vec(), kd: GAINS.1.to_vec() });
