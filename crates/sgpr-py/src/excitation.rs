@@ -397,7 +397,7 @@ impl Excitation {
 /// --------
 /// >>> robot = sgpr.robots.two_link()
 /// >>> found = sgpr.excite(robot, terms=3, max_acceleration=[2, 2], starts=1, max_evaluations=200)
-/// >>> bool(found.report["condition"] < 30 and found.utilisation <= 1)
+/// >>> bool(found.report["condition"] < 40 and found.utilisation <= 1)
 /// True
 #[pyfunction]
 #[pyo3(signature = (robot, effects=None, *, criterion="condition", start=None, noise=None, model=None, starts=None,
