@@ -197,12 +197,10 @@ fn as_samples(motion: &[Vec<f64>; 3]) -> Samples<'_> {
 fn torque(truth: &Truth, motion: &[Vec<f64>; 3], rate: f64, start: f64) -> Vec<f64> {
     let n = truth.robot.dof();
     let mut parameters = truth.robot.standard_parameters();
-    for joint in 0..n {
-        parameters.extend(truth.base.iter().map(|values| values[joint]));
-    }
+    parameters.extend(truth.base.iter().flatten());
     let model = TorqueModel::with_parameters(&truth.robot, &BASE, parameters).expect("effects of the library");
-    let order: Vec<&str> = model.parameter_set().names()[10 * n..10 * n + 3].iter().map(String::as_str).collect();
-    debug_assert_eq!(order, ["joint_1.Fv", "joint_1.Fc", "joint_1.Ia"]);
+    let order: Vec<&str> = model.parameter_set().names()[10 * n..].iter().step_by(n).map(String::as_str).collect();
+    assert_eq!(order, ["joint_1.Fv", "joint_1.Fc", "joint_1.Ia"]);
     let model = model.with_terms(truth.terms.clone(), Some(0));
     let samples = motion[0].len() / n;
     let time: Vec<f64> = (0..samples).map(|k| start + k as f64 / rate).collect();

@@ -33,6 +33,20 @@ pub(super) struct Stretch {
     decimation: usize,
 }
 
+impl Stretch {
+    /// Samples at which neither filter shows where the log begins and ends. Derivatives are wrong there, and the second
+    /// filter carries that inwards: a log that starts in full motion would seem to start with a contact.
+    fn settled(&self) -> std::ops::Range<usize> {
+        /// A log that is short for its filter keeps the rest.
+        const MOST: f64 = 0.05;
+        let inner = |k: &usize| self.motion.inner[*k];
+        let samples = self.motion.len();
+        let (Some(first), Some(last)) = ((0..samples).find(inner), (0..samples).rfind(inner)) else { return 0..0 };
+        let margin = (2 * self.filter.settling_samples()).min((MOST * samples as f64) as usize);
+        first + margin..(last + 1).saturating_sub(margin)
+    }
+}
+
 /// A column: per joint its rows, empty where it is zero.
 pub(super) type Column = Vec<Vec<f64>>;
 
@@ -118,6 +132,7 @@ impl Problem {
         for (index, stretch) in self.stretches.iter().enumerate() {
             let motion = &stretch.motion;
             let block = (BLOCK_S * motion.rate_hz).max(1.0) as usize;
+            let settled = stretch.settled();
             for joint in 0..n {
                 let mut run = 0;
                 let smear = 0.5 * stretch.decimation as f64 * ROWS_PER_CUTOFF / motion.rate_hz;
@@ -130,7 +145,8 @@ impl Problem {
                     }
                 }
                 for sample in (0..motion.len()).step_by(stretch.decimation) {
-                    if motion.use_as[sample * n + joint] != Row::Moving || sticks[sample] {
+                    if !settled.contains(&sample) || motion.use_as[sample * n + joint] != Row::Moving || sticks[sample]
+                    {
                         run = 0;
                         continue;
                     }

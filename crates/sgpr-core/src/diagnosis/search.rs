@@ -842,22 +842,38 @@ impl<'a> Search<'a> {
 
     /// The fit with the best of the candidates that has evidence and matters, if there is one.
     fn next_term(&mut self, fitted: &Fitted, tried: &[Candidate]) -> Result<Option<(Fitted, Accepted)>, Interrupted> {
+        let mut worthy: &[&Candidate] =
+            &tried.iter().filter(|c| !c.impossible && c.score > EVIDENCE).collect::<Vec<&Candidate>>();
+        let without = self.held_out(fitted);
+        // One with much evidence that matters nowhere, in a moment of the log, must not hide the others.
+        while let Some(best) = worthy.first() {
+            let close = worthy.iter().take_while(|c| c.score > 0.3 * best.score).count().min(MOST_TRIED);
+            let (some, rest) = worthy.split_at(close);
+            if let Some(step) = self.best_of(fitted, &without, some, tried)? {
+                return Ok(Some(step));
+            }
+            worthy = rest;
+        }
+        Ok(None)
+    }
+
+    /// The fit with the best of some candidates that has evidence and matters, if there is one.
+    fn best_of(
+        &self,
+        fitted: &Fitted,
+        without: &[f64],
+        worthy: &[&Candidate],
+        tried: &[Candidate],
+    ) -> Result<Option<(Fitted, Accepted)>, Interrupted> {
         // Transforms are judged by what they do exactly: tangents flatter and wrong them.
-        let mut worthy: Vec<&Candidate> = tried.iter().filter(|c| !c.impossible && c.score > EVIDENCE).collect();
-        let best = worthy.first().map_or(0.0, |candidate| candidate.score);
-        worthy.retain(|candidate| candidate.score > 0.3 * best);
-        worthy.truncate(MOST_TRIED);
         self.progress.step("try effects", 0, 1)?;
-        let fits = in_parallel(&worthy, |candidate| self.with_term(fitted, candidate.term.clone()));
+        let fits = in_parallel(worthy, |candidate| self.with_term(fitted, candidate.term.clone()));
         self.progress.step("try effects", 1, 1)?;
-        let mut trials: Vec<(&Candidate, Fitted, f64)> = worthy
-            .into_iter()
-            .zip(fits)
-            .map(|(candidate, trial)| {
-                let score = self.score_of(fitted, &trial);
-                (candidate, trial, score)
-            })
-            .collect();
+        let scored = worthy.iter().zip(fits).map(|(candidate, trial)| {
+            let score = self.score_of(fitted, &trial);
+            (*candidate, trial, score)
+        });
+        let mut trials: Vec<(&Candidate, Fitted, f64)> = scored.collect();
         trials.sort_by(|a, b| b.2.total_cmp(&a.2));
         // Of effects that do equally well the plainest comes first: forms with more freedom imitate it.
         let best = trials.first().map_or(0.0, |(_, _, score)| *score);
@@ -865,11 +881,10 @@ impl<'a> Search<'a> {
         let (mut equal, others): (Vec<_>, Vec<_>) =
             trials.into_iter().partition(|(_, _, score)| *score > best - NEARLY * best.abs());
         equal.sort_by_key(|(candidate, ..)| freedom(candidate));
-        let trials: Vec<(&Candidate, Fitted, f64)> = equal.into_iter().chain(others).collect();
-        let without = self.held_out(fitted);
-        for (candidate, trial, score) in trials.into_iter().filter(|(_, _, score)| *score >= EVIDENCE) {
+        let trials = equal.into_iter().chain(others);
+        for (candidate, trial, score) in trials.filter(|(_, _, score)| *score >= EVIDENCE) {
             let with = self.held_out(&trial);
-            let effect_size = largest_fall(&without, &with);
+            let effect_size = largest_fall(without, &with);
             let own = candidate.term.effect.name();
             if std::env::var_os("SGPR_TRACE").is_some() {
                 eprintln!(
@@ -889,7 +904,7 @@ impl<'a> Search<'a> {
                 effect_size,
                 rivals: rivals.map(|c| (c.term.effect.name().into(), c.term.site, c.score)).collect(),
                 with,
-                without,
+                without: without.to_vec(),
             };
             return Ok(Some((trial, accepted)));
         }
