@@ -6,11 +6,13 @@ mod common;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use common::{data, largest_difference};
+use sgpr_core::diagnosis::{DiagnosisOptions, diagnose};
 use sgpr_core::dynamics::Samples;
+use sgpr_core::effects::{Site, by_name};
 use sgpr_core::gp::{Compute, Precision, PredictorOptions};
 use sgpr_core::model::{
     IdentifyOptions, Inputs, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions,
-    SemiParametricPredictor, Start, TorqueModel, compare, fit_semi_parametric, identify,
+    SemiParametricPredictor, Start, Term, TorqueModel, compare, fit_rest, fit_semi_parametric, identify,
 };
 use sgpr_core::progress::{Interrupted, Progress};
 use sgpr_core::recording::{Recording, csv};
@@ -165,6 +167,98 @@ fn the_error_of_an_internal_model_is_learned_from_its_feedback_torque() {
     let after = error.compare(&test).expect("good");
     for (before, after) in before.joints.iter().zip(&after.joints) {
         assert!(after.rmse < 0.6 * before.rmse, "{after:?} {before:?}");
+    }
+}
+
+/// The model with the parameters of an effect as those of single joints.
+fn at_single_joints(model: &TorqueModel, effect: &str) -> TorqueModel {
+    let set = model.parameter_set();
+    let names: Vec<&str> = set.effects().iter().map(|e| e.name()).filter(|name| *name != effect).collect();
+    let column = |joint: usize| {
+        let columns = set.effect_columns().iter();
+        columns.clone().position(|c| c.joint == joint && set.effects()[c.effect].name() == effect).expect("there")
+    };
+    let value = |joint: usize| model.parameters()[set.inertial() + column(joint)];
+    let other = set.effect_columns().iter().zip(&model.parameters()[set.inertial()..]);
+    let other = other.filter(|(c, _)| set.effects()[c.effect].name() != effect).map(|(_, value)| *value);
+    let parameters: Vec<f64> = model.parameters()[..set.inertial()].iter().copied().chain(other).collect();
+    let terms = (0..model.robot().dof()).map(|joint| {
+        let mut term = Term::new(by_name(effect).expect("of the library"), Site::Joint(joint), vec![]);
+        term.coefficients = vec![value(joint)];
+        term
+    });
+    let same = TorqueModel::with_parameters(model.robot(), &names, parameters).expect("of the library");
+    same.with_terms(terms.collect(), None)
+}
+
+#[test]
+fn effects_at_single_joints_are_part_of_the_physics() {
+    let mut options = SemiParametricOptions { inputs: Some(Inputs::OwnJoint), ..options() };
+    options.identify.effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
+    let (everywhere, _) = identify(&robot(), &train(), &options.identify, &()).expect("good logs");
+    let single = at_single_joints(&everywhere, "coulomb_friction");
+    // Both without the record of the identification, so that they differ in nothing but where the effect stands.
+    let names = &options.identify.effects;
+    let alone =
+        TorqueModel::with_parameters(&robot(), names, everywhere.parameters().to_vec()).expect("of the library");
+    let test = read("test");
+    let (q, dq) = (&test.position()[..600], &test.velocity().expect("logged")[..600]);
+    let samples = Samples { q, dq, ddq: dq };
+    assert!(largest_difference(&alone.predict(samples), &single.predict(samples)) < 1e-9);
+    for mean in [Mean::Physics, Mean::Joint] {
+        options.mean = mean;
+        let fit = |physics: &TorqueModel| fit_rest(physics, &train(), &options, &()).expect("good logs");
+        let (a, b) = (fit(&alone), fit(&single));
+        let predict = |model: &SemiParametricModel| model.predict(samples, true).expect("finite");
+        let found = at_single_joints(a.physics(), "coulomb_friction");
+        for ((a, b), start) in found.terms().iter().zip(b.physics().terms()).zip(single.terms()) {
+            assert!((a.coefficients[0] - b.coefficients[0]).abs() < 1e-3 * a.coefficients[0].abs());
+            assert_eq!(b.coefficients != start.coefficients, mean == Mean::Joint);
+        }
+        let (a, b_back) = (predict(&a), predict(&SemiParametricModel::from_bytes(&b.to_bytes(), "b").expect("own")));
+        let b = predict(&b);
+        assert_eq!(b, b_back);
+        // The search for hyperparameters amplifies rounding.
+        assert!(largest_difference(&a.tau, &b.tau) < 1e-3, "{}", largest_difference(&a.tau, &b.tau));
+        assert!(largest_difference(&a.standard_deviation, &b.standard_deviation) < 1e-3);
+    }
+    options.mean = Mean::Zero;
+    let error = fit_rest(&single, &train(), &options, &()).expect_err("no physics wanted");
+    assert!(error.to_string().contains("leaves out the physics"));
+}
+
+#[test]
+fn after_a_diagnosis_the_processes_learn_the_rest() {
+    // dev03: a Stribeck curve, which the diagnosis explains; dev16: a delay of the torque, a transform; dev21: something
+    // that no catalogue has.
+    for (case, unexplained) in [("dev03", false), ("dev16", false), ("dev21", true)] {
+        let folder = data("../../shared/data/hidden_effects").join(case);
+        if !folder.is_dir() {
+            println!("skipped: no logs in {}", folder.display());
+            return;
+        }
+        let robot = Robot::from_urdf(folder.join("robot.urdf"), &UrdfOptions::default()).expect("a robot");
+        let read = |name: &str| csv::read(folder.join(format!("{name}.csv")), &Default::default()).expect("a log");
+        let (train, test) = (["train_1", "train_2", "train_3"].map(read), [read("test")]);
+        let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
+        let identify_options = IdentifyOptions { effects, ..IdentifyOptions::default() };
+        let (model, _) = identify(&robot, &train, &identify_options, &()).expect("good logs");
+        let catalogue = ["stribeck_friction", "torque_delay"].map(|name| by_name(name).expect("of the library"));
+        let wanted = DiagnosisOptions { catalogue: catalogue.to_vec() };
+        let diagnosed = diagnose(&model, &train, &test, &wanted, &()).expect("good logs").after;
+        assert_eq!(diagnosed.terms().is_empty(), unexplained, "{case}");
+        let rest = fit_rest(&diagnosed, &train, &options(), &()).expect("good logs");
+        let error = |comparison: sgpr_core::model::Comparison| comparison.relative_error_percent;
+        let physics = error(compare(&diagnosed, &test, None).expect("good"));
+        let both = error(rest.compare(&test).expect("good"));
+        println!("{case}: physics {physics:.3} %, with the rest {both:.3} %");
+        assert!(both < 1.01 * physics, "{case}: {physics} {both}");
+        assert!(!unexplained || both < 0.8 * physics, "{case}: {physics} {both}");
+        // The same without what the diagnosis found is worse: the terms are used.
+        if !unexplained {
+            let before = error(compare(&model, &test, None).expect("good"));
+            assert!(both < 0.8 * before, "{case}: {before} {both}");
+        }
     }
 }
 

@@ -27,14 +27,15 @@ pub struct FittedSemiParametric {
     inner: Arc<core::SemiParametricModel>,
 }
 
-/// Fits a model; returns it and what stopped the work, if anything did.
+/// Fits a model, on top of physics if it is given; returns it and what stopped the work, if anything did.
 #[pyfunction]
-#[pyo3(signature = (robot, recordings, *, mean, kernel, ard, inputs, points, starts, max_evaluations, n_jobs, options))]
+#[pyo3(signature = (robot, recordings, *, physics, mean, kernel, ard, inputs, points, starts, max_evaluations, n_jobs, options))]
 #[allow(clippy::too_many_arguments)]
 pub fn fit_semi_parametric(
     py: Python<'_>,
     robot: &Bound<'_, Robot>,
     recordings: &Bound<'_, PyAny>,
+    physics: Option<&Bound<'_, Model>>,
     mean: &str,
     kernel: &str,
     ard: bool,
@@ -61,8 +62,14 @@ pub fn fit_semi_parametric(
     options.compute.threads = whole("n_jobs", n_jobs, 1..1025)?;
     let recordings = self::recordings(recordings)?;
     let robot = &robot.get().inner;
-    let work = |progress: &dyn sgpr_core::progress::Progress| {
-        core::fit_semi_parametric(robot, &recordings, &options, progress)
+    let physics = physics.map(|model| &model.get().inner);
+    if let Some(physics) = physics.filter(|physics| !physics.robot().joint_names().eq(robot.joint_names())) {
+        let names = physics.robot().joint_names().collect::<Vec<_>>().join(", ");
+        return Err(invalid(format!("physics: it is of a robot with the joints {names}: give the robot of the model")));
+    }
+    let work = |progress: &dyn sgpr_core::progress::Progress| match physics {
+        Some(physics) => core::fit_rest(physics, &recordings, &options, progress),
+        None => core::fit_semi_parametric(robot, &recordings, &options, progress),
     };
     let (model, stopped) = listen_and_keep::<_, SemiParametricError>(py, progress, work)?;
     Ok((FittedSemiParametric { inner: Arc::new(model) }, stopped))
@@ -133,6 +140,26 @@ impl FittedSemiParametric {
         let recordings = self::recordings(recordings)?;
         let comparison = py.detach(|| self.inner.compare(&recordings)).map_err(IntoPyErr::into_py_err)?;
         Comparison::new(py, comparison)
+    }
+
+    /// The same, and for each of the comparison's logs the standard deviation, half the interval of 95 % and the novelty
+    /// of the predictions.
+    fn compare_with_spread<'py>(
+        &self,
+        py: Python<'py>,
+        recordings: &Bound<'py, PyAny>,
+    ) -> PyResult<(Comparison, Vec<[Array<'py>; 3]>)> {
+        let recordings = self::recordings(recordings)?;
+        let found = py.detach(|| self.inner.compare_with_spread(&recordings));
+        let (comparison, predictions) = found.map_err(IntoPyErr::into_py_err)?;
+        let n = self.inner.physics().robot().dof();
+        let spread = |prediction: core::TorquePrediction| -> PyResult<[Array<'py>; 3]> {
+            let result = |values: Vec<f64>| array(py, &[values.len() / n, n], values);
+            let core::TorquePrediction { standard_deviation, interval_95, novelty, .. } = prediction;
+            Ok([result(standard_deviation)?, result(interval_95)?, result(novelty)?])
+        };
+        let spreads = predictions.into_iter().map(spread).collect::<PyResult<_>>()?;
+        Ok((Comparison::new(py, comparison)?, spreads))
     }
 
     /// Mean over joints of the share of the variance that is explained.

@@ -38,6 +38,24 @@ def test_what_the_physics_lacks_is_learned(model: sgpr.SemiParametricModel, test
     assert not model.stopped_
 
 
+def test_physics_may_be_there_already(
+    robot: sgpr.Robot, demo_logs: list[sgpr.Recording], test_log: list[sgpr.Recording]
+) -> None:
+    settings = {"inputs": "own_velocity", "points": 60, "max_evaluations": 10}
+    physics = sgpr.identify(robot, demo_logs, effects=["rotor_inertia"])
+    given = sgpr.SemiParametricModel(robot, physics=physics, **settings).fit(demo_logs)
+    found = sgpr.SemiParametricModel(robot, effects=["rotor_inertia"], **settings).fit(demo_logs)
+    comparison, spread = given.compare_with_spread(test_log)
+    assert np.array_equal(comparison.rmse, found.compare(test_log).rmse)
+    for log, (std, interval, novelty) in zip(comparison.logs, spread, strict=True):
+        assert std.shape == interval.shape == novelty.shape == log.predicted.shape
+        assert np.all(std > 0) and np.all((novelty >= 0) & (novelty <= 1))
+    with pytest.raises(sgpr.SgprError, match="leaves out the physics"):
+        sgpr.SemiParametricModel(robot, physics=physics, mean="zero", **settings).fit(demo_logs)
+    with pytest.raises(ValueError, match="give the robot of the model"):
+        sgpr.SemiParametricModel(sgpr.robots.two_link(), physics=physics, **settings).fit(demo_logs)
+
+
 def test_far_from_the_data_the_physics_is_alone(model: sgpr.SemiParametricModel) -> None:
     far = np.full((2, 6), 300.0)
     tau, std, interval, novelty = model.predict(

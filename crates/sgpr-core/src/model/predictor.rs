@@ -1,9 +1,12 @@
 use super::TorqueModel;
-use crate::dynamics::{Workspace, rnea};
+use crate::dynamics::{Samples, Workspace, rnea};
 use crate::effects::JointState;
 
 /// Torque of one sample after the other, for a controller: owns its buffers, allocates nothing, takes no lock, and can
 /// move to another thread.
+///
+/// A model with effects at single sites ([`TorqueModel::terms`]) is asked by [`TorqueModel::predict`] instead: that takes
+/// memory, and effects that need time, a sampling rate or the samples before are as at the start of a motion.
 ///
 /// # Examples
 /// ```
@@ -35,6 +38,10 @@ impl Predictor {
     /// If a slice is not of length n.
     pub fn torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> &[f64] {
         let Self { model, ws, tau } = self;
+        if !model.terms.is_empty() {
+            tau.copy_from_slice(&model.predict(Samples { q, dq, ddq }));
+            return tau;
+        }
         tau.copy_from_slice(rnea(&model.dynamics, ws, q, dq, ddq));
         model.set.add_effect_torque(&model.parameters, &JointState { q, dq, ddq }, tau);
         tau

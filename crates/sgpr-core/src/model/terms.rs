@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::TorqueModel;
 use crate::dynamics::{BatchWorkspace, Samples, rnea_batch};
 use crate::effects::{Context, Effect, Entry, JointState, LinkMotion, Reach, Site};
+use crate::motion::Motion;
 use crate::recording::Channel;
 use crate::robot::Robot;
 
@@ -106,6 +107,20 @@ pub struct Trajectory<'a> {
     pub time: &'a [f64],
     /// What else was logged.
     pub channels: &'a [Channel],
+}
+
+impl<'a> Trajectory<'a> {
+    /// Samples alone: effects that need time, a sampling rate or a channel are left out.
+    pub fn of_samples(samples: Samples<'a>) -> Self {
+        Self { samples, rate_hz: f64::NAN, time: &[], channels: &[] }
+    }
+
+    /// A processed stretch of a log.
+    ///
+    /// - `time`: of [`TorqueModel::session_time`]
+    pub fn of(motion: &'a Motion, time: &'a [f64]) -> Self {
+        Self { samples: motion.samples(), rate_hz: motion.rate_hz, time, channels: &motion.channels }
+    }
 }
 
 /// The rigid body as the transforms of a model make it.

@@ -259,12 +259,7 @@ impl TorqueModel {
         if self.terms.is_empty() {
             return self.predict(motion.samples());
         }
-        self.predict_trajectory(&super::Trajectory {
-            samples: motion.samples(),
-            rate_hz: motion.rate_hz,
-            time: &self.session_time(&motion.time),
-            channels: &motion.channels,
-        })
+        self.predict_trajectory(&super::Trajectory::of(motion, &self.session_time(&motion.time)))
     }
 
     /// Torque of every sample, allocation aside as fast as the dynamics of a batch.
@@ -279,8 +274,7 @@ impl TorqueModel {
         let n = self.robot.dof();
         samples.count(n);
         if !self.terms.is_empty() {
-            let trajectory = super::Trajectory { samples, rate_hz: f64::NAN, time: &[], channels: &[] };
-            return self.predict_trajectory(&trajectory);
+            return self.predict_trajectory(&super::Trajectory::of_samples(samples));
         }
         let mut tau = vec![0.0; samples.q.len()];
         rnea_batch(&self.dynamics, &mut BatchWorkspace::new(&self.dynamics), samples, &mut tau);

@@ -735,6 +735,9 @@ class FittedSemiParametric:
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, with_std: bool
     ) -> tuple[_Array, list[_Array] | None]: ...  # std, half the interval of 95 %, novelty
     def compare(self, recordings: Sequence[Recording]) -> Comparison: ...
+    def compare_with_spread(
+        self, recordings: Sequence[Recording]
+    ) -> tuple[Comparison, list[list[_Array]]]: ...  # std, half the interval of 95 %, novelty of each log
     def score(self, recordings: Sequence[Recording]) -> float: ...
     def coverage(self, recordings: Sequence[Recording]) -> list[dict[str, Any]]: ...
     @property
@@ -755,6 +758,7 @@ def fit_semi_parametric(
     robot: Robot,
     recordings: Sequence[Recording],
     *,
+    physics: Model | None,
     mean: str,
     kernel: str,
     ard: bool,

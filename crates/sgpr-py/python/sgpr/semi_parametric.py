@@ -35,6 +35,9 @@ class SemiParametricModel(Estimator):
     robot : Robot
     effects : list of str, optional
         Physics beside the rigid body, as in `identify`.
+    physics : Model, optional
+        The physics if it is there already, such as the model of a diagnosis with the effects that were found;
+        identified from the logs by default. Give its robot, `physics.robot`, as the robot.
     kernel : {"squared_exponential", "exponential", "matern32", "matern52", "rational_quadratic"}
     ard : bool, default True
         A length scale for each input, or one for all.
@@ -82,6 +85,7 @@ class SemiParametricModel(Estimator):
         robot: Robot,
         *,
         effects: Sequence[str] | None = None,
+        physics: Model | None = None,
         kernel: str = "squared_exponential",
         ard: bool = True,
         inputs: str | None = None,
@@ -95,6 +99,7 @@ class SemiParametricModel(Estimator):
     ) -> None:
         self.robot = robot
         self.effects = effects
+        self.physics = physics
         self.kernel = kernel
         self.ard = ard
         self.inputs = inputs
@@ -129,6 +134,7 @@ class SemiParametricModel(Estimator):
         fitted, stopped = fit_semi_parametric(
             self.robot,
             recordings,
+            physics=self.physics,
             mean=self.mean,
             kernel=self.kernel,
             ard=bool(self.ard),
@@ -162,6 +168,8 @@ class SemiParametricModel(Estimator):
     ) -> Any:
         """Torque that a motion needs, and how sure it is.
 
+        Effects of the physics that need time, a sampling rate or another channel are left out; `compare` has them all.
+
         Parameters
         ----------
         q, dq, ddq : array of shape (N, n) or (n,)
@@ -194,6 +202,18 @@ class SemiParametricModel(Estimator):
         """Compare with recordings, best with logs that no fit has seen, as `sgpr.compare` does."""
         fitted: FittedSemiParametric = self._require_fitted("_fitted")
         return fitted.compare(recordings)
+
+    def compare_with_spread(self, recordings: Sequence[Recording]) -> tuple[Comparison, list[list[_Array]]]:
+        """Compare with recordings, and say how sure the predictions are.
+
+        Returns
+        -------
+        Comparison
+        list of [std, interval, novelty], (N, n) each
+            For each of the comparison's logs, as `predict` returns them.
+        """
+        fitted: FittedSemiParametric = self._require_fitted("_fitted")
+        return fitted.compare_with_spread(recordings)
 
     def score(self, recordings: Sequence[Recording]) -> float:
         """Share of the variance of the torque that is explained on recordings, the mean over joints; at most one."""

@@ -9,7 +9,7 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
 use super::super::file::{HEAD, ModelFileError, array, open, read_limited, write};
-use super::basis::Basis;
+use super::basis::{self, Basis};
 use super::fit::MOST_POINTS;
 use super::rest::{JointReport, Rest};
 use super::{Mean, SemiParametricModel, TorqueModel};
@@ -110,7 +110,7 @@ impl SemiParametricModel {
     }
 
     fn from_head(head: Head, physics: TorqueModel, tensors: &SafeTensors<'_>) -> Result<Self, String> {
-        let (n, unknowns) = (physics.robot().dof(), physics.base().rank());
+        let (n, unknowns) = (physics.robot().dof(), basis::unknowns(&physics));
         if head.joints.len() != n {
             return Err(format!("{} joints where the robot has {n}", head.joints.len()));
         }

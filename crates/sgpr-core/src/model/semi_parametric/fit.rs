@@ -34,18 +34,67 @@ pub fn fit_semi_parametric(
     options: &SemiParametricOptions,
     progress: &dyn Progress,
 ) -> Result<SemiParametricModel, SemiParametricError> {
-    if !(2..=MOST_POINTS).contains(&options.points) {
-        return Err(SemiParametricError::Budget { points: options.points, most: MOST_POINTS });
-    }
+    check(options)?;
     let physics = match options.mean {
         Mean::Zero => nothing(robot, recordings, options)?,
         Mean::Physics | Mean::Joint => identify(robot, recordings, &options.identify, progress)?.0,
     };
+    learn(physics, recordings, options, progress)
+}
+
+/// The same on top of physics that is there already, such as the model that a diagnosis has found the effects for:
+/// `physics` predicts with all its effects, hidden states and transforms included, and the processes learn the rest.
+///
+/// The options of the identification are not used, except for how logs are processed if `physics` was not identified.
+/// `recordings` are best those that `physics` was identified from: what it leaves over there is learned.
+///
+/// # Errors
+/// As [`fit_semi_parametric`], or if the options ask for no physics.
+pub fn fit_rest(
+    physics: &TorqueModel,
+    recordings: &[Recording],
+    options: &SemiParametricOptions,
+    progress: &dyn Progress,
+) -> Result<SemiParametricModel, SemiParametricError> {
+    check(options)?;
+    if options.mean == Mean::Zero {
+        return Err(SemiParametricError::PhysicsGiven);
+    }
+    let mut physics = physics.clone();
+    if physics.processing.is_none() {
+        let recordings = select_joints(physics.robot(), recordings).map_err(IdentifyError::from)?;
+        let chosen = Processing::choose(&recordings, &options.identify.conditioning).map_err(IdentifyError::from)?;
+        physics.processing = Some(chosen.0);
+    }
+    for recording in recordings {
+        let source = recording.source().to_string();
+        if !physics.provenance.logs.contains(&source) {
+            physics.provenance.logs.push(source);
+        }
+    }
+    learn(physics, recordings, options, progress)
+}
+
+fn check(options: &SemiParametricOptions) -> Result<(), SemiParametricError> {
+    if !(2..=MOST_POINTS).contains(&options.points) {
+        return Err(SemiParametricError::Budget { points: options.points, most: MOST_POINTS });
+    }
+    Ok(())
+}
+
+/// Learns what `physics` leaves over.
+fn learn(
+    physics: TorqueModel,
+    recordings: &[Recording],
+    options: &SemiParametricOptions,
+    progress: &dyn Progress,
+) -> Result<SemiParametricModel, SemiParametricError> {
+    let robot = physics.robot().clone();
     let processing = physics.processing().expect("set with the model").clone();
-    let recordings = select_joints(robot, recordings).map_err(IdentifyError::from)?;
+    let recordings = select_joints(&robot, recordings).map_err(IdentifyError::from)?;
     let mut logs = Vec::new();
     for motion in motions(&recordings, &processing).map_err(IdentifyError::from)? {
-        let predicted = physics.predict(motion.samples());
+        let predicted = physics.predict_motion(&motion);
         logs.push(residual(robot.dof(), motion, predicted, &processing)?);
     }
     let rows: Vec<Rows> = (0..robot.dof()).map(|joint| rows_of(&logs, joint, &processing)).collect();
@@ -166,7 +215,7 @@ fn fit_joints(
     Ok((joints, stopped.into_inner()))
 }
 
-/// Generalised least squares: the base parameters and the processes together, hyperparameters as they are.
+/// Generalised least squares: the linear parameters and the processes together, hyperparameters as they are.
 ///
 /// Source: GPML eqs. 2.41 and 2.42, without a prior.
 fn estimate_again(
@@ -174,7 +223,7 @@ fn estimate_again(
     rows: &[Rows],
     matrices: Vec<Mat<f64>>,
 ) -> Result<(), SemiParametricError> {
-    let unknowns = model.physics.base.rank();
+    let (rank, unknowns) = (model.physics.base.rank(), basis::unknowns(&model.physics));
     let mut information = Mat::<f64>::zeros(unknowns, unknowns);
     let mut projection = Mat::<f64>::zeros(unknowns, 1);
     let correlation = model.physics.fit.as_ref().map(|fit| fit.correlation.clone()).unwrap_or_default();
@@ -197,14 +246,22 @@ fn estimate_again(
     let values: Vec<f64> = before.iter().zip(&change).map(|(value, change)| value + change).collect();
     let parameters = base.expand(&values, model.physics.parameters());
     model.physics.set_parameters(parameters);
+    let mut at = rank;
+    for term in &mut model.physics.terms {
+        for (value, deviation) in term.coefficients.iter_mut().zip(&mut term.coefficient_deviations) {
+            *value += change[at];
+            *deviation = covariance[(at, at)].sqrt();
+            at += 1;
+        }
+    }
     if let Some(fit) = &mut model.physics.fit {
         fit.method = "gls".into();
-        for k in 0..unknowns {
+        for k in 0..rank {
             if fit.standard_deviations[k].is_finite() {
                 fit.standard_deviations[k] = covariance[(k, k)].sqrt();
             }
         }
-        fit.covariance = (0..unknowns * unknowns).map(|k| covariance[(k / unknowns, k % unknowns)]).collect();
+        fit.covariance = (0..rank * rank).map(|k| covariance[(k / rank, k % rank)]).collect();
         fit.values = values;
     }
     for (rest, matrix) in model.joints.iter_mut().zip(&matrices) {

@@ -35,7 +35,7 @@ pub(super) fn left_out(
         let joints = rows.iter().zip(&parts);
         return Ok(joints.map(|(rows, parts)| parts.iter().map(|part| unchanged(rows, part)).collect()).collect());
     }
-    let unknowns = physics.base().rank();
+    let unknowns = basis::unknowns(physics);
     let mut matrices = Vec::with_capacity(rows.len());
     for (joint, rows) in rows.iter().enumerate() {
         matrices.push(basis::matrix(physics, logs, joint, rows, processing)?);

@@ -8,7 +8,9 @@ mod left_out;
 mod predictor;
 mod rest;
 
-pub use fit::fit_semi_parametric;
+use std::cell::RefCell;
+
+pub use fit::{fit_rest, fit_semi_parametric};
 pub use inputs::Inputs;
 pub use predictor::SemiParametricPredictor;
 pub use rest::{Candidate, JointReport};
@@ -18,7 +20,7 @@ use rest::Rest;
 
 use super::compare::{Comparison, compare_by};
 use super::identify::{IdentifyError, IdentifyOptions};
-use super::{TorqueModel, identify};
+use super::{TorqueModel, Trajectory, identify};
 use crate::dynamics::Samples;
 use crate::gp::{Compute, GpError, Shape};
 use crate::motion::Motion;
@@ -114,6 +116,11 @@ pub enum SemiParametricError {
         /// Most that are allowed.
         most: usize,
     },
+    /// Physics to learn the rest of, and a mean that leaves it out.
+    #[error(
+        "a mean of zero leaves out the physics that is given: fit to the robot, or choose the mean `physics` or `joint`"
+    )]
+    PhysicsGiven,
 }
 
 /// Torques of many samples.
@@ -178,14 +185,47 @@ impl SemiParametricModel {
 
     /// Torque of every sample, and how sure it is.
     ///
+    /// Effects of the physics that need time or a sampling rate are left out: see [`Self::predict_trajectory`].
+    ///
     /// # Errors
     /// If a value is not finite.
     ///
     /// # Panics
     /// If the arrays do not hold whole samples.
     pub fn predict(&self, samples: Samples<'_>, with_deviation: bool) -> Result<TorquePrediction, SemiParametricError> {
-        let n = self.physics.robot().dof();
-        let mut tau = self.physics.predict(samples);
+        self.predict_trajectory(&Trajectory::of_samples(samples), with_deviation)
+    }
+
+    /// The same along a processed stretch of a log, with all effects of the physics.
+    ///
+    /// # Errors
+    /// If a value is not finite.
+    pub fn predict_motion(
+        &self,
+        motion: &Motion,
+        with_deviation: bool,
+    ) -> Result<TorquePrediction, SemiParametricError> {
+        let time = self.physics.session_time(&motion.time);
+        self.predict_trajectory(&Trajectory::of(motion, &time), with_deviation)
+    }
+
+    /// The same along a trajectory, hidden states, time and transforms of the physics included.
+    ///
+    /// # Errors
+    /// If a value is not finite.
+    ///
+    /// # Panics
+    /// If the arrays do not hold whole samples.
+    pub fn predict_trajectory(
+        &self,
+        trajectory: &Trajectory<'_>,
+        with_deviation: bool,
+    ) -> Result<TorquePrediction, SemiParametricError> {
+        let (n, samples) = (self.physics.robot().dof(), trajectory.samples);
+        let mut tau = match self.physics.terms().is_empty() {
+            true => self.physics.predict(samples),
+            false => self.physics.predict_trajectory(trajectory),
+        };
         let mut variance = vec![0.0; if with_deviation { tau.len() } else { 0 }];
         let mut novelty = variance.clone();
         let x = process_inputs(samples, n);
@@ -202,7 +242,7 @@ impl SemiParametricModel {
             }
         }
         if let Some(basis) = self.basis.as_ref().filter(|_| with_deviation) {
-            basis.add_variance(&self.physics, &self.joints, samples, &x, &mut variance);
+            basis.add_variance(&self.physics, &self.joints, trajectory, &x, &mut variance);
         }
         let deviation = |(k, variance): (usize, &f64)| (variance + self.joints[k % n].noise_variance).sqrt();
         let plain: Vec<f64> = variance.iter().enumerate().map(deviation).collect();
@@ -219,8 +259,27 @@ impl SemiParametricModel {
     /// # Errors
     /// If a recording lacks a joint or torque, or cannot be differentiated.
     pub fn compare(&self, recordings: &[Recording]) -> Result<Comparison, SemiParametricError> {
-        let predict = |motion: &Motion| Ok(self.predict(motion.samples(), false)?.tau);
+        let predict = |motion: &Motion| Ok(self.predict_motion(motion, false)?.tau);
         compare_by(&self.physics, &predict, recordings, None)
+    }
+
+    /// The same, and for each of the comparison's logs the prediction with its spread.
+    ///
+    /// # Errors
+    /// As [`SemiParametricModel::compare`].
+    pub fn compare_with_spread(
+        &self,
+        recordings: &[Recording],
+    ) -> Result<(Comparison, Vec<TorquePrediction>), SemiParametricError> {
+        let predictions = RefCell::new(Vec::new());
+        let predict = |motion: &Motion| {
+            let prediction = self.predict_motion(motion, true)?;
+            let tau = prediction.tau.clone();
+            predictions.borrow_mut().push(prediction);
+            Ok::<_, SemiParametricError>(tau)
+        };
+        let comparison = compare_by(&self.physics, &predict, recordings, None)?;
+        Ok((comparison, predictions.into_inner()))
     }
 
     /// Share of the variance of the torque that is explained on recordings, the mean over joints; at most one.
@@ -240,8 +299,8 @@ impl SemiParametricModel {
     pub fn coverage(&self, recordings: &[Recording]) -> Result<Vec<Coverage>, SemiParametricError> {
         let n = self.physics.robot().dof();
         let mut hits = vec![(0usize, 0usize, 0usize); n];
-        for log in self.compare(recordings)?.logs {
-            let prediction = self.predict(log.motion.samples(), true)?;
+        let (comparison, predictions) = self.compare_with_spread(recordings)?;
+        for (log, prediction) in comparison.logs.iter().zip(&predictions) {
             for k in (0..log.counted.len()).filter(|&k| log.counted[k]) {
                 let error = (log.measured_in_band[k] - log.predicted_in_band[k]).abs();
                 let (count, within_68, within_95) = &mut hits[k % n];
