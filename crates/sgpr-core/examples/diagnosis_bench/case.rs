@@ -81,8 +81,16 @@ struct Truth {
     unknown: Option<(usize, f64)>,
 }
 
-/// Case number `seed` of a kind: the effects hidden in it, `[]` for none.
+/// Case number `seed` of a kind: the effects hidden in it, `[]` for none. Draws under which the arm runs away are left
+/// out.
 pub fn make(seed: u64, effects: &[&str], closed: bool) -> Case {
+    let draws = (0..).map(|k| attempt(seed + 10_000_000 * k, effects, closed));
+    draws.flatten().next().expect("an arm that follows")
+}
+
+fn attempt(seed: u64, effects: &[&str], closed: bool) -> Option<Case> {
+    /// Farthest that an arm may be from what it is told, rad.
+    const FARTHEST: f64 = 0.3;
     let mut random = Random(seed.wrapping_mul(0x5851_F42D_4C95_7F2D) ^ 0xD1A6);
     let robot = arm(&mut random);
     let n = robot.dof();
@@ -128,7 +136,7 @@ pub fn make(seed: u64, effects: &[&str], closed: bool) -> Case {
     }
     let guess = perturbed(&bare.robot, &mut random);
     let (seed_noise, resolution) = (random.0, TAU / f64::from(1u32 << (17 + random.below(4))));
-    let record = |truth: &Truth| -> Vec<Recording> {
+    let record = |truth: &Truth| -> Option<Vec<Recording>> {
         let mut random = Random(seed_noise);
         let mut logs = Vec::new();
         for (index, motion) in motions.iter().enumerate() {
@@ -141,7 +149,13 @@ pub fn make(seed: u64, effects: &[&str], closed: bool) -> Case {
                     rotor: &truth.base[2],
                     terms: &truth.terms,
                 };
-                follow(&plant, &guess, motion, start, SECONDS, every)
+                let log = follow(&plant, &guess, motion, start, SECONDS, every);
+                let wanted = sampled(motion, rate, samples);
+                let near = log[0].iter().zip(&wanted[0]).all(|(q, wanted)| (q - wanted).abs() < FARTHEST);
+                if !near {
+                    return None;
+                }
+                log
             } else {
                 let motion = sampled(motion, rate, samples);
                 let tau = torque(truth, &motion, rate, start);
@@ -167,19 +181,19 @@ pub fn make(seed: u64, effects: &[&str], closed: bool) -> Case {
             let source = format!("log {index}");
             logs.push(Recording::new(source, names, time, q, Some(dq), Some(tau), vec![]).expect("whole arrays"));
         }
-        logs
+        Some(logs)
     };
-    let mut train = record(&truth);
+    let mut train = record(&truth)?;
     let test = vec![train.pop().expect("four logs")];
     let (mut twin_train, twin_test);
     if effects.is_empty() {
         (twin_train, twin_test) = (train.clone(), test.clone());
     } else {
-        twin_train = record(&bare);
+        twin_train = record(&bare)?;
         twin_test = vec![twin_train.pop().expect("four logs")];
     }
     let name = format!("{}{seed}", if closed { "closed " } else { "" });
-    Case { name, guess, known, train, test, twin_train, twin_test, hidden }
+    Some(Case { name, guess, known, train, test, twin_train, twin_test, hidden })
 }
 
 fn sampled(motion: &Motion, rate: f64, samples: usize) -> [Vec<f64>; 3] {
@@ -318,6 +332,9 @@ fn hide(
     }
     let named = if effect == "link_length_error" { None } else { site.joint() };
     hidden.push((effect.into(), named));
+    if std::env::var_os("SGPR_TRACE").is_some() {
+        eprintln!("  truth {effect} {:?} {:?} {:?}", term.site, term.constants, term.coefficients);
+    }
     truth.terms.push(term);
 }
 

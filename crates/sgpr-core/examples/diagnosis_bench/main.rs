@@ -98,6 +98,9 @@ impl Totals {
         };
         let floor = errors(&fit(&case.twin_train)?, &case.twin_test)?;
         let (before, after) = (errors(&model, &case.test)?, errors(&diagnosis.after, &case.test)?);
+        if std::env::var_os("SGPR_TRACE").is_some() {
+            eprintln!("  floor {floor:?} before {before:?} after {after:?}");
+        }
         let excess = |e: &[f64]| e.iter().zip(&floor).map(|(e, f)| (e - f) / f).sum::<f64>();
         let detectable = before.iter().zip(&floor).any(|(b, f)| b - f > 0.05 * f);
         let closure = (excess(&before) - excess(&after)) / excess(&before).max(1e-9);

@@ -107,14 +107,26 @@ const DEPENDENT: f64 = 1e-5;
 impl Basis {
     /// By modified Gram-Schmidt, twice.
     pub fn new(columns: &[Column]) -> Self {
-        let mut basis = Self { q: vec![], kept: vec![], triangle: vec![], columns: 0 };
-        columns.iter().for_each(|column| basis.push(column));
+        Self::with_first(columns, |_| false)
+    }
+
+    /// The same, where of columns that depend on each other those stay whose index is to come `first`.
+    pub fn with_first(columns: &[Column], first: impl Fn(usize) -> bool) -> Self {
+        let mut basis = Self { q: vec![], kept: vec![], triangle: vec![], columns: columns.len() };
+        for turn in [true, false] {
+            for index in (0..columns.len()).filter(|index| first(*index) == turn) {
+                basis.take(index, &columns[index]);
+            }
+        }
         basis
     }
 
     pub fn push(&mut self, column: &Column) {
-        let index = self.columns;
         self.columns += 1;
+        self.take(self.columns - 1, column);
+    }
+
+    fn take(&mut self, index: usize, column: &Column) {
         let length = dot(column, column).sqrt();
         if length <= 0.0 || !length.is_finite() {
             return;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::DiagnosisError;
-use super::basis::{Basis, Noise, gain_of};
+use super::basis::{Basis, Noise, gain_of, rms};
 use super::problem::{Column, FOLDS, Problem};
 use crate::effects::Scale;
 use crate::linalg::dot_in_lanes;
@@ -69,7 +69,7 @@ fn solve_with(
     let of_terms = problem.term_columns(&model, &rigid, &terms.iter().collect::<Vec<_>>());
     columns.extend(of_terms.into_iter().flatten());
     let white_columns: Vec<Column> = columns.iter().map(|column| noise.whiten(problem, column)).collect();
-    let basis = Basis::new(&white_columns);
+    let basis = Basis::with_first(&white_columns, |index| problem.is_rotor(index));
     let mut white = noise.whiten(problem, &target);
     let values = basis.solve(&white);
     let deviations = basis.deviations();
@@ -201,7 +201,14 @@ pub(super) fn with_deviations(problem: &Problem, fitted: &Fitted, noise: &Noise)
     terms
 }
 
-/// Root mean square error per joint on blocks that were left out of the fit, in the whole band of the log.
+/// Root mean square error per joint beyond the band of the equations, where nothing is fitted, N·m (N).
+pub(super) fn beyond(problem: &Problem, fitted: &Fitted) -> Vec<f64> {
+    let logged = problem.logged_error(&fitted.model);
+    let in_band = fitted.residual.iter().map(|r| rms(r));
+    logged.iter().zip(in_band).map(|(logged, own)| (logged * logged - own * own).max(0.0).sqrt()).collect()
+}
+
+/// Root mean square error per joint in the band, on blocks that were left out of the fit, N·m (N).
 pub(super) fn held_out(problem: &Problem, fitted: &Fitted, extra: &[Column], noise: &Noise) -> Vec<f64> {
     let n = problem.dof();
     let all: Vec<&Column> = fitted.columns.iter().chain(extra).chain([&*fitted.target]).collect();
@@ -253,8 +260,7 @@ pub(super) fn held_out(problem: &Problem, fitted: &Fitted, extra: &[Column], noi
             *sum += (0..k).map(|i| x[i] * times(i)).sum::<f64>().max(0.0);
         }
     }
-    let in_band = squares.iter().zip(&counts).map(|(sum, count)| (sum / f64::max(*count, 1.0)).sqrt());
-    in_band.zip(&problem.beyond).map(|(error, beyond)| error.hypot(*beyond)).collect()
+    squares.iter().zip(&counts).map(|(sum, count)| (sum / f64::max(*count, 1.0)).sqrt()).collect()
 }
 
 impl From<crate::signal::SignalError> for DiagnosisError {

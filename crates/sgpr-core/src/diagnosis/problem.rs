@@ -4,7 +4,7 @@ use super::DiagnosisError;
 use crate::dynamics::{BatchWorkspace, Samples, Workspace, for_each_regressor_block, mass_matrix};
 use crate::effects::{Context, Reach, sgn};
 use crate::identification::{BaseParameters, ParameterSet, Row};
-use crate::model::{Rigid, Term, TorqueModel, Trajectory, motions, select_joints, torque_of};
+use crate::model::{Rigid, Term, TorqueModel, Trajectory, motions, nominal_parameters, select_joints, torque_of};
 use crate::motion::{Motion, Processing};
 use crate::recording::Recording;
 use crate::signal::LowPass;
@@ -57,6 +57,8 @@ pub(super) struct Problem {
     pub base: BaseParameters,
     /// The model without terms, from which constants of transforms are counted.
     pub nominal: TorqueModel,
+    /// Whether the robot file has inertias.
+    inertias_known: bool,
     /// Terms that the model has already.
     pub given: Vec<Term>,
     pub stretches: Vec<Stretch>,
@@ -70,8 +72,8 @@ pub(super) struct Problem {
     holds: Vec<f64>,
     /// Torque, per joint.
     pub y: Column,
-    /// Per joint: root mean square of the torque outside of the band, which is noise.
-    pub beyond: Vec<f64>,
+    /// The logs as the model's own processing has them, against which the torque as logged is held.
+    logged: Vec<Motion>,
     /// Stamp at which the clock of the session starts, ns, if the logs share one.
     pub clock: Option<i64>,
     /// Cut-off of the equations, Hz.
@@ -84,7 +86,11 @@ impl Problem {
         let recordings = select_joints(robot, train)?;
         let quiet = quiet_band(model, &recordings, processing)?;
         let narrow = quiet.map(|hz| Processing { cutoff_hz: hz, ..processing.clone() });
-        let motions = motions(&recordings, narrow.as_ref().unwrap_or(processing))?;
+        let logged = motions(&recordings, processing)?;
+        let motions = match &narrow {
+            Some(narrow) => motions(&recordings, narrow)?,
+            None => logged.clone(),
+        };
         let clock = common_clock(&motions).and(model.clock_start()).or(common_clock(&motions));
         let n = robot.dof();
         let mut stretches = Vec::new();
@@ -99,17 +105,24 @@ impl Problem {
         let set = model.parameter_set().clone();
         let mut nominal = model.clone().with_terms(vec![], clock);
         nominal.processing = Some(processing.clone());
+        let file = nominal_parameters(robot, &set);
+        let inertias_known = (0..n).all(|link| file[PARAMETERS_PER_LINK * link] > 0.0);
+        if inertias_known {
+            let split = BaseParameters::with_effects_first(robot, &set);
+            nominal.set_parameters(split.expand(&split.combine(nominal.parameters()), &file));
+        }
         let mut problem = Self {
             base: BaseParameters::new(&generic(robot), &set),
             set,
             nominal,
+            inertias_known,
             given: model.terms().to_vec(),
             rows: vec![vec![]; n],
             run: vec![vec![]; n],
             fold: vec![vec![]; n],
             holds: vec![0.0; n],
             y: vec![vec![]; n],
-            beyond: vec![0.0; n],
+            logged,
             stretches,
             clock,
             band_hz: quiet.unwrap_or(BAND_HZ),
@@ -200,23 +213,41 @@ impl Problem {
     fn fill_torque(&mut self) -> Result<(), DiagnosisError> {
         let n = self.dof();
         let mut y = vec![vec![]; n];
-        let mut beyond = vec![(0.0, 0.0); n];
         for (index, stretch) in self.stretches.iter().enumerate() {
             let tau = torque_of(&stretch.motion)?;
             let mut smooth = tau.to_vec();
             stretch.filter.apply(&mut smooth, n)?;
             for joint in 0..n {
-                for k in (0..stretch.motion.len()).filter(|&k| stretch.motion.use_as[k * n + joint] == Row::Moving) {
-                    beyond[joint].0 += (tau[k * n + joint] - smooth[k * n + joint]).powi(2);
-                    beyond[joint].1 += 1.0;
-                }
                 let own = self.rows[joint].iter().filter(|(stretch, _)| *stretch == index);
                 y[joint].extend(own.map(|(_, sample)| smooth[sample * n + joint]));
             }
         }
-        self.beyond = beyond.into_iter().map(|(sum, count): (f64, f64)| (sum / count.max(1.0)).sqrt()).collect();
         self.y = y;
         Ok(())
+    }
+
+    /// Whether a base column is that of an effect of the model, if the robot file has inertias. Where an arm's inertia
+    /// cannot be told from its rotor's, the link keeps that of the file: effects that follow the torque of the gear, which
+    /// the rotor's is not part of, need the two apart.
+    pub fn is_rotor(&self, column: usize) -> bool {
+        let effect = |parameter: &usize| *parameter >= self.set.inertial();
+        self.inertias_known && self.base.independent().get(column).is_some_and(effect)
+    }
+
+    /// Root mean square per joint of the torque as logged less that of `model`, while the joint moves, N·m (N).
+    pub fn logged_error(&self, model: &TorqueModel) -> Vec<f64> {
+        let n = self.dof();
+        let mut sums = vec![(0.0, 0.0); n];
+        for motion in &self.logged {
+            let predicted = model.predict_motion(motion);
+            let measured = motion.tau.as_deref().unwrap_or_default();
+            let rows = predicted.iter().zip(measured).zip(&motion.use_as).enumerate();
+            for (k, ((predicted, measured), _)) in rows.filter(|(_, (_, used))| **used == Row::Moving) {
+                sums[k % n].0 += (measured - predicted).powi(2);
+                sums[k % n].1 += 1.0;
+            }
+        }
+        sums.into_iter().map(|(sum, count): (f64, f64)| (sum / count.max(1.0)).sqrt()).collect()
     }
 
     /// Per stretch: the rigid body as `model` has it.

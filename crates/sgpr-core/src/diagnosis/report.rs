@@ -66,7 +66,7 @@ pub(super) fn report(
         findings,
         candidates,
         not_testable,
-        joints: joint_errors(search, model, &after, test)?,
+        joints: joint_errors(search, &outcome.fitted, model, &after, test)?,
         steps: steps(search, start, outcome),
         whereabouts: whereabouts::locate(&search.problem, start),
         unexplained: left.iter().filter(|l| l.is_material()).map(words).collect(),
@@ -100,7 +100,8 @@ fn is_explained_away(search: &Search<'_>, outcome: &Outcome) -> bool {
 type ByName<'a> = BTreeMap<&'a str, f64>;
 
 /// The model with the findings. Those at a joint whose torque as logged is predicted worse with them than without are
-/// taken out, weakest first: what helps in the band of the equations must not harm beyond it.
+/// taken out, weakest first: what helps in the band of the equations must not harm beyond it. A transform stays a finding
+/// all the same: positions that are differentiated once more carry their noise into the torque, and that is the harm.
 fn without_harm(
     search: &Search<'_>,
     model: &TorqueModel,
@@ -113,41 +114,44 @@ fn without_harm(
     let errors = |model: &TorqueModel| -> Result<Vec<f64>, DiagnosisError> {
         Ok(compare(model, train, processing)?.joints.iter().map(|joint| joint.rmse_full_band).collect())
     };
-    if findings.is_empty() {
-        return Ok(model.clone());
-    }
     let before = errors(model)?;
     let mut fitted = outcome.fitted.clone();
+    // Findings that are not in the model.
+    let mut apart: Vec<String> = Vec::new();
     loop {
-        let after = finished(search, model, &fitted, findings.iter().map(sentence));
+        let inside = || findings.iter().filter(|f| !apart.contains(&f.effect));
+        if inside().next().is_none() {
+            return Ok(model.clone());
+        }
+        let after = finished(search, model, &fitted, inside().map(sentence));
         let now = errors(&after)?;
-        let worse: Vec<&str> = model
-            .robot()
-            .joint_names()
-            .zip(before.iter().zip(&now))
-            .filter(|(_, (before, now))| **now > HARM * **before)
-            .map(|(name, _)| name)
-            .collect();
-        // What an effect of several joints brings at one outweighs what it costs at another.
         let change: ByName<'_> = model
             .robot()
             .joint_names()
             .zip(before.iter().zip(&now))
             .map(|(name, (before, now))| (name, (now / before).ln()))
             .collect();
+        let is_worse = |joint: &String| change.get(joint.as_str()).is_some_and(|change| *change > HARM.ln());
+        // What an effect of several joints brings at one outweighs what it costs at another.
         let harms = |f: &Finding| {
             let its = |(name, change): (&&str, &f64)| f.joints.iter().any(|j| j == name).then_some(*change);
             let total: f64 = change.iter().filter_map(its).sum();
-            f.joints.is_empty() || (total > 0.0 && f.joints.iter().any(|joint| worse.contains(&joint.as_str())))
+            f.joints.is_empty() || (total > 0.0 && f.joints.iter().any(is_worse))
         };
-        let Some(weakest) = findings.iter().rposition(harms).filter(|_| !worse.is_empty()) else {
+        let none_worse = change.values().all(|change| *change <= HARM.ln());
+        let weakest = findings.iter().rposition(|f| !apart.contains(&f.effect) && harms(f));
+        let Some(weakest) = weakest.filter(|_| !none_worse) else {
             return Ok(after);
         };
-        let out = findings.remove(weakest);
-        if findings.is_empty() {
-            return Ok(model.clone());
+        let out = findings[weakest].terms.clone();
+        if out.iter().any(Term::is_transform) {
+            findings[weakest].evidence +=
+                "; left out of the model, as it carries noise of the positions into the torque";
+            apart.push(findings[weakest].effect.clone());
+        } else {
+            findings.remove(weakest);
         }
-        let same = |term: &Term| out.terms.iter().any(|t| t.effect.name() == term.effect.name() && t.site == term.site);
+        let same = |term: &Term| out.iter().any(|t| t.effect.name() == term.effect.name() && t.site == term.site);
         let rest = fitted.terms().iter().filter(|term| !same(term)).cloned().collect();
         fitted = search.refit(&fitted, rest);
     }
@@ -445,6 +449,7 @@ fn parameters_of(term: &Term, robot: &Robot) -> Vec<FoundParameter> {
 /// Errors on the test logs against the torque as logged.
 fn joint_errors(
     search: &Search<'_>,
+    fitted: &Fitted,
     before: &TorqueModel,
     after: &TorqueModel,
     test: &[Recording],
@@ -456,11 +461,13 @@ fn joint_errors(
     let processing = search.problem.nominal.processing();
     let (old, new) = (compare(before, test, processing)?, compare(after, test, processing)?);
     let finite = |value: f64| value.is_finite().then_some(value);
-    for ((b, a), noise) in old.joints.iter().zip(&new.joints).zip(&search.problem.beyond) {
+    let beyond = super::fit::beyond(&search.problem, fitted);
+    let noise = beyond.iter().zip(&search.noise.level).map(|(beyond, in_band)| beyond.hypot(*in_band));
+    for ((b, a), noise) in old.joints.iter().zip(&new.joints).zip(noise) {
         let error = JointErrors {
             rmse_before: b.rmse_full_band,
             rmse_after: a.rmse_full_band,
-            noise: *noise,
+            noise,
             fit_before: finite(b.fit_percent),
             fit_after: finite(a.fit_percent),
         };

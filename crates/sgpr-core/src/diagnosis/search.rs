@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::basis::{Basis, Gain, INVISIBLE, Noise, gain, gain_of};
-use super::fit::{Fitted, held_out, refine_transforms, solve, solve_like, tangent};
+use super::fit::{Fitted, beyond, held_out, refine_transforms, solve, solve_like, tangent};
 use super::problem::{Column, Problem};
 use crate::effects::{Effect, Entry, Reach, Scale, Site};
 use crate::linalg::dot_in_lanes;
@@ -83,7 +83,7 @@ pub(super) fn is_absorbed(effect: &dyn Effect) -> bool {
 pub(super) const EVIDENCE: f64 = 8.0;
 
 /// Smallest fall of the held-out error on some joint, as a share of what is left.
-pub(super) const MATERIAL: f64 = 0.015;
+pub(super) const MATERIAL: f64 = 0.025;
 
 /// Most terms that are looked for.
 const MOST_TERMS: usize = 16;
@@ -143,6 +143,17 @@ impl<'a> Search<'a> {
         self.noise = self.noise_of_largest(&plain);
         self.rows = self.noise.rows(&self.problem);
         let fitted = solve_like(&self.problem, &plain, &given, &self.noise);
+        if std::env::var_os("SGPR_TRACE").is_some() {
+            eprintln!(
+                "  rows {:?} band {} noise level {:?} sigma {:?} beyond {:?} rms {:?}",
+                self.problem.rows.iter().map(Vec::len).collect::<Vec<_>>(),
+                self.problem.band_hz,
+                self.noise.level,
+                self.noise.sigma,
+                beyond(&self.problem, &plain),
+                plain.residual.iter().map(|r| super::basis::rms(r)).collect::<Vec<_>>()
+            );
+        }
         let fitted = if given.is_empty() { fitted } else { self.polish(fitted) };
         self.progress.step("fit the model", 4, 4)?;
         Ok(fitted)
@@ -777,6 +788,11 @@ impl<'a> Search<'a> {
         }
         self.progress.step("refine constants", 0, 1)?;
         let mut tried = in_parallel(&chosen, |candidate| self.refine(fitted, residual, candidate));
+        if std::env::var_os("SGPR_TRACE").is_some() {
+            for c in candidates.iter().take(14) {
+                eprintln!("    ranked {} {:?} {:.0} {}", c.term.effect.name(), c.term.site, c.score, c.impossible);
+            }
+        }
         self.progress.step("refine constants", 1, 1)?;
         tried.sort_by(|a, b| b.score.total_cmp(&a.score));
         Ok(tried)
@@ -825,16 +841,16 @@ impl<'a> Search<'a> {
         let mut terms = fitted.terms().to_vec();
         terms.extend(found.iter().map(|c| c.term.clone()));
         let next = self.refit(fitted, terms);
-        let (without, with) = (self.held_out(fitted), self.held_out(&next));
+        let (without, with) = (self.errors(fitted), self.errors(&next));
         let accepted = |c: Candidate| Accepted {
             effect: c.term.effect.name().into(),
             site: c.term.site,
             score: c.score,
             first_score: c.score,
-            effect_size: largest_fall(&without, &with),
+            effect_size: without.largest_fall_to(&with, &c.term),
             rivals: vec![],
-            with: with.clone(),
-            without: without.clone(),
+            with: with.total(),
+            without: without.total(),
         };
         let steps = found.into_iter().map(accepted).collect();
         Ok(Some((next, steps)))
@@ -844,7 +860,7 @@ impl<'a> Search<'a> {
     fn next_term(&mut self, fitted: &Fitted, tried: &[Candidate]) -> Result<Option<(Fitted, Accepted)>, Interrupted> {
         let mut worthy: &[&Candidate] =
             &tried.iter().filter(|c| !c.impossible && c.score > EVIDENCE).collect::<Vec<&Candidate>>();
-        let without = self.held_out(fitted);
+        let without = self.errors(fitted);
         // One with much evidence that matters nowhere, in a moment of the log, must not hide the others.
         while let Some(best) = worthy.first() {
             let close = worthy.iter().take_while(|c| c.score > 0.3 * best.score).count().min(MOST_TRIED);
@@ -861,7 +877,7 @@ impl<'a> Search<'a> {
     fn best_of(
         &self,
         fitted: &Fitted,
-        without: &[f64],
+        without: &HeldOut,
         worthy: &[&Candidate],
         tried: &[Candidate],
     ) -> Result<Option<(Fitted, Accepted)>, Interrupted> {
@@ -883,16 +899,21 @@ impl<'a> Search<'a> {
         equal.sort_by_key(|(candidate, ..)| freedom(candidate));
         let trials = equal.into_iter().chain(others);
         for (candidate, trial, score) in trials.filter(|(_, _, score)| *score >= EVIDENCE) {
-            let with = self.held_out(&trial);
-            let effect_size = largest_fall(without, &with);
+            let with = self.errors(&trial);
+            let effect_size = without.largest_fall_to(&with, &candidate.term);
             let own = candidate.term.effect.name();
             if std::env::var_os("SGPR_TRACE").is_some() {
                 eprintln!(
                     "  {own} {:?} {:?} score {score:.0} size {effect_size:.4}",
-                    candidate.term.site, candidate.term.constants
+                    candidate.term.site,
+                    (
+                        &candidate.term.constants,
+                        &trial.terms().last().unwrap().constants,
+                        &trial.terms().last().unwrap().coefficients
+                    )
                 );
             }
-            if effect_size < MATERIAL {
+            if effect_size < std::env::var("SGPR_MATERIAL").map_or(MATERIAL, |t| t.parse().unwrap()) {
                 continue;
             }
             let rivals = tried.iter().filter(|c| c.term.effect.name() != own);
@@ -903,8 +924,8 @@ impl<'a> Search<'a> {
                 first_score: score,
                 effect_size,
                 rivals: rivals.map(|c| (c.term.effect.name().into(), c.term.site, c.score)).collect(),
-                with,
-                without: without.to_vec(),
+                with: with.total(),
+                without: without.total(),
             };
             return Ok(Some((trial, accepted)));
         }
@@ -919,7 +940,7 @@ impl<'a> Search<'a> {
     ) -> Result<(Fitted, Vec<Accepted>), Interrupted> {
         let given = fitted.terms().len() - accepted.len();
         while accepted.len() > 1 {
-            let with = self.held_out(&fitted);
+            let with = self.errors(&fitted);
             self.progress.step("check each effect again", 0, 1)?;
             let steps: Vec<usize> = (0..accepted.len()).collect();
             let fits = in_parallel(&steps, |k| {
@@ -931,8 +952,9 @@ impl<'a> Search<'a> {
             let mut weakest: Option<(f64, usize, Fitted)> = None;
             for (k, (step, without)) in accepted.iter_mut().zip(fits).enumerate() {
                 step.score = self.score_of(&without, &fitted);
-                step.without = self.held_out(&without);
-                step.effect_size = largest_fall(&step.without, &with);
+                let errors = self.errors(&without);
+                step.without = errors.total();
+                step.effect_size = errors.largest_fall_to(&with, &fitted.terms()[given + k]);
                 let size = step.effect_size;
                 let material = if fitted.terms()[given + k].effect.refines().is_some() { 0.0 } else { MATERIAL };
                 if (step.score < EVIDENCE || size < material) && weakest.as_ref().is_none_or(|(s, ..)| size < *s) {
@@ -948,13 +970,39 @@ impl<'a> Search<'a> {
 
     /// Root mean square error per joint on blocks that were left out, N·m (N).
     pub fn held_out(&self, fitted: &Fitted) -> Vec<f64> {
-        held_out(&self.problem, fitted, &[], &self.noise)
+        self.errors(fitted).total()
+    }
+
+    fn errors(&self, fitted: &Fitted) -> HeldOut {
+        let in_band = held_out(&self.problem, fitted, &[], &self.noise);
+        HeldOut { in_band, beyond: beyond(&self.problem, fitted) }
     }
 }
 
-/// Largest fall of the held-out error on a joint, as a share of what is left.
-fn largest_fall(before: &[f64], after: &[f64]) -> f64 {
-    before.iter().zip(after).map(|(b, a)| (b - a) / a.max(1e-12)).fold(f64::NEG_INFINITY, f64::max)
+/// Error per joint on blocks that were left out, N·m (N).
+#[derive(Clone, Debug)]
+struct HeldOut {
+    in_band: Vec<f64>,
+    beyond: Vec<f64>,
+}
+
+impl HeldOut {
+    fn total(&self) -> Vec<f64> {
+        self.in_band.iter().zip(&self.beyond).map(|(own, beyond)| own.hypot(*beyond)).collect()
+    }
+
+    /// Largest fall on a joint with one more term, as a share of what is left. A transform that differentiates positions
+    /// once more carries their noise into the torque beyond the band, one that smooths takes it out: neither speaks for or
+    /// against its being there.
+    fn largest_fall_to(&self, after: &Self, term: &Term) -> f64 {
+        let joints = self.in_band.iter().zip(&after.in_band).zip(self.beyond.iter().zip(&after.beyond));
+        let falls = joints.map(|((own, own_after), (&beyond, &beyond_after))| {
+            let least = beyond.min(beyond_after);
+            let [beyond, beyond_after] = if term.is_transform() { [least; 2] } else { [beyond, beyond_after] };
+            own.hypot(beyond) / own_after.hypot(beyond_after).max(1e-12) - 1.0
+        });
+        falls.fold(f64::NEG_INFINITY, f64::max)
+    }
 }
 
 /// What a term is remembered by.

@@ -1,7 +1,7 @@
 //! Structure that no effect of the catalogue explains: a Gaussian process on what is left, by groups of variables.
 
 use super::basis::{Noise, dot};
-use super::fit::{Fitted, held_out};
+use super::fit::{Fitted, beyond, held_out};
 use super::problem::{Column, Problem};
 use crate::random::Random;
 
@@ -96,7 +96,12 @@ pub(super) fn features(problem: &Problem, joint: usize, group: &[Variable], leng
 
 /// Log evidence of a Gaussian process against none, per joint with its best group.
 pub(super) fn leftover(problem: &Problem, fitted: &Fitted, noise: &Noise) -> Vec<Leftover> {
-    let before = held_out(problem, fitted, &[], noise);
+    let beyond = beyond(problem, fitted);
+    let errors = |extra: &[Column]| -> Vec<f64> {
+        let in_band = held_out(problem, fitted, extra, noise).into_iter();
+        in_band.zip(&beyond).map(|(own, beyond)| own.hypot(*beyond)).collect()
+    };
+    let before = errors(&[]);
     let mut all = Vec::new();
     for joint in 0..problem.dof() {
         let mut best: Option<(f64, &[Variable], Vec<Column>)> = None;
@@ -114,7 +119,7 @@ pub(super) fn leftover(problem: &Problem, fitted: &Fitted, noise: &Noise) -> Vec
         let Some((evidence, group, columns)) = best else { continue };
         let mut effect_size = 0.0;
         if evidence > 5.0 {
-            let after = held_out(problem, fitted, &columns, noise);
+            let after = errors(&columns);
             effect_size = (before[joint] - after[joint]) / after[joint].max(1e-12);
         }
         let names = group.iter().map(|v| match v {

@@ -8,7 +8,7 @@ use super::{About, Class, Constant, Context, Effect, Entry, LinkMotion, Reach, S
 #[derive(Clone, Copy, Debug)]
 pub(super) struct JointElasticity;
 
-const CONSTANTS: [Constant; 1] = [Constant::neutral_at_zero("c", ["rad/(N·m)", "m/N"], [0.0, 0.02], 1e-6)];
+const CONSTANTS: [Constant; 1] = [Constant::neutral_at_zero("c", ["rad/(N·m)", "m/N"], [0.0, 0.1], 1e-6)];
 
 impl Effect for JointElasticity {
     fn name(&self) -> &str {

@@ -56,6 +56,15 @@ impl BaseParameters {
         Self::from_selection(selection, set)
     }
 
+    /// The same, where effects stand for a combination before inertias do: a rotor's inertia takes what the link's, as
+    /// the robot file has it, leaves.
+    pub(crate) fn with_effects_first(robot: &Robot, set: &ParameterSet) -> Self {
+        let (effects, inertias): (Vec<usize>, Vec<usize>) =
+            preference(robot, set).into_iter().partition(|parameter| *parameter >= set.inertial());
+        let order = [effects, inertias].concat();
+        Self::from_selection(select_columns(&random_columns(robot, set), &order, TOLERANCE), set)
+    }
+
     /// The same from the robot's geometry, without a random motion: the subspace by the recursive parameter null space
     /// (Wensing, Niemeyer, Slotine (2024)), the choice of parameters as in [`Self::new`]. The two agree for robots whose
     /// file is exact to 1e-6; where a right angle is written 1.57 this one sees the difference.

@@ -27,4 +27,5 @@ pub use semi_parametric::{
 };
 pub(crate) use terms::Rigid;
 pub use terms::{Term, Trajectory};
+pub(crate) use torque_model::nominal_parameters;
 pub use torque_model::{BaseParameter, Certificate, Fit, Provenance, TorqueModel};
