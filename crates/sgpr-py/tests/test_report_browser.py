@@ -30,6 +30,8 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     limits = ("--limit", "fit_percent=50", "joint_1:rmse=0.001")
     arguments = (model, DEMO_TEST, DEMO_TRAIN[0], "--against", DEMO_ROBOT, *limits, "--out", out / "compare", "--quiet")
     assert run("compare", *arguments).code == 0
+    small = ("--points", 40, "--inputs", "own_velocity", "--quiet")
+    assert run("learn", "--robot", DEMO_ROBOT, *logs, *small, "--out", out / "learn").code == 0
     return out
 
 
@@ -44,7 +46,7 @@ def browser() -> Iterator[Any]:
         browser.close()
 
 
-@pytest.mark.parametrize("command", ["identify", "compare"])
+@pytest.mark.parametrize("command", ["identify", "compare", "learn"])
 @pytest.mark.parametrize("width", [1400, 800])
 def test_report(results: Path, browser: Any, command: str, width: int) -> None:
     path = results / command / "report.html"

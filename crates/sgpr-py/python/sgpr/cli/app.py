@@ -14,6 +14,7 @@ from .errors import guarded
 from .excite import excite
 from .identify import identify
 from .info import info
+from .learn import learn
 from .options import with_option_groups
 from .payload import payload
 from .predict import predict
@@ -36,7 +37,7 @@ def register(command: Callable[..., Any]) -> None:
     app.command(cls=Command, epilog=epilog, no_args_is_help=True)(with_option_groups(guarded(command)))
 
 
-for each in (info, identify, compare, diagnose, predict, payload, excite, simulate, reproduce):
+for each in (info, identify, compare, diagnose, learn, predict, payload, excite, simulate, reproduce):
     register(each)
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import Comparison, __version__
+from .. import Comparison, Model, SemiParametricModel, __version__
 from .. import compare as compare_with
 from ..report.comparison import ComparisonPage
 from ..report.numbers import percent, significant
@@ -14,7 +14,7 @@ from . import describe
 from .console import Output, to_json
 from .error_table import show_errors
 from .errors import LIMITS_NOT_MET
-from .inputs import load_model
+from .inputs import load_any_model
 from .limits import limits_of, verdicts
 from .output_folder import OutputFolder
 from .predictions import residuals_by_log
@@ -56,22 +56,27 @@ def compare(
     ] = None,
 ) -> None:
     """Compares the torque that a model predicts with the torque in logs, joint by joint."""
-    main_model = load_model(model, joints)
+    main_model = load_any_model(model, joints)
     names = main_model.robot.joint_names
     wanted = limits_of(limit or [], limits, names)
     models = {model: main_model}
     if against is not None:
-        other = load_model(against, names)
+        other = load_any_model(against, names)
         # What is shown last is what matters.
         models = {against if against != model else f"{against} (again)": other, model: main_model}
     folder = OutputFolder(out) if out else None
     logs = read_logs(files, reading, names, output)
     recordings = stretches(logs)
-    processing = main_model if main_model.processing else next((m for m in models.values() if m.processing), None)
+    physics = {name: _physics(each) for name, each in models.items()}
+    processed = [*physics.values()][::-1]
+    processing = next((each for each in processed if each.processing), None)
     found: dict[str, Comparison] = {
-        name: compare_with(each, recordings, processing=processing) for name, each in models.items()
+        name: each.compare(recordings)
+        if isinstance(each, SemiParametricModel)
+        else compare_with(each, recordings, processing=processing)
+        for name, each in models.items()
     }
-    trained_on = [log.path for log in logs if _same_file(log.path, main_model.logs)]
+    trained_on = [log.path for log in logs if _same_file(log.path, physics[model].logs)]
     for path in trained_on:
         output.warning(f"{path} trained the model: no proof of what it can do elsewhere")
     labels = _labels(list(found))
@@ -95,7 +100,7 @@ def compare(
         with folder:
             residuals = {name: residuals_by_log(logs, each) for name, each in found.items()}
             page = ComparisonPage(
-                main_model,
+                physics[model],
                 {labels[name]: each for name, each in found.items()},
                 {labels[name]: each for name, each in residuals.items()},
                 data,
@@ -108,6 +113,12 @@ def compare(
     output.result(data)
     if strict and failed:
         raise typer.Exit(LIMITS_NOT_MET)
+
+
+def _physics(model: Model | SemiParametricModel) -> Model:
+    """The part of a model that has effects, logs and a history."""
+    physics: Model = model.physics_ if isinstance(model, SemiParametricModel) else model
+    return physics
 
 
 def _same_file(path: str, others: Sequence[str]) -> bool:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import Comparison, Issue, Model, Recording, Robot
+from .. import Comparison, Issue, Model, Recording, Robot, SemiParametricModel
 from .reading import Log
 
 KEPT_INERTIA = 10
@@ -93,6 +93,13 @@ def model(model: Model, path: str) -> dict[str, Any]:
         "history": model.history,
         "library_version": model.library_version,
     }
+
+
+def any_model(found: Model | SemiParametricModel, path: str) -> dict[str, Any]:
+    """The same, with what was learned of the rest if there is a process for it."""
+    if isinstance(found, SemiParametricModel):
+        return {**model(found.physics_, path), "processes": found.reports_}
+    return model(found, path)
 
 
 def parameters(model: Model) -> list[dict[str, Any]]:

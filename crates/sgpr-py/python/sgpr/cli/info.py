@@ -5,12 +5,11 @@ from typing import Annotated, Any
 
 import typer
 
-from .._sgpr import load
 from ..report.numbers import MISSING, counted, percent, readable, significant, with_deviation
 from . import describe
 from .console import Output
 from .effects import checked_effects
-from .inputs import kind_of
+from .inputs import kind_of, load_any_model
 from .reading import ReadingOptions, expand_patterns
 from .robots import load_robot
 
@@ -38,7 +37,7 @@ def info(
                 data = describe.robot(load_robot(path, joints), path, chosen)
                 show_robot(data, output)
             case "model":
-                data = describe.model(load(path), path)
+                data = describe.any_model(load_any_model(path), path)
                 show_model(data, output)
             case "log":
                 data = describe.log(reading.read(path, joints), path)
@@ -144,6 +143,8 @@ def show_model(data: dict[str, Any], output: Output) -> None:
     show_parameters(data["parameters"], output)
     if data["certificate"]:
         show_certificate(data["certificate"], output)
+    if "processes" in data:
+        show_processes(data["processes"], output)
     output.line("")
 
 
@@ -176,6 +177,12 @@ def show_certificate(certificate: dict[str, Any], output: Output) -> None:
     output.table(columns, rows, text_columns=(0, 2, 3), title="Links as bodies")
     for name in certificate["active"]:
         output.line(f"at its limit: {name}")
+
+
+def show_processes(processes: Sequence[dict[str, Any]], output: Output) -> None:
+    """What was learned of the rest."""
+    rows = [[p["joint"], p["inputs"] or "no process", str(p["points"])] for p in processes]
+    output.table(["joint", "process looks at", "points"], rows, text_columns=(0, 1), title="What physics leaves over")
 
 
 def _bounds(found: list[float] | None) -> str:

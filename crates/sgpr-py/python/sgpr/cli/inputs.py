@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-from .. import Model
+from .. import Model, SemiParametricModel
 from .._sgpr import load
+from ..loading import load as load_either
 from .errors import BadData
 from .robots import READY_MADE, load_robot
 
@@ -40,3 +41,13 @@ def load_model(name: str, joints: Sequence[str] | None = None, gravity: Sequence
             raise BadData(f"{name}: this model has the joints {', '.join(model.robot.joint_names)}")
         return model
     return Model.nominal(load_robot(name, joints, gravity))
+
+
+def load_any_model(name: str, joints: Sequence[str] | None = None) -> Model | SemiParametricModel:
+    """The same, or a saved model of physics and what it leaves over."""
+    if kind_of(name) != "model":
+        return load_model(name, joints)
+    model = load_either(name)
+    if joints and list(joints) != model.robot.joint_names:
+        raise BadData(f"{name}: this model has the joints {', '.join(model.robot.joint_names)}")
+    return model

@@ -7,14 +7,14 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from .. import Recording, __version__
+from .. import Recording, SemiParametricModel, __version__
 from .. import compare as compare_with
 from ..report.numbers import counted
 from .console import Output
 from .errors import wrong_use
-from .inputs import load_model
+from .inputs import load_any_model
 from .output_folder import OutputFolder
-from .predictions import predictions, write_table, write_topics
+from .predictions import INTERVAL, STD, predictions, spread_of, write_table, write_topics
 from .reading import ReadingOptions, read_log
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
@@ -40,25 +40,31 @@ def predict(
     """Predicts the torque for each sample of a log.
 
     Tables have the columns t, then NAME_measured and NAME_predicted for each joint; MCAP files the topics /measured,
-    /predicted and /residual. A log without torque gives the predictions alone.
+    /predicted and /residual. A log without torque gives the predictions alone. With a model that `sgpr learn` wrote,
+    tables also have NAME_std and NAME_interval_95: the standard deviation of a measurement, and half its interval of
+    95 %.
     """
     if not out.endswith(SUFFIXES):
         raise wrong_use(f"`{out}`: the name must end in {', '.join(SUFFIXES)}", "--out")
     place = Path(out).absolute()
-    loaded = load_model(model, joints)
+    loaded = load_any_model(model, joints)
     names = loaded.robot.joint_names
     with OutputFolder(str(place.parent)) as folder:
         log = read_log(file, reading, names)
         measured = log.raw.tau is not None
         if not measured:
             log = replace(log, raw=_with_torque(log.raw), stretches=[_with_torque(part) for part in log.stretches])
-        found = compare_with(loaded, log.stretches)
-        [row] = predictions([log], {PREDICTED: found}, names)
+        columns = {PREDICTED: "predicted"}
+        if isinstance(loaded, SemiParametricModel):
+            found, spread = loaded.compare_with_spread(log.stretches)
+            [row] = predictions([log], {PREDICTED: found, **spread_of(found, spread)}, names)
+            columns |= {STD: STD, INTERVAL: INTERVAL}
+        else:
+            [row] = predictions([log], {PREDICTED: compare_with(loaded, log.stretches)}, names)
         written = folder.file(str(place))
         if out.endswith(".mcap"):
             write_topics(written, [row], names, PREDICTED, with_measured=measured)
         else:
-            columns = {PREDICTED: "predicted"}
             write_table(written, [row], names, columns, with_file=False, with_measured=measured)
     for action in log.actions:
         output.note(f"{file}: {action}")

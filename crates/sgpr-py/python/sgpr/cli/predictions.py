@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 BEFORE, AFTER = "before", "after"
 """The models that `identify` and `diagnose` compare: the one given and the new one."""
 
+STD, INTERVAL = "std", "interval_95"
+"""How sure a prediction is: its standard deviation, and half its interval of 95 %."""
+
 NANOSECONDS = 9
 CHUNK = 10_000
 DIGITS = "%.9g"
@@ -38,8 +41,36 @@ class Prediction:
     left_out: int
 
 
-def predictions(logs: Sequence[Log], comparisons: Mapping[str, Comparison], joints: Sequence[str]) -> list[Prediction]:
-    """What each model predicts at the samples of each log.
+@dataclass(frozen=True)
+class Piece:
+    """Other numbers than torques at the samples of a stretch, `[samples, n]`, kept like predictions."""
+
+    source: str
+    time_ns: NDArray[np.int64]
+    predicted: Array
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Such numbers in the order of a comparison's logs."""
+
+    logs: list[Piece]
+
+
+def spread_of(comparison: Comparison, spread: Sequence[Sequence[Array]]) -> dict[str, Pieces]:
+    """Standard deviations and intervals of a comparison's logs, to be written beside its predictions."""
+
+    def pieces(which: int) -> Pieces:
+        pairs = zip(comparison.logs, spread, strict=True)
+        return Pieces([Piece(log.source, log.time_ns, values[which]) for log, values in pairs])
+
+    return {STD: pieces(0), INTERVAL: pieces(1)}
+
+
+def predictions(
+    logs: Sequence[Log], comparisons: Mapping[str, Comparison | Pieces], joints: Sequence[str]
+) -> list[Prediction]:
+    """What each model predicts at the samples of each log; the first one of `comparisons` is a comparison.
 
     A log that was resampled is predicted at its new samples; the predictions are brought back to its own by linear
     interpolation. Samples of stretches that are too short to be filtered are left out.
@@ -52,12 +83,12 @@ def predictions(logs: Sequence[Log], comparisons: Mapping[str, Comparison], join
     return result
 
 
-def residuals_by_log(logs: Sequence[Log], comparison: Comparison) -> list[list[LogResidual]]:
+def residuals_by_log(logs: Sequence[Log], comparison: Comparison | Pieces) -> list[list[Any]]:
     """The residuals of each log, stretch after stretch. They come in the order of the stretches that were compared."""
-    remaining = list(comparison.logs)
+    remaining: list[Any] = list(comparison.logs)
     groups = []
     for log in logs:
-        group: list[LogResidual] = []
+        group: list[Any] = []
         for stretch in log.stretches:
             first, last = int(stretch.time_ns[0]), int(stretch.time_ns[-1])
             while remaining and remaining[0].source == stretch.source and first <= int(remaining[0].time_ns[0]) <= last:

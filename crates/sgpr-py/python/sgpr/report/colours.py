@@ -8,6 +8,7 @@ AFTER = "#0072b2"
 BASELINE = "#555555"
 GRID = "#e4e4e4"
 NOT_COUNTED = "#eeeeee"
+INTERVAL = "#b9dcf0"
 
 LINES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#000000", "#7f7f7f")
 DASHES = ("solid", "dash", "dot", "dashdot")

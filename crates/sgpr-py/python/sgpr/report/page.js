@@ -50,6 +50,7 @@
       measured: floats(joint.measured),
       predicted: joint.predicted.map(floats),
       residual: joint.residual.map(floats),
+      interval: joint.interval ? floats(joint.interval) : null,
     }));
 
     const first = (time, value) => {
@@ -91,6 +92,13 @@
       });
       const upper = [line(joint.measured, "y", "measured", torque.measured_colour, 2.4, true)];
       const lower = [];
+      if (joint.interval) {
+        const edge = (sign, fill) => ({
+          ...line(joint.interval.map((half) => sign * half), "y2", "interval", torque.interval_colour, 0.5, false),
+          fill, fillcolor: torque.interval_colour, hoverinfo: "skip", hovertemplate: null,
+        });
+        lower.push(edge(-1, "none"), edge(1, "tonexty"));
+      }
       torque.models.forEach((model, k) => {
         upper.push(line(joint.predicted[k], "y", model.label, model.colour, 1.2, true));
         lower.push(line(joint.residual[k], "y2", model.label, model.colour, 1.2, false));

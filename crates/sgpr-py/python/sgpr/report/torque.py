@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import LogResidual
-from .colours import AFTER, BEFORE, MEASURED, NOT_COUNTED
+from .colours import AFTER, BEFORE, INTERVAL, MEASURED, NOT_COUNTED
 from .figures import axis, layout
 from .markup import Html, choice, element, join, legend, paragraph, plot
 
@@ -24,12 +24,16 @@ HEIGHT = 430
 
 
 def torque_section(
-    models: Mapping[str, Sequence[Pieces]], logs: Sequence[str], joints: Sequence[tuple[str, str]]
+    models: Mapping[str, Sequence[Pieces]],
+    logs: Sequence[str],
+    joints: Sequence[tuple[str, str]],
+    intervals: Sequence[Sequence[Array]] | None = None,
 ) -> tuple[Html, dict[str, Any]]:
     """The plots, and their data.
 
     - `models`: label -> residuals of each log; one or two, the last one in the foreground
     - `joints`: name and unit of the torque
+    - `intervals`: half the interval of 95 % of the last model at the samples of each stretch of each log
     """
     colours = (AFTER,) if len(models) == 1 else (BEFORE, AFTER)
     pieces = [list(parts) for parts in zip(*models.values(), strict=True)]
@@ -39,6 +43,8 @@ def torque_section(
     budget = max(LEAST_POINTS, BUDGET // (len(shown) * len(joints) * (2 + 2 * len(models))))
     keys = [("━", MEASURED, "measured, as logged")]
     keys += [("━", colour, label) for label, colour in zip(models, colours, strict=True)]
+    if intervals is not None:
+        keys.append(("■", INTERVAL, "predicted interval of 95 % of the residual"))
     body = [
         paragraph(
             "Above, the torque as it was logged and as predicted; below, measured minus predicted in the band that the "
@@ -53,11 +59,12 @@ def torque_section(
             plot(f"torque-{index}", HEIGHT, f"Measured and predicted torque of {name}, {unit}"),
         ]
     payload = {
-        "logs": [_log(pieces[k], budget) for k in shown],
+        "logs": [_log(pieces[k], budget, None if intervals is None else intervals[k]) for k in shown],
         "models": [{"label": label, "colour": colour} for label, colour in zip(models, colours, strict=True)],
         "layouts": [_layout(unit) for _, unit in joints],
         "measured_colour": MEASURED,
         "not_counted_colour": NOT_COUNTED,
+        "interval_colour": INTERVAL,
     }
     return join(body), payload
 
@@ -73,7 +80,7 @@ def _layout(unit: str) -> dict[str, Any]:
     )
 
 
-def _log(models: Sequence[Pieces], budget: int) -> dict[str, Any]:
+def _log(models: Sequence[Pieces], budget: int, intervals: Sequence[Array] | None) -> dict[str, Any]:
     """One log; stretches are separated by a sample that is not a number."""
     first = models[0]
     start = int(first[0].time_ns[0])
@@ -82,6 +89,7 @@ def _log(models: Sequence[Pieces], budget: int) -> dict[str, Any]:
     counted = np.concatenate([np.vstack([piece.counted, piece.counted[-1:]]) for piece in first])[:-1]
     predicted = [_gapped([piece.predicted for piece in pieces]) for pieces in models]
     residual = [_gapped([piece.measured_in_band - piece.predicted_in_band for piece in pieces]) for pieces in models]
+    interval = None if intervals is None else _gapped(intervals)
     joints = []
     for k in range(measured.shape[1]):
         columns = [measured[:, k], *(p[:, k] for p in predicted), *(r[:, k] for r in residual)]
@@ -93,6 +101,7 @@ def _log(models: Sequence[Pieces], budget: int) -> dict[str, Any]:
                 "predicted": [_packed(p[keep, k]) for p in predicted],
                 "residual": [_packed(r[keep, k]) for r in residual],
                 "not_counted": _bands(time, counted[:, k]),
+                **({} if interval is None else {"interval": _packed(interval[keep, k])}),
             }
         )
     return {"joints": joints, "duration": round(float(np.nanmax(time)), 6)}

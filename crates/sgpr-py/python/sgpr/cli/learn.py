@@ -1,0 +1,236 @@
+"""`sgpr learn`: what the physics leaves over, learned by Gaussian processes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import typer
+
+from .. import Comparison, Model, SemiParametricModel, __version__
+from .. import compare as compare_with
+from ..report.numbers import counted, percent, significant
+from ..report.rest import INPUTS, RestPage
+from . import describe
+from .console import Output, to_json
+from .effects import DEFAULT_EFFECTS, checked_effects
+from .error_table import show_errors
+from .errors import one_of, wrong_use
+from .inputs import kind_of, load_model
+from .output_folder import OutputFolder
+from .predictions import AFTER, BEFORE, INTERVAL, STD, left_out, predictions, residuals_by_log, spread_of, write_table
+from .reading import Log, ReadingOptions, read_logs, stretches
+from .robots import load_robot
+from .versions import versions
+
+KERNELS = ("squared_exponential", "exponential", "matern32", "matern52", "rational_quadratic")
+MEANS = ("physics", "joint")
+MOST_POINTS = 20_000
+
+
+def learn(
+    robot: Annotated[
+        str,
+        typer.Option(
+            "--robot",
+            metavar="ROBOT|MODEL",
+            help="URDF, DH table, puma560 or two_link; or a model (.sgpr) from the training logs, such as that of "
+            "`sgpr diagnose`.",
+        ),
+    ],
+    train: Annotated[list[str], typer.Option("--train", metavar="FILE...", help="Logs to learn from.")],
+    out: Annotated[
+        str, typer.Option("--out", metavar="DIR", help="Folder for the results; an existing one is reused.")
+    ],
+    reading: ReadingOptions,
+    output: Output,
+    test: Annotated[
+        list[str] | None, typer.Option("--test", metavar="FILE...", help="Logs to judge by, not used to learn.")
+    ] = None,
+    effects: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--effects",
+            metavar="EFFECT...",
+            help="Effects of the physics if it is identified here, or `none`.",
+            show_default=" ".join(DEFAULT_EFFECTS),
+        ),
+    ] = None,
+    points: Annotated[
+        int,
+        typer.Option("--points", metavar="N", min=2, max=MOST_POINTS, help="Budget of each joint's process."),
+    ] = 500,
+    kernel: Annotated[str, typer.Option("--kernel", metavar="NAME", help=", ".join(KERNELS))] = KERNELS[0],
+    inputs: Annotated[
+        str | None,
+        typer.Option(
+            "--inputs",
+            metavar="NAME",
+            help=f"What the processes look at: {', '.join(INPUTS)}.",
+            show_default="what helps on parts of the logs that are left out, joint by joint",
+        ),
+    ] = None,
+    mean: Annotated[
+        str,
+        typer.Option("--mean", metavar="NAME", help="`joint` estimates the physics again together with the processes."),
+    ] = MEANS[0],
+    jobs: Annotated[int, typer.Option("--jobs", metavar="N", min=1, max=1024, help="Threads.")] = 2,
+    joints: Annotated[
+        list[str] | None,
+        typer.Option("--joints", metavar="JOINT...", help="Joints of the URDF to model; the others are locked."),
+    ] = None,
+    gravity: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option("--gravity", metavar="X Y Z", help="Gravity in base axes, m/s².", show_default="0 0 -9.81"),
+    ] = None,
+    no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
+) -> None:
+    """Learns what the physics leaves over, joint by joint, and says how sure predictions are.
+
+    Writes to DIR: model.sgpr (physics and processes, for `sgpr predict`), learned.json, report.html and, with test
+    logs, predictions.csv with the columns NAME_measured, NAME_before, NAME_after, NAME_std and NAME_interval_95.
+    Ctrl-C during the search keeps what was found so far.
+    """
+    both = sorted(set(train) & set(test or ()))
+    if both:
+        raise wrong_use(f"{', '.join(both)}: a log that trains the model cannot test it", "--test")
+    one_of(kernel, KERNELS, "--kernel", "kernel")
+    one_of(mean, MEANS, "--mean", "mean")
+    if inputs is not None:
+        one_of(inputs, INPUTS, "--inputs", "selection of inputs")
+    given: Model | None = load_model(robot, joints, gravity) if kind_of(robot) == "model" else None
+    if given is not None and effects is not None:
+        raise wrong_use("a model has its effects already", "--effects")
+    known = given.effects if given else checked_effects(DEFAULT_EFFECTS if effects is None else effects)
+    folder = OutputFolder(out)
+    arm = given.robot if given else load_robot(robot, joints, gravity)
+    train_logs = read_logs(train, reading, arm.joint_names, output)
+    test_logs = read_logs(test or [], reading, arm.joint_names, output)
+    settings = {"points": points, "kernel": kernel, "inputs": inputs, "mean": mean}
+    with output.progress() as progress:
+        model = SemiParametricModel(
+            arm, effects=None if given else known, physics=given, n_jobs=jobs, progress=progress, **settings
+        )
+        fit(model, train_logs, output)
+    result = Result.of(model, train_logs, test_logs)
+    data = result.to_dict()
+    data["settings"] = {
+        "robot": robot,
+        "joints": joints,
+        "gravity": arm.gravity,
+        "effects": known,
+        **settings,
+        "reading": reading.to_dict(),
+    }
+    with folder:
+        model.save(folder.file("model.sgpr"))
+        if test_logs:
+            found = {BEFORE: result.errors_before, AFTER: result.errors_after}
+            rows = predictions(test_logs, found | spread_of(result.errors_after, result.spread), arm.joint_names)
+            data["left_out_of_predictions"] = left_out(rows)
+            columns = {name: name for name in (BEFORE, AFTER, STD, INTERVAL)}
+            write_table(folder.file("predictions.csv"), rows, arm.joint_names, columns, with_file=True)
+        if not no_report:
+            folder.write("report.html", result.page(data).html())
+        folder.write("learned.json", to_json(data))
+    show(result, data, output)
+    output.line(f"results: {folder.path}")
+    output.result(data)
+
+
+def fit(model: SemiParametricModel, logs: Sequence[Log], output: Output) -> None:
+    """Fits; Ctrl-C after the physics is there keeps the processes so far."""
+    try:
+        model.fit(stretches(logs))
+    except KeyboardInterrupt:
+        if not hasattr(model, "physics_"):
+            raise
+        output.warning("stopped: joints that the search had not reached have the physics alone")
+
+
+@dataclass(frozen=True)
+class Result:
+    """A model, compared with the same logs before and after its processes."""
+
+    model: SemiParametricModel
+    train: list[Log]
+    test: list[Log]
+    errors_before: Comparison
+    errors_after: Comparison
+    spread: list[list[Any]]
+    coverage: list[dict[str, Any]]
+
+    @classmethod
+    def of(cls, model: SemiParametricModel, train: list[Log], test: list[Log]) -> "Result":
+        """Compares on the test logs, or without them on the training logs."""
+        judged = stretches(test) or stretches(train)
+        after, spread = model.compare_with_spread(judged)
+        before = compare_with(model.physics_, judged)
+        return cls(model, train, test, before, after, spread, model.coverage(judged))
+
+    @property
+    def judged(self) -> list[Log]:
+        """The logs of the comparisons."""
+        return self.test or self.train
+
+    def to_dict(self) -> dict[str, Any]:
+        """All figures."""
+        physics = self.model.physics_
+        return {
+            "command": "learn",
+            "robot": {"name": physics.robot.name, "joint_names": physics.robot.joint_names},
+            "stopped": self.model.stopped_,
+            "joints": self.model.reports_,
+            "comparison": {
+                "logs": "test" if self.test else "train",
+                BEFORE: describe.comparison(self.errors_before),
+                AFTER: describe.comparison(self.errors_after),
+            },
+            "coverage": self.coverage,
+            "history": physics.history,
+            "logs": [
+                *(describe.repaired_log(log, "train") for log in self.train),
+                *(describe.repaired_log(log, "test") for log in self.test),
+            ],
+            "left_out_of_predictions": {},
+            "versions": versions(),
+            "library_version": __version__,
+        }
+
+    def page(self, data: dict[str, Any]) -> RestPage:
+        """The report."""
+        intervals = residuals_by_log(self.judged, spread_of(self.errors_after, self.spread)[INTERVAL])
+        return RestPage(
+            model=self.model,
+            errors_before=self.errors_before,
+            errors_after=self.errors_after,
+            residuals_before=residuals_by_log(self.judged, self.errors_before),
+            residuals_after=residuals_by_log(self.judged, self.errors_after),
+            intervals=[[piece.predicted for piece in pieces] for pieces in intervals],
+            data=data,
+        )
+
+
+def show(result: Result, data: dict[str, Any], output: Output) -> None:
+    """The result for people."""
+    rows = []
+    for joint, coverage in zip(data["joints"], data["coverage"], strict=True):
+        best = min((candidate["rmse"] for candidate in joint["candidates"]), default=None)
+        rows.append(
+            [
+                joint["joint"],
+                joint["inputs"] or "no process",
+                str(joint["points"]),
+                significant(joint["physics_rmse_left_out"]),
+                significant(best),
+                percent(coverage["percent_68"]),
+                percent(coverage["percent_95"]),
+            ]
+        )
+    columns = ["joint", "looks at", "points", "left out: physics", "best process", "within 68 %", "within 95 %"]
+    output.table(columns, rows, text_columns=(0, 1))
+    show_errors({BEFORE: result.errors_before, AFTER: result.errors_after}, output)
+    where = f"On {counted(len(result.test), 'unseen log')}" if result.test else "On the training logs"
+    before, after = (c.relative_error_percent for c in (result.errors_before, result.errors_after))
+    output.heading(
+        f"{where} the error is {percent(after)} % of the torque; the physics alone leaves {percent(before)} %."
+    )
