@@ -13,6 +13,9 @@ pub(super) struct Noise {
     pub level: Vec<f64>,
 }
 
+/// Least noise, as a share of the torque.
+const LEAST_SHARE: f64 = 1e-5;
+
 /// Highest order of the autoregression.
 const ORDER: usize = 6;
 
@@ -61,6 +64,9 @@ impl Noise {
                     best = (criterion, phi.clone(), error / c[0]);
                 }
             }
+            // Whatever the fit says, no model of an arm is right to five digits.
+            let least = (LEAST_SHARE * rms(&problem.y[joint])).powi(2);
+            let variance = variance.max(least);
             noise.level[joint] = variance.sqrt();
             noise.sigma[joint] = (variance * best.2).sqrt().max(1e-12);
             noise.phi[joint] = best.1;

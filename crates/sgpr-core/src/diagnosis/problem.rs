@@ -546,6 +546,7 @@ fn quiet_band(
     const SHARE: f64 = 0.5;
     const MUCH: f64 = 1.2;
     const LOWEST_HZ: f64 = 3.0;
+    const LEAST_ROWS: f64 = 600.0;
     let (_, choices) = Processing::choose(recordings, &Default::default())?;
     let robot = model.identified_robot();
     let n = robot.dof();
@@ -575,7 +576,16 @@ fn quiet_band(
             band = band.min((SHARE * 5f64.sqrt() * torque / acceleration).sqrt());
         }
     }
-    Ok((processing.cutoff_hz > MUCH * band).then_some(band.max(LOWEST_HZ)))
+    // Candidates have dozens of columns: rows must outnumber them many times.
+    let seconds: f64 = recordings.iter().map(duration_s).sum();
+    let lowest = (LEAST_ROWS / (ROWS_PER_CUTOFF * seconds.max(1e-9))).clamp(LOWEST_HZ, BAND_HZ);
+    let band = band.max(lowest);
+    Ok((processing.cutoff_hz > MUCH * band).then_some(band))
+}
+
+fn duration_s(recording: &Recording) -> f64 {
+    let time = recording.time();
+    time.first().zip(time.last()).map_or(0.0, |(first, last)| (last - first) as f64 * 1e-9)
 }
 
 /// Every so many samples a mass matrix for its mean.

@@ -1,3 +1,5 @@
+use crate::signal::{LowPass, Spectrum};
+
 use super::{About, Class, Constant, Context, Effect, Entry, LinkMotion, Reach, Site};
 
 /// Elastic transmission: the link lags behind the encoder on the motor side by the torque it takes, q_link = q - c
@@ -54,8 +56,26 @@ impl Effect for JointElasticity {
 
     fn link_motion(&self, site: Site, constants: &[f64], context: &Context<'_>, motion: &mut LinkMotion) {
         let joint = site.joint().expect("at a joint");
-        let twist: Vec<f64> =
+        let mut twist: Vec<f64> =
             context.of_joint(context.rigid_torque, joint).map(|torque| -constants[0] * torque).collect();
+        smooth(&mut twist, context.rate_hz);
         motion.deflect(joint, &twist, context.rate_hz);
+    }
+}
+
+/// Takes out what lies far above the motion: the torque holds second derivatives of the position, the link's motion those
+/// of the torque, and noise that is differentiated four times hides everything.
+fn smooth(twist: &mut [f64], rate_hz: f64) {
+    const WINDOW_S: f64 = 4.0;
+    const POWER: f64 = 0.995;
+    const ABOVE: f64 = 3.0;
+    if !rate_hz.is_finite() {
+        return;
+    }
+    let bandwidth = Spectrum::welch(twist, rate_hz, (WINDOW_S * rate_hz) as usize).bandwidth_hz(POWER);
+    let cutoff = ABOVE * bandwidth.max(1.0 / WINDOW_S);
+    if let Ok(filter) = LowPass::butterworth(4, cutoff, rate_hz) {
+        // A log too short for the filter stays as it is.
+        let _ = filter.apply(twist, 1);
     }
 }

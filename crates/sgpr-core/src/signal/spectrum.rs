@@ -39,6 +39,17 @@ impl Spectrum {
         let step = rate_hz / length as f64;
         Self { frequency_hz: (0..density.len()).map(|k| k as f64 * step).collect(), density }
     }
+
+    /// Frequency below which a share of the power lies, Hz.
+    pub fn bandwidth_hz(&self, share: f64) -> f64 {
+        let total: f64 = self.density.iter().sum();
+        let mut below = 0.0;
+        let reached = self.density.iter().position(|density| {
+            below += density;
+            below >= share * total
+        });
+        reached.map_or(0.0, |index| self.frequency_hz[index])
+    }
 }
 
 fn without_line(values: &[f64]) -> Vec<f64> {
