@@ -21,6 +21,19 @@ pub struct Plant<'a> {
     pub terms: &'a [Term],
 }
 
+const PAYLOAD: &str = "payload_change";
+
+impl Plant<'_> {
+    /// When the arm takes a payload, and the arm with it.
+    fn loaded(&self) -> Option<(f64, Robot)> {
+        let term = self.terms.iter().find(|term| term.effect.name() == PAYLOAD)?;
+        let mut parameters = self.robot.standard_parameters();
+        let last = parameters.len() - term.coefficients.len();
+        parameters[last..].iter_mut().zip(&term.coefficients).for_each(|(own, more)| *own += more);
+        Some((term.constants[0], self.robot.clone().with_standard_parameters(&parameters)))
+    }
+}
+
 /// Follows `motion` from the session time `start`; every `every` steps a row of position, velocity and motor torque.
 pub fn follow(
     plant: &Plant<'_>,
@@ -32,13 +45,18 @@ pub fn follow(
 ) -> [Vec<f64>; 3] {
     let n = plant.robot.dof();
     let (mut ws, mut ws_guess) = (Workspace::new(plant.robot), Workspace::new(guess));
+    let loaded = plant.loaded();
     let [mut q, mut dq, _] = motion.at(0.0);
     let (mut qs, mut dqs, mut taus) = (vec![], vec![], vec![]);
     let mut impulse = vec![0.0; n];
     for k in 0..(seconds / STEP).round() as usize {
         let time = k as f64 * STEP;
         let [q_wanted, dq_wanted, ddq_wanted] = motion.at(time);
-        let mut mass = mass_matrix(plant.robot, &mut ws, &q).to_vec();
+        let robot = match &loaded {
+            Some((from, robot)) if start + time >= *from => robot,
+            _ => plant.robot,
+        };
+        let mut mass = mass_matrix(robot, &mut ws, &q).to_vec();
         (0..n).for_each(|j| mass[j * n + j] += plant.rotor[j]);
         let forward = rnea(guess, &mut ws_guess, &q_wanted, &dq_wanted, &ddq_wanted);
         // A stiff loop: 4 Hz, well damped, scaled by the inertia that the joint sees.
@@ -54,7 +72,7 @@ pub fn follow(
             taus.extend_from_slice(&tau);
         }
         let extra = torque_of_terms(plant, &q, &dq, start + time);
-        let bias = bias_forces(plant.robot, &mut ws, &q, &dq);
+        let bias = bias_forces(robot, &mut ws, &q, &dq);
         // Viscous friction implicit, so that light wrists stay stable.
         let force: Vec<f64> = (0..n).map(|j| tau[j] - bias[j] - extra[j] - plant.viscous[j] * dq[j]).collect();
         (0..n).for_each(|j| mass[j * n + j] += STEP * plant.viscous[j]);
@@ -89,7 +107,7 @@ fn torque_of_terms(plant: &Plant<'_>, q: &[f64], dq: &[f64], time: f64) -> Vec<f
         torque: &still,
         channels: &[],
     };
-    for term in plant.terms {
+    for term in plant.terms.iter().filter(|term| term.effect.name() != PAYLOAD) {
         let joint = term.site.joint();
         let length = if term.effect.reach() == sgpr_core::effects::Reach::All { n } else { 1 };
         let mut columns = vec![vec![0.0; length]; term.coefficients.len()];

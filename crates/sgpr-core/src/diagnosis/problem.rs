@@ -68,6 +68,8 @@ pub(super) struct Problem {
     pub run: Vec<Vec<usize>>,
     /// Per joint and row: block of the held-out error.
     pub fold: Vec<Vec<usize>>,
+    /// Per joint: largest torque of the logs, if the torque stays at it.
+    pub limits: Vec<Option<f64>>,
     /// Per joint: how long before a reversal it may stick, s; rows there are left out.
     holds: Vec<f64>,
     /// Torque, per joint.
@@ -120,6 +122,7 @@ impl Problem {
             rows: vec![vec![]; n],
             run: vec![vec![]; n],
             fold: vec![vec![]; n],
+            limits: (0..n).map(|joint| flat_top(&stretches, joint)).collect(),
             holds: vec![0.0; n],
             y: vec![vec![]; n],
             logged,
@@ -150,6 +153,13 @@ impl Problem {
                 let mut run = 0;
                 let smear = 0.5 * stretch.decimation as f64 * ROWS_PER_CUTOFF / motion.rate_hz;
                 let mut sticks = sticking(motion, joint, self.top_speed(joint), smear);
+                if let Some(limit) = self.limits[joint] {
+                    let tau = motion.tau.as_deref().unwrap_or_default();
+                    let margin = stretch.filter.settling_samples();
+                    for k in (0..motion.len()).filter(|&k| tau[k * n + joint].abs() >= limit) {
+                        sticks[k.saturating_sub(margin)..(k + margin).min(motion.len())].fill(true);
+                    }
+                }
                 if self.holds[joint] > 0.0 {
                     let wait = until_reversal(motion, joint);
                     let margin = (smear * motion.rate_hz).ceil() as usize;
@@ -581,6 +591,24 @@ fn quiet_band(
     let lowest = (LEAST_ROWS / (ROWS_PER_CUTOFF * seconds.max(1e-9))).clamp(LOWEST_HZ, BAND_HZ);
     let band = band.max(lowest);
     Ok((processing.cutoff_hz > MUCH * band).then_some(band))
+}
+
+/// The largest torque of a joint in the logs, if it stays there again and again: a limit of drive or logger.
+fn flat_top(stretches: &[Stretch], joint: usize) -> Option<f64> {
+    /// As many samples in a row are no chance ...
+    const RUN: usize = 4;
+    /// ... and this share of all samples is worth a word.
+    const SHARE: f64 = 0.002;
+    let of_joint = |stretch: &Stretch| -> Vec<f64> {
+        let n = stretch.motion.use_as.len() / stretch.motion.len().max(1);
+        stretch.motion.tau.iter().flat_map(|tau| tau.iter().skip(joint).step_by(n.max(1)).map(|t| t.abs())).collect()
+    };
+    let all: Vec<Vec<f64>> = stretches.iter().map(of_joint).collect();
+    let limit = all.iter().flatten().copied().fold(0.0, f64::max);
+    let runs = all.iter().flat_map(|tau| tau.chunk_by(|a, b| a == b)).filter(|run| run[0] == limit && run.len() >= RUN);
+    let flat: usize = runs.map(<[f64]>::len).sum();
+    let samples: usize = all.iter().map(Vec::len).sum();
+    (limit > 0.0 && flat as f64 > SHARE * samples as f64).then_some(limit)
 }
 
 fn duration_s(recording: &Recording) -> f64 {

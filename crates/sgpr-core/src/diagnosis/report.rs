@@ -372,7 +372,8 @@ fn not_testable(search: &Search<'_>, start: &Fitted, ranking: &[Candidate]) -> V
         } else if super::search::is_absorbed(effect.as_ref()) {
             Some("the refitted base parameters take it up".into())
         } else if effect.entry() == Entry::Transform && effect.constants().iter().any(|c| c.scale == Scale::Torque) {
-            Some("not searched for: a torque at its limit shows as a flat top in the plots".into())
+            let none = search.problem.limits.iter().all(Option::is_none);
+            none.then(|| "no torque stays at its largest value".into())
         } else if let Some(why) = search.not_testable(start, effect.as_ref()) {
             Some(why)
         } else {

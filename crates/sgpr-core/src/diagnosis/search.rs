@@ -705,6 +705,10 @@ impl<'a> Search<'a> {
         let mut accepted: Vec<Accepted> = Vec::new();
         let mut ranking = None;
         self.progress.step(STAGE, 0, MOST_TERMS)?;
+        for (next, step) in self.limits(&fitted) {
+            fitted = next;
+            accepted.push(step);
+        }
         while fitted.terms().len() < MOST_TERMS {
             let (basis, white) = self.with_nuisances(&fitted);
             if let Some(released) = self.without_holds(&fitted, (&basis, &white)) {
@@ -734,6 +738,45 @@ impl<'a> Search<'a> {
         self.progress.step(STAGE, MOST_TERMS, MOST_TERMS)?;
         let held_out = self.held_out(&fitted);
         Ok(Outcome { start, fitted, accepted, ranking: ranking.unwrap_or_default(), held_out })
+    }
+
+    /// The fit with the limits at which the logged torque stays, one after the other.
+    fn limits(&self, fitted: &Fitted) -> Vec<(Fitted, Accepted)> {
+        let mut steps: Vec<(Fitted, Accepted)> = Vec::new();
+        let probe = |effect: &Arc<dyn Effect>, joint: usize, limit: f64| {
+            let constants = effect.constants();
+            let wanted = constants.len() == 1 && constants[0].scale == Scale::Torque && self.wanted(effect.as_ref());
+            let term = wanted.then(|| Term::new(effect.clone(), Site::Joint(joint), vec![limit]));
+            term.filter(is_limit)
+        };
+        for (joint, limit) in self.problem.limits.iter().enumerate() {
+            let Some(limit) = *limit else { continue };
+            let Some(term) = self.catalogue.iter().find_map(|effect| probe(effect, joint, limit)) else { continue };
+            let before = steps.last().map_or(fitted, |(fitted, _)| fitted);
+            if before.terms().iter().any(|t| is_limit(t) && t.site == term.site) {
+                continue;
+            }
+            let next = solve_like(&self.problem, before, &[before.terms(), &[term.clone()]].concat(), &self.noise);
+            let (without, with) = (self.errors(before), self.errors(&next));
+            let effect_size = without.largest_fall_to(&with, &term);
+            if effect_size < MATERIAL {
+                continue;
+            }
+            let fall = without.total()[joint].powi(2) - with.total()[joint].powi(2);
+            let score = 0.5 * self.problem.rows[joint].len() as f64 * fall / self.noise.level[joint].powi(2);
+            let accepted = Accepted {
+                effect: term.effect.name().into(),
+                site: term.site,
+                score,
+                first_score: score,
+                effect_size,
+                rivals: vec![],
+                with: with.total(),
+                without: without.total(),
+            };
+            steps.push((next, accepted));
+        }
+        steps
     }
 
     /// The fit without the moments before reversals at which joints stick, if there are joints that do.
@@ -957,6 +1000,10 @@ impl<'a> Search<'a> {
                 step.effect_size = errors.largest_fall_to(&with, &fitted.terms()[given + k]);
                 let size = step.effect_size;
                 let material = if fitted.terms()[given + k].effect.refines().is_some() { 0.0 } else { MATERIAL };
+                let limit = is_limit(&fitted.terms()[given + k]);
+                if limit {
+                    step.score = step.first_score;
+                }
                 if (step.score < EVIDENCE || size < material) && weakest.as_ref().is_none_or(|(s, ..)| size < *s) {
                     weakest = Some((size, k, without));
                 }
@@ -998,11 +1045,17 @@ impl HeldOut {
         let joints = self.in_band.iter().zip(&after.in_band).zip(self.beyond.iter().zip(&after.beyond));
         let falls = joints.map(|((own, own_after), (&beyond, &beyond_after))| {
             let least = beyond.min(beyond_after);
-            let [beyond, beyond_after] = if term.is_transform() { [least; 2] } else { [beyond, beyond_after] };
+            let filters = term.is_transform() && !is_limit(term);
+            let [beyond, beyond_after] = if filters { [least; 2] } else { [beyond, beyond_after] };
             own.hypot(beyond) / own_after.hypot(beyond_after).max(1e-12) - 1.0
         });
         falls.fold(f64::NEG_INFINITY, f64::max)
     }
+}
+
+/// Whether a term cuts the torque. Rows at the limit are no equations: it shows in the torque as logged.
+fn is_limit(term: &Term) -> bool {
+    term.site.joint().is_some_and(|joint| term.effect.limit(term.site, &term.constants, joint).is_some())
 }
 
 /// What a term is remembered by.
