@@ -1,13 +1,14 @@
 """`sgpr predict`: the torque for every sample of a log."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
+from numpy.typing import NDArray
 
-from .. import Recording, __version__
+from .. import Comparison, LogResidual, Model, Recording, __version__
 from .. import compare as compare_with
 from ..report.numbers import counted
 from .console import Output
@@ -19,6 +20,7 @@ from .reading import ReadingOptions, read_log
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
 PREDICTED = "predicted"
+STD, STD_WITH_NOISE = "std", "std_with_noise"
 
 
 def predict(
@@ -39,7 +41,9 @@ def predict(
 ) -> None:
     """Predicts the torque for each sample of a log.
 
-    Tables have the columns t, then NAME_measured and NAME_predicted for each joint; MCAP files the topics /measured,
+    Tables have the columns t, then NAME_measured and NAME_predicted for each joint, and for a model identified from
+    logs NAME_std, the standard deviation of the prediction that the uncertainty of the parameters makes, and
+    NAME_std_with_noise, that of a single torque in the band of the fit. MCAP files have the topics /measured,
     /predicted and /residual. A log without torque gives the predictions alone.
     """
     if not out.endswith(SUFFIXES):
@@ -53,12 +57,13 @@ def predict(
         if not measured:
             log = replace(log, raw=_with_torque(log.raw), stretches=[_with_torque(part) for part in log.stretches])
         found = compare_with(loaded, log.stretches)
-        [row] = predictions([log], {PREDICTED: found}, names)
+        bands = {} if out.endswith(".mcap") or loaded.fit is None else _bands(loaded, found)
+        [row] = predictions([log], {PREDICTED: found, **bands}, names)
         written = folder.file(str(place))
         if out.endswith(".mcap"):
             write_topics(written, [row], names, PREDICTED, with_measured=measured)
         else:
-            columns = {PREDICTED: "predicted"}
+            columns = {PREDICTED: PREDICTED, **{name: name for name in bands}}
             write_table(written, [row], names, columns, with_file=False, with_measured=measured)
     for action in log.actions:
         output.note(f"{file}: {action}")
@@ -79,6 +84,39 @@ def predict(
     }
     output.line(f"{counted(len(row.time_ns), 'sample')} written to {out}")
     output.result(data)
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """What of a stretch of a log is brought to the samples of the table."""
+
+    source: str
+    time_ns: NDArray[np.int64]
+    q: NDArray[np.float64]
+    dq: NDArray[np.float64]
+    measured: NDArray[np.float64]
+    predicted: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Band:
+    """Standard deviations in the place of predictions."""
+
+    logs: list[_Piece]
+
+
+def _bands(model: Model, found: Comparison) -> dict[str, _Band]:
+    """Standard deviations along the motion, without and with the noise of a single torque."""
+    assert model.fit is not None, "asked before"
+    noise = np.asarray(model.fit["noise"])
+
+    def piece(log: LogResidual, deviation: NDArray[np.float64]) -> _Piece:
+        return _Piece(log.source, log.time_ns, log.q, log.dq, log.measured, deviation)
+
+    deviations = [model.predict(log.q, log.dq, log.ddq, return_std=True)[1] for log in found.logs]
+    plain = [piece(log, deviation) for log, deviation in zip(found.logs, deviations, strict=True)]
+    noisy = [piece(log, np.hypot(deviation, noise)) for log, deviation in zip(found.logs, deviations, strict=True)]
+    return {STD: _Band(plain), STD_WITH_NOISE: _Band(noisy)}
 
 
 def _with_torque(recording: Recording) -> Recording:

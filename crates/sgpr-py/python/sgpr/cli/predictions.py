@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,30 @@ CHUNK = 10_000
 DIGITS = "%.9g"
 
 
+class Stretch(Protocol):
+    """A quantity, called predicted, along one stretch of a log."""
+
+    @property
+    def source(self) -> str: ...
+    @property
+    def time_ns(self) -> NDArray[np.int64]: ...
+    @property
+    def q(self) -> Array: ...
+    @property
+    def dq(self) -> Array: ...
+    @property
+    def measured(self) -> Array: ...
+    @property
+    def predicted(self) -> Array: ...
+
+
+class Stretches(Protocol):
+    """The same along all stretches of all logs."""
+
+    @property
+    def logs(self) -> Sequence[Any]: ...
+
+
 @dataclass(frozen=True)
 class Prediction:
     """Torques at the samples of one log, `[samples, n]`."""
@@ -38,13 +62,13 @@ class Prediction:
     left_out: int
 
 
-def predictions(logs: Sequence[Log], comparisons: Mapping[str, Comparison], joints: Sequence[str]) -> list[Prediction]:
+def predictions(logs: Sequence[Log], comparisons: Mapping[str, Stretches], joints: Sequence[str]) -> list[Prediction]:
     """What each model predicts at the samples of each log.
 
     A log that was resampled is predicted at its new samples; the predictions are brought back to its own by linear
     interpolation. Samples of stretches that are too short to be filtered are left out.
     """
-    grouped = {name: residuals_by_log(logs, comparison) for name, comparison in comparisons.items()}
+    grouped = {name: _by_log(logs, comparison.logs) for name, comparison in comparisons.items()}
     result = []
     for index, log in enumerate(logs):
         pieces = {name: groups[index] for name, groups in grouped.items()}
@@ -54,10 +78,17 @@ def predictions(logs: Sequence[Log], comparisons: Mapping[str, Comparison], join
 
 def residuals_by_log(logs: Sequence[Log], comparison: Comparison) -> list[list[LogResidual]]:
     """The residuals of each log, stretch after stretch. They come in the order of the stretches that were compared."""
-    remaining = list(comparison.logs)
+    return _by_log(logs, comparison.logs)
+
+
+S = TypeVar("S", bound=Stretch)
+
+
+def _by_log(logs: Sequence[Log], pieces: Sequence[S]) -> list[list[S]]:
+    remaining = list(pieces)
     groups = []
     for log in logs:
-        group: list[LogResidual] = []
+        group: list[S] = []
         for stretch in log.stretches:
             first, last = int(stretch.time_ns[0]), int(stretch.time_ns[-1])
             while remaining and remaining[0].source == stretch.source and first <= int(remaining[0].time_ns[0]) <= last:
@@ -67,7 +98,7 @@ def residuals_by_log(logs: Sequence[Log], comparison: Comparison) -> list[list[L
     return groups
 
 
-def _as_compared(log: Log, pieces: Mapping[str, list[LogResidual]]) -> Prediction:
+def _as_compared(log: Log, pieces: Mapping[str, Sequence[Stretch]]) -> Prediction:
     first = next(iter(pieces.values()))
     time_ns = np.concatenate([piece.time_ns for piece in first])
     return Prediction(
@@ -81,7 +112,7 @@ def _as_compared(log: Log, pieces: Mapping[str, list[LogResidual]]) -> Predictio
     )
 
 
-def _at_own_samples(log: Log, pieces: Mapping[str, list[LogResidual]], joints: Sequence[str]) -> Prediction:
+def _at_own_samples(log: Log, pieces: Mapping[str, Sequence[Stretch]], joints: Sequence[str]) -> Prediction:
     raw = log.raw if log.raw.joint_names == list(joints) else log.raw.select(joints)
     time_ns, unique = np.unique(raw.time_ns, return_index=True)
     measured = raw.tau[unique] if raw.tau is not None else np.full((len(unique), raw.dof), np.nan)
@@ -92,7 +123,7 @@ def _at_own_samples(log: Log, pieces: Mapping[str, list[LogResidual]], joints: S
     inside = [finite & (time_ns >= p.time_ns[0]) & (time_ns < end) for p, end in zip(first, ends, strict=True)]
     times = [time_ns[mask] for mask in inside]
 
-    def join(arrays: Sequence[Array], group: Sequence[LogResidual]) -> Array:
+    def join(arrays: Sequence[Array], group: Sequence[Stretch]) -> Array:
         return np.concatenate([_interpolate(t, p.time_ns, a) for t, p, a in zip(times, group, arrays, strict=True)])
 
     return Prediction(
