@@ -50,6 +50,27 @@ def test_a_log_without_torque(log: str, tmp_path: Path) -> None:
     assert [row["joint_1_predicted"] for row in rows] == [row["joint_1_predicted"] for row in with_torque]
 
 
+def test_bands_of_an_identified_model(log: str, tmp_path: Path) -> None:
+    robot, recording = sgpr.robots.two_link(), sgpr.read(log)
+    model = sgpr.identify(robot, [recording], effects=["viscous_friction", "coulomb_friction"])
+    model.save(tmp_path / "model.sgpr")
+    out = tmp_path / "torque.csv"
+    assert run("predict", tmp_path / "model.sgpr", log, "--out", out).code == 0
+    rows = rows_of(out)
+    endings = ("measured", "predicted", "std", "std_with_noise")
+    assert list(rows[0]) == ["t", *(f"joint_{k}_{which}" for k in (1, 2) for which in endings)]
+    assert model.fit is not None
+    [piece] = sgpr.compare(model, [recording]).logs
+    _, expected = model.predict(piece.q, piece.dq, piece.ddq, return_std=True)
+    for joint in (1, 2):
+        plain = np.array([float(row[f"joint_{joint}_std"]) for row in rows])
+        noisy = np.array([float(row[f"joint_{joint}_std_with_noise"]) for row in rows])
+        np.testing.assert_allclose(plain, expected[:, joint - 1], rtol=1e-8)
+        np.testing.assert_allclose(noisy**2 - plain**2, model.fit["noise"][joint - 1] ** 2, rtol=1e-6)
+    # Topics hold torques only.
+    assert run("predict", tmp_path / "model.sgpr", log, "--out", tmp_path / "torque.mcap").code == 0
+
+
 def test_unknown_format_is_wrong_use(log: str, tmp_path: Path) -> None:
     found = run("predict", "two_link", log, "--out", tmp_path / "torque.xlsx")
     assert found.code == 2

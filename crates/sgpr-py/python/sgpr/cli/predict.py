@@ -7,18 +7,19 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from .. import Recording, SemiParametricModel, __version__
+from .. import Comparison, Model, Recording, SemiParametricModel, __version__
 from .. import compare as compare_with
 from ..report.numbers import counted
 from .console import Output
 from .errors import wrong_use
 from .inputs import load_any_model
 from .output_folder import OutputFolder
-from .predictions import INTERVAL, STD, predictions, spread_of, write_table, write_topics
+from .predictions import INTERVAL, STD, Pieces, beside, predictions, spread_of, write_table, write_topics
 from .reading import ReadingOptions, read_log
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
 PREDICTED = "predicted"
+STD_WITH_NOISE = "std_with_noise"
 
 
 def predict(
@@ -40,9 +41,12 @@ def predict(
     """Predicts the torque for each sample of a log.
 
     Tables have the columns t, then NAME_measured and NAME_predicted for each joint; MCAP files the topics /measured,
-    /predicted and /residual. A log without torque gives the predictions alone. With a model that `sgpr learn` wrote,
-    tables also have NAME_std and NAME_interval_95: the standard deviation of a measurement, and half its interval of
-    95 %.
+    /predicted and /residual. A log without torque gives the predictions alone.
+
+    Tables also say how sure that is. With a model identified from logs NAME_std is the standard deviation of the
+    prediction that the uncertainty of the parameters makes, and NAME_std_with_noise that of a single torque in the
+    band of the fit. With a model that `sgpr learn` wrote NAME_std is the standard deviation of a measurement, and
+    NAME_interval_95 half its interval of 95 %.
     """
     if not out.endswith(SUFFIXES):
         raise wrong_use(f"`{out}`: the name must end in {', '.join(SUFFIXES)}", "--out")
@@ -60,7 +64,10 @@ def predict(
             [row] = predictions([log], {PREDICTED: found, **spread_of(found, spread)}, names)
             columns |= {STD: STD, INTERVAL: INTERVAL}
         else:
-            [row] = predictions([log], {PREDICTED: compare_with(loaded, log.stretches)}, names)
+            found = compare_with(loaded, log.stretches)
+            bands = {} if out.endswith(".mcap") or loaded.fit is None else _bands(loaded, found)
+            [row] = predictions([log], {PREDICTED: found, **bands}, names)
+            columns |= {name: name for name in bands}
         written = folder.file(str(place))
         if out.endswith(".mcap"):
             write_topics(written, [row], names, PREDICTED, with_measured=measured)
@@ -85,6 +92,15 @@ def predict(
     }
     output.line(f"{counted(len(row.time_ns), 'sample')} written to {out}")
     output.result(data)
+
+
+def _bands(model: Model, found: Comparison) -> dict[str, Pieces]:
+    """Standard deviations along the motion, without and with the noise of a single torque."""
+    assert model.fit is not None, "asked before"
+    noise = np.asarray(model.fit["noise"])
+    deviations = [model.predict(log.q, log.dq, log.ddq, return_std=True)[1] for log in found.logs]
+    noisy = [np.hypot(deviation, noise) for deviation in deviations]
+    return {STD: beside(found, deviations), STD_WITH_NOISE: beside(found, noisy)}
 
 
 def _with_torque(recording: Recording) -> Recording:

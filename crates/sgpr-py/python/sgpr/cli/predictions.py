@@ -57,14 +57,16 @@ class Pieces:
     logs: list[Piece]
 
 
+def beside(comparison: Comparison, values: Sequence[Array]) -> Pieces:
+    """Numbers for the samples of a comparison's logs, to be written beside its predictions."""
+    pairs = zip(comparison.logs, values, strict=True)
+    return Pieces([Piece(log.source, log.time_ns, own) for log, own in pairs])
+
+
 def spread_of(comparison: Comparison, spread: Sequence[Sequence[Array]]) -> dict[str, Pieces]:
-    """Standard deviations and intervals of a comparison's logs, to be written beside its predictions."""
-
-    def pieces(which: int) -> Pieces:
-        pairs = zip(comparison.logs, spread, strict=True)
-        return Pieces([Piece(log.source, log.time_ns, values[which]) for log, values in pairs])
-
-    return {STD: pieces(0), INTERVAL: pieces(1)}
+    """Standard deviations and intervals of a comparison's logs."""
+    deviations, intervals = zip(*spread, strict=True)
+    return {STD: beside(comparison, deviations), INTERVAL: beside(comparison, intervals)}
 
 
 def predictions(
