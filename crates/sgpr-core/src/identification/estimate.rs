@@ -31,9 +31,7 @@ pub fn estimate(
         Method::TotalLeastSquares { relative_noise } => {
             total_least_squares::estimate(relative_noise, factors, start, nominal)
         }
-        Method::InstrumentalVariables => {
-            instrumental_variables::estimate(equations, factors, start, nominal, correlation)
-        }
+        Method::InstrumentalVariables => instrumental_variables::estimate(equations, factors, start, nominal),
         Method::OutputError => output_error::estimate(equations, start, nominal, correlation),
         Method::Recursive { forgetting } => recursive::estimate(forgetting, equations, factors, start, nominal),
     }

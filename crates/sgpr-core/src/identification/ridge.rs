@@ -1,4 +1,6 @@
 //! Least squares with a normal prior around the robot file.
+//!
+//! The robot file knows the bodies and says nothing of friction, rotors and offsets: what it does not know is not pulled.
 
 use faer::Mat;
 
@@ -6,6 +8,10 @@ use super::consistency::parameter_scales;
 use super::least_squares::{Solution, torque_sizes};
 use super::{Equations, Estimate, IdentificationError, JointFactor};
 use crate::linalg::{cholesky, triangle};
+
+/// Standard deviation, in units of their expected size, of parameters of which the robot file says nothing: the pull on
+/// them is a millionth of a millionth of what it would be.
+const UNKNOWN: f64 = 1e6;
 
 /// The prior makes all standard parameters independent, with deviations in the units of their link, so the base parameters
 /// have the covariance B D Bᵀ; its inverse root stands below the data as more rows.
@@ -24,7 +30,13 @@ pub(super) fn estimate(
     let torque = torque_sizes(factors, equations.robot().dof());
     let mut standard = equations.robot().standard_parameters();
     standard.resize(set.len(), 0.0);
-    let scale = parameter_scales(set, &standard, &torque);
+    let mut scale = parameter_scales(set, &standard, &torque);
+    for parameter in set.inertial()..set.len() {
+        let own = base.independent().iter().position(|kept| *kept == parameter);
+        if own.is_none_or(|own| nominal[own] == 0.0) {
+            scale[parameter] *= UNKNOWN / relative_deviation;
+        }
+    }
     let combination = base.matrix();
     let width = scale.len();
     let covariance = Mat::from_fn(unknowns, unknowns, |i, j| {

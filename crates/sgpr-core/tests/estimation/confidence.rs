@@ -66,6 +66,32 @@ fn intervals_cover() {
 }
 
 #[test]
+fn intervals_of_instrumental_variables_cover_under_differentiated_noise() {
+    const EXPERIMENTS: usize = 60;
+    let experiment = Experiment::new(2500);
+    let motion = experiment.run(&experiment.truth);
+    let expected = experiment.expected();
+    let mut random = Noise(29);
+    let mut hits = 0;
+    for _ in 0..EXPERIMENTS {
+        // Second differences of white noise in the positions: the sum over time is next to nothing.
+        let white: Vec<f64> = (0..motion.q.len() + 4).map(|_| random.normal()).collect();
+        let mut noisy = motion.clone();
+        for (k, ddq) in noisy.ddq.iter_mut().enumerate() {
+            *ddq += white[k] - 2.0 * white[k + 2] + white[k + 4];
+        }
+        let tau: Vec<f64> = motion.tau.iter().map(|tau| tau + 0.5 * random.normal()).collect();
+        let found = experiment.estimate(&Method::InstrumentalVariables, &noisy, &tau).expect("good data");
+        let spread = found.standard_deviations();
+        let covered = |k: &usize| (found.values[*k] - expected[*k]).abs() < 1.96 * spread[*k];
+        hits += (0..expected.len()).filter(covered).count();
+    }
+    let cover = hits as f64 / (EXPERIMENTS * expected.len()) as f64;
+    println!("covered: instruments {cover:.3}");
+    assert!((0.90..0.985).contains(&cover), "{cover}");
+}
+
+#[test]
 fn what_the_data_do_not_support_is_left_out_and_nothing_else() {
     let experiment = Experiment::new(3000);
     let mut truth = experiment.truth.clone();
