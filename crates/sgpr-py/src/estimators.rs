@@ -52,6 +52,7 @@ pub fn uncertainty(text: &str) -> PyResult<Uncertainty> {
 #[derive(Default)]
 pub struct ConsistencyArguments {
     wanted: bool,
+    cross_validated: bool,
     consistency: Consistency,
     given: Option<&'static str>,
 }
@@ -70,7 +71,11 @@ impl ConsistencyArguments {
                 self.given = Some("prior");
             }
             "prior_deviation" => {
-                self.consistency.prior.relative_deviation = positive(key, value.extract()?)?;
+                if let Ok(word) = value.extract::<String>() {
+                    self.cross_validated = choice(key, &word, &[("auto", true)])?;
+                } else {
+                    self.consistency.prior.relative_deviation = positive(key, value.extract()?)?;
+                }
                 self.given = Some("prior_deviation");
             }
             _ => {
@@ -81,11 +86,11 @@ impl ConsistencyArguments {
         Ok(())
     }
 
-    /// The settings, if consistency is wanted.
-    pub fn finish(self) -> PyResult<Option<Consistency>> {
+    /// The settings, if consistency is wanted, and whether the data choose the strength of the pull.
+    pub fn finish(self) -> PyResult<(Option<Consistency>, bool)> {
         match (self.wanted, self.given) {
-            (true, _) => Ok(Some(self.consistency)),
-            (false, None) => Ok(None),
+            (true, _) => Ok((Some(self.consistency), self.cross_validated)),
+            (false, None) => Ok((None, false)),
             (false, Some(option)) => Err(invalid(format!("{option}: it belongs to consistent=True"))),
         }
     }

@@ -123,7 +123,7 @@ impl Arguments {
             }
             options.method = Method::WlsKnown(noise);
         }
-        options.consistency = consistency.finish()?;
+        (options.consistency, options.cross_validated_prior) = consistency.finish()?;
         options.controller = match (kp, kd) {
             (None, None) => None,
             (Some(kp), Some(kd)) => Some(Controller { kp, kd }),
@@ -236,8 +236,9 @@ pub fn differentiation_name(method: Differentiation) -> String {
 ///     some distribution of it has, friction and rotor inertia not negative. See `Model.certificate`.
 /// prior : {"entropic", "euclidean"}
 ///     How the distance to the robot file is measured, which decides where the data are silent.
-/// prior_deviation : float, default 10.0
-///     Relative standard deviation of the robot file's values; 1 for a file that is roughly right.
+/// prior_deviation : float or "auto", default 30.0
+///     Relative standard deviation of the robot file's values; 1 for a file that is roughly right. With "auto" the one with
+///     which parts of the logs are predicted best from the others.
 /// bounds : dict, optional
 ///     Limits: {"joint_2": {"mass": (1, 5), "box": (lowest, highest)}} for the link that a joint carries, or "ellipsoid":
 ///     (centre, half_axes) for its centre of mass; "total_mass": (20, 30); any parameter, "joint_2.Fv": (0, None).
@@ -277,7 +278,7 @@ pub fn differentiation_name(method: Differentiation) -> String {
     text_signature = "(robot, recordings, *, effects=('viscous_friction', 'coulomb_friction', 'rotor_inertia', \
     'torque_offset'), method='wls', noise=None, start='robot_file', cutoff_hz=None, filter_order=4, \
     differentiation='central', torque_band='position', decimation=None, standstill_speed=None, consistent=False, \
-    prior='entropic', prior_deviation=10.0, bounds=None, essential=False, uncertainty='memory', instruments=(), kp=None, \
+    prior='entropic', prior_deviation=30.0, bounds=None, essential=False, uncertainty='memory', instruments=(), kp=None, \
     kd=None, progress=None)")]
 pub fn identify(
     py: Python<'_>,

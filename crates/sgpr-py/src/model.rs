@@ -235,7 +235,8 @@ impl Model {
     /// The proof that every link is a body, or None if consistency was not asked for: "links" with "joint", "mass" (kg),
     /// "centre" (m), "smallest_eigenvalue" of the pseudo-inertia, "relative_eigenvalue" in units of the link's size, and
     /// "principal_moments" (kg·m²); "active" limits; "cost", what consistency adds to the residual in standard
-    /// deviations of the fit; "seconds" in the solver.
+    /// deviations of the fit; "prices", the share of that cost that would be gone without one "limit", dearest first;
+    /// "prior_deviation", the relative deviation of the robot file's values; "seconds" in the solver.
     #[getter]
     fn certificate<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(certificate) = self.inner.fit().and_then(|fit| fit.consistency.as_ref()) else { return Ok(None) };
@@ -255,6 +256,15 @@ impl Model {
         dict.set_item("active", &certificate.active)?;
         dict.set_item("cost", certificate.cost)?;
         dict.set_item("seconds", certificate.seconds)?;
+        let mut prices = Vec::new();
+        for price in &certificate.prices {
+            let dict = PyDict::new(py);
+            dict.set_item("limit", &price.limit)?;
+            dict.set_item("share", price.share)?;
+            prices.push(dict);
+        }
+        dict.set_item("prices", prices)?;
+        dict.set_item("prior_deviation", certificate.prior_deviation)?;
         Ok(Some(dict))
     }
 

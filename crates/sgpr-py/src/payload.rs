@@ -205,9 +205,10 @@ pub fn identify_payload(
 ///     Noise in the currents, which is what there is; or least squares of torques, in use in the literature, which noise
 ///     draws to zero.
 /// lowest : array of shape (n,), optional
-///     Lower bounds of the gains, for least squares.
+///     Lower bounds of the gains, for least squares, and with `consistent`.
 /// **options
-///     `effects` and conditioning as in `identify`.
+///     `effects` and conditioning as in `identify`; `consistent`, `prior`, `prior_deviation` and `bounds` too: links and
+///     payload are then bodies.
 ///
 /// Returns
 /// -------
@@ -240,7 +241,7 @@ pub fn identify_drive_gains(
     lowest: Option<&Bound<'_, PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<DriveGains> {
-    let Arguments { options, progress } = Arguments::new(robot.get(), options)?;
+    let Arguments { mut options, progress } = Arguments::new(robot.get(), options)?;
     let (unloaded, loaded) = (recordings(unloaded)?, recordings(loaded)?);
     let index = link_of(robot.get(), link)?;
     let mut known = [None; PARAMETERS_PER_LINK];
@@ -261,7 +262,7 @@ pub fn identify_drive_gains(
         None => Vec::new(),
         Some(lowest) => Numbers::new("lowest", lowest)?.shaped(&[robot.dof()])?.finite()?.values().to_vec(),
     };
-    let gains = GainOptions { link: index, known, estimator, lowest };
+    let gains = GainOptions { link: index, known, estimator, lowest, consistency: options.consistency.take() };
     let inner = listen(py, progress, |progress| {
         core::identify_drive_gains(robot, &unloaded, &loaded, &options, &gains, progress)
     })?;

@@ -41,6 +41,28 @@ def test_consistency_costs_little_and_is_proven(
     assert sgpr.load(tmp_path / "model.sgpr").certificate == certificate
 
 
+def test_limits_have_prices_and_the_data_choose_the_pull(
+    consistent: sgpr.Model, demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording], tmp_path: Path
+) -> None:
+    name = f"{demo_robot.joint_names[0]}.Fc"
+    coulomb = dict(zip(consistent.all_parameter_names, consistent.all_parameters, strict=True))[name]
+    bounds = {name: (3.0 * coulomb, None)}
+    model = sgpr.identify(demo_robot, demo_logs[:1], consistent=True, bounds=bounds)
+    assert model.certificate is not None
+    dearest = model.certificate["prices"][0]
+    assert name in dearest["limit"]
+    assert 0.5 < dearest["share"] <= 1.0
+    assert model.report is not None
+    assert any("consistency costs" in text and name in text for text in model.report.warnings)
+    model.save(tmp_path / "model.sgpr")
+    assert sgpr.load(tmp_path / "model.sgpr").certificate == model.certificate
+    chosen = sgpr.identify(demo_robot, demo_logs[:1], consistent=True, prior_deviation="auto")
+    assert chosen.certificate is not None
+    assert chosen.certificate["prior_deviation"] in (1.0, 3.0, 10.0, 30.0, 100.0)
+    assert chosen.report is not None
+    assert any("error by relative deviation" in text for text in chosen.report.warnings)
+
+
 def test_limits_are_kept_and_contradictions_named(demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording]) -> None:
     names = demo_robot.joint_names
     bounds: dict[str, Any] = {
@@ -65,6 +87,7 @@ def test_limits_are_kept_and_contradictions_named(demo_robot: sgpr.Robot, demo_l
         {"prior": "entropic"},
         {"consistent": True, "prior": "guess"},
         {"consistent": True, "prior_deviation": -1.0},
+        {"consistent": True, "prior_deviation": "guess"},
         {"consistent": True, "bounds": {"elbow": {"mass": (0, 1)}}},
         {"consistent": True, "bounds": {"total_mass": 3.0}},
         {"consistent": True, "bounds": {"joint_1": {"volume": (0, 1)}}},

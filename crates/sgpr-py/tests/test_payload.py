@@ -71,5 +71,13 @@ def test_the_command_says_what_hangs_on_the_arm(tmp_path: Path) -> None:
     found = run(*arguments, "--known", "m=2", "--json")
     assert found.code == 0, found.err
     assert np.allclose(json.loads(found.out)["gains"], 1.0, atol=0.05)
+    bodies = ["--known", "m=2", "--consistent", "--estimator", "least_squares", "--lowest-gains", *["0.95"] * 6]
+    found = run(*arguments, *bodies, "--json")
+    assert found.code == 0, found.err
+    gains = np.array(json.loads(found.out)["gains"])
+    assert np.allclose(gains, 1.0, atol=0.06)
+    assert (gains > 0.95 - 1e-5).all()
+    for extra in (["--estimator", "least_squares"], ["--known", "m=2", "--estimator", "guess"]):
+        assert run(*arguments, *extra).code == 2
     for extra in (["--known", "m"], ["--link", "elbow"], ["--loaded", files[0]]):
         assert run(*arguments, *extra).code == 2

@@ -7,16 +7,23 @@
 //! what it adds to the torque is known in N·m. All joints share the arm's parameters, so each drive gets its own factor.
 //!
 //! The currents have the noise, not the motion, so the sum of (current - torque / gain)² is minimised, which is not linear
-//! in the gains; it starts from total least squares' cheaper neighbour, plain least squares with the gains on the side of
-//! the unknowns, which noise draws to zero.
+//! in the gains: total least squares with errors where they are, each drive's in its own current (Van Huffel, Vandewalle
+//! (1991), section 10). It starts from plain least squares with the gains on the side of the unknowns, which noise draws
+//! to zero. With either, links and payload can be held to be bodies (Wensing, Kim, Slotine (2018)).
 //!
 //! Sources: M. Gautier, S. Briot, Global identification of drive gains parameters of robots using a known payload, J.
 //! Dynamic Systems, Measurement, Control 136(5) (2014); C. Gaz, F. Flacco, A. De Luca (2014) for known payloads.
 
-use super::consistency::bounded_least_squares;
+use faer::Mat;
+
+use super::consistency::{Carrier, bounded_least_squares};
 use super::extended_factor::{ExtendedFactor, own_noise};
 use super::payload::Held;
-use super::{BaseParameters, Estimate, IdentificationError, JointFactor, LeastSquares, Method, ParameterSet};
+use super::{
+    BaseParameters, Consistency, Estimate, IdentificationError, JointFactor, LeastSquares, Method, ParameterSet,
+    torque_sizes,
+};
+use crate::robot::Robot;
 use crate::spatial::PARAMETERS_PER_LINK;
 
 /// What is known of the payload, in the frame of the link that holds it; `None` is estimated along.
@@ -42,8 +49,11 @@ pub struct GainOptions {
     pub known: KnownPayload,
     /// How gains are estimated.
     pub estimator: GainEstimator,
-    /// Lower bounds of the gains, `[n]`, for least squares; none if empty.
+    /// Lower bounds of the gains, `[n]`; without bodies they hold for least squares only. None if empty.
     pub lowest: Vec<f64>,
+    /// Whether the links and the payload are to be bodies, with the limits of the user and a weak pull toward the robot
+    /// file.
+    pub consistency: Option<Consistency>,
 }
 
 /// Gains of all drives.
@@ -66,6 +76,9 @@ const MOST_ITERATIONS: usize = 50;
 /// A step of this share of the gains changes nothing.
 const SMALL_STEP: f64 = 1e-9;
 
+/// The same where each step is a semidefinite program, which has fewer digits.
+const SMALL_STEP_OF_BODIES: f64 = 1e-5;
+
 /// Times that the linear equations are weighted anew by the gains found.
 const LINEAR_ROUNDS: usize = 3;
 
@@ -78,13 +91,14 @@ const LINEAR_ROUNDS: usize = 3;
 /// If nothing but zeros is known of the payload, there are fewer rows than unknowns, or a gain comes out as no positive
 /// number: its joint hardly feels the payload.
 pub fn identify_drive_gains(
+    robot: &Robot,
     set: &ParameterSet,
     base: &BaseParameters,
     [unloaded, loaded]: [&[JointFactor]; 2],
     correlation: Option<&[f64]>,
     options: &GainOptions,
 ) -> Result<DriveGains, IdentificationError> {
-    let GainOptions { link, known, estimator, lowest } = options;
+    let GainOptions { link, known, estimator, lowest, consistency } = options;
     if !known.iter().flatten().any(|value| *value != 0.0) {
         return Err(IdentificationError::UnknownPayload);
     }
@@ -97,8 +111,20 @@ pub fn identify_drive_gains(
         fit.solve_unknowns(&factors, &vec![0.0; unknowns])
     };
 
+    let mut nominal = robot.standard_parameters();
+    nominal.resize(set.len(), 0.0);
+    let torque = torque_sizes(loaded, problem.dof);
+    let carrier = consistency.as_ref().map(|consistency| Carrier {
+        robot,
+        set,
+        base,
+        consistency,
+        nominal: &nominal,
+        torque: &torque,
+    });
     if *estimator == GainEstimator::LeastSquares {
-        return problem.least_squares(&solve(Method::Ols, &|factor, loaded| problem.linear(factor, loaded))?, lowest);
+        let linear = solve(Method::Ols, &|factor, loaded| problem.linear(factor, loaded))?;
+        return problem.least_squares(&linear, lowest, carrier.as_ref());
     }
     // Weights from the residual of these equations would reward gains of zero; the noise of the currents does not.
     let noise = noise_of_joints(unloaded, loaded, problem.dof);
@@ -113,11 +139,15 @@ pub fn identify_drive_gains(
     for iterations in 1..=MOST_ITERATIONS {
         let step = solve(Method::Wls, &|factor, loaded| problem.linearised(factor, loaded, &x))?;
         let before = problem.gains(&x).to_vec();
-        x.iter_mut().zip(&step.values).for_each(|(x, step)| *x += step);
+        match &carrier {
+            None => x.iter_mut().zip(&step.values).for_each(|(x, step)| *x += step),
+            Some(carrier) => x = carrier.solve(&about(&step.whitened, &x), known, lowest)?,
+        }
         problem.require_positive(&x)?;
         let change =
             problem.gains(&x).iter().zip(&before).map(|(new, old)| (new / old - 1.0).abs()).fold(0.0, f64::max);
-        if change < SMALL_STEP || iterations == MOST_ITERATIONS {
+        let small = if carrier.is_some() { SMALL_STEP_OF_BODIES } else { SMALL_STEP };
+        if change < small || iterations == MOST_ITERATIONS {
             let deviations = step.standard_deviations();
             return Ok(DriveGains {
                 gains: problem.gains(&x).to_vec(),
@@ -129,6 +159,16 @@ pub fn identify_drive_gains(
         }
     }
     unreachable!("the last iteration returns")
+}
+
+/// The triangle of a step as one of x + step.
+fn about(triangle: &Mat<f64>, x: &[f64]) -> Mat<f64> {
+    let last = x.len();
+    let mut shifted = triangle.clone();
+    for i in 0..last {
+        shifted[(i, last)] += x.iter().enumerate().map(|(j, x)| triangle[(i, j)] * x).sum::<f64>();
+    }
+    shifted
 }
 
 /// Noise of the currents of each joint: what parameters of its own leave over.
@@ -162,12 +202,21 @@ impl Problem<'_> {
     }
 
     /// The solution of the linear equations, gains held at their bounds where it lies below.
-    fn least_squares(&self, linear: &Estimate, lowest: &[f64]) -> Result<DriveGains, IdentificationError> {
+    fn least_squares(
+        &self,
+        linear: &Estimate,
+        lowest: &[f64],
+        carrier: Option<&Carrier<'_>>,
+    ) -> Result<DriveGains, IdentificationError> {
         let first = self.rank + PARAMETERS_PER_LINK;
         let bounds: Vec<(usize, f64)> =
             lowest.iter().enumerate().map(|(joint, bound)| (first + joint, *bound)).collect();
         let below = bounds.iter().any(|(unknown, bound)| linear.values[*unknown] < *bound);
-        let x = if below { bounded_least_squares(&linear.whitened, &bounds)? } else { linear.values.clone() };
+        let x = match carrier {
+            Some(carrier) => carrier.solve(&linear.whitened, self.known, lowest)?,
+            None if below => bounded_least_squares(&linear.whitened, &bounds)?,
+            None => linear.values.clone(),
+        };
         self.require_positive(&x)?;
         Ok(DriveGains {
             gains: self.gains(&x).to_vec(),

@@ -34,8 +34,8 @@ pub use base_parameters::{BaseParameters, ParameterClass};
 pub use block_bootstrap::{Bootstrap, block_bootstrap};
 pub use closed_loop::{ClosedLoop, SimulatedMotion};
 pub use consistency::{
-    Consistency, ConsistentParameters, Distance, LinkBounds, LinkCertificate, ParameterBounds, PhysicalBounds, Prior,
-    Region,
+    Consistency, ConsistentParameters, DEVIATIONS, Distance, LinkBounds, LinkCertificate, ParameterBounds,
+    PhysicalBounds, Price, Prior, Region, weakest_good_deviation,
 };
 pub use drive_gains::{DriveGains, GainEstimator, GainOptions, KnownPayload, identify_drive_gains};
 pub use error::IdentificationError;

@@ -92,7 +92,8 @@ impl fmt::Display for Finding {
                 write!(
                     f,
                     "the torque of {joint} comes {by:.1} ms {side} its motion; shifted, its residual would be {:.0} % \
-                     smaller",
+                     smaller. Joints that differ among each other have no common delay: friction that lags behind a \
+                     reversal, a spring or an elastic joint looks the same",
                     100.0 * gain
                 )
             }

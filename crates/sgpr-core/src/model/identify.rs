@@ -4,12 +4,13 @@ use faer::Mat;
 
 use super::TorqueModel;
 use super::experiment::{Experiment, band_filter, select_joints, torque_of};
-use super::torque_model::{Fit, nominal_parameters};
+use super::torque_model::{Certificate, Fit, nominal_parameters};
 use crate::effects::UnknownEffect;
 use crate::identification::{
     BaseParameters, ClosedLoop, Consistency, Equations, Essential, Estimate, Finding, IdentificationError, JointFactor,
-    LeastSquares, Method, Observation, ParameterSet, Row, Series, Trajectory, block_bootstrap, essential_parameters,
-    estimate, hac_covariance, rows_per_independent_row, screen_factors, screen_rows, torque_sizes,
+    LeastSquares, Method, Observation, ParameterSet, Price, Row, Series, Trajectory, block_bootstrap,
+    essential_parameters, estimate, hac_covariance, rows_per_independent_row, screen_factors, screen_rows,
+    torque_sizes, weakest_good_deviation,
 };
 use crate::motion::{Conditioning, Motion, MotionError, Processing};
 use crate::progress::{Interrupted, Progress};
@@ -26,6 +27,8 @@ pub struct IdentifyOptions {
     pub method: Method,
     /// Physics and limits that the full set of parameters keeps; none if `None`.
     pub consistency: Option<Consistency>,
+    /// Whether the data choose how strong the pull toward the robot file is ([`Consistency::cross_validate`]).
+    pub cross_validated_prior: bool,
     /// Whether parameters that the data do not support are left out.
     pub essential: bool,
     /// Where standard deviations come from.
@@ -48,6 +51,7 @@ impl Default for IdentifyOptions {
             effects: effects.map(String::from).to_vec(),
             method: Method::Wls,
             consistency: None,
+            cross_validated_prior: false,
             essential: false,
             uncertainty: Uncertainty::Memory,
             instruments: Vec::new(),
@@ -242,6 +246,8 @@ fn fit(
     let mut estimate = estimate(&options.method, &mut equations, &factors, &nominal, Some(&correlation))?;
     match options.uncertainty {
         Uncertainty::Memory => {}
+        // The deviations of instrumental variables take residuals as they are already.
+        Uncertainty::Hac if options.method == Method::InstrumentalVariables => {}
         Uncertainty::Hac => estimate.covariance = hac_covariance(&mut equations, &factors, &estimate, None)?,
         Uncertainty::Bootstrap { replicates } => {
             let bootstrap = block_bootstrap(&mut equations, &factors, &estimate, replicates.max(2), None)?;
@@ -265,18 +271,31 @@ fn fit(
     let consistent = match &options.consistency {
         None => None,
         Some(consistency) => {
+            let mut consistency = consistency.clone();
             let torque = torque_sizes(&factors, robot.dof());
-            let solve = |whitened: &Mat<f64>| consistency.solve(robot, &set, &base, whitened, &start, &torque);
-            let mut found = solve(&estimate.whitened)?;
-            for _ in 0..if options.method.reweights() { REWEIGHTINGS } else { 0 } {
-                found = solve(&estimate.whitened_at(&factors, &found.base, &correlation))?;
+            if options.cross_validated_prior {
+                let folds = folds(robot, &set, &base, equations.trajectories())?;
+                let noise = noise_of(&factors, &estimate);
+                let scores = consistency.cross_validate(robot, &set, &base, &folds, noise, &start, &torque)?;
+                let deviation = weakest_good_deviation(&scores).expect("several candidates");
+                consistency.prior.relative_deviation = deviation;
+                notes.push(cross_validation_note(deviation, &scores));
             }
-            Some(found)
+            let solve = |whitened: &Mat<f64>| consistency.solve(robot, &set, &base, whitened, &start, &torque);
+            let mut whitened = estimate.whitened.clone();
+            let mut found = solve(&whitened)?;
+            for _ in 0..if options.method.reweights() { REWEIGHTINGS } else { 0 } {
+                whitened = estimate.whitened_at(&factors, &found.base, &correlation);
+                found = solve(&whitened)?;
+            }
+            let prices = consistency.prices(robot, &set, &base, &whitened, &start, &torque)?;
+            notes.extend(price_note(found.cost, base.rank(), &prices));
+            Some((found, prices, consistency.prior.relative_deviation))
         }
     };
     match &consistent {
         None => model.set_parameters(base.expand(&estimate.values, &start)),
-        Some(consistent) => {
+        Some((consistent, ..)) => {
             model.set_parameters(consistent.parameters.clone());
             estimate.values.clone_from(&consistent.base);
             notes.extend(consistent.notes.iter().cloned());
@@ -303,7 +322,7 @@ fn fit(
             .map(|(name, _)| name.clone())
             .collect(),
         standard_deviations: deviations,
-        consistency: consistent.map(Into::into),
+        consistency: consistent.map(|(found, prices, deviation)| Certificate::new(found, prices, deviation)),
     });
     model.processing = Some(processing.clone());
     model.provenance.logs = recordings.iter().map(|recording| recording.source().to_string()).collect();
@@ -362,6 +381,12 @@ fn loops<'a>(
 /// Times that joints are weighted anew by the residual of the consistent parameters.
 const REWEIGHTINGS: usize = 3;
 
+/// Squares of consistency's cost per parameter that noise explains.
+const CHANCE: f64 = 0.25;
+
+/// Share of the cost at which a limit is named.
+const DEAR: f64 = 0.3;
+
 /// Parts of the data, each of which is predicted from the others.
 const FOLDS: usize = 5;
 
@@ -373,6 +398,26 @@ fn essential(
     factors: &[JointFactor],
     estimate: &Estimate,
 ) -> Result<Essential, IdentificationError> {
+    let folds = folds(robot, set, base, trajectories)?;
+    essential_parameters(&folds, base.rank(), noise_of(factors, estimate))
+}
+
+/// Noise level of the rows that a part of the data has in common with one of `factors`.
+fn noise_of<'a>(factors: &'a [JointFactor], estimate: &'a Estimate) -> impl Fn(&JointFactor) -> f64 + 'a {
+    |part| {
+        let same = |factor: &&JointFactor| factor.joint == part.joint && factor.resting == part.resting;
+        let index = factors.iter().position(|factor| same(&factor));
+        index.map_or(f64::INFINITY, |index| estimate.weights[index] * estimate.unit)
+    }
+}
+
+/// Factors of consecutive parts of all trajectories.
+fn folds(
+    robot: &Robot,
+    set: &ParameterSet,
+    base: &BaseParameters,
+    trajectories: &[Trajectory<'_>],
+) -> Result<Vec<Vec<JointFactor>>, IdentificationError> {
     let n = robot.dof();
     let mut folds = Vec::new();
     for fold in 0..FOLDS {
@@ -389,10 +434,37 @@ fn essential(
         }
         folds.push(observation.factors());
     }
-    essential_parameters(&folds, base.rank(), |part| {
-        let same = |factor: &&JointFactor| factor.joint == part.joint && factor.resting == part.resting;
-        let index = factors.iter().position(|factor| same(&factor));
-        index.map_or(f64::INFINITY, |index| estimate.weights[index] * estimate.unit)
+    Ok(folds)
+}
+
+fn cross_validation_note(chosen: f64, scores: &[(f64, f64)]) -> String {
+    let scores: Vec<String> = scores.iter().map(|(deviation, error)| format!("{deviation}: {error:.3}")).collect();
+    format!(
+        "the robot file's values are taken to be right within {chosen} times their size: the weakest pull with which parts \
+         of the logs are predicted from the others as well as with any (error by relative deviation: {})",
+        scores.join(", ")
+    )
+}
+
+/// A sentence on the limits that cost most, if they cost more than chance.
+fn price_note(cost: f64, rank: usize, prices: &[Price]) -> Option<String> {
+    let added = cost.powi(2) * rank as f64;
+    // Least squares leaves one unit of variance per parameter to chance; a limit can take at most as much of it.
+    if added < CHANCE * rank as f64 {
+        return None;
+    }
+    let dear: Vec<String> = prices
+        .iter()
+        .take_while(|price| price.share >= DEAR)
+        .map(|price| format!("{} ({:.0} %)", price.limit, 100.0 * price.share))
+        .collect();
+    (!dear.is_empty()).then(|| {
+        format!(
+            "consistency costs more than noise explains, and most of it would be gone without one of these rules: {}. \
+             Bodies are not wrong: look there for an effect that the model lacks (a cable, a spring, a sensor), which \
+             inertias that no body has imitate",
+            dear.join("; ")
+        )
     })
 }
 
@@ -553,6 +625,14 @@ pub fn cutoff_influence(
 ) -> Result<Vec<CutoffInfluence>, IdentifyError> {
     let recordings = select_joints(robot, recordings)?;
     let (Some(processing), Some(reference)) = (&model.processing, &model.fit) else { return Ok(vec![]) };
+    // The pull that the data chose stays what it was.
+    let mut options = options.clone();
+    options.cross_validated_prior = false;
+    let chosen = reference.consistency.as_ref().and_then(|certificate| certificate.prior_deviation);
+    if let (Some(consistency), Some(deviation)) = (&mut options.consistency, chosen) {
+        consistency.prior.relative_deviation = deviation;
+    }
+    let options = &options;
     let mut influences = Vec::new();
     let factors = [0.5, std::f64::consts::FRAC_1_SQRT_2, std::f64::consts::SQRT_2, 2.0];
     for (index, factor) in factors.into_iter().enumerate() {

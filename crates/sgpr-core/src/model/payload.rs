@@ -54,7 +54,7 @@ pub fn identify_drive_gains(
 ) -> Result<DriveGains, IdentifyError> {
     let pair = Pair::new(robot, unloaded, loaded, options, progress)?;
     let factors = [&pair.factors[0][..], &pair.factors[1][..]];
-    Ok(estimation::identify_drive_gains(&pair.set, &pair.base, factors, None, gains)?)
+    Ok(estimation::identify_drive_gains(robot, &pair.set, &pair.base, factors, None, gains)?)
 }
 
 /// Factors of both sets of recordings.

@@ -3,7 +3,7 @@ use serde::{Deserialize, Serialize};
 use crate::dynamics::{BatchWorkspace, Samples, rnea_batch};
 use crate::effects::{JointState, UnknownEffect};
 use crate::identification::{
-    BaseParameters, ConsistentParameters, Equations, LinkCertificate, ParameterSet, Trajectory,
+    BaseParameters, ConsistentParameters, Equations, LinkCertificate, ParameterSet, Price, Trajectory,
 };
 use crate::motion::Processing;
 use crate::robot::{JointDynamics, Robot, RobotError};
@@ -72,12 +72,19 @@ pub struct Certificate {
     pub cost: f64,
     /// Time in the solver, s.
     pub seconds: f64,
+    /// What the limits cost one by one, dearest first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub prices: Vec<Price>,
+    /// Relative standard deviation of the robot file's values that the estimate was pulled with; not in files of versions
+    /// that did not keep it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prior_deviation: Option<f64>,
 }
 
-impl From<ConsistentParameters> for Certificate {
-    fn from(consistent: ConsistentParameters) -> Self {
+impl Certificate {
+    pub(super) fn new(consistent: ConsistentParameters, prices: Vec<Price>, prior_deviation: f64) -> Self {
         let ConsistentParameters { links, active, cost, seconds, .. } = consistent;
-        Self { links, active, cost, seconds }
+        Self { links, active, cost, seconds, prices, prior_deviation: Some(prior_deviation) }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Parameters of bodies: near the data, inside the limits, and a reason where there are none.
 
 use sgpr_core::identification::{
-    Consistency, ConsistentParameters, Distance, IdentificationError, LinkBounds, Method, ParameterBounds,
+    Consistency, ConsistentParameters, DEVIATIONS, Distance, IdentificationError, LinkBounds, Method, ParameterBounds,
     PhysicalBounds, Prior, Region,
 };
 use sgpr_core::spatial::LinkInertia;
@@ -98,4 +98,67 @@ fn limits_on_what_is_not_there_are_refused() {
     let parameters = vec![ParameterBounds { name: "joint_1.Q".into(), lowest: Some(0.0), highest: None }];
     assert!(bad(PhysicalBounds { parameters, ..PhysicalBounds::default() }).contains("joint_1.Q"));
     assert!(bad(PhysicalBounds { total_mass: Some([f64::NAN, 1.0]), ..PhysicalBounds::default() }).contains("number"));
+}
+
+#[test]
+fn the_limit_that_is_wrong_is_the_dearest() {
+    // Friction of joint 1 is 0.5 N·m·s/rad; a limit far above it costs most of what the limits cost together.
+    let parameters = vec![ParameterBounds { name: "joint_1.Fv".into(), lowest: Some(1.5), highest: None }];
+    let consistency = Consistency {
+        bounds: PhysicalBounds { parameters, ..PhysicalBounds::default() },
+        ..of_distance(Distance::Euclidean)
+    };
+    let experiment = Experiment::new(1500);
+    let motion = experiment.run(&experiment.truth);
+    let mut random = Noise(7);
+    let tau: Vec<f64> = motion.tau.iter().map(|tau| tau + 0.2 * random.normal()).collect();
+    let estimate = experiment.estimate(&Method::Wls, &motion, &tau).expect("good data");
+    let mut nominal = experiment.truth.clone();
+    nominal[experiment.set.inertial()..].fill(0.0);
+    let (robot, set, base) = (&experiment.robot, &experiment.set, &experiment.base);
+    let prices = consistency.prices(robot, set, base, &estimate.whitened, &nominal, &[20.0, 5.0]).expect("an arm");
+    assert!(prices[0].limit.contains("joint_1.Fv at least 1.5"), "{prices:?}");
+    assert!(prices[0].share > 0.9, "{prices:?}");
+    assert!(prices.iter().all(|price| (0.0..=1.0).contains(&price.share)));
+    // Limits that the data keep anyway cost nothing worth a name.
+    let prices = Consistency::default().prices(robot, set, base, &estimate.whitened, &nominal, &[20.0, 5.0]);
+    assert!(prices.expect("an arm").iter().all(|price| !price.limit.contains("joint_1.Fv")));
+}
+
+#[test]
+fn a_robot_file_that_is_right_helps_to_predict() {
+    let experiment = Experiment::new(600);
+    let motion = experiment.run(&experiment.truth);
+    let mut random = Noise(9);
+    let tau: Vec<f64> = motion.tau.iter().map(|tau| tau + 3.0 * random.normal()).collect();
+    let n = experiment.robot.dof();
+    let folds: Vec<_> = (0..3)
+        .map(|fold| {
+            let part = fold * 200 * n..(fold + 1) * 200 * n;
+            let samples = sgpr_core::dynamics::Samples {
+                q: &motion.q[part.clone()],
+                dq: &motion.dq[part.clone()],
+                ddq: &motion.ddq[part.clone()],
+            };
+            let mut observation =
+                sgpr_core::identification::Observation::new(&experiment.robot, &experiment.set, &experiment.base);
+            observation.add_samples(samples, &tau[part], None).expect("good data");
+            observation.factors()
+        })
+        .collect();
+    let scores = of_distance(Distance::Euclidean)
+        .cross_validate(
+            &experiment.robot,
+            &experiment.set,
+            &experiment.base,
+            &folds,
+            |_| 3.0,
+            &experiment.truth,
+            &[20.0, 5.0],
+        )
+        .expect("an arm");
+    assert_eq!(scores.iter().map(|(deviation, _)| *deviation).collect::<Vec<_>>(), DEVIATIONS);
+    // Errors are in units of the noise, which was 3 N·m.
+    assert!(scores.iter().all(|(_, error)| (error - 1.0).abs() < 0.1), "{scores:?}");
+    assert!(scores[0].1 < scores[DEVIATIONS.len() - 1].1, "{scores:?}");
 }

@@ -3,8 +3,8 @@
 use sgpr_core::dynamics::{BatchWorkspace, Samples, rnea_batch};
 use sgpr_core::effects::JointState;
 use sgpr_core::identification::{
-    BaseParameters, Equations, GainEstimator, GainOptions, JointFactor, KnownPayload, ParameterSet, PayloadOptions,
-    SimulatedMotion, identify_drive_gains, identify_payload,
+    BaseParameters, Consistency, Equations, GainEstimator, GainOptions, JointFactor, KnownPayload, ParameterSet,
+    PayloadOptions, SimulatedMotion, identify_drive_gains, identify_payload,
 };
 use sgpr_core::robot::{Robot, puma560};
 
@@ -109,7 +109,7 @@ fn with_noise_the_payload_is_within_its_deviations_and_a_body() {
 }
 
 fn options(known: KnownPayload) -> GainOptions {
-    GainOptions { link: LINK, known, estimator: GainEstimator::MaximumLikelihood, lowest: vec![] }
+    GainOptions { link: LINK, known, estimator: GainEstimator::MaximumLikelihood, lowest: vec![], consistency: None }
 }
 
 #[test]
@@ -121,7 +121,8 @@ fn gains_of_all_drives_follow_from_the_mass_of_the_payload() {
     for (noise, tolerance) in [(0.0, 1e-6), (0.5, 0.05)] {
         let (unloaded, loaded) = (puma.run(&[0.0; 10], noise, &gains, 5), puma.run(&PAYLOAD, noise, &gains, 6));
         let factors = [&puma.factors(&unloaded)[..], &puma.factors(&loaded)[..]];
-        let found = identify_drive_gains(&puma.set, &puma.base, factors, None, &options(known)).expect("good data");
+        let found = identify_drive_gains(&puma.robot, &puma.set, &puma.base, factors, None, &options(known))
+            .expect("good data");
         for (gain, expected) in found.gains.iter().zip(gains) {
             assert!((gain / expected - 1.0).abs() < tolerance, "{gain} {expected}");
         }
@@ -135,8 +136,28 @@ fn gains_of_all_drives_follow_from_the_mass_of_the_payload() {
     let lowest = gains.map(|gain| 0.97 * gain).to_vec();
     let least_squares =
         GainOptions { estimator: GainEstimator::LeastSquares, lowest: lowest.clone(), ..options(known) };
-    let found = identify_drive_gains(&puma.set, &puma.base, factors, None, &least_squares).expect("good data");
+    let found =
+        identify_drive_gains(&puma.robot, &puma.set, &puma.base, factors, None, &least_squares).expect("good data");
     assert!(found.gains.iter().zip(&lowest).all(|(gain, lowest)| *gain > lowest - 1e-5), "{:?}", found.gains);
-    let nothing = identify_drive_gains(&puma.set, &puma.base, [&[], &[]], None, &options([None; 10]));
+    // Held to bodies the gains are as good, and lower bounds hold for the likelihood too.
+    for estimator in [GainEstimator::MaximumLikelihood, GainEstimator::LeastSquares] {
+        let bodies = GainOptions {
+            estimator,
+            lowest: gains.map(|gain| 0.5 * gain).to_vec(),
+            consistency: Some(Consistency::default()),
+            ..options(known)
+        };
+        let found =
+            identify_drive_gains(&puma.robot, &puma.set, &puma.base, factors, None, &bodies).expect("good data");
+        for (gain, expected) in found.gains.iter().zip(gains) {
+            // Noise draws least squares to zero.
+            let lowest = if estimator == GainEstimator::LeastSquares { 0.5 - 1e-5 } else { 0.95 };
+            assert!((lowest..1.05).contains(&(gain / expected)), "{estimator:?}: {gain} {expected}");
+        }
+        let body = sgpr_core::spatial::LinkInertia::from_standard_parameters(&found.payload);
+        assert!(body.smallest_pseudo_inertia_eigenvalue() > -1e-6, "{:?}", found.payload);
+        assert_eq!(found.payload[0], PAYLOAD[0]);
+    }
+    let nothing = identify_drive_gains(&puma.robot, &puma.set, &puma.base, [&[], &[]], None, &options([None; 10]));
     assert!(nothing.expect_err("no scale").to_string().contains("payload"));
 }

@@ -442,7 +442,7 @@ def identify(
     standstill_speed: float | None = None,
     consistent: bool = False,
     prior: Literal["entropic", "euclidean"] = "entropic",
-    prior_deviation: float = 10.0,
+    prior_deviation: float | Literal["auto"] = 30.0,
     bounds: Mapping[str, Any] | None = None,
     essential: bool = False,
     uncertainty: str = "memory",  # "hac", "bootstrap:500"

@@ -18,12 +18,18 @@
 //! Geometric robot dynamic identification: a convex programming approach, IEEE T-RO 36(2) (2020), for the entropic pull.
 
 mod bounds;
+mod cross_validation;
+mod drives;
+mod prices;
 mod program;
 
 use faer::Mat;
 use serde::{Deserialize, Serialize};
 
 pub use bounds::{LinkBounds, ParameterBounds, PhysicalBounds, Region};
+pub use cross_validation::{DEVIATIONS, weakest_good_deviation};
+pub(super) use drives::{Carrier, bounded_least_squares};
+pub use prices::Price;
 
 use super::{BaseParameters, IdentificationError, ParameterSet};
 use crate::linalg::symmetric_eigen;
@@ -48,13 +54,13 @@ pub struct Prior {
     /// How the distance to the nominal parameters is measured.
     pub distance: Distance,
     /// Standard deviation of the nominal parameters as a share of them. With 1 they may well be wrong by their own size; the
-    /// default of 10 leaves them no say where the data have any, as for robot files with placeholders.
+    /// default of 30 leaves them no say where the data have any, as for robot files with placeholders.
     pub relative_deviation: f64,
 }
 
 impl Default for Prior {
     fn default() -> Self {
-        Self { distance: Distance::Entropic, relative_deviation: 10.0 }
+        Self { distance: Distance::Entropic, relative_deviation: 30.0 }
     }
 }
 
@@ -200,7 +206,7 @@ impl Consistency {
         debug_assert_eq!(x, 0, "parameters come first");
         add_data(&mut program, base, whitened, &scale);
         let notes = self.add_prior(&mut program, robot, set, nominal, &sizes, &scale);
-        (0..robot.dof()).for_each(|link| require_body(&mut program, link));
+        (0..robot.dof()).for_each(|link| require_body(&mut program, link * PARAMETERS_PER_LINK));
         bounds.iter().for_each(|bound| bound.require(&mut program));
         let Outcome { x, status, iterations, seconds } = program.solve();
         match status {
@@ -263,7 +269,7 @@ impl Consistency {
                 ));
             }
             match self.prior.distance {
-                Distance::Entropic => add_divergence(program, index, &matrix, weight),
+                Distance::Entropic => add_divergence(program, index * PARAMETERS_PER_LINK, &matrix, weight),
                 Distance::Euclidean => {
                     for (k, centre) in parameters_of(&matrix).into_iter().enumerate() {
                         program.add_square(index * PARAMETERS_PER_LINK + k, centre, weight);
@@ -275,38 +281,6 @@ impl Consistency {
             program.add_square(index, nominal[index] / scale[index], weight);
         }
         notes
-    }
-}
-
-/// min |R x - rho| with lower bounds on some unknowns.
-///
-/// - `system`: `[unknowns + 1, unknowns + 1]`, the triangle [R rho]
-/// - `lowest`: (unknown, bound)
-pub(super) fn bounded_least_squares(
-    system: &Mat<f64>,
-    lowest: &[(usize, f64)],
-) -> Result<Vec<f64>, IdentificationError> {
-    let unknowns = system.ncols() - 1;
-    let norm = |j: usize| system.col(j).subrows(0, unknowns).norm_l2();
-    let scale: Vec<f64> = (0..unknowns).map(|j| if norm(j) > 0.0 { 1.0 / norm(j) } else { 1.0 }).collect();
-    let mut program = Program::default();
-    program.variables(unknowns);
-    let residual = program.variables(unknowns);
-    let rows = (0..unknowns).map(|i| {
-        let mut row = Affine::variable(residual + i, -1.0).plus(-system[(i, unknowns)]);
-        row.terms.extend((i..unknowns).map(|j| (j, system[(i, j)] * scale[j])).filter(|(_, factor)| *factor != 0.0));
-        row
-    });
-    program.require_zero(rows.collect());
-    (residual..residual + unknowns).for_each(|variable| program.add_square(variable, 0.0, 1.0));
-    for &(unknown, bound) in lowest {
-        program.require_non_negative(vec![Affine::variable(unknown, 1.0).plus(-bound / scale[unknown])]);
-    }
-    let outcome = program.solve();
-    match outcome.status {
-        Status::Solved => Ok(outcome.x[..unknowns].iter().zip(&scale).map(|(x, scale)| x * scale).collect()),
-        Status::Infeasible => Err(IdentificationError::Unsolved { reason: "bounds without a point".into() }),
-        Status::Failed(reason) => Err(IdentificationError::Unsolved { reason }),
     }
 }
 
@@ -381,24 +355,24 @@ fn added_residual(whitened: &Mat<f64>, base: &[f64]) -> f64 {
     ((0..rank).map(|i| row(i).powi(2)).sum::<f64>() / rank as f64).sqrt()
 }
 
-/// The pseudo-inertia of a link in scaled variables is definite.
-fn require_body(program: &mut Program, link: usize) {
+/// The pseudo-inertia of the ten scaled variables from `first` on is definite.
+fn require_body(program: &mut Program, first: usize) {
     program.require_semidefinite(4, |row, column| {
         let margin = if row == column { -MARGIN } else { 0.0 };
-        pseudo_inertia_entry(link, row, column).plus(margin)
+        pseudo_inertia_entry(first, row, column).plus(margin)
     });
 }
 
-/// weight (tr(P₀⁻¹ P) - ln det P) of a link, the logarithm of the determinant by a definite matrix `[[P, Z], [Zᵀ, diag Z]]`
+/// weight (tr(P₀⁻¹ P) - ln det P) of the link whose variables begin at `first`, the logarithm of the determinant by a definite matrix `[[P, Z], [Zᵀ, diag Z]]`
 /// with Z lower triangular.
 ///
 /// Source: MOSEK Modeling Cookbook, section 6.2.3, log-determinant.
-fn add_divergence(program: &mut Program, link: usize, nominal: &nalgebra::Matrix4<f64>, weight: f64) {
+fn add_divergence(program: &mut Program, first: usize, nominal: &nalgebra::Matrix4<f64>, weight: f64) {
     let inverse = nominal.try_inverse().expect("a definite matrix");
     for column in 0..4 {
         for row in 0..4 {
             let (low, high) = (row.min(column), row.max(column));
-            program.add_cost(&pseudo_inertia_entry(link, low, high).scaled(weight * inverse[(row, column)]));
+            program.add_cost(&pseudo_inertia_entry(first, low, high).scaled(weight * inverse[(row, column)]));
         }
     }
     let z = program.variables(10);
@@ -406,7 +380,7 @@ fn add_divergence(program: &mut Program, link: usize, nominal: &nalgebra::Matrix
     // Lower triangle by rows.
     let z = |row: usize, column: usize| Affine::variable(z + row * (row + 1) / 2 + column, 1.0);
     program.require_semidefinite(8, |row, column| match (row, column) {
-        (_, 0..4) => pseudo_inertia_entry(link, row, column),
+        (_, 0..4) => pseudo_inertia_entry(first, row, column),
         (0..4, _) if row >= column - 4 => z(row, column - 4),
         (0..4, _) => Affine::default(),
         _ if row == column => z(row - 4, row - 4),
@@ -418,9 +392,9 @@ fn add_divergence(program: &mut Program, link: usize, nominal: &nalgebra::Matrix
     }
 }
 
-/// Entry of the pseudo-inertia of a link by its parameters m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz; row <= column.
-fn pseudo_inertia_entry(link: usize, row: usize, column: usize) -> Affine {
-    let first = link * PARAMETERS_PER_LINK;
+/// Entry of the pseudo-inertia of a link by its parameters m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz, which are the
+/// variables from `first` on; row <= column.
+fn pseudo_inertia_entry(first: usize, row: usize, column: usize) -> Affine {
     const DIAGONAL: [usize; 3] = [4, 6, 9];
     match (row, column) {
         (3, 3) => Affine::variable(first, 1.0),
@@ -554,7 +528,7 @@ fn smallest_conflict(links: usize, width: usize, bounds: &[Bound]) -> Option<Vec
     let contradict = |bounds: &[&Bound]| {
         let mut program = Program::default();
         program.variables(width);
-        (0..links).for_each(|link| require_body(&mut program, link));
+        (0..links).for_each(|link| require_body(&mut program, link * PARAMETERS_PER_LINK));
         bounds.iter().for_each(|bound| bound.require(&mut program));
         // Of all points that keep the limits the nearest to the origin: the program has one solution.
         (0..width).for_each(|variable| program.add_square(variable, 0.0, 1e-3));

@@ -7,7 +7,7 @@ import typer
 from .. import __version__, identify_drive_gains, identify_payload
 from ..report.numbers import percent, significant, with_deviation
 from .console import Output, to_json
-from .errors import wrong_use
+from .errors import one_of, wrong_use
 from .identify import IdentificationOptions
 from .output_folder import OutputFolder
 from .reading import ReadingOptions, read_logs, stretches
@@ -39,6 +39,24 @@ def payload(
             "the currents or torques of the logs by.",
         ),
     ] = None,
+    estimator: Annotated[
+        str | None,
+        typer.Option(
+            "--estimator",
+            metavar="maximum_likelihood|least_squares",
+            help="With --known: noise in the currents, which is what there is; or least squares of torques, which "
+            "noise draws to zero. With --consistent links and payload are bodies in either.",
+            show_default="maximum_likelihood",
+        ),
+    ] = None,
+    lowest_gains: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--lowest-gains",
+            metavar="GAIN...",
+            help="With --known: lower bounds of the gains, for least_squares or with --consistent.",
+        ),
+    ] = None,
     joints: Annotated[
         list[str] | None,
         typer.Option("--joints", metavar="JOINT...", help="Joints of the URDF to model; the others are locked."),
@@ -51,9 +69,17 @@ def payload(
 ) -> None:
     """Identifies a payload from logs with it and without it; or, with --known, the gains of the drives."""
     options = fit.arguments()
-    # The payload is a body unless the user says otherwise through Python; the arm need not be.
-    for key in ("method", "consistent", "prior", "prior_deviation", "bounds", "essential", "uncertainty", "start"):
+    # The payload is a body unless the user says otherwise through Python; the arm need not be, but can for its gains.
+    bodies = ("consistent", "prior", "prior_deviation", "bounds")
+    for key in ("method", "essential", "uncertainty", "start", *(() if known else bodies)):
         options.pop(key)
+    if known:
+        options["estimator"] = one_of(
+            estimator or "maximum_likelihood", ("maximum_likelihood", "least_squares"), "--estimator", "estimator"
+        )
+        options["lowest"] = lowest_gains
+    elif estimator or lowest_gains:
+        raise wrong_use("belongs to --known", "--estimator" if estimator else "--lowest-gains")
     both = sorted(set(unloaded) & set(loaded))
     if both:
         raise wrong_use(f"{', '.join(both)}: a log is with the payload or without it", "--loaded")

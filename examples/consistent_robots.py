@@ -1,0 +1,69 @@
+"""What physical consistency costs on five real robots: held-out errors of unconstrained and consistent models.
+
+    python examples/consistent_robots.py
+
+The logs are not part of this repository; `docs/real-data.md` says where they come from. The environment variable
+SGPR_DATA names the folder that holds them. The table is the one in `docs/estimators.md`.
+"""
+
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import sgpr
+from real_robots import DATASETS, recordings
+
+FRICTION = ["viscous_friction", "coulomb_friction", "torque_offset"]
+ALL = [*FRICTION, "rotor_inertia"]
+# Behind the gear no sensor sees the rotor.
+AT_THE_LINK = ("panda", "kuka_lwr")
+HEADER = """\
+| robot | effects | unconstrained | consistent | loss | `auto` | pull | dearest limit | solver, ms |
+|---|---|---:|---:|---:|---:|---:|---|---:|"""
+
+
+def row(name: str, label: str, effects: list[str], logs: dict[str, Any]) -> str:
+    """One line of the table."""
+
+    def error(**options: Any) -> tuple[float, dict[str, Any] | None]:
+        model = sgpr.identify(logs["robot"], logs["train"], effects=effects, **options)
+        return sgpr.compare(model, logs["test"]).relative_error_percent, model.certificate
+
+    free, _ = error()
+    bound, certificate = error(consistent=True)
+    chosen, other = error(consistent=True, prior_deviation="auto")
+    assert certificate is not None and other is not None
+    prices = certificate["prices"]
+    dearest = f"{prices[0]['limit']} ({100.0 * prices[0]['share']:.0f} %)" if prices else "-"
+    return (
+        f"| `{name}` | {label} | {free:.3f} | {bound:.3f} | {100.0 * (bound / free - 1.0):+.1f} % | {chosen:.3f} "
+        f"| {other['prior_deviation']:.0f} | {dearest} | {1e3 * certificate['seconds']:.0f} |"
+    )
+
+
+def main() -> int:
+    """Run every robot whose logs are there."""
+    data = Path(os.environ.get("SGPR_DATA") or "../shared/data/real")
+    print(HEADER)
+    found = False
+    for dataset in DATASETS:
+        folder = data / dataset.folder
+        if not (folder / dataset.urdf).exists():
+            print(f"{dataset.folder}: no logs in {folder}; skipped", file=sys.stderr)
+            continue
+        found = True
+        robot = sgpr.Robot.from_urdf(folder / dataset.urdf)
+        logs = {
+            "robot": robot,
+            "train": recordings(folder, robot, dataset, dataset.train),
+            "test": recordings(folder, robot, dataset, dataset.test),
+        }
+        effects, label = (FRICTION, "without rotor inertia") if dataset.folder in AT_THE_LINK else (ALL, "all")
+        print(row(dataset.folder, label, effects, logs), flush=True)
+        print(row(dataset.folder, f"{label}, springs", [*effects, "cable_stiffness"], logs), flush=True)
+    return 0 if found else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
