@@ -458,6 +458,12 @@ impl BaseParameters {
         self.inner.expressions()
     }
 
+    /// The same as formulas in the letters of the literature, links and joints numbered from one: "ZZ1R = ZZ1 + M2".
+    #[getter]
+    fn formulas(&self) -> Vec<String> {
+        self.inner.formulas()
+    }
+
     /// Matrix B, (rank, parameters), with base parameters = B @ parameters.
     #[getter]
     fn matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {

@@ -28,6 +28,63 @@ def test_ready_made_robot_for_people() -> None:
         assert text in found.out
 
 
+def test_formulas_of_base_parameters() -> None:
+    found = run("info", "two_link", "--base-parameters", "--effects", "rotor_inertia")
+    assert found.code == 0
+    assert "ZZ1R = ZZ1 + M2 + Ia1" in found.out
+    [data] = json.loads(run("info", "two_link", "--base-parameters", "--json").out)
+    assert [p["formula"] for p in data["base_parameters"]] == sgpr.robots.two_link().base_parameters().formulas
+
+
+def test_screening_against_the_robot(tmp_path: Path) -> None:
+    arguments = ("--robot", "two_link", "--effects", "viscous_friction", "coulomb_friction", "--json")
+    [data] = json.loads(run("info", write_log(tmp_path / "log.csv", 1), *arguments).out)
+    screening = data["screening"]
+    assert screening["refused"] is None
+    assert "excites all" in screening["excitation"]
+    assert not any("negated" in text for text in screening["findings"])
+
+    def negated(table: np.ndarray) -> np.ndarray:
+        table[:, 4] *= -1.0
+        return table
+
+    path = write_log(tmp_path / "negated.csv", 1, negated)
+    [data] = json.loads(run("info", path, *arguments).out)
+    assert any("joint_2" in text and "negated" in text for text in data["screening"]["findings"])
+    assert "negated" in run("info", path, *arguments[:-1]).out
+
+    def too_short(table: np.ndarray) -> np.ndarray:
+        return table[:8]
+
+    [data] = json.loads(run("info", write_log(tmp_path / "short.csv", 1, too_short), *arguments).out)
+    assert data["screening"]["refused"]
+
+
+def test_saturated_torques_and_impossible_positions_are_named(tmp_path: Path) -> None:
+    urdf = tmp_path / "arm.urdf"
+    links = "".join(
+        f'<link name="l{k}"><inertial><origin xyz="0.3 0 0"/><mass value="1"/>'
+        '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>'
+        for k in (1, 2)
+    )
+    joints = "".join(
+        f'<joint name="joint_{k}" type="revolute"><parent link="l{k - 1}"/><child link="l{k}"/><axis xyz="0 0 1"/>'
+        f'<origin xyz="{0.5 * (k - 1)} 0 0"/><limit lower="-0.3" upper="0.3" effort="2" velocity="5"/></joint>'
+        for k in (1, 2)
+    )
+    urdf.write_text(f'<robot name="arm"><link name="l0"/>{links}{joints}</robot>')
+
+    def clipped(table: np.ndarray) -> np.ndarray:
+        table[:, 3] = np.clip(table[:, 3], -2.0, 2.0)
+        return table
+
+    path = write_log(tmp_path / "clipped.csv", 1, clipped)
+    [data] = json.loads(run("info", path, "--robot", urdf, "--effects", "viscous_friction", "--json").out)
+    findings = data["screening"]["findings"]
+    assert any("torque of joint_1 is at or above its limit" in text for text in findings), findings
+    assert any("position of joint_1 is outside its limits" in text for text in findings), findings
+
+
 def test_log(tmp_path: Path) -> None:
     [data] = json.loads(run("info", write_log(tmp_path / "log.csv", 1), "--json").out)
     assert data["type"] == "log"

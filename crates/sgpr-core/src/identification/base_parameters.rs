@@ -46,7 +46,7 @@ const EXACT: f64 = 1e-7;
 
 /// Smaller factors (SI) are computed with but not shown: a robot file that writes 1.57079633 for a right angle mixes every
 /// parameter with a few billionths of others.
-const NEGLIGIBLE: f64 = 1e-6;
+pub(super) const NEGLIGIBLE: f64 = 1e-6;
 
 impl BaseParameters {
     /// The base parameters of a robot with effects.
@@ -122,6 +122,11 @@ impl BaseParameters {
     /// Name of the parameter that stands for each base parameter.
     pub fn names(&self) -> &[String] {
         &self.names
+    }
+
+    /// Names of all parameters of the set.
+    pub(super) fn parameter_names(&self) -> &[String] {
+        &self.parameters
     }
 
     /// Units of the base parameters.
@@ -209,7 +214,7 @@ fn tidy(factor: f64) -> f64 {
     if (factor - near).abs() < 1e-10 { near } else { factor }
 }
 
-fn significant(value: f64) -> String {
+pub(super) fn significant(value: f64) -> String {
     let digits = (5 - value.abs().log10().floor() as i32).clamp(0, 12) as usize;
     let text = format!("{value:.digits$}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }

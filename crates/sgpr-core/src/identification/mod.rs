@@ -14,6 +14,7 @@ mod error;
 mod essential;
 mod estimate;
 mod extended_factor;
+mod formulas;
 mod gautier_khalil;
 mod hac;
 mod instrumental_variables;

@@ -166,6 +166,8 @@ class BaseParameters:
     @property
     def expressions(self) -> list[str]: ...
     @property
+    def formulas(self) -> list[str]: ...  # "ZZ1R = ZZ1 + YY2", links numbered from one
+    @property
     def matrix(self) -> _Array: ...  # (rank, parameters): base = matrix @ parameters
     @property
     def parameter_names(self) -> list[str]: ...

@@ -14,6 +14,9 @@ KEPT_INERTIA = 10
 def robot(robot: Robot, path: str, effects: Sequence[str]) -> dict[str, Any]:
     """Joints, mass, base parameters and what the motion can tell of the standard parameters."""
     base = robot.base_parameters(effects)
+    exact = robot.base_parameters(effects, recursion=True)
+    # A robot file that is not exact, 1.57 for a right angle, has more parameters when taken at its word.
+    formulas = exact.formulas if exact.names == base.names else base.formulas
     limits = robot.limits
     joints = [
         {
@@ -35,8 +38,8 @@ def robot(robot: Robot, path: str, effects: Sequence[str]) -> dict[str, Any]:
         "gravity": robot.gravity,
         "effects": list(effects),
         "base_parameters": [
-            {"name": name, "unit": unit, "expression": expression}
-            for name, unit, expression in zip(base.names, base.units, base.expressions, strict=True)
+            {"name": name, "unit": unit, "expression": expression, "formula": formula}
+            for name, unit, expression, formula in zip(base.names, base.units, base.expressions, formulas, strict=True)
         ],
         "standard_parameter_classes": base.classes,
         "warnings": robot.warnings,

@@ -12,6 +12,7 @@ from .effects import checked_effects
 from .inputs import kind_of, load_any_model
 from .reading import ReadingOptions, expand_patterns
 from .robots import load_robot
+from .screening import screened
 
 
 def info(
@@ -22,7 +23,24 @@ def info(
     output: Output,
     effects: Annotated[
         list[str] | None,
-        typer.Option("--effects", metavar="EFFECT...", help="Count base parameters of robots with these effects."),
+        typer.Option(
+            "--effects",
+            metavar="EFFECT...",
+            help="Count base parameters and screen logs with these effects.",
+        ),
+    ] = None,
+    base_parameters: Annotated[
+        bool,
+        typer.Option("--base-parameters", help="Base parameters of robots as formulas: XX2R = XX2 - YY2 + 0.1865 M3."),
+    ] = False,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            "--robot",
+            metavar="ROBOT",
+            help="Robot of the logs: screens them against its physics (signs, units, delays, outliers, leverage, "
+            "saturation, excitation).",
+        ),
     ] = None,
     joints: Annotated[
         list[str] | None, typer.Option("--joints", metavar="JOINT...", help="Look at these joints only.")
@@ -30,23 +48,26 @@ def info(
 ) -> None:
     """Shows what robots, logs and saved models hold, and what is wrong with them."""
     chosen = checked_effects(effects or [])
+    arm = None if robot is None else load_robot(robot, joints)
     results = []
     for path in expand_patterns(files):
         match kind_of(path):
             case "robot":
                 data = describe.robot(load_robot(path, joints), path, chosen)
-                show_robot(data, output)
+                show_robot(data, output, formulas=base_parameters)
             case "model":
                 data = describe.any_model(load_any_model(path), path)
                 show_model(data, output)
             case "log":
                 data = describe.log(reading.read(path, joints), path)
+                if arm is not None:
+                    data["screening"] = screened(arm, path, reading, effects)
                 show_log(data, output)
         results.append(data)
     output.result(results)
 
 
-def show_robot(data: dict[str, Any], output: Output) -> None:
+def show_robot(data: dict[str, Any], output: Output, *, formulas: bool = False) -> None:
     """A robot for people."""
     output.heading(f"{data['file']}: robot {data['name']}, {counted(data['dof'], 'joint')}")
     rows = [
@@ -65,11 +86,17 @@ def show_robot(data: dict[str, Any], output: Output) -> None:
     base = data["base_parameters"]
     beside = f" with {', '.join(data['effects'])}" if data["effects"] else ""
     output.line(f"{counted(len(base), 'base parameter')}{beside}:")
-    output.table(
-        ["base parameter", "unit", "stands for"],
-        [[p["name"], p["unit"], readable(p["expression"])] for p in base],
-        text_columns=(0, 1, 2),
-    )
+    if formulas:
+        numbers = ", ".join(f"{number} {joint['name']}" for number, joint in enumerate(data["joints"], start=1))
+        output.line(f"links and joints: {numbers}; SI units")
+        for p in base:
+            output.line(f"  {p['formula']}")
+    else:
+        output.table(
+            ["base parameter", "unit", "stands for"],
+            [[p["name"], p["unit"], readable(p["expression"])] for p in base],
+            text_columns=(0, 1, 2),
+        )
     meanings = {
         "identifiable": "motion tells them one by one",
         "combination": "motion tells only combinations of them",
@@ -99,6 +126,8 @@ def show_log(data: dict[str, Any], output: Output) -> None:
     if data["channels"]:
         output.table(["other channel", "range"], [[name, _bounds(found)] for name, found in data["channels"].items()])
     show_findings(data["issues"], data["notes"], output)
+    if "screening" in data:
+        show_screening(data["screening"], output)
     output.line("")
 
 
@@ -111,6 +140,18 @@ def show_findings(issues: Sequence[dict[str, Any]], notes: Sequence[str], output
         output.line(f"note: {text}")
     if not issues:
         output.line("nothing suspicious found")
+
+
+def show_screening(found: dict[str, Any], output: Output) -> None:
+    """What the physics of the robot says of a log."""
+    if found["refused"] is not None:
+        output.line(f"not screened against the robot: {found['refused']}", "yellow")
+        return
+    output.line(found["excitation"])
+    for text in found["findings"]:
+        output.line(f"warning: {text}", "yellow")
+    if not found["findings"]:
+        output.line("the physics of the robot finds nothing suspicious")
 
 
 def show_model(data: dict[str, Any], output: Output) -> None:
@@ -177,6 +218,10 @@ def show_certificate(certificate: dict[str, Any], output: Output) -> None:
     output.table(columns, rows, text_columns=(0, 2, 3), title="Links as bodies")
     for name in certificate["active"]:
         output.line(f"at its limit: {name}")
+    for price in certificate["prices"]:
+        output.line(
+            f"{percent(100.0 * price['share'])} % of what consistency costs would be gone without: {price['limit']}"
+        )
 
 
 def show_processes(processes: Sequence[dict[str, Any]], output: Output) -> None:

@@ -1,0 +1,86 @@
+"""Logs against the physics of their robot, before anyone believes an estimate from them."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .. import Recording, Robot, SgprError
+from .. import identify as identify_from
+from .. import screen as screen_with
+from ..report.numbers import counted, percent, significant
+from .effects import DEFAULT_EFFECTS, checked_effects
+from .reading import ReadingOptions, read_log
+
+GOOD, POOR = 100.0, 500.0
+"""Condition numbers, columns scaled: optimised excitations reach 50 to 100."""
+
+AT_LIMIT = 0.995
+FEW = 0.001
+
+
+def screened(robot: Robot, path: str, reading: ReadingOptions, effects: list[str] | None) -> dict[str, Any]:
+    """What the physics of a robot says of a log: how well it excites the parameters, and what is suspicious."""
+    wanted = checked_effects(DEFAULT_EFFECTS if effects is None else effects)
+    found: dict[str, Any] = {"refused": None, "excitation": None, "condition": None, "findings": []}
+    try:
+        log = read_log(path, reading, robot.joint_names)
+        model = identify_from(robot, log.stretches, effects=wanted)
+    except SgprError as error:
+        return {**found, "refused": str(error)}
+    assert model.fit is not None and model.report is not None, "just identified"
+    said = model.report.warnings
+    more = [text for text in screen_with(model, log.stretches) if text not in said]
+    condition = model.fit["scaled_condition"]
+    return {
+        **found,
+        "condition": condition if np.isfinite(condition) else None,
+        "excitation": excitation(condition, len(model.parameters), model.fit["undetermined"]),
+        "findings": [*said, *more, *saturated(robot, log.stretches), *outside(robot, log.stretches)],
+    }
+
+
+def excitation(condition: float, count: int, undetermined: Sequence[str]) -> str:
+    """How well a motion excites the base parameters, in words."""
+    if undetermined:
+        return f"the motion excites {count - len(undetermined)} of {counted(count, 'base parameter')}"
+    word = "well" if condition <= GOOD else "fairly" if condition <= POOR else "badly"
+    return (
+        f"the motion excites all {counted(count, 'base parameter')}, {word}: the condition number is "
+        f"{significant(condition, 3)} (columns scaled; optimised motions reach 50 to 100)"
+    )
+
+
+def saturated(robot: Robot, stretches: Sequence[Recording]) -> list[str]:
+    """Torques at the limits of the robot file."""
+    texts = []
+    for k, name in enumerate(robot.joint_names):
+        limit = float(robot.limits["effort"][k])
+        torque = np.concatenate([np.abs(part.tau[:, k]) for part in stretches if part.tau is not None])
+        share = float(np.mean(torque >= AT_LIMIT * limit)) if len(torque) and limit > 0.0 else 0.0
+        if share > FEW:
+            texts.append(
+                f"the torque of {name} is at or above its limit of {significant(limit)} {robot.torque_units[k]} in "
+                f"{percent(100.0 * share)} % of the samples: what the drive could not give is not in the model; leave "
+                "these times out, or move slower"
+            )
+    return texts
+
+
+def outside(robot: Robot, stretches: Sequence[Recording]) -> list[str]:
+    """Positions that the joint cannot have."""
+    texts = []
+    for k, name in enumerate(robot.joint_names):
+        low, high = float(robot.limits["lower"][k]), float(robot.limits["upper"][k])
+        position = np.concatenate([part.q[:, k] for part in stretches])
+        margin = 0.02 * (high - low)
+        if not np.isfinite(margin) or margin <= 0.0:
+            continue
+        share = float(np.mean((position < low - margin) | (position > high + margin)))
+        if share > FEW:
+            texts.append(
+                f"the position of {name} is outside its limits of {significant(low)} to {significant(high)} "
+                f"{robot.position_units[k]} in {percent(100.0 * share)} % of the samples: check its sign, zero and "
+                "unit, and the order of the joints"
+            )
+    return texts
