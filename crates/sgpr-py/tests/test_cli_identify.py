@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import sgpr
 from cli_support import COULOMB, DEMO_ROBOT, DEMO_TRAIN, VISCOUS, Finished, run, write_log
+from sgpr.report.numbers import significant
 
 Run = tuple[Finished, Path]
 
@@ -193,6 +194,24 @@ def test_resampled_logs_are_predicted_at_their_own_samples(logs: list[str], tmp_
     )
     error = column(rows, "joint_1_measured") - column(rows, "joint_1_after")
     assert np.sqrt(np.mean(error[50:-50] ** 2)) < 0.15 * np.std(column(rows, "joint_1_measured"))
+
+
+def test_the_report_proves_consistency_and_shows_the_screening(tmp_path: Path) -> None:
+    base = ["identify", "--robot", DEMO_ROBOT, "--train", DEMO_TRAIN[0], "--consistent", "--prior-deviation", "10"]
+    done = run(*base, "--out", tmp_path / "out")
+    assert done.code == 0, done.err
+    data = json.loads((tmp_path / "out" / "identification.json").read_text())
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "Links as bodies" in page
+    for link in data["certificate"]["links"]:
+        assert significant(link["smallest_eigenvalue"], 3) in page
+    assert data["certificate"]["prior_deviation"] == 10.0
+    assert "excites all" in data["screening"][0]
+    assert data["screening"][0] in page
+    without = run(*base[:-3], "--out", tmp_path / "free")
+    assert without.code == 0, without.err
+    assert "Links as bodies" not in (tmp_path / "free" / "report.html").read_text()
+    assert run(*base[:-1], "much", "--out", tmp_path / "none").code == 2
 
 
 def test_consistent_arms_come_with_proof_and_robot_files(tmp_path: Path) -> None:

@@ -32,6 +32,7 @@ from .predictions import (
 )
 from .reading import Log, ReadingOptions, read_logs, stretches
 from .robots import load_robot
+from .screening import excitation, outside, saturated
 from .versions import versions
 
 FIT = "Identification"
@@ -80,12 +81,12 @@ class IdentificationOptions:
         ),
     ] = None
     prior_deviation: Annotated[
-        float | None,
+        str | None,
         typer.Option(
             "--prior-deviation",
-            metavar="SHARE",
-            help="With --consistent: relative standard deviation of the robot file's values.",
-            show_default="10",
+            metavar="SHARE|auto",
+            help="With --consistent: relative standard deviation of the robot file's values; auto: the data choose.",
+            show_default="30",
             rich_help_panel=FIT,
         ),
     ] = None
@@ -214,14 +215,19 @@ class IdentificationOptions:
             raise wrong_use("parameters that are left out make no body: choose one of the two", "--consistent")
         if self.prior is not None:
             one_of(self.prior, ("entropic", "euclidean"), "--prior", "distance")
-        if self.prior_deviation is not None and not self.prior_deviation > 0.0:
-            raise wrong_use("must be greater than zero", "--prior-deviation")
         return {
             "consistent": self.consistent,
             "prior": self.prior,
-            "prior_deviation": self.prior_deviation,
+            "prior_deviation": self._prior_deviation(),
             "bounds": None if self.bounds is None else _read_bounds(self.bounds),
         }
+
+    def _prior_deviation(self) -> float | str | None:
+        if self.prior_deviation is None or self.prior_deviation == "auto":
+            return self.prior_deviation
+        if not _is_number(self.prior_deviation) or not float(self.prior_deviation) > 0.0:
+            raise wrong_use(f"`{self.prior_deviation}`: expected a number above zero, or auto", "--prior-deviation")
+        return float(self.prior_deviation)
 
     def _band(self) -> float | str:
         if self.torque_band in ("position", "full"):
@@ -384,6 +390,7 @@ class Result:
                 AFTER: describe.comparison(self.after),
             },
             "certificate": self.model.certificate,
+            "screening": self.screening(),
             "essential": report.essential,
             "warnings": [*report.warnings, *self.findings],
             "logs": [
@@ -395,6 +402,13 @@ class Result:
             "versions": versions(),
             "library_version": __version__,
         }
+
+    def screening(self) -> list[str]:
+        """How well the motion excites the parameters, and what the physics finds suspicious in the training logs."""
+        fit = self.model.fit
+        assert fit is not None, "just identified"
+        words = excitation(fit["scaled_condition"], len(self.model.parameters), fit["undetermined"])
+        return [f"{words}.", *self.findings]
 
     def page(self, data: dict[str, Any]) -> IdentificationPage:
         """The report."""
@@ -433,7 +447,8 @@ def run(robot: Robot, train: Sequence[Log], test: Sequence[Log], options: dict[s
 def _findings(model: Model, training: Sequence[Recording]) -> list[str]:
     """What is suspicious in the training logs and not said yet."""
     said = [] if model.report is None else model.report.warnings
-    return [text for text in screen_with(model, training) if text not in said]
+    found = [text for text in screen_with(model, training) if text not in said]
+    return [*found, *saturated(model.robot, training), *outside(model.robot, training)]
 
 
 def show(result: Result, data: dict[str, Any], output: Output) -> None:

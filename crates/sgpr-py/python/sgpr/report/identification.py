@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .. import Comparison, LogResidual, Model
+from .certificate import certificate_section
 from .errors import errors_section, verdict
 from .excitation import excitation_section
 from .logs import logs_section
@@ -12,6 +13,7 @@ from .markup import Html, Section, element, items, join, paragraph, prose
 from .numbers import counted
 from .page import page
 from .parameters import parameters_section
+from .screening import screening_section
 from .settings import settings_section
 from .signals import signals_section
 from .torque import torque_section
@@ -60,8 +62,14 @@ class IdentificationPage:
             Section("errors", f"Errors on {on}", errors),
             Section("torque", f"Measured and predicted torque, {on}", torque),
             Section("parameters", "Parameters", parameters_section(data["parameters"])),
+            *(
+                [Section("certificate", "Links as bodies", certificate_section(data["certificate"]))]
+                if data["certificate"]
+                else []
+            ),
             Section("excitation", "Excitation", excitation),
             Section("signals", "Signal processing", signals),
+            Section("screening", "Screening", screening_section(data["screening"])),
             Section("logs", "Data quality", logs_section(data["logs"], data["left_out_of_predictions"])),
             Section("settings", "Settings and provenance", settings_section(self._settings())),
         ]

@@ -1,0 +1,52 @@
+"""The proof that every link is a body."""
+
+from typing import Any
+
+from .markup import Cell, Html, items, join, paragraph, table
+from .numbers import percent, significant
+
+
+def certificate_section(certificate: dict[str, Any]) -> Html:
+    """Smallest eigenvalue, mass, centre and principal moments of each link; limits reached, and what they cost."""
+    columns = [
+        "link of",
+        "smallest eigenvalue",
+        "relative",
+        "mass [kg]",
+        "centre of mass [m]",
+        "principal moments [kg·m²]",
+    ]
+    rows = [
+        [
+            link["joint"],
+            Cell(significant(link["smallest_eigenvalue"], 3), "number"),
+            Cell(significant(link["relative_eigenvalue"], 3), "number"),
+            Cell(significant(link["mass"], 4), "number"),
+            ", ".join(significant(value, 3) for value in link["centre"]),
+            ", ".join(significant(value, 3) for value in link["principal_moments"]),
+        ]
+        for link in certificate["links"]
+    ]
+    parts = [
+        paragraph(
+            "A link is a body if the smallest eigenvalue of its pseudo-inertia is above zero: then some distribution "
+            "of positive mass has its parameters. The relative one has lengths in units of the link's size and masses "
+            "in units of its mass."
+        ),
+        table("Certificate", columns, rows, text_columns=(0, 4, 5)),
+        paragraph(
+            f"Consistency adds {significant(certificate['cost'], 3)} standard deviations (root mean square per base "
+            "parameter) to the fit."
+        ),
+    ]
+    if certificate["active"]:
+        parts += [paragraph("The estimate lies at these limits:"), items(certificate["active"])]
+    if certificate["prices"]:
+        parts += [
+            paragraph(
+                "What would be gone of that cost without one limit alone. A limit that costs much points at an effect "
+                "that the model lacks, which inertias that no body has imitate."
+            ),
+            items(f"{percent(100.0 * price['share'])} %: {price['limit']}" for price in certificate["prices"]),
+        ]
+    return join(parts)
