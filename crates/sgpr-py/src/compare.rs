@@ -97,6 +97,11 @@ impl Comparison {
         Ok(Self { joints, relative_error_percent, relative_error_with_rests_percent, logs })
     }
 
+    /// The stretches of every log.
+    pub fn parts(&self, py: Python<'_>) -> Vec<Py<LogResidual>> {
+        self.logs.iter().map(|log| log.clone_ref(py)).collect()
+    }
+
     fn column<'py>(&self, py: Python<'py>, select: fn(&core::JointComparison) -> f64) -> PyResult<Array<'py>> {
         array(py, &[self.joints.len()], self.joints.iter().map(select).collect())
     }
@@ -141,7 +146,7 @@ impl Comparison {
     /// Measured and predicted torque of every stretch of every log.
     #[getter]
     fn logs(&self, py: Python<'_>) -> Vec<Py<LogResidual>> {
-        self.logs.iter().map(|log| log.clone_ref(py)).collect()
+        self.parts(py)
     }
 
     /// Root mean square of measured minus predicted, (n,), N·m (N).
@@ -285,8 +290,10 @@ impl JointComparison {
 /// Torques of one stretch of a log. Arrays are (N, n) unless said otherwise, read-only.
 #[pyclass(module = "sgpr", frozen)]
 pub struct LogResidual {
-    inner: core::LogResidual,
-    dof: usize,
+    /// Of the core.
+    pub inner: core::LogResidual,
+    /// Number of joints.
+    pub dof: usize,
 }
 
 fn rows<'py, T: numpy::Element>(

@@ -1,19 +1,23 @@
 //! Which effect a model lacks.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyDict, PyString};
 use sgpr_core::diagnosis as core;
-use sgpr_core::effects::{Effect, by_name, registry};
+use sgpr_core::effects::{Effect, by_name};
+use sgpr_core::model::LogResidual;
 use sgpr_core::recording as logs;
 
+use crate::compare::Comparison;
 use crate::errors::{IntoPyErr, invalid};
 use crate::identification::recordings;
 use crate::model::{Model, figure};
 use crate::progress::listen;
-use crate::user_effect::UserEffect;
+use crate::recording::Recording;
+use crate::user_effect::{UserEffect, known_effects, registered};
 
 /// Finds out which physical effects a model lacks.
 ///
@@ -74,7 +78,7 @@ type Catalogue = (Vec<Arc<dyn Effect>>, Vec<UserEffect>);
 
 fn catalogue(effects: Option<&Bound<'_, PyAny>>) -> PyResult<Catalogue> {
     let (mut catalogue, mut own) = (Vec::<Arc<dyn Effect>>::new(), Vec::new());
-    let Some(given) = effects.filter(|given| !given.is_none()) else { return Ok((registry(), own)) };
+    let Some(given) = effects.filter(|given| !given.is_none()) else { return Ok((known_effects(), registered())) };
     if given.is_instance_of::<PyString>() {
         return Err(PyTypeError::new_err("effects: expected a list of names or Effect"));
     }
@@ -85,12 +89,53 @@ fn catalogue(effects: Option<&Bound<'_, PyAny>>) -> PyResult<Catalogue> {
             own.push(effect.clone());
             catalogue.push(Arc::new(effect));
         } else if let Ok(name) = item.extract::<String>() {
-            catalogue.push(by_name(&name).map_err(IntoPyErr::into_py_err)?);
+            if let Some(effect) = registered().into_iter().find(|effect| effect.name() == name) {
+                own.push(effect.clone());
+                catalogue.push(Arc::new(effect));
+            } else {
+                catalogue.push(by_name(&name).map_err(IntoPyErr::into_py_err)?);
+            }
         } else {
             return Err(PyTypeError::new_err(format!("effects: got {}, expected names or Effect", item.repr()?)));
         }
     }
     Ok((catalogue, own))
+}
+
+/// What the residual of a comparison depends on, joint by joint: noise or structure, on which variables, of which shape,
+/// since when.
+///
+/// Parameters
+/// ----------
+/// model : Model
+///     The model that was compared.
+/// comparison : Comparison
+///     What `compare` returned for it.
+///
+/// Returns
+/// -------
+/// list of dict
+///     With the keys of `structure` in diagnosis.json: "joint", "rmse", "whiteness" (probability that noise is as far from
+///     white), "shares" ("state", "time", "noise"), "inputs", "shape", "change", "dependence", "summary".
+#[pyfunction]
+pub fn residual_structure<'py>(
+    py: Python<'py>,
+    model: &Bound<'py, Model>,
+    comparison: &Bound<'py, Comparison>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let model = model.get().inner.clone();
+    let parts = comparison.get().parts(py);
+    if parts.iter().any(|part| part.get().dof != model.robot().dof()) {
+        return Err(invalid("comparison: it is of another robot than the model"));
+    }
+    let logs: Vec<&LogResidual> = parts.iter().map(|part| &part.get().inner).collect();
+    let found = py.detach(|| core::structure_of_logs(&model, &logs));
+    of_joints(py, &found)
+}
+
+fn of_joints<'py>(py: Python<'py>, list: &[core::JointStructure]) -> PyResult<Bound<'py, PyAny>> {
+    let text = list.iter().map(core::JointStructure::to_json).collect::<Vec<_>>().join(",");
+    py.import("json")?.call_method1("loads", (format!("[{text}]"),))
 }
 
 /// What a diagnosis says.
@@ -162,6 +207,53 @@ impl Diagnosis {
     #[getter]
     fn unexplained(&self) -> Vec<String> {
         self.inner.unexplained.clone()
+    }
+
+    /// What the error of the model depends on, joint by joint: dicts with the keys of diagnosis.json.
+    #[getter]
+    fn structure<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        of_joints(py, &self.inner.structure)
+    }
+
+    /// The same with the findings: what is left.
+    #[getter]
+    fn left<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        of_joints(py, &self.inner.left)
+    }
+
+    /// Formulas for structure that no known effect explains: joint -> formula. Suggestions, not findings.
+    #[getter]
+    fn formulas<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        for formula in &self.inner.formulas {
+            dict.set_item(&formula.joint, &formula.text)?;
+        }
+        Ok(dict)
+    }
+
+    /// The motion that would tell the findings from what imitates them: a recording without torque, with accelerations
+    /// as channels; None if nothing imitates them.
+    #[getter]
+    fn next_motion(&self) -> Option<Recording> {
+        let robot = self.inner.after.robot();
+        self.inner.next_motion().map(|motion| motion.recording(robot, "next experiment").into())
+    }
+
+    /// Writes the motion of `next_motion`: a table (.csv, .csv.gz) of time, position, velocity and acceleration, or an
+    /// MCAP file (.mcap) with one trajectory_msgs/msg/JointTrajectory message.
+    ///
+    /// Raises
+    /// ------
+    /// SgprError
+    ///     If there is no such motion.
+    fn save_next_motion(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let none = "there is no next experiment: nothing imitates the findings";
+        let motion = self.inner.next_motion().ok_or_else(|| invalid(none))?;
+        let robot = self.inner.after.robot();
+        let mcap = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mcap"));
+        let write =
+            || if mcap { motion.write_mcap(robot, "/joint_trajectory", &path) } else { motion.write_csv(robot, &path) };
+        py.detach(write).map_err(IntoPyErr::into_py_err)
     }
 
     /// The model with all findings, all parameters refitted; the model itself if there is none.

@@ -24,7 +24,7 @@ mod _sgpr {
     #[pymodule_export]
     use crate::compare::{Comparison, JointComparison, LogResidual, compare};
     #[pymodule_export]
-    use crate::diagnosis::{Diagnosis, Finding, diagnose};
+    use crate::diagnosis::{Diagnosis, Finding, diagnose, residual_structure};
     #[pymodule_export]
     use crate::errors::{
         ExcitationError, GaussianProcessError, IdentificationError, ModelFileError, RecordingError, RobotError,
@@ -51,7 +51,7 @@ mod _sgpr {
     #[pymodule_export]
     use crate::simulation::{Drive, Simulation, puma560_drives, simulate, two_link_drives};
     #[pymodule_export]
-    use crate::user_effect::UserEffect;
+    use crate::user_effect::{UserEffect, register_effect};
     #[pymodule_export]
     #[allow(non_upper_case_globals)]
     const __version__: &str = env!("CARGO_PKG_VERSION");

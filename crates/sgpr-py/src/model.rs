@@ -17,6 +17,7 @@ use crate::dynamics::motion;
 use crate::errors::{IntoPyErr, invalid};
 use crate::identification::{IdentificationReport, differentiation_name};
 use crate::robot::{Robot, urdf_options};
+use crate::user_effect::known_effects;
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
@@ -337,7 +338,7 @@ impl Model {
     #[staticmethod]
     #[pyo3(signature = (data, *, origin="bytes"))]
     fn from_bytes(data: &[u8], origin: &str) -> PyResult<Self> {
-        TorqueModel::from_bytes(data, origin).map(Self::from).map_err(IntoPyErr::into_py_err)
+        TorqueModel::from_bytes_with(data, origin, &known_effects()).map(Self::from).map_err(IntoPyErr::into_py_err)
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
@@ -361,7 +362,8 @@ impl Model {
     }
 }
 
-/// Reads a model file. Safe with files from strangers: nothing in them is run.
+/// Reads a model file. Safe with files from strangers: nothing in them is run. A model with an effect of your own is
+/// read if the effect was given to `register_effect`.
 ///
 /// Raises
 /// ------
@@ -377,7 +379,7 @@ impl Model {
 /// 2
 #[pyfunction]
 pub fn load(py: Python<'_>, path: PathBuf) -> PyResult<Model> {
-    py.detach(|| TorqueModel::load(path)).map(Model::from).map_err(IntoPyErr::into_py_err)
+    py.detach(|| TorqueModel::load_with(path, &known_effects())).map(Model::from).map_err(IntoPyErr::into_py_err)
 }
 
 /// One base parameter of a model.

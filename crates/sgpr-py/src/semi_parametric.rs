@@ -18,6 +18,7 @@ use crate::identification::{Arguments, recordings};
 use crate::model::Model;
 use crate::progress::listen_and_keep;
 use crate::robot::Robot;
+use crate::user_effect::known_effects;
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
@@ -80,7 +81,9 @@ impl FittedSemiParametric {
     /// Reads a file that `save` wrote.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let model = py.detach(|| core::SemiParametricModel::load(path)).map_err(IntoPyErr::into_py_err)?;
+        let model = py
+            .detach(|| core::SemiParametricModel::load_with(path, &known_effects()))
+            .map_err(IntoPyErr::into_py_err)?;
         Ok(Self { inner: Arc::new(model) })
     }
 
@@ -241,7 +244,7 @@ impl FittedSemiParametric {
     /// The model of which `data` is the file.
     #[staticmethod]
     fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
-        let model = py.detach(|| core::SemiParametricModel::from_bytes(data, "bytes"));
+        let model = py.detach(|| core::SemiParametricModel::from_bytes_with(data, "bytes", &known_effects()));
         Ok(Self { inner: Arc::new(model.map_err(IntoPyErr::into_py_err)?) })
     }
 

@@ -4,7 +4,11 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::experiment;
+use super::formula::Formula;
+use super::structure::JointStructure;
 use super::whereabouts::Whereabouts;
+use crate::excitation::TrajectorySamples;
 use crate::model::{Term, TorqueModel};
 
 /// What came out.
@@ -88,14 +92,23 @@ pub struct JointErrors {
 }
 
 /// A proposal for what to record next.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NextExperiment {
-    /// Hypotheses that it would tell apart.
+    /// Hypotheses that it would tell apart: the finding first.
     pub about: Vec<String>,
     /// What to do.
     pub experiment: String,
-    /// Joints to move.
+    /// Joints that it is about.
     pub joints: Vec<String>,
+    /// Length of the motion, s.
+    pub seconds: f64,
+    /// Log of the Bayes factor that the logs give against the nearest of the others.
+    pub separation_now: f64,
+    /// The same to be expected with the motion recorded beside the logs.
+    pub separation_expected: f64,
+    /// The motion: within positions, speeds and accelerations of the logs, from rest to rest.
+    #[serde(skip)]
+    pub motion: TrajectorySamples,
 }
 
 /// The held-out error after one more effect.
@@ -132,8 +145,14 @@ pub struct Diagnosis {
     pub steps: Vec<Step>,
     /// Where the error sits.
     pub whereabouts: Whereabouts,
+    /// What the error of the model depends on, joint by joint.
+    pub structure: Vec<JointStructure>,
+    /// The same with the findings: what is left.
+    pub left: Vec<JointStructure>,
     /// What unexplained structure depends on, in words.
     pub unexplained: Vec<String>,
+    /// Formulas for unexplained structure: suggestions.
+    pub formulas: Vec<Formula>,
     /// What to record next.
     pub next_experiment: Vec<NextExperiment>,
     /// The model that was diagnosed.
@@ -148,5 +167,10 @@ impl Diagnosis {
     /// The content of `diagnosis.json`: the same input gives the same bytes.
     pub fn to_json(&self) -> String {
         serde_json::to_string_pretty(self).expect("finite numbers and strings")
+    }
+
+    /// The motions of [`Self::next_experiment`] one after the other, 100 samples per second; `None` if there is none.
+    pub fn next_motion(&self) -> Option<TrajectorySamples> {
+        (!self.next_experiment.is_empty()).then(|| experiment::in_a_row(&self.next_experiment))
     }
 }

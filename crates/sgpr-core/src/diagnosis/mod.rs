@@ -8,10 +8,13 @@
 mod answer;
 mod basis;
 mod calibration;
+mod experiment;
 mod fit;
+mod formula;
 mod problem;
 mod report;
 mod search;
+mod structure;
 mod unknown;
 mod whereabouts;
 
@@ -20,6 +23,8 @@ use std::sync::Arc;
 pub use answer::{
     ByJoint, Diagnosis, Finding, FoundParameter, JointErrors, NextExperiment, NotTestable, Step, Verdict,
 };
+pub use formula::{Formula, FormulaTerm};
+pub use structure::{Change, Dependence, Input, JointStructure, Shares, structure_of_logs};
 pub use whereabouts::{Excess, JointWhereabouts, Whereabouts};
 
 use crate::effects::{self, Effect};

@@ -2,15 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use super::answer::{
-    ByJoint, Diagnosis, Finding, FoundParameter, JointErrors, NextExperiment, NotTestable, Step, Verdict,
-};
+use super::answer::{ByJoint, Diagnosis, Finding, FoundParameter, JointErrors, NotTestable, Step, Verdict};
 use super::basis::{Basis, Noise};
 use super::fit::{Fitted, solve, with_deviations};
+use super::formula::Formula;
 use super::problem::Column;
 use super::search::{Accepted, Candidate, Outcome, Search};
+use super::structure::JointStructure;
 use super::unknown::{self, Leftover};
-use super::{DiagnosisError, calibration, whereabouts};
+use super::{DiagnosisError, calibration, experiment, formula, structure, whereabouts};
 use crate::effects::{Entry, Scale, Site};
 use crate::model::{Fit, Term, TorqueModel, compare};
 use crate::recording::Recording;
@@ -18,6 +18,9 @@ use crate::robot::Robot;
 
 /// A rival with this share of a finding's evidence is named beside it.
 const CONFUSABLE: f64 = 0.6;
+
+/// A state that explains this share of what is left at a joint is worth a formula.
+const WORTH_A_FORMULA: f64 = 0.2;
 
 /// Joints whose held-out error falls by this share are listed with a finding.
 const LISTED: f64 = 0.01;
@@ -43,6 +46,11 @@ pub(super) fn report(
         findings.clear();
     }
     let after = without_harm(search, model, outcome, train, &mut findings)?;
+    let last = if findings.is_empty() { start } else { &outcome.fitted };
+    let structure = structure::structure_of_fit(&search.problem, start);
+    let of_last =
+        if findings.is_empty() { structure.clone() } else { structure::structure_of_fit(&search.problem, last) };
+    let formulas = if unexplained { formulas(search, last, left, &of_last) } else { vec![] };
     let names: Vec<&str> = model.robot().joint_names().collect();
     let words = |l: &Leftover| {
         format!(
@@ -62,17 +70,29 @@ pub(super) fn report(
         verdict,
         probability_nothing_missing: calibration::nothing_missing(outcome.news(search).map(|(_, a)| a), &features),
         probability_unexplained: calibration::unexplained(&features),
-        next_experiment: next_experiments(&findings),
+        next_experiment: experiment::next_experiments(search, &outcome.fitted, &findings, &outcome.ranking),
         findings,
         candidates,
         not_testable,
         joints: joint_errors(search, &outcome.fitted, model, &after, test)?,
         steps: steps(search, start, outcome),
         whereabouts: whereabouts::locate(&search.problem, start),
+        structure,
+        left: of_last,
         unexplained: left.iter().filter(|l| l.is_material()).map(words).collect(),
+        formulas,
         before: model.clone(),
         after,
     })
+}
+
+/// Formulas for the joints where structure is left.
+fn formulas(search: &Search<'_>, last: &Fitted, left: &[Leftover], structure: &[JointStructure]) -> Vec<Formula> {
+    let material = |joint: usize| {
+        left.iter().any(|l| l.joint == joint && l.is_material()) || structure[joint].shares.state > WORTH_A_FORMULA
+    };
+    let joints = (0..search.problem.dof()).filter(|joint| material(*joint));
+    joints.filter_map(|joint| formula::formula(&search.problem, last, &search.noise, joint)).collect()
 }
 
 /// Whether many effects at one joint imitate something else together: a Gaussian process on what the model left there
@@ -405,17 +425,6 @@ fn steps(search: &Search<'_>, start: &Fitted, outcome: &Outcome) -> Vec<Step> {
         steps.push(Step { effect: Some(accepted.effect.clone()), joints, rmse: by_joint(&accepted.with) });
     }
     steps
-}
-
-fn next_experiments(findings: &[Finding]) -> Vec<NextExperiment> {
-    let unclear = findings.iter().filter(|f| !f.confusable_with.is_empty());
-    unclear
-        .map(|f| NextExperiment {
-            about: [std::slice::from_ref(&f.effect), &f.confusable_with[..]].concat(),
-            experiment: f.separating_experiment.clone(),
-            joints: f.joints.clone(),
-        })
-        .collect()
 }
 
 /// Joints that a report names.

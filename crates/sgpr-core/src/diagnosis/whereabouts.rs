@@ -44,6 +44,7 @@ pub(super) fn locate(problem: &Problem, fitted: &Fitted) -> Whereabouts {
     let names: Vec<&str> = problem.nominal.robot().joint_names().collect();
     let mut joints = Vec::new();
     for joint in 0..n {
+        let unit = problem.nominal.robot().joints()[joint].kind.position_unit();
         let residual = &fitted.residual[joint];
         let total: f64 = residual.iter().map(|r| r * r).sum();
         let count = residual.len().max(1) as f64;
@@ -68,14 +69,14 @@ pub(super) fn locate(problem: &Problem, fitted: &Fitted) -> Whereabouts {
         };
         for (from, to) in [(0.0, 0.01), (0.01, 0.05), (0.05, 0.2), (0.2, 1.01)] {
             let inside = |k: usize| (from..to).contains(&(speed(k).abs() / top));
-            cell(format!("speed {:.3} to {:.3} of {top:.2}", from * top, f64::min(to, 1.0) * top), &inside);
+            cell(format!("speed {:.3} to {:.3} {unit}/s", from * top, f64::min(to, 1.0) * top), &inside);
         }
         cell("moving forwards".into(), &|k| speed(k) > 0.0);
         cell("moving backwards".into(), &|k| speed(k) < 0.0);
         for part in 0..6 {
             let edge = |part: usize| low + (high - low) * part as f64 / 6.0;
             let inside = |k: usize| position(k) >= edge(part) && position(k) < edge(part + 1);
-            cell(format!("position {:.2} to {:.2}", edge(part), edge(part + 1)), &inside);
+            cell(format!("position {:.2} to {:.2} {unit}", edge(part), edge(part + 1)), &inside);
         }
         if problem.clock.is_some() {
             let [start, end] = problem.time_span();

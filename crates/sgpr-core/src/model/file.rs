@@ -93,8 +93,16 @@ impl TorqueModel {
     /// # Errors
     /// If the file is no model, damaged, or of a later version.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelFileError> {
+        Self::load_with(path, &effects::registry())
+    }
+
+    /// As [`TorqueModel::load`], with effects of the caller's own among the terms.
+    ///
+    /// # Errors
+    /// As [`TorqueModel::load`].
+    pub fn load_with(path: impl AsRef<Path>, effects: &[Arc<dyn Effect>]) -> Result<Self, ModelFileError> {
         let path = path.as_ref();
-        Self::from_bytes(&read_limited(path)?, &path.display().to_string())
+        Self::from_bytes_with(&read_limited(path)?, &path.display().to_string(), effects)
     }
 
     /// The file's content.

@@ -79,7 +79,14 @@ impl TermDescription {
     /// The term, its effect one of `effects`.
     pub fn term(self, effects: &[Arc<dyn Effect>], robot: &Robot) -> Result<Term, String> {
         let effect = effects.iter().find(|effect| effect.name() == self.effect).cloned();
-        let effect = effect.ok_or_else(|| format!("it has the effect `{}`, which is not known here", self.effect))?;
+        let unknown = || {
+            format!(
+                "it has the effect `{}`, which is not one of the library: give it along (`load_with`; in Python call \
+                 `sgpr.register_effect` first)",
+                self.effect
+            )
+        };
+        let effect = effect.ok_or_else(unknown)?;
         if !effect.sites(robot).contains(&self.site) {
             return Err(format!("`{}` cannot be at {:?}", self.effect, self.site));
         }

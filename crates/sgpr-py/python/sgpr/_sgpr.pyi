@@ -482,8 +482,19 @@ class Diagnosis:
     @property
     def unexplained(self) -> list[str]: ...
     @property
+    def structure(self) -> list[dict[str, Any]]: ...
+    @property
+    def left(self) -> list[dict[str, Any]]: ...
+    @property
+    def formulas(self) -> dict[str, str]: ...
+    @property
+    def next_motion(self) -> Recording | None: ...
+    def save_next_motion(self, path: _Path) -> None: ...
+    @property
     def model(self) -> Model: ...
     def to_dict(self) -> dict[str, Any]: ...
+
+def residual_structure(model: Model, comparison: Comparison) -> list[dict[str, Any]]: ...
 
 @final
 class Finding:
@@ -513,14 +524,18 @@ class Effect:
     def __new__(
         cls,
         name: str,
-        function: Callable[[int, _Array, _Array, _Array], ArrayLike],
+        function: Callable[..., ArrayLike],  # (joint, q, dq, ddq, **constants, channels={})
         parameters: Sequence[str],
         *,
+        constants: Mapping[str, tuple[float, float] | tuple[float, float, str]] | None = None,
+        channels: Sequence[str] | None = None,
         summary: str | None = None,
         unit: str = "",
     ) -> Effect: ...
     @property
     def name(self) -> str: ...
+
+def register_effect(effect: Effect) -> None: ...
 
 @final
 class Payload:

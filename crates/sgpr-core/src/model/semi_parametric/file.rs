@@ -3,6 +3,7 @@
 
 use std::collections::HashMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use faer::Mat;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
@@ -13,6 +14,7 @@ use super::basis::{self, Basis};
 use super::fit::MOST_POINTS;
 use super::rest::{JointReport, Rest};
 use super::{Mean, SemiParametricModel, TorqueModel};
+use crate::effects::{self, Effect};
 use crate::gp::{Compute, Covariance, Data, GaussianProcess};
 
 /// The format that the head names.
@@ -50,8 +52,16 @@ impl SemiParametricModel {
     /// # Errors
     /// If the file is no model, damaged, or of a later version.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelFileError> {
+        Self::load_with(path, &effects::registry())
+    }
+
+    /// As [`SemiParametricModel::load`], with effects of the caller's own in the physics.
+    ///
+    /// # Errors
+    /// As [`SemiParametricModel::load`].
+    pub fn load_with(path: impl AsRef<Path>, effects: &[Arc<dyn Effect>]) -> Result<Self, ModelFileError> {
         let path = path.as_ref();
-        Self::from_bytes(&read_limited(path)?, &path.display().to_string())
+        Self::from_bytes_with(&read_limited(path)?, &path.display().to_string(), effects)
     }
 
     /// The file's content.
@@ -101,11 +111,19 @@ impl SemiParametricModel {
     /// # Errors
     /// As [`SemiParametricModel::load`].
     pub fn from_bytes(bytes: &[u8], origin: &str) -> Result<Self, ModelFileError> {
+        Self::from_bytes_with(bytes, origin, &effects::registry())
+    }
+
+    /// As [`SemiParametricModel::from_bytes`], with effects of the caller's own in the physics.
+    ///
+    /// # Errors
+    /// As [`SemiParametricModel::load`].
+    pub fn from_bytes_with(bytes: &[u8], origin: &str, effects: &[Arc<dyn Effect>]) -> Result<Self, ModelFileError> {
         let malformed = |message: String| ModelFileError::Malformed { path: origin.into(), message };
         let (head, tensors) = open(bytes, origin, FORMAT, VERSION)?;
         let head: Head = serde_json::from_str(&head).map_err(|error| malformed(format!("its head: {error}")))?;
         let physics = tensors.tensor("physics").map_err(|_| malformed("`physics` is missing".into()))?;
-        let physics = TorqueModel::from_bytes(physics.data(), origin)?;
+        let physics = TorqueModel::from_bytes_with(physics.data(), origin, effects)?;
         Self::from_head(head, physics, &tensors).map_err(malformed)
     }
 

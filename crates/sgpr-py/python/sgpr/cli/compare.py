@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import Comparison, Model, SemiParametricModel, __version__
+from .. import Comparison, Model, SemiParametricModel, __version__, residual_structure
 from .. import compare as compare_with
 from ..report.comparison import ComparisonPage
 from ..report.numbers import percent, significant
@@ -89,6 +89,7 @@ def compare(
         "reading": reading.to_dict(),
         "logs": [describe.repaired_log(log, "compared") for log in logs],
         "comparison": describe.comparison(found[model]),
+        "structure": residual_structure(physics[model], found[model]),
         "comparison_against": describe.comparison(found[next(iter(found))]) if against is not None else None,
         "trained_on": trained_on,
         "limits": judged,
@@ -108,6 +109,8 @@ def compare(
             folder.write("comparison.json", to_json(data))
             folder.write("report.html", page.html())
     show({labels[name]: each for name, each in found.items()}, judged, output)
+    for joint in data["structure"]:
+        output.line(joint["summary"])
     if folder:
         output.line(f"report: {folder.path / 'report.html'}")
     output.result(data)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import PurePath
 from typing import Annotated, Any
 
 import typer
@@ -24,6 +25,8 @@ from .predictions import AFTER, BEFORE, left_out, predictions, residuals_by_log,
 from .reading import Log, ReadingOptions, read_logs, stretches
 from .robots import load_robot
 from .versions import versions
+
+NEXT_EXPERIMENT = "next_experiment.csv"
 
 VERDICTS = {
     "effects_found": "Effects are missing from the model.",
@@ -81,7 +84,8 @@ def diagnose(
 ) -> None:
     """Finds out which physical effects a model lacks, adds them, and shows the error before and after.
 
-    Writes to DIR: diagnosis.json, report.html, model.sgpr and, with test logs, predictions.csv.
+    Writes to DIR: diagnosis.json, report.html, model.sgpr, with test logs predictions.csv and, if effects could be
+    mistaken for each other, next_experiment.csv and .mcap: the motion that tells them apart.
     """
     both = sorted(set(train) & set(test or ()))
     if both:
@@ -112,6 +116,10 @@ def diagnose(
             rows = predictions(test_logs, comparisons, arm.joint_names)
             data["left_out_of_predictions"] = left_out(rows)
             write_before_and_after(folder.file("predictions.csv"), rows, arm.joint_names)
+        if data["next_experiment"]:
+            data["next_experiment_file"] = NEXT_EXPERIMENT
+            result.diagnosis.save_next_motion(folder.file(NEXT_EXPERIMENT))
+            result.diagnosis.save_next_motion(folder.file(PurePath(NEXT_EXPERIMENT).with_suffix(".mcap").name))
         if not no_report:
             folder.write("report.html", result.page(data).html())
         folder.write("diagnosis.json", to_json(data))
@@ -169,6 +177,7 @@ class Result:
             residuals_before=residuals_by_log(self.judged, self.errors_before),
             residuals_after=residuals_by_log(self.judged, self.errors_after),
             summaries={name: effect["summary"] for name, effect in about.items()},
+            next_motion=self.diagnosis.next_motion,
             data=data,
         )
 
@@ -208,6 +217,8 @@ def show(result: Result, data: dict[str, Any], output: Output) -> None:
         f"probability that nothing is missing {data['probability_nothing_missing']:.2f}, that something unknown is "
         f"{data['probability_unexplained']:.2f}"
     )
+    for joint in data["structure"]:
+        output.line(joint["summary"])
     for number, finding in enumerate(data["findings"], start=1):
         at = ", ".join(finding["joints"]) or "whole arm"
         output.heading(f"{number}. {finding['effect']} ({at}), probability {finding['probability']:.2f}")
@@ -219,8 +230,18 @@ def show(result: Result, data: dict[str, Any], output: Output) -> None:
             output.line(f"   could also be {', '.join(finding['confusable_with'])}; {finding['separating_experiment']}")
     for text in data["unexplained"]:
         output.line(f"left over: {text}")
+    for formula in data["formulas"]:
+        output.line(
+            f"a formula for it (a suggestion): {formula['text']}, explains {percent(100 * formula['explained'])} % "
+            "of what is left"
+        )
+    for one in data["next_experiment"]:
+        output.line(
+            f"next experiment, to tell {' from '.join(one['about'])}: {one['experiment']}; log Bayes factor "
+            f"{one['separation_now']:.0f} now, {one['separation_expected']:.0f} expected"
+        )
     steps = data["steps"]
-    if len(steps) > 1:
+    if len(steps) > 1 and data["findings"]:
         names = list(steps[0]["rmse"])
         label = [f"{step['effect'] or 'model'} {', '.join(step['joints'])}".strip() for step in steps]
         rows = [[name, *(significant(step["rmse"][name]) for step in steps)] for name in names]
@@ -229,5 +250,7 @@ def show(result: Result, data: dict[str, Any], output: Output) -> None:
     where = f"On {counted(len(result.test), 'unseen log')}" if result.test else "On the training logs"
     before, after = (c.relative_error_percent for c in (result.errors_before, result.errors_after))
     output.heading(f"{where} the error is {percent(after)} % of the torque; before it was {percent(before)} %.")
+    for line in data["history"]:
+        output.line(f"history: {line}")
     if data["not_testable"]:
         output.note(f"not testable with these logs: {', '.join(entry['effect'] for entry in data['not_testable'])}")

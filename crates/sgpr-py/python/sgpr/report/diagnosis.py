@@ -4,19 +4,23 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from .. import Comparison, LogResidual, Model
+from .. import Comparison, LogResidual, Model, Recording
 from .errors import errors_section, verdict
+from .experiment import experiment_section
 from .logs import logs_section
 from .markup import Html, Section, element, items, join, paragraph, prose, table
-from .numbers import counted, percent, significant, with_deviation
+from .numbers import counted, percent, with_deviation
 from .page import page
 from .settings import settings_section
 from .signature import signature_figures
 from .steps import steps_section
+from .structure import structure_section
 from .torque import torque_section
 
 BEFORE, AFTER = "before", "with the findings"
 SHOWN_CANDIDATES = 25
+SHOWN_CELLS = 3
+SHARES = ("share", "samples")
 
 VERDICTS = {
     "effects_found": "The model lacks",
@@ -31,6 +35,7 @@ class DiagnosisPage:
 
     - `residuals_before`, `residuals_after`: stretches of each judged log
     - `summaries`: sentence on each effect
+    - `next_motion`: what to record next
     - `data`: the figures, as in diagnosis.json
     """
 
@@ -41,6 +46,7 @@ class DiagnosisPage:
     residuals_before: Sequence[Sequence[LogResidual]]
     residuals_after: Sequence[Sequence[LogResidual]]
     summaries: Mapping[str, str]
+    next_motion: Recording | None
     data: dict[str, Any]
 
     def html(self) -> str:
@@ -56,22 +62,25 @@ class DiagnosisPage:
         )
         errors, error_plots = errors_section(models)
         torque, torque_data = torque_section(residuals, judged, joints)
-        steps, step_plots = steps_section(data["steps"], dict(joints))
-        findings, finding_plots = self._findings(dict(joints))
+        units = dict(joints)
+        steps, step_plots = steps_section(data["steps"] if found else [], units)
+        findings, finding_plots = self._findings(units)
+        where, where_plots = self._where(units)
+        left, left_plots = self._left(units)
         on = "unseen logs" if unseen else "the training logs"
         sections = [
-            Section("where", "Where the model fails", self._where()),
+            Section("errors", f"Errors on {on}", errors),
+            Section("where", "Where the model fails", where),
             Section("findings", "What is missing", findings),
             Section("steps", "How the error falls", steps),
-            Section("left", "What is left", self._left()),
-            Section("errors", f"Errors on {on}", errors),
+            Section("left", "What is left", left),
             Section("torque", f"Measured and predicted torque, {on}", torque),
             Section("candidates", "All that was tested", self._candidates()),
             Section("logs", "Data quality", logs_section(data["logs"], data["left_out_of_predictions"])),
             Section("settings", "Settings and provenance", settings_section(self._settings())),
         ]
         payload = {
-            "figures": {**error_plots, **step_plots, **finding_plots},
+            "figures": {**error_plots, **where_plots, **finding_plots, **step_plots, **left_plots},
             "switches": {},
             "torque": torque_data or None,
         }
@@ -93,28 +102,25 @@ class DiagnosisPage:
         )
         return join([lead, paragraph(odds, "soft")])
 
-    def _where(self) -> Html:
-        rows, sentences = [], []
+    def _where(self, units: Mapping[str, str]) -> tuple[Html, dict[str, Any]]:
+        structure, plots = structure_section("where", self.data["structure"], units)
+        rows = []
         for joint in self.data["whereabouts"]["joints"]:
-            cells = joint["cells"]
-            rows.append(
-                [
-                    joint["joint"],
-                    significant(joint["rmse"]),
-                    f"{joint['correlation']:.2f}",
-                    f"±{joint['correlation_band']:.2f}",
-                    "; ".join(_cell(cell) for cell in cells[:3]) or "spread evenly",
-                ]
-            )
-            if cells and cells[0]["share"] > 2 * cells[0]["samples"]:
-                sentences.append(f"{joint['joint']}: {_cell(cells[0])}.")
+            rows += [
+                [joint["joint"] if number == 0 else "", cell["cell"], *(percent(100 * cell[key]) for key in SHARES)]
+                for number, cell in enumerate(joint["cells"][:SHOWN_CELLS])
+            ]
         note = paragraph(
-            "Error of the model before the diagnosis, on the training logs. White noise has a correlation between "
-            "neighbouring rows within the band; structure that a model misses has more. A place is listed if it holds "
-            "far more of the error than of the samples."
+            "Error of the model before the diagnosis, on the training logs, whose parameters were fitted to it "
+            "already: what they could take up is not seen here."
         )
-        columns = ["joint", "RMSE in band", "correlation", "band of white noise", "most of the error"]
-        return join([note, items(sentences), table("Where the error sits", columns, rows, text_columns=(0, 4))])
+        columns = ["joint", "place", "of the error %", "of the samples %"]
+        places = (
+            table("Places that hold far more of the error than of the samples", columns, rows, text_columns=(0, 1))
+            if rows
+            else paragraph("The error is spread evenly over positions, speeds and time.")
+        )
+        return join([note, structure, places]), plots
 
     def _findings(self, units: Mapping[str, str]) -> tuple[Html, dict[str, Any]]:
         data = self.data
@@ -143,28 +149,78 @@ class DiagnosisPage:
                     paragraph(prose(f"Could also be {others}. To tell them apart: {finding['separating_experiment']}."))
                 )
             places, drawn = signature_figures(
-                f"finding-{number}", finding, self.residuals_before, self.residuals_after, units
+                f"finding-{number}",
+                finding,
+                (self.residuals_before, self.residuals_after),
+                units,
+                self.after.robot.position_units,
             )
             parts.append(places)
             figures.update(drawn)
         return join(parts), figures
 
-    def _left(self) -> Html:
+    def _left(self, units: Mapping[str, str]) -> tuple[Html, dict[str, Any]]:
         data = self.data
-        parts = []
+        parts: list[Html] = []
         if data["unexplained"]:
-            parts.append(paragraph("Structure that no known effect explains:"))
-            parts.append(items(data["unexplained"]))
-        else:
+            parts += [paragraph("Structure that no known effect explains:"), items(data["unexplained"])]
+        parts += self._formulas()
+        if not data["unexplained"]:
             parts.append(paragraph("No structure that a smooth function of position, speed or time could explain."))
-        if data["next_experiment"]:
-            parts.append(element("h3", "What to record next"))
-            parts.append(items(f"{' or '.join(one['about'])}: {one['experiment']}." for one in data["next_experiment"]))
+        plots: dict[str, Any] = {}
+        if data["findings"]:
+            parts.append(element("h3", "With the findings"))
+            structure, plots = structure_section("left", data["left"], units)
+            parts.append(structure)
+        experiment, motion = experiment_section(
+            data["next_experiment"],
+            self.next_motion,
+            self.after.robot.position_units,
+            data.get("next_experiment_file"),
+        )
+        parts.append(experiment)
+        if self.after.history:
+            parts += [element("h3", "History of the model"), items(self.after.history)]
         if data["not_testable"]:
             parts.append(element("h3", "Not testable with these logs"))
             rows = [[entry["effect"], prose(entry["why"])] for entry in data["not_testable"]]
             parts.append(table("Not testable", ["effect", "why"], rows, text_columns=(0, 1)))
-        return join(parts)
+        return join(parts), plots | motion
+
+    def _formulas(self) -> list[Html]:
+        formulas = self.data["formulas"]
+        if not formulas:
+            return []
+        rows = []
+        for formula in formulas:
+            for number, term in enumerate(formula["terms"]):
+                value, deviation = with_deviation(term["coefficient"], term["std"])
+                rows.append(
+                    [
+                        formula["joint"] if number == 0 else "",
+                        term["function"],
+                        value,
+                        deviation,
+                        term["unit"],
+                        percent(100 * term["stability"]),
+                    ]
+                )
+        explained = [
+            prose(f"`{one['text']}` explains {percent(100 * one['explained'])} % of what is left on unseen blocks.")
+            for one in formulas
+        ]
+        columns = ["joint", "term", "factor", "standard deviation", "unit", "first choice in % of the blocks"]
+        return [
+            element("h3", "A formula for it"),
+            paragraph(
+                "A suggestion, not a finding: the terms of a dictionary (products of functions of two joints) that "
+                "describe what is left best. Look for the mechanism behind it; make it an effect of your own to "
+                "test it. "
+                "What the formula leaves, a Gaussian process can take: SemiParametricModel(robot, physics=model)."
+            ),
+            items(explained),
+            table("Terms", columns, rows, text_columns=(0, 1, 4)),
+        ]
 
     def _candidates(self) -> Html:
         shown = self.data["candidates"][:SHOWN_CANDIDATES]
@@ -201,8 +257,3 @@ class DiagnosisPage:
 def _title(finding: Mapping[str, Any]) -> str:
     at = ", ".join(finding["joints"]) or "the whole arm"
     return f"{finding['effect'].replace('_', ' ')} at {at}"
-
-
-def _cell(cell: Mapping[str, Any]) -> str:
-    share, samples = percent(100 * cell["share"]), percent(100 * cell["samples"])
-    return f"{share} % of the error in {samples} % of the samples, {cell['cell']}"

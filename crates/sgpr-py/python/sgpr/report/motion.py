@@ -45,8 +45,10 @@ class MotionPage:
 
     def _lead(self) -> Html:
         report = self.found.report
+        criterion = self.data["criterion"]
+        value = "" if criterion == "condition" else f"Criterion {criterion}: {significant(self.found.value)}. "
         text = (
-            f"{self.data['criterion']} {significant(self.found.value)}. {report['rank']} of "
+            f"{value}{report['rank']} of "
             f"{counted(report['base_parameters'], 'base parameter')} are excited, condition number "
             f"{significant(report['condition'])}. The motion uses {100 * self.found.utilisation:.3f} % of its tightest "
             "limit, between samples too."
@@ -88,11 +90,12 @@ class MotionPage:
                     significant,
                     (*peaks["position"][k], peaks["velocity"][k], peaks["acceleration"][k], peaks["torque"][k]),
                 ),
+                f"{self.robot.position_units[k]}, s, {self.robot.torque_units[k]}",
             ]
             for k, name in enumerate(self.robot.joint_names)
         ]
-        columns = ["joint", "lowest position", "highest position", "speed", "acceleration", "torque"]
-        return table("Largest values in continuous time (rad, m, s, N·m, N)", columns, rows)
+        columns = ["joint", "lowest position", "highest position", "speed", "acceleration", "torque", "units"]
+        return table("Largest values in continuous time", columns, rows, text_columns=(0, 6))
 
     def _excitation(self) -> Html:
         report = self.found.report

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 Residuals = Sequence[Sequence[LogResidual]]
 
 BINS = 60
+NARROW = 0.01  # of the largest value: bins about zero are narrower than that
+FEWEST = 5
 POINTS = 3000
 
 # The variable that an effect's signature is a function of; the speed for friction not named here.
@@ -51,27 +53,37 @@ VARIABLES = {
 }
 
 TITLES = {
-    "q": "position [rad or m]",
-    "dq": "speed [rad/s or m/s]",
-    "ddq": "acceleration [rad/s² or m/s²]",
+    "q": "position [{position}]",
+    "dq": "speed [{position}/s]",
+    "ddq": "acceleration [{position}/s²]",
     "t": "time [s]",
-    "tau": "predicted torque [N·m or N]",
+    "tau": "predicted torque [{torque}]",
 }
 
 
 def signature_figures(
-    name: str, finding: Mapping[str, Any], before: Residuals, after: Residuals, units: Mapping[str, str]
+    name: str,
+    finding: Mapping[str, Any],
+    residuals: tuple[Residuals, Residuals],
+    units: Mapping[str, str],
+    position_units: Sequence[str],
 ) -> tuple[Html, dict[str, Any]]:
-    """One plot per joint of a finding; for an effect of the whole arm, of the joint where it brings most."""
+    """One plot per joint of a finding; for an effect of the whole arm, of the joint where it brings most.
+
+    - `residuals`: before and with the findings
+    - `units`, `position_units`: of the torque by joint, of the positions
+    """
+    before, after = residuals
     joints = list(finding["joints"]) or [_most_changed(finding)]
     names = list(units)
     places, figures = [], {}
     for joint in joints:
         place = f"{name}-{names.index(joint)}"
         variable = VARIABLES.get(finding["effect"], "dq")
-        figure = _figure(names.index(joint), variable, before, after, units[joint])
+        title = TITLES[variable].format(position=position_units[names.index(joint)], torque=units[joint])
+        figure = _figure(names.index(joint), variable, title, (before, after), units[joint])
         if figure:
-            label = f"Residual of {joint} against {TITLES[variable]}, before and with {finding['effect']}"
+            label = f"Residual of {joint} against {title}, before and with {finding['effect']}"
             note = (
                 f"{joint}: dots, measured minus predicted torque before; line through them, what the findings explain, "
                 "averaged; line near zero, what they leave."
@@ -86,7 +98,10 @@ def _most_changed(finding: Mapping[str, Any]) -> str:
     return max(before, key=lambda joint: before[joint] / max(after[joint], 1e-12))
 
 
-def _figure(joint: int, variable: str, before: Residuals, after: Residuals, unit: str) -> dict[str, Any] | None:
+def _figure(
+    joint: int, variable: str, title: str, residuals: tuple[Residuals, Residuals], unit: str
+) -> dict[str, Any] | None:
+    before, after = residuals
     parts = [(b, a) for log_b, log_a in zip(before, after, strict=True) for b, a in zip(log_b, log_a, strict=True)]
     masks = [b.counted[:, joint] & a.counted[:, joint] for b, a in parts]
     if not parts or not any(mask.any() for mask in masks):
@@ -126,7 +141,11 @@ def _figure(joint: int, variable: str, before: Residuals, after: Residuals, unit
     ]
     return {
         "data": [dots, *lines],
-        "layout": layout(xaxis=axis(TITLES[variable]), yaxis=axis(f"residual [{unit}]")),
+        "layout": layout(
+            xaxis=axis(title),
+            yaxis=axis(f"residual [{unit}]"),
+            legend={**layout()["legend"], "itemsizing": "constant"},
+        ),
     }
 
 
@@ -136,7 +155,12 @@ def _line(label: str, x: Array, y: Array, colour: str, dash: str) -> dict[str, A
 
 
 def _averages(x: Array, y: Array) -> tuple[Array, Array]:
-    """Means of y over bins of x with equally many samples."""
-    order = np.argsort(x, kind="stable")
-    groups = [group for group in np.array_split(order, min(BINS, len(order))) if len(group)]
-    return np.array([x[group].mean() for group in groups]), np.array([y[group].mean() for group in groups])
+    """Means of y over bins of x: some with equally many samples, some narrow ones about zero, where signs change."""
+    size = float(np.abs(x).max()) or 1.0
+    near_zero = np.sinh(np.linspace(-1.0, 1.0, BINS) * np.arcsinh(1.0 / NARROW)) * NARROW * size
+    edges = np.unique(np.concatenate([np.quantile(x, np.linspace(0.0, 1.0, BINS)), near_zero]))
+    bins = np.searchsorted(edges, x)
+    count = np.bincount(bins, minlength=len(edges) + 1)
+    kept = count >= FEWEST
+    sums = [np.bincount(bins, weights=values, minlength=len(edges) + 1)[kept] / count[kept] for values in (x, y)]
+    return sums[0], sums[1]

@@ -44,6 +44,9 @@ def steps_section(steps: Sequence[Mapping[str, Any]], units: Mapping[str, str]) 
     ]
     figure = {
         "data": lines,
-        "layout": layout(xaxis=axis(""), yaxis=axis("held-out error [% of before]", rangemode="tozero")),
+        "layout": layout(
+            xaxis=axis("", range=[-0.3, len(labels) - 0.7]),
+            yaxis=axis("held-out error [% of before]", rangemode="tozero"),
+        ),
     }
     return join(body), {PLOT: figure}

@@ -1,0 +1,432 @@
+//! What to record next: a motion that tells effects apart which the logs cannot.
+//!
+//! For each finding and each effect that imitates it, candidate motions are laid out within what the arm did in the logs.
+//! A motion is judged by what the imitation, its parameters and those of the model refitted to logs and motion together,
+//! would leave of the finding's torque: half of that chi-squared is the log of the Bayes factor to expect.
+//!
+//! Source: A. C. Atkinson, V. V. Fedorov, The design of experiments for discriminating between two rival models,
+//! Biometrika 62(1) (1975), the T-criterion.
+
+mod path;
+mod plan;
+
+use path::JointLimits;
+use plan::{Plan, Room, holds, joined, plans};
+
+use super::answer::{Finding, NextExperiment};
+use super::basis::{Basis, gain};
+use super::fit::Fitted;
+use super::problem::{Column, Problem};
+use super::search::{Candidate, Search};
+use crate::dynamics::{Samples, Workspace, regressor};
+use crate::effects::{JointState, Reach, Scale};
+use crate::excitation::TrajectorySamples;
+use crate::model::{Term, TorqueModel, Trajectory};
+use crate::spatial::PARAMETERS_PER_LINK;
+
+/// Log of the Bayes factor below which an imitation is within reach of a finding.
+const REACH: f64 = 12.0;
+
+/// A motion is proposed if it promises so much more.
+const WORTH: f64 = 3.0;
+
+/// Most findings for which a motion is planned, and most imitations of each.
+const MOST: usize = 3;
+
+/// Rows of the logs and of a motion that a judgement looks at.
+const ROWS: usize = 1200;
+
+/// Seconds of a log that are repeated.
+const PIECE_S: f64 = 8.0;
+
+/// Mass of the payload, kg.
+const PAYLOAD: f64 = 2.0;
+
+/// Motions that would tell the findings from what is within their reach, the most doubtful finding first.
+pub(super) fn next_experiments(
+    search: &Search<'_>,
+    fitted: &Fitted,
+    findings: &[Finding],
+    ranking: &[Candidate],
+) -> Vec<NextExperiment> {
+    let room = room(search);
+    let mut found = Vec::new();
+    for finding in findings.iter().take(MOST) {
+        for term in finding.terms.iter().take(1) {
+            found.extend(of_finding(search, fitted, finding, term, ranking, &room));
+        }
+    }
+    found.sort_by(|a, b| a.separation_now.total_cmp(&b.separation_now));
+    found
+}
+
+/// Motions one after the other, each from rest to rest at the same pose.
+pub(super) fn in_a_row(experiments: &[NextExperiment]) -> TrajectorySamples {
+    joined(&experiments.iter().map(|one| &one.motion).collect::<Vec<_>>())
+}
+
+fn of_finding(
+    search: &Search<'_>,
+    fitted: &Fitted,
+    finding: &Finding,
+    term: &Term,
+    ranking: &[Candidate],
+    room: &Room,
+) -> Option<NextExperiment> {
+    let robot = search.problem.nominal.robot();
+    let joint = match term.site.joint() {
+        Some(joint) => joint,
+        None => (0..robot.dof()).find(|j| finding.rmse_before.contains_key(&robot.joints()[*j].name))?,
+    };
+    let name = &robot.joints()[joint].name;
+    let experiment = |about: Vec<String>, plan: Plan, [now, then]: [f64; 2]| NextExperiment {
+        about: [vec![finding.effect.clone()], about].concat(),
+        experiment: plan.text,
+        joints: vec![name.clone()],
+        seconds: plan.motion.time.last().copied().unwrap_or_default(),
+        separation_now: now,
+        separation_expected: then,
+        motion: plan.motion,
+    };
+    let aliases: Vec<String> = finding
+        .confusable_with
+        .iter()
+        .filter(|other| {
+            let effect = search.catalogue.iter().find(|effect| effect.name() == other.as_str());
+            effect.is_some_and(|effect| effect.about().alias_of == Some(finding.effect.as_str()))
+        })
+        .cloned()
+        .collect();
+    let judge = Judge::new(search, fitted, term, joint);
+    let known = term.effect.about().confusable;
+    let named = |c: &&Candidate| {
+        let effect = c.term.effect.name();
+        let same_place = c.term.site == term.site;
+        let near = finding.confusable_with.iter().any(|other| other == effect) || known.contains(&effect);
+        near && same_place && effect != finding.effect && !c.impossible && c.score > 0.0
+    };
+    let estimated = ranking.iter().filter(named).map(as_estimated);
+    let mut rivals: Vec<(Term, f64)> =
+        estimated.map(|rival| (rival.clone(), judge.now(&rival))).filter(|(_, now)| *now < REACH).collect();
+    rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
+    rivals.truncate(MOST);
+    if rivals.is_empty() {
+        let plan = (!aliases.is_empty()).then(|| holds(room, joint, name))?;
+        return Some(experiment(aliases, plan, [0.0, 0.0]));
+    }
+    let now = rivals[0].1;
+    let imitations: Vec<Term> = rivals.iter().map(|(rival, _)| rival.clone()).collect();
+    let mut best: Option<(f64, Plan)> = None;
+    for plan in plans(room, joint, name) {
+        // The least certain of the pairs is what counts.
+        let expected = judge.with(&imitations, &plan);
+        let better = |(most, old): &(f64, Plan)| {
+            // Motions that ask for less are preferred as long as they decide.
+            let decided = *most > 2.0 * REACH;
+            let asks_more = plan.loaded || plan.later > 0.0;
+            let old_asks_more = old.loaded || old.later > 0.0;
+            if decided && asks_more && !old_asks_more { false } else { expected > *most }
+        };
+        if best.as_ref().is_none_or(better) {
+            best = Some((expected, plan));
+        }
+    }
+    let (expected, plan) = best.filter(|(expected, _)| *expected > now + WORTH)?;
+    let about = rivals.iter().map(|(rival, _)| rival.effect.name().to_string()).chain(aliases).collect();
+    Some(experiment(about, plan, [now, expected]))
+}
+
+/// The term of a candidate; a transform with the constants that its tangents promise.
+fn as_estimated(candidate: &Candidate) -> Term {
+    let mut term = candidate.term.clone();
+    if term.is_transform() {
+        let steps = term.effect.constants().iter().zip(&candidate.gain.coefficients);
+        let moved = term.constants.iter().zip(steps).map(|(value, (c, step))| (value + step).clamp(c.low, c.high));
+        term.constants = moved.collect();
+    }
+    term
+}
+
+/// Judges motions for one term by one joint's equation.
+struct Judge<'a> {
+    problem: &'a Problem,
+    fitted: &'a Fitted,
+    term: &'a Term,
+    joint: usize,
+    level: f64,
+    /// Rows of the logs that are looked at, and the weight of each.
+    rows: Vec<usize>,
+    weight: f64,
+    /// The torque that the term brings in the logs, and the columns of the rest of the model there.
+    logs: (Vec<f64>, Vec<Vec<f64>>),
+}
+
+impl<'a> Judge<'a> {
+    fn new(search: &'a Search<'_>, fitted: &'a Fitted, term: &'a Term, joint: usize) -> Self {
+        let problem = &search.problem;
+        let count = problem.rows[joint].len();
+        let every = count.div_ceil(ROWS).max(1);
+        let rows: Vec<usize> = (0..count).step_by(every).collect();
+        let pick = |column: &Column| -> Vec<f64> {
+            rows.iter().map(|&row| column[joint].get(row).copied().unwrap_or_default()).collect()
+        };
+        let brought = pick(&problem.difference([&without(problem, fitted, term), &fitted.model], 1.0));
+        let mut at = problem.base.rank();
+        let mut columns: Vec<Vec<f64>> = fitted.columns[..at].iter().map(pick).collect();
+        for own in fitted.terms() {
+            let width = own.coefficients.len();
+            if !is_same(own, term) {
+                columns.extend(fitted.columns[at..at + width].iter().map(pick));
+            }
+            at += width;
+        }
+        let level = search.noise.level[joint].max(1e-12);
+        Self { problem, fitted, term, joint, level, rows, weight: (every as f64).sqrt(), logs: (brought, columns) }
+    }
+
+    /// Log of the Bayes factor that the logs alone give against an imitation.
+    fn now(&self, rival: &Term) -> f64 {
+        let (basis, rest) = self.projected(&self.logs.0, &self.logs.1);
+        let left = |rival: &Term| self.left((&basis, &rest), &self.columns_in_logs(rival));
+        variants(rival).iter().map(left).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The same to be expected of logs and motion together, for the imitation that is hardest to tell.
+    fn with(&self, rivals: &[Term], plan: &Plan) -> f64 {
+        let Some(drawn) = self.drawn(plan) else { return 0.0 };
+        let joined = |logs: &[f64], plan: &[f64]| -> Vec<f64> { logs.iter().chain(plan).copied().collect() };
+        let brought = joined(&self.logs.0, &drawn.brought);
+        let columns: Vec<Vec<f64>> = self.logs.1.iter().zip(&drawn.columns).map(|(a, b)| joined(a, b)).collect();
+        let (basis, rest) = self.projected(&brought, &columns);
+        let left = |rival: &Term| {
+            let (logs, plan) = (self.columns_in_logs(rival), drawn.columns_of(self, rival));
+            let both: Vec<Vec<f64>> = logs.iter().zip(&plan).map(|(a, b)| joined(a, b)).collect();
+            self.left((&basis, &rest), &both)
+        };
+        rivals.iter().flat_map(variants).map(|rival| left(&rival)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Values in standard deviations of the noise; a row of the logs stands for several.
+    fn scaled(&self, values: &[f64]) -> Column {
+        let factor = |k: usize| if k < self.rows.len() { self.weight } else { 1.0 } / self.level;
+        vec![values.iter().enumerate().map(|(k, x)| factor(k) * x).collect()]
+    }
+
+    /// The columns of the rest of the model, orthonormal, and what they leave of a torque.
+    fn projected(&self, torque: &[f64], columns: &[Vec<f64>]) -> (Basis, Column) {
+        let all: Vec<Column> = columns.iter().map(|column| self.scaled(column)).collect();
+        let mut rest = self.scaled(torque);
+        let basis = Basis::new(&all);
+        basis.project_out(&mut rest);
+        basis.project_out(&mut rest);
+        (basis, rest)
+    }
+
+    /// Half of chi-squared of what the columns of an imitation leave in addition.
+    fn left(&self, (basis, rest): (&Basis, &Column), rival: &[Vec<f64>]) -> f64 {
+        let columns: Vec<Column> = rival.iter().map(|column| self.scaled(column)).collect();
+        let explained = gain(basis, rest, &columns).chi2;
+        0.5 * (rest[0].iter().map(|x| x * x).sum::<f64>() - explained).max(0.0)
+    }
+
+    fn columns_in_logs(&self, rival: &Term) -> Vec<Vec<f64>> {
+        let columns = if rival.is_transform() {
+            let rest = without(self.problem, self.fitted, self.term);
+            vec![self.problem.difference([&rest, &with(&rest, rival, self.problem)], 1.0)]
+        } else {
+            self.problem.term_columns(&self.fitted.model, &self.fitted.rigid, &[rival]).swap_remove(0)
+        };
+        let pick = |column: &Column| -> Vec<f64> {
+            self.rows.iter().map(|&row| column[self.joint].get(row).copied().unwrap_or_default()).collect()
+        };
+        columns.iter().map(pick).collect()
+    }
+
+    /// The equation of the joint along a plan.
+    fn drawn(&self, plan: &Plan) -> Option<Drawn> {
+        let robot = self.problem.nominal.robot();
+        let n = robot.dof();
+        let motion = &plan.motion;
+        let every = motion.len().div_ceil(ROWS).max(1);
+        let moves = |k: &usize| motion.dq[k * n + self.joint] != 0.0;
+        let rows: Vec<usize> = (0..motion.len()).step_by(every).filter(moves).collect();
+        if rows.is_empty() {
+            return None;
+        }
+        let [_, end] = self.problem.time_span();
+        let start = if self.problem.clock.is_some() { end + plan.later } else { 0.0 };
+        let time = match self.problem.clock {
+            Some(_) => motion.time.iter().map(|t| start + t).collect(),
+            None => vec![],
+        };
+        let mut drawn =
+            Drawn { motion: motion.clone(), time, rows, loaded: plan.loaded, brought: vec![], columns: vec![] };
+        let rest = drawn.load(&without(self.problem, self.fitted, self.term));
+        drawn.brought = drawn.difference(self, &rest, &drawn.load(&self.fitted.model));
+        let mut columns = vec![vec![]; self.problem.base.rank()];
+        let set = &self.problem.set;
+        let parameters = set.effect_parameters_of(self.joint);
+        let mut ws = Workspace::new(robot);
+        let mut effects = vec![0.0; set.effect_columns_per_joint()];
+        for &k in &drawn.rows {
+            let at = k * n..(k + 1) * n;
+            let state = JointState { q: &motion.q[at.clone()], dq: &motion.dq[at.clone()], ddq: &motion.ddq[at] };
+            let row = regressor(robot, &mut ws, state.q, state.dq, state.ddq);
+            let row = &row[self.joint * n * PARAMETERS_PER_LINK..][..n * PARAMETERS_PER_LINK];
+            set.effect_row(self.joint, &state, &mut effects);
+            for (column, &parameter) in columns.iter_mut().zip(self.problem.base.independent()) {
+                let effect = parameters.iter().position(|own| *own == parameter).map(|index| effects[index]);
+                column.push(row.get(parameter).copied().or(effect).unwrap_or_default());
+            }
+        }
+        for own in self.fitted.terms().iter().filter(|own| !is_same(own, self.term)) {
+            columns.extend(drawn.linear_columns(self, own));
+        }
+        drawn.columns = columns;
+        Some(drawn)
+    }
+}
+
+/// The equation of a joint along a motion.
+struct Drawn {
+    motion: TrajectorySamples,
+    time: Vec<f64>,
+    rows: Vec<usize>,
+    loaded: bool,
+    /// The torque that the term brings.
+    brought: Vec<f64>,
+    /// Columns of the rest of the model.
+    columns: Vec<Vec<f64>>,
+}
+
+impl Drawn {
+    fn trajectory(&self) -> Trajectory<'_> {
+        let TrajectorySamples { q, dq, ddq, .. } = &self.motion;
+        Trajectory { samples: Samples { q, dq, ddq }, rate_hz: plan::RATE_HZ, time: &self.time, channels: &[] }
+    }
+
+    /// A model with the payload of the plan.
+    fn load(&self, model: &TorqueModel) -> TorqueModel {
+        if self.loaded { with_payload(model) } else { model.clone() }
+    }
+
+    fn difference(&self, judge: &Judge<'_>, a: &TorqueModel, b: &TorqueModel) -> Vec<f64> {
+        let n = judge.problem.dof();
+        let [a, b] = [a, b].map(|model| model.predict_trajectory(&self.trajectory()));
+        self.rows.iter().map(|k| b[k * n + judge.joint] - a[k * n + judge.joint]).collect()
+    }
+
+    fn linear_columns(&self, judge: &Judge<'_>, term: &Term) -> Vec<Vec<f64>> {
+        let n = judge.problem.dof();
+        let model = self.load(&judge.fitted.model);
+        let trajectory = self.trajectory();
+        let rigid = model.rigid(&trajectory);
+        let columns = term.columns(&model.context(&trajectory, &rigid));
+        let own = |column: &Vec<f64>| -> Vec<f64> {
+            match term.effect.reach() {
+                Reach::All => self.rows.iter().map(|k| column[k * n + judge.joint]).collect(),
+                Reach::Own if term.site.joint() == Some(judge.joint) => self.rows.iter().map(|k| column[*k]).collect(),
+                Reach::Own => vec![0.0; self.rows.len()],
+            }
+        };
+        columns.iter().map(own).collect()
+    }
+
+    fn columns_of(&self, judge: &Judge<'_>, rival: &Term) -> Vec<Vec<f64>> {
+        if rival.is_transform() {
+            let rest = self.load(&without(judge.problem, judge.fitted, judge.term));
+            vec![self.difference(judge, &rest, &with(&rest, rival, judge.problem))]
+        } else {
+            self.linear_columns(judge, rival)
+        }
+    }
+}
+
+/// The term with each of its constants as it is, a third of it and three times it.
+fn variants(term: &Term) -> Vec<Term> {
+    let mut all = vec![term.clone()];
+    for (k, constant) in term.effect.constants().iter().enumerate() {
+        if constant.scale == Scale::Logarithmic {
+            for factor in [1.0 / 3.0, 0.6, 1.7, 3.0] {
+                let mut other = term.clone();
+                other.constants[k] = (factor * other.constants[k]).clamp(constant.low, constant.high);
+                all.push(other);
+            }
+        }
+    }
+    all
+}
+
+fn is_same(a: &Term, b: &Term) -> bool {
+    a.effect.name() == b.effect.name() && a.site == b.site
+}
+
+fn without(problem: &Problem, fitted: &Fitted, term: &Term) -> TorqueModel {
+    let rest = fitted.terms().iter().filter(|own| !is_same(own, term)).cloned().collect();
+    fitted.model.clone().with_terms(rest, problem.clock)
+}
+
+fn with(model: &TorqueModel, term: &Term, problem: &Problem) -> TorqueModel {
+    let terms = model.terms().iter().cloned().chain([term.clone()]).collect();
+    model.clone().with_terms(terms, problem.clock)
+}
+
+/// The model with a payload of [`PAYLOAD`] at the last link's origin.
+fn with_payload(model: &TorqueModel) -> TorqueModel {
+    let mut loaded = model.clone();
+    let mut parameters = model.parameters().to_vec();
+    parameters[(model.robot().dof() - 1) * PARAMETERS_PER_LINK] += PAYLOAD;
+    loaded.set_parameters(parameters);
+    loaded
+}
+
+/// What the arm did in the logs: positions that it took, speeds and accelerations that it reached, within its limits.
+fn room(search: &Search<'_>) -> Room {
+    const COMMON: f64 = 0.995;
+    let problem = &search.problem;
+    let robot = problem.nominal.robot();
+    let n = robot.dof();
+    let high_of = |joint: usize, of: &dyn Fn(usize) -> Vec<f64>| {
+        let mut all: Vec<f64> = (0..problem.stretches.len())
+            .flat_map(|index| of(index).into_iter().skip(joint).step_by(n).map(f64::abs).collect::<Vec<_>>())
+            .collect();
+        all.sort_by(f64::total_cmp);
+        all.get(((all.len() as f64 * COMMON) as usize).min(all.len().saturating_sub(1))).copied().unwrap_or_default()
+    };
+    let limits: Vec<JointLimits> = (0..n)
+        .map(|joint| {
+            let own = robot.joints()[joint].limits;
+            let [mut low, mut high] = problem.range(joint);
+            if let Some([lowest, highest]) = own.position {
+                (low, high) = (low.max(lowest), high.min(highest));
+            }
+            let speed = high_of(joint, &|index| problem.stretches[index].motion.dq.clone());
+            let acceleration = high_of(joint, &|index| problem.stretches[index].motion.ddq.clone());
+            JointLimits {
+                range: [low, high.max(low)],
+                speed: own.velocity.filter(|limit| *limit > 0.0).map_or(speed, |limit| limit.min(speed)),
+                acceleration,
+            }
+        })
+        .collect();
+    // The sample nearest to the middle of all.
+    let distance = |q: &[f64]| -> f64 {
+        let share = |(q, limits): (&f64, &JointLimits)| {
+            let [low, high] = limits.range;
+            ((q - 0.5 * (low + high)) / (high - low).max(1e-9)).powi(2)
+        };
+        q.iter().zip(&limits).map(share).sum()
+    };
+    let poses = problem.stretches.iter().flat_map(|stretch| stretch.motion.q.chunks_exact(n));
+    let home = poses.min_by(|a, b| distance(a).total_cmp(&distance(b))).map_or(vec![0.0; n], <[f64]>::to_vec);
+    let home = home.iter().zip(&limits).map(|(q, l)| q.clamp(l.range[0], l.range[1])).collect();
+    let piece = problem.stretches.first().and_then(|stretch| {
+        let motion = &stretch.motion;
+        let first = motion.inner.iter().position(|inner| *inner)?;
+        let last = (first + (PIECE_S * motion.rate_hz) as usize).min(motion.inner.iter().rposition(|inner| *inner)?);
+        let cut = |values: &[f64]| values[first * n..(last + 1) * n].to_vec();
+        (last > first + 10).then(|| (motion.rate_hz, [cut(&motion.q), cut(&motion.dq), cut(&motion.ddq)]))
+    });
+    let units = robot.joints().iter().map(|joint| joint.kind.position_unit()).collect();
+    Room { home, limits, units, piece }
+}

@@ -1,0 +1,209 @@
+//! Is a residual noise? Tests whose bands know that noise remembers itself.
+
+use super::rows::JointRows;
+
+/// Highest order of the autoregression that describes noise: what passed a low-pass remembers many rows.
+const ORDER: usize = 20;
+
+/// Lags of the portmanteau test beyond the order.
+const LAGS: usize = 20;
+
+/// Longest memory of noise that a band takes into account, rows.
+const LONGEST_LAG: usize = 120;
+
+/// Coefficients of the autoregression of a series, order by Akaike's criterion.
+///
+/// - `run`: values right before each value without a gap
+///
+/// Source: N. Levinson (1947), J. Durbin (1960): the Yule-Walker equations solved order by order.
+pub(super) fn autoregression(values: &[f64], run: &[usize]) -> Vec<f64> {
+    let covariance: Vec<f64> = (0..=ORDER).map(|lag| product(values, values, run, lag).0).collect();
+    let count = values.len() as f64;
+    let (mut phi, mut error) = (Vec::<f64>::new(), covariance[0]);
+    if error <= 0.0 || values.len() < 20 * ORDER {
+        return phi;
+    }
+    let mut best = (count * error.ln(), vec![]);
+    for order in 1..=ORDER {
+        let known: f64 = phi.iter().enumerate().map(|(k, p)| p * covariance[order - 1 - k]).sum();
+        let reflection = (covariance[order] - known) / error;
+        if reflection.is_nan() || reflection.abs() >= 0.999 {
+            break;
+        }
+        let mirrored: Vec<f64> = phi.iter().rev().copied().collect();
+        phi.iter_mut().zip(mirrored).for_each(|(p, m)| *p -= reflection * m);
+        phi.push(reflection);
+        error *= 1.0 - reflection * reflection;
+        let criterion = count * error.ln() + 2.0 * order as f64;
+        if criterion < best.0 {
+            best = (criterion, phi.clone());
+        }
+    }
+    best.1
+}
+
+/// Innovations of a series and their runs; rows without enough past are left out by a run of zero and the value zero.
+pub(super) fn whitened(values: &[f64], run: &[usize], phi: &[f64]) -> (Vec<f64>, Vec<usize>) {
+    let innovation = |k: usize| {
+        if run[k] < phi.len() {
+            return 0.0;
+        }
+        values[k] - phi.iter().enumerate().map(|(lag, p)| p * values[k - 1 - lag]).sum::<f64>()
+    };
+    let white = (0..values.len()).map(innovation).collect();
+    (white, run.iter().map(|run| run.saturating_sub(phi.len())).collect())
+}
+
+/// Mean product of values that are `lag` rows apart, and the number of such pairs.
+fn product(a: &[f64], b: &[f64], run: &[usize], lag: usize) -> (f64, f64) {
+    let pairs = (lag..a.len()).filter(|&k| run[k] >= lag);
+    let (sum, count) = pairs.fold((0.0, 0.0), |(sum, count), k| (sum + a[k] * b[k - lag], count + 1.0));
+    (sum / f64::max(count, 1.0), count)
+}
+
+/// Probability that noise with the autoregression `phi` is as far from white as `residual` is, once whitened with it.
+///
+/// Source: G. M. Ljung, G. E. P. Box, On a measure of lack of fit in time series models, Biometrika 65(2) (1978).
+pub(super) fn portmanteau(residual: &[f64], run: &[usize], phi: &[f64]) -> f64 {
+    let (white, run) = whitened(residual, run, phi);
+    let (variance, _) = product(&white, &white, &run, 0);
+    if variance <= 0.0 {
+        return 1.0;
+    }
+    let statistic: f64 = (1..=LAGS + phi.len())
+        .map(|lag| {
+            let (mean, count) = product(&white, &white, &run, lag);
+            count * (mean / variance).powi(2)
+        })
+        .sum();
+    above_chi_squared(statistic, LAGS as f64)
+}
+
+/// Probability that chi-squared with so many degrees of freedom is larger.
+///
+/// Source: E. B. Wilson, M. M. Hilferty, The distribution of chi-square, PNAS 17 (1931).
+fn above_chi_squared(value: f64, degrees: f64) -> f64 {
+    let spread = 2.0 / (9.0 * degrees);
+    above_normal(((value / degrees).cbrt() - (1.0 - spread)) / spread.sqrt())
+}
+
+/// Probability that a standard normal variable is larger.
+///
+/// Source: W. H. Press et al., Numerical Recipes, 3rd ed. (2007), section 6.2.2: erfc to 1.2e-7 of its value.
+fn above_normal(z: f64) -> f64 {
+    const C: [f64; 10] = [
+        -1.265_512_23,
+        1.000_023_68,
+        0.374_091_96,
+        0.096_784_18,
+        -0.186_288_06,
+        0.278_868_07,
+        -1.135_203_98,
+        1.488_515_87,
+        -0.822_152_23,
+        0.170_872_77,
+    ];
+    let x = z.abs() / std::f64::consts::SQRT_2;
+    let t = 1.0 / (1.0 + 0.5 * x);
+    let polynomial = C.iter().rev().fold(0.0, |sum, c| sum * t + c);
+    let tail = 0.5 * t * (-x * x + polynomial).exp();
+    if z >= 0.0 { tail } else { 1.0 - tail }
+}
+
+/// Autocorrelation of noise up to where it drowns in its own uncertainty, from lag one on.
+pub(super) fn memory(noise: &[f64], run: &[usize]) -> Vec<f64> {
+    let (variance, _) = product(noise, noise, run, 0);
+    let mut correlations = Vec::new();
+    for lag in 1..=LONGEST_LAG.min(noise.len().saturating_sub(1)) {
+        let (mean, count) = product(noise, noise, run, lag);
+        let correlation = mean / variance;
+        if correlation.is_nan() || correlation.abs() <= 2.0 / f64::max(count, 1.0).sqrt() {
+            break;
+        }
+        correlations.push(correlation);
+    }
+    correlations
+}
+
+/// Correlation of a residual with a function of the state, and its standard deviation for noise that remembers itself:
+/// (1 + 2 sum of both autocorrelations' products) / N.
+///
+/// Source: M. S. Bartlett, Some aspects of the time-correlation problem in regard to tests of significance, J. R. Stat.
+/// Soc. 98 (1935).
+pub(super) fn correlation(rows: &JointRows, function: &[f64], memory: &[f64]) -> (f64, f64) {
+    let count = rows.len() as f64;
+    let centred = |values: &[f64]| -> Vec<f64> {
+        let mean = values.iter().sum::<f64>() / count;
+        values.iter().map(|x| x - mean).collect()
+    };
+    let (x, r) = (centred(function), centred(&rows.residual));
+    let energy = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>();
+    let (own, left) = (energy(&x), energy(&r));
+    if own <= 0.0 || left <= 0.0 {
+        return (0.0, 1.0 / count.sqrt());
+    }
+    let value = x.iter().zip(&r).map(|(x, r)| x * r).sum::<f64>() / (own * left).sqrt();
+    let products = memory.iter().enumerate().map(|(k, noise)| {
+        let (mean, _) = product(&x, &x, &rows.run, k + 1);
+        noise * mean / (own / count)
+    });
+    let variance = (1.0 + 2.0 * products.sum::<f64>()).max(0.1) / count;
+    (value, variance.sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    fn first_order(seed: u64, memory: f64, count: usize) -> Vec<f64> {
+        let (mut random, mut x) = (Random::new(seed), 0.0);
+        (0..count)
+            .map(|_| {
+                x = memory * x + random.normal();
+                x
+            })
+            .collect()
+    }
+
+    #[test]
+    fn tails_are_those_of_tables() {
+        // Upper 5 and 1 percent of the normal distribution and of chi-squared with 20 degrees of freedom.
+        for (z, tail) in [(1.644_854, 0.05), (2.326_348, 0.01), (-1.644_854, 0.95)] {
+            assert!((above_normal(z) - tail).abs() < 1e-6, "{z}");
+        }
+        for (value, tail) in [(31.410, 0.05), (37.566, 0.01)] {
+            assert!((above_chi_squared(value, 20.0) / tail - 1.0).abs() < 0.02, "{value}");
+        }
+    }
+
+    #[test]
+    fn noise_with_a_memory_passes_and_structure_does_not() {
+        let run: Vec<usize> = (0..2000).collect();
+        let mut rejected = 0;
+        for seed in 0..200 {
+            let noise = first_order(seed, 0.8, 2000);
+            let phi = autoregression(&noise, &run);
+            rejected += usize::from(portmanteau(&noise, &run, &phi) < 0.05);
+            let with: Vec<f64> = noise.iter().enumerate().map(|(k, x)| x + 2.0 * (0.02 * k as f64).sin()).collect();
+            assert!(portmanteau(&with, &run, &phi) < 1e-4);
+        }
+        // 5 % of 200 with a standard deviation of 3; the order was chosen from the same numbers, so somewhat fewer.
+        assert!((1..20).contains(&rejected), "{rejected}");
+    }
+
+    #[test]
+    fn a_correlation_stays_in_its_band_when_both_remember_themselves() {
+        let run: Vec<usize> = (0..1500).collect();
+        let mut outside = 0;
+        for seed in 0..200 {
+            let noise = first_order(2 * seed, 0.9, 1500);
+            let x = first_order(2 * seed + 1, 0.95, 1500);
+            let rows = JointRows { run: run.clone(), residual: noise.clone(), ..JointRows::default() };
+            let (value, deviation) = correlation(&rows, &x, &memory(&noise, &run));
+            outside += usize::from(value.abs() > 2.0 * deviation);
+        }
+        // 4.6 % of 200 is 9 with a standard deviation of 3; the band of white noise would leave more than half outside.
+        assert!((1..22).contains(&outside), "{outside}");
+    }
+}
