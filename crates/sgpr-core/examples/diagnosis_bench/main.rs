@@ -98,17 +98,30 @@ impl Totals {
         };
         let floor = errors(&fit(&case.twin_train)?, &case.twin_test)?;
         let (before, after) = (errors(&model, &case.test)?, errors(&diagnosis.after, &case.test)?);
-        if std::env::var_os("SGPR_TRACE").is_some() {
-            eprintln!("  floor {floor:?} before {before:?} after {after:?}");
-        }
         let excess = |e: &[f64]| e.iter().zip(&floor).map(|(e, f)| (e - f) / f).sum::<f64>();
-        let detectable = before.iter().zip(&floor).any(|(b, f)| b - f > 0.05 * f);
+        let worse = |errors: &[f64]| errors.iter().zip(&floor).any(|(b, f)| b - f > 0.05 * f);
+        let mut visible = Vec::new();
+        for logs in &case.alone {
+            visible.push(match logs {
+                Some([train, test]) => worse(&errors(&fit(train)?, test)?),
+                None => true,
+            });
+        }
+        let detectable = worse(&before);
         let closure = (excess(&before) - excess(&after)) / excess(&before).max(1e-9);
-        self.score(case, &diagnosis, detectable, closure, seconds);
+        self.score(case, &diagnosis, detectable, &visible, closure, seconds);
         Ok(())
     }
 
-    fn score(&mut self, case: &Case, diagnosis: &Diagnosis, detectable: bool, closure: f64, seconds: f64) {
+    fn score(
+        &mut self,
+        case: &Case,
+        diagnosis: &Diagnosis,
+        detectable: bool,
+        visible: &[bool],
+        closure: f64,
+        seconds: f64,
+    ) {
         let names: Vec<&str> = case.guess.joint_names().collect();
         let truth: Vec<(String, Option<&str>)> =
             case.hidden.iter().map(|(effect, joint)| (plain(effect), joint.map(|j| names[j]))).collect();
@@ -150,10 +163,11 @@ impl Totals {
                 let row = self.confusion.entry(truth[0].0.clone()).or_default();
                 *row.entry(first.map_or("nothing".into(), |f| f.0.clone())).or_default() += 1;
             } else {
-                let hits = truth.iter().filter(|t| found.iter().any(|f| f.0 == t.0 && f.1 == t.1)).count();
+                let wanted = || truth.iter().zip(visible).filter(|(_, visible)| **visible);
+                let hits = wanted().filter(|(t, _)| found.iter().any(|f| f.0 == t.0 && f.1 == t.1)).count();
                 self.together[0] += hits;
-                self.together[1] += truth.len();
-                mark = if hits == truth.len() { '+' } else { '-' };
+                self.together[1] += wanted().count();
+                mark = if hits == wanted().count() { '+' } else { '-' };
             }
             self.closures.push(closure);
         }
@@ -177,7 +191,7 @@ impl Totals {
         let share = |[part, all]: [usize; 2]| format!("{part}/{all}");
         println!("\nsingle effects, right effect first: {}", share([self.singles[0], self.singles[2]]));
         println!("single effects, right effect and joint first: {}", share([self.singles[1], self.singles[2]]));
-        println!("two at once, found: {}", share(self.together));
+        println!("two at once, visible ones found: {}", share(self.together));
         println!("nothing hidden and nothing said: {}", share(self.nulls));
         println!("outside of the catalogue and said so: {}", share(self.unknown));
         println!("false findings per case: {:.2}", self.false_findings as f64 / self.cases.max(1) as f64);

@@ -143,17 +143,6 @@ impl<'a> Search<'a> {
         self.noise = self.noise_of_largest(&plain);
         self.rows = self.noise.rows(&self.problem);
         let fitted = solve_like(&self.problem, &plain, &given, &self.noise);
-        if std::env::var_os("SGPR_TRACE").is_some() {
-            eprintln!(
-                "  rows {:?} band {} noise level {:?} sigma {:?} beyond {:?} rms {:?}",
-                self.problem.rows.iter().map(Vec::len).collect::<Vec<_>>(),
-                self.problem.band_hz,
-                self.noise.level,
-                self.noise.sigma,
-                beyond(&self.problem, &plain),
-                plain.residual.iter().map(|r| super::basis::rms(r)).collect::<Vec<_>>()
-            );
-        }
         let fitted = if given.is_empty() { fitted } else { self.polish(fitted) };
         self.progress.step("fit the model", 4, 4)?;
         Ok(fitted)
@@ -831,11 +820,6 @@ impl<'a> Search<'a> {
         }
         self.progress.step("refine constants", 0, 1)?;
         let mut tried = in_parallel(&chosen, |candidate| self.refine(fitted, residual, candidate));
-        if std::env::var_os("SGPR_TRACE").is_some() {
-            for c in candidates.iter().take(14) {
-                eprintln!("    ranked {} {:?} {:.0} {}", c.term.effect.name(), c.term.site, c.score, c.impossible);
-            }
-        }
         self.progress.step("refine constants", 1, 1)?;
         tried.sort_by(|a, b| b.score.total_cmp(&a.score));
         Ok(tried)
@@ -945,18 +929,7 @@ impl<'a> Search<'a> {
             let with = self.errors(&trial);
             let effect_size = without.largest_fall_to(&with, &candidate.term);
             let own = candidate.term.effect.name();
-            if std::env::var_os("SGPR_TRACE").is_some() {
-                eprintln!(
-                    "  {own} {:?} {:?} score {score:.0} size {effect_size:.4}",
-                    candidate.term.site,
-                    (
-                        &candidate.term.constants,
-                        &trial.terms().last().unwrap().constants,
-                        &trial.terms().last().unwrap().coefficients
-                    )
-                );
-            }
-            if effect_size < std::env::var("SGPR_MATERIAL").map_or(MATERIAL, |t| t.parse().unwrap()) {
+            if effect_size < MATERIAL {
                 continue;
             }
             let rivals = tried.iter().filter(|c| c.term.effect.name() != own);

@@ -1,0 +1,98 @@
+"""Ask of five real robots which effect their model lacks, and watch the error on logs that no fit saw.
+
+    python examples/diagnose_real_robots.py
+
+The logs are those of `real_robots.py`; SGPR_DATA names their folder. On the UR10e a second session puts logs without and
+one with a payload of 2.805 kg one after the other.
+"""
+
+import argparse
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import sgpr
+from real_robots import DATASETS, EFFECTS, EMPS_SYMMETRIC, Dataset, Log, recordings
+
+PAUSE_S = 5.0
+
+UNLOADED = [
+    Log("excitation_30s_12harm.csv", (635, 3510)),
+    Log("excitation_40s_12harm.csv", (500, 4460)),
+    Log("pair14_unloaded.csv", (195, 4966)),
+]
+LOADED = Log("pair14_load_2p805kg.csv", (308, 5071))
+
+
+def model_of(robot: sgpr.Robot, dataset: Dataset, train: list[sgpr.Recording]) -> sgpr.Model:
+    """The model that the diagnosis starts from."""
+    return sgpr.identify(robot, train, effects=EMPS_SYMMETRIC if dataset.folder == "emps" else EFFECTS)
+
+
+def part(log: sgpr.Recording, first: int, last: int, start_s: float) -> sgpr.Recording:
+    """Samples of a log, on a clock at which the first one of the whole log is at `start_s`."""
+    clock = log.time_ns - log.time_ns[0] + round(start_s * 1e9)
+    rows = slice(first, last)
+    assert log.dq is not None and log.tau is not None
+    return sgpr.Recording(
+        clock[rows], log.q[rows], log.dq[rows], log.tau[rows], joint_names=log.joint_names, source=log.source
+    )
+
+
+def payload_session(
+    folder: Path, robot: sgpr.Robot, dataset: Dataset
+) -> tuple[list[sgpr.Recording], list[sgpr.Recording]]:
+    """The UR10e without, then with its payload; half of the last log is kept for the test."""
+    logs = [recordings(folder, robot, dataset, [log])[0] for log in (*UNLOADED, LOADED)]
+    session, start = [], 0.0
+    for log in logs:
+        session.append(part(log, 0, len(log), start))
+        start = float(session[-1].time_ns[-1]) * 1e-9 + PAUSE_S
+    last, half = session.pop(), len(logs[-1]) // 2
+    first_s = float(last.time_ns[0]) * 1e-9
+    return [*session, part(last, 0, half, first_s)], [part(last, half, len(last), first_s)]
+
+
+def told(finding: sgpr.Finding) -> str:
+    """A finding in a few words."""
+    where = f" at {', '.join(finding.joints)}" if finding.joints else ""
+    return f"{finding.effect}{where} ({finding.probability:.2f})"
+
+
+def row(name: str, model: sgpr.Model, train: list[sgpr.Recording], test: list[sgpr.Recording]) -> str:
+    """One line of the table."""
+    clock = time.perf_counter()
+    diagnosis = sgpr.diagnose(model, train, test)
+    seconds = time.perf_counter() - clock
+    before, after = (sgpr.compare(each, test).relative_error_percent for each in (model, diagnosis.model))
+    findings = "; ".join(told(finding) for finding in diagnosis.findings) or diagnosis.verdict
+    samples = int(np.sum([len(log) for log in train]))
+    return f"| {name} | {findings} | {before:.2f} | {after:.2f} | {samples} | {seconds:.0f} |"
+
+
+def main() -> int:
+    """Diagnose every robot whose logs are there."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, default=os.environ.get("SGPR_DATA"))
+    data = Path(parser.parse_args().data or "../shared/data/real")
+    found = [dataset for dataset in DATASETS if (data / dataset.folder / dataset.urdf).exists()]
+    if not found:
+        print("no logs found: set SGPR_DATA to the folder that holds them (see docs/real-data.md)", file=sys.stderr)
+        return 1
+    print("| robot | findings | unseen before, % | after, % | samples | s |\n|---|---|---|---|---|---|")
+    for dataset in found:
+        folder = data / dataset.folder
+        robot = sgpr.Robot.from_urdf(folder / dataset.urdf)
+        train = recordings(folder, robot, dataset, dataset.train)
+        test = recordings(folder, robot, dataset, dataset.test)
+        print(row(dataset.folder, model_of(robot, dataset, train), train, test), flush=True)
+        if dataset.folder == "ur10e":
+            train, test = payload_session(folder, robot, dataset)
+            print(row("ur10e, takes 2.805 kg", model_of(robot, dataset, train), train, test), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
