@@ -2,8 +2,8 @@
 
     python examples/diagnose_real_robots.py
 
-The logs are those of `real_robots.py`; SGPR_DATA names their folder. On the UR10e a second session puts logs without and
-one with a payload of 2.805 kg one after the other.
+The logs are those of `real_robots.py`; SGPR_DATA names their folder. On the UR10e a second session has logs without
+and one with a payload of 2.805 kg one after the other.
 """
 
 import argparse

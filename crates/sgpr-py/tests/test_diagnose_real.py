@@ -1,5 +1,6 @@
 """Real robots whose logs lack an effect that is documented."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import pytest
 import sgpr
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
-DATA = Path(__file__).parents[4] / "shared" / "data" / "real"
+DATA = Path(os.environ.get("SGPR_DATA") or Path(__file__).parents[4] / "shared" / "data" / "real")
 
 
 @pytest.mark.parametrize(

@@ -171,17 +171,16 @@ impl Totals {
             }
             self.closures.push(closure);
         }
-        let show = |list: Vec<(String, Option<&str>)>| {
-            let one =
-                |(e, j): &(String, Option<&str>)| format!("{e}{}", j.map_or("", |j| j.trim_start_matches("joint")));
-            list.iter().map(one).collect::<Vec<_>>().join(" ")
-        };
+        let place = |joint: &Option<&str>| joint.map_or("", |j| j.trim_start_matches("joint")).to_string();
+        let hidden: Vec<String> = truth.iter().map(|(effect, joint)| format!("{effect}{}", place(joint))).collect();
+        let told: Vec<String> =
+            found.iter().map(|(effect, joint, p)| format!("{effect}{} {p:.2}", place(joint))).collect();
         println!(
             "{mark} {:<13} {:?} [{}] found [{}] {wrong} false, closure {closure:.2}{}, left {:?} {seconds:.1} s",
             case.name,
             diagnosis.verdict,
-            show(truth.clone()),
-            show(found.iter().map(|f| (f.0.clone(), f.1)).collect()),
+            hidden.join(", "),
+            told.join(", "),
             if detectable { "" } else { " (not detectable)" },
             diagnosis.probability_unexplained,
         );
