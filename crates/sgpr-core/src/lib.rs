@@ -13,6 +13,7 @@
 //! - [`gp`]: Gaussian processes, for what the physics leaves over
 //! - [`model`]: identify, compare, predict, save and load
 //! - [`simulation`]: an arm that moves under a controller
+//! - [`online`]: models that learn while the arm runs: a payload, a rest that changes
 //! - [`excitation`]: motions that reveal the parameters
 //! - [`diagnosis`]: which physical effect the model lacks
 //! - [`progress`]: how long work reports and is stopped
@@ -29,6 +30,7 @@ pub mod identification;
 pub mod linalg;
 pub mod model;
 pub mod motion;
+pub mod online;
 pub mod progress;
 mod random;
 pub mod recording;

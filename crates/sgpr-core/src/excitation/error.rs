@@ -75,6 +75,14 @@ pub enum ExcitationError {
         /// Base parameters.
         expected: usize,
     },
+    /// Collision shapes that cannot be used.
+    #[error("{path}: {message}")]
+    Shapes {
+        /// File.
+        path: String,
+        /// What is wrong with it, and what to do.
+        message: String,
+    },
     /// A frame or link that the robot does not have.
     #[error("the robot `{robot}` has no {kind} `{name}`")]
     Unknown {

@@ -5,6 +5,7 @@
 //! excites the base parameters. Source of the chapter: S. Krishnamoorthi, MSc thesis, TU Delft (2018), chapter 3.
 
 mod basis;
+mod collision_shapes;
 mod criterion;
 mod dual;
 mod error;

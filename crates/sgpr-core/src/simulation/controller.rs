@@ -1,7 +1,7 @@
 //! Control laws.
 
 use crate::dynamics::{Workspace, bias_forces, rnea};
-use crate::model::Predictor;
+use crate::model::{Predictor, SemiParametricPredictor};
 use crate::robot::Robot;
 
 /// What a controller sees at a sample.
@@ -46,6 +46,12 @@ impl<F: FnMut(&[f64], &[f64], &[f64], &mut [f64]) + Send> InverseDynamics for F 
 }
 
 impl InverseDynamics for Predictor {
+    fn add_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64], tau: &mut [f64]) {
+        add(tau, self.torque(q, dq, ddq));
+    }
+}
+
+impl InverseDynamics for SemiParametricPredictor {
     fn add_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64], tau: &mut [f64]) {
         add(tau, self.torque(q, dq, ddq));
     }

@@ -7,6 +7,7 @@ mod controller;
 mod drive;
 mod dry_friction;
 mod error;
+mod pick_up;
 mod reference;
 mod sensors;
 mod side_torque;
@@ -19,6 +20,7 @@ pub use controller::{
 };
 pub use drive::{Drive, Motor, puma560_drives, two_link_drives};
 pub use error::SimulationError;
+pub use pick_up::{PickUp, simulate_pick_up};
 pub(crate) use reference::quintic;
 pub use reference::{Reference, SampledReference, StandStill};
 pub(crate) use sensors::Noise;

@@ -103,6 +103,26 @@ impl SimulationRecord {
         self.time.is_empty()
     }
 
+    /// Puts what happened afterwards behind.
+    pub(super) fn append(&mut self, mut later: Self) {
+        self.time.append(&mut later.time);
+        for (array, more) in [
+            (&mut self.q, &mut later.q),
+            (&mut self.dq, &mut later.dq),
+            (&mut self.ddq, &mut later.ddq),
+            (&mut self.tau, &mut later.tau),
+            (&mut self.friction, &mut later.friction),
+            (&mut self.q_measured, &mut later.q_measured),
+            (&mut self.dq_measured, &mut later.dq_measured),
+            (&mut self.tau_measured, &mut later.tau_measured),
+            (&mut self.q_wanted, &mut later.q_wanted),
+            (&mut self.dq_wanted, &mut later.dq_wanted),
+            (&mut self.ddq_wanted, &mut later.ddq_wanted),
+        ] {
+            array.append(more);
+        }
+    }
+
     /// What a logger would have written: measured position, velocity and torque.
     pub fn recording(&self, source: &str) -> Recording {
         Recording::new(

@@ -8,6 +8,8 @@ pub enum Inputs {
     OwnVelocity,
     /// Its own position and velocity: friction that depends on position, cogging.
     OwnJoint,
+    /// Its own position, velocity and acceleration: also a rotor that the physics lacks. Only if asked for.
+    OwnMotion,
     /// All velocities.
     Velocities,
     /// All positions: springs, a better gravity.
@@ -19,7 +21,18 @@ pub enum Inputs {
 }
 
 impl Inputs {
-    /// All selections, smallest first.
+    /// All selections.
+    pub const NAMED: [Self; 7] = [
+        Self::OwnVelocity,
+        Self::OwnJoint,
+        Self::OwnMotion,
+        Self::Velocities,
+        Self::Positions,
+        Self::PositionsAndVelocities,
+        Self::All,
+    ];
+
+    /// The selections that are tried when none is asked for, smallest first.
     pub const EVERY: [Self; 6] =
         [Self::OwnVelocity, Self::OwnJoint, Self::Velocities, Self::Positions, Self::PositionsAndVelocities, Self::All];
 
@@ -28,6 +41,7 @@ impl Inputs {
         match self {
             Self::OwnVelocity => vec![n + joint],
             Self::OwnJoint => vec![joint, n + joint],
+            Self::OwnMotion => vec![joint, n + joint, 2 * n + joint],
             Self::Velocities => (n..2 * n).collect(),
             Self::Positions => (0..n).collect(),
             Self::PositionsAndVelocities => (0..2 * n).collect(),
@@ -40,6 +54,7 @@ impl Inputs {
         match self {
             Self::OwnVelocity => "own_velocity",
             Self::OwnJoint => "own_joint",
+            Self::OwnMotion => "own_motion",
             Self::Velocities => "velocities",
             Self::Positions => "positions",
             Self::PositionsAndVelocities => "positions_and_velocities",
@@ -49,6 +64,6 @@ impl Inputs {
 
     /// The selection of that name.
     pub fn by_name(name: &str) -> Option<Self> {
-        Self::EVERY.into_iter().find(|inputs| inputs.name() == name)
+        Self::NAMED.into_iter().find(|inputs| inputs.name() == name)
     }
 }
