@@ -745,7 +745,8 @@ impl<'a> Search<'a> {
             if before.terms().iter().any(|t| is_limit(t) && t.site == term.site) {
                 continue;
             }
-            let next = solve_like(&self.problem, before, &[before.terms(), &[term.clone()]].concat(), &self.noise);
+            let next =
+                solve_like(&self.problem, before, &[before.terms(), std::slice::from_ref(&term)].concat(), &self.noise);
             let (without, with) = (self.errors(before), self.errors(&next));
             let effect_size = without.largest_fall_to(&with, &term);
             if effect_size < MATERIAL {

@@ -48,7 +48,7 @@ impl JointRows {
         let every = problem.rows[joint].len().div_ceil(MOST_ROWS).max(1);
         for (k, &(index, sample)) in problem.rows[joint].iter().enumerate() {
             let run = problem.run[joint][k] / every;
-            if problem.run[joint][k] % every != 0 {
+            if !problem.run[joint][k].is_multiple_of(every) {
                 continue;
             }
             let motion = &problem.stretches[index].motion;
