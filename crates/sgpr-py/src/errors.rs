@@ -13,6 +13,7 @@ use sgpr_core::gp::GpError;
 use sgpr_core::identification;
 use sgpr_core::model::{self, IdentifyError, SemiParametricError};
 use sgpr_core::motion::MotionError;
+use sgpr_core::online::OnlineError;
 use sgpr_core::recording;
 use sgpr_core::robot;
 use sgpr_core::signal::SignalError;
@@ -103,6 +104,15 @@ impl IntoPyErr for ExcitationFailure {
         match self {
             Self::Recording(error) => error.into_py_err(),
             error => ExcitationError::new_err(error.to_string()),
+        }
+    }
+}
+
+impl IntoPyErr for OnlineError {
+    fn into_py_err(self) -> PyErr {
+        match self {
+            Self::Kernel(message) => GaussianProcessError::new_err(message),
+            error => SgprError::new_err(error.to_string()),
         }
     }
 }

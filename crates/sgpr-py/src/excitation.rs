@@ -371,6 +371,8 @@ impl Excitation {
 ///     Keep links that are no neighbours apart.
 /// clearance, link_radius : float, default 0 and 0.05
 ///     Distance that is kept; radius of the links, which are capsules from joint to joint, m.
+/// link_shapes : path, optional
+///     The robot's URDF, whose collision shapes (cylinders, boxes, spheres, capsules) are the links, instead of a radius.
 /// max_tip_speed : float, optional
 ///     Of the last frame of the last joint, m/s.
 /// start : array of shape (n,), optional
@@ -505,7 +507,7 @@ pub fn per_joint(name: &str, value: &Bound<'_, PyAny>, robot: &CoreRobot) -> PyR
 /// Keyword arguments of basis and limits, of which each is taken once.
 struct Keywords<'py>(Option<Bound<'py, PyDict>>);
 
-const KEYWORDS: [&str; 16] = [
+const KEYWORDS: [&str; 17] = [
     "basis",
     "fundamental_hz",
     "terms",
@@ -521,6 +523,7 @@ const KEYWORDS: [&str; 16] = [
     "self_collision",
     "clearance",
     "link_radius",
+    "link_shapes",
     "max_tip_speed",
 ];
 
@@ -565,7 +568,18 @@ impl<'py> Keywords<'py> {
 
     /// What is around the arm; nothing if no option says so.
     fn surroundings(&mut self, robot: &CoreRobot) -> PyResult<Option<Surroundings>> {
-        let mut cell = Surroundings::skeleton(robot, self.number("link_radius", 0.05)?);
+        let radius = self.take("link_radius")?;
+        let mut cell = match (self.take("link_shapes")?, radius) {
+            (Some(_), Some(_)) => {
+                return Err(invalid(
+                    "link_shapes, link_radius: the links are shapes of a file or capsules of a radius",
+                ));
+            }
+            (Some(path), None) => {
+                Surroundings::from_urdf(robot, path.extract::<PathBuf>()?).map_err(IntoPyErr::into_py_err)?
+            }
+            (None, radius) => Surroundings::skeleton(robot, radius.map_or(Ok(0.05), |value| value.extract())?),
+        };
         cell.floor = self.take("floor")?.map(|value| value.extract()).transpose()?;
         if let Some(boxes) = self.take("boxes")? {
             let corners: Vec<([f64; 3], [f64; 3])> = boxes

@@ -10,6 +10,7 @@ mod excitation;
 mod gp;
 mod identification;
 mod model;
+mod online;
 mod payload;
 mod progress;
 mod recording;
@@ -40,6 +41,8 @@ mod _sgpr {
     };
     #[pymodule_export]
     use crate::model::{Model, Parameter, Parameters, Predictor, Processing, load};
+    #[pymodule_export]
+    use crate::online::{OnlineGaussianProcess, OnlineModel};
     #[pymodule_export]
     use crate::payload::{DriveGains, Payload, identify_drive_gains, identify_payload, screen};
     #[pymodule_export]

@@ -25,7 +25,7 @@ type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 /// A fitted semi-parametric model; `sgpr.SemiParametricModel` makes and holds it.
 #[pyclass(module = "sgpr._sgpr", frozen)]
 pub struct FittedSemiParametric {
-    inner: Arc<core::SemiParametricModel>,
+    pub(crate) inner: Arc<core::SemiParametricModel>,
 }
 
 /// Fits a model, on top of physics if it is given; returns it and what stopped the work, if anything did.
@@ -48,7 +48,7 @@ pub fn fit_semi_parametric(
     options: &Bound<'_, PyDict>,
 ) -> PyResult<(FittedSemiParametric, Option<PyErr>)> {
     let Arguments { options: identify, progress } = Arguments::new(robot.get(), Some(options))?;
-    let known = Inputs::EVERY.map(|inputs| (inputs.name(), inputs));
+    let known = Inputs::NAMED.map(|inputs| (inputs.name(), inputs));
     let mut options = SemiParametricOptions {
         identify,
         mean: choice("mean", mean, &[("physics", Mean::Physics), ("joint", Mean::Joint), ("zero", Mean::Zero)])?,

@@ -5,12 +5,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use numpy::{PyArray1, PyArrayDyn};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use sgpr_core::model::Predictor;
+use sgpr_core::gp::PredictorOptions;
+use sgpr_core::model::{Predictor, SemiParametricPredictor};
 use sgpr_core::robot::Robot as CoreRobot;
 use sgpr_core::simulation::{
     self as core, ComputedTorque, Controller, Experiment, FeedForward, Gains, Integrator, InverseDynamics,
-    JointImpedance, Measurement, Pd, Reference, RigidBody, SampledReference, Scheduled, Sensors, Setpoint, Simulator,
-    StandStill, VelocitySensor, drives_from_parameters,
+    JointImpedance, Measurement, Pd, PickUp, Reference, RigidBody, SampledReference, Scheduled, Sensors, Setpoint,
+    Simulator, StandStill, VelocitySensor, drives_from_parameters,
 };
 
 use crate::convert::{Numbers, array, choice, positive, view};
@@ -20,6 +21,7 @@ use crate::model::Model;
 use crate::progress::listen;
 use crate::recording::Recording;
 use crate::robot::Robot;
+use crate::semi_parametric::FittedSemiParametric;
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
@@ -267,7 +269,7 @@ impl Simulation {
 ///     called as ``controller(t, q, dq, q_wanted, dq_wanted, ddq_wanted)`` and returns the torques, (n,).
 /// kp, kd : float or array of shape (n,)
 ///     Gains at the joints.
-/// model : Robot, Model or list of them, optional
+/// model : Robot, Model, SemiParametricModel or list of them, optional
 ///     What the controller knows of the arm; several are added. By default the rigid body of `robot`.
 /// feed_forward : array of shape (K, n), optional
 ///     Torque added by the controller, one row per control period; the last row stays.
@@ -281,6 +283,8 @@ impl Simulation {
 /// velocity : {"exact", "difference"}
 ///     What the controller sees.
 /// torque_limits : array of shape (n,), optional
+/// pick_up : (float, array of shape (10,)), optional
+///     Time, s, and the inertial parameters of what the last link holds from then on, in its frame.
 /// random_state : int, default 0
 ///     Of all noise.
 /// progress : callable, optional
@@ -305,8 +309,8 @@ impl Simulation {
 #[pyo3(signature = (robot, reference, *, duration=None, controller=None, kp=None, kd=None, model=None,
     feed_forward=None, drives=None, integrator="euler", step=2.5e-4, control_period=1e-3, record_period=None, delay=0.0,
     position_resolution=None, position_noise=None, torque_noise=None, actuation_noise=None, velocity="exact",
-    torque_limits=None, random_state=0, progress=None),
-    text_signature = "(robot, reference, *, duration=None, controller='feed_forward', kp=75.0, kd=5.0, model=None, feed_forward=None, drives=None, integrator='euler', step=2.5e-4, control_period=1e-3, record_period=None, delay=0.0, position_resolution=None, position_noise=None, torque_noise=None, actuation_noise=None, velocity='exact', torque_limits=None, random_state=0, progress=None)")]
+    torque_limits=None, pick_up=None, random_state=0, progress=None),
+    text_signature = "(robot, reference, *, duration=None, controller='feed_forward', kp=75.0, kd=5.0, model=None, feed_forward=None, drives=None, integrator='euler', step=2.5e-4, control_period=1e-3, record_period=None, delay=0.0, position_resolution=None, position_noise=None, torque_noise=None, actuation_noise=None, velocity='exact', torque_limits=None, pick_up=None, random_state=0, progress=None)")]
 #[allow(clippy::too_many_arguments)]
 pub fn simulate(
     py: Python<'_>,
@@ -330,6 +334,7 @@ pub fn simulate(
     actuation_noise: Option<&Bound<'_, PyAny>>,
     velocity: &str,
     torque_limits: Option<&Bound<'_, PyAny>>,
+    pick_up: Option<(f64, Bound<'_, PyAny>)>,
     random_state: u64,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Simulation> {
@@ -386,13 +391,27 @@ pub fn simulate(
         }
         controller = Box::new(Scheduled::new(controller, numbers.values().to_vec()));
     }
+    let pick_up = pick_up.map(|(time, parameters)| self::pick_up(time, &parameters, n - 1)).transpose()?;
     let result = listen(py, progress, |progress| {
-        core::simulate(&mut simulator, controller.as_mut(), reference.as_ref(), duration, &experiment, progress)
+        let (controller, reference) = (controller.as_mut(), reference.as_ref());
+        match &pick_up {
+            None => core::simulate(&mut simulator, controller, reference, duration, &experiment, progress),
+            Some(pick_up) => {
+                core::simulate_pick_up(&mut simulator, controller, reference, duration, &experiment, pick_up, progress)
+            }
+        }
     });
     if let Some(error) = failure.lock().unwrap_or_else(PoisonError::into_inner).take() {
         return Err(error);
     }
     Ok(Simulation { inner: result? })
+}
+
+/// What the last link picks up.
+fn pick_up(time: f64, parameters: &Bound<'_, PyAny>, link: usize) -> PyResult<PickUp> {
+    let numbers = Numbers::new("pick_up", parameters)?.shaped(&[10])?.finite()?;
+    let parameters = numbers.values().try_into().expect("ten numbers");
+    Ok(PickUp { time, link, parameters })
 }
 
 /// The arm with what turns it.
@@ -448,7 +467,7 @@ fn reference(value: &Bound<'_, PyAny>, robot: &CoreRobot) -> PyResult<Wanted> {
 }
 
 /// What the controller knows.
-fn models(value: Option<&Bound<'_, PyAny>>, robot: &CoreRobot) -> PyResult<Vec<Box<dyn InverseDynamics>>> {
+pub(crate) fn models(value: Option<&Bound<'_, PyAny>>, robot: &CoreRobot) -> PyResult<Vec<Box<dyn InverseDynamics>>> {
     let Some(value) = value else { return Ok(vec![Box::new(RigidBody::new(robot))]) };
     let one = |item: &Bound<'_, PyAny>| -> PyResult<Option<Box<dyn InverseDynamics>>> {
         let (found, model): (usize, Box<dyn InverseDynamics>) = if let Ok(robot) = item.cast::<Robot>() {
@@ -457,6 +476,10 @@ fn models(value: Option<&Bound<'_, PyAny>>, robot: &CoreRobot) -> PyResult<Vec<B
         } else if let Ok(model) = item.cast::<Model>() {
             let model = &model.get().inner;
             (model.robot().dof(), Box::new(Predictor::new(model)))
+        } else if let Some(fitted) = semi_parametric(item)? {
+            let model = &fitted.get().inner;
+            let predictor = SemiParametricPredictor::new(model, PredictorOptions::default());
+            (model.physics().robot().dof(), Box::new(predictor.map_err(IntoPyErr::into_py_err)?))
         } else {
             return Ok(None);
         };
@@ -468,12 +491,23 @@ fn models(value: Option<&Bound<'_, PyAny>>, robot: &CoreRobot) -> PyResult<Vec<B
     if let Some(model) = one(value)? {
         return Ok(vec![model]);
     }
-    let wrong = || wrong_type("model", value, "a Robot, a Model, or a list of them");
+    let wrong = || wrong_type("model", value, "a Robot, a Model, a SemiParametricModel, or a list of them");
     let mut all = Vec::new();
     for item in value.try_iter().map_err(|_| wrong())? {
         all.push(one(&item?)?.ok_or_else(wrong)?);
     }
     Ok(all)
+}
+
+/// What an `sgpr.SemiParametricModel` holds, if it is one.
+fn semi_parametric<'py>(item: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, FittedSemiParametric>>> {
+    if item.get_type().name()? != "SemiParametricModel" {
+        return Ok(None);
+    }
+    match item.getattr_opt("_fitted")? {
+        Some(fitted) => Ok(Some(fitted.cast_into::<FittedSemiParametric>()?)),
+        None => Err(invalid("model: this SemiParametricModel is not fitted yet; call `fit` first")),
+    }
 }
 
 fn controller(

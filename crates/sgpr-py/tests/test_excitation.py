@@ -110,3 +110,63 @@ def test_bad_arguments(case: str) -> None:
     options, message = WRONG[case]
     with pytest.raises(sgpr.SgprError, match=message):
         sgpr.excite(ROBOT, **options)
+
+
+URDF = """<robot name="arm"><link name="base"/>
+<link name="upper"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><origin xyz="0.25 0 0"/><geometry>{shape}</geometry></collision></link>
+<link name="fore"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><origin xyz="0.2 0 0" rpy="0 1.5707963267948966 0"/>
+    <geometry><cylinder radius="0.06" length="0.4"/></geometry></collision></link>
+<joint name="j1" type="revolute"><parent link="base"/><child link="upper"/><origin xyz="0 0 0.5"/><axis xyz="0 1 0"/>
+  <limit lower="-1.5" upper="1.5" velocity="2" effort="90"/></joint>
+<joint name="j2" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0.5 0 0"/><axis xyz="0 1 0"/>
+  <limit lower="-1.5" upper="1.5" velocity="2" effort="90"/></joint></robot>"""
+BOX = '<box size="0.5 0.08 0.06"/>'
+
+
+def test_links_are_the_shapes_of_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(URDF.format(shape=BOX))
+    robot = sgpr.Robot.from_urdf(path)
+    options: dict[str, Any] = {"max_acceleration": [6.0] * 2, "terms": 3, "starts": 1, "max_evaluations": 80}
+    found = sgpr.excite(robot, [], floor=0.2, link_shapes=path, **options)
+    _, q, _, _ = found.trajectory.samples(200.0)
+    # Corners of the box and points of the cylinder's rims, from the angles.
+    upper, both = q[:, 0], q.sum(axis=1)
+    elbow = 0.5 - 0.5 * np.sin(upper)
+    lowest = [0.5 - x * np.sin(upper) - 0.03 * np.abs(np.cos(upper)) for x in (0.0, 0.5)]
+    lowest += [elbow - x * np.sin(both) - 0.06 * np.abs(np.cos(both)) for x in (0.0, 0.4)]
+    assert np.min(lowest) > 0.2 - 1e-9
+    free = sgpr.excite(robot, [], **options)
+    _, q, _, _ = free.trajectory.samples(200.0)
+    assert (0.5 - 0.5 * np.sin(q[:, 0]) - 0.4 * np.sin(q.sum(axis=1))).min() < 0.2, "the floor is in the way"
+    with pytest.raises(sgpr.SgprError, match="shapes of a file or capsules of a radius"):
+        sgpr.excite(robot, [], floor=0.2, link_shapes=path, link_radius=0.1, **options)
+    path.write_text(URDF.format(shape='<mesh filename="upper.stl"/>'))
+    with pytest.raises(sgpr.SgprError, match="`upper` is a mesh, which is not read: give `link_radius`"):
+        sgpr.excite(robot, [], floor=0.2, link_shapes=path, **options)
+
+
+# What enters the torque linearly, with the motion alone: these have columns that a motion can excite.
+LINEAR = [
+    "viscous_friction",
+    "coulomb_friction",
+    "asymmetric_viscous_friction",
+    "quadratic_viscous_friction",
+    "rotor_inertia",
+    "torque_offset",
+    "cable_stiffness",
+    "asymmetric_coulomb_friction",
+]
+
+
+@pytest.mark.parametrize("effect", LINEAR)
+def test_the_columns_of_an_effect_are_excited(effect: str) -> None:
+    bare = sgpr.excite(ROBOT, [], **QUICK)
+    found = sgpr.excite(ROBOT, [effect], **QUICK)
+    # Judged by the same columns, the motion that was made for them is at least as good, as far as a short search goes.
+    before = bare.trajectory.excitation([effect])
+    assert found.report["base_parameters"] > bare.report["base_parameters"]
+    assert found.report["rank"] == found.report["base_parameters"]
+    assert found.report["condition"] <= 1.2 * before["condition"]

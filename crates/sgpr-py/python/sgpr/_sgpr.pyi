@@ -7,6 +7,8 @@ from typing import Any, Final, Literal, final, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .semi_parametric import SemiParametricModel
+
 _Array = NDArray[np.float64]
 _Path = str | PathLike[str]
 _Progress = Callable[[str, int, int], object]
@@ -34,6 +36,8 @@ __all__ = [
     "LogResidual",
     "Model",
     "ModelFileError",
+    "OnlineGaussianProcess",
+    "OnlineModel",
     "Parameter",
     "Parameters",
     "Payload",
@@ -914,6 +918,7 @@ class Simulation:
     def recording(self, source: str = "simulation") -> Recording: ...
     def __len__(self) -> int: ...
 
+_Known = Robot | Model | SemiParametricModel | Sequence[Robot | Model | SemiParametricModel]
 _Controller = Callable[[float, _Array, _Array, _Array, _Array, _Array], ArrayLike]
 
 def simulate(
@@ -924,7 +929,7 @@ def simulate(
     controller: Literal["feed_forward", "computed_torque", "impedance", "pd"] | _Controller = "feed_forward",
     kp: ArrayLike = 75.0,
     kd: ArrayLike = 5.0,
-    model: Robot | Model | Sequence[Robot | Model] | None = None,
+    model: _Known | None = None,
     feed_forward: ArrayLike | None = None,
     drives: Sequence[Drive] | None = None,
     integrator: Literal["euler", "runge_kutta"] = "euler",
@@ -938,6 +943,62 @@ def simulate(
     actuation_noise: ArrayLike | None = None,
     velocity: Literal["exact", "difference"] = "exact",
     torque_limits: ArrayLike | None = None,
+    pick_up: tuple[float, ArrayLike] | None = None,
     random_state: int = 0,
     progress: _Progress | None = None,
 ) -> Simulation: ...
+
+@final
+class OnlineModel:
+    """An identified model that follows what changes while the arm runs."""
+
+    def __new__(
+        cls,
+        robot: Robot,
+        model: _Known | None = None,
+        *,
+        payload: bool = True,
+        process: bool = True,
+        link: str | None = None,
+        mass: float = 5.0,
+        radius: float = 0.2,
+        memory: float = 0.3,
+        noise: ArrayLike | None = None,
+        points: int = 100,
+        novelty: float = 0.03,
+        process_memory: float = 2.0,
+        period: float = 0.001,
+        cutoff_hz: float = 10.0,
+        standstill_speed: float = 0.02,
+    ) -> OnlineModel: ...
+    def update(self, q: ArrayLike, tau: ArrayLike) -> None: ...
+    def torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> _Array: ...
+    @property
+    def payload(self) -> _Array | None: ...
+    @property
+    def payload_std(self) -> _Array | None: ...
+    @property
+    def points(self) -> int: ...
+
+@final
+class OnlineGaussianProcess:
+    """A Gaussian process whose points come and go."""
+
+    def __new__(
+        cls,
+        kernel: Kernel,
+        inputs: int,
+        outputs: int = 1,
+        *,
+        noise_variance: float = 0.01,
+        points: int = 100,
+        novelty: float = 0.03,
+        refresh: int = 100,
+        memory: int = 2000,
+    ) -> OnlineGaussianProcess: ...
+    def add(self, x: ArrayLike, y: ArrayLike) -> None: ...
+    @overload
+    def predict(self, x: ArrayLike, return_std: Literal[False] = False) -> _Array: ...
+    @overload
+    def predict(self, x: ArrayLike, return_std: Literal[True]) -> tuple[_Array, float]: ...
+    def __len__(self) -> int: ...

@@ -42,8 +42,9 @@ class SemiParametricModel(Estimator):
     ard : bool, default True
         A length scale for each input, or one for all.
     inputs : str, optional
-        What the processes look at: "own_velocity", "own_joint", "velocities", "positions", "positions_and_velocities"
-        or "all"; chosen for each joint by stretches left out by default.
+        What the processes look at: "own_velocity", "own_joint", "own_motion", "velocities", "positions",
+        "positions_and_velocities" or "all"; chosen for each joint by stretches left out by default (among all but
+        "own_motion").
     mean : {"physics", "joint", "zero"}
         What the processes are the rest of: the physics as least squares found it, the physics estimated again together
         with them (generalised least squares), or nothing, for comparison.

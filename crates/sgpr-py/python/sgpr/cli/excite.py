@@ -13,7 +13,7 @@ from .console import Output, to_json
 from .effects import checked_effects
 from .errors import one_of, wrong_use
 from .output_folder import OutputFolder
-from .robots import load_robot
+from .robots import is_urdf, load_robot
 from .versions import versions
 
 DEFAULT_EFFECTS = ("viscous_friction", "coulomb_friction")
@@ -72,7 +72,12 @@ def excite(
     self_collision: Annotated[
         bool, typer.Option("--self-collision", help="Keep links that are no neighbours apart.")
     ] = False,
-    link_radius: Annotated[float, typer.Option("--link-radius", metavar="R", help="Of the links, m.")] = 0.05,
+    link_radius: Annotated[
+        float | None,
+        typer.Option(
+            "--link-radius", metavar="R", help="Of the links, m.", show_default="collision shapes of a URDF, else 0.05"
+        ),
+    ] = None,
     clearance: Annotated[float, typer.Option("--clearance", metavar="D", help="Distance that is kept, m.")] = 0.0,
     max_tip_speed: Annotated[
         float | None, typer.Option("--max-tip-speed", metavar="V", help="Of the tool, m/s.")
@@ -124,6 +129,10 @@ def excite(
         "floor": floor,
         "self_collision": self_collision,
         "link_radius": link_radius,
+        # Only where something must be kept clear of.
+        "link_shapes": robot
+        if link_radius is None and (floor is not None or self_collision) and is_urdf(robot)
+        else None,
         "clearance": clearance,
         "max_tip_speed": max_tip_speed,
         "start": per_joint(start, loaded, "--start"),

@@ -53,9 +53,9 @@ def reproduce(
     deviation = 100.0 * thesis.data["case_2"]["largest_deviation"]
     output.heading(f"Case 2: the error of the internal model is recovered within {significant(deviation)} %")
     rows = [
-        [row["motion"], *map(significant, (sum(row["published"]), row["parametric"].sum()))]
+        [row["motion"], significant(sum(row["published"])), *(significant(e.sum()) for e in row["errors"].values())]
         for row in thesis.data["table_5_8"]
     ]
-    output.table(["trained on", "thesis, semi-parametric", "identified model [rad]"], rows)
+    output.table(["trained on", "thesis", *thesis.data["table_5_8"][0]["errors"]], rows)
     output.line(f"results: {Path(out)}")
     output.result(data)

@@ -31,6 +31,12 @@ def load_robot(name: str, joints: Sequence[str] | None = None, gravity: Sequence
     return robot if gravity is None else robot.with_gravity(gravity)
 
 
+def is_urdf(name: str) -> bool:
+    """Whether `name` is read as a URDF file."""
+    ready_made = name in READY_MADE and not Path(name).exists()
+    return not ready_made and Path(name).suffix.lower() not in (".toml", ".json")
+
+
 def _from_table(path: str) -> Robot:
     text = Path(path).read_text(encoding="utf-8")
     try:

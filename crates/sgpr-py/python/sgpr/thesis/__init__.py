@@ -2,8 +2,9 @@
 Gaussian Process Regression, MSc thesis, TU Delft (2018), run again: `sgpr reproduce thesis`.
 """
 
-from .experiments import Settings, Thesis, run
+from .experiments import Settings, Thesis
 from .markdown import markdown
 from .page import html
+from .run import run
 
 __all__ = ["Settings", "Thesis", "html", "markdown", "run"]

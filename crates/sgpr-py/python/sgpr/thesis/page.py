@@ -14,10 +14,14 @@ from ..report.numbers import significant
 from ..report.page import page
 from ..report.settings import settings_section
 from . import published
-from .experiments import Thesis
+from .experiments import IDENTIFIED, INTERNAL, SEMI_PARAMETRIC, Thesis
+
+# Tracking is drawn for the models of the thesis, errors for all.
+DRAWN = (INTERNAL, IDENTIFIED, SEMI_PARAMETRIC)
 
 SHOWN_SAMPLES = 400
 HEIGHT = 300
+LEGEND_BELOW = {"orientation": "h", "x": 0, "xanchor": "left", "y": -0.15, "yanchor": "top"}
 
 
 def html(thesis: Thesis, data: dict[str, Any]) -> str:
@@ -29,6 +33,7 @@ def html(thesis: Thesis, data: dict[str, Any]) -> str:
         Section("case-1", "Case 1: tracking", _case_1(thesis, figures)),
         Section("study", "Excitation study", _study(thesis, figures)),
         Section("case-2", "Case 2: tracking", _case_2(thesis, figures)),
+        Section("beyond", "Where the thesis stops", _beyond(thesis, figures)),
         Section("settings", "Versions", settings_section({"Versions": data["versions"]})),
     ]
     lead = paragraph(
@@ -75,7 +80,9 @@ class Figures:
             }
             for index, (name, values) in enumerate(groups.items())
         ]
-        return self._add(label, data, yaxis=axis(unit), barmode="group")
+        # More than four names need two rows, which the tool bar would cover above the plot.
+        below = {"legend": LEGEND_BELOW, "margin": {"l": 60, "r": 16, "t": 36, "b": 80}} if len(groups) > 4 else {}
+        return self._add(label, data, yaxis=axis(unit), barmode="group", **below)
 
     def _add(self, label: str, data: list[dict[str, Any]], **settings: Any) -> Html:
         place = f"figure-{len(self.plots) + 1}"
@@ -132,8 +139,12 @@ def _case_1(thesis: Thesis, figures: Figures) -> Html:
             errors = {run["model"]: run["rmse"] for run in tracking if run["motion"] == motion}
             label = f"Figures {bars}: {name}, {motion}"
             parts.append(figures.bars(label, "position error [rad]", joints, errors))
-            runs = {model: thesis.runs[f"{name} case 1 {motion} {model}"] for model in errors}
+            runs = {model: thesis.runs[f"{name} case 1 {motion} {model}"] for model in DRAWN}
             parts += [_tracking(figures, f"Figures {each}: {name}, {motion}", runs, k) for k in range(len(joints))]
+    for motion, number in (("train", "5-10"), ("test", "5-11")):
+        errors = {run["model"]: run["rmse"] for run in thesis.data["kernels"] if run["motion"] == motion}
+        label = f"Figure {number}: one length scale or one per input, two-link arm, {motion}"
+        parts.append(figures.bars(label, "position error [rad]", ["joint 1", "joint 2"], errors))
     return join(parts)
 
 
@@ -142,17 +153,20 @@ def _study(thesis: Thesis, figures: Figures) -> Html:
     joints = [f"joint {k + 1}" for k in range(thesis.arms["puma560"].robot.dof)]
     by_name = {row["motion"]: row for row in rows}
     three = {
-        "trajectory 1": by_name["cond(W_fe)"]["parametric"],
-        "trajectory 2": by_name["cond(W_nfe)"]["parametric"],
-        "trajectory 3": by_name["HFS + cond(W_nfe)"]["parametric"],
+        "trajectory 1": by_name["cond(W_fe)"]["errors"][SEMI_PARAMETRIC],
+        "trajectory 2": by_name["cond(W_nfe)"]["errors"][SEMI_PARAMETRIC],
+        "trajectory 3": by_name["HFS + cond(W_nfe)"]["errors"][SEMI_PARAMETRIC],
     }
-    runs = {row["motion"]: thesis.runs[f"table 5-8 {row['motion']} parametric test 1"] for row in rows}
-    body = [[row["motion"], *map(significant, row["parametric"]), significant(row["parametric"].sum())] for row in rows]
+    runs = {row["motion"]: thesis.runs[f"table 5-8 {row['motion']} {SEMI_PARAMETRIC} test 1"] for row in rows}
+    body = []
+    for row in rows:
+        for label, errors in (("thesis", np.array(row["published"])), *row["errors"].items()):
+            body.append([row["motion"], label, *map(significant, errors), significant(errors.sum())])
     return join(
         [
             figures.bars("Figure 5-13: models of trajectories 1 to 3", "position error [rad]", joints, three),
-            _tracking(figures, "Figure 5-15: models of eight training sets", runs, 1),
-            table("Table 5-8: identified models, position error [rad]", ["trained on", *joints, "sum"], body),
+            _tracking(figures, "Figure 5-15: semi-parametric models of eight training sets", runs, 1),
+            table("Table 5-8: position error [rad]", ["trained on", "model", *joints, "sum"], body),
         ]
     )
 
@@ -160,11 +174,34 @@ def _study(thesis: Thesis, figures: Figures) -> Html:
 def _case_2(thesis: Thesis, figures: Figures) -> Html:
     free = {"wrong internal model, no feedback": thesis.runs["case 2 no feedback"]}
     parts = [_tracking(figures, f"Figure 5-{16 + k}: two-link arm", free, k) for k in range(2)]
-    tracking = thesis.data["case_2"]["tracking"]
-    numbers = {"train": ("Figure 5-18", "Figures C-17, C-18"), "test": ("Figure 5-19", "Figures C-19, C-20")}
-    for motion, (bars, each) in numbers.items():
-        errors = {run["model"]: run["rmse"] for run in tracking if run["motion"] == motion}
-        parts.append(figures.bars(f"{bars}: {motion}", "position error [rad]", ["joint 1", "joint 2"], errors))
-        runs = {model: thesis.runs[f"case 2 {motion} {model}"] for model in errors}
-        parts += [_tracking(figures, f"{each}: {motion}", runs, k) for k in range(2)]
+    cases = (
+        ("two_link", "case 2", "case_2", {"train": "Figure 5-18, C-17, C-18", "test": "Figure 5-19, C-19, C-20"}),
+        ("puma560", "puma case 2", "case_2_puma", {"train": "Not in the thesis", "test": "Not in the thesis"}),
+    )
+    for arm, label, key, numbers in cases:
+        joints = [f"joint {k + 1}" for k in range(thesis.arms[arm].robot.dof)]
+        tracking = thesis.data[key]["tracking"]
+        for motion, number in numbers.items():
+            errors = {run["model"]: run["rmse"] for run in tracking if run["motion"] == motion}
+            parts.append(figures.bars(f"{number}: {arm}, {motion}", "position error [rad]", joints, errors))
+            runs = {model: thesis.runs[f"{label} {motion} {model}"] for model in DRAWN}
+            parts += [_tracking(figures, f"{number}: {arm}, {motion}", runs, k) for k in range(len(joints))]
+    return join(parts)
+
+
+def _beyond(thesis: Thesis, figures: Figures) -> Html:
+    parts = []
+    laws = thesis.data["control_laws"]
+    for arm in thesis.arms.values():
+        joints = [f"joint {k + 1}" for k in range(arm.robot.dof)]
+        for law in dict.fromkeys(row["law"] for row in laws):
+            errors = {row["model"]: row["rmse"] for row in laws if (row["robot"], row["law"]) == (arm.name, law)}
+            parts.append(figures.bars(f"{law}: {arm.name}", "position error [rad]", joints, errors))
+    for kind, label, unit in (
+        ("error", "A payload picked up after 4 s: norm of the position error", "position error [rad]"),
+        ("mass", "Mass of the payload as tracked", "mass [kg]"),
+    ):
+        names = [name for name in thesis.curves if name.startswith(f"{kind}, ")]
+        curves = {name.removeprefix(f"{kind}, "): thesis.curves[name] for name in names}
+        parts.append(figures.lines(label, unit, curves))
     return join(parts)
