@@ -96,11 +96,12 @@ pub(super) fn change(rows: &JointRows, noise: &[f64]) -> Option<Change> {
         held += weight;
         (low, high) = (low.min(bin), high.max(bin));
     }
+    // A change within a bin spoils the bins on both sides of the moment that fits best.
     let time = |bin: usize| start + step * bin as f64;
     let energy = y.iter().map(|y| y * y).sum::<f64>();
     Some(Change {
         time: time(begin),
-        interval: [time(low) - 0.5 * step, time(high) + 0.5 * step],
+        interval: [time(low) - step, time(high) + step],
         end: (finish < bins).then(|| time(finish)),
         probability: 1.0 / (1.0 + (-odds).clamp(-700.0, 700.0).exp()),
         share: (gain / energy.max(1e-300)).clamp(0.0, 1.0),
