@@ -117,6 +117,14 @@ fn catalogue(effects: Option<&Bound<'_, PyAny>>) -> PyResult<Catalogue> {
 /// list of dict
 ///     With the keys of `structure` in diagnosis.json: "joint", "rmse", "whiteness" (probability that noise is as far from
 ///     white), "shares" ("state", "time", "noise"), "inputs", "shape", "change", "dependence", "summary".
+///
+/// Examples
+/// --------
+/// >>> log = sgpr.read("train.csv.gz")
+/// >>> model = sgpr.identify(sgpr.Robot.from_urdf("robot.urdf"), [log], effects=["viscous_friction"])
+/// >>> structure = sgpr.residual_structure(model, sgpr.compare(model, [log]))
+/// >>> structure[0]["joint"]
+/// 'joint_1'
 #[pyfunction]
 pub fn residual_structure<'py>(
     py: Python<'py>,

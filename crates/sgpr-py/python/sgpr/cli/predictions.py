@@ -65,8 +65,7 @@ def beside(comparison: Comparison, values: Sequence[Array]) -> Pieces:
 
 def spread_of(comparison: Comparison, spread: Sequence[Sequence[Array]]) -> dict[str, Pieces]:
     """Standard deviations and intervals of a comparison's logs."""
-    deviations, intervals = zip(*spread, strict=True)
-    return {STD: beside(comparison, deviations), INTERVAL: beside(comparison, intervals)}
+    return {name: beside(comparison, [own[k] for own in spread]) for k, name in enumerate((STD, INTERVAL))}
 
 
 def predictions(
