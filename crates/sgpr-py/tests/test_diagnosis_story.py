@@ -118,10 +118,10 @@ def test_wrong_constants(constants: dict[str, Any], words: str) -> None:
 
 
 def swinging() -> sgpr.Recording:
-    """Joint 2 swings with one frequency, its friction a fifth of the noise: sgn(dq) and dq look alike."""
+    """Joint 2 swings with one frequency, its friction a quarter of the noise: sgn(dq) and dq look alike."""
     robot = sgpr.robots.two_link()
     rng = np.random.default_rng(0)
-    t = np.arange(2000) / RATE
+    t = np.arange(1200) / RATE
     waves = [[(0.7, 1.1, 0.3), (0.3, 2.9, 1.0)], [(0.5, 3.0, 0.5)]]
     q, dq, ddq = (
         np.stack([sum(f(a, w, p) for a, w, p in joint) for joint in waves], axis=1)
@@ -132,7 +132,7 @@ def swinging() -> sgpr.Recording:
         )
     )
     tau = robot.inverse_dynamics(q, dq, ddq) + rng.normal(0, NOISE, q.shape)
-    tau[:, 1] += 0.01 * dq[:, 1]
+    tau[:, 1] += 0.0118 * dq[:, 1]
     noisy = q + rng.normal(0, 1e-6, q.shape)
     time_ns = np.round(t * 1e9).astype(np.int64)
     return sgpr.Recording(time_ns, noisy, None, tau, joint_names=robot.joint_names, source="swing")
