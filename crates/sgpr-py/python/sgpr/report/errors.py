@@ -11,6 +11,7 @@ from .markup import Cell, Html, element, join, legend, paragraph, plot, table
 from .numbers import MISSING, percent, significant
 
 ROW_HEIGHT = 30
+NOTICEABLE = 1.005
 PLOT = "errors-plot"
 
 
@@ -44,7 +45,7 @@ def verdict(
         "(root mean square).",
     ]
     pairs = zip(before.joints, after.joints, strict=True) if before is not None else ()
-    worse = [a.joint for b, a in pairs if a.samples and a.rmse > b.rmse]
+    worse = [a.joint for b, a in pairs if a.samples and a.rmse > NOTICEABLE * b.rmse]
     if worse:
         sentences.append(f"Here the error has grown instead: {', '.join(worse)}.")
     useless = [joint.joint for joint in scored if joint.rmse > joint.rmse_gravity or joint.rmse > joint.rmse_zero]
@@ -95,7 +96,7 @@ def _row(joints: Sequence[JointComparison], with_log: bool) -> list[object]:
         return [last.joint, last.unit, *[MISSING] * (len(joints) + 8)]
     rmse: list[object] = [significant(joint.rmse) for joint in joints]
     baseline = min(last.rmse_zero, last.rmse_gravity)
-    if any(last.rmse > other.rmse for other in joints[:-1]):
+    if any(last.rmse > NOTICEABLE * other.rmse for other in joints[:-1]):
         rmse[-1] = Cell(f"{significant(last.rmse)} ▲ worse", "bad number")
     elif last.rmse > baseline:
         rmse[-1] = Cell(f"{significant(last.rmse)} ▲ no use", "bad number")
