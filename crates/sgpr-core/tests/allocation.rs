@@ -9,7 +9,7 @@ use std::alloc::System;
 use std::hint::black_box;
 
 use cap::Cap;
-use common::{ROBOTS, Reference};
+use common::{ROBOTS, Reference, data};
 use sgpr_core::dynamics::{
     BatchWorkspace, Samples, Workspace, bias_forces, forward_dynamics, forward_dynamics_with_rotors,
     forward_kinematics, frame_pose, gravity_torque, jacobian, kinetic_energy, mass_matrix, potential_energy, regressor,
@@ -19,8 +19,11 @@ use sgpr_core::effects::{Entry, registry};
 use sgpr_core::gp::{
     Compute, Covariance, Data, GaussianProcess, GpPredictor, Kernel, Precision, PredictorOptions, Shape,
 };
-use sgpr_core::model::{Predictor, TorqueModel};
-use sgpr_core::robot::Robot;
+use sgpr_core::model::{
+    Inputs, Mean, Predictor, SemiParametricOptions, SemiParametricPredictor, TorqueModel, fit_semi_parametric,
+};
+use sgpr_core::recording::csv;
+use sgpr_core::robot::{Robot, UrdfOptions};
 
 #[global_allocator]
 static MEMORY: Cap<System> = Cap::new(System, usize::MAX);
@@ -126,6 +129,39 @@ fn check_processes() {
     }
 }
 
+/// The arm of the demo with small processes, each joint its own or all one kernel.
+fn check_semi_parametric() {
+    let robot = Robot::from_urdf(data("demo/robot.urdf"), &UrdfOptions::default()).expect("bundled");
+    let log = csv::read(data("demo/train_1.csv.gz"), &Default::default()).expect("bundled");
+    for (shared, mean) in [(false, Mean::Physics), (true, Mean::Physics), (false, Mean::Joint), (true, Mean::Joint)] {
+        let options = SemiParametricOptions {
+            shared,
+            mean,
+            inputs: Some(Inputs::Velocities),
+            points: 40,
+            evaluations: 5,
+            ..SemiParametricOptions::default()
+        };
+        let model = fit_semi_parametric(&robot, std::slice::from_ref(&log), &options, &()).expect("a good log");
+        for precision in [Precision::Double, Precision::Single] {
+            for variance_points in [None, Some(0), Some(20)] {
+                let options = PredictorOptions { precision, variance_points };
+                let mut predictor = SemiParametricPredictor::new(&model, options).expect("small");
+                let taken = bytes_taken(|| {
+                    for k in 0..SAMPLES {
+                        let q = [0.1 * k as f64, 0.3, -0.2, 0.7, 0.0, 0.1];
+                        black_box(predictor.torque(&q, &q, &q)[2]);
+                        if variance_points != Some(0) {
+                            black_box(predictor.torque_and_deviation(&q, &q, &q).1[2]);
+                        }
+                    }
+                });
+                assert_eq!(taken, 0, "SemiParametricPredictor, shared {shared}, {mean:?}, {options:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn nothing_is_allocated_after_set_up() {
     // The count sees what it should: eight bytes, and the set-up itself.
@@ -138,4 +174,5 @@ fn nothing_is_allocated_after_set_up() {
         check(name, &robot);
     }
     check_processes();
+    check_semi_parametric();
 }

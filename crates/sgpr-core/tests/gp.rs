@@ -7,8 +7,9 @@ use common::{data, largest_difference};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use sgpr_core::gp::{
-    Compute, Covariance, Data, GaussianProcess, GpError, Kernel, Likelihood, SearchOptions, SearchStatus, Shape,
-    SparseBound, SparseGaussianProcess, SparseOptions, informative_points, search, search_sparse,
+    Compute, Covariance, Data, GaussianProcess, GpError, Kernel, Likelihood, Precision, SearchOptions, SearchStatus,
+    Shape, SharedPredictor, SparseBound, SparseGaussianProcess, SparseOptions, informative_points, search,
+    search_sparse,
 };
 use sgpr_core::progress::{Interrupted, Progress};
 
@@ -367,4 +368,47 @@ fn bad_input_is_an_error_that_says_what_to_do() {
     let scaled = Kernel::isotropic(Shape::Matern32, 1, 1.0).fitted_to(far.x(), 1, far.mean_square());
     let gp = GaussianProcess::fit(far, Covariance::new(scaled, 1e-22), &Compute::default()).expect("scaled");
     assert!((gp.predict(&[5e9], false).expect("a point").mean[0] / 1e-9 - 1.0).abs() < 1e-3);
+}
+
+#[test]
+fn processes_over_the_same_points_are_asked_together() {
+    // Not a whole number of tiles or of pairs of registers; inputs that a kernel does not look at.
+    let (n, d) = (2 * 256 + 43, 5);
+    let x: Vec<f64> = (0..n * d).map(|k| (0.7 * k as f64 + (0.01 * k as f64).cos()).sin()).collect();
+    let process = |joint: usize| {
+        let shape = [Shape::SquaredExponential, Shape::Matern52, Shape::Exponential][joint % 3];
+        let inputs = [vec![0, 1, 2, 3, 4], vec![joint % d], vec![4, 2]][joint % 3 * usize::from(joint > 2)].clone();
+        let scales: Vec<f64> = (0..inputs.len()).map(|m| 0.5 + 0.1 * (m + joint) as f64).collect();
+        let kernel = Kernel::ard(shape, &scales).on(&inputs).scaled(1.0 + joint as f64);
+        let y = (0..n).map(|i| (x[i * d] * (1.0 + joint as f64)).sin() + x[i * d + 2]).collect();
+        let data = Data::new(x.clone(), d, y, 1).expect("good data");
+        GaussianProcess::fit(data, Covariance::new(kernel, 0.01), &Compute::default()).expect("good data")
+    };
+    let mut all: Vec<GaussianProcess> = (0..7).map(process).collect();
+    // The last one has the kernel of the first, in other units.
+    let first = all[0].covariance().clone().in_units_of(3.0);
+    let y = (0..n).map(|i| 3.0 * (x[i * d] * 2.0).cos()).collect();
+    let data = Data::new(x.clone(), d, y, 1).expect("good data");
+    all.push(GaussianProcess::fit(data, first, &Compute::default()).expect("good data"));
+    for count in 1..=all.len() {
+        let processes: Vec<&GaussianProcess> = all.iter().take(count).collect();
+        let mut double = SharedPredictor::new(&processes, Precision::Double).expect("the same points");
+        let mut single = SharedPredictor::new(&processes, Precision::Single).expect("the same points");
+        assert!(double.error() == 0.0 && single.error() > 0.0 && single.error() < 1e-2, "{}", single.error());
+        for query in [&x[..d], &[0.3, -0.2, 0.1, 0.9, -0.4]] {
+            let expected = processes.iter().map(|gp| gp.predict(query, false).expect("finite").mean[0]);
+            let expected: Vec<f64> = expected.collect();
+            // Weights are up to the signal over the noise times the points: rounding of the sums.
+            assert!(largest_difference(double.means(query), &expected) < 1e-9);
+            assert!(largest_difference(single.means(query), &expected) < 1e-2);
+        }
+    }
+    let periodic = Kernel::ard(Shape::Matern52, &[1.0; 5]).with_period(0, 2.0).scaled(1.0);
+    let other = Data::new(x.clone(), d, vec![1.0; n], 1).expect("good data");
+    let other = GaussianProcess::fit(other, Covariance::new(periodic, 0.1), &Compute::default()).expect("good data");
+    assert!(SharedPredictor::new(&[&all[0], &other], Precision::Double).is_none(), "a kernel of another kind");
+    let fewer = all[0].data().select(&[0, 1, 2]);
+    let fewer = GaussianProcess::fit(fewer, all[0].covariance().clone(), &Compute::default()).expect("good data");
+    assert!(SharedPredictor::new(&[&all[0], &fewer], Precision::Double).is_none(), "other points");
+    assert!(SharedPredictor::new(&[], Precision::Double).is_none());
 }

@@ -100,9 +100,8 @@ fn a_model_read_back_and_a_predictor_say_the_same() {
             assert!(largest_difference(fast.torque(q, dq, dq), tau) < 1e-3);
             let (found, deviation) = exact.torque_and_deviation(q, dq, dq);
             assert!(largest_difference(found, tau) < 1e-9);
-            if mean != Mean::Joint {
-                assert!(largest_difference(deviation, &prediction.standard_deviation[k..k + 6]) < 1e-9);
-            }
+            // With what uncertain parameters bring.
+            assert!(largest_difference(deviation, &prediction.standard_deviation[k..k + 6]) < 1e-9);
         }
     }
 }
@@ -225,6 +224,42 @@ fn effects_at_single_joints_are_part_of_the_physics() {
     options.mean = Mean::Zero;
     let error = fit_rest(&single, &train(), &options, &()).expect_err("no physics wanted");
     assert!(error.to_string().contains("leaves out the physics"));
+}
+
+#[test]
+fn joints_that_share_a_kernel_are_learned_and_predicted_together() {
+    let shared = SemiParametricOptions { shared: true, ..options() };
+    let model = fit(&shared);
+    let test = [read("test")];
+    let (before, after) = (compare(model.physics(), &test, None).expect("good"), model.compare(&test).expect("good"));
+    println!("physics {:.3} %, shared {:.3} %", before.relative_error_percent, after.relative_error_percent);
+    assert!(after.relative_error_percent < 0.9 * before.relative_error_percent);
+    // One kernel but for the units, over the same points.
+    let hyperparameters: Vec<_> = (0..6).filter_map(|joint| model.hyperparameters(joint)).collect();
+    assert!(hyperparameters.len() >= 2, "{}", hyperparameters.len());
+    for other in &hyperparameters[1..] {
+        for ((name, a), (_, b)) in hyperparameters[0].iter().zip(other) {
+            assert!(name.contains("variance") || (a - b).abs() < 1e-12 * a, "{name}: {a} {b}");
+        }
+    }
+    let reports = model.reports();
+    let points: Vec<usize> = reports.iter().filter(|r| r.chosen.is_some()).map(|r| r.points).collect();
+    assert!(points.iter().all(|count| *count == points[0]) && points[0] <= 120);
+
+    // Asked together they say what each says alone.
+    let (q, dq) = (&test[0].position()[..600], &test[0].velocity().expect("logged")[..600]);
+    let expected = model.predict(Samples { q, dq, ddq: dq }, true).expect("finite");
+    for (precision, tolerance) in [(Precision::Double, 1e-9), (Precision::Single, 1e-3)] {
+        let options = PredictorOptions { precision, variance_points: Some(0) };
+        let mut predictor = SemiParametricPredictor::new(&model, options).expect("small");
+        for k in (0..600).step_by(6) {
+            let tau = predictor.torque(&q[k..k + 6], &dq[k..k + 6], &dq[k..k + 6]);
+            assert!(largest_difference(tau, &expected.tau[k..k + 6]) < tolerance);
+        }
+    }
+    let wrong = SemiParametricOptions { inputs: Some(Inputs::OwnVelocity), ..shared };
+    let error = fit_semi_parametric(&robot(), &train(), &wrong, &()).expect_err("inputs of one joint");
+    assert!(error.to_string().contains("cannot look at `own_velocity`"), "{error}");
 }
 
 #[test]

@@ -30,6 +30,16 @@ impl Covariance {
         self
     }
 
+    /// The covariance of `scale` times what has this covariance.
+    #[must_use]
+    pub fn in_units_of(mut self, scale: f64) -> Self {
+        let square = scale * scale;
+        self.signal = times(square, self.signal);
+        self.correlated_noise = self.correlated_noise.map(|kernel| times(square, kernel));
+        self.noise_variance *= square;
+        self
+    }
+
     /// Logarithms of all hyperparameters: of the signal, of the correlated noise, of the noise variance.
     pub fn theta(&self) -> Vec<f64> {
         let mut theta = self.kernel().theta();
@@ -84,5 +94,13 @@ impl Covariance {
             Some(noise) => Kernel::Sum(vec![self.signal.clone(), noise.clone()]),
             None => self.signal.clone(),
         }
+    }
+}
+
+/// `factor` times a kernel, without another layer if it has one.
+fn times(factor: f64, kernel: Kernel) -> Kernel {
+    match kernel {
+        Kernel::Scaled { variance, kernel } => Kernel::Scaled { variance: factor * variance, kernel },
+        other => other.scaled(factor),
     }
 }

@@ -91,13 +91,13 @@ struct Packed<T> {
 }
 
 /// Lanes of the widest register.
-const PADDING: usize = 16;
+pub(super) const PADDING: usize = 16;
 
 /// Share of the prior variance from which a point counts as far from the data.
 const FAR: f64 = 0.95;
 
 /// Training points at which single precision is compared with double.
-const PROBES: usize = 200;
+pub(super) const PROBES: usize = 200;
 
 /// What a predictor is made of, whatever process it comes from.
 pub(super) struct Parts<'a> {
@@ -161,6 +161,13 @@ impl GpPredictor {
         let plan = Plan::new(&gp.covariance.signal);
         let parts = Parts { plan, x: &gp.inducing, inputs: gp.inputs, weights: &gp.weights, variance };
         Self::from_parts(parts, options.precision)
+    }
+
+    /// k(x, X) times each of `columns`, in double precision, without variance.
+    pub(crate) fn weighing(gp: &GaussianProcess, columns: &[Vec<f64>]) -> Self {
+        let plan = Plan::new(&gp.covariance.signal);
+        let parts = Parts { plan, x: gp.data.x(), inputs: gp.data.inputs(), weights: columns, variance: None };
+        Self::from_parts(parts, Precision::Double)
     }
 
     fn from_parts(parts: Parts<'_>, precision: Precision) -> Self {

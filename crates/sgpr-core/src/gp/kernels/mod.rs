@@ -105,6 +105,15 @@ impl Kernel {
         self
     }
 
+    /// The variance and the leaf of a kernel that is one stationary shape without periods, scaled or not.
+    pub(crate) fn single_leaf(&self) -> Option<(f64, &Stationary)> {
+        match self {
+            Self::Stationary(leaf) if leaf.inputs.iter().all(|input| input.period.is_none()) => Some((1.0, leaf)),
+            Self::Scaled { variance, kernel } => kernel.single_leaf().map(|(inner, leaf)| (variance * inner, leaf)),
+            _ => None,
+        }
+    }
+
     /// `variance` times this kernel.
     #[must_use]
     pub fn scaled(self, variance: f64) -> Self {
@@ -330,7 +339,7 @@ impl Kernel {
 
 impl Stationary {
     /// Length scale of the k-th input.
-    fn scale(&self, k: usize) -> f64 {
+    pub(super) fn scale(&self, k: usize) -> f64 {
         self.length_scales[if self.length_scales.len() == 1 { 0 } else { k }]
     }
 

@@ -16,6 +16,31 @@ pub(crate) trait Element: Copy + Default + Send + Sync + std::fmt::Debug + bytem
     /// sum over columns of (x - c)², for as many points as `r2` has; column m of x starts at `m * stride`.
     fn squared_distances<S: Simd>(simd: S, x: &[Self], stride: usize, c: &[Self], r2: &mut [Self]);
 
+    /// As many times as there are `K` kernels: sum over columns of weight (x - c)², for as many points as a row of `r2` uses.
+    /// The squared differences are shared.
+    ///
+    /// - `x`: column m starts at `m * TILE`, `length` of it are used
+    /// - `weights`: `[columns, K]`
+    /// - `r2`: kernel k starts at `k * TILE`
+    fn weighted_distances<S: Simd, const K: usize>(
+        simd: S,
+        x: &[Self],
+        length: usize,
+        c: &[Self],
+        weights: &[[Self; K]],
+        r2: &mut [Self],
+    );
+
+    /// The same for so many registers from `start` on: their sums stay in registers.
+    fn distances_at<S: Simd, const K: usize, const REGISTERS: usize>(
+        simd: S,
+        x: &[Self],
+        start: usize,
+        c: &[Self],
+        weights: &[[Self; K]],
+        r2: &mut [Self],
+    );
+
     /// Values at squared distances, and their derivatives by the squared distance where `SLOPES`.
     fn shape<S: Simd, const SLOPES: bool>(simd: S, shape: Shape, r2: &[Self], k: &mut [Self], slope: &mut [Self]);
 
@@ -79,6 +104,53 @@ macro_rules! element {
                         sum = simd.$mul_add(difference, difference, sum);
                     }
                     *out = sum;
+                }
+            }
+
+            #[inline(always)]
+            fn weighted_distances<S: Simd, const K: usize>(
+                simd: S,
+                x: &[Self],
+                length: usize,
+                c: &[Self],
+                weights: &[[Self; K]],
+                r2: &mut [Self],
+            ) {
+                let lanes = size_of::<S::$registers>() / size_of::<Self>();
+                let pairs = length / (2 * lanes);
+                for pair in 0..pairs {
+                    Self::distances_at::<S, K, 2>(simd, x, 2 * lanes * pair, c, weights, r2);
+                }
+                for start in (2 * lanes * pairs..length).step_by(lanes) {
+                    Self::distances_at::<S, K, 1>(simd, x, start, c, weights, r2);
+                }
+            }
+
+            #[inline(always)]
+            fn distances_at<S: Simd, const K: usize, const REGISTERS: usize>(
+                simd: S,
+                x: &[Self],
+                start: usize,
+                c: &[Self],
+                weights: &[[Self; K]],
+                r2: &mut [Self],
+            ) {
+                let lanes = size_of::<S::$registers>() / size_of::<Self>();
+                let end = start + REGISTERS * lanes;
+                let mut sums = [[simd.$splat(0.0); REGISTERS]; K];
+                for ((column, c), weights) in x.chunks_exact(TILE).zip(c).zip(weights) {
+                    let c = simd.$splat(*c);
+                    let registers = S::$as_simd(&column[start..end]).0;
+                    for position in 0..REGISTERS {
+                        let difference = simd.$sub(registers[position], c);
+                        let square = simd.$mul(difference, difference);
+                        for (sum, weight) in sums.iter_mut().zip(weights) {
+                            sum[position] = simd.$mul_add(simd.$splat(*weight), square, sum[position]);
+                        }
+                    }
+                }
+                for (sum, r2) in sums.iter().zip(r2.chunks_exact_mut(TILE)) {
+                    S::$as_mut_simd(&mut r2[start..end]).0.copy_from_slice(sum);
                 }
             }
 

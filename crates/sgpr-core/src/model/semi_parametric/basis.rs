@@ -9,8 +9,10 @@ use super::super::identify::IdentifyError;
 use super::super::{Rigid, Trajectory};
 use super::rest::{Rest, Rows};
 use super::{SemiParametricModel, TorqueModel};
-use crate::dynamics::{BatchWorkspace, Samples, regressor_batch};
+use crate::dynamics::{BatchWorkspace, Samples, Workspace, regressor, regressor_batch};
 use crate::effects::{JointState, Reach};
+use crate::gp::GpPredictor;
+use crate::identification::ParameterSet;
 use crate::motion::Processing;
 use crate::robot::Robot;
 use crate::spatial::PARAMETERS_PER_LINK;
@@ -65,6 +67,76 @@ impl Basis {
             }
         }
     }
+}
+
+/// The same variance for one sample after the other. Allocates nothing, unless the physics has effects at single joints.
+#[derive(Debug)]
+pub(super) struct BasisPredictor {
+    physics: TorqueModel,
+    covariance: Mat<f64>,
+    /// k(x, X) K⁻¹ W of each joint with a process.
+    explained: Vec<Option<GpPredictor>>,
+    ws: Workspace,
+    /// Derivatives by the parameters, and by those of the effects of a joint.
+    row: Vec<f64>,
+    effects: Vec<f64>,
+    /// Effect parameters of each joint.
+    own: Vec<Vec<usize>>,
+}
+
+impl BasisPredictor {
+    pub fn new(basis: &Basis, physics: &TorqueModel, joints: &[Rest]) -> Self {
+        let explained = joints.iter().zip(&basis.weights).map(|(rest, weights)| {
+            let gp = rest.gp.as_ref()?;
+            Some(GpPredictor::weighing(gp, weights))
+        });
+        Self {
+            explained: explained.collect(),
+            covariance: basis.covariance.clone(),
+            ws: Workspace::new(physics.robot()),
+            row: vec![0.0; unknowns(physics)],
+            effects: vec![0.0; physics.parameter_set().effect_columns_per_joint()],
+            own: (0..joints.len()).map(|joint| physics.parameter_set().effect_parameters_of(joint)).collect(),
+            physics: physics.clone(),
+        }
+    }
+
+    /// Adds the variance of each joint's torque.
+    ///
+    /// - `x`: of the processes
+    pub fn add_variance(&mut self, q: &[f64], dq: &[f64], ddq: &[f64], x: &[f64], variance: &mut [f64]) {
+        let Self { physics, covariance, explained, ws, row, effects, own } = self;
+        let (robot, set, base) = (physics.robot(), physics.parameter_set(), physics.base());
+        let wide = robot.dof() * PARAMETERS_PER_LINK;
+        let table = regressor(robot, ws, q, dq, ddq);
+        for (joint, (explained, variance)) in explained.iter_mut().zip(variance).enumerate() {
+            if physics.terms().is_empty() {
+                set.effect_row(joint, &JointState { q, dq, ddq }, effects);
+                let of_links = &table[joint * wide..][..wide];
+                for (value, &parameter) in row.iter_mut().zip(base.independent()) {
+                    *value = base_value(set, &own[joint], of_links, effects, parameter);
+                }
+            } else {
+                row.copy_from_slice(&joint_rows(physics, &Trajectory::of_samples(Samples { q, dq, ddq }), joint));
+            }
+            if let Some(explained) = explained {
+                row.iter_mut().zip(explained.mean(x)).for_each(|(row, explained)| *row -= explained);
+            }
+            let mut sum = 0.0;
+            for (i, a) in row.iter().enumerate() {
+                sum += a * row.iter().zip(covariance.col_as_slice(i)).map(|(b, c)| b * c).sum::<f64>();
+            }
+            *variance += sum.max(0.0);
+        }
+    }
+}
+
+/// Derivative of a joint's torque by a parameter of the base.
+fn base_value(set: &ParameterSet, own: &[usize], of_links: &[f64], effects: &[f64], parameter: usize) -> f64 {
+    if parameter < set.inertial() {
+        return of_links[parameter];
+    }
+    own.iter().position(|own| *own == parameter).map_or(0.0, |index| effects[index])
 }
 
 /// Number of parameters that enter the torque linearly.
@@ -128,8 +200,7 @@ fn base_rows(
             set.effect_row(joint, &state, &mut effects);
             let of_links = &regressor[(k * n + joint) * wide..][..wide];
             for (value, &parameter) in row.iter_mut().zip(base.independent()) {
-                let of_effect = || own.iter().position(|own| *own == parameter).map_or(0.0, |index| effects[index]);
-                *value = if parameter < set.inertial() { of_links[parameter] } else { of_effect() };
+                *value = base_value(set, &own, of_links, &effects, parameter);
             }
         }
     }

@@ -11,6 +11,7 @@ use super::super::torque_model::TorqueModel;
 use super::basis::{self, Basis};
 use super::left_out::left_out;
 use super::rest::{LeftOut, Rest, Rows};
+use super::shared::{SELECTIONS, fit_shared};
 use super::{Inputs, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions, identify};
 use crate::gp::{Compute, GpError};
 use crate::motion::Processing;
@@ -78,6 +79,9 @@ pub fn fit_rest(
 fn check(options: &SemiParametricOptions) -> Result<(), SemiParametricError> {
     if !(2..=MOST_POINTS).contains(&options.points) {
         return Err(SemiParametricError::Budget { points: options.points, most: MOST_POINTS });
+    }
+    if let Some(inputs) = options.inputs.filter(|inputs| options.shared && !SELECTIONS.contains(inputs)) {
+        return Err(SemiParametricError::NotShared { inputs: inputs.name() });
     }
     Ok(())
 }
@@ -177,13 +181,22 @@ fn fit_joints(
     progress: &dyn Progress,
 ) -> Result<(Vec<Rest>, bool), GpError> {
     let n = rows.len();
-    let threads = options.compute.threads.clamp(1, n);
-    // Each joint computes on one thread.
-    let compute = Compute { threads: 1, memory_limit: options.compute.memory_limit / threads as u64 };
+    // Each joint computes on one thread; together they compute on all.
+    let workers = if options.shared { 1 } else { options.compute.threads.clamp(1, n) };
+    let compute = match options.shared {
+        true => options.compute,
+        false => Compute { threads: 1, memory_limit: options.compute.memory_limit / workers as u64 },
+    };
     let (stopped, done, next) = (AtomicBool::new(false), AtomicUsize::new(0), AtomicUsize::new(0));
     let work = || {
         let relay = Relay { stopped: &stopped, done: &done };
         let mut found = Vec::new();
+        if options.shared {
+            return match fit_shared(rows, left_out, options, &compute, &relay) {
+                Ok(rests) => rests.into_iter().enumerate().map(|(joint, rest)| (joint, Ok(rest))).collect(),
+                Err(error) => vec![(0, Err(error))],
+            };
+        }
         loop {
             let joint = next.fetch_add(1, Ordering::Relaxed);
             if joint >= n {
@@ -192,9 +205,10 @@ fn fit_joints(
             found.push((joint, Rest::fit(joint, n, &rows[joint], &left_out[joint], options, &compute, &relay)));
         }
     };
-    let total = n * if options.inputs.is_some() { 1 } else { Inputs::EVERY.len() };
+    let selections = if options.shared { SELECTIONS.len() } else { Inputs::EVERY.len() };
+    let total = n * if options.inputs.is_some() { 1 } else { selections };
     let found = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+        let workers: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
         while !workers.iter().all(std::thread::ScopedJoinHandle::is_finished) {
             if progress.step("processes", done.load(Ordering::Relaxed).min(total), total).is_err() {
                 stopped.store(true, Ordering::Relaxed);

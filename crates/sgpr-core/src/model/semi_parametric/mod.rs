@@ -7,6 +7,7 @@ mod inputs;
 mod left_out;
 mod predictor;
 mod rest;
+mod shared;
 
 use std::cell::RefCell;
 
@@ -72,6 +73,9 @@ pub struct SemiParametricOptions {
     pub ard: bool,
     /// What the processes look at; chosen for each joint by stretches left out if `None`.
     pub inputs: Option<Inputs>,
+    /// One kernel for all joints, over the points at which all of them move: the search factors one matrix for all, and a
+    /// predictor reads the points once and computes one kernel. Cheaper, and often less accurate: joints differ.
+    pub shared: bool,
     /// Budget: points of each process. Of more rows the most informative ones are taken.
     pub points: usize,
     /// Starts of the search for the hyperparameters.
@@ -90,6 +94,7 @@ impl Default for SemiParametricOptions {
             shape: Shape::SquaredExponential,
             ard: true,
             inputs: None,
+            shared: false,
             points: 500,
             starts: 1,
             evaluations: 60,
@@ -115,6 +120,14 @@ pub enum SemiParametricError {
         points: usize,
         /// Most that are allowed.
         most: usize,
+    },
+    /// A kernel that joints share, and inputs that differ from joint to joint.
+    #[error(
+        "a kernel that all joints share cannot look at `{inputs}`: choose velocities, positions, positions_and_velocities or all"
+    )]
+    NotShared {
+        /// Name of the inputs.
+        inputs: &'static str,
     },
     /// Physics to learn the rest of, and a mean that leaves it out.
     #[error(

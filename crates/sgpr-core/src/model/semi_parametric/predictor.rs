@@ -1,19 +1,38 @@
 use super::super::predictor::Predictor;
+use super::basis::BasisPredictor;
+use super::rest::Rest;
 use super::{SemiParametricError, SemiParametricModel};
-use crate::gp::{GpPredictor, PredictorOptions};
+use crate::gp::{GaussianProcess, GpPredictor, PredictorOptions, SharedPredictor};
 
 /// Torque of one sample after the other, for a controller: physics and processes. Owns its buffers, allocates nothing,
-/// takes no lock, can move to another thread, and its work does not depend on the sample.
+/// takes no lock, can move to another thread, and its work does not depend on the sample. (Physics with effects at single
+/// joints takes memory: see [`Predictor`].)
+///
+/// Joints whose processes have the same points are computed together; so is a kernel that they share.
 ///
 /// Source: thesis eqs. 4-17 and 4-21, the feed-forward torque.
 #[derive(Debug)]
 pub struct SemiParametricPredictor {
     physics: Predictor,
-    /// Process, noise variance and calibration of each joint.
-    joints: Vec<(Option<GpPredictor>, f64, f64)>,
+    joints: Vec<Joint>,
+    /// Joints of the same points, and their means.
+    together: Vec<(Vec<usize>, SharedPredictor)>,
+    parameters: Option<BasisPredictor>,
     x: Vec<f64>,
     tau: Vec<f64>,
     deviation: Vec<f64>,
+    /// Made with variance.
+    with_variance: bool,
+}
+
+#[derive(Debug)]
+struct Joint {
+    /// None without a process, or if it is only asked together with others.
+    process: Option<GpPredictor>,
+    /// Its mean comes from the processes that are asked together.
+    together: bool,
+    noise_variance: f64,
+    calibration: f64,
 }
 
 impl SemiParametricPredictor {
@@ -23,13 +42,30 @@ impl SemiParametricPredictor {
     /// If the variance needs more memory than allowed.
     pub fn new(model: &SemiParametricModel, options: PredictorOptions) -> Result<Self, SemiParametricError> {
         let n = model.physics.robot().dof();
+        let together = together(&model.joints, options);
+        let with_variance = options.variance_points != Some(0);
         let mut joints = Vec::with_capacity(n);
-        for rest in &model.joints {
-            let process = rest.gp.as_ref().map(|gp| GpPredictor::new(gp, options)).transpose()?;
-            joints.push((process, rest.noise_variance, rest.report.calibration));
+        for (index, rest) in model.joints.iter().enumerate() {
+            let together = together.iter().any(|(members, _)| members.contains(&index));
+            let wanted = rest.gp.as_ref().filter(|_| with_variance || !together);
+            joints.push(Joint {
+                process: wanted.map(|gp| GpPredictor::new(gp, options)).transpose()?,
+                together,
+                noise_variance: rest.noise_variance,
+                calibration: rest.report.calibration,
+            });
         }
-        let physics = Predictor::new(&model.physics);
-        Ok(Self { physics, joints, x: vec![0.0; 3 * n + 1], tau: vec![0.0; n], deviation: vec![0.0; n] })
+        let basis = model.basis.as_ref().filter(|_| with_variance);
+        Ok(Self {
+            physics: Predictor::new(&model.physics),
+            joints,
+            together,
+            parameters: basis.map(|basis| BasisPredictor::new(basis, &model.physics, &model.joints)),
+            x: vec![0.0; 3 * n + 1],
+            tau: vec![0.0; n],
+            deviation: vec![0.0; n],
+            with_variance,
+        })
     }
 
     /// Torque that the motion needs.
@@ -41,29 +77,40 @@ impl SemiParametricPredictor {
     /// If a slice is not of length n.
     pub fn torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> &[f64] {
         self.set(q, dq, ddq);
-        for ((process, _, _), tau) in self.joints.iter_mut().zip(&mut self.tau) {
-            if let Some(process) = process {
+        for (joint, tau) in self.joints.iter_mut().zip(&mut self.tau).filter(|(joint, _)| !joint.together) {
+            if let Some(process) = &mut joint.process {
                 *tau += process.mean(&self.x)[0];
+            }
+        }
+        for (members, predictor) in &mut self.together {
+            for (joint, mean) in members.iter().zip(predictor.means(&self.x)) {
+                self.tau[*joint] += mean;
             }
         }
         &self.tau
     }
 
-    /// Torque, and the standard deviation of its measurement, `[n]` each, N·m (N).
+    /// Torque, and the standard deviation of its measurement, `[n]` each, N·m (N). Parameters that were estimated together
+    /// with the processes ([`super::Mean::Joint`]) bring their variance.
     ///
     /// # Panics
     /// If a slice is not of length n, or the predictor was made without variance.
     pub fn torque_and_deviation(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> (&[f64], &[f64]) {
+        assert!(self.with_variance, "made with variance");
         self.set(q, dq, ddq);
-        let results = self.tau.iter_mut().zip(&mut self.deviation);
-        for ((process, noise, calibration), (tau, deviation)) in self.joints.iter_mut().zip(results) {
-            let mut variance = *noise;
-            if let Some(process) = process {
+        for ((joint, tau), variance) in self.joints.iter_mut().zip(&mut self.tau).zip(&mut self.deviation) {
+            *variance = joint.noise_variance;
+            if let Some(process) = &mut joint.process {
                 let (mean, unexplained) = process.mean_and_variance(&self.x);
                 *tau += mean[0];
-                variance += unexplained;
+                *variance += unexplained;
             }
-            *deviation = *calibration * variance.sqrt();
+        }
+        if let Some(parameters) = &mut self.parameters {
+            parameters.add_variance(q, dq, ddq, &self.x, &mut self.deviation);
+        }
+        for (joint, deviation) in self.joints.iter().zip(&mut self.deviation) {
+            *deviation = joint.calibration * deviation.sqrt();
         }
         (&self.tau, &self.deviation)
     }
@@ -75,4 +122,21 @@ impl SemiParametricPredictor {
             x.copy_from_slice(part);
         }
     }
+}
+
+/// Groups of two or more joints whose processes have the same points and can be asked together.
+fn together(joints: &[Rest], options: PredictorOptions) -> Vec<(Vec<usize>, SharedPredictor)> {
+    let mut groups: Vec<Vec<(usize, &GaussianProcess)>> = vec![];
+    for (index, gp) in joints.iter().enumerate().filter_map(|(index, rest)| Some((index, rest.gp.as_ref()?))) {
+        match groups.iter_mut().find(|group| group[0].1.data().x() == gp.data().x()) {
+            Some(group) => group.push((index, gp)),
+            None => groups.push(vec![(index, gp)]),
+        }
+    }
+    let several = groups.into_iter().filter(|group| group.len() > 1);
+    let predictor = |group: Vec<(usize, &GaussianProcess)>| {
+        let (members, processes): (Vec<usize>, Vec<&GaussianProcess>) = group.into_iter().unzip();
+        Some((members, SharedPredictor::new(&processes, options.precision)?))
+    };
+    several.filter_map(predictor).collect()
 }

@@ -75,10 +75,10 @@ pub(super) struct Rest {
 }
 
 /// A process must explain at least this share of the mean square residual of stretches left out.
-const GAIN: f64 = 0.05;
+pub(super) const GAIN: f64 = 0.05;
 
 /// Fewer rows are not worth a process.
-const FEWEST: usize = 20;
+pub(super) const FEWEST: usize = 20;
 
 impl Rest {
     /// Tries the selections of inputs and keeps the best, if it is good enough.
@@ -91,35 +91,20 @@ impl Rest {
         compute: &Compute,
         progress: &dyn Progress,
     ) -> Result<Self, GpError> {
-        let count = rows.residual.len();
-        let mean_square = rows.residual.iter().map(|r| r * r).sum::<f64>() / count.max(1) as f64;
-        let mut report = JointReport {
-            rows: count,
-            points: 0,
-            physics_rmse: mean_square.sqrt(),
-            physics_rmse_left_out: mean_square.sqrt(),
-            candidates: vec![],
-            chosen: None,
-            calibration: 1.0,
-            calibration_95: 1.96,
-        };
-        if count < FEWEST || mean_square == 0.0 {
-            return Ok(Self { gp: None, noise_variance: mean_square, report, points: vec![] });
+        let Alone { mut report, mean_square, physics_loss } = Alone::new(rows, left_out);
+        if report.rows < FEWEST || mean_square == 0.0 {
+            return Ok(Self::without(report, mean_square));
         }
-        let errors = left_out.iter().flat_map(|left_out| &left_out.residual[left_out.part.clone()]);
-        let physics: Vec<(f64, f64)> = errors.map(|error| (*error, mean_square)).collect();
-        let physics_loss = loss_of(&physics);
-        report.physics_rmse_left_out = physics_loss.sqrt();
-        (report.calibration, report.calibration_95) = calibration(&physics, left_out.len());
         let mut best = None;
         let mut lowest = if options.inputs.is_some() { f64::INFINITY } else { (1.0 - GAIN) * physics_loss };
+        let data = Data::new(rows.x.clone(), 3 * n + 1, rows.residual.clone(), 1)?;
         let selections = options.inputs.map_or_else(|| distinct(n), |inputs| vec![inputs]);
         for inputs in selections {
             if progress.step("rest", report.candidates.len(), Inputs::EVERY.len()).is_err() {
                 break;
             }
             let Found { gp, points, status } =
-                process(inputs.columns(joint, n), n, rows, mean_square, options, compute, progress)?;
+                process(inputs.columns(joint, n), &data, mean_square, options, compute, progress)?;
             let errors = errors_left_out(&gp, &points, rows, left_out, compute)?;
             let loss = loss_of(&errors);
             report.candidates.push(Candidate {
@@ -134,12 +119,53 @@ impl Rest {
                 best = Some((gp, points, errors));
             }
         }
-        let Some((gp, points, errors)) = best else {
-            return Ok(Self { gp: None, noise_variance: mean_square, report, points: vec![] });
-        };
+        let Some((gp, points, errors)) = best else { return Ok(Self::without(report, mean_square)) };
         (report.calibration, report.calibration_95) = calibration(&errors, left_out.len());
+        Ok(Self::with(gp, points, report))
+    }
+
+    /// A joint without a process.
+    pub fn without(report: JointReport, mean_square: f64) -> Self {
+        Self { gp: None, noise_variance: mean_square, report, points: vec![] }
+    }
+
+    /// A joint with a process.
+    pub fn with(gp: GaussianProcess, points: Vec<usize>, mut report: JointReport) -> Self {
         report.points = gp.data().len();
-        Ok(Self { noise_variance: gp.covariance().total_noise_variance(), gp: Some(gp), report, points })
+        Self { noise_variance: gp.covariance().total_noise_variance(), gp: Some(gp), report, points }
+    }
+}
+
+/// What the physics alone leaves over at a joint.
+pub(super) struct Alone {
+    /// Without candidates.
+    pub report: JointReport,
+    /// Of the residual.
+    pub mean_square: f64,
+    /// Mean square residual of the parts that were left out.
+    pub physics_loss: f64,
+}
+
+impl Alone {
+    pub fn new(rows: &Rows, left_out: &[LeftOut]) -> Self {
+        let count = rows.residual.len();
+        let mean_square = rows.residual.iter().map(|r| r * r).sum::<f64>() / count.max(1) as f64;
+        let errors = left_out.iter().flat_map(|left_out| &left_out.residual[left_out.part.clone()]);
+        let physics: Vec<(f64, f64)> = errors.map(|error| (*error, mean_square)).collect();
+        let physics_loss = loss_of(&physics);
+        let enough = count >= FEWEST && mean_square > 0.0;
+        let (calibration, calibration_95) = if enough { calibration(&physics, left_out.len()) } else { (1.0, 1.96) };
+        let report = JointReport {
+            rows: count,
+            points: 0,
+            physics_rmse: mean_square.sqrt(),
+            physics_rmse_left_out: if enough { physics_loss.sqrt() } else { mean_square.sqrt() },
+            candidates: vec![],
+            chosen: None,
+            calibration,
+            calibration_95,
+        };
+        Self { report, mean_square, physics_loss }
     }
 }
 
@@ -156,34 +182,34 @@ fn distinct(n: usize) -> Vec<Inputs> {
 }
 
 /// A process, the rows that are its points, and how the search went.
-struct Found {
-    gp: GaussianProcess,
-    points: Vec<usize>,
-    status: SearchStatus,
+pub(super) struct Found {
+    pub gp: GaussianProcess,
+    pub points: Vec<usize>,
+    pub status: SearchStatus,
 }
 
 /// A process over `columns` of x with searched hyperparameters.
-fn process(
+///
+/// - `data`: of `mean_square` per output
+pub(super) fn process(
     columns: Vec<usize>,
-    n: usize,
-    rows: &Rows,
+    data: &Data,
     mean_square: f64,
     options: &SemiParametricOptions,
     compute: &Compute,
     progress: &dyn Progress,
 ) -> Result<Found, GpError> {
-    let width = 3 * n + 1;
+    let width = data.inputs();
     let scales = vec![1.0; columns.len()];
     let kernel = match options.ard {
         true => Kernel::ard(options.shape, &scales),
         false => Kernel::isotropic(options.shape, columns.len(), 1.0),
     };
-    let kernel = kernel.on(&columns).scaled(1.0).fitted_to(&rows.x, width, 0.5 * mean_square);
+    let kernel = kernel.on(&columns).scaled(1.0).fitted_to(data.x(), width, 0.5 * mean_square);
     let memory =
         Kernel::isotropic(crate::gp::Shape::Exponential, 1, MEMORY).on(&[width - 1]).scaled(0.25 * mean_square);
     let start = Covariance::new(kernel, 0.25 * mean_square).with_correlated_noise(memory);
-    let data = Data::new(rows.x.clone(), width, rows.residual.clone(), 1)?;
-    let points = thin(&start.signal, &data, options.points);
+    let points = thin(&start.signal, data, options.points);
     let data = data.select(&points);
 
     // Wide, so that data rule where they speak: they keep length scales from running off and noise from vanishing.
@@ -232,12 +258,12 @@ fn thin(kernel: &Kernel, data: &Data, count: usize) -> Vec<usize> {
     chosen
 }
 
-fn loss_of(errors: &[(f64, f64)]) -> f64 {
+pub(super) fn loss_of(errors: &[(f64, f64)]) -> f64 {
     errors.iter().map(|(error, _)| error * error).sum::<f64>() / errors.len().max(1) as f64
 }
 
 /// Error and variance of every row, predicted by physics and process that have not seen the part around it.
-fn errors_left_out(
+pub(super) fn errors_left_out(
     gp: &GaussianProcess,
     points: &[usize],
     rows: &Rows,
@@ -267,7 +293,7 @@ fn errors_left_out(
 /// What standard deviations have to be multiplied by so that 68 % and 95 % of the errors fall within: the quantiles of the
 /// errors in standard deviations. Errors of a part have much in common, so their quantiles are those of few observations,
 /// and a new log differs from them as they do from each other: by a factor of sqrt(1 + 1 / parts) on their spread.
-fn calibration(errors: &[(f64, f64)], parts: usize) -> (f64, f64) {
+pub(super) fn calibration(errors: &[(f64, f64)], parts: usize) -> (f64, f64) {
     let mut ratios: Vec<f64> = errors.iter().map(|(error, variance)| error.abs() / variance.sqrt()).collect();
     ratios.sort_unstable_by(f64::total_cmp);
     if ratios.is_empty() {
