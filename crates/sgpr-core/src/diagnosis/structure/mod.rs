@@ -97,8 +97,8 @@ impl JointStructure {
 const MATERIAL: f64 = 0.05;
 
 /// Rows on which variables are chosen, and features of each function of them.
-const ROWS_TO_CHOOSE: usize = 1500;
-const FEATURES_TO_CHOOSE: usize = 48;
+const ROWS_TO_CHOOSE: usize = 1000;
+const FEATURES_TO_CHOOSE: usize = 36;
 const FEATURES: usize = 80;
 
 /// A variable must bring so much of the variance, and so much of what the others bring.
