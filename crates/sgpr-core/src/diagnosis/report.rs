@@ -161,7 +161,17 @@ fn without_harm(
         let none_worse = change.values().all(|change| *change <= HARM.ln());
         let weakest = findings.iter().rposition(|f| !apart.contains(&f.effect) && harms(f));
         let Some(weakest) = weakest.filter(|_| !none_worse) else {
-            return Ok(after);
+            // What is worse without a finding to blame has a finer form of an effect to blame.
+            let at_worse = |term: &Term| {
+                let joint = term.site.joint().map(|joint| &model.robot().joints()[joint].name);
+                term.effect.refines().is_some() && joint.is_some_and(is_worse)
+            };
+            if none_worse || !fitted.terms().iter().any(at_worse) {
+                return Ok(after);
+            }
+            let rest = fitted.terms().iter().filter(|term| !at_worse(term)).cloned().collect();
+            fitted = search.refit(&fitted, rest);
+            continue;
         };
         let out = findings[weakest].terms.clone();
         if out.iter().any(Term::is_transform) {

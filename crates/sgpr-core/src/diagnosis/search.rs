@@ -91,6 +91,9 @@ const MOST_TERMS: usize = 16;
 /// Most candidates whose constants are refined in a step.
 const MOST_REFINED: usize = 8;
 
+/// Growth of a joint's error that speaks against a finer form.
+const HARM: f64 = 1.02;
+
 /// Scores that differ by less than this share are equal.
 const NEARLY: f64 = 0.005;
 
@@ -863,13 +866,24 @@ impl<'a> Search<'a> {
             let best = tried.iter().filter(rival).map(|c| c.score).fold(f64::NEG_INFINITY, f64::max);
             !refined.impossible && refined.score > EVIDENCE && refined.score > best
         });
-        if found.is_empty() {
-            return Ok(None);
-        }
-        let mut terms = fitted.terms().to_vec();
-        terms.extend(found.iter().map(|c| c.term.clone()));
-        let next = self.refit(fitted, terms);
-        let (without, with) = (self.errors(fitted), self.errors(&next));
+        let without = self.errors(fitted);
+        let (next, with) = loop {
+            if found.is_empty() {
+                return Ok(None);
+            }
+            let mut terms = fitted.terms().to_vec();
+            terms.extend(found.iter().map(|c| c.term.clone()));
+            let next = self.refit(fitted, terms);
+            let with = self.errors(&next);
+            // Whitened rows near reversals may like a form that the torque as logged does not.
+            let (before, after) = (without.total(), with.total());
+            let harms = |c: &Candidate| c.term.site.joint().is_some_and(|joint| after[joint] > HARM * before[joint]);
+            let count = found.len();
+            found.retain(|candidate| !harms(candidate));
+            if found.len() == count {
+                break (next, with);
+            }
+        };
         let accepted = |c: Candidate| Accepted {
             effect: c.term.effect.name().into(),
             site: c.term.site,
