@@ -2,6 +2,7 @@
 
 use super::problem::{Column, Problem};
 use crate::linalg::dot_in_lanes;
+use crate::signal::Autoregression;
 
 /// Autoregressive noise of every joint.
 #[derive(Clone, Debug)]
@@ -46,30 +47,13 @@ impl Noise {
                 sum / f64::max(count, 1.0)
             };
             let c: Vec<f64> = (0..=ORDER).map(covariance).collect();
-            // Levinson and Durbin.
-            let (mut phi, mut error) = (Vec::<f64>::new(), c[0]);
-            let mut best = (count * c[0].ln(), vec![], 1.0);
-            for order in 1..=ORDER {
-                let reflection =
-                    (c[order] - phi.iter().enumerate().map(|(k, p)| p * c[order - 1 - k]).sum::<f64>()) / error;
-                if reflection.is_nan() || reflection.abs() >= 0.999 {
-                    break;
-                }
-                let mirrored: Vec<f64> = phi.iter().rev().copied().collect();
-                phi.iter_mut().zip(mirrored).for_each(|(p, m)| *p -= reflection * m);
-                phi.push(reflection);
-                error *= 1.0 - reflection * reflection;
-                let criterion = count * error.ln() + 2.0 * order as f64;
-                if criterion < best.0 {
-                    best = (criterion, phi.clone(), error / c[0]);
-                }
-            }
+            let own = Autoregression::of(&c, count);
             // Whatever the fit says, no model of an arm is right to five digits.
             let least = (LEAST_SHARE * rms(&problem.y[joint])).powi(2);
             let variance = variance.max(least);
             noise.level[joint] = variance.sqrt();
-            noise.sigma[joint] = (variance * best.2).sqrt().max(1e-12);
-            noise.phi[joint] = best.1;
+            noise.sigma[joint] = (variance * own.innovation).sqrt().max(1e-12);
+            noise.phi[joint] = own.phi;
         }
         noise
     }

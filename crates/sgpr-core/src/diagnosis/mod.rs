@@ -111,7 +111,7 @@ pub fn diagnose(
     let outcome = search.run(&start)?;
     progress.step("look at what is left", 0, 1)?;
     let left = unknown::leftover(&search.problem, &outcome.fitted, &search.noise);
-    let diagnosis = report::report(&mut search, model, &outcome, &left, &[train, test])?;
+    let diagnosis = report::report(&mut search, model, &outcome, &left, test)?;
     progress.step("look at what is left", 1, 1)?;
     Ok(diagnosis)
 }

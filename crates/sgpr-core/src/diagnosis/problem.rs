@@ -587,7 +587,7 @@ fn quiet_band(
         }
     }
     // Candidates have dozens of columns: rows must outnumber them many times.
-    let seconds: f64 = recordings.iter().map(duration_s).sum();
+    let seconds: f64 = recordings.iter().map(Recording::duration).sum();
     let lowest = (LEAST_ROWS / (ROWS_PER_CUTOFF * seconds.max(1e-9))).clamp(LOWEST_HZ, BAND_HZ);
     let band = band.max(lowest);
     Ok((processing.cutoff_hz > MUCH * band).then_some(band))
@@ -609,11 +609,6 @@ fn flat_top(stretches: &[Stretch], joint: usize) -> Option<f64> {
     let flat: usize = runs.map(<[f64]>::len).sum();
     let samples: usize = all.iter().map(Vec::len).sum();
     (limit > 0.0 && flat as f64 > SHARE * samples as f64).then_some(limit)
-}
-
-fn duration_s(recording: &Recording) -> f64 {
-    let time = recording.time();
-    time.first().zip(time.last()).map_or(0.0, |(first, last)| (last - first) as f64 * 1e-9)
 }
 
 /// Every so many samples a mass matrix for its mean.

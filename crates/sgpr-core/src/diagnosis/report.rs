@@ -30,7 +30,7 @@ pub(super) fn report(
     model: &TorqueModel,
     outcome: &Outcome,
     left: &[Leftover],
-    [train, test]: &[&[Recording]; 2],
+    test: &[Recording],
 ) -> Result<Diagnosis, DiagnosisError> {
     let start = &outcome.start;
     let features = calibration::VerdictFeatures {
@@ -40,12 +40,12 @@ pub(super) fn report(
     };
     let unexplained = features.is_unexplained() || is_explained_away(search, outcome);
     let mut findings = findings(search, outcome, &features);
-    let candidates = candidates(search, start, &findings, &outcome.ranking);
+    let candidates = candidates(search, &findings, outcome);
     let not_testable = not_testable(search, start, &outcome.ranking);
     if unexplained {
         findings.clear();
     }
-    let after = without_harm(search, model, outcome, train, &mut findings)?;
+    let after = without_harm(search, model, outcome, &mut findings);
     let last = if findings.is_empty() { start } else { &outcome.fitted };
     let structure = structure::structure_of_fit(&search.problem, start);
     let of_last =
@@ -75,7 +75,7 @@ pub(super) fn report(
         candidates,
         not_testable,
         joints: joint_errors(search, &outcome.fitted, model, &after, test)?,
-        steps: steps(search, start, outcome),
+        steps: steps(search, outcome),
         whereabouts: whereabouts::locate(&search.problem, start),
         structure,
         left: of_last,
@@ -126,25 +126,23 @@ fn without_harm(
     search: &Search<'_>,
     model: &TorqueModel,
     outcome: &Outcome,
-    train: &[Recording],
     findings: &mut Vec<Finding>,
-) -> Result<TorqueModel, DiagnosisError> {
+) -> TorqueModel {
     const HARM: f64 = 1.05;
-    let processing = search.problem.nominal.processing();
-    let errors = |model: &TorqueModel| -> Result<Vec<f64>, DiagnosisError> {
-        Ok(compare(model, train, processing)?.joints.iter().map(|joint| joint.rmse_full_band).collect())
-    };
-    let before = errors(model)?;
+    if findings.is_empty() {
+        return model.clone();
+    }
+    let before = search.problem.logged_error(model);
     let mut fitted = outcome.fitted.clone();
     // Findings that are not in the model.
     let mut apart: Vec<String> = Vec::new();
     loop {
         let inside = || findings.iter().filter(|f| !apart.contains(&f.effect));
         if inside().next().is_none() {
-            return Ok(model.clone());
+            return model.clone();
         }
         let after = finished(search, model, &fitted, inside().map(sentence));
-        let now = errors(&after)?;
+        let now = search.problem.logged_error(&after);
         let change: ByName<'_> = model
             .robot()
             .joint_names()
@@ -158,7 +156,7 @@ fn without_harm(
             let total: f64 = change.iter().filter_map(its).sum();
             f.joints.is_empty() || (total > 0.0 && f.joints.iter().any(is_worse))
         };
-        let none_worse = change.values().all(|change| *change <= HARM.ln());
+        let none_worse = !change.values().any(|change| *change > HARM.ln());
         let weakest = findings.iter().rposition(|f| !apart.contains(&f.effect) && harms(f));
         let Some(weakest) = weakest.filter(|_| !none_worse) else {
             // What is worse without a finding to blame has a finer form of an effect to blame.
@@ -167,7 +165,7 @@ fn without_harm(
                 term.effect.refines().is_some() && joint.is_some_and(is_worse)
             };
             if none_worse || !fitted.terms().iter().any(at_worse) {
-                return Ok(after);
+                return after;
             }
             let rest = fitted.terms().iter().filter(|term| !at_worse(term)).cloned().collect();
             fitted = search.refit(&fitted, rest);
@@ -335,11 +333,10 @@ fn evidence(finding: &Finding, robot: &Robot) -> String {
     }
 }
 
-fn candidates(search: &Search<'_>, start: &Fitted, findings: &[Finding], ranking: &[Candidate]) -> Vec<Finding> {
+fn candidates(search: &Search<'_>, findings: &[Finding], outcome: &Outcome) -> Vec<Finding> {
     let robot = search.problem.nominal.robot();
-    let held = search.held_out(start);
     let mut candidates: Vec<Finding> = findings.to_vec();
-    for candidate in ranking.iter().filter(|c| c.term.effect.refines().is_none()) {
+    for candidate in outcome.ranking.iter().filter(|c| c.term.effect.refines().is_none()) {
         let joints: Vec<String> =
             joints_of(&candidate.term).into_iter().map(|joint| robot.joints()[joint].name.clone()).collect();
         let name = candidate.term.effect.name();
@@ -363,7 +360,7 @@ fn candidates(search: &Search<'_>, start: &Fitted, findings: &[Finding], ranking
         };
         let errors: ByJoint = robot
             .joint_names()
-            .zip(&held)
+            .zip(&outcome.held_out_before)
             .filter(|(joint, _)| joints.iter().any(|own| own == joint) || joints.is_empty())
             .map(|(joint, error)| (joint.to_string(), *error))
             .collect();
@@ -422,11 +419,10 @@ fn not_testable(search: &Search<'_>, start: &Fitted, ranking: &[Candidate]) -> V
     list
 }
 
-fn steps(search: &Search<'_>, start: &Fitted, outcome: &Outcome) -> Vec<Step> {
+fn steps(search: &Search<'_>, outcome: &Outcome) -> Vec<Step> {
     let names: Vec<&str> = search.problem.nominal.robot().joint_names().collect();
     let by_joint = |errors: &[f64]| names.iter().map(|name| (*name).to_string()).zip(errors.iter().copied()).collect();
-    let errors = search.held_out(start);
-    let mut steps = vec![Step { effect: None, joints: vec![], rmse: by_joint(&errors) }];
+    let mut steps = vec![Step { effect: None, joints: vec![], rmse: by_joint(&outcome.held_out_before) }];
     for (_, accepted) in outcome.news(search) {
         let joints = match accepted.site {
             Site::Joint(joint) | Site::Pair(joint, _) => vec![names[joint].to_string()],

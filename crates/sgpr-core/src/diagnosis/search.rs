@@ -41,6 +41,22 @@ pub(super) struct Accepted {
     pub without: Vec<f64>,
 }
 
+impl Accepted {
+    /// A term and the errors without and with it.
+    fn new(term: &Term, score: f64, (without, with): (&HeldOut, &HeldOut)) -> Self {
+        Self {
+            effect: term.effect.name().into(),
+            site: term.site,
+            score,
+            first_score: score,
+            effect_size: without.largest_fall_to(with, term),
+            rivals: vec![],
+            with: with.total(),
+            without: without.total(),
+        }
+    }
+}
+
 /// What a search came to.
 pub(super) struct Outcome {
     /// The model as it was, on the rows that count.
@@ -50,7 +66,9 @@ pub(super) struct Outcome {
     pub accepted: Vec<Accepted>,
     /// All candidates against the model as it was.
     pub ranking: Vec<Candidate>,
-    /// Held-out error per joint, N·m (N).
+    /// Held-out error per joint of the model as it was, N·m (N) ...
+    pub held_out_before: Vec<f64>,
+    /// ... and of the fit.
     pub held_out: Vec<f64>,
 }
 
@@ -728,8 +746,8 @@ impl<'a> Search<'a> {
         let (fitted, accepted) = self.backward(fitted, accepted)?;
         let start = solve(&self.problem, &start.model, start.terms(), &self.noise);
         self.progress.step(STAGE, MOST_TERMS, MOST_TERMS)?;
-        let held_out = self.held_out(&fitted);
-        Ok(Outcome { start, fitted, accepted, ranking: ranking.unwrap_or_default(), held_out })
+        let [held_out_before, held_out] = [&start, &fitted].map(|fit| self.errors(fit).total());
+        Ok(Outcome { start, fitted, accepted, ranking: ranking.unwrap_or_default(), held_out_before, held_out })
     }
 
     /// The fit with the limits at which the logged torque stays, one after the other.
@@ -751,22 +769,12 @@ impl<'a> Search<'a> {
             let next =
                 solve_like(&self.problem, before, &[before.terms(), std::slice::from_ref(&term)].concat(), &self.noise);
             let (without, with) = (self.errors(before), self.errors(&next));
-            let effect_size = without.largest_fall_to(&with, &term);
-            if effect_size < MATERIAL {
+            if without.largest_fall_to(&with, &term) < MATERIAL {
                 continue;
             }
             let fall = without.total()[joint].powi(2) - with.total()[joint].powi(2);
             let score = 0.5 * self.problem.rows[joint].len() as f64 * fall / self.noise.level[joint].powi(2);
-            let accepted = Accepted {
-                effect: term.effect.name().into(),
-                site: term.site,
-                score,
-                first_score: score,
-                effect_size,
-                rivals: vec![],
-                with: with.total(),
-                without: without.total(),
-            };
+            let accepted = Accepted::new(&term, score, (&without, &with));
             steps.push((next, accepted));
         }
         steps
@@ -884,16 +892,7 @@ impl<'a> Search<'a> {
                 break (next, with);
             }
         };
-        let accepted = |c: Candidate| Accepted {
-            effect: c.term.effect.name().into(),
-            site: c.term.site,
-            score: c.score,
-            first_score: c.score,
-            effect_size: without.largest_fall_to(&with, &c.term),
-            rivals: vec![],
-            with: with.total(),
-            without: without.total(),
-        };
+        let accepted = |c: Candidate| Accepted::new(&c.term, c.score, (&without, &with));
         let steps = found.into_iter().map(accepted).collect();
         Ok(Some((next, steps)))
     }
@@ -942,22 +941,13 @@ impl<'a> Search<'a> {
         let trials = equal.into_iter().chain(others);
         for (candidate, trial, score) in trials.filter(|(_, _, score)| *score >= EVIDENCE) {
             let with = self.errors(&trial);
-            let effect_size = without.largest_fall_to(&with, &candidate.term);
-            let own = candidate.term.effect.name();
-            if effect_size < MATERIAL {
+            if without.largest_fall_to(&with, &candidate.term) < MATERIAL {
                 continue;
             }
+            let own = candidate.term.effect.name();
             let rivals = tried.iter().filter(|c| c.term.effect.name() != own);
-            let accepted = Accepted {
-                effect: own.into(),
-                site: candidate.term.site,
-                score,
-                first_score: score,
-                effect_size,
-                rivals: rivals.map(|c| (c.term.effect.name().into(), c.term.site, c.score)).collect(),
-                with: with.total(),
-                without: without.total(),
-            };
+            let rivals = rivals.map(|c| (c.term.effect.name().into(), c.term.site, c.score)).collect();
+            let accepted = Accepted { rivals, ..Accepted::new(&candidate.term, score, (without, &with)) };
             return Ok(Some((trial, accepted)));
         }
         Ok(None)
@@ -1001,11 +991,6 @@ impl<'a> Search<'a> {
             fitted = self.polish(without);
         }
         Ok((fitted, accepted))
-    }
-
-    /// Root mean square error per joint on blocks that were left out, N·m (N).
-    pub fn held_out(&self, fitted: &Fitted) -> Vec<f64> {
-        self.errors(fitted).total()
     }
 
     fn errors(&self, fitted: &Fitted) -> HeldOut {

@@ -2,11 +2,13 @@
 //!
 //! Arrays are `[samples, columns]`, row-major: a filter runs down the samples of every column at once.
 
+mod autoregression;
 mod differentiate;
 mod error;
 mod low_pass;
 mod spectrum;
 
+pub(crate) use autoregression::Autoregression;
 pub use differentiate::Differentiation;
 pub use error::SignalError;
 pub use low_pass::LowPass;

@@ -1,6 +1,7 @@
 //! Is a residual noise? Tests whose bands know that noise remembers itself.
 
 use super::rows::JointRows;
+use crate::signal::Autoregression;
 
 /// Highest order of the autoregression that describes noise: what passed a low-pass remembers many rows.
 const ORDER: usize = 20;
@@ -11,35 +12,15 @@ const LAGS: usize = 20;
 /// Longest memory of noise that a band takes into account, rows.
 const LONGEST_LAG: usize = 120;
 
-/// Coefficients of the autoregression of a series, order by Akaike's criterion.
+/// Coefficients of the autoregression of a series; none if it is too short for one.
 ///
 /// - `run`: values right before each value without a gap
-///
-/// Source: N. Levinson (1947), J. Durbin (1960): the Yule-Walker equations solved order by order.
 pub(super) fn autoregression(values: &[f64], run: &[usize]) -> Vec<f64> {
     let covariance: Vec<f64> = (0..=ORDER).map(|lag| product(values, values, run, lag).0).collect();
-    let count = values.len() as f64;
-    let (mut phi, mut error) = (Vec::<f64>::new(), covariance[0]);
-    if error <= 0.0 || values.len() < 20 * ORDER {
-        return phi;
+    if covariance[0] <= 0.0 || values.len() < 20 * ORDER {
+        return vec![];
     }
-    let mut best = (count * error.ln(), vec![]);
-    for order in 1..=ORDER {
-        let known: f64 = phi.iter().enumerate().map(|(k, p)| p * covariance[order - 1 - k]).sum();
-        let reflection = (covariance[order] - known) / error;
-        if reflection.is_nan() || reflection.abs() >= 0.999 {
-            break;
-        }
-        let mirrored: Vec<f64> = phi.iter().rev().copied().collect();
-        phi.iter_mut().zip(mirrored).for_each(|(p, m)| *p -= reflection * m);
-        phi.push(reflection);
-        error *= 1.0 - reflection * reflection;
-        let criterion = count * error.ln() + 2.0 * order as f64;
-        if criterion < best.0 {
-            best = (criterion, phi.clone());
-        }
-    }
-    best.1
+    Autoregression::of(&covariance, values.len() as f64).phi
 }
 
 /// Innovations of a series and their runs; rows without enough past are left out by a run of zero and the value zero.

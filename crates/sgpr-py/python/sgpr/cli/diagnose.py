@@ -20,6 +20,7 @@ from .effects import DEFAULT_EFFECTS, checked_effects
 from .error_table import show_errors
 from .errors import wrong_use
 from .inputs import kind_of, load_model
+from .options import Gravity, Joints, NoReport, OutFolder, check_unseen
 from .output_folder import OutputFolder
 from .predictions import AFTER, BEFORE, left_out, predictions, residuals_by_log, write_before_and_after
 from .reading import Log, ReadingOptions, read_logs, stretches
@@ -45,9 +46,7 @@ def diagnose(
         ),
     ],
     train: Annotated[list[str], typer.Option("--train", metavar="FILE...", help="Logs to learn from.")],
-    out: Annotated[
-        str, typer.Option("--out", metavar="DIR", help="Folder for the results; an existing one is reused.")
-    ],
+    out: OutFolder,
     reading: ReadingOptions,
     output: Output,
     test: Annotated[
@@ -72,24 +71,16 @@ def diagnose(
             "--apply/--no-apply", help="Put the findings into the model that is written (the report shows both)."
         ),
     ] = True,
-    joints: Annotated[
-        list[str] | None,
-        typer.Option("--joints", metavar="JOINT...", help="Joints of the URDF to model; the others are locked."),
-    ] = None,
-    gravity: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option("--gravity", metavar="X Y Z", help="Gravity in base axes, m/s².", show_default="0 0 -9.81"),
-    ] = None,
-    no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
+    joints: Joints = None,
+    gravity: Gravity = None,
+    no_report: NoReport = False,
 ) -> None:
     """Finds out which physical effects a model lacks, adds them, and shows the error before and after.
 
     Writes to DIR: diagnosis.json, report.html, model.sgpr, with test logs predictions.csv and, if effects could be
     mistaken for each other, next_experiment.csv and .mcap: the motion that tells them apart.
     """
-    both = sorted(set(train) & set(test or ()))
-    if both:
-        raise wrong_use(f"{', '.join(both)}: a log that trains the model cannot test it", "--test")
+    check_unseen(train, test)
     wanted = checked_effects(look_for, "--look-for") if look_for else None
     given: Model | None = load_model(robot, joints, gravity) if kind_of(robot) == "model" else None
     if given is not None and effects is not None:

@@ -12,6 +12,7 @@ from ..report.numbers import significant
 from .console import Output, to_json
 from .effects import checked_effects
 from .errors import one_of, wrong_use
+from .options import Gravity, OutFolder
 from .output_folder import OutputFolder
 from .robots import is_urdf, load_robot
 from .versions import versions
@@ -37,9 +38,7 @@ def excite(
         list[float],
         typer.Option("--max-acceleration", metavar="A...", help="Per joint, or one for all, rad/s² (m/s²)."),
     ],
-    out: Annotated[
-        str, typer.Option("--out", metavar="DIR", help="Folder for the results; an existing one is reused.")
-    ],
+    out: OutFolder,
     output: Output,
     effects: Annotated[
         list[str] | None,
@@ -94,10 +93,7 @@ def excite(
         list[str] | None,
         typer.Option("--joints", metavar="JOINT...", help="Joints of the URDF to move; the others are locked."),
     ] = None,
-    gravity: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option("--gravity", metavar="X Y Z", help="Gravity in base axes, m/s².", show_default="0 0 -9.81"),
-    ] = None,
+    gravity: Gravity = None,
 ) -> None:
     """Finds a motion that reveals the parameters of a robot and stays within its limits.
 

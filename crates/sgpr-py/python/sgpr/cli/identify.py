@@ -20,6 +20,7 @@ from .effects import DEFAULT_EFFECTS, checked_effects
 from .error_table import show_errors
 from .errors import BadData, one_of, wrong_use
 from .info import show_certificate, show_parameters
+from .options import Gravity, Joints, NoReport, OutFolder, check_unseen
 from .output_folder import OutputFolder
 from .predictions import (
     AFTER,
@@ -269,24 +270,16 @@ def identify(
         str, typer.Option("--robot", metavar="ROBOT", help="URDF, DH table (.toml, .json), puma560 or two_link.")
     ],
     train: Annotated[list[str], typer.Option("--train", metavar="FILE...", help="Logs to identify from.")],
-    out: Annotated[
-        str, typer.Option("--out", metavar="DIR", help="Folder for the results; an existing one is reused.")
-    ],
+    out: OutFolder,
     fit: IdentificationOptions,
     reading: ReadingOptions,
     output: Output,
     test: Annotated[
         list[str] | None, typer.Option("--test", metavar="FILE...", help="Logs to judge by, not used to identify.")
     ] = None,
-    joints: Annotated[
-        list[str] | None,
-        typer.Option("--joints", metavar="JOINT...", help="Joints of the URDF to model; the others are locked."),
-    ] = None,
-    gravity: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option("--gravity", metavar="X Y Z", help="Gravity in base axes, m/s².", show_default="0 0 -9.81"),
-    ] = None,
-    no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
+    joints: Joints = None,
+    gravity: Gravity = None,
+    no_report: NoReport = False,
     mcap: Annotated[
         str | None,
         typer.Option(
@@ -302,9 +295,7 @@ def identify(
     options = fit.arguments()
     if mcap is not None and not test:
         raise wrong_use("is written for test logs: name them with --test", "--mcap")
-    both = sorted(set(train) & set(test or ()))
-    if both:
-        raise wrong_use(f"{', '.join(both)}: a log that trains the model cannot test it", "--test")
+    check_unseen(train, test)
     folder = OutputFolder(out)
     loaded = load_robot(robot, joints, gravity)
     train_logs = read_logs(train, reading, loaded.joint_names, output)

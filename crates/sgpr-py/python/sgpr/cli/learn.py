@@ -16,6 +16,7 @@ from .effects import DEFAULT_EFFECTS, checked_effects
 from .error_table import show_errors
 from .errors import one_of, wrong_use
 from .inputs import kind_of, load_model
+from .options import Gravity, Joints, NoReport, OutFolder, check_unseen
 from .output_folder import OutputFolder
 from .predictions import AFTER, BEFORE, INTERVAL, STD, left_out, predictions, residuals_by_log, spread_of, write_table
 from .reading import Log, ReadingOptions, read_logs, stretches
@@ -38,9 +39,7 @@ def learn(
         ),
     ],
     train: Annotated[list[str], typer.Option("--train", metavar="FILE...", help="Logs to learn from.")],
-    out: Annotated[
-        str, typer.Option("--out", metavar="DIR", help="Folder for the results; an existing one is reused.")
-    ],
+    out: OutFolder,
     reading: ReadingOptions,
     output: Output,
     test: Annotated[
@@ -74,15 +73,9 @@ def learn(
         typer.Option("--mean", metavar="NAME", help="`joint` estimates the physics again together with the processes."),
     ] = MEANS[0],
     jobs: Annotated[int, typer.Option("--jobs", metavar="N", min=1, max=1024, help="Threads.")] = 2,
-    joints: Annotated[
-        list[str] | None,
-        typer.Option("--joints", metavar="JOINT...", help="Joints of the URDF to model; the others are locked."),
-    ] = None,
-    gravity: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option("--gravity", metavar="X Y Z", help="Gravity in base axes, m/s².", show_default="0 0 -9.81"),
-    ] = None,
-    no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
+    joints: Joints = None,
+    gravity: Gravity = None,
+    no_report: NoReport = False,
 ) -> None:
     """Learns what the physics leaves over, joint by joint, and says how sure predictions are.
 
@@ -90,9 +83,7 @@ def learn(
     logs, predictions.csv with the columns NAME_measured, NAME_before, NAME_after, NAME_std and NAME_interval_95.
     Ctrl-C during the search keeps what was found so far.
     """
-    both = sorted(set(train) & set(test or ()))
-    if both:
-        raise wrong_use(f"{', '.join(both)}: a log that trains the model cannot test it", "--test")
+    check_unseen(train, test)
     one_of(kernel, KERNELS, "--kernel", "kernel")
     one_of(mean, MEANS, "--mean", "mean")
     if inputs is not None:

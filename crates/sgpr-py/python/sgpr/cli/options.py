@@ -1,10 +1,34 @@
-"""Groups of options that several commands share, kept together as dataclasses."""
+"""Options that several commands share: types of single ones, and groups kept together as dataclasses."""
 
 import dataclasses
 import functools
 import inspect
-from collections.abc import Callable
-from typing import Any, get_type_hints
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any, get_type_hints
+
+import typer
+
+from .errors import wrong_use
+
+OutFolder = Annotated[
+    str, typer.Option("--out", metavar="DIR", help="Folder for the results; an existing one is reused.")
+]
+Joints = Annotated[
+    list[str] | None,
+    typer.Option("--joints", metavar="JOINT...", help="Joints of the URDF to model; the others are locked."),
+]
+Gravity = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option("--gravity", metavar="X Y Z", help="Gravity in base axes, m/s².", show_default="0 0 -9.81"),
+]
+NoReport = Annotated[bool, typer.Option("--no-report", help="Write no report.html.")]
+
+
+def check_unseen(train: Sequence[str], test: Sequence[str] | None) -> None:
+    """Refuses a log that is named for training and for the test."""
+    both = sorted(set(train) & set(test or ()))
+    if both:
+        raise wrong_use(f"{', '.join(both)}: a log that trains the model cannot test it", "--test")
 
 
 def with_option_groups(command: Callable[..., Any]) -> Callable[..., Any]:

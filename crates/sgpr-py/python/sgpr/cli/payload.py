@@ -9,6 +9,7 @@ from ..report.numbers import percent, significant, with_deviation
 from .console import Output, to_json
 from .errors import one_of, wrong_use
 from .identify import IdentificationOptions
+from .options import Gravity, Joints
 from .output_folder import OutputFolder
 from .reading import ReadingOptions, read_logs, stretches
 from .robots import load_robot
@@ -57,14 +58,8 @@ def payload(
             help="With --known: lower bounds of the gains, for least_squares or with --consistent.",
         ),
     ] = None,
-    joints: Annotated[
-        list[str] | None,
-        typer.Option("--joints", metavar="JOINT...", help="Joints of the URDF to model; the others are locked."),
-    ] = None,
-    gravity: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option("--gravity", metavar="X Y Z", help="Gravity in base axes, m/s².", show_default="0 0 -9.81"),
-    ] = None,
+    joints: Joints = None,
+    gravity: Gravity = None,
     out: Annotated[str | None, typer.Option("--out", metavar="DIR", help="Folder for payload.json.")] = None,
 ) -> None:
     """Identifies a payload from logs with it and without it; or, with --known, the gains of the drives."""
