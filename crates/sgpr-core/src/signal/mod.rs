@@ -12,4 +12,5 @@ pub(crate) use autoregression::Autoregression;
 pub use differentiate::Differentiation;
 pub use error::SignalError;
 pub use low_pass::LowPass;
+pub(crate) use spectrum::power_by_order;
 pub use spectrum::{CutoffChoice, Spectrum, choose_cutoff};

@@ -1,5 +1,7 @@
 //! Power spectra, and the cut-off that they suggest.
 
+use std::ops::RangeInclusive;
+
 use realfft::RealFftPlanner;
 
 /// One-sided power spectral density of a signal.
@@ -50,6 +52,23 @@ impl Spectrum {
         });
         reached.map_or(0.0, |index| self.frequency_hz[index])
     }
+}
+
+/// Power of a signal in waves over the position, by whole periods per turn: |sum r exp(i order q)|².
+///
+/// - `samples`: position q, rad, and signal r
+pub(crate) fn power_by_order(samples: impl Iterator<Item = (f64, f64)>, orders: RangeInclusive<usize>) -> Vec<f64> {
+    let mut sums = vec![[0.0; 2]; orders.end().saturating_sub(*orders.start()) + 1];
+    for (q, r) in samples {
+        let (s1, c1) = q.sin_cos();
+        let (mut s, mut c) = (*orders.start() as f64 * q).sin_cos();
+        for sum in &mut sums {
+            sum[0] += r * c;
+            sum[1] += r * s;
+            (s, c) = (s * c1 + c * s1, c * c1 - s * s1);
+        }
+    }
+    sums.iter().map(|[a, b]| a * a + b * b).collect()
 }
 
 fn without_line(values: &[f64]) -> Vec<f64> {

@@ -15,4 +15,4 @@ pub use lanes::Lanes;
 pub(crate) use lanes::MAX_LANES;
 pub use real::{Fused, Real};
 pub(crate) use transpose::Transpose;
-pub(crate) use trigonometry::sin_cos_slice;
+pub(crate) use trigonometry::{cos_in_place, sin_cos_slice};

@@ -1,6 +1,6 @@
 //! Sine and cosine of a slice, a register at a time.
 
-use pulp::Simd;
+use pulp::{Arch, Simd, WithSimd};
 
 /// Beyond this the three-part reduction below loses bits, and the library function is used instead.
 const LARGEST_ANGLE: f64 = 1e5;
@@ -64,6 +64,28 @@ pub(crate) fn sin_cos_slice<S: Simd>(simd: S, angle: &[f64], sin: &mut [f64], co
     }
 }
 
+/// Replaces every angle by its cosine.
+pub(crate) fn cos_in_place(angles: &mut [f64]) {
+    Arch::new().dispatch(Cosines(angles));
+}
+
+struct Cosines<'a>(&'a mut [f64]);
+
+impl WithSimd for Cosines<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        const AT_ONCE: usize = 64;
+        let (mut sin, mut cos) = ([0.0; AT_ONCE], [0.0; AT_ONCE]);
+        for angles in self.0.chunks_mut(AT_ONCE) {
+            let count = angles.len();
+            sin_cos_slice(simd, angles, &mut sin[..count], &mut cos[..count]);
+            angles.copy_from_slice(&cos[..count]);
+        }
+    }
+}
+
 /// Cody-Waite reduction to [-pi/4, pi/4] and two polynomials; the quadrant swaps them and sets the signs.
 #[inline(always)]
 fn sin_cos<S: Simd>(simd: S, x: S::f64s) -> (S::f64s, S::f64s) {
@@ -111,7 +133,6 @@ fn flip<S: Simd>(simd: S, value: S::f64s, quadrant: S::u64s) -> S::f64s {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pulp::{Arch, WithSimd};
 
     struct Slice<'a> {
         angle: &'a [f64],

@@ -4,6 +4,7 @@ use super::OfState;
 use super::rows::JointRows;
 use super::smoother::Variable;
 use crate::effects::sgn;
+use crate::signal::power_by_order;
 
 /// Lowest and highest number of periods per turn that is looked for.
 const ORDERS: std::ops::RangeInclusive<usize> = 3..=200;
@@ -45,7 +46,9 @@ pub(super) fn periodic(rows: &JointRows) -> Option<Periodic> {
     };
     let mut best: Option<(f64, bool, f64)> = None;
     for with_direction in [false, true] {
-        let all: Vec<f64> = (first..=*ORDERS.end()).map(|order| power(with_direction, order as f64)).collect();
+        let sign = |k: usize| if with_direction { sgn(dq[k]) } else { 1.0 };
+        let signed = q.iter().zip(&rows.residual).enumerate().map(|(k, (q, r))| (*q, sign(k) * r));
+        let all = power_by_order(signed, first..=*ORDERS.end());
         let mut sorted = all.clone();
         sorted.sort_by(f64::total_cmp);
         let median = sorted.get(sorted.len() / 2).copied()?;

@@ -8,6 +8,7 @@ use super::super::problem::FOLDS;
 use super::rows::JointRows;
 use crate::linalg::dot_in_lanes;
 use crate::random::Random;
+use crate::simd::cos_in_place;
 
 /// A variable that a joint's torque may depend on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -90,11 +91,12 @@ impl Smooth {
         let mut columns = vec![vec![1.0; rows.len()]];
         for (weights, phase) in &self.draws {
             let mut column = vec![*phase; rows.len()];
-            for ((values, weight), (mean, deviation)) in inputs.iter().zip(weights).zip(&self.moments) {
+            let used = inputs.iter().zip(weights).zip(&self.moments).filter(|((_, weight), _)| **weight != 0.0);
+            for ((values, weight), (mean, deviation)) in used {
                 let factor = weight / deviation;
                 column.iter_mut().zip(values).for_each(|(x, value)| *x += factor * (value - mean));
             }
-            column.iter_mut().for_each(|x| *x = x.cos());
+            cos_in_place(&mut column);
             columns.push(column);
         }
         columns
