@@ -116,6 +116,39 @@ fn nothing_hidden_is_nothing_found_and_the_same_bytes_twice() {
     assert!(untestable.contains(&"temperature_dependent_friction"), "no temperature was logged: {untestable:?}");
 }
 
+#[test]
+fn what_logs_could_have_shown_is_found_from_that_size_on_and_not_below() {
+    let diagnosed = |terms: &[Term]| {
+        let (train, test) = logs(terms);
+        diagnose(&identified(&train), &train, &test, &DiagnosisOptions::default(), &()).unwrap()
+    };
+    let clean = diagnosed(&[]);
+    let cases = [
+        ("quadratic_viscous_friction", "joint_2"),
+        ("torque_offset", "joint_1"),
+        ("position_dependent_friction", "joint_2"),
+        ("cable_stiffness", "joint_1"),
+        ("asymmetric_viscous_friction", "joint_1"),
+    ];
+    for (effect, joint) in cases {
+        let entry = clean.detectable.iter().find(|d| d.effect == effect && d.joints == [joint]).unwrap();
+        let apart = entry.told_apart_from.unwrap();
+        assert!(entry.visible > 0.0 && entry.visible <= 1.0 && apart >= entry.seen_from, "{entry:?}");
+        let constants: Vec<f64> = entry.constants.iter().map(|c| c.value).collect();
+        let with = |size: f64| {
+            let term = hidden(effect, usize::from(joint == "joint_2"), &constants, &[size]);
+            // Other linear parameters of the effect are zero.
+            let missing = term.effect.parameters().len() - 1;
+            diagnosed(&[Term { coefficients: [vec![size], vec![0.0; missing]].concat(), ..term }])
+        };
+        let found = with(2.0 * apart);
+        let first = found.findings.first().map(|f| (f.effect.as_str(), f.joints[0].as_str()));
+        assert_eq!(first, Some((effect, joint)), "{entry:?}");
+        let silent = with(0.4 * entry.seen_from);
+        assert_eq!(silent.findings.len(), 0, "{entry:?} {:?}", silent.findings);
+    }
+}
+
 /// tau = a sgn(sin 3q).
 #[derive(Debug)]
 struct Teeth;

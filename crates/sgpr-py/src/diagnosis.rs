@@ -211,6 +211,13 @@ impl Diagnosis {
         Ok(dict)
     }
 
+    /// What the logs could have shown beside the findings, and from which size on: dicts with the keys of
+    /// diagnosis.json.
+    #[getter]
+    fn detectable<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.to_dict(py)?.get_item("detectable")
+    }
+
     /// What unexplained structure depends on, in words.
     #[getter]
     fn unexplained(&self) -> Vec<String> {

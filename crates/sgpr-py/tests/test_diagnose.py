@@ -88,6 +88,11 @@ def test_plain_data_has_the_keys_of_the_file(diagnosis: sgpr.Diagnosis) -> None:
     assert keys | {"confusable_with", "separating_experiment"} <= set(data["findings"][0])
     assert set(data["joints"]["joint_1"]) == {"rmse_before", "rmse_after", "noise", "fit_before", "fit_after"}
     assert "temperature_dependent_friction" in diagnosis.not_testable
+    assert data["detectable"] == diagnosis.detectable
+    offset = next(one for one in diagnosis.detectable if one["effect"] == "torque_offset")
+    assert offset["unit"] == "N·m"
+    assert 0.0 < offset["seen_from"] <= offset["told_apart_from"]
+    assert offset["torque"] == pytest.approx(offset["seen_from"], rel=1e-6), "a constant's mean square is its own"
 
 
 def test_an_effect_that_is_a_function(model: sgpr.Model, logs: list[sgpr.Recording]) -> None:

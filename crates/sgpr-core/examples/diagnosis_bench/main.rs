@@ -1,7 +1,8 @@
 //! Measures the diagnosis on random arms with random hidden effects, noise and rates, half of them under a controller
 //! with friction that sticks:
 //!
-//! `cargo run --release --example diagnosis_bench -- [--seed 1] [--rounds 1] [--only exact|closed|null|pairs] [--effect NAME]`
+//! `cargo run --release --example diagnosis_bench -- [--seed 1] [--rounds 1] [--only exact|closed|null|pairs] [--effect NAME]
+//! [--case SEED]`
 
 mod arm;
 mod case;
@@ -24,12 +25,17 @@ fn main() -> Result<(), Failure> {
     let rounds: u64 = value("--rounds").map_or(Ok(1), |text| text.parse())?;
     let only = value("--only").map_or("", String::as_str);
     let effect = value("--effect").map(String::as_str);
+    let case: Option<u64> = value("--case").map(|text| text.parse()).transpose()?;
     let wanted = |kind: &str| only.is_empty() || only == kind;
+    let chosen = |seed: u64| case.is_none_or(|case| case == seed);
     let mut totals = Totals::default();
     for round in 0..rounds {
         let seed = |kind: u64, index: usize| first + 1000 * round + 100_000 * kind + index as u64;
         if wanted("exact") {
             for (index, name) in SINGLES.iter().enumerate().filter(|(_, name)| effect.is_none_or(|e| e == **name)) {
+                if !chosen(seed(0, index)) {
+                    continue;
+                }
                 totals.take(&make(seed(0, index), &[name], false))?;
             }
         }
@@ -38,18 +44,21 @@ fn main() -> Result<(), Failure> {
                 let k = seed(1, index) as usize;
                 let count = SINGLES.len() - 2;
                 let pair = [SINGLES[(7 * k + 3) % count], SINGLES[(11 * k + 8) % count]];
-                if pair[0] != pair[1] {
+                if pair[0] != pair[1] && chosen(seed(1, index)) {
                     totals.take(&make(seed(1, index), &pair, false))?;
                 }
             }
         }
         if wanted("null") {
-            for index in 0..6 {
+            for index in (0..6).filter(|index| chosen(seed(2, *index))) {
                 totals.take(&make(seed(2, index), &[], index % 2 == 1))?;
             }
         }
         if wanted("closed") {
             for (index, name) in CLOSED.iter().enumerate().filter(|(_, name)| effect.is_none_or(|e| e == **name)) {
+                if !chosen(seed(3, index)) {
+                    continue;
+                }
                 totals.take(&make(seed(3, index), &[name], true))?;
             }
         }
@@ -184,6 +193,12 @@ impl Totals {
             if detectable { "" } else { " (not detectable)" },
             diagnosis.probability_unexplained,
         );
+        if mark == '-' {
+            let best = diagnosis.candidates.iter().take(6);
+            let list: Vec<String> =
+                best.map(|c| format!("{} {} {:.0}", c.effect, c.joints.join(" "), c.score)).collect();
+            println!("    most evidence: {}", list.join(", "));
+        }
     }
 
     fn print(&mut self) {

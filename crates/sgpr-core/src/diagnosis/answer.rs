@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::detectability::Detectable;
 use super::experiment;
 use super::formula::Formula;
 use super::structure::JointStructure;
@@ -139,6 +140,8 @@ pub struct Diagnosis {
     pub candidates: Vec<Finding>,
     /// What could not be tested.
     pub not_testable: Vec<NotTestable>,
+    /// What the logs could have shown beside the findings, and from which size on.
+    pub detectable: Vec<Detectable>,
     /// Joint by joint.
     pub joints: BTreeMap<String, JointErrors>,
     /// How the held-out error fell, effect by effect.

@@ -1,17 +1,28 @@
 //! Noise, and least squares on whitened columns by an orthonormal basis.
 
+use std::sync::Arc;
+
 use super::problem::{Column, Problem};
 use crate::linalg::dot_in_lanes;
 use crate::signal::Autoregression;
 
 /// Autoregressive noise of every joint.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Noise {
     phi: Vec<Vec<f64>>,
     /// Standard deviation of the innovations.
     pub sigma: Vec<f64>,
     /// Standard deviation in the band.
     pub level: Vec<f64>,
+}
+
+/// What is left of a joint's torque.
+pub(super) struct Rest {
+    pub residual: Vec<f64>,
+    /// Parameters that were fitted.
+    pub used: usize,
+    /// Rows that may be noise.
+    pub calm: Vec<bool>,
 }
 
 /// Least noise, as a share of the torque.
@@ -27,15 +38,14 @@ impl Noise {
         Self { phi: vec![vec![]; residual.len()], sigma: level.clone(), level }
     }
 
-    /// The autoregression that describes the residual of each joint best by Akaike's criterion, `used` parameters taken
-    /// into account, from the rows that are `calm`.
-    pub fn of(problem: &Problem, residual: &Column, used: &[usize], calm: &[Vec<bool>]) -> Self {
-        let mut noise = Self::white(residual);
-        for (joint, r) in residual.iter().enumerate() {
-            let calm = &calm[joint];
+    /// The autoregression that describes the rest of each joint best by Akaike's criterion.
+    pub fn of(problem: &Problem, rests: &[Rest]) -> Self {
+        let level: Vec<f64> = rests.iter().map(|rest| rms(&rest.residual).max(1e-12)).collect();
+        let mut noise = Self { phi: vec![vec![]; rests.len()], sigma: level.clone(), level };
+        for (joint, Rest { residual: r, used, calm }) in rests.iter().enumerate() {
             let own = || r.iter().zip(calm).filter(|(_, calm)| **calm).map(|(x, _)| x);
             let count = own().count() as f64;
-            let freedom = (count - used[joint] as f64).max(0.2 * count).max(1.0);
+            let freedom = (count - *used as f64).max(0.2 * count).max(1.0);
             let variance = own().map(|x| x * x).sum::<f64>() / freedom;
             if r.len() < 50 * ORDER || variance <= 0.0 {
                 continue;
@@ -81,9 +91,9 @@ impl Noise {
 }
 
 /// Orthonormal basis of whitened columns.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Basis {
-    pub q: Vec<Column>,
+    pub q: Vec<Arc<Column>>,
     /// Index of each basis column's own column.
     kept: Vec<usize>,
     /// Column k of the triangle that makes the kept columns from the basis.
@@ -111,6 +121,17 @@ impl Basis {
         basis
     }
 
+    /// The basis of the first `count` columns only, which were taken before the others.
+    pub fn of_first(&self, count: usize) -> Self {
+        let size = self.kept.iter().take_while(|index| **index < count).count();
+        Self {
+            q: self.q[..size].to_vec(),
+            kept: self.kept[..size].to_vec(),
+            triangle: self.triangle[..size].to_vec(),
+            columns: count,
+        }
+    }
+
     pub fn push(&mut self, column: &Column) {
         self.columns += 1;
         self.take(self.columns - 1, column);
@@ -132,7 +153,7 @@ impl Basis {
             shares.push(left);
             self.triangle.push(shares);
             self.kept.push(index);
-            self.q.push(rest);
+            self.q.push(rest.into());
         }
     }
 
@@ -141,7 +162,7 @@ impl Basis {
         let mut shares = Vec::with_capacity(self.q.len());
         for q in &self.q {
             let share = dot(q, column);
-            for (x, q) in column.iter_mut().zip(q) {
+            for (x, q) in column.iter_mut().zip(q.iter()) {
                 if x.is_empty() && !q.is_empty() && share != 0.0 {
                     x.resize(q.len(), 0.0);
                 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::DiagnosisError;
-use super::basis::{Basis, Noise, gain_of, rms};
+use super::basis::{Basis, Noise, gain_of};
 use super::problem::{Column, FOLDS, Problem};
 use crate::effects::Scale;
 use crate::linalg::dot_in_lanes;
@@ -20,6 +20,8 @@ pub(super) struct Fitted {
     /// Base columns, then those of the terms, in the band.
     pub columns: Vec<Column>,
     pub basis: Arc<Basis>,
+    /// Noise by which the basis is whitened.
+    noise: Noise,
     /// Measured minus predicted, in the band.
     pub residual: Column,
     /// The same, whitened.
@@ -39,7 +41,13 @@ pub(super) fn solve(problem: &Problem, start: &TorqueModel, terms: &[Term], nois
     let rigid = problem.rigid(&model);
     let base = problem.base_columns(&problem.base, &model, &rigid);
     let target = problem.target(&model, &rigid).into();
-    solve_with(problem, model, rigid, base, target, noise)
+    let basis = base_basis(problem, &base, noise);
+    solve_with(problem, model, rigid, (base, basis), target, noise)
+}
+
+fn base_basis(problem: &Problem, columns: &[Column], noise: &Noise) -> Basis {
+    let white: Vec<Column> = columns.iter().map(|column| noise.whiten(problem, column)).collect();
+    Basis::with_first(&white, |index| problem.is_rotor(index))
 }
 
 /// The same with the base columns of a fit, if its transforms are those of `terms`.
@@ -54,22 +62,24 @@ pub(super) fn solve_like(problem: &Problem, like: &Fitted, terms: &[Term], noise
     let model = like.model.clone().with_terms(terms.to_vec(), problem.clock);
     let rigid = problem.rigid(&model);
     let base = like.columns[..problem.base.rank()].to_vec();
-    solve_with(problem, model, rigid, base, like.target.clone(), noise)
+    let basis = if like.noise == *noise { like.basis.of_first(base.len()) } else { base_basis(problem, &base, noise) };
+    solve_with(problem, model, rigid, (base, basis), like.target.clone(), noise)
 }
 
 fn solve_with(
     problem: &Problem,
     mut model: TorqueModel,
     rigid: Vec<Rigid>,
-    mut columns: Vec<Column>,
+    (mut columns, mut basis): (Vec<Column>, Basis),
     target: Arc<Column>,
     noise: &Noise,
 ) -> Fitted {
     let terms: Vec<Term> = model.terms().to_vec();
     let of_terms = problem.term_columns(&model, &rigid, &terms.iter().collect::<Vec<_>>());
-    columns.extend(of_terms.into_iter().flatten());
-    let white_columns: Vec<Column> = columns.iter().map(|column| noise.whiten(problem, column)).collect();
-    let basis = Basis::with_first(&white_columns, |index| problem.is_rotor(index));
+    for column in of_terms.into_iter().flatten() {
+        basis.push(&noise.whiten(problem, &column));
+        columns.push(column);
+    }
     let mut white = noise.whiten(problem, &target);
     let values = basis.solve(&white);
     let deviations = basis.deviations();
@@ -97,7 +107,17 @@ fn solve_with(
     });
     let terms = filled.collect();
     let model = model.with_terms(terms, problem.clock);
-    Fitted { model, rigid: rigid.into(), target, columns, basis: basis.into(), residual, white, chi2 }
+    Fitted {
+        model,
+        rigid: rigid.into(),
+        target,
+        columns,
+        basis: basis.into(),
+        noise: noise.clone(),
+        residual,
+        white,
+        chi2,
+    }
 }
 
 /// Tangent of the predicted torque by constant `index` of term `term`, in the band.
@@ -171,8 +191,7 @@ pub(super) fn refine_transforms(problem: &Problem, mut fitted: Fitted, noise: &N
 
 /// Standard deviations of the constants and linear parameters, all together, for a report.
 pub(super) fn with_deviations(problem: &Problem, fitted: &Fitted, noise: &Noise) -> Vec<Term> {
-    let mut basis = Basis::new(&[]);
-    fitted.columns.iter().for_each(|column| basis.push(&noise.whiten(problem, column)));
+    let mut basis = Basis::clone(&fitted.basis);
     let mut terms = fitted.terms().to_vec();
     for (k, term) in fitted.terms().iter().enumerate() {
         for index in 0..term.constants.len() {
@@ -201,66 +220,102 @@ pub(super) fn with_deviations(problem: &Problem, fitted: &Fitted, noise: &Noise)
     terms
 }
 
-/// Root mean square error per joint beyond the band of the equations, where nothing is fitted, N·m (N).
-pub(super) fn beyond(problem: &Problem, fitted: &Fitted) -> Vec<f64> {
-    let logged = problem.logged_error(&fitted.model);
-    let in_band = fitted.residual.iter().map(|r| rms(r));
-    logged.iter().zip(in_band).map(|(logged, own)| (logged * logged - own * own).max(0.0).sqrt()).collect()
+/// Root mean square errors of one joint, N·m (N): of all logs together, then of each.
+pub(super) type ByLog = Vec<f64>;
+
+/// Errors per joint beyond the band of the equations, where nothing is fitted.
+pub(super) fn beyond(problem: &Problem, fitted: &Fitted) -> Vec<ByLog> {
+    let squares = fitted.residual.iter().enumerate().map(|(joint, r)| {
+        let mut sums = LogSums::new(problem);
+        r.iter().zip(&problem.rows[joint]).for_each(|(r, (stretch, _))| sums.add(*stretch, r * r));
+        sums.roots()
+    });
+    let rest = |(logged, own): (&f64, &f64)| (logged * logged - own * own).max(0.0).sqrt();
+    let logged = problem.logged_errors(&fitted.model);
+    logged.iter().zip(squares).map(|(logged, own)| logged.iter().zip(&own).map(rest).collect()).collect()
 }
 
-/// Root mean square error per joint in the band, on blocks that were left out of the fit, N·m (N).
-pub(super) fn held_out(problem: &Problem, fitted: &Fitted, extra: &[Column], noise: &Noise) -> Vec<f64> {
+/// Errors per joint in the band, on blocks that were left out of the fit.
+pub(super) fn held_out(problem: &Problem, fitted: &Fitted, extra: &[Column], noise: &Noise) -> Vec<ByLog> {
     let n = problem.dof();
     let all: Vec<&Column> = fitted.columns.iter().chain(extra).chain([&*fitted.target]).collect();
     let k = all.len();
-    let mut grams = vec![vec![vec![0.0; k * k]; n]; FOLDS];
-    let mut counts = vec![0.0; n];
+    let weight: Vec<f64> = noise.level.iter().map(|level| 1.0 / (level * level)).collect();
+    let mut grams = vec![vec![0.0; k * k]; FOLDS];
+    // Per joint: its rows by blocks, and the columns that it has.
+    let mut orders: Vec<Vec<usize>> = Vec::new();
+    let mut sorted: Vec<Vec<(usize, Vec<f64>)>> = Vec::new();
     for joint in 0..n {
         let fold = &problem.fold[joint];
         let mut order: Vec<usize> = (0..fold.len()).collect();
         order.sort_by_key(|&row| fold[row]);
-        counts[joint] = fold.len() as f64;
-        let present: Vec<usize> = (0..k).filter(|&c| !all[c][joint].is_empty()).collect();
-        let sorted: Vec<Vec<f64>> =
-            present.iter().map(|&c| order.iter().map(|&row| all[c][joint][row]).collect()).collect();
+        let present = (0..k).filter(|&c| !all[c][joint].is_empty());
+        let own: Vec<(usize, Vec<f64>)> =
+            present.map(|c| (c, order.iter().map(|&row| all[c][joint][row]).collect())).collect();
         let mut first = 0;
         for (index, gram) in grams.iter_mut().enumerate() {
             let end = first + fold.iter().filter(|f| **f == index).count();
-            for (a, &i) in present.iter().enumerate() {
-                for (b, &j) in present.iter().enumerate().take(a + 1) {
-                    let value = dot_in_lanes(&sorted[a][first..end], &sorted[b][first..end]);
-                    gram[joint][i * k + j] = value;
-                    gram[joint][j * k + i] = value;
+            for (a, (i, x)) in own.iter().enumerate() {
+                for (j, y) in &own[..=a] {
+                    let value = weight[joint] * dot_in_lanes(&x[first..end], &y[first..end]);
+                    gram[i * k + j] += value;
+                    if i != j {
+                        gram[j * k + i] += value;
+                    }
                 }
             }
             first = end;
         }
+        orders.push(order);
+        sorted.push(own);
     }
-    let weight: Vec<f64> = noise.level.iter().map(|level| 1.0 / (level * level)).collect();
-    let mut total = vec![0.0; k * k];
-    for gram in &grams {
-        for (of_joint, w) in gram.iter().zip(&weight) {
-            total.iter_mut().zip(of_joint).for_each(|(t, g)| *t += w * g);
-        }
-    }
-    let mut squares = vec![0.0; n];
     let m = k - 1;
-    for gram in &grams {
-        let mut rest = total.clone();
-        for (of_joint, w) in gram.iter().zip(&weight) {
-            rest.iter_mut().zip(of_joint).for_each(|(r, g)| *r -= w * g);
+    let solutions: Vec<Vec<f64>> = (0..FOLDS)
+        .map(|left_out| {
+            let mut rest = vec![0.0; k * k];
+            for (_, gram) in grams.iter().enumerate().filter(|(index, _)| *index != left_out) {
+                rest.iter_mut().zip(gram).for_each(|(r, g)| *r += g);
+            }
+            let square: Vec<f64> = (0..m * m).map(|i| rest[i / m * k + i % m]).collect();
+            let lengths: Vec<f64> = (0..m).map(|i| rest[i * k + i]).collect();
+            let b: Vec<f64> = (0..m).map(|i| rest[i * k + m]).collect();
+            let mut x = gain_of(&square, &b, &lengths, 1e-5).coefficients;
+            x.push(-1.0);
+            x
+        })
+        .collect();
+    let of_joint = |joint: usize| {
+        let mut errors = vec![0.0; orders[joint].len()];
+        let folds: Vec<usize> = orders[joint].iter().map(|&row| problem.fold[joint][row]).collect();
+        for (c, values) in &sorted[joint] {
+            let values = values.iter().zip(&folds);
+            errors.iter_mut().zip(values).for_each(|(error, (value, fold))| *error += solutions[*fold][*c] * value);
         }
-        let square: Vec<f64> = (0..m * m).map(|i| rest[i / m * k + i % m]).collect();
-        let lengths: Vec<f64> = (0..m).map(|i| rest[i * k + i]).collect();
-        let b: Vec<f64> = (0..m).map(|i| rest[i * k + m]).collect();
-        let mut x = gain_of(&square, &b, &lengths, 1e-5).coefficients;
-        x.push(-1.0);
-        for (of_joint, sum) in gram.iter().zip(&mut squares) {
-            let times = |i: usize| (0..k).map(|j| of_joint[i * k + j] * x[j]).sum::<f64>();
-            *sum += (0..k).map(|i| x[i] * times(i)).sum::<f64>().max(0.0);
+        let mut sums = LogSums::new(problem);
+        orders[joint].iter().zip(errors).for_each(|(&row, e)| sums.add(problem.rows[joint][row].0, e * e));
+        sums.roots()
+    };
+    (0..n).map(of_joint).collect()
+}
+
+/// Sums of squares and counts: of all logs, then of each.
+pub(super) struct LogSums(Vec<(f64, f64)>);
+
+impl LogSums {
+    pub fn new(problem: &Problem) -> Self {
+        Self(vec![(0.0, 0.0); 1 + problem.stretches.len()])
+    }
+
+    pub fn add(&mut self, log: usize, square: f64) {
+        for index in [0, 1 + log] {
+            self.0[index].0 += square;
+            self.0[index].1 += 1.0;
         }
     }
-    squares.iter().zip(&counts).map(|(sum, count)| (sum / f64::max(*count, 1.0)).sqrt()).collect()
+
+    pub fn roots(&self) -> ByLog {
+        self.0.iter().map(|(sum, count)| (sum / count.max(1.0)).sqrt()).collect()
+    }
 }
 
 impl From<crate::signal::SignalError> for DiagnosisError {

@@ -7,6 +7,8 @@
 //! Source: S. Chen, S. A. Billings, W. Luo, Orthogonal least squares methods and their application to non-linear system
 //! identification, Int. J. Control 50(5) (1989).
 
+use std::sync::Arc;
+
 use serde::Serialize;
 
 use super::basis::{Noise, gain};
@@ -178,7 +180,7 @@ pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: 
     let mut stability: Vec<f64> = Vec::new();
     // Of each chosen column: its products with all columns, those chosen before it taken out, over its length.
     let mut before: Vec<Vec<f64>> = Vec::new();
-    let mut error = held_out(problem, fitted, &[], noise)[joint];
+    let mut error = held_out(problem, fitted, &[], noise)[joint][0];
     while chosen.len() < MOST_TERMS {
         let best_without = |skip: Option<usize>| {
             let left = |k: usize| along[k][FOLDS] - skip.map_or(0.0, |fold| along[k][fold]);
@@ -192,7 +194,7 @@ pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: 
             break;
         }
         let extra: Vec<Column> = chosen.iter().chain([&best]).map(|k| columns[*k].clone()).collect();
-        let with = held_out(problem, fitted, &extra, noise)[joint];
+        let with = held_out(problem, fitted, &extra, noise)[joint][0];
         if with > (1.0 - MATERIAL) * error {
             break;
         }
@@ -292,7 +294,7 @@ fn written(
         };
         text += &format!("{sign} {:.4} {}", term.coefficient.abs(), term.function);
     }
-    let before = held_out(problem, fitted, &[], noise)[joint];
+    let before = held_out(problem, fitted, &[], noise)[joint][0];
     let explained = 1.0 - (after / before.max(1e-300)).powi(2);
     Formula { joint: own.name.clone(), terms, text, explained }
 }
@@ -302,7 +304,7 @@ fn deviations(fitted: &Fitted, joint: usize, columns: &[Column]) -> Vec<f64> {
     let k = columns.len();
     let z: Vec<&Vec<f64>> = columns.iter().map(|column| &column[joint]).collect();
     let share = |z: &[f64]| -> Vec<f64> {
-        let own = |q: &Column| if q[joint].is_empty() { 0.0 } else { dot_in_lanes(&q[joint], z) };
+        let own = |q: &Arc<Column>| if q[joint].is_empty() { 0.0 } else { dot_in_lanes(&q[joint], z) };
         fitted.basis.q.iter().map(own).collect()
     };
     let shares: Vec<Vec<f64>> = z.iter().map(|z| share(z)).collect();

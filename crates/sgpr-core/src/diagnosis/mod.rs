@@ -8,6 +8,7 @@
 mod answer;
 mod basis;
 mod calibration;
+mod detectability;
 mod experiment;
 mod fit;
 mod formula;
@@ -23,6 +24,7 @@ use std::sync::Arc;
 pub use answer::{
     ByJoint, Diagnosis, Finding, FoundParameter, JointErrors, NextExperiment, NotTestable, Step, Verdict,
 };
+pub use detectability::Detectable;
 pub use formula::{Formula, FormulaTerm};
 pub use structure::{Change, Dependence, Input, JointStructure, Shares, structure_of_logs};
 pub use whereabouts::{Excess, JointWhereabouts, Whereabouts};

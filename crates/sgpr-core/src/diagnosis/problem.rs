@@ -1,6 +1,7 @@
 //! The logs as equations: rows of every joint, columns of the model and of candidates, all through one filter.
 
 use super::DiagnosisError;
+use super::fit::{ByLog, LogSums};
 use crate::dynamics::{BatchWorkspace, Samples, Workspace, for_each_regressor_block, mass_matrix};
 use crate::effects::{Context, Reach, sgn};
 use crate::identification::{BaseParameters, ParameterSet, Row};
@@ -76,6 +77,8 @@ pub(super) struct Problem {
     pub y: Column,
     /// The logs as the model's own processing has them, against which the torque as logged is held.
     logged: Vec<Motion>,
+    /// The same equations up to the highest cut-off, if noise keeps these ones narrower.
+    wide: Option<Box<Problem>>,
     /// Stamp at which the clock of the session starts, ns, if the logs share one.
     pub clock: Option<i64>,
     /// Cut-off of the equations, Hz.
@@ -84,15 +87,26 @@ pub(super) struct Problem {
 
 impl Problem {
     pub fn new(model: &TorqueModel, train: &[Recording], processing: &Processing) -> Result<Self, DiagnosisError> {
-        let robot = model.robot();
-        let recordings = select_joints(robot, train)?;
+        let recordings = select_joints(model.robot(), train)?;
         let quiet = quiet_band(model, &recordings, processing)?;
-        let narrow = quiet.map(|hz| Processing { cutoff_hz: hz, ..processing.clone() });
         let logged = motions(&recordings, processing)?;
-        let motions = match &narrow {
-            Some(narrow) => motions(&recordings, narrow)?,
-            None => logged.clone(),
+        let Some(hz) = quiet else {
+            return Self::with_motions(model, logged.clone(), logged, processing, None);
         };
+        let narrow = motions(&recordings, &Processing { cutoff_hz: hz, ..processing.clone() })?;
+        let mut problem = Self::with_motions(model, narrow, logged.clone(), processing, quiet)?;
+        problem.wide = Some(Self::with_motions(model, logged, vec![], processing, None)?.into());
+        Ok(problem)
+    }
+
+    fn with_motions(
+        model: &TorqueModel,
+        motions: Vec<Motion>,
+        logged: Vec<Motion>,
+        processing: &Processing,
+        quiet: Option<f64>,
+    ) -> Result<Self, DiagnosisError> {
+        let robot = model.robot();
         let clock = common_clock(&motions).and(model.clock_start()).or(common_clock(&motions));
         let n = robot.dof();
         let mut stretches = Vec::new();
@@ -126,6 +140,7 @@ impl Problem {
             holds: vec![0.0; n],
             y: vec![vec![]; n],
             logged,
+            wide: None,
             stretches,
             clock,
             band_hz: quiet.unwrap_or(BAND_HZ),
@@ -133,6 +148,11 @@ impl Problem {
         problem.lay_out_rows();
         problem.fill_torque()?;
         Ok(problem)
+    }
+
+    /// The equations in which predictions are judged: all that is logged, noise of the derivatives included.
+    pub fn wide(&self) -> &Self {
+        self.wide.as_deref().unwrap_or(self)
     }
 
     pub fn dof(&self) -> usize {
@@ -187,7 +207,8 @@ impl Problem {
     pub fn leave_out_holds(&mut self, holds: &[(usize, f64)]) -> Result<(), DiagnosisError> {
         holds.iter().for_each(|(joint, seconds)| self.holds[*joint] = *seconds);
         self.lay_out_rows();
-        self.fill_torque()
+        self.fill_torque()?;
+        self.wide.as_mut().map_or(Ok(()), |wide| wide.leave_out_holds(holds))
     }
 
     /// Whether rows of a joint were left out by [`Self::leave_out_holds`].
@@ -244,20 +265,24 @@ impl Problem {
         self.inertias_known && self.base.independent().get(column).is_some_and(effect)
     }
 
-    /// Root mean square per joint of the torque as logged less that of `model`, while the joint moves, N·m (N).
-    pub fn logged_error(&self, model: &TorqueModel) -> Vec<f64> {
+    /// Errors per joint against the torque as logged, while the joint moves.
+    pub fn logged_errors(&self, model: &TorqueModel) -> Vec<ByLog> {
         let n = self.dof();
-        let mut sums = vec![(0.0, 0.0); n];
-        for motion in &self.logged {
+        let mut sums: Vec<LogSums> = (0..n).map(|_| LogSums::new(self)).collect();
+        for (index, motion) in self.logged.iter().enumerate() {
             let predicted = model.predict_motion(motion);
             let measured = motion.tau.as_deref().unwrap_or_default();
             let rows = predicted.iter().zip(measured).zip(&motion.use_as).enumerate();
             for (k, ((predicted, measured), _)) in rows.filter(|(_, (_, used))| **used == Row::Moving) {
-                sums[k % n].0 += (measured - predicted).powi(2);
-                sums[k % n].1 += 1.0;
+                sums[k % n].add(index, (measured - predicted).powi(2));
             }
         }
-        sums.into_iter().map(|(sum, count): (f64, f64)| (sum / count.max(1.0)).sqrt()).collect()
+        sums.iter().map(LogSums::roots).collect()
+    }
+
+    /// The same of all logs together, N·m (N).
+    pub fn logged_error(&self, model: &TorqueModel) -> Vec<f64> {
+        self.logged_errors(model).iter().map(|error| error[0]).collect()
     }
 
     /// Per stretch: the rigid body as `model` has it.

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use super::answer::{ByJoint, Diagnosis, Finding, FoundParameter, JointErrors, NotTestable, Step, Verdict};
 use super::basis::{Basis, Noise};
-use super::fit::{Fitted, solve, with_deviations};
+use super::fit::{Fitted, solve, solve_like, with_deviations};
 use super::formula::Formula;
 use super::problem::Column;
 use super::search::{Accepted, Candidate, Outcome, Search};
 use super::structure::JointStructure;
 use super::unknown::{self, Leftover};
-use super::{DiagnosisError, calibration, experiment, formula, structure, whereabouts};
+use super::{DiagnosisError, calibration, detectability, experiment, formula, structure, whereabouts};
 use crate::effects::{Entry, Scale, Site};
 use crate::model::{Fit, Term, TorqueModel, compare};
 use crate::recording::Recording;
@@ -65,6 +65,8 @@ pub(super) fn report(
         (false, true) => Verdict::NothingMissing,
         (false, false) => Verdict::EffectsFound,
     };
+    let left_out = if findings.is_empty() { &outcome.held_out_before } else { &outcome.held_out };
+    let detectable = detectability::detectable(search, last, left_out)?;
     Ok(Diagnosis {
         schema: 1,
         verdict,
@@ -74,6 +76,7 @@ pub(super) fn report(
         findings,
         candidates,
         not_testable,
+        detectable,
         joints: joint_errors(search, &outcome.fitted, model, &after, test)?,
         steps: steps(search, outcome),
         whereabouts: whereabouts::locate(&search.problem, start),
@@ -152,9 +155,10 @@ fn without_harm(
         let is_worse = |joint: &String| change.get(joint.as_str()).is_some_and(|change| *change > HARM.ln());
         // What an effect of several joints brings at one outweighs what it costs at another.
         let harms = |f: &Finding| {
-            let its = |(name, change): (&&str, &f64)| f.joints.iter().any(|j| j == name).then_some(*change);
-            let total: f64 = change.iter().filter_map(its).sum();
-            f.joints.is_empty() || (total > 0.0 && f.joints.iter().any(is_worse))
+            let is_its = |name: &str| f.joints.is_empty() || f.joints.iter().any(|joint| joint == name);
+            let its =
+                || change.iter().filter(|(name, change)| is_its(name) && !change.is_nan()).map(|(_, change)| change);
+            its().sum::<f64>() > 0.0 && its().any(|change| *change > HARM.ln())
         };
         let none_worse = !change.values().any(|change| *change > HARM.ln());
         let weakest = findings.iter().rposition(|f| !apart.contains(&f.effect) && harms(f));
@@ -199,9 +203,11 @@ pub(super) fn finished(
     let of_terms = fitted.columns[problem.base.rank()..].iter();
     let all: Vec<Column> = columns.iter().chain(of_terms).map(|c| search.noise.whiten(problem, c)).collect();
     let (covariance, standard_deviations) = Basis::new(&all).covariance(own.rank());
-    // Prediction is judged by its plain error: least squares for that, each joint weighted by what is left there.
-    let weights = Noise::white(&fitted.residual);
-    let plain = solve(problem, &fitted.model, fitted.terms(), &weights);
+    // Prediction is judged by its plain error: least squares for that, each joint weighted by what is left there. Noise
+    // of the derivatives counts: what the logs hardly show must not multiply it.
+    let wide = problem.wide();
+    let first = solve(wide, &fitted.model, fitted.terms(), &Noise::white(&wide.y));
+    let plain = solve_like(wide, &first, fitted.terms(), &Noise::white(&first.residual));
     let mut finished = plain.model.clone();
     let terms = terms.into_iter().zip(plain.terms()).map(|(mut term, plain)| {
         term.coefficients.clone_from(&plain.coefficients);
@@ -434,7 +440,7 @@ fn steps(search: &Search<'_>, outcome: &Outcome) -> Vec<Step> {
 }
 
 /// Joints that a report names.
-fn joints_of(term: &Term) -> Vec<usize> {
+pub(super) fn joints_of(term: &Term) -> Vec<usize> {
     let whole_arm = term.effect.name() == "link_length_error";
     match term.site {
         Site::Joint(joint) | Site::Pair(joint, _) if !whole_arm => vec![joint],
@@ -442,7 +448,7 @@ fn joints_of(term: &Term) -> Vec<usize> {
     }
 }
 
-fn parameters_of(term: &Term, robot: &Robot) -> Vec<FoundParameter> {
+pub(super) fn parameters_of(term: &Term, robot: &Robot) -> Vec<FoundParameter> {
     let joint = &robot.joints()[term.site.joint().unwrap_or_default()];
     let at = match term.site {
         Site::Arm => String::new(),
@@ -478,7 +484,7 @@ fn joint_errors(
     let (old, new) = (compare(before, test, processing)?, compare(after, test, processing)?);
     let finite = |value: f64| value.is_finite().then_some(value);
     let beyond = super::fit::beyond(&search.problem, fitted);
-    let noise = beyond.iter().zip(&search.noise.level).map(|(beyond, in_band)| beyond.hypot(*in_band));
+    let noise = beyond.iter().zip(&search.noise.level).map(|(beyond, in_band)| beyond[0].hypot(*in_band));
     for ((b, a), noise) in old.joints.iter().zip(&new.joints).zip(noise) {
         let error = JointErrors {
             rmse_before: b.rmse_full_band,

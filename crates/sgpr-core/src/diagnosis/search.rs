@@ -1,16 +1,17 @@
 //! Which effects: ranking, forward steps with joint refit, backward steps.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::basis::{Basis, Gain, INVISIBLE, Noise, gain, gain_of};
-use super::fit::{Fitted, beyond, held_out, refine_transforms, solve, solve_like, tangent};
+use super::basis::{Basis, Gain, INVISIBLE, Noise, Rest, gain, gain_of, rms};
+use super::fit::{ByLog, Fitted, beyond, held_out, refine_transforms, solve, solve_like, tangent};
 use super::problem::{Column, Problem};
 use crate::effects::{Effect, Entry, Reach, Scale, Site};
 use crate::linalg::dot_in_lanes;
 use crate::model::Term;
 use crate::progress::{Interrupted, Progress};
+use crate::signal::power_by_order;
 
 /// An effect at a site, and how much of the leftover it explains.
 #[derive(Clone, Debug)]
@@ -123,6 +124,9 @@ const STAGE: &str = "look for effects";
 /// Resolution of the grid of times, s.
 const TIME_STEP: f64 = 0.5;
 
+/// Farthest step of a time before it is refined, in steps of the grid.
+const FARTHEST_JUMP: i32 = 8;
+
 pub(super) struct Search<'a> {
     pub problem: Problem,
     pub catalogue: &'a [Arc<dyn Effect>],
@@ -161,7 +165,7 @@ impl<'a> Search<'a> {
             plain = solve_like(problem, &plain, &given, &self.noise);
         }
         self.progress.step("fit the model", 3, 4)?;
-        self.noise = self.noise_of_largest(&plain);
+        self.noise = self.noise_of_largest(&plain)?;
         self.rows = self.noise.rows(&self.problem);
         let fitted = solve_like(&self.problem, &plain, &given, &self.noise);
         let fitted = if given.is_empty() { fitted } else { self.polish(fitted) };
@@ -170,48 +174,49 @@ impl<'a> Search<'a> {
     }
 
     /// Noise as what the candidates at their default constants and random features of the state leave.
-    pub fn noise_of_largest(&mut self, fitted: &Fitted) -> Noise {
+    fn noise_of_largest(&mut self, fitted: &Fitted) -> Result<Noise, Interrupted> {
         let n = self.problem.dof();
-        let mut residual = fitted.residual.clone();
-        let mut used = vec![0; n];
-        let mut calm: Vec<Vec<bool>> = residual.iter().map(|r| vec![true; r.len()]).collect();
-        for joint in 0..n {
-            let mut columns = Vec::new();
-            let own: Vec<Term> = self
-                .terms_to_try(fitted)
-                .into_iter()
-                .filter(|term| term.effect.reach() == Reach::Own && term.site.joint() == Some(joint))
-                .collect();
-            let mut seen = vec![];
-            for term in own {
-                if !seen.contains(&term.effect.name().to_string()) {
-                    seen.push(term.effect.name().to_string());
-                    columns.extend(self.raw(fitted, &term));
-                }
-            }
+        let mut seen = HashSet::new();
+        let mut terms = self.terms_to_try(fitted);
+        terms.retain(|t| t.effect.reach() == Reach::Own && seen.insert((t.effect.name().to_string(), t.site)));
+        self.prepare(fitted, &terms)?;
+        let joints: Vec<usize> = (0..n).collect();
+        let of_joint = |&joint: &usize| {
+            let own = terms.iter().filter(|term| term.site == Site::Joint(joint));
+            let mut columns: Vec<Column> = own.flat_map(|term| self.cache[&key_of(term)].iter().cloned()).collect();
             columns.extend(super::unknown::features(&self.problem, joint, &super::unknown::ALL, 0.8));
             let only = |column: &Column| -> Column {
                 (0..n).map(|j| if j == joint { column[j].clone() } else { vec![] }).collect()
             };
             let base = fitted.columns.iter().map(only);
             let all: Vec<Column> = base.chain(columns).filter(|column| !column[joint].is_empty()).collect();
-            let (left, parameters) = self.left_by(joint, &all, &residual[joint], &mut calm[joint]);
-            residual[joint] = left;
-            used[joint] = parameters;
-        }
-        Noise::of(&self.problem, &residual, &used, &calm)
+            self.left_by(joint, &all, &fitted.residual[joint])
+        };
+        let left = in_parallel(&joints, of_joint);
+        Ok(Noise::of(&self.problem, &left))
     }
 
-    /// What columns leave of a joint's residual, and how many of them count. Seconds with far more of it than others hold
-    /// what begins and ends, a contact or a load: they are no noise, are left out of a second fit and marked.
-    fn left_by(&self, joint: usize, columns: &[Column], residual: &[f64], calm: &mut [bool]) -> (Vec<f64>, usize) {
+    /// Whether the last term of a fit corrects the geometry, a tilt, a zero, a length, and less than the noise is left at
+    /// a joint: the largest model at the start could not know of it and took it for noise.
+    fn is_quieter(&self, fitted: &Fitted) -> bool {
+        const QUIETER: f64 = 0.95;
+        let geometric = |term: &Term| {
+            term.is_transform() && term.effect.constants().iter().all(|constant| ["rad", "m"].contains(&constant.unit))
+        };
+        fitted.terms().last().is_some_and(geometric)
+            && fitted.residual.iter().zip(&self.noise.level).any(|(r, level)| !r.is_empty() && rms(r) < QUIETER * level)
+    }
+
+    /// What columns leave of a joint's residual. Seconds with far more of it than others hold what begins and ends, a
+    /// contact or a load: they are no noise, are left out of a second fit and marked.
+    fn left_by(&self, joint: usize, columns: &[Column], residual: &[f64]) -> Rest {
         const LOUD: f64 = 4.0;
         let rows = &self.problem.rows[joint];
         let second = |row: usize| {
             let (stretch, sample) = rows[row];
             (stretch, (sample as f64 / self.problem.stretches[stretch].motion.rate_hz) as usize)
         };
-        let (mut left, mut used) = (residual.to_vec(), 0);
+        let (mut left, mut used, mut calm) = (residual.to_vec(), 0, vec![true; residual.len()]);
         for _ in 0..3 {
             let masked = |values: &[f64]| -> Vec<f64> {
                 values.iter().zip(calm.iter()).map(|(x, calm)| if *calm { *x } else { 0.0 }).collect()
@@ -243,7 +248,7 @@ impl<'a> Search<'a> {
                 energies.iter().filter(|(_, sum, count)| sum / count > LOUD * median).map(|(key, ..)| *key).collect();
             (0..rows.len()).for_each(|row| calm[row] = loud.binary_search(&second(row)).is_err());
         }
-        (left, used)
+        Rest { residual: left, used, calm }
     }
 
     /// Whether an effect is looked for.
@@ -306,7 +311,7 @@ impl<'a> Search<'a> {
         let scaled = |x: &f64| match constant.scale {
             Scale::Position => low + x * (high - low),
             Scale::PositionWidth => x * (high - low),
-            Scale::Torque => x * super::basis::rms(&self.problem.y[joint]),
+            Scale::Torque => x * rms(&self.problem.y[joint]),
             _ => *x,
         };
         constant.grid.iter().map(scaled).collect()
@@ -320,7 +325,7 @@ impl<'a> Search<'a> {
         match constant.scale {
             Scale::Position => [low, high],
             Scale::PositionWidth => [constant.low, constant.high].map(|x| x * (high - low)),
-            Scale::Torque => [constant.low, constant.high].map(|x| x * super::basis::rms(&self.problem.y[joint])),
+            Scale::Torque => [constant.low, constant.high].map(|x| x * rms(&self.problem.y[joint])),
             Scale::Time => self.problem.time_span(),
             // A resonance beyond the band would be seen by its foot alone.
             _ if constant.unit == "Hz" => [constant.low, constant.high.min(0.6 * self.problem.band_hz)],
@@ -363,12 +368,9 @@ impl<'a> Search<'a> {
     }
 
     /// The columns of the fit and those that take up what constants of the model may be wrong by.
-    fn with_nuisances(&self, fitted: &Fitted) -> (Basis, Column) {
-        let mut basis = Basis::new(&[]);
+    pub fn with_nuisances(&self, fitted: &Fitted) -> (Basis, Column) {
+        let mut basis = Basis::clone(&fitted.basis);
         let problem = &self.problem;
-        for column in &fitted.columns {
-            basis.push(&self.noise.whiten(problem, column));
-        }
         for joint in 0..problem.dof() {
             let has = |name: &str| {
                 self.known.iter().any(|known| known == name)
@@ -409,6 +411,18 @@ impl<'a> Search<'a> {
         Candidate { impossible: (first_negative && !contact_like) || out_of_bounds || at_edge, term, gain, score }
     }
 
+    /// Every effect at every site at every point of its grid; those that begin or end at a time are left out.
+    pub fn terms_of_ranking(&self, fitted: &Fitted) -> Vec<Term> {
+        self.terms_to_try(fitted).into_iter().chain(self.orders_to_try(fitted)).collect()
+    }
+
+    /// The columns of terms in the band, tangents for a transform, which are not remembered any more.
+    pub fn take_columns(&mut self, fitted: &Fitted, terms: &[Term]) -> Result<Vec<Vec<Column>>, Interrupted> {
+        self.prepare(fitted, terms)?;
+        let take = |term: &Term| self.cache.remove(&key_of(term)).unwrap_or_default();
+        Ok(terms.iter().map(take).collect())
+    }
+
     /// Every effect at every site at its best point of the grid, best first.
     fn rank(&mut self, fitted: &Fitted, basis: &Basis, white: &Column) -> Result<Vec<Candidate>, Interrupted> {
         let mut best: HashMap<(String, Site), Candidate> = HashMap::new();
@@ -421,7 +435,7 @@ impl<'a> Search<'a> {
                 }
             }
         };
-        let terms: Vec<Term> = self.terms_to_try(fitted).into_iter().chain(self.orders_to_try(fitted)).collect();
+        let terms = self.terms_of_ranking(fitted);
         let count = terms.len();
         self.prepare(fitted, &terms)?;
         self.progress.step("rank effects", 0, count)?;
@@ -455,23 +469,13 @@ impl<'a> Search<'a> {
         let n = self.problem.dof();
         let mut terms = Vec::new();
         for joint in 0..n {
-            let mut sums = vec![[0.0; 2]; HIGHEST + 2];
-            for (&(stretch, sample), r) in self.problem.rows[joint].iter().zip(&fitted.residual[joint]) {
-                let q = self.problem.stretches[stretch].motion.q[sample * n + joint];
-                let (s1, c1) = q.sin_cos();
-                let (s0, c0) = ((LOWEST - 1) as f64 * q).sin_cos();
-                let (mut s, mut c) = (s0, c0);
-                for sum in &mut sums[LOWEST - 1..] {
-                    sum[0] += r * c;
-                    sum[1] += r * s;
-                    (s, c) = (s * c1 + c * s1, c * c1 - s * s1);
-                }
-            }
-            let power: Vec<f64> = sums.iter().map(|[a, b]| a * a + b * b).collect();
-            let mut peaks: Vec<usize> = (LOWEST..=HIGHEST)
-                .filter(|&order| power[order] >= power[order - 1] && power[order] >= power[order + 1])
-                .collect();
-            peaks.sort_by(|&a, &b| power[b].total_cmp(&power[a]));
+            let q = |&(stretch, sample): &(usize, usize)| self.problem.stretches[stretch].motion.q[sample * n + joint];
+            let samples = self.problem.rows[joint].iter().map(q).zip(fitted.residual[joint].iter().copied());
+            let power = power_by_order(samples, LOWEST - 1..=HIGHEST + 1);
+            let at = |order: usize| power[order + 1 - LOWEST];
+            let mut peaks: Vec<usize> =
+                (LOWEST..=HIGHEST).filter(|&order| at(order) >= at(order - 1) && at(order) >= at(order + 1)).collect();
+            peaks.sort_by(|&a, &b| at(b).total_cmp(&at(a)));
             for effect in self.catalogue.iter().filter(|e| self.wanted(e.as_ref())) {
                 let constants = effect.constants();
                 if constants.len() == 1 && constants[0].scale == Scale::Order {
@@ -614,6 +618,17 @@ impl<'a> Search<'a> {
         };
         let mut best = evaluate(&candidate.term.constants);
         let count = term.constants.len();
+        // Between two logs there are no rows, and all times are equal there: steps must reach the other side.
+        for k in (0..count).filter(|k| term.effect.constants()[*k].scale == Scale::Time) {
+            let [low, high] = self.bounds(term, k);
+            let start = best.term.constants.clone();
+            for step in (-FARTHEST_JUMP..=FARTHEST_JUMP).filter(|step| *step != 0) {
+                let mut constants = start.clone();
+                constants[k] = (constants[k] + f64::from(step) * TIME_STEP).clamp(low, high);
+                let next = Some(evaluate(&constants)).filter(|_| count == 1 || constants[0] < constants[1]);
+                best = next.filter(|next| next.gain.chi2 > best.gain.chi2).unwrap_or(best);
+            }
+        }
         let mut steps: Vec<f64> = (0..count)
             .map(|k| match term.effect.constants()[k].scale {
                 Scale::Logarithmic => 0.5,
@@ -625,7 +640,9 @@ impl<'a> Search<'a> {
                 Scale::Neutral { step } => step,
             })
             .collect();
-        let smallest: Vec<f64> = steps.iter().map(|step| 0.03 * step).collect();
+        // A step in the torque that is a few samples off leaves a spike.
+        let exact = |k: usize| if term.effect.constants()[k].scale == Scale::Time { 0.002 } else { 0.03 };
+        let smallest: Vec<f64> = steps.iter().enumerate().map(|(k, step)| exact(k) * step).collect();
         let logarithmic = |k: usize| term.effect.constants()[k].scale == Scale::Logarithmic;
         for _ in 0..40 {
             let mut moved = false;
@@ -721,7 +738,7 @@ impl<'a> Search<'a> {
         }
         while fitted.terms().len() < MOST_TERMS {
             let (basis, white) = self.with_nuisances(&fitted);
-            if let Some(released) = self.without_holds(&fitted, (&basis, &white)) {
+            if let Some(released) = self.without_holds(&fitted, (&basis, &white))? {
                 fitted = released;
                 continue;
             }
@@ -734,12 +751,19 @@ impl<'a> Search<'a> {
                 continue;
             }
             ranking.get_or_insert(candidates);
-            let Some((next, step)) = self.next_term(&fitted, &tried)? else { break };
+            let Some((next, step)) = self.next_term(&fitted, &tried)? else {
+                break;
+            };
             let transform = next.terms().last().is_some_and(Term::is_transform);
             fitted = if next.terms().len() > 1 { self.polish(next) } else { next };
             accepted.push(step);
             if transform {
                 self.cache.clear();
+            }
+            if self.is_quieter(&fitted) {
+                self.noise = self.noise_of_largest(&fitted)?;
+                self.rows = self.noise.rows(&self.problem);
+                fitted = solve_like(&self.problem, &fitted, fitted.terms(), &self.noise);
             }
             self.progress.step(STAGE, fitted.terms().len().min(MOST_TERMS), MOST_TERMS)?;
         }
@@ -781,7 +805,11 @@ impl<'a> Search<'a> {
     }
 
     /// The fit without the moments before reversals at which joints stick, if there are joints that do.
-    fn without_holds(&mut self, fitted: &Fitted, (basis, white): (&Basis, &Column)) -> Option<Fitted> {
+    fn without_holds(
+        &mut self,
+        fitted: &Fitted,
+        (basis, white): (&Basis, &Column),
+    ) -> Result<Option<Fitted>, Interrupted> {
         const DURATIONS_S: [f64; 5] = [0.016, 0.03, 0.05, 0.08, 0.12];
         /// Rows are left out somewhat farther than the jump is seen: stops differ in length.
         const FARTHER: f64 = 1.5;
@@ -804,13 +832,13 @@ impl<'a> Search<'a> {
             }
         }
         if holds.is_empty() || self.problem.leave_out_holds(&holds).is_err() {
-            return None;
+            return Ok(None);
         }
         self.cache.clear();
         let again = solve(&self.problem, &fitted.model, fitted.terms(), &self.noise);
-        self.noise = self.noise_of_largest(&again);
+        self.noise = self.noise_of_largest(&again)?;
         self.rows = self.noise.rows(&self.problem);
-        Some(solve(&self.problem, &fitted.model, fitted.terms(), &self.noise))
+        Ok(Some(solve(&self.problem, &fitted.model, fitted.terms(), &self.noise)))
     }
 
     /// The best candidates, at most two sites of an effect, their constants refined, best first.
@@ -841,7 +869,7 @@ impl<'a> Search<'a> {
     /// one percent leaves so much, and it would be taken for an effect of its own.
     fn worth_it(&self, fitted: &Fitted, accepted: &[Accepted], mut tried: Vec<Candidate>) -> Vec<Candidate> {
         const SHARE_SAME_JOINT: f64 = 0.01;
-        const SHARE_OTHER_JOINT: f64 = 0.0005;
+        const SHARE_OTHER_JOINT: f64 = 0.0001;
         let given = fitted.terms().len() - accepted.len();
         let news = || accepted.iter().zip(&fitted.terms()[given..]).filter(|(_, t)| t.effect.refines().is_none());
         let joint = |term: &Term| term.site.joint().filter(|_| term.effect.reach() == Reach::Own);
@@ -870,8 +898,12 @@ impl<'a> Search<'a> {
         let mut found = in_parallel(&finer, |candidate| self.refine(fitted, residual, candidate));
         self.progress.step("refine constants", 1, 1)?;
         found.retain(|refined| {
-            let rival = |c: &&Candidate| c.term.site == refined.term.site && c.term.effect.reach() == Reach::Own;
-            let best = tried.iter().filter(rival).map(|c| c.score).fold(f64::NEG_INFINITY, f64::max);
+            let rival = |c: &&Candidate| {
+                let own = c.term.site == refined.term.site && c.term.effect.reach() == Reach::Own;
+                own && !c.impossible && c.term.effect.refines().is_none()
+            };
+            let all = candidates.iter().chain(tried);
+            let best = all.filter(rival).map(|c| c.score).fold(f64::NEG_INFINITY, f64::max);
             !refined.impossible && refined.score > EVIDENCE && refined.score > best
         });
         let without = self.errors(fitted);
@@ -999,28 +1031,32 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Error per joint on blocks that were left out, N·m (N).
+/// Errors per joint on blocks that were left out, in the band and beyond it.
 #[derive(Clone, Debug)]
 struct HeldOut {
-    in_band: Vec<f64>,
-    beyond: Vec<f64>,
+    in_band: Vec<ByLog>,
+    beyond: Vec<ByLog>,
 }
 
 impl HeldOut {
+    /// Of all logs together, per joint, N·m (N).
     fn total(&self) -> Vec<f64> {
-        self.in_band.iter().zip(&self.beyond).map(|(own, beyond)| own.hypot(*beyond)).collect()
+        self.in_band.iter().zip(&self.beyond).map(|(own, beyond)| own[0].hypot(beyond[0])).collect()
     }
 
-    /// Largest fall on a joint with one more term, as a share of what is left. A transform that differentiates positions
-    /// once more carries their noise into the torque beyond the band, one that smooths takes it out: neither speaks for or
-    /// against its being there.
+    /// Largest fall on a joint with one more term, as a share of what is left, in all logs or in one: an effect of fast
+    /// motion matters although there are slow logs beside. A transform that differentiates positions once more carries
+    /// their noise into the torque beyond the band, one that smooths takes it out: neither speaks for or against its
+    /// being there.
     fn largest_fall_to(&self, after: &Self, term: &Term) -> f64 {
-        let joints = self.in_band.iter().zip(&after.in_band).zip(self.beyond.iter().zip(&after.beyond));
-        let falls = joints.map(|((own, own_after), (&beyond, &beyond_after))| {
-            let least = beyond.min(beyond_after);
-            let filters = term.is_transform() && !is_limit(term);
-            let [beyond, beyond_after] = if filters { [least; 2] } else { [beyond, beyond_after] };
-            own.hypot(beyond) / own_after.hypot(beyond_after).max(1e-12) - 1.0
+        let flat = |errors: &[ByLog]| -> Vec<f64> { errors.iter().flatten().copied().collect() };
+        let [own, beyond] = [flat(&self.in_band), flat(&self.beyond)];
+        let [own_after, beyond_after] = [flat(&after.in_band), flat(&after.beyond)];
+        let filters = term.is_transform() && !is_limit(term);
+        let falls = (0..own.len()).map(|k| {
+            let least = beyond[k].min(beyond_after[k]);
+            let [beyond, beyond_after] = if filters { [least; 2] } else { [beyond[k], beyond_after[k]] };
+            own[k].hypot(beyond) / own_after[k].hypot(beyond_after).max(1e-12) - 1.0
         });
         falls.fold(f64::NEG_INFINITY, f64::max)
     }
@@ -1048,7 +1084,7 @@ fn switched_gain(sum: &[f64], k: usize, r: usize) -> Gain {
 }
 
 /// `work` for every item, on as many threads as there are cores; results in the order of the items.
-fn in_parallel<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
+pub(super) fn in_parallel<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from).min(items.len().max(1));
     let mut results: Vec<(usize, R)> = std::thread::scope(|scope| {

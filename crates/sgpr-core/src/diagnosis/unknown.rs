@@ -4,6 +4,8 @@ use super::basis::{Noise, dot};
 use super::fit::{Fitted, beyond, held_out};
 use super::problem::{Column, Problem};
 use crate::random::Random;
+use crate::simd::cos_in_place;
+use rayon::prelude::*;
 
 /// Variables that a joint's torque may depend on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,8 +91,9 @@ pub(super) fn features(problem: &Problem, joint: usize, group: &[Variable], leng
         let x: Vec<f64> =
             picks.iter().zip(&moments).map(|(p, (mean, std))| (value(stretch, k, *p) - mean) / std).collect();
         for (out, (weights, phase)) in row.iter_mut().zip(&draws) {
-            *out = (weights.iter().zip(&x).map(|(w, x)| w * x).sum::<f64>() + phase).cos();
+            *out = weights.iter().zip(&x).map(|(w, x)| w * x).sum::<f64>() + phase;
         }
+        cos_in_place(row);
     })
 }
 
@@ -99,11 +102,10 @@ pub(super) fn leftover(problem: &Problem, fitted: &Fitted, noise: &Noise) -> Vec
     let beyond = beyond(problem, fitted);
     let errors = |extra: &[Column]| -> Vec<f64> {
         let in_band = held_out(problem, fitted, extra, noise).into_iter();
-        in_band.zip(&beyond).map(|(own, beyond)| own.hypot(*beyond)).collect()
+        in_band.zip(&beyond).map(|(own, beyond)| own[0].hypot(beyond[0])).collect()
     };
     let before = errors(&[]);
-    let mut all = Vec::new();
-    for joint in 0..problem.dof() {
+    let of_joint = |joint: usize| {
         let mut best: Option<(f64, &[Variable], Vec<Column>)> = None;
         for group in GROUPS {
             let columns = features(problem, joint, group, 1.0);
@@ -116,7 +118,7 @@ pub(super) fn leftover(problem: &Problem, fitted: &Fitted, noise: &Noise) -> Vec
                 best = Some((evidence, group, columns));
             }
         }
-        let Some((evidence, group, columns)) = best else { continue };
+        let (evidence, group, columns) = best?;
         let mut effect_size = 0.0;
         if evidence > 5.0 {
             let after = errors(&columns);
@@ -129,9 +131,9 @@ pub(super) fn leftover(problem: &Problem, fitted: &Fitted, noise: &Noise) -> Vec
             NeighbourSpeed => "speeds of the neighbours",
             Time => "time",
         });
-        all.push(Leftover { joint, evidence, effect_size, group: names.collect::<Vec<_>>().join(", ") });
-    }
-    all
+        Some(Leftover { joint, evidence, effect_size, group: names.collect::<Vec<_>>().join(", ") })
+    };
+    (0..problem.dof()).into_par_iter().filter_map(of_joint).collect()
 }
 
 fn evidence(fitted: &Fitted, white: &[Column]) -> f64 {

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .. import Comparison, LogResidual, Model, Recording
+from .detectability import detectability_section
 from .errors import errors_section, verdict
 from .experiment import experiment_section
 from .logs import logs_section
@@ -185,6 +186,7 @@ class DiagnosisPage:
             parts.append(element("h3", "Not testable with these logs"))
             rows = [[entry["effect"], prose(entry["why"])] for entry in data["not_testable"]]
             parts.append(table("Not testable", ["effect", "why"], rows, text_columns=(0, 1)))
+        parts.append(detectability_section(data["detectable"], self.after.robot.joint_names))
         return join(parts), plots | motion
 
     def _formulas(self) -> list[Html]:

@@ -1,0 +1,48 @@
+"""What the logs could have shown, and from which size on."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from .markup import Html, element, items, join, paragraph, prose, table
+from .numbers import significant
+
+ARM = "whole arm"
+
+
+def detectability_section(entries: Sequence[Mapping[str, Any]], joints: Sequence[str]) -> Html:
+    """A table of effects by joints; nothing if nothing was tested.
+
+    - `entries`: `detectable` of diagnosis.json
+    """
+    if not entries:
+        return join([])
+    by_effect: dict[str, dict[str, Mapping[str, Any]]] = {}
+    for entry in entries:
+        by_effect.setdefault(entry["effect"], {})[", ".join(entry["joints"]) or ARM] = entry
+    columns = [*joints, *([ARM] if any(ARM in own for own in by_effect.values()) else [])]
+    rows = []
+    doubts = []
+    for effect, own in by_effect.items():
+        first = next(iter(own.values()))
+        symbol = first["parameter"].split(".")[-1]
+        cells = [significant(own[place]["seen_from"], 2) if place in own else "" for place in columns]
+        rows.append([effect, f"{symbol}, {first['unit']}", *cells])
+        doubts += [_doubt(effect, place, entry) for place, entry in own.items() if entry["mistaken_for"]]
+    note = paragraph(
+        "Silence has a size: an effect as large as this, with this motion and this noise, would have been found. "
+        "Constants are in the middle of their range; other parameters of the effect are zero."
+    )
+    parts = [
+        element("h3", "What these logs could have shown"),
+        note,
+        table("Smallest size that is seen", ["effect", "parameter", *columns], rows, text_columns=(0, 1)),
+    ]
+    if doubts:
+        parts += [paragraph("Not told apart so soon:"), items(doubts)]
+    return join(parts)
+
+
+def _doubt(effect: str, place: str, entry: Mapping[str, Any]) -> Html:
+    size = entry["told_apart_from"]
+    until = "at any size" if size is None else f"below {significant(size, 2)} {entry['unit']}"
+    return prose(f"`{effect}` at {place} looks like {entry['mistaken_for']} {until}")
