@@ -1,11 +1,13 @@
 //! Time of a whole identification from joint motion and torque: observation matrix, triangular factors, weighted least
-//! squares.
+//! squares; and of making it consistent, which does not see the samples.
 #![allow(missing_docs)]
 
 use divan::{Bencher, black_box};
-use sgpr_benches::Fixture;
-use sgpr_core::dynamics::Samples;
-use sgpr_core::identification::{BaseParameters, LeastSquares, Method, Observation, ParameterSet};
+use sgpr_benches::{Fixture, Uniform};
+use sgpr_core::dynamics::{BatchWorkspace, Samples, rnea_batch};
+use sgpr_core::identification::{
+    BaseParameters, Consistency, Distance, LeastSquares, Method, Observation, ParameterSet, Prior,
+};
 
 fn main() {
     divan::main();
@@ -36,5 +38,32 @@ fn observe_6006_samples(bencher: Bencher, robot: &str) {
         let mut observation = Observation::new(&fixture.robot, &set, &base);
         observation.add_samples(samples, &fixture.tau, None).expect("finite data");
         black_box(observation.factors())
+    });
+}
+
+/// The semidefinite program alone, on noise that pushes links out of the cone of bodies.
+#[divan::bench(args = ["entropic", "euclidean"])]
+fn consistent_7_links(bencher: Bencher, distance: &str) {
+    let mut fixture = Fixture::new("panda_like", 2000);
+    let set = ParameterSet::new(&fixture.robot, &["viscous_friction", "coulomb_friction", "torque_offset"]);
+    let set = set.expect("known effects");
+    let base = BaseParameters::new(&fixture.robot, &set);
+    let samples = Samples { q: &fixture.q, dq: &fixture.dq, ddq: &fixture.ddq };
+    rnea_batch(&fixture.robot, &mut BatchWorkspace::new(&fixture.robot), samples, &mut fixture.tau);
+    let mut noise = Uniform(7);
+    let friction = |dq: &f64| dq + dq.signum();
+    fixture.tau.iter_mut().zip(&fixture.dq).for_each(|(tau, dq)| *tau += friction(dq) + 5.0 * noise.next());
+    let mut observation = Observation::new(&fixture.robot, &set, &base);
+    observation.add_samples(samples, &fixture.tau, None).expect("finite data");
+    let mut nominal: Vec<f64> = fixture.robot.standard_parameters().iter().map(|value| 1.2 * value).collect();
+    nominal.resize(set.len(), 0.0);
+    let fit = LeastSquares::new(Method::Wls).solve(&observation.factors(), &base, &base.combine(&nominal));
+    let whitened = fit.expect("enough data").whitened;
+    let distance = if distance == "entropic" { Distance::Entropic } else { Distance::Euclidean };
+    let consistency = Consistency { prior: Prior { distance, ..Prior::default() }, ..Consistency::default() };
+    let torque = [20.0; 7];
+    bencher.bench_local(|| {
+        let found = consistency.solve(&fixture.robot, &set, &base, &whitened, &nominal, &torque);
+        black_box(found.expect("an arm"))
     });
 }

@@ -51,6 +51,8 @@ class Dataset:
 
 # UR10e: currents times the gains that its authors identified with a known load; the controller's 10 ms jitter.
 UR10E_GAINS = [10.0, 10.6956, 8.4566, 9.0029, 9.48, 10.1232]
+# Baxter: as its reference was processed.
+BAXTER_REFERENCE = {"cutoff_hz": 5.0, "standstill_speed": 1e-9}
 # EMPS: the screw's viscous friction differs by direction (Janot, Gautier, Brunot 2019).
 EMPS_ASYMMETRIC = ["viscous_friction", "asymmetric_viscous_friction", "coulomb_friction", "torque_offset"]
 EMPS_SYMMETRIC = ["viscous_friction", "coulomb_friction", "torque_offset"]
@@ -85,7 +87,9 @@ DATASETS = [
         [Log(f"traj0{k}.csv") for k in (6, 7)],
         [
             Variant("automatic", {}, "14.5"),
-            Variant("5 Hz, no rests", {"cutoff_hz": 5.0, "standstill_speed": 1e-9}, "14.5"),
+            Variant("5 Hz, no rests", BAXTER_REFERENCE, "14.5"),
+            Variant("automatic, springs", {"effects": [*EFFECTS, "cable_stiffness"]}, "9.3"),
+            Variant("5 Hz, no rests, springs", {**BAXTER_REFERENCE, "effects": [*EFFECTS, "cable_stiffness"]}, "9.3"),
         ],
     ),
     Dataset(

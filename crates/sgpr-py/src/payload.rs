@@ -201,9 +201,9 @@ pub fn identify_payload(
 ///     Ixx, Ixy, Iyy, Ixz, Iyz, Izz.
 /// link : str, optional
 ///     Joint whose link holds it; the last one by default.
-/// estimator : {"maximum_likelihood", "least_squares"}
-///     Noise in the currents, which is what there is; or least squares of torques, in use in the literature, which noise
-///     draws to zero.
+/// estimator : {"maximum_likelihood", "total_least_squares", "least_squares"}
+///     Noise in the currents, which is what there is: total least squares with each drive's errors in its own current, and so
+///     two names of one estimator; or least squares of torques, in use in the literature, which noise draws to zero.
 /// lowest : array of shape (n,), optional
 ///     Lower bounds of the gains, for least squares, and with `consistent`.
 /// **options
@@ -254,8 +254,11 @@ pub fn identify_drive_gains(
         }
         known[position] = Some(value);
     }
-    let estimators =
-        [("maximum_likelihood", GainEstimator::MaximumLikelihood), ("least_squares", GainEstimator::LeastSquares)];
+    let estimators = [
+        ("maximum_likelihood", GainEstimator::MaximumLikelihood),
+        ("total_least_squares", GainEstimator::MaximumLikelihood),
+        ("least_squares", GainEstimator::LeastSquares),
+    ];
     let estimator = choice("estimator", estimator, &estimators)?;
     let robot = &robot.get().inner;
     let lowest = match lowest {

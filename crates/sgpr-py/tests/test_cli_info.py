@@ -120,6 +120,9 @@ def test_degrees_are_suspected(tmp_path: Path) -> None:
     found = run("info", path)
     assert found.code == 0
     assert "degree" in found.out
+    # A unit that is wrong is said where the numbers are that it spoils, not only counted.
+    identified = run("identify", "--robot", "two_link", "--train", path, "--out", tmp_path / "out")
+    assert "looks like degrees; give the unit" in identified.out + identified.err
     [data] = json.loads(run("info", path, "--units", "position=deg", "--json").out)
     assert not any("degree" in issue["message"] for issue in data["issues"])
 

@@ -11,7 +11,7 @@
 use faer::Mat;
 
 use super::estimate::Groups;
-use super::hac::suggested_lag;
+use super::hac::NoiseMemory;
 use super::least_squares::Directions;
 use super::{Equations, Estimate, IdentificationError, JointFactor, Trajectory, output_error};
 use crate::linalg::solve_general;
@@ -77,6 +77,9 @@ pub(super) fn estimate(
     Ok(Estimate { covariance: directions.covariance(&full), ..found })
 }
 
+/// Width of the windows in units of what the residual remembers.
+const MEMORIES_PER_WINDOW: f64 = 6.0;
+
 /// Covariance of Zᵀ residual, in the coordinates of `directions`.
 fn scores(
     equations: &mut Equations<'_>,
@@ -84,7 +87,7 @@ fn scores(
     found: &Estimate,
     directions: &Directions,
 ) -> Result<Mat<f64>, IdentificationError> {
-    let width = suggested_lag(equations, factors, found)?;
+    let width = NoiseMemory::of(equations, factors, found)?.stretch(MEMORIES_PER_WINDOW);
     let group = Groups::of(factors);
     let steps: Vec<usize> = equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
     let mut scores = Scores::default();

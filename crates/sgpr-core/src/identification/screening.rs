@@ -3,6 +3,8 @@
 //! A rigid arm is a strong test of its log: all joints share the same bodies. A torque of the wrong sign or unit, or one
 //! that is late, breaks what the other joints say, and the break tells which.
 
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::fmt;
 
 use faer::Mat;
@@ -288,7 +290,7 @@ fn weak_direction(names: &[String], joints: &[String], estimate: &Estimate) -> O
 }
 
 /// What only the rows tell: torques that are late, rows far off, times on which everything hangs. Goes through the data
-/// four times.
+/// four times, and more often where torques are late by more than ten milliseconds.
 ///
 /// - `joints`: names
 /// - `rates_hz`: sampling rate of each trajectory
@@ -334,27 +336,68 @@ fn late_torques(
     };
     // Ten milliseconds, or a few samples where they are farther apart.
     let coarse = (0.01 * rate).round().max(2.0) as isize;
-    let here = residuals(0)?;
-    let mut fits: Vec<Option<Shift>> = Vec::with_capacity(n);
-    let (before, after) = (residuals(-coarse)?, residuals(coarse)?);
-    for joint in 0..n {
-        fits.push(Shift::new(0, coarse, [before[joint], here[joint], after[joint]]));
-    }
+    let mut known: HashMap<isize, Vec<f64>> = HashMap::new();
+    let mut residual = |joint: usize, shift: isize| -> Result<f64, IdentificationError> {
+        if let Entry::Vacant(place) = known.entry(shift) {
+            place.insert(residuals(shift)?);
+        }
+        Ok(known[&shift][joint])
+    };
     let mut findings = Vec::new();
     for joint in 0..n {
-        let Some(first) = fits[joint].filter(|fit| fit.gain(here[joint]) > GAIN && fit.samples.abs() > SAMPLES) else {
+        let here = residual(joint, 0)?;
+        let centre = least_shift(coarse, &mut |shift| residual(joint, shift))?;
+        let mut around = |step: isize| -> Result<[f64; 3], IdentificationError> {
+            Ok([residual(joint, centre - step)?, residual(joint, centre)?, residual(joint, centre + step)?])
+        };
+        let Some(first) = Shift::new(centre, coarse, around(coarse)?)
+            .filter(|fit| fit.gain(here) > GAIN && fit.samples.abs() > SAMPLES)
+        else {
             continue;
         };
         // The residual is no parabola far from its minimum: once more close to it.
         let (centre, fine) = (first.samples.round() as isize, (coarse / 4).max(1));
-        let around = [residuals(centre - fine)?[joint], residuals(centre)?[joint], residuals(centre + fine)?[joint]];
+        let around = [residual(joint, centre - fine)?, residual(joint, centre)?, residual(joint, centre + fine)?];
         let fit = Shift::new(centre, fine, around).unwrap_or(first);
-        let gain = 1.0 - (fit.least / here[joint]).clamp(0.0, 1.0).sqrt();
+        let gain = 1.0 - (fit.least / here).clamp(0.0, 1.0).sqrt();
         if fit.samples.abs() > SAMPLES && gain > 0.5 * GAIN {
             findings.push(Finding::Late { joint: joints[joint].clone(), seconds: fit.samples / rate, gain });
         }
     }
     Ok(findings)
+}
+
+/// The shift, in steps of about `coarse`, with the least residual: outwards in doubled steps as long as it falls, then back
+/// in halved ones.
+fn least_shift(
+    coarse: isize,
+    residual: &mut impl FnMut(isize) -> Result<f64, IdentificationError>,
+) -> Result<isize, IdentificationError> {
+    const DOUBLINGS: u32 = 5;
+    let (mut centre, mut least) = (0, residual(0)?);
+    for reach in (0..DOUBLINGS).map(|doubling| coarse << doubling) {
+        let before = centre;
+        for shift in [-reach, reach] {
+            let found = residual(shift)?;
+            if found < least {
+                (centre, least) = (shift, found);
+            }
+        }
+        if centre == before {
+            break;
+        }
+    }
+    let mut step = centre.abs() / 2;
+    while step >= coarse {
+        for shift in [centre - step, centre + step] {
+            let found = residual(shift)?;
+            if found < least {
+                (centre, least) = (shift, found);
+            }
+        }
+        step /= 2;
+    }
+    Ok(centre)
 }
 
 /// Vertex of a parabola through the squared residuals at three shifts.

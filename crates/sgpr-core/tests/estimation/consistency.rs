@@ -49,6 +49,24 @@ fn a_consistent_arm_is_near_the_data_and_made_of_bodies() {
 }
 
 #[test]
+fn a_robot_file_that_says_nothing_of_friction_does_not_draw_it_to_zero() {
+    for distance in [Distance::Entropic, Distance::Euclidean] {
+        let prior = Prior { distance, relative_deviation: 0.01 };
+        let (experiment, found) = solve(&Consistency { prior, ..Consistency::default() }, 0.2);
+        let found = found.expect("an arm");
+        let effects = experiment.set.inertial()..;
+        for ((value, truth), name) in found.parameters[effects.clone()]
+            .iter()
+            .zip(&experiment.truth[effects.clone()])
+            .zip(&experiment.set.names()[effects])
+        {
+            // The right bodies determine the rotors too, which lie beside them.
+            assert!((value / truth - 1.0).abs() < 0.15, "{distance:?}: {name} {value} {truth}");
+        }
+    }
+}
+
+#[test]
 fn limits_are_kept_and_named_where_they_matter() {
     let region = Region::Ellipsoid { centre: [0.5, 0.0, 0.0], half_axes: [0.05, 0.1, 0.1] };
     let bounds = PhysicalBounds {

@@ -161,3 +161,31 @@ fn gains_of_all_drives_follow_from_the_mass_of_the_payload() {
     let nothing = identify_drive_gains(&puma.robot, &puma.set, &puma.base, [&[], &[]], None, &options([None; 10]));
     assert!(nothing.expect_err("no scale").to_string().contains("payload"));
 }
+
+#[test]
+fn intervals_of_the_gains_cover() {
+    const PAIRS: usize = 16;
+    let puma = Puma::new();
+    let gains = [10.0, 11.0, 8.5, 9.0, 9.5, 10.1];
+    let mut known = [None; 10];
+    known[0] = Some(PAYLOAD[0]);
+    let (mut hits, mut squares) = (0, 0.0);
+    for pair in 0..PAIRS as u64 {
+        let unloaded = puma.run(&[0.0; 10], 0.5, &gains, 100 + 2 * pair);
+        let loaded = puma.run(&PAYLOAD, 0.5, &gains, 101 + 2 * pair);
+        let factors = [&puma.factors(&unloaded)[..], &puma.factors(&loaded)[..]];
+        let found = identify_drive_gains(&puma.robot, &puma.set, &puma.base, factors, None, &options(known));
+        let found = found.expect("good data");
+        for ((gain, expected), deviation) in found.gains.iter().zip(gains).zip(&found.standard_deviations) {
+            let z = (gain - expected) / deviation;
+            hits += usize::from(z.abs() < 1.96);
+            squares += z * z;
+        }
+    }
+    // The gains of one pair share the noise of what the payload adds: these are some fifty independent intervals.
+    let count = (PAIRS * gains.len()) as f64;
+    let (cover, ratio) = (hits as f64 / count, (squares / count).sqrt());
+    println!("gains covered: {cover:.3}, errors are {ratio:.2} standard deviations");
+    assert!(cover > 0.88, "{cover}");
+    assert!((0.75..1.25).contains(&ratio), "{ratio}");
+}

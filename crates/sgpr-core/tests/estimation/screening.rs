@@ -51,17 +51,19 @@ fn a_torque_in_another_unit_is_named_with_its_factor() {
 
 #[test]
 fn a_late_torque_is_named_with_its_delay() {
-    let found = findings(|_, _, tau| tau, 4);
-    let late: Vec<_> = found
-        .iter()
-        .filter_map(|finding| match finding {
-            Finding::Late { joint, seconds, .. } => Some((joint.as_str(), *seconds)),
-            _ => None,
-        })
-        .collect();
-    assert_eq!(late.len(), 1, "{found:?}");
-    assert_eq!(late[0].0, "joint_2");
-    assert!((late[0].1 - 4.0 / RATE).abs() < 0.5 / RATE, "{}", late[0].1);
+    for samples in [4, 11, 26] {
+        let found = findings(|_, _, tau| tau, samples);
+        let late: Vec<_> = found
+            .iter()
+            .filter_map(|finding| match finding {
+                Finding::Late { joint, seconds, .. } => Some((joint.as_str(), *seconds)),
+                _ => None,
+            })
+            .collect();
+        assert_eq!(late.len(), 1, "{found:?}");
+        assert_eq!(late[0].0, "joint_2");
+        assert!((late[0].1 - samples as f64 / RATE).abs() < 0.5 / RATE, "{samples}: {}", late[0].1 * RATE);
+    }
 }
 
 #[test]

@@ -589,7 +589,7 @@ def identify_drive_gains(
     *,
     payload: Mapping[str, float],
     link: str | None = None,
-    estimator: Literal["maximum_likelihood", "least_squares"] = "maximum_likelihood",
+    estimator: Literal["maximum_likelihood", "total_least_squares", "least_squares"] = "maximum_likelihood",
     lowest: ArrayLike | None = None,
     **options: Any,
 ) -> DriveGains: ...

@@ -54,7 +54,8 @@ pub struct Prior {
     /// How the distance to the nominal parameters is measured.
     pub distance: Distance,
     /// Standard deviation of the nominal parameters as a share of them. With 1 they may well be wrong by their own size; the
-    /// default of 30 leaves them no say where the data have any, as for robot files with placeholders.
+    /// default of 30 leaves them no say where the data have any, as for robot files with placeholders. Friction, rotors and
+    /// offsets of which the robot file says nothing (zero) are as good as free, whatever the deviation.
     pub relative_deviation: f64,
 }
 
@@ -118,6 +119,10 @@ const MARGIN: f64 = 1e-6;
 
 /// A limit is active within this share of its size.
 const ACTIVE: f64 = 1e-4;
+
+/// Relative deviation of parameters of effects of which the robot file says nothing, in units of their expected size: it
+/// keeps those finite that the data do not determine, and draws no others to zero.
+const UNKNOWN: f64 = 100.0;
 
 /// Size of a link of which the robot file says nothing, m.
 const LINK_SIZE: f64 = 0.1;
@@ -277,7 +282,9 @@ impl Consistency {
                 }
             }
         }
+        let unknown = self.prior.relative_deviation.max(UNKNOWN).powi(-2);
         for index in set.inertial()..set.len() {
+            let weight = if nominal[index] == 0.0 { unknown } else { weight };
             program.add_square(index, nominal[index] / scale[index], weight);
         }
         notes

@@ -37,6 +37,8 @@ from .screening import excitation, outside, saturated
 from .versions import versions
 
 FIT = "Identification"
+WRONG_UNIT = ("position_in_degrees", "velocity_mismatch")
+"""Kinds of findings after which no result can be believed."""
 
 
 @dataclass(frozen=True)
@@ -462,5 +464,10 @@ def show(result: Result, data: dict[str, Any], output: Output) -> None:
             f"{path}: {counted(count, 'sample')} without prediction (repairs, or stretches too short to filter)"
         )
     findings = [found for log in data["logs"] for found in log["issues"] if found["severity"] != "note"]
-    if findings:
-        output.warning(f"the logs have {counted(len(findings), 'finding')}; see the report, or sgpr info")
+    # A wrong unit spoils all of the above, so it is said here, once for all logs.
+    units = [found for found in findings if found["kind"] in WRONG_UNIT]
+    for text in dict.fromkeys(found["message"] for found in units):
+        output.warning(text)
+    if len(findings) > len(units):
+        more = counted(len(findings) - len(units), "finding")
+        output.warning(f"the logs have {more}{' more' if units else ''}; see the report, or sgpr info")

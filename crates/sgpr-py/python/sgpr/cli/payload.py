@@ -44,9 +44,10 @@ def payload(
         str | None,
         typer.Option(
             "--estimator",
-            metavar="maximum_likelihood|least_squares",
-            help="With --known: noise in the currents, which is what there is; or least squares of torques, which "
-            "noise draws to zero. With --consistent links and payload are bodies in either.",
+            metavar="maximum_likelihood|total_least_squares|least_squares",
+            help="With --known: noise in the currents, which is what there is (total least squares with each drive's "
+            "errors in its own current, so two names of one estimator); or least squares of torques, which noise draws "
+            "to zero. With --consistent links and payload are bodies in either.",
             show_default="maximum_likelihood",
         ),
     ] = None,
@@ -70,7 +71,10 @@ def payload(
         options.pop(key)
     if known:
         options["estimator"] = one_of(
-            estimator or "maximum_likelihood", ("maximum_likelihood", "least_squares"), "--estimator", "estimator"
+            estimator or "maximum_likelihood",
+            ("maximum_likelihood", "total_least_squares", "least_squares"),
+            "--estimator",
+            "estimator",
         )
         options["lowest"] = lowest_gains
     elif estimator or lowest_gains:

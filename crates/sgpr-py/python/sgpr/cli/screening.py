@@ -16,7 +16,7 @@ GOOD, POOR = 100.0, 500.0
 """Condition numbers, columns scaled: optimised excitations reach 50 to 100."""
 
 AT_LIMIT = 0.995
-FEW = 0.001
+FEW, MOST = 0.001, 0.5
 
 
 def screened(robot: Robot, path: str, reading: ReadingOptions, effects: list[str] | None) -> dict[str, Any]:
@@ -76,11 +76,19 @@ def outside(robot: Robot, stretches: Sequence[Recording]) -> list[str]:
         margin = 0.02 * (high - low)
         if not np.isfinite(margin) or margin <= 0.0:
             continue
-        share = float(np.mean((position < low - margin) | (position > high + margin)))
+        share, as_degrees = (
+            float(np.mean((given < low - margin) | (given > high + margin)))
+            for given in (position, np.radians(position))
+        )
         if share > FEW:
+            unit = robot.position_units[k]
+            check = (
+                "read as degrees it is inside; give the unit of the position"
+                if unit == "rad" and share > MOST and as_degrees <= FEW
+                else "check its sign, zero and unit, and the order of the joints"
+            )
             texts.append(
-                f"the position of {name} is outside its limits of {significant(low)} to {significant(high)} "
-                f"{robot.position_units[k]} in {percent(100.0 * share)} % of the samples: check its sign, zero and "
-                "unit, and the order of the joints"
+                f"the position of {name} is outside its limits of {significant(low)} to {significant(high)} {unit} in "
+                f"{percent(100.0 * share)} % of the samples: {check}"
             )
     return texts
