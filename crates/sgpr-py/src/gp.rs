@@ -582,6 +582,13 @@ impl ProcessPredictor {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner).error()
     }
 
+    /// Largest difference of the variance to that from all points in double precision, measured at the same points; of
+    /// fewer points it is too large there, never too small.
+    #[getter]
+    fn variance_error(&self) -> f64 {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner).variance_error()
+    }
+
     fn __repr__(&self) -> String {
         let inputs = self.inner.lock().unwrap_or_else(PoisonError::into_inner).inputs();
         format!("ProcessPredictor of {inputs} inputs")

@@ -30,7 +30,7 @@ pub struct FittedSemiParametric {
 
 /// Fits a model, on top of physics if it is given; returns it and what stopped the work, if anything did.
 #[pyfunction]
-#[pyo3(signature = (robot, recordings, *, physics, mean, kernel, ard, inputs, points, starts, max_evaluations, n_jobs, options))]
+#[pyo3(signature = (robot, recordings, *, physics, mean, kernel, ard, inputs, shared, points, starts, max_evaluations, n_jobs, options))]
 #[allow(clippy::too_many_arguments)]
 pub fn fit_semi_parametric(
     py: Python<'_>,
@@ -41,6 +41,7 @@ pub fn fit_semi_parametric(
     kernel: &str,
     ard: bool,
     inputs: Option<&str>,
+    shared: bool,
     points: &Bound<'_, PyAny>,
     starts: &Bound<'_, PyAny>,
     max_evaluations: &Bound<'_, PyAny>,
@@ -55,6 +56,7 @@ pub fn fit_semi_parametric(
         shape: shape(kernel)?,
         ard,
         inputs: inputs.map(|name| choice("inputs", name, &known)).transpose()?,
+        shared,
         points: whole("points", points, 2..20_001)?,
         starts: whole("starts", starts, 1..1001)?,
         evaluations: whole("max_evaluations", max_evaluations, 1..usize::MAX)?,

@@ -1,9 +1,9 @@
 use pulp::{Arch, Simd, WithSimd};
 
-use super::exact::padded;
+use super::exact::{Prediction, padded};
 use super::kernels::{Element, Features, Plan, Query, TILE, Work};
 use super::matrix::{assemble_and_factor, invert_factor, square, view, view_mut};
-use super::subset::informative_points;
+use super::subset::informative_measurements;
 use super::{GaussianProcess, GpError, SparseGaussianProcess};
 
 /// Arithmetic of a [`GpPredictor`].
@@ -22,7 +22,8 @@ pub struct PredictorOptions {
     /// Arithmetic.
     pub precision: Precision,
     /// Points that the variance is computed from; zero for no variance, none for all points. Of fewer, the most
-    /// informative ones are taken: the variance can then only be too large, and its cost falls with the square.
+    /// informative measurements are taken: the variance can then only be too large (what is not seen explains nothing),
+    /// [`GpPredictor::variance_error`] says by how much, and its cost falls with the square.
     pub variance_points: Option<usize>,
 }
 
@@ -52,6 +53,7 @@ pub struct GpPredictor {
     mean: Vec<f64>,
     prior_variance: f64,
     error: f64,
+    variance_error: f64,
     inputs: usize,
 }
 
@@ -108,6 +110,9 @@ pub(super) struct Parts<'a> {
     pub variance: Option<VarianceParts>,
 }
 
+/// The process that a predictor was made of: means and variances of points.
+type Exact<'a> = &'a dyn Fn(&[f64], bool) -> Result<Prediction, GpError>;
+
 /// What its variance is made of.
 pub(super) struct VarianceParts {
     /// None if they are those of the mean.
@@ -127,7 +132,8 @@ impl GpPredictor {
         let variance = match options.variance_points {
             Some(0) => None,
             Some(count) if count < n => {
-                let chosen = informative_points(&gp.covariance.signal, gp.data.x(), inputs, count);
+                let noise = gp.covariance.total_noise_variance();
+                let chosen = informative_measurements(&gp.covariance.signal, noise, gp.data.x(), inputs, count);
                 let data = gp.data.select(&chosen);
                 let plan = Plan::new(&gp.covariance.kernel());
                 let mut factor = square(chosen.len());
@@ -146,7 +152,11 @@ impl GpPredictor {
         };
         let plan = Plan::new(&gp.covariance.signal);
         let parts = Parts { plan, x: gp.data.x(), inputs, weights: &gp.alpha, variance };
-        Ok(Self::from_parts(parts, options.precision))
+        let mut predictor = Self::from_parts(parts, options.precision);
+        if options.precision == Precision::Single || options.variance_points.is_some_and(|count| 0 < count && count < n) {
+            predictor.compare(gp.data.x(), options, &|x, with_variance| gp.predict(x, with_variance));
+        }
+        Ok(predictor)
     }
 
     /// The same for a sparse process, whose inducing points are all it keeps; `variance_points` other than zero gives its
@@ -160,7 +170,11 @@ impl GpPredictor {
         });
         let plan = Plan::new(&gp.covariance.signal);
         let parts = Parts { plan, x: &gp.inducing, inputs: gp.inputs, weights: &gp.weights, variance };
-        Self::from_parts(parts, options.precision)
+        let mut predictor = Self::from_parts(parts, options.precision);
+        if options.precision == Precision::Single {
+            predictor.compare(&gp.inducing, options, &|x, with_variance| gp.predict(x, with_variance));
+        }
+        predictor
     }
 
     /// k(x, X) times each of `columns`, in double precision, without variance.
@@ -176,39 +190,41 @@ impl GpPredictor {
         let mean = |m: usize| parts.x.iter().skip(m).step_by(inputs).sum::<f64>() / samples;
         let centre: Vec<f64> = (0..inputs).map(mean).collect();
         let plan = parts.plan.clone().centred(&centre);
-        let mut predictor = Self {
+        Self {
             mean: vec![0.0; parts.weights.len()],
             prior_variance: plan.variance(),
             error: 0.0,
+            variance_error: 0.0,
             inputs,
             kind: match precision {
-                Precision::Double => Kind::Double(Core::new(plan.clone(), &parts)),
-                Precision::Single => Kind::Single(Core::new(plan.clone(), &parts)),
+                Precision::Double => Kind::Double(Core::new(plan, &parts)),
+                Precision::Single => Kind::Single(Core::new(plan, &parts)),
             },
-        };
-        if precision == Precision::Single {
-            predictor.error = predictor.compare(&parts, plan);
         }
-        predictor
     }
 
-    /// Largest difference to double precision at points of the data and half-way between them.
-    fn compare(&mut self, parts: &Parts<'_>, plan: Plan) -> f64 {
-        let mut exact = Core::<f64>::new(plan, &Parts { variance: None, plan: parts.plan.clone(), ..*parts });
-        let points: Vec<&[f64]> = parts.x.chunks_exact(self.inputs).collect();
-        let stride = points.len().div_ceil(PROBES);
-        let mut expected = vec![0.0; self.mean.len()];
-        let mut largest: f64 = 0.0;
-        for k in (0..points.len()).step_by(stride) {
+    /// Measures the largest differences to the process itself, at points of the data and half-way between them.
+    fn compare(&mut self, x: &[f64], options: PredictorOptions, exact: Exact<'_>) {
+        let points: Vec<&[f64]> = x.chunks_exact(self.inputs).collect();
+        let mut probes = Vec::new();
+        for k in (0..points.len()).step_by(points.len().div_ceil(PROBES)) {
             let other = points[(k * 31 + 7) % points.len()];
-            let between: Vec<f64> = points[k].iter().zip(other).map(|(a, b)| 0.5 * (a + b)).collect();
-            for x in [points[k], &between] {
-                exact.predict(x, &mut expected, false);
-                let worse = |largest: f64, (a, b): (&f64, &f64)| largest.max((a - b).abs());
-                largest = self.mean(x).iter().zip(&expected).fold(largest, worse);
+            probes.extend_from_slice(points[k]);
+            probes.extend(points[k].iter().zip(other).map(|(a, b)| 0.5 * (a + b)));
+        }
+        let with_variance = options.variance_points != Some(0);
+        let exact = exact(&probes, with_variance).expect("points of the data");
+        let outputs = self.mean.len();
+        for (k, x) in probes.chunks_exact(self.inputs).enumerate() {
+            if with_variance {
+                let difference = (self.mean_and_variance(x).1 - exact.variance[k]).abs();
+                self.variance_error = self.variance_error.max(difference);
+            }
+            if options.precision == Precision::Single {
+                let differences = self.mean(x).iter().zip(&exact.mean[k * outputs..]).map(|(a, b)| (a - b).abs());
+                self.error = differences.fold(self.error, f64::max);
             }
         }
-        largest
     }
 
     /// Mean of the signal, one number per output.
@@ -252,6 +268,12 @@ impl GpPredictor {
     /// them; zero in double precision.
     pub fn error(&self) -> f64 {
         self.error
+    }
+
+    /// Largest difference of the variance to that from all points in double precision, measured at the same points; of
+    /// fewer points it is too large there, never too small. Zero in double precision from all points, or without variance.
+    pub fn variance_error(&self) -> f64 {
+        self.variance_error
     }
 
     /// Number of inputs.

@@ -16,13 +16,25 @@ const LARGEST_FACTOR: usize = 1 << 26;
 ///
 /// Source: L. Foster et al., Stable and efficient Gaussian process calculations, J. Mach. Learn. Res. 10 (2009).
 pub fn informative_points(kernel: &Kernel, x: &[f64], inputs: usize, count: usize) -> Vec<usize> {
+    informative_measurements(kernel, 0.0, x, inputs, count)
+}
+
+/// The same for measurements with noise: a point that was chosen is not known exactly, and others beside it are worth
+/// measuring once all places are taken. Ends early only without noise.
+pub(super) fn informative_measurements(
+    kernel: &Kernel,
+    noise_variance: f64,
+    x: &[f64],
+    inputs: usize,
+    count: usize,
+) -> Vec<usize> {
     let points = x.len() / inputs;
     let most = (LARGEST_FACTOR / count.max(1)).max(count);
     if points > most {
         let candidates = spread_points(kernel, x, inputs, most);
         let thinned: Vec<f64> =
             candidates.iter().flat_map(|&i| x[i * inputs..(i + 1) * inputs].iter().copied()).collect();
-        let chosen = informative_points(kernel, &thinned, inputs, count);
+        let chosen = informative_measurements(kernel, noise_variance, &thinned, inputs, count);
         return chosen.into_iter().map(|k| candidates[k]).collect();
     }
     let plan = Plan::new(kernel);
@@ -33,7 +45,7 @@ pub fn informative_points(kernel: &Kernel, x: &[f64], inputs: usize, count: usiz
     let mut chosen = Vec::new();
     while chosen.len() < count.min(points) {
         let (pivot, largest) = largest_of(&variance);
-        if largest <= 1e-10 * plan.variance() {
+        if largest + noise_variance <= 1e-10 * plan.variance() {
             break;
         }
         let mut row = covariances(&plan, &features, pivot);
@@ -41,7 +53,7 @@ pub fn informative_points(kernel: &Kernel, x: &[f64], inputs: usize, count: usiz
             let share = earlier[pivot];
             row.iter_mut().zip(earlier).for_each(|(row, earlier)| *row -= share * earlier);
         }
-        let root = largest.sqrt();
+        let root = (largest + noise_variance).sqrt();
         for (row, variance) in row.iter_mut().zip(&mut variance) {
             *row /= root;
             *variance -= *row * *row;
@@ -135,6 +147,9 @@ mod tests {
             assert_eq!(places, [0, 1, 2, 3, 4]);
         }
         assert!(informative_points(&kernel, &x, 1, 600).len() < 100, "no variance is left");
+        let measured = informative_measurements(&kernel, 0.1, &x, 1, 100);
+        let at = |place: usize| measured.iter().filter(|&k| k % 5 == place).count();
+        assert!(measured.len() == 100 && (0..5).all(|place| at(place) == 20), "as often at each place");
         assert_eq!(spread_points(&kernel, &x, 1, 2000).len(), 1000);
     }
 }

@@ -737,6 +737,8 @@ class ProcessPredictor:
     def mean_and_std(self, x: ArrayLike) -> tuple[_Array, float, bool]: ...
     @property
     def error(self) -> float: ...
+    @property
+    def variance_error(self) -> float: ...
 
 def fit_process(X: ArrayLike, y: ArrayLike, **options: Any) -> tuple[FittedProcess, BaseException | None]: ...
 def restore_process(
@@ -786,6 +788,7 @@ def fit_semi_parametric(
     kernel: str,
     ard: bool,
     inputs: str | None,
+    shared: bool,
     points: int,
     starts: int,
     max_evaluations: int,

@@ -260,7 +260,9 @@ class GaussianProcess(Estimator):
         single_precision : bool
             Twice as fast; `ProcessPredictor.error` says what it costs.
         variance_points : int or None
-            Points that the variance is computed from: none, all, or so many of the most informative ones.
+            Points that the variance is computed from: none, all, or so many of the most informative ones. Of fewer
+            points it is too large, never too small; `ProcessPredictor.variance_error` says by how much at most, at
+            points of the data and between them.
 
         Returns
         -------
