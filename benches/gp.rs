@@ -37,8 +37,8 @@ fn main() {
         latency("mean of six joints, n = 6006 each, d = 18", &large, precision, Some(0), 6, 18);
         latency("mean, n = 2002, d = 6", &small, precision, Some(0), 1, 6);
         latency("mean and variance, n = 2002, d = 6", &small, precision, None, 1, 6);
-        latency("the same from the 1000 most informative points", &small, precision, Some(1000), 1, 6);
-        latency("the same from the 500 most informative points", &small, precision, Some(500), 1, 6);
+        latency("the same from 150 combinations of the measurements", &small, precision, Some(150), 1, 6);
+        latency("mean and variance, n = 6006, d = 18, from 150 combinations", &large, precision, Some(150), 1, 18);
     }
 }
 
@@ -71,11 +71,11 @@ fn latency(
     what: &str,
     gp: &GaussianProcess,
     precision: Precision,
-    variance_points: Option<usize>,
+    variance_rank: Option<usize>,
     joints: usize,
     d: usize,
 ) {
-    let options = PredictorOptions { precision, variance_points };
+    let options = PredictorOptions { precision, variance_rank };
     let mut predictors: Vec<GpPredictor> =
         (0..joints).map(|_| GpPredictor::new(gp, options).expect("enough memory")).collect();
     let mut x = vec![0.0; d];
@@ -83,7 +83,7 @@ fn latency(
         x.iter_mut().enumerate().for_each(|(m, x)| *x = (0.37 * (k * d + m) as f64).sin());
         seconds(|| {
             for predictor in &mut predictors {
-                if variance_points == Some(0) {
+                if variance_rank == Some(0) {
                     black_box(predictor.mean(&x));
                 } else {
                     black_box(predictor.mean_and_variance(&x));

@@ -226,15 +226,15 @@ impl FittedSemiParametric {
         &self,
         py: Python<'_>,
         single: bool,
-        variance_points: Option<usize>,
+        variance_rank: Option<usize>,
     ) -> PyResult<SemiParametricPredictor> {
         let precision = if single { Precision::Single } else { Precision::Double };
-        let options = PredictorOptions { precision, variance_points };
+        let options = PredictorOptions { precision, variance_rank };
         let inner = py.detach(|| core::SemiParametricPredictor::new(&self.inner, options));
         Ok(SemiParametricPredictor {
             inner: Mutex::new(inner.map_err(IntoPyErr::into_py_err)?),
             dof: self.inner.physics().robot().dof(),
-            with_variance: variance_points != Some(0),
+            with_variance: variance_rank != Some(0),
         })
     }
 
@@ -289,7 +289,7 @@ impl SemiParametricPredictor {
         ddq: &Bound<'py, PyAny>,
     ) -> PyResult<(Array<'py>, Array<'py>)> {
         if !self.with_variance {
-            return Err(invalid("the predictor was made without variance: give variance_points"));
+            return Err(invalid("the predictor was made without variance: give variance_rank"));
         }
         let one = |name, value| Numbers::new(name, value)?.shaped(&[self.dof])?.finite();
         let (q, dq, ddq) = (one("q", q)?, one("dq", dq)?, one("ddq", ddq)?);

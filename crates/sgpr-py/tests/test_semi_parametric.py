@@ -95,7 +95,7 @@ def test_a_model_is_kept(model: sgpr.SemiParametricModel, tmp_path: Path) -> Non
     for again in [by_kind, pickle.loads(pickle.dumps(model)), copy.deepcopy(model)]:
         assert np.array_equal(again.predict(q, dq, ddq, return_std=True), expected)
         assert again.reports_ == model.reports_
-    exact, fast = model.predictor(variance_points=None), model.predictor(single_precision=True)
+    exact, fast = model.predictor(variance_rank=None), model.predictor(single_precision=True)
     tau, std = exact.torque_and_std(q[0], dq[0], ddq[0])
     assert np.allclose(tau, expected[0][0], atol=1e-9)
     assert np.allclose(std, expected[1][0], atol=1e-7)

@@ -239,22 +239,23 @@ class SemiParametricModel(Estimator):
         fitted: FittedSemiParametric = self._require_fitted("_fitted")
         return fitted.coverage(recordings)
 
-    def predictor(self, *, single_precision: bool = False, variance_points: int | None = 0) -> SemiParametricPredictor:
+    def predictor(self, *, single_precision: bool = False, variance_rank: int | None = 0) -> SemiParametricPredictor:
         """Predict one sample after the other, for a control loop.
 
         Parameters
         ----------
         single_precision : bool
             Twice as fast.
-        variance_points : int or None
-            Points that variances are computed from: none, all, or so many of the most informative ones.
+        variance_rank : int or None
+            What variances are computed from: nothing, for no variance (0), all measurements (None), or so many
+            combinations of them, those that say most: faster, and too large rather than too small.
 
         Returns
         -------
         SemiParametricPredictor
         """
         fitted: FittedSemiParametric = self._require_fitted("_fitted")
-        return fitted.predictor(single_precision, variance_points)
+        return fitted.predictor(single_precision, variance_rank)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the model to a file; the file is complete or not there. `load` reads it back."""

@@ -8,6 +8,9 @@ use crate::simd::{exp_f32, exp_f64};
 /// Points per tile; a multiple of the lanes of every register.
 pub(crate) const TILE: usize = 256;
 
+/// Numbers of one row before those of the next in a block of four; the lanes of the widest register.
+pub(crate) const BLOCK: usize = 16;
+
 /// A number that kernels are computed in.
 pub(crate) trait Element: Copy + Default + Send + Sync + std::fmt::Debug + bytemuck::Pod + 'static {
     fn from_f64(value: f64) -> Self;
@@ -56,6 +59,11 @@ pub(crate) trait Element: Copy + Default + Send + Sync + std::fmt::Debug + bytem
 
     /// sum of a b, in double precision from register to register.
     fn dot<S: Simd>(simd: S, a: &[Self], b: &[Self]) -> f64;
+
+    /// The products of four rows with a vector.
+    ///
+    /// - `rows`: `[length / BLOCK, 4, BLOCK]`, with the length of `b` a multiple of [`BLOCK`]
+    fn four_dots<S: Simd>(simd: S, rows: &[Self], b: &[Self]) -> [f64; 4];
 
     /// sum of w (x - c)².
     fn weighted_squares<S: Simd>(simd: S, w: &[Self], x: &[Self], c: Self) -> f64;
@@ -259,6 +267,28 @@ macro_rules! element {
                 }
                 let sum = simd.$add(simd.$add(sums[0], sums[1]), simd.$add(sums[2], sums[3]));
                 simd.$sum(sum).into()
+            }
+
+            #[inline(always)]
+            fn four_dots<S: Simd>(simd: S, rows: &[Self], b: &[Self]) -> [f64; 4] {
+                let registers = BLOCK * size_of::<Self>() / size_of::<S::$registers>();
+                let (rows, b) = (S::$as_simd(rows).0, S::$as_simd(b).0);
+                let mut sums = [simd.$splat(0.0); 4];
+                for block in 0..b.len() / registers {
+                    let b = &b[block * registers..(block + 1) * registers];
+                    let rows = &rows[4 * block * registers..4 * (block + 1) * registers];
+                    for position in 0..registers {
+                        for k in 0..4 {
+                            sums[k] = simd.$mul_add(rows[k * registers + position], b[position], sums[k]);
+                        }
+                    }
+                }
+                [
+                    simd.$sum(sums[0]).into(),
+                    simd.$sum(sums[1]).into(),
+                    simd.$sum(sums[2]).into(),
+                    simd.$sum(sums[3]).into(),
+                ]
             }
 
             #[inline(always)]
