@@ -4,8 +4,8 @@
 
 The data are not part of this repository: `sarcos_inv_test` of the Gaussian Processes for Machine Learning book, 4,449
 samples of 21 inputs (position, velocity, acceleration) and 7 torques. The environment variable SGPR_DATA names the
-folder that holds `sarcos/sarcos_inv_test.npz`. Every fifth sample is for testing (`index % 5 == 4`). The public test file
-is a random tenth of the recording, so these are not the published benchmark's figures.
+folder that holds `sarcos/sarcos_inv_test.npz`. Every fifth sample is for testing (`index % 5 == 4`). The public test
+file is a random tenth of the recording, so these are not the published benchmark's figures.
 """
 
 import argparse

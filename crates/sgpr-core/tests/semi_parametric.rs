@@ -226,28 +226,23 @@ fn effects_at_single_joints_are_part_of_the_physics() {
     assert!(error.to_string().contains("leaves out the physics"));
 }
 
-/// Thesis 5-3-1: one length scale or one per input. With 18 inputs and few points a process could learn errors by heart
-/// and be better on the logs that it was fitted to only.
+/// Thesis 5-3-1: one length scale or one per input. With 18 of them to choose, a process of few points could learn errors by
+/// heart and be better on the logs that it was fitted to only.
 #[test]
 fn a_length_scale_for_each_input_does_not_overfit() {
     let test = [read("test")];
-    let mut unseen = Vec::new();
-    for ard in [false, true] {
+    let errors = |ard: bool| {
         let model = fit(&SemiParametricOptions { ard, inputs: Some(Inputs::All), evaluations: 60, ..options() });
-        let error = |logs: &[Recording]| {
-            let physics = compare(model.physics(), logs, None).expect("good").relative_error_percent;
-            (physics, model.compare(logs).expect("good").relative_error_percent)
-        };
-        let ((physics_seen, seen), (physics_unseen, own_unseen)) = (error(&train()), error(&test));
-        println!("ard {ard}: seen {physics_seen:.2} -> {seen:.2} %, unseen {physics_unseen:.2} -> {own_unseen:.2} %");
-        assert!(own_unseen < 0.8 * physics_unseen, "ard {ard}");
-        assert!(
-            own_unseen / physics_unseen < 1.25 * seen / physics_seen,
-            "ard {ard}: gains on logs that it has seen only"
-        );
-        unseen.push(own_unseen);
-    }
-    assert!(unseen[1] < 1.05 * unseen[0], "one length scale {:.2} %, one per input {:.2} %", unseen[0], unseen[1]);
+        let error = |logs: &[Recording]| model.compare(logs).expect("good").relative_error_percent;
+        let physics = compare(model.physics(), &test, None).expect("good").relative_error_percent;
+        let (seen, unseen) = (error(&train()), error(&test));
+        println!("ard {ard}: seen {seen:.2} %, unseen {unseen:.2} %, physics alone {physics:.2} %");
+        assert!(unseen < 0.9 * physics, "ard {ard}");
+        (seen, unseen)
+    };
+    let ((seen, unseen), (seen_ard, unseen_ard)) = (errors(false), errors(true));
+    assert!(unseen_ard < unseen, "one length scale {unseen:.2} %, one per input {unseen_ard:.2} %");
+    assert!(unseen_ard / seen_ard < unseen / seen, "what is gained on logs that it has seen is gained on others");
 }
 
 #[test]

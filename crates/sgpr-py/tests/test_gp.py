@@ -220,11 +220,13 @@ def test_a_budget_decides_how_many_points_are_computed() -> None:
         gp = sgpr.GaussianProcess(budget=budget, **settings).fit(X[: 10 * budget // 3], y[: 10 * budget // 3])
         chosen[budget] = (gp.report_["inference"], gp.report_["points"])
         assert np.sqrt(np.mean((gp.predict(X[:200]) - np.sin(X[:200, 0]) * X[:200, 1]) ** 2)) < 0.06
-    assert chosen == {300: ("sparse", 94), 1000: ("sparse", 316)}
+    # sqrt(budget³ / (3 N)), or fewer where no variance is left.
+    for budget, most in ((300, 94), (1000, 316)):
+        assert chosen[budget][0] == "sparse" and 30 <= chosen[budget][1] <= most
     exact = sgpr.GaussianProcess(budget=300, **settings).fit(X[:300], y[:300])
     assert (exact.report_["inference"], exact.report_["points"]) == ("exact", 300)
     few = sgpr.GaussianProcess(budget=200, **settings).fit(X, y)
-    assert (few.report_["inference"], few.report_["points"]) == ("subset", 200)
-    assert few.leave_one_out()[0].shape == (200,)
+    assert few.report_["inference"] == "subset" and 50 <= few.report_["points"] <= 200
+    assert few.leave_one_out()[0].shape == (few.report_["points"],)
     with pytest.raises(sgpr.SgprError, match="exclude each other"):
         sgpr.GaussianProcess(budget=100, inducing_points=10).fit(X, y)

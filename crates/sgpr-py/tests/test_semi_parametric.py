@@ -64,7 +64,7 @@ def test_joints_may_share_a_kernel(
     kernels = [report["hyperparameters"] for report in model.reports_]
     scales = [[kernel[name] for name in kernel if name.startswith("length_scale")] for kernel in kernels]
     assert len(scales[0]) == 6 and all(other == pytest.approx(scales[0]) for other in scales)
-    assert len({round(kernel["variance"], 9) for kernel in kernels}) == 6, "each joint in its own units"
+    assert len({round(kernel["signal_variance"], 9) for kernel in kernels}) == 6, "each joint in its own units"
     before, after = sgpr.compare(model.physics_, test_log), model.compare(test_log)
     assert after.relative_error_percent < before.relative_error_percent
     q, dq, ddq = np.random.default_rng(4).uniform(-1, 1, (3, 6))

@@ -1,6 +1,5 @@
-use faer::linalg::matmul::triangular::{BlockStructure, matmul};
-use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
-use faer::{Accum, Mat};
+use faer::Mat;
+use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
 use pulp::{Arch, Simd, WithSimd};
 
 use super::exact::{Prediction, padded};
@@ -25,7 +24,7 @@ pub struct PredictorOptions {
     /// Arithmetic.
     pub precision: Precision,
     /// What the variance is computed from: all measurements if none; nothing, for no variance, if zero; else so many
-    /// combinations of them, those that say most (the leading directions of the covariance of the signal). The variance can
+    /// combinations of them, those that say most about the leading directions of the signal. The variance can
     /// then only be too large, for what is not seen explains nothing; [`GpPredictor::variance_error`] says by how much. One
     /// prediction reads n²/2 numbers for all, n times the rank for so many.
     pub variance_rank: Option<usize>,
@@ -376,11 +375,12 @@ impl<T: Element> Packed<T> {
     }
 }
 
-/// Rows B so that |B k(X, x)|² is what `rank` combinations V' y of the measurements explain, those of the largest
-/// eigenvalues of the covariance of the signal: V (V' K V)⁻¹ V' = B' B, K with all noise.
+/// Rows B so that |B k(X, x)|² is what `rank` combinations V' y of the measurements explain: V (V' K V)⁻¹ V' = B' B, K with
+/// all noise. Whatever V is, the variance is that of a process which has seen V' y only: never smaller than that of one
+/// which has seen y.
 ///
-/// The eigenvectors are those of a partial Cholesky factor with twice the rank. Whatever V is, the variance is that of a
-/// process which has seen V' y only: never smaller than that of one which has seen y.
+/// V = K⁻¹ U, with U the directions of the largest eigenvalues of the covariance of the signal, from a partial Cholesky factor
+/// of twice the rank: the mean at a point with k(X, x) in their span is a combination k' K⁻¹ y of these.
 fn leading_directions(gp: &GaussianProcess, rank: usize) -> Result<Mat<f64>, GpError> {
     /// Share of the largest eigenvalue below which a direction is lost in rounding.
     const LOST: f64 = 1e-12;
@@ -397,25 +397,15 @@ fn leading_directions(gp: &GaussianProcess, rank: usize) -> Result<Mat<f64>, GpE
     leading.retain(|k| values[*k] > least);
     leading.truncate(rank);
     let turn = Mat::from_fn(leading.len(), rows.len(), |i, k| vectors[(k, leading[i])] / values[leading[i]].sqrt());
-    let mut directions = &turn * &partial;
-
-    // V' K V = (V' L) (V' L)'.
-    let mut half = Mat::zeros(directions.nrows(), directions.ncols());
-    matmul(
-        half.as_mut(),
-        BlockStructure::Rectangular,
-        Accum::Replace,
-        directions.as_ref(),
-        BlockStructure::Rectangular,
-        view(&gp.factor),
-        BlockStructure::TriangularLower,
-        1.0,
-        par,
-    );
-    let mut inner = &half * half.transpose();
+    let lower = view(&gp.factor);
+    let mut directions = (&turn * &partial).transpose().to_owned();
+    solve_lower_triangular_in_place(lower, directions.as_mut(), par);
+    let mut inner = directions.transpose() * &directions;
+    solve_upper_triangular_in_place(lower.transpose(), directions.as_mut(), par);
     if !factor(inner.as_mut(), par) {
         return Err(GpError::NotPositiveDefinite { jitter: gp.jitter });
     }
-    solve_lower_triangular_in_place(inner.as_ref(), directions.as_mut(), par);
-    Ok(directions)
+    let mut rows = directions.transpose().to_owned();
+    solve_lower_triangular_in_place(inner.as_ref(), rows.as_mut(), par);
+    Ok(rows)
 }

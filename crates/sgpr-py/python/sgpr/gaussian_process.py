@@ -36,10 +36,10 @@ class GaussianProcess(Estimator):
     max_evaluations : int, default 100
         Evaluations of the likelihood in each search.
     budget : int, optional
-        Points of the largest exact process that is affordable: a likelihood takes budget³ operations and 16 budget² bytes.
-        More points than this are seen through as many inducing points as cost the same; if these were fewer than 50,
-        the most informative points within the budget are taken and the others dropped. `report_` says what was done.
-        Without a budget all points are taken.
+        Points of the largest exact process that is affordable: a likelihood takes budget³ operations and 16 budget²
+        bytes. More points than this are seen through as many inducing points as cost the same; if these were fewer than
+        50, the most informative points within the budget are taken and the others dropped. `report_` says what was
+        done. Without a budget all points are taken.
     inducing_points : int, optional
         Number of inducing points of a sparse process (Titsias' variational bound), instead of a budget: time grows with
         points times its square. The most informative data points are taken.
@@ -273,8 +273,8 @@ class GaussianProcess(Estimator):
         variance_rank : int or None
             What the variance is computed from: nothing, for no variance (0), all measurements (None), or so many
             combinations of them, those that say most. A variance of lower rank is too large, never too small;
-            `ProcessPredictor.variance_error` says by how much at most, at points of the data and between them. 100 to 200
-            are often enough, and read rank * N numbers for a prediction instead of N²/2.
+            `ProcessPredictor.variance_error` says by how much at most, at points of the data and between them. A
+            prediction then reads rank * N numbers instead of N²/2; 100 to 200 are enough for many logs.
 
         Returns
         -------
