@@ -29,13 +29,16 @@ fn main() {
         GaussianProcess::fit(data(6006, 18), Covariance::new(kernel, 0.01), &Compute::default()).expect("enough memory")
     };
     let joints: Vec<GaussianProcess> = (0..6).map(of_joint).collect();
+    reading::<f64>("reading n²/2 numbers, n = 2002, Double", 2002 * 2002 / 2);
+    reading::<f32>("reading n²/2 numbers, n = 2002, Single", 2002 * 2002 / 2);
     for precision in [Precision::Double, Precision::Single] {
         shared("six kernels over the same points", &joints.iter().collect::<Vec<_>>(), precision, 18);
         shared("one kernel for six joints", &[&joints[0]; 6], precision, 18);
         latency("mean of six joints, n = 6006 each, d = 18", &large, precision, Some(0), 6, 18);
         latency("mean, n = 2002, d = 6", &small, precision, Some(0), 1, 6);
         latency("mean and variance, n = 2002, d = 6", &small, precision, None, 1, 6);
-        latency("the same from the 1000 most informative points", &small, precision, Some(1000), 1, 6);
+        latency("the same from 150 combinations of the measurements", &small, precision, Some(150), 1, 6);
+        latency("mean and variance, n = 6006, d = 18, from 150 combinations", &large, precision, Some(150), 1, 18);
     }
 }
 
@@ -68,11 +71,11 @@ fn latency(
     what: &str,
     gp: &GaussianProcess,
     precision: Precision,
-    variance_points: Option<usize>,
+    variance_rank: Option<usize>,
     joints: usize,
     d: usize,
 ) {
-    let options = PredictorOptions { precision, variance_points };
+    let options = PredictorOptions { precision, variance_rank };
     let mut predictors: Vec<GpPredictor> =
         (0..joints).map(|_| GpPredictor::new(gp, options).expect("enough memory")).collect();
     let mut x = vec![0.0; d];
@@ -80,7 +83,7 @@ fn latency(
         x.iter_mut().enumerate().for_each(|(m, x)| *x = (0.37 * (k * d + m) as f64).sin());
         seconds(|| {
             for predictor in &mut predictors {
-                if variance_points == Some(0) {
+                if variance_rank == Some(0) {
                     black_box(predictor.mean(&x));
                 } else {
                     black_box(predictor.mean_and_variance(&x));
@@ -94,12 +97,33 @@ fn latency(
     let mut times: Vec<f64> = (0..3000).map(query).collect();
     times.sort_by(f64::total_cmp);
     println!(
-        "{what}, {precision:?}: least {:.1}, median {:.1}, p99 {:.1} microseconds, error {:.1e}",
+        "{what}, {precision:?}: least {:.1}, median {:.1}, p99 {:.1} microseconds, error {:.1e}, of the variance {:.1e}",
         1e6 * times[0],
         1e6 * times[1500],
         1e6 * times[2970],
-        predictors[0].error()
+        predictors[0].error(),
+        predictors[0].variance_error()
     );
+}
+
+/// Time to read so many numbers once, several sums at a time: what the variance from all points cannot be faster than.
+fn reading<T: Copy + Default + Into<f64> + std::ops::Add<Output = T>>(what: &str, count: usize) {
+    let numbers = vec![T::default(); count];
+    let mut times: Vec<f64> = (0..1000)
+        .map(|_| {
+            seconds(|| {
+                let mut sums = [T::default(); 128];
+                for block in numbers.chunks_exact(128) {
+                    for (sum, number) in sums.iter_mut().zip(block) {
+                        *sum = *sum + *number;
+                    }
+                }
+                black_box(sums);
+            })
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    println!("{what}: least {:.1}, median {:.1} microseconds", 1e6 * times[0], 1e6 * times[500]);
 }
 
 /// Points on a smooth path, as those of a log are, with a smooth function on them.

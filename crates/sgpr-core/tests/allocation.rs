@@ -111,15 +111,15 @@ fn check_processes() {
     fn sendable(_: &impl Send) {}
     let gp = process();
     for precision in [Precision::Double, Precision::Single] {
-        for variance_points in [None, Some(0), Some(40)] {
-            let options = PredictorOptions { precision, variance_points };
+        for variance_rank in [None, Some(0), Some(40)] {
+            let options = PredictorOptions { precision, variance_rank };
             let mut predictor = GpPredictor::new(&gp, options).expect("small");
             sendable(&predictor);
             let taken = bytes_taken(|| {
                 for k in 0..SAMPLES {
                     let x = [0.1 * k as f64, 0.3, -0.2, 0.7];
                     black_box(predictor.mean(&x)[2]);
-                    if variance_points != Some(0) {
+                    if variance_rank != Some(0) {
                         black_box(predictor.mean_and_variance(&x).1);
                     }
                 }
@@ -144,14 +144,14 @@ fn check_semi_parametric() {
         };
         let model = fit_semi_parametric(&robot, std::slice::from_ref(&log), &options, &()).expect("a good log");
         for precision in [Precision::Double, Precision::Single] {
-            for variance_points in [None, Some(0), Some(20)] {
-                let options = PredictorOptions { precision, variance_points };
+            for variance_rank in [None, Some(0), Some(20)] {
+                let options = PredictorOptions { precision, variance_rank };
                 let mut predictor = SemiParametricPredictor::new(&model, options).expect("small");
                 let taken = bytes_taken(|| {
                     for k in 0..SAMPLES {
                         let q = [0.1 * k as f64, 0.3, -0.2, 0.7, 0.0, 0.1];
                         black_box(predictor.torque(&q, &q, &q)[2]);
-                        if variance_points != Some(0) {
+                        if variance_rank != Some(0) {
                             black_box(predictor.torque_and_deviation(&q, &q, &q).1[2]);
                         }
                     }

@@ -7,9 +7,9 @@ use common::{data, largest_difference};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use sgpr_core::gp::{
-    Compute, Covariance, Data, GaussianProcess, GpError, Kernel, Likelihood, Precision, SearchOptions, SearchStatus,
-    Shape, SharedPredictor, SparseBound, SparseGaussianProcess, SparseOptions, informative_points, search,
-    search_sparse,
+    Compute, Covariance, Data, GaussianProcess, GpError, GpPredictor, Kernel, Likelihood, Precision, PredictorOptions,
+    SearchOptions, SearchStatus, Shape, SharedPredictor, SparseBound, SparseGaussianProcess, SparseOptions,
+    informative_points, search, search_sparse,
 };
 use sgpr_core::progress::{Interrupted, Progress};
 
@@ -411,4 +411,41 @@ fn processes_over_the_same_points_are_asked_together() {
     let fewer = GaussianProcess::fit(fewer, all[0].covariance().clone(), &Compute::default()).expect("good data");
     assert!(SharedPredictor::new(&[&all[0], &fewer], Precision::Double).is_none(), "other points");
     assert!(SharedPredictor::new(&[], Precision::Double).is_none());
+}
+
+#[test]
+fn a_variance_of_lower_rank_is_never_too_small_and_says_how_close_it_is() {
+    // A log: neighbours are near-duplicates.
+    let wave = |k: usize, m: usize| (0.01 * k as f64 * (1.0 + 0.37 * m as f64) + m as f64).sin();
+    let x: Vec<f64> = (0..800).flat_map(|k| (0..3).map(move |m| wave(k, m))).collect();
+    let y = (0..800).map(|k| wave(k, 0) * wave(k, 1)).collect();
+    let kernel = Kernel::ard(Shape::SquaredExponential, &[0.5, 0.7, 0.9]).scaled(1.5);
+    let drift = Kernel::isotropic(Shape::Exponential, 1, 0.3).on(&[2]).scaled(0.02);
+    let covariance = Covariance::new(kernel, 0.01).with_correlated_noise(drift);
+    let data = Data::new(x, 3, y, 1).expect("good data");
+    let gp = GaussianProcess::fit(data, covariance, &Compute::default()).expect("small");
+    let queries: Vec<f64> = (0..300).flat_map(|k| (0..3).map(move |m| 1.3 * wave(7 * k, 2 * m + 1))).collect();
+    let exact = gp.predict(&queries, true).expect("finite");
+    let mut before = f64::INFINITY;
+    for (rank, precision) in [(20, Precision::Double), (160, Precision::Double), (160, Precision::Single)] {
+        let options = PredictorOptions { precision, variance_rank: Some(rank) };
+        let mut predictor = GpPredictor::new(&gp, options).expect("small");
+        let rounding = if precision == Precision::Single { 1e-4 } else { 1e-9 };
+        let mut excess: f64 = 0.0;
+        for (x, variance) in queries.chunks_exact(3).zip(&exact.variance) {
+            let own = predictor.mean_and_variance(x).1;
+            assert!(own >= variance - rounding, "{own} below {variance}");
+            excess = excess.max(own - variance);
+        }
+        println!("rank {rank}, {precision:?}: excess {excess:.2e}, stated {:.2e}", predictor.variance_error());
+        assert!(predictor.variance_error() > 0.0 && predictor.variance_error() < 1.5);
+        if precision == Precision::Double {
+            assert!(excess < before, "of higher rank, less excess");
+            before = excess;
+        }
+    }
+    // A fifth of the number of measurements is enough for a log: the deviation of a measurement is within 1 %.
+    assert!(before < 0.01 * 2.0 * 0.01, "{before}");
+    let all = GpPredictor::new(&gp, PredictorOptions { variance_rank: None, ..Default::default() }).expect("small");
+    assert_eq!((all.error(), all.variance_error()), (0.0, 0.0));
 }

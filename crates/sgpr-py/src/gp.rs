@@ -6,7 +6,7 @@ use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use sgpr_core::gp::{
-    self as core, Compute, Covariance, Data, GaussianProcess, GpError, GpPredictor, Likelihood, Precision,
+    self as core, Compute, Covariance, Data, GaussianProcess, GpError, GpPredictor, Inference, Likelihood, Precision,
     PredictorOptions, SearchOptions, SearchStatus, Shape, SparseBound, SparseGaussianProcess, SparseOptions,
 };
 
@@ -220,6 +220,7 @@ enum Process {
 /// How the hyperparameters were found.
 #[derive(Clone, Default)]
 struct Report {
+    inference: &'static str,
     status: Option<SearchStatus>,
     evaluations: usize,
     evaluations_on_subset: usize,
@@ -246,12 +247,12 @@ pub fn fit_process(
     y: &Bound<'_, PyAny>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<(FittedProcess, Option<PyErr>)> {
-    let data = training_data(X, y)?;
+    let mut data = training_data(X, y)?;
     let mut start: Option<core::Kernel> = None;
     let (mut kind, mut ard, mut noise) = (Shape::SquaredExponential, true, None);
     let mut search = SearchOptions::default();
     let mut sparse = SparseOptions::default();
-    let (mut inducing, mut optimise, mut progress) = (None, true, None);
+    let (mut inducing, mut budget, mut optimise, mut progress) = (None, None, true, None);
     let mut compute = Compute::default();
     for (key, value) in options.into_iter().flatten() {
         let key: String = key.extract()?;
@@ -270,6 +271,7 @@ pub fn fit_process(
             "subset" => search.subset = whole("subset", &value, 2..usize::MAX)?,
             "max_evaluations" => search.evaluations = whole("max_evaluations", &value, 1..usize::MAX)?,
             "inducing" => inducing = Some(whole("inducing", &value, 1..usize::MAX)?),
+            "budget" => budget = Some(whole("budget", &value, 1..usize::MAX)?),
             "move_inducing" => sparse.move_inducing = value.extract()?,
             "seed" => search.seed = whole("random_state", &value, 0..usize::MAX)? as u64,
             "threads" => compute.threads = whole("n_jobs", &value, 1..1025)?,
@@ -296,8 +298,18 @@ pub fn fit_process(
     let kernel = if given { kernel } else { kernel.fitted_to(data.x(), inputs, scale) };
     let start = Covariance::new(kernel, noise.unwrap_or(1e-2 * scale));
     search.priors = noise_prior(&start, scale);
+    let mut inference = Inference::Exact;
+    if let Some(inducing) = inducing {
+        inference = Inference::Sparse { inducing };
+    } else if let Some(budget) = budget {
+        inference = Inference::within(budget, data.len(), start.correlated_noise.is_some());
+    }
+    if let Inference::Subset { points } = inference {
+        let chosen = py.detach(|| core::informative_points(&start.signal, data.x(), inputs, points));
+        data = data.select(&chosen);
+    }
     let work = |progress: &dyn sgpr_core::progress::Progress| -> Result<(Process, Report), GpError> {
-        if let Some(inducing) = inducing {
+        if let Inference::Sparse { inducing } = inference {
             sparse.inducing = inducing;
             sparse.search = search;
             if !optimise {
@@ -312,7 +324,7 @@ pub fn fit_process(
                 evaluations: found.evaluations,
                 evaluations_on_subset: found.evaluations_on_subset,
                 at_bounds: found.at_bounds,
-                jitter: 0.0,
+                ..Report::default()
             };
             return Ok((Process::Sparse(gp), report));
         }
@@ -324,6 +336,7 @@ pub fn fit_process(
                 evaluations_on_subset: found.evaluations_on_subset,
                 at_bounds: found.at_bounds,
                 jitter: found.jitter,
+                ..Report::default()
             };
             (found.covariance, report)
         } else {
@@ -333,7 +346,12 @@ pub fn fit_process(
         report.jitter = report.jitter.max(gp.jitter());
         Ok((Process::Exact(gp), report))
     };
-    let ((process, report), stopped) = listen_and_keep(py, progress, work)?;
+    let ((process, mut report), stopped) = listen_and_keep(py, progress, work)?;
+    report.inference = match inference {
+        Inference::Exact => "exact",
+        Inference::Sparse { .. } => "sparse",
+        Inference::Subset { .. } => "subset",
+    };
     Ok((FittedProcess { process, data, compute, report }, stopped))
 }
 
@@ -508,19 +526,25 @@ impl FittedProcess {
         dict.set_item("evaluations", self.report.evaluations)?;
         dict.set_item("evaluations_on_subset", self.report.evaluations_on_subset)?;
         dict.set_item("at_bounds", self.report.at_bounds.clone())?;
+        dict.set_item("inference", self.report.inference)?;
+        let points = match &self.process {
+            Process::Exact(gp) => gp.data().len(),
+            Process::Sparse(gp) => gp.inducing().len() / self.data.inputs(),
+        };
+        dict.set_item("points", points)?;
         dict.set_item("jitter", self.report.jitter)?;
         Ok(dict)
     }
 
     /// One point after the other.
-    fn predictor(&self, py: Python<'_>, single: bool, variance_points: Option<usize>) -> PyResult<ProcessPredictor> {
+    fn predictor(&self, py: Python<'_>, single: bool, variance_rank: Option<usize>) -> PyResult<ProcessPredictor> {
         let precision = if single { Precision::Single } else { Precision::Double };
-        let options = PredictorOptions { precision, variance_points };
+        let options = PredictorOptions { precision, variance_rank };
         let inner = py.detach(|| match &self.process {
             Process::Exact(gp) => GpPredictor::new(gp, options),
             Process::Sparse(gp) => Ok(GpPredictor::from_sparse(gp, options)),
         });
-        let with_variance = variance_points != Some(0);
+        let with_variance = variance_rank != Some(0);
         Ok(ProcessPredictor { inner: Mutex::new(inner.map_err(IntoPyErr::into_py_err)?), with_variance })
     }
 
@@ -566,7 +590,7 @@ impl ProcessPredictor {
     /// Mean, (outputs,), standard deviation of the signal, and whether the point is far from the data.
     fn mean_and_std<'py>(&self, py: Python<'py>, x: &Bound<'py, PyAny>) -> PyResult<(Array<'py>, f64, bool)> {
         if !self.with_variance {
-            return Err(invalid("the predictor was made without variance: give variance_points"));
+            return Err(invalid("the predictor was made without variance: give variance_rank"));
         }
         let mut predictor = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
         let x = Numbers::new("x", x)?.shaped(&[predictor.inputs()])?.finite()?;
@@ -580,6 +604,13 @@ impl ProcessPredictor {
     #[getter]
     fn error(&self) -> f64 {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner).error()
+    }
+
+    /// Largest difference of the variance to that from all points in double precision, measured at the same points; of
+    /// fewer points it is too large there, never too small.
+    #[getter]
+    fn variance_error(&self) -> f64 {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner).variance_error()
     }
 
     fn __repr__(&self) -> String {

@@ -30,7 +30,7 @@ pub struct FittedSemiParametric {
 
 /// Fits a model, on top of physics if it is given; returns it and what stopped the work, if anything did.
 #[pyfunction]
-#[pyo3(signature = (robot, recordings, *, physics, mean, kernel, ard, inputs, points, starts, max_evaluations, n_jobs, options))]
+#[pyo3(signature = (robot, recordings, *, physics, mean, kernel, ard, inputs, shared, points, starts, max_evaluations, n_jobs, options))]
 #[allow(clippy::too_many_arguments)]
 pub fn fit_semi_parametric(
     py: Python<'_>,
@@ -41,6 +41,7 @@ pub fn fit_semi_parametric(
     kernel: &str,
     ard: bool,
     inputs: Option<&str>,
+    shared: bool,
     points: &Bound<'_, PyAny>,
     starts: &Bound<'_, PyAny>,
     max_evaluations: &Bound<'_, PyAny>,
@@ -55,6 +56,7 @@ pub fn fit_semi_parametric(
         shape: shape(kernel)?,
         ard,
         inputs: inputs.map(|name| choice("inputs", name, &known)).transpose()?,
+        shared,
         points: whole("points", points, 2..20_001)?,
         starts: whole("starts", starts, 1..1001)?,
         evaluations: whole("max_evaluations", max_evaluations, 1..usize::MAX)?,
@@ -224,15 +226,15 @@ impl FittedSemiParametric {
         &self,
         py: Python<'_>,
         single: bool,
-        variance_points: Option<usize>,
+        variance_rank: Option<usize>,
     ) -> PyResult<SemiParametricPredictor> {
         let precision = if single { Precision::Single } else { Precision::Double };
-        let options = PredictorOptions { precision, variance_points };
+        let options = PredictorOptions { precision, variance_rank };
         let inner = py.detach(|| core::SemiParametricPredictor::new(&self.inner, options));
         Ok(SemiParametricPredictor {
             inner: Mutex::new(inner.map_err(IntoPyErr::into_py_err)?),
             dof: self.inner.physics().robot().dof(),
-            with_variance: variance_points != Some(0),
+            with_variance: variance_rank != Some(0),
         })
     }
 
@@ -287,7 +289,7 @@ impl SemiParametricPredictor {
         ddq: &Bound<'py, PyAny>,
     ) -> PyResult<(Array<'py>, Array<'py>)> {
         if !self.with_variance {
-            return Err(invalid("the predictor was made without variance: give variance_points"));
+            return Err(invalid("the predictor was made without variance: give variance_rank"));
         }
         let one = |name, value| Numbers::new(name, value)?.shaped(&[self.dof])?.finite();
         let (q, dq, ddq) = (one("q", q)?, one("dq", dq)?, one("ddq", ddq)?);

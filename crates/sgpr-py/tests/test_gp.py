@@ -107,8 +107,8 @@ def test_one_point_after_the_other(points: tuple[np.ndarray, np.ndarray]) -> Non
     X, y = points
     gp = sgpr.GaussianProcess(starts=1).fit(X, y)
     mean, std = gp.predict(X, return_std=True)
-    exact = gp.predictor(variance_points=None)
-    fast = gp.predictor(single_precision=True, variance_points=60)
+    exact = gp.predictor(variance_rank=None)
+    fast = gp.predictor(single_precision=True, variance_rank=60)
     assert 0 < fast.error < 5e-3
     for k in range(5):
         one, deviation, far = exact.mean_and_std(X[k])
@@ -137,7 +137,7 @@ def test_a_sparse_process_keeps_to_its_budget() -> None:
     assert value == pytest.approx(gp.log_marginal_likelihood_value_)
     assert gradient.shape == gp.theta_.shape
     assert np.array_equal(pickle.loads(pickle.dumps(gp)).predict(X[:50]), gp.predict(X[:50]))
-    predictor = gp.predictor(variance_points=None)
+    predictor = gp.predictor(variance_rank=None)
     mean, std = gp.predict(X[:1], return_std=True)
     assert predictor.mean_and_std(X[0])[:2] == (pytest.approx(mean, abs=1e-9), pytest.approx(std[0], abs=1e-6))
     with pytest.raises(sgpr.SgprError, match="no leave-one-out"):
@@ -208,3 +208,25 @@ def test_parameters_are_shown() -> None:
     assert repr(gp) == "GaussianProcess(ard=False, kernel='matern52')"
     params: dict[str, Any] = gp.get_params()
     assert sgpr.GaussianProcess(**params).get_params() == params
+
+
+def test_a_budget_decides_how_many_points_are_computed() -> None:
+    rng = np.random.default_rng(7)
+    X = rng.uniform(-3, 3, (4000, 2))
+    y = np.sin(X[:, 0]) * X[:, 1] + 0.1 * rng.standard_normal(4000)
+    settings = {"max_evaluations": 20, "starts": 1}
+    chosen = {}
+    for budget in (300, 1000):
+        gp = sgpr.GaussianProcess(budget=budget, **settings).fit(X[: 10 * budget // 3], y[: 10 * budget // 3])
+        chosen[budget] = (gp.report_["inference"], gp.report_["points"])
+        assert np.sqrt(np.mean((gp.predict(X[:200]) - np.sin(X[:200, 0]) * X[:200, 1]) ** 2)) < 0.06
+    # sqrt(budget³ / (3 N)), or fewer where no variance is left.
+    for budget, most in ((300, 94), (1000, 316)):
+        assert chosen[budget][0] == "sparse" and 30 <= chosen[budget][1] <= most
+    exact = sgpr.GaussianProcess(budget=300, **settings).fit(X[:300], y[:300])
+    assert (exact.report_["inference"], exact.report_["points"]) == ("exact", 300)
+    few = sgpr.GaussianProcess(budget=200, **settings).fit(X, y)
+    assert few.report_["inference"] == "subset" and 50 <= few.report_["points"] <= 200
+    assert few.leave_one_out()[0].shape == (few.report_["points"],)
+    with pytest.raises(sgpr.SgprError, match="exclude each other"):
+        sgpr.GaussianProcess(budget=100, inducing_points=10).fit(X, y)

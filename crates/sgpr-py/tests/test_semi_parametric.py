@@ -56,6 +56,23 @@ def test_physics_may_be_there_already(
         sgpr.SemiParametricModel(sgpr.robots.two_link(), physics=physics, **settings).fit(demo_logs)
 
 
+def test_joints_may_share_a_kernel(
+    robot: sgpr.Robot, demo_logs: list[sgpr.Recording], test_log: list[sgpr.Recording]
+) -> None:
+    settings = {"effects": ["rotor_inertia"], "points": 100, "max_evaluations": 20, "shared": True}
+    model = sgpr.SemiParametricModel(robot, inputs="velocities", **settings).fit(demo_logs)
+    kernels = [report["hyperparameters"] for report in model.reports_]
+    scales = [[kernel[name] for name in kernel if name.startswith("length_scale")] for kernel in kernels]
+    assert len(scales[0]) == 6 and all(other == pytest.approx(scales[0]) for other in scales)
+    assert len({round(kernel["signal_variance"], 9) for kernel in kernels}) == 6, "each joint in its own units"
+    before, after = sgpr.compare(model.physics_, test_log), model.compare(test_log)
+    assert after.relative_error_percent < before.relative_error_percent
+    q, dq, ddq = np.random.default_rng(4).uniform(-1, 1, (3, 6))
+    assert np.allclose(model.predictor().torque(q, dq, ddq), model.predict(q, dq, ddq), atol=1e-9)
+    with pytest.raises(sgpr.SgprError, match="own_velocity"):
+        sgpr.SemiParametricModel(robot, inputs="own_velocity", **settings).fit(demo_logs)
+
+
 def test_far_from_the_data_the_physics_is_alone(model: sgpr.SemiParametricModel) -> None:
     far = np.full((2, 6), 300.0)
     tau, std, interval, novelty = model.predict(
@@ -78,7 +95,7 @@ def test_a_model_is_kept(model: sgpr.SemiParametricModel, tmp_path: Path) -> Non
     for again in [by_kind, pickle.loads(pickle.dumps(model)), copy.deepcopy(model)]:
         assert np.array_equal(again.predict(q, dq, ddq, return_std=True), expected)
         assert again.reports_ == model.reports_
-    exact, fast = model.predictor(variance_points=None), model.predictor(single_precision=True)
+    exact, fast = model.predictor(variance_rank=None), model.predictor(single_precision=True)
     tau, std = exact.torque_and_std(q[0], dq[0], ddq[0])
     assert np.allclose(tau, expected[0][0], atol=1e-9)
     assert np.allclose(std, expected[1][0], atol=1e-7)

@@ -6,6 +6,7 @@
 //!
 //! Source: C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006); thesis 4-3, appendix B.
 
+mod budget;
 mod covariance;
 mod data;
 mod error;
@@ -21,6 +22,7 @@ mod sparse;
 mod sparse_search;
 mod subset;
 
+pub use budget::Inference;
 pub use covariance::Covariance;
 pub use data::{Compute, Data};
 pub use error::GpError;

@@ -1,9 +1,11 @@
+use faer::Mat;
+use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
 use pulp::{Arch, Simd, WithSimd};
 
-use super::exact::padded;
-use super::kernels::{Element, Features, Plan, Query, TILE, Work};
-use super::matrix::{assemble_and_factor, invert_factor, square, view, view_mut};
-use super::subset::informative_points;
+use super::exact::{Prediction, padded};
+use super::kernels::{BLOCK, Element, Features, Plan, Query, TILE, Work};
+use super::matrix::{factor, invert_factor, square, view, view_mut};
+use super::subset::partial_factor;
 use super::{GaussianProcess, GpError, SparseGaussianProcess};
 
 /// Arithmetic of a [`GpPredictor`].
@@ -21,14 +23,16 @@ pub enum Precision {
 pub struct PredictorOptions {
     /// Arithmetic.
     pub precision: Precision,
-    /// Points that the variance is computed from; zero for no variance, none for all points. Of fewer, the most
-    /// informative ones are taken: the variance can then only be too large, and its cost falls with the square.
-    pub variance_points: Option<usize>,
+    /// What the variance is computed from: all measurements if none; nothing, for no variance, if zero; else so many
+    /// combinations of them, those that say most about the leading directions of the signal. The variance can
+    /// then only be too large, for what is not seen explains nothing; [`GpPredictor::variance_error`] says by how much. One
+    /// prediction reads n²/2 numbers for all, n times the rank for so many.
+    pub variance_rank: Option<usize>,
 }
 
 impl Default for PredictorOptions {
     fn default() -> Self {
-        Self { precision: Precision::Double, variance_points: Some(0) }
+        Self { precision: Precision::Double, variance_rank: Some(0) }
     }
 }
 
@@ -41,7 +45,7 @@ impl Default for PredictorOptions {
 /// let kernel = Kernel::isotropic(Shape::Matern52, 1, 1.0).scaled(1.0);
 /// let data = Data::new(vec![0.0, 1.0, 2.0], 1, vec![0.0, 1.0, 0.5], 1)?;
 /// let gp = GaussianProcess::fit(data, Covariance::new(kernel, 1e-4), &Compute::default())?;
-/// let mut predictor = GpPredictor::new(&gp, PredictorOptions { variance_points: None, ..Default::default() })?;
+/// let mut predictor = GpPredictor::new(&gp, PredictorOptions { variance_rank: None, ..Default::default() })?;
 /// let (mean, variance) = predictor.mean_and_variance(&[50.0]);
 /// assert!(mean[0].abs() < 1e-9 && predictor.is_far(variance));
 /// # Ok::<(), sgpr_core::gp::GpError>(())
@@ -52,6 +56,7 @@ pub struct GpPredictor {
     mean: Vec<f64>,
     prior_variance: f64,
     error: f64,
+    variance_error: f64,
     inputs: usize,
 }
 
@@ -76,22 +81,19 @@ struct Core<T> {
 /// Variance = prior - |subtracted k|² + |added k|².
 #[derive(Clone, Debug)]
 struct VarianceOf<T> {
-    /// None if they are those of the mean.
-    points: Option<Features<T>>,
     subtracted: Packed<T>,
     added: Option<Packed<T>>,
     cross: Vec<T>,
 }
 
-/// A lower triangular matrix by rows, each padded with zeros to whole registers.
+/// A matrix in blocks of four rows, padded with zeros to whole registers: [`BLOCK`] numbers of the first row, as many of
+/// the second, and so on, so that it is read in the order of memory and the vector once for four rows.
 #[derive(Clone, Debug)]
 struct Packed<T> {
     values: Vec<T>,
-    rows: usize,
+    /// Of the rows of each block.
+    lengths: Vec<usize>,
 }
-
-/// Lanes of the widest register.
-pub(super) const PADDING: usize = 16;
 
 /// Share of the prior variance from which a point counts as far from the data.
 const FAR: f64 = 0.95;
@@ -108,12 +110,20 @@ pub(super) struct Parts<'a> {
     pub variance: Option<VarianceParts>,
 }
 
+/// The process that a predictor was made of: means and variances of points.
+type Exact<'a> = &'a dyn Fn(&[f64], bool) -> Result<Prediction, GpError>;
+
 /// What its variance is made of.
 pub(super) struct VarianceParts {
-    /// None if they are those of the mean.
-    pub points: Option<Vec<f64>>,
-    pub subtracted: faer::Mat<f64>,
-    pub added: Option<faer::Mat<f64>>,
+    pub subtracted: Rows,
+    pub added: Option<Rows>,
+}
+
+/// A matrix times k.
+pub(super) enum Rows {
+    /// Of which the lower triangle counts.
+    Triangle(Mat<f64>),
+    Full(Mat<f64>),
 }
 
 impl GpPredictor {
@@ -123,44 +133,42 @@ impl GpPredictor {
     /// If the variance needs more memory than allowed.
     pub fn new(gp: &GaussianProcess, options: PredictorOptions) -> Result<Self, GpError> {
         let (n, inputs) = (gp.data.len(), gp.data.inputs());
-        let par = gp.compute.par();
-        let variance = match options.variance_points {
+        let variance = match options.variance_rank {
             Some(0) => None,
-            Some(count) if count < n => {
-                let chosen = informative_points(&gp.covariance.signal, gp.data.x(), inputs, count);
-                let data = gp.data.select(&chosen);
-                let plan = Plan::new(&gp.covariance.kernel());
-                let mut factor = square(chosen.len());
-                let points = plan.features(data.x(), inputs);
-                assemble_and_factor(&plan, &points, gp.covariance.noise_variance, &mut factor, &gp.compute)?;
-                let mut inverse = square(chosen.len());
-                invert_factor(view(&factor), view_mut(&mut inverse), par);
-                Some(VarianceParts { points: Some(data.x().to_vec()), subtracted: inverse, added: None })
+            Some(rank) if rank < n => {
+                Some(VarianceParts { subtracted: Rows::Full(leading_directions(gp, rank)?), added: None })
             }
             _ => {
                 gp.compute.check(n, 2)?;
                 let mut inverse = square(n);
-                invert_factor(view(&gp.factor), view_mut(&mut inverse), par);
-                Some(VarianceParts { points: None, subtracted: inverse, added: None })
+                invert_factor(view(&gp.factor), view_mut(&mut inverse), gp.compute.par());
+                Some(VarianceParts { subtracted: Rows::Triangle(inverse), added: None })
             }
         };
         let plan = Plan::new(&gp.covariance.signal);
         let parts = Parts { plan, x: gp.data.x(), inputs, weights: &gp.alpha, variance };
-        Ok(Self::from_parts(parts, options.precision))
+        let mut predictor = Self::from_parts(parts, options.precision);
+        if options.precision == Precision::Single || options.variance_rank.is_some_and(|rank| 0 < rank && rank < n) {
+            predictor.compare(gp.data.x(), options, &|x, with_variance| gp.predict(x, with_variance));
+        }
+        Ok(predictor)
     }
 
-    /// The same for a sparse process, whose inducing points are all it keeps; `variance_points` other than zero gives its
+    /// The same for a sparse process, whose inducing points are all it keeps; `variance_rank` other than zero gives its
     /// variance, which needs all of them.
     pub fn from_sparse(gp: &SparseGaussianProcess, options: PredictorOptions) -> Self {
         let [prior, data] = &gp.inverse_factors;
-        let variance = (options.variance_points != Some(0)).then(|| VarianceParts {
-            points: None,
-            subtracted: prior.clone(),
-            added: Some(data.clone()),
+        let variance = (options.variance_rank != Some(0)).then(|| VarianceParts {
+            subtracted: Rows::Triangle(prior.clone()),
+            added: Some(Rows::Triangle(data.clone())),
         });
         let plan = Plan::new(&gp.covariance.signal);
         let parts = Parts { plan, x: &gp.inducing, inputs: gp.inputs, weights: &gp.weights, variance };
-        Self::from_parts(parts, options.precision)
+        let mut predictor = Self::from_parts(parts, options.precision);
+        if options.precision == Precision::Single {
+            predictor.compare(&gp.inducing, options, &|x, with_variance| gp.predict(x, with_variance));
+        }
+        predictor
     }
 
     /// k(x, X) times each of `columns`, in double precision, without variance.
@@ -176,39 +184,42 @@ impl GpPredictor {
         let mean = |m: usize| parts.x.iter().skip(m).step_by(inputs).sum::<f64>() / samples;
         let centre: Vec<f64> = (0..inputs).map(mean).collect();
         let plan = parts.plan.clone().centred(&centre);
-        let mut predictor = Self {
+        Self {
             mean: vec![0.0; parts.weights.len()],
             prior_variance: plan.variance(),
             error: 0.0,
+            variance_error: 0.0,
             inputs,
             kind: match precision {
-                Precision::Double => Kind::Double(Core::new(plan.clone(), &parts)),
-                Precision::Single => Kind::Single(Core::new(plan.clone(), &parts)),
+                Precision::Double => Kind::Double(Core::new(plan, &parts)),
+                Precision::Single => Kind::Single(Core::new(plan, &parts)),
             },
-        };
-        if precision == Precision::Single {
-            predictor.error = predictor.compare(&parts, plan);
         }
-        predictor
     }
 
-    /// Largest difference to double precision at points of the data and half-way between them.
-    fn compare(&mut self, parts: &Parts<'_>, plan: Plan) -> f64 {
-        let mut exact = Core::<f64>::new(plan, &Parts { variance: None, plan: parts.plan.clone(), ..*parts });
-        let points: Vec<&[f64]> = parts.x.chunks_exact(self.inputs).collect();
-        let stride = points.len().div_ceil(PROBES);
-        let mut expected = vec![0.0; self.mean.len()];
-        let mut largest: f64 = 0.0;
-        for k in (0..points.len()).step_by(stride) {
+    /// Measures the largest differences to the process itself, at points of the data and half-way between them.
+    fn compare(&mut self, x: &[f64], options: PredictorOptions, exact: Exact<'_>) {
+        let points: Vec<&[f64]> = x.chunks_exact(self.inputs).collect();
+        let mut probes = Vec::new();
+        for k in (0..points.len()).step_by(points.len().div_ceil(PROBES)) {
             let other = points[(k * 31 + 7) % points.len()];
-            let between: Vec<f64> = points[k].iter().zip(other).map(|(a, b)| 0.5 * (a + b)).collect();
-            for x in [points[k], &between] {
-                exact.predict(x, &mut expected, false);
-                let worse = |largest: f64, (a, b): (&f64, &f64)| largest.max((a - b).abs());
-                largest = self.mean(x).iter().zip(&expected).fold(largest, worse);
+            probes.extend_from_slice(points[k]);
+            probes.extend(points[k].iter().zip(other).map(|(a, b)| 0.5 * (a + b)));
+        }
+        let with_variance = options.variance_rank != Some(0);
+        let exact = exact(&probes, with_variance).expect("points of the data");
+        let outputs = self.mean.len();
+        for (k, x) in probes.chunks_exact(self.inputs).enumerate() {
+            if with_variance {
+                let difference = (self.mean_and_variance(x).1 - exact.variance[k]).abs();
+                self.variance_error = self.variance_error.max(difference);
+            }
+            if options.precision == Precision::Single {
+                let differences = self.mean(x).iter().zip(&exact.mean[k * outputs..]).map(|(a, b)| (a - b).abs());
+                let largest = differences.fold(0.0, f64::max);
+                self.error = self.error.max(largest);
             }
         }
-        largest
     }
 
     /// Mean of the signal, one number per output.
@@ -254,6 +265,12 @@ impl GpPredictor {
         self.error
     }
 
+    /// Largest difference of the variance to that from all points in double precision, measured at the same points; of
+    /// fewer points it is too large there, never too small. Zero in double precision from all points, or without variance.
+    pub fn variance_error(&self) -> f64 {
+        self.variance_error
+    }
+
     /// Number of inputs.
     pub fn inputs(&self) -> usize {
         self.inputs
@@ -262,11 +279,10 @@ impl GpPredictor {
 
 impl<T: Element> Core<T> {
     fn new(plan: Plan, parts: &Parts<'_>) -> Self {
-        let variance = parts.variance.as_ref().map(|VarianceParts { points, subtracted, added }| VarianceOf {
-            points: points.as_ref().map(|x| plan.features(x, parts.inputs)),
+        let variance = parts.variance.as_ref().map(|VarianceParts { subtracted, added }| VarianceOf {
             subtracted: Packed::new(subtracted),
             added: added.as_ref().map(Packed::new),
-            cross: vec![T::default(); subtracted.ncols() + TILE],
+            cross: vec![T::default(); parts.x.len() / parts.inputs + TILE],
         });
         Self {
             points: plan.features(parts.x, parts.inputs),
@@ -299,10 +315,7 @@ impl<T: Element> WithSimd for Predict<'_, T> {
         let Self { core: Core { plan, points, weights, variance, query, work }, x, mean, with_variance } = self;
         plan.set_query(x, query);
         mean.fill(0.0);
-        let mut keep = match variance {
-            Some(variance) if with_variance && variance.points.is_none() => Some(&mut variance.cross),
-            _ => None,
-        };
+        let mut keep = variance.as_mut().filter(|_| with_variance).map(|variance| &mut variance.cross);
         for (start, length) in points.tiles_from(0) {
             let values = plan.values::<T, S, false>(simd, points, (start, length), query, work);
             for (mean, weights) in mean.iter_mut().zip(&*weights) {
@@ -315,28 +328,35 @@ impl<T: Element> WithSimd for Predict<'_, T> {
         if !with_variance {
             return 0.0;
         }
-        let VarianceOf { points, subtracted, added, cross } = variance.as_mut().expect("made with variance");
-        if let Some(points) = points {
-            for (start, length) in points.tiles_from(0) {
-                let values = plan.values::<T, S, false>(simd, points, (start, length), query, work);
-                cross[start..start + length].copy_from_slice(values);
-            }
-        }
+        let VarianceOf { subtracted, added, cross } = variance.as_mut().expect("made with variance");
         let explained = subtracted.squared_norm(simd, cross);
         explained - added.as_ref().map_or(0.0, |added| added.squared_norm(simd, cross))
     }
 }
 
 impl<T: Element> Packed<T> {
-    fn new(matrix: &faer::Mat<f64>) -> Self {
-        let rows = matrix.ncols();
-        let length = |row: usize| (row + 1).next_multiple_of(PADDING);
-        let mut values = Vec::with_capacity((0..rows).map(length).sum());
-        for i in 0..rows {
-            values.extend((0..=i).map(|j| T::from_f64(matrix[(i, j)])));
-            values.resize(values.len() + length(i) - (i + 1), T::default());
+    fn new(rows: &Rows) -> Self {
+        let (matrix, triangle) = match rows {
+            Rows::Triangle(matrix) => (matrix, true),
+            Rows::Full(matrix) => (matrix, false),
+        };
+        let columns = matrix.ncols();
+        let count = if triangle { columns } else { matrix.nrows() };
+        let (mut values, mut lengths) = (Vec::new(), Vec::new());
+        for first in (0..count).step_by(4) {
+            let used = if triangle { (first + 4).min(columns) } else { columns };
+            let length = used.next_multiple_of(BLOCK);
+            for (start, row) in
+                (0..length).step_by(BLOCK).flat_map(|start| (first..first + 4).map(move |row| (start, row)))
+            {
+                let there = |column: usize| row < count && column < columns && (column <= row || !triangle);
+                let value =
+                    |column: usize| if there(column) { T::from_f64(matrix[(row, column)]) } else { T::default() };
+                values.extend((start..start + BLOCK).map(value));
+            }
+            lengths.push(length);
         }
-        Self { values, rows }
+        Self { values, lengths }
     }
 
     /// |matrix * vector|².
@@ -344,12 +364,48 @@ impl<T: Element> Packed<T> {
     fn squared_norm<S: Simd>(&self, simd: S, vector: &[T]) -> f64 {
         let mut sum = 0.0;
         let mut rest = &self.values[..];
-        for row in 0..self.rows {
-            let (values, after) = rest.split_at((row + 1).next_multiple_of(PADDING));
-            let product = T::dot(simd, values, &vector[..values.len()]);
-            sum += product * product;
+        for length in &self.lengths {
+            let (rows, after) = rest.split_at(4 * length);
+            let products = T::four_dots(simd, rows, &vector[..*length]);
+            sum += products[0] * products[0] + products[1] * products[1];
+            sum += products[2] * products[2] + products[3] * products[3];
             rest = after;
         }
         sum
     }
+}
+
+/// Rows B so that |B k(X, x)|² is what `rank` combinations V' y of the measurements explain: V (V' K V)⁻¹ V' = B' B, K with
+/// all noise. Whatever V is, the variance is that of a process which has seen V' y only: never smaller than that of one
+/// which has seen y.
+///
+/// V = K⁻¹ U, with U the directions of the largest eigenvalues of the covariance of the signal, from a partial Cholesky factor
+/// of twice the rank: the mean at a point with k(X, x) in their span is a combination k' K⁻¹ y of these.
+fn leading_directions(gp: &GaussianProcess, rank: usize) -> Result<Mat<f64>, GpError> {
+    /// Share of the largest eigenvalue below which a direction is lost in rounding.
+    const LOST: f64 = 1e-12;
+    let par = gp.compute.par();
+    let plan = Plan::new(&gp.covariance.signal);
+    let features = plan.features(gp.data.x(), gp.data.inputs());
+    let rows = partial_factor(&plan, &features, 2 * rank).1;
+    let partial = Mat::from_fn(rows.len(), gp.data.len(), |i, j| rows[i][j]);
+    let eigen = (&partial * partial.transpose()).self_adjoint_eigen(faer::Side::Lower).expect("finite numbers");
+    let (vectors, values) = (eigen.U(), eigen.S().column_vector());
+    let mut leading: Vec<usize> = (0..rows.len()).collect();
+    leading.sort_by(|a, b| values[*b].total_cmp(&values[*a]));
+    let least = LOST * values[leading[0]];
+    leading.retain(|k| values[*k] > least);
+    leading.truncate(rank);
+    let turn = Mat::from_fn(leading.len(), rows.len(), |i, k| vectors[(k, leading[i])] / values[leading[i]].sqrt());
+    let lower = view(&gp.factor);
+    let mut directions = (&turn * &partial).transpose().to_owned();
+    solve_lower_triangular_in_place(lower, directions.as_mut(), par);
+    let mut inner = directions.transpose() * &directions;
+    solve_upper_triangular_in_place(lower.transpose(), directions.as_mut(), par);
+    if !factor(inner.as_mut(), par) {
+        return Err(GpError::NotPositiveDefinite { jitter: gp.jitter });
+    }
+    let mut rows = directions.transpose().to_owned();
+    solve_lower_triangular_in_place(inner.as_ref(), rows.as_mut(), par);
+    Ok(rows)
 }

@@ -4,8 +4,8 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::GaussianProcess;
 use super::exact::padded;
-use super::kernels::{Element, Shape, TILE};
-use super::predictor::{PADDING, PROBES, Precision};
+use super::kernels::{BLOCK, Element, Shape, TILE};
+use super::predictor::{PROBES, Precision};
 
 /// Means of several processes over the same points, such as those of the joints of an arm: the points are read once, and
 /// processes with the same kernel share its values. Owns its buffers, allocates nothing, takes no lock, and can move to
@@ -252,7 +252,7 @@ impl<T: Element> WithSimd for Predict<'_, T> {
         means.fill(0.0);
         for (tile, x) in points.chunks_exact(columns.len() * TILE).enumerate() {
             let start = tile * TILE;
-            let length = (*count - start).min(TILE).next_multiple_of(PADDING);
+            let length = (*count - start).min(TILE).next_multiple_of(BLOCK);
             for Group { shapes, weights, processes } in &*kernels {
                 weights.distances(simd, x, length, query, squares);
                 for ((shape, processes), squares) in shapes.iter().zip(processes).zip(squares.chunks_exact(TILE)) {

@@ -35,9 +35,14 @@ class GaussianProcess(Estimator):
         Starts of the search.
     max_evaluations : int, default 100
         Evaluations of the likelihood in each search.
+    budget : int, optional
+        Points of the largest exact process that is affordable: a likelihood takes budget³ operations and 16 budget²
+        bytes. More points than this are seen through as many inducing points as cost the same; if these were fewer than
+        50, the most informative points within the budget are taken and the others dropped. `report_` says what was
+        done. Without a budget all points are taken.
     inducing_points : int, optional
-        Budget of a sparse process (Titsias' variational bound), for more points than an exact one can take: time grows
-        with points times the square of the budget. The most informative data points are taken.
+        Number of inducing points of a sparse process (Titsias' variational bound), instead of a budget: time grows with
+        points times its square. The most informative data points are taken.
     move_inducing_points : bool, default True
         Whether they are moved to where they say most, or stay where data points are, for half the time.
     memory_limit_gb : float, optional
@@ -64,7 +69,8 @@ class GaussianProcess(Estimator):
         Of the fitted hyperparameters; of a sparse process its lower bound.
     report_ : dict
         "status" of the search ("converged", "evaluation_limit", "no_progress" or "stopped"), its "evaluations",
-        "evaluations_on_subset", hyperparameters "at_bounds", and the "jitter" that was needed.
+        "evaluations_on_subset", hyperparameters "at_bounds", the "jitter" that was needed, the "inference" that was
+        chosen ("exact", "sparse" or "subset") and the number of its "points" (of a sparse process inducing points).
     inducing_points_ : array of shape (inducing points, d), or None
     n_features_in_ : int
         Inputs.
@@ -89,6 +95,7 @@ class GaussianProcess(Estimator):
         optimise: bool = True,
         starts: int = 3,
         max_evaluations: int = 100,
+        budget: int | None = None,
         inducing_points: int | None = None,
         move_inducing_points: bool = True,
         memory_limit_gb: float | None = None,
@@ -102,6 +109,7 @@ class GaussianProcess(Estimator):
         self.optimise = optimise
         self.starts = starts
         self.max_evaluations = max_evaluations
+        self.budget = budget
         self.inducing_points = inducing_points
         self.move_inducing_points = move_inducing_points
         self.memory_limit_gb = memory_limit_gb
@@ -132,7 +140,9 @@ class GaussianProcess(Estimator):
         names = _column_names(X)
         X = _inputs(X, "fit", self)
         y = _outputs(y, X.shape[0])
-        budget = None if self.inducing_points is None else min(int(self.inducing_points), X.shape[0])
+        if self.budget is not None and self.inducing_points is not None:
+            raise SgprError("budget and inducing_points exclude each other: give one of them")
+        inducing = None if self.inducing_points is None else min(int(self.inducing_points), X.shape[0])
         process, stopped = fit_process(
             X,
             y,
@@ -142,7 +152,8 @@ class GaussianProcess(Estimator):
             optimise=bool(self.optimise),
             starts=self.starts,
             max_evaluations=self.max_evaluations,
-            inducing=budget,
+            budget=self.budget,
+            inducing=inducing,
             move_inducing=bool(self.move_inducing_points),
             seed=0 if self.random_state is None else self.random_state,
             threads=1 if self.n_jobs is None else self.n_jobs,
@@ -252,22 +263,25 @@ class GaussianProcess(Estimator):
         mean, std, density = process.leave_one_out()
         return (mean[:, 0] if self._single else mean), std, density
 
-    def predictor(self, *, single_precision: bool = False, variance_points: int | None = 0) -> ProcessPredictor:
+    def predictor(self, *, single_precision: bool = False, variance_rank: int | None = 0) -> ProcessPredictor:
         """Predict one point after the other, for a control loop.
 
         Parameters
         ----------
         single_precision : bool
             Twice as fast; `ProcessPredictor.error` says what it costs.
-        variance_points : int or None
-            Points that the variance is computed from: none, all, or so many of the most informative ones.
+        variance_rank : int or None
+            What the variance is computed from: nothing, for no variance (0), all measurements (None), or so many
+            combinations of them, those that say most. A variance of lower rank is too large, never too small;
+            `ProcessPredictor.variance_error` says by how much at most, at points of the data and between them. A
+            prediction then reads rank * N numbers instead of N²/2; 100 to 200 are enough for many logs.
 
         Returns
         -------
         ProcessPredictor
         """
         process: FittedProcess = self._require_fitted("_process")
-        return process.predictor(single_precision, variance_points)
+        return process.predictor(single_precision, variance_rank)
 
     def __sklearn_tags__(self) -> Any:
         """Describe the estimator to scikit-learn."""

@@ -45,6 +45,9 @@ class SemiParametricModel(Estimator):
         What the processes look at: "own_velocity", "own_joint", "own_motion", "velocities", "positions",
         "positions_and_velocities" or "all"; chosen for each joint by stretches left out by default (among all but
         "own_motion").
+    shared : bool, default False
+        One kernel for all joints, over the points at which all of them move: a faster fit and a faster predictor, often
+        less accurate, for joints differ. Of the inputs "velocities", "positions", "positions_and_velocities" and "all".
     mean : {"physics", "joint", "zero"}
         What the processes are the rest of: the physics as least squares found it, the physics estimated again together
         with them (generalised least squares), or nothing, for comparison.
@@ -90,6 +93,7 @@ class SemiParametricModel(Estimator):
         kernel: str = "squared_exponential",
         ard: bool = True,
         inputs: str | None = None,
+        shared: bool = False,
         mean: str = "physics",
         points: int = 500,
         starts: int = 1,
@@ -104,6 +108,7 @@ class SemiParametricModel(Estimator):
         self.kernel = kernel
         self.ard = ard
         self.inputs = inputs
+        self.shared = shared
         self.mean = mean
         self.points = points
         self.starts = starts
@@ -140,6 +145,7 @@ class SemiParametricModel(Estimator):
             kernel=self.kernel,
             ard=bool(self.ard),
             inputs=self.inputs,
+            shared=bool(self.shared),
             points=self.points,
             starts=self.starts,
             max_evaluations=self.max_evaluations,
@@ -233,22 +239,23 @@ class SemiParametricModel(Estimator):
         fitted: FittedSemiParametric = self._require_fitted("_fitted")
         return fitted.coverage(recordings)
 
-    def predictor(self, *, single_precision: bool = False, variance_points: int | None = 0) -> SemiParametricPredictor:
+    def predictor(self, *, single_precision: bool = False, variance_rank: int | None = 0) -> SemiParametricPredictor:
         """Predict one sample after the other, for a control loop.
 
         Parameters
         ----------
         single_precision : bool
             Twice as fast.
-        variance_points : int or None
-            Points that variances are computed from: none, all, or so many of the most informative ones.
+        variance_rank : int or None
+            What variances are computed from: nothing, for no variance (0), all measurements (None), or so many
+            combinations of them, those that say most: faster, and too large rather than too small.
 
         Returns
         -------
         SemiParametricPredictor
         """
         fitted: FittedSemiParametric = self._require_fitted("_fitted")
-        return fitted.predictor(single_precision, variance_points)
+        return fitted.predictor(single_precision, variance_rank)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the model to a file; the file is complete or not there. `load` reads it back."""

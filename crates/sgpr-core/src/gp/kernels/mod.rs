@@ -6,7 +6,7 @@ mod tile;
 
 pub(crate) use plan::{Features, Plan, Query, Work};
 pub use shape::Shape;
-pub(crate) use tile::{Element, TILE};
+pub(crate) use tile::{BLOCK, Element, TILE};
 
 use serde::{Deserialize, Serialize};
 

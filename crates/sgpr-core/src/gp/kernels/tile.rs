@@ -8,6 +8,9 @@ use crate::simd::{exp_f32, exp_f64};
 /// Points per tile; a multiple of the lanes of every register.
 pub(crate) const TILE: usize = 256;
 
+/// Numbers of one row before those of the next in a block of four; the lanes of the widest register.
+pub(crate) const BLOCK: usize = 16;
+
 /// A number that kernels are computed in.
 pub(crate) trait Element: Copy + Default + Send + Sync + std::fmt::Debug + bytemuck::Pod + 'static {
     fn from_f64(value: f64) -> Self;
@@ -15,6 +18,16 @@ pub(crate) trait Element: Copy + Default + Send + Sync + std::fmt::Debug + bytem
 
     /// sum over columns of (x - c)², for as many points as `r2` has; column m of x starts at `m * stride`.
     fn squared_distances<S: Simd>(simd: S, x: &[Self], stride: usize, c: &[Self], r2: &mut [Self]);
+
+    /// The same for so many registers from `start` on: their sums stay in registers.
+    fn squares_at<S: Simd, const REGISTERS: usize>(
+        simd: S,
+        x: &[Self],
+        stride: usize,
+        start: usize,
+        c: &[Self],
+        r2: &mut [Self],
+    );
 
     /// As many times as there are `K` kernels: sum over columns of weight (x - c)², for as many points as a row of `r2` uses.
     /// The squared differences are shared.
@@ -47,6 +60,11 @@ pub(crate) trait Element: Copy + Default + Send + Sync + std::fmt::Debug + bytem
     /// sum of a b, in double precision from register to register.
     fn dot<S: Simd>(simd: S, a: &[Self], b: &[Self]) -> f64;
 
+    /// The products of four rows with a vector.
+    ///
+    /// - `rows`: `[length / BLOCK, 4, BLOCK]`, with the length of `b` a multiple of [`BLOCK`]
+    fn four_dots<S: Simd>(simd: S, rows: &[Self], b: &[Self]) -> [f64; 4];
+
     /// sum of w (x - c)².
     fn weighted_squares<S: Simd>(simd: S, w: &[Self], x: &[Self], c: Self) -> f64;
 
@@ -78,33 +96,39 @@ macro_rules! element {
 
             #[inline(always)]
             fn squared_distances<S: Simd>(simd: S, x: &[Self], stride: usize, c: &[Self], r2: &mut [Self]) {
-                let (registers, rest) = S::$as_mut_simd(r2);
-                debug_assert!(rest.is_empty(), "whole registers");
                 let lanes = size_of::<S::$registers>() / size_of::<Self>();
-                let (fours, ones) = registers.as_chunks_mut::<4>();
-                for (block, out) in fours.iter_mut().enumerate() {
-                    let start = 4 * block * lanes;
-                    let mut sums = [simd.$splat(0.0); 4];
-                    for (m, c) in c.iter().enumerate() {
-                        let c = simd.$splat(*c);
-                        let column = S::$as_simd(&x[m * stride + start..][..4 * lanes]).0;
-                        for (sum, x) in sums.iter_mut().zip(column) {
-                            let difference = simd.$sub(*x, c);
-                            *sum = simd.$mul_add(difference, difference, *sum);
-                        }
-                    }
-                    *out = sums;
+                let fours = r2.len() / (4 * lanes);
+                for four in 0..fours {
+                    Self::squares_at::<S, 4>(simd, x, stride, 4 * lanes * four, c, r2);
                 }
-                let start = 4 * fours.len() * lanes;
-                for (k, out) in ones.iter_mut().enumerate() {
-                    let mut sum = simd.$splat(0.0);
-                    for (m, c) in c.iter().enumerate() {
-                        let x = S::$as_simd(&x[m * stride + start + k * lanes..][..lanes]).0[0];
-                        let difference = simd.$sub(x, simd.$splat(*c));
-                        sum = simd.$mul_add(difference, difference, sum);
-                    }
-                    *out = sum;
+                for one in 4 * fours..r2.len() / lanes {
+                    Self::squares_at::<S, 1>(simd, x, stride, lanes * one, c, r2);
                 }
+            }
+
+            #[inline(always)]
+            fn squares_at<S: Simd, const REGISTERS: usize>(
+                simd: S,
+                x: &[Self],
+                stride: usize,
+                start: usize,
+                c: &[Self],
+                r2: &mut [Self],
+            ) {
+                let lanes = size_of::<S::$registers>() / size_of::<Self>();
+                let end = start + REGISTERS * lanes;
+                let mut sums = [simd.$splat(0.0); REGISTERS];
+                for m in 0..c.len() {
+                    let column = S::$as_simd(&x[m * stride + start..m * stride + end]).0;
+                    let column = column.first_chunk::<REGISTERS>().expect("as many as were cut out");
+                    let c = simd.$splat(c[m]);
+                    for position in 0..REGISTERS {
+                        let difference = simd.$sub(column[position], c);
+                        sums[position] = simd.$mul_add(difference, difference, sums[position]);
+                    }
+                }
+                let out = S::$as_mut_simd(&mut r2[start..end]).0;
+                *out.first_chunk_mut::<REGISTERS>().expect("as many as were cut out") = sums;
             }
 
             #[inline(always)]
@@ -121,8 +145,8 @@ macro_rules! element {
                 for pair in 0..pairs {
                     Self::distances_at::<S, K, 2>(simd, x, 2 * lanes * pair, c, weights, r2);
                 }
-                for start in (2 * lanes * pairs..length).step_by(lanes) {
-                    Self::distances_at::<S, K, 1>(simd, x, start, c, weights, r2);
+                for one in 2 * pairs..length / lanes {
+                    Self::distances_at::<S, K, 1>(simd, x, lanes * one, c, weights, r2);
                 }
             }
 
@@ -138,19 +162,26 @@ macro_rules! element {
                 let lanes = size_of::<S::$registers>() / size_of::<Self>();
                 let end = start + REGISTERS * lanes;
                 let mut sums = [[simd.$splat(0.0); REGISTERS]; K];
-                for ((column, c), weights) in x.chunks_exact(TILE).zip(c).zip(weights) {
-                    let c = simd.$splat(*c);
-                    let registers = S::$as_simd(&column[start..end]).0;
+                for m in 0..weights.len() {
+                    let column = S::$as_simd(&x[m * TILE + start..m * TILE + end]).0;
+                    let column = column.first_chunk::<REGISTERS>().expect("as many as were cut out");
+                    let (c, weights) = (simd.$splat(c[m]), &weights[m]);
+                    let mut squares = *column;
                     for position in 0..REGISTERS {
-                        let difference = simd.$sub(registers[position], c);
-                        let square = simd.$mul(difference, difference);
-                        for (sum, weight) in sums.iter_mut().zip(weights) {
-                            sum[position] = simd.$mul_add(simd.$splat(*weight), square, sum[position]);
+                        let difference = simd.$sub(column[position], c);
+                        squares[position] = simd.$mul(difference, difference);
+                    }
+                    for k in 0..K {
+                        let weight = simd.$splat(weights[k]);
+                        for position in 0..REGISTERS {
+                            sums[k][position] = simd.$mul_add(weight, squares[position], sums[k][position]);
                         }
                     }
                 }
-                for (sum, r2) in sums.iter().zip(r2.chunks_exact_mut(TILE)) {
-                    S::$as_mut_simd(&mut r2[start..end]).0.copy_from_slice(sum);
+                // By value: a copy of slices would take the address of the sums, which then live in memory.
+                for k in 0..K {
+                    let out = S::$as_mut_simd(&mut r2[k * TILE + start..k * TILE + end]).0;
+                    *out.first_chunk_mut::<REGISTERS>().expect("as many as were cut out") = sums[k];
                 }
             }
 
@@ -221,36 +252,61 @@ macro_rules! element {
 
             #[inline(always)]
             fn dot<S: Simd>(simd: S, a: &[Self], b: &[Self]) -> f64 {
-                let ((a, _), (b, _)) = (S::$as_simd(a), S::$as_simd(b));
-                let ((a4, a1), (b4, b1)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
+                let (a, b) = (S::$as_simd(a).0, S::$as_simd(b).0);
+                let count = a.len().min(b.len());
+                let (a, b) = (&a[..count], &b[..count]);
                 let mut sums = [simd.$splat(0.0); 4];
-                for (a, b) in a4.iter().zip(b4) {
-                    for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
-                        *sum = simd.$mul_add(*a, *b, *sum);
+                for four in 0..count / 4 {
+                    let (a, b) = (&a[4 * four..4 * four + 4], &b[4 * four..4 * four + 4]);
+                    for k in 0..4 {
+                        sums[k] = simd.$mul_add(a[k], b[k], sums[k]);
                     }
                 }
-                for (a, b) in a1.iter().zip(b1) {
-                    sums[0] = simd.$mul_add(*a, *b, sums[0]);
+                for k in count / 4 * 4..count {
+                    sums[0] = simd.$mul_add(a[k], b[k], sums[0]);
                 }
                 let sum = simd.$add(simd.$add(sums[0], sums[1]), simd.$add(sums[2], sums[3]));
                 simd.$sum(sum).into()
             }
 
             #[inline(always)]
-            fn weighted_squares<S: Simd>(simd: S, w: &[Self], x: &[Self], c: Self) -> f64 {
-                let ((w, _), (x, _)) = (S::$as_simd(w), S::$as_simd(x));
-                let ((w4, w1), (x4, x1)) = (w.as_chunks::<4>(), x.as_chunks::<4>());
-                let c = simd.$splat(c);
+            fn four_dots<S: Simd>(simd: S, rows: &[Self], b: &[Self]) -> [f64; 4] {
+                let registers = BLOCK * size_of::<Self>() / size_of::<S::$registers>();
+                let (rows, b) = (S::$as_simd(rows).0, S::$as_simd(b).0);
                 let mut sums = [simd.$splat(0.0); 4];
-                for (w, x) in w4.iter().zip(x4) {
-                    for ((sum, w), x) in sums.iter_mut().zip(w).zip(x) {
-                        let difference = simd.$sub(*x, c);
-                        *sum = simd.$mul_add(simd.$mul(*w, difference), difference, *sum);
+                for block in 0..b.len() / registers {
+                    let b = &b[block * registers..(block + 1) * registers];
+                    let rows = &rows[4 * block * registers..4 * (block + 1) * registers];
+                    for position in 0..registers {
+                        for k in 0..4 {
+                            sums[k] = simd.$mul_add(rows[k * registers + position], b[position], sums[k]);
+                        }
                     }
                 }
-                for (w, x) in w1.iter().zip(x1) {
-                    let difference = simd.$sub(*x, c);
-                    sums[0] = simd.$mul_add(simd.$mul(*w, difference), difference, sums[0]);
+                [
+                    simd.$sum(sums[0]).into(),
+                    simd.$sum(sums[1]).into(),
+                    simd.$sum(sums[2]).into(),
+                    simd.$sum(sums[3]).into(),
+                ]
+            }
+
+            #[inline(always)]
+            fn weighted_squares<S: Simd>(simd: S, w: &[Self], x: &[Self], c: Self) -> f64 {
+                let (w, x) = (S::$as_simd(w).0, S::$as_simd(x).0);
+                let count = w.len().min(x.len());
+                let (w, x, c) = (&w[..count], &x[..count], simd.$splat(c));
+                let mut sums = [simd.$splat(0.0); 4];
+                for four in 0..count / 4 {
+                    let (w, x) = (&w[4 * four..4 * four + 4], &x[4 * four..4 * four + 4]);
+                    for k in 0..4 {
+                        let difference = simd.$sub(x[k], c);
+                        sums[k] = simd.$mul_add(simd.$mul(w[k], difference), difference, sums[k]);
+                    }
+                }
+                for k in count / 4 * 4..count {
+                    let difference = simd.$sub(x[k], c);
+                    sums[0] = simd.$mul_add(simd.$mul(w[k], difference), difference, sums[0]);
                 }
                 let sum = simd.$add(simd.$add(sums[0], sums[1]), simd.$add(sums[2], sums[3]));
                 simd.$sum(sum).into()

@@ -1,7 +1,5 @@
 //! What the physics leaves over on parts of the logs that it has not seen.
 
-use std::ops::Range;
-
 use faer::Mat;
 
 use super::super::compare::LogResidual;
@@ -28,9 +26,9 @@ pub(super) fn left_out(
     processing: &Processing,
     mean: Mean,
 ) -> Result<Vec<Vec<LeftOut>>, IdentifyError> {
-    let edges = edges(logs);
-    let parts: Vec<Vec<Range<usize>>> = rows.iter().map(|rows| parts(rows, &edges)).collect();
-    let unchanged = |rows: &Rows, part: &Range<usize>| LeftOut { part: part.clone(), residual: rows.residual.clone() };
+    let (count, part_of) = divide(logs);
+    let parts: Vec<Vec<Vec<usize>>> = rows.iter().map(|rows| parts(rows, count, &part_of)).collect();
+    let unchanged = |rows: &Rows, part: &Vec<usize>| LeftOut { part: part.clone(), residual: rows.residual.clone() };
     if mean == Mean::Zero || logs.len() < FEWEST_LOGS {
         let joints = rows.iter().zip(&parts);
         return Ok(joints.map(|(rows, parts)| parts.iter().map(|part| unchanged(rows, part)).collect()).collect());
@@ -42,17 +40,16 @@ pub(super) fn left_out(
     }
     let weights: Vec<f64> = rows.iter().map(weight).collect();
     let mut result: Vec<Vec<LeftOut>> = rows.iter().map(|_| Vec::new()).collect();
-    for index in 0..edges.len() {
+    for index in 0..count {
         let mut information = Mat::<f64>::zeros(unknowns, unknowns);
         let mut projection = Mat::<f64>::zeros(unknowns, 1);
         for (joint, matrix) in matrices.iter().enumerate() {
-            let Range { start, end } = parts[joint][index];
-            for other in [0..start, end..matrix.nrows()] {
-                let kept = matrix.as_ref().subrows(other.start, other.len());
-                let residual = Mat::from_fn(other.len(), 1, |i, _| rows[joint].residual[other.start + i]);
-                information += kept.transpose() * kept * faer::Scale(weights[joint]);
-                projection += kept.transpose() * residual * faer::Scale(weights[joint]);
-            }
+            let part = &parts[joint][index];
+            let kept: Vec<usize> = (0..matrix.nrows()).filter(|row| part.binary_search(row).is_err()).collect();
+            let residual = Mat::from_fn(kept.len(), 1, |i, _| rows[joint].residual[kept[i]]);
+            let kept = Mat::from_fn(kept.len(), unknowns, |i, k| matrix[(kept[i], k)]);
+            information += kept.transpose() * &kept * faer::Scale(weights[joint]);
+            projection += kept.transpose() * residual * faer::Scale(weights[joint]);
         }
         let (change, _) = basis::solve(&information, &projection);
         let change = Mat::from_fn(unknowns, 1, |k, _| change[k]);
@@ -71,19 +68,86 @@ fn weight(rows: &Rows) -> f64 {
     if squares > 0.0 { rows.residual.len() as f64 / squares } else { 0.0 }
 }
 
-/// Log and sample with which each part starts.
-fn edges(logs: &[LogResidual]) -> Vec<(usize, usize)> {
+/// Number of parts, and for each log the part of each sample: whole logs if there are enough; else eighths of their period
+/// if a motion repeats itself, for an eighth of the time would be seen again in every other period; else of the time.
+fn divide(logs: &[LogResidual]) -> (usize, Vec<Vec<usize>>) {
+    let lengths = logs.iter().map(|log| log.time.len());
     if logs.len() >= FEWEST_LOGS {
-        return (0..logs.len()).map(|log| (log, 0)).collect();
+        return (logs.len(), lengths.enumerate().map(|(log, length)| vec![log; length]).collect());
     }
-    let all: Vec<(usize, usize)> =
-        logs.iter().enumerate().flat_map(|(log, residual)| (0..residual.time.len()).map(move |k| (log, k))).collect();
-    (0..PARTS).map(|part| all[part * all.len() / PARTS]).collect()
+    let dof = |log: &LogResidual| log.motion.q.len() / log.time.len();
+    let periods: Vec<Option<usize>> = logs.iter().map(|log| period(&log.motion.q, dof(log))).collect();
+    if periods.iter().any(Option::is_some) {
+        let of_log = |(length, period): (usize, &Option<usize>)| {
+            let period = period.unwrap_or(length);
+            (0..length).map(|k| k % period * PARTS / period).collect()
+        };
+        return (PARTS, lengths.zip(&periods).map(of_log).collect());
+    }
+    let total: usize = lengths.clone().sum();
+    let mut before = 0;
+    let of_log = |length: usize| {
+        before += length;
+        (before - length..before).map(|k| k * PARTS / total).collect()
+    };
+    (PARTS, lengths.map(of_log).collect())
+}
+
+/// Samples that are looked at for a period.
+const LOOKED_AT: usize = 2000;
+
+/// Mean square difference of a motion to itself a period later, in its variance: below this it repeats itself, above the
+/// other it has gone elsewhere.
+const ALIKE: f64 = 0.01;
+const ELSEWHERE: f64 = 0.2;
+
+/// Samples after which a motion, `[samples, dof]`, repeats itself; none if it does not, or only after more than half of
+/// them.
+fn period(q: &[f64], dof: usize) -> Option<usize> {
+    let samples = q.len() / dof;
+    let step = samples.div_ceil(LOOKED_AT);
+    let thinned: Vec<&[f64]> = q.chunks_exact(dof).step_by(step).collect();
+    let count = thinned.len();
+    let square = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+    let mean: Vec<f64> = (0..dof).map(|j| thinned.iter().map(|q| q[j]).sum::<f64>() / count as f64).collect();
+    let variance = thinned.iter().map(|q| square(q, &mean)).sum::<f64>() / count as f64;
+    let difference = |lag: usize| {
+        let pairs = thinned.iter().zip(&thinned[lag..]);
+        pairs.map(|(a, b)| square(a, b)).sum::<f64>() / ((count - lag) as f64 * variance)
+    };
+    let differences: Vec<f64> = (0..=count / 2).map(difference).collect();
+    let away = differences.iter().position(|difference| *difference > ELSEWHERE)?;
+    let lowest =
+        |lag: &usize| differences[*lag] < ALIKE && differences[*lag..].iter().take(2).all(|d| *d >= differences[*lag]);
+    (away..differences.len()).find(lowest).map(|lag| lag * step)
 }
 
 /// Rows of each part.
-fn parts(rows: &Rows, edges: &[(usize, usize)]) -> Vec<Range<usize>> {
-    let first = |edge: &(usize, usize)| rows.source.partition_point(|source| source < edge);
-    let ends = edges[1..].iter().map(first).chain([rows.source.len()]);
-    edges.iter().map(first).zip(ends).map(|(start, end)| start..end).collect()
+fn parts(rows: &Rows, count: usize, part_of: &[Vec<usize>]) -> Vec<Vec<usize>> {
+    let mut parts = vec![Vec::new(); count];
+    for (row, (log, sample)) in rows.source.iter().enumerate() {
+        parts[part_of[*log][*sample]].push(row);
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_motion_that_repeats_itself_is_known_by_its_period() {
+        let wave = |k: usize, period: f64| (std::f64::consts::TAU * k as f64 / period).sin();
+        // Two joints, the second three times as fast; measured with noise that no two periods share.
+        let noise = |k: usize| 1e-3 * ((k * 7919 % 1009) as f64 / 504.0 - 1.0);
+        let repeated: Vec<f64> =
+            (0..9000).flat_map(|k| [wave(k, 2400.0) + noise(k), 0.5 * wave(k, 800.0) + noise(k + 5)]).collect();
+        let found = period(&repeated, 2).expect("three periods and a half");
+        assert!(found.abs_diff(2400) <= 5, "{found}");
+        // The period would only be over after the log, the motion never comes back, or never leaves.
+        assert_eq!(period(&repeated[..2 * 4000], 2), None);
+        let chirp: Vec<f64> = (0..9000).map(|k| wave(k * k / 3000, 2400.0)).collect();
+        assert_eq!(period(&chirp, 1), None);
+        assert_eq!(period(&[0.3; 500], 1), None);
+    }
 }

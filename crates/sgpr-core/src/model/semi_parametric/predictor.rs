@@ -43,7 +43,7 @@ impl SemiParametricPredictor {
     pub fn new(model: &SemiParametricModel, options: PredictorOptions) -> Result<Self, SemiParametricError> {
         let n = model.physics.robot().dof();
         let together = together(&model.joints, options);
-        let with_variance = options.variance_points != Some(0);
+        let with_variance = options.variance_rank != Some(0);
         let mut joints = Vec::with_capacity(n);
         for (index, rest) in model.joints.iter().enumerate() {
             let together = together.iter().any(|(members, _)| members.contains(&index));

@@ -1,7 +1,5 @@
 //! The process of one joint: which inputs, which hyperparameters, and whether it helps on motion that it has not seen.
 
-use std::ops::Range;
-
 use serde::{Deserialize, Serialize};
 
 use super::{Inputs, SemiParametricOptions};
@@ -24,8 +22,16 @@ pub(super) struct Rows {
 /// Rows of a joint and, for every part that is left out in turn, what physics identified without that part leaves over
 /// at all of them.
 pub(super) struct LeftOut {
-    pub part: Range<usize>,
+    /// Rows, in order.
+    pub part: Vec<usize>,
     pub residual: Vec<f64>,
+}
+
+impl LeftOut {
+    /// What the physics leaves over at the part.
+    fn measured(&self) -> impl Iterator<Item = f64> {
+        self.part.iter().map(|&row| self.residual[row])
+    }
 }
 
 /// How one selection of inputs did.
@@ -150,8 +156,8 @@ impl Alone {
     pub fn new(rows: &Rows, left_out: &[LeftOut]) -> Self {
         let count = rows.residual.len();
         let mean_square = rows.residual.iter().map(|r| r * r).sum::<f64>() / count.max(1) as f64;
-        let errors = left_out.iter().flat_map(|left_out| &left_out.residual[left_out.part.clone()]);
-        let physics: Vec<(f64, f64)> = errors.map(|error| (*error, mean_square)).collect();
+        let errors = left_out.iter().flat_map(LeftOut::measured);
+        let physics: Vec<(f64, f64)> = errors.map(|error| (error, mean_square)).collect();
         let physics_loss = loss_of(&physics);
         let enough = count >= FEWEST && mean_square > 0.0;
         let (calibration, calibration_95) = if enough { calibration(&physics, left_out.len()) } else { (1.0, 1.96) };
@@ -273,19 +279,20 @@ pub(super) fn errors_left_out(
     let (width, noise) = (gp.data().inputs(), gp.covariance().total_noise_variance());
     let prior = gp.covariance().signal.variance();
     let mut all = Vec::with_capacity(rows.residual.len());
-    for LeftOut { part, residual } in left_out {
-        let measured = &residual[part.clone()];
-        let x = &rows.x[part.start * width..part.end * width];
-        let others: Vec<usize> = (0..points.len()).filter(|&k| !part.contains(&points[k])).collect();
+    for left_out in left_out {
+        let others: Vec<usize> =
+            (0..points.len()).filter(|&k| left_out.part.binary_search(&points[k]).is_err()).collect();
         if others.is_empty() {
-            all.extend(measured.iter().map(|residual| (*residual, prior + noise)));
+            all.extend(left_out.measured().map(|residual| (residual, prior + noise)));
             continue;
         }
-        let y = others.iter().map(|&k| residual[points[k]]).collect();
+        let x: Vec<f64> =
+            left_out.part.iter().flat_map(|row| &rows.x[row * width..(row + 1) * width]).copied().collect();
+        let y = others.iter().map(|&k| left_out.residual[points[k]]).collect();
         let data = Data::new(gp.data().select(&others).x().to_vec(), width, y, 1)?;
-        let predicted = GaussianProcess::fit(data, gp.covariance().clone(), compute)?.predict(x, true)?;
+        let predicted = GaussianProcess::fit(data, gp.covariance().clone(), compute)?.predict(&x, true)?;
         let predictions = predicted.mean.iter().zip(&predicted.variance);
-        all.extend(measured.iter().zip(predictions).map(|(y, (mean, variance))| (y - mean, variance + noise)));
+        all.extend(left_out.measured().zip(predictions).map(|(y, (mean, variance))| (y - mean, variance + noise)));
     }
     Ok(all)
 }
