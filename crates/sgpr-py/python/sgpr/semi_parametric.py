@@ -47,7 +47,9 @@ class SemiParametricModel(Estimator):
         "own_motion").
     mean : {"physics", "joint", "zero"}
         What the processes are the rest of: the physics as least squares found it, the physics estimated again together
-        with them (generalised least squares), or nothing, for comparison.
+        with them (generalised least squares; the hyperparameters are searched with the linear parameters unknown, and a
+        joint where that predicts stretches left out no better than the physics has no process), or nothing, for
+        comparison.
     points : int, default 500
         Budget of each process; of more rows the most informative ones are taken.
     starts : int, default 1
