@@ -78,7 +78,8 @@ impl Case {
     }
 
     fn report(&self, motion: &Trajectory) -> ExcitationReport {
-        evaluate(&self.robot, &self.set, &self.base, &motion.samples(60.0, motion.duration()), None).expect("samples")
+        evaluate(&self.robot, &self.set, &self.base, None, &motion.samples(60.0, motion.duration()), None)
+            .expect("samples")
     }
 
     fn optimise(&self, options: &ExciteOptions) -> Excitation {
@@ -157,7 +158,7 @@ fn the_report_is_that_of_the_regressor() {
             y.chunks_exact(20).map(pick).collect::<Vec<_>>()
         })
         .collect();
-    let report = evaluate(&case.robot, &case.set, &case.base, &samples, None).expect("samples");
+    let report = evaluate(&case.robot, &case.set, &case.base, None, &samples, None).expect("samples");
     let energy: f64 = rows.iter().flatten().map(|x| x * x).sum();
     let squares: f64 = report.singular_values.iter().map(|s| s * s).sum();
     assert!((energy - squares).abs() < 1e-9 * energy, "{energy} {squares}");
@@ -240,6 +241,31 @@ fn every_basis_and_criterion_gives_a_motion() {
     }
 }
 
+/// Columns of a dead zone jump with the direction of motion, those of cogging have many optima.
+#[test]
+fn motions_for_nonlinear_effects_are_better_for_them_than_motions_without() {
+    let case = Case::two_link(&["viscous_friction"]);
+    for name in ["stribeck_friction", "backlash", "cogging_torque"] {
+        let effect = sgpr_core::effects::by_name(name).expect("of the library");
+        let terms = nominal_terms(&case.robot, &effect, 10.0).expect("shown by a motion");
+        let parameters = [case.robot.standard_parameters(), vec![0.0; 2]].concat();
+        let nominal = NominalEffects::new(&case.robot, &case.set, &case.base, &parameters, terms, 10.0);
+        let judge = |motion: &Trajectory| {
+            let samples = motion.samples(100.0, 10.0);
+            evaluate(&case.robot, &case.set, &case.base, Some(&nominal), &samples, None).expect("samples")
+        };
+        let options = ExciteOptions { starts: 1, evaluations: 100, ..case.options(Criterion::DOptimality) };
+        let plain = case.optimise(&options);
+        let found = case.optimise(&ExciteOptions { evaluations: 200, nominal: Some(nominal.clone()), ..options });
+        assert_within_limits(&case, &found);
+        let (before, after) = (judge(&plain.trajectory), judge(&found.trajectory));
+        println!("{name}: {} {:.2} {:.2}", nominal.len(), before.log_determinant, after.log_determinant);
+        let least = if name == "stribeck_friction" { 0.5 } else { -0.2 };
+        assert!(after.log_determinant > before.log_determinant + least, "{name}");
+        assert_eq!(after.rank, case.base.rank() + nominal.len());
+    }
+}
+
 #[test]
 fn the_result_depends_on_the_seed_and_on_nothing_else() {
     let case = Case::two_link(&FRICTION);
@@ -290,6 +316,12 @@ fn bad_input_is_refused_with_names() {
         options.surroundings = Some(cell);
     });
     assert!(low.contains("distance of the link of joint `joint_") && low.contains("from the floor"), "{low}");
+    let turned = message(&|options| {
+        let mut cell = Surroundings::skeleton(&case.robot, 0.1);
+        cell.blocks = vec![Block { low: [0.6, 0.0, 0.0], high: [0.5, 1.0, 1.0] }];
+        options.surroundings = Some(cell);
+    });
+    assert_eq!(turned, "highest corner of a box is 0.5: a number above that of the lowest corner");
     let robot = two_link().with_standard_parameters(&[0.0; 20]);
     assert!(MotionLimits::of_robot(&robot, &[1.0]).expect_err("short").to_string().contains("1 values for 2 joints"));
 }

@@ -90,6 +90,55 @@ fn rich_kernel() -> Kernel {
     angles.times(speeds).plus(rough).plus(product)
 }
 
+/// Beside linear terms, log p is that of the data in directions that the terms cannot reach.
+#[test]
+fn the_likelihood_beside_linear_terms_is_that_of_what_they_cannot_explain() {
+    let reference = reference();
+    let data = reference_data(&reference);
+    let (n, terms) = (data.len(), 4);
+    // The third is the sum of the first two.
+    let value = |i: usize, k: usize| {
+        let x = &data.x()[3 * i..3 * i + 3];
+        [x[0], 200.0 * x[1].cos(), x[0] + 200.0 * x[1].cos(), 1.0][k]
+    };
+    let h = faer::Mat::from_fn(n, terms, value);
+    let covariance = Covariance::new(rich_kernel(), 0.02);
+    let mut likelihood = Likelihood::beside(&data, h.as_ref(), &Compute::default()).expect("small");
+    let (found, gradient) = likelihood.value_and_gradient(&covariance).expect("well-conditioned");
+
+    // Directions without terms: eigenvectors of the projection on their complement.
+    let svd = h.thin_svd().expect("finite");
+    let rank = (0..terms).filter(|&k| svd.S()[k] > 1e-9 * svd.S()[0]).count();
+    assert_eq!(rank, 3);
+    let used = svd.U().subcols(0, rank);
+    let projection = faer::Mat::<f64>::identity(n, n) - used * used.transpose();
+    let eigen = projection.self_adjoint_eigen(faer::Side::Lower).expect("finite");
+    let free = eigen.U().subcols(rank, n - rank);
+    let k = faer::Mat::from_fn(n, n, |i, j| {
+        let noise = if i == j { covariance.noise_variance } else { 0.0 };
+        covariance.signal.value(&data.x()[3 * i..3 * i + 3], &data.x()[3 * j..3 * j + 3]) + noise
+    });
+    let reduced = free.transpose() * k * free;
+    let y = free.transpose() * faer::Mat::from_fn(n, 1, |i, _| data.y()[i]);
+    let llt = reduced.llt(faer::Side::Lower).expect("positive definite");
+    let fit = (y.transpose() * faer::linalg::solvers::Solve::solve(&llt, &y))[(0, 0)];
+    let log_root: f64 = (0..n - rank).map(|i| llt.L()[(i, i)].ln()).sum();
+    let expected = -0.5 * fit - log_root - 0.5 * (n - rank) as f64 * std::f64::consts::TAU.ln();
+    assert!((found - expected).abs() < 1e-8 * expected.abs(), "{found} {expected}");
+
+    let theta = covariance.theta();
+    for k in 0..theta.len() {
+        let step = 1e-5;
+        let mut at = |sign: f64| {
+            let mut theta = theta.clone();
+            theta[k] += sign * step;
+            likelihood.value(&covariance.with_theta(&theta)).expect("well-conditioned")
+        };
+        let difference = (at(1.0) - at(-1.0)) / (2.0 * step);
+        assert!((gradient[k] - difference).abs() < 1e-6 * (1.0 + found.abs()), "{k}: {} {difference}", gradient[k]);
+    }
+}
+
 #[test]
 fn gradients_are_those_of_finite_differences() {
     let reference = reference();

@@ -14,6 +14,7 @@ use sgpr_core::model::{
     IdentifyOptions, Inputs, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions,
     SemiParametricPredictor, Start, Term, TorqueModel, compare, fit_rest, fit_semi_parametric, identify,
 };
+use sgpr_core::motion::Motion;
 use sgpr_core::progress::{Interrupted, Progress};
 use sgpr_core::recording::{Recording, csv};
 use sgpr_core::robot::{Robot, UrdfOptions};
@@ -106,16 +107,18 @@ fn a_model_read_back_and_a_predictor_say_the_same() {
     }
 }
 
+/// Rotors are missing, which least squares hides in the inertias of the links: wrong on any other motion.
 #[test]
-fn estimating_the_physics_together_with_the_rest_changes_it_within_its_spread() {
-    let mut options = SemiParametricOptions { inputs: Some(Inputs::OwnVelocity), ..options() };
-    options.identify.effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
+fn estimating_the_physics_together_with_the_rest_brings_back_what_it_hid() {
+    let mut options = SemiParametricOptions { inputs: Some(Inputs::OwnMotion), ard: false, ..options() };
+    options.identify.effects = ["viscous_friction", "coulomb_friction"].map(String::from).to_vec();
     let test = [read("test")];
     let fixed = fit(&options);
     let joint = fit(&SemiParametricOptions { mean: Mean::Joint, ..options });
     let (a, b) = (fixed.compare(&test).expect("good"), joint.compare(&test).expect("good"));
+    println!("physics first {:.2} %, together {:.2} %", a.relative_error_percent, b.relative_error_percent);
     assert!(
-        b.relative_error_percent < 1.2 * a.relative_error_percent,
+        b.relative_error_percent < 0.9 * a.relative_error_percent,
         "{} {}",
         b.relative_error_percent,
         a.relative_error_percent
@@ -132,7 +135,6 @@ fn estimating_the_physics_together_with_the_rest_changes_it_within_its_spread() 
     for (calm, wild) in deviation(&joint, &slow).iter().zip(deviation(&joint, &fast)) {
         assert!(wild > *calm);
     }
-    assert!(largest_difference(&deviation(&fixed, &slow), &deviation(&fixed, &fast)) < 1e-12);
 }
 
 #[test]
@@ -192,8 +194,8 @@ fn at_single_joints(model: &TorqueModel, effect: &str) -> TorqueModel {
 
 #[test]
 fn effects_at_single_joints_are_part_of_the_physics() {
-    let mut options = SemiParametricOptions { inputs: Some(Inputs::OwnJoint), ..options() };
-    options.identify.effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
+    let mut options = SemiParametricOptions { inputs: Some(Inputs::OwnMotion), ..options() };
+    options.identify.effects = ["viscous_friction", "coulomb_friction"].map(String::from).to_vec();
     let (everywhere, _) = identify(&robot(), &train(), &options.identify, &()).expect("good logs");
     let single = at_single_joints(&everywhere, "coulomb_friction");
     // Both without the record of the identification, so that they differ in nothing but where the effect stands.
@@ -243,6 +245,29 @@ fn a_length_scale_for_each_input_does_not_overfit() {
     let ((seen, unseen), (seen_ard, unseen_ard)) = (errors(false), errors(true));
     assert!(unseen_ard < unseen, "one length scale {unseen:.2} %, one per input {unseen_ard:.2} %");
     assert!(unseen_ard / seen_ard < unseen / seen, "what is gained on logs that it has seen is gained on others");
+}
+
+/// With white errors only, physics and process together predict no better than the physics: it stays to the bit.
+#[test]
+fn physics_that_lacks_nothing_is_left_as_it_was_identified() {
+    let robot = robot();
+    let (truth, _) = identify(&robot, &train(), &IdentifyOptions::default(), &()).expect("good logs");
+    let noise = |k: usize| 2.0 * f64::from((k as u32).wrapping_mul(2_654_435_761) >> 8) / f64::from(1u32 << 24) - 1.0;
+    let exact = |log: &Recording| {
+        let names: Vec<String> = robot.joint_names().map(String::from).collect();
+        let motions = Motion::from_recording(log, truth.processing().expect("identified")).expect("good");
+        let Motion { time, q, dq, .. } = &motions[0];
+        let tau = truth.predict(motions[0].samples());
+        let tau = tau.iter().enumerate().map(|(k, tau)| tau + noise(k)).collect();
+        Recording::new("exact", names, time.clone(), q.clone(), Some(dq.clone()), Some(tau), vec![]).expect("arrays")
+    };
+    let logs: Vec<Recording> = train().iter().map(exact).collect();
+    let options = SemiParametricOptions { mean: Mean::Joint, inputs: Some(Inputs::OwnMotion), ..options() };
+    let options = SemiParametricOptions { identify: IdentifyOptions::default(), ..options };
+    let model = fit_semi_parametric(&robot, &logs, &options, &()).expect("good logs");
+    assert!(model.reports().iter().all(|report| report.chosen.is_none() && report.candidates.len() == 1));
+    let (physics, _) = identify(&robot, &logs, &options.identify, &()).expect("good logs");
+    assert_eq!(model.physics().parameters(), physics.parameters());
 }
 
 #[test]

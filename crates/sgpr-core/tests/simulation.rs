@@ -243,7 +243,7 @@ fn both_integrators_come_together_with_all_friction_on() {
 #[test]
 fn every_controller_follows_with_a_true_model() {
     let robot = puma560();
-    // Without dry friction, which no model at a measured velocity of zero can compensate.
+    // Without dry friction, which computed torque at a measured velocity of zero cannot compensate.
     let drives: Vec<Drive> = puma560_drives()
         .into_iter()
         .map(|drive| Drive { coulomb_friction: [0.0; 2], static_friction: [0.0; 2], ..drive })
@@ -271,6 +271,26 @@ fn every_controller_follows_with_a_true_model() {
     // What is left is the torque held over a millisecond.
     assert!(forward < 2e-3 && impedance < 2e-3 && computed < 2e-3, "{forward} {impedance} {computed}");
     assert!(feedback > 20.0 * forward, "{feedback} without a model");
+}
+
+#[test]
+fn a_soft_impedance_moves_joints_that_stand() {
+    let robot = puma560();
+    let drives = puma560_drives();
+    let known = drives.clone();
+    let mut body = RigidBody::new(&robot);
+    let model = move |q: &[f64], dq: &[f64], ddq: &[f64], tau: &mut [f64]| {
+        body.add_torque(q, dq, ddq, tau);
+        for (joint, drive) in known.iter().enumerate() {
+            tau[joint] += drive.rotor_inertia * ddq[joint] + drive.friction(dq[joint]);
+        }
+    };
+    // The spring alone would need an error of Fc / K, 2.5 rad at the first joint, before anything moves.
+    let mut soft = JointImpedance { model, gains: Gains::uniform(6, 10.0, 2.0) };
+    let experiment = Experiment::default();
+    let record = follow_with(&drives, Integrator::SemiImplicitEuler, 2.5e-4, &mut soft, &experiment);
+    let errors = record.tracking_rmse();
+    assert!(errors.iter().all(|error| *error < 0.05), "{errors:?}");
 }
 
 #[test]

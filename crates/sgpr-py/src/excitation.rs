@@ -6,8 +6,12 @@ use std::sync::{Mutex, PoisonError};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sgpr_core::excitation::{self as core, Basis, Block, Criterion, ExciteOptions, MotionLimits, Status, Surroundings};
+use sgpr_core::effects::{Entry, by_name};
+use sgpr_core::excitation::{
+    self as core, Basis, Block, Criterion, ExciteOptions, MotionLimits, NominalEffects, Status, Surroundings,
+};
 use sgpr_core::identification::{BaseParameters, ParameterSet};
+use sgpr_core::model::{Term, TorqueModel};
 use sgpr_core::progress::{Interrupted, Progress};
 use sgpr_core::robot::Robot as CoreRobot;
 
@@ -194,7 +198,7 @@ impl Trajectory {
     /// Parameters
     /// ----------
     /// effects : list of str, optional
-    ///     Effects beside the rigid body.
+    ///     Effects beside the rigid body, as in `excite`.
     /// noise : array of shape (n,), optional
     ///     Standard deviations of the torque, N·m (N).
     /// rate_hz : float, default 100
@@ -203,7 +207,9 @@ impl Trajectory {
     /// -------
     /// dict
     ///     "condition", "scaled_condition", "frobenius_condition", "link_conditions", "sum_of_conditions",
-    ///     "log_determinant" (per sample), "singular_values", "rank", "base_parameters".
+    ///     "log_determinant" (per sample), "singular_values", "rank", "base_parameters"; with effects that enter
+    ///     nonlinearly "nominal", the values at which their torque is differentiated, and "hidden", parameters that no
+    ///     motion can tell from others. "base_parameters" counts those of "nominal".
     #[pyo3(signature = (effects=None, *, noise=None, rate_hz=100.0), text_signature = "($self, effects=(), *, noise=None, rate_hz=100.0)")]
     fn excitation<'py>(
         &self,
@@ -214,13 +220,16 @@ impl Trajectory {
     ) -> PyResult<Bound<'py, PyDict>> {
         let effects = effects.map(|names| texts("effects", names)).transpose()?.unwrap_or_default();
         let noise = noise.map(|noise| per_joint("noise", noise, &self.robot)).transpose()?;
-        let set = ParameterSet::new(&self.robot, &effects).map_err(IntoPyErr::into_py_err)?;
+        let (set, terms) = split(&self.robot, &effects, None, self.inner.duration())?;
         let samples = self.sampled(rate_hz, None)?;
         let report = py.detach(|| {
             let base = BaseParameters::new(&self.robot, &set);
-            core::evaluate(&self.robot, &set, &base, &samples, noise.as_deref())
+            let nominal = nominal(&self.robot, &set, &base, None, terms, self.inner.duration());
+            let report = core::evaluate(&self.robot, &set, &base, nominal.as_ref(), &samples, noise.as_deref());
+            report.map(|report| (report, nominal))
         });
-        report_dict(py, &report.map_err(IntoPyErr::into_py_err)?)
+        let (report, nominal) = report.map_err(IntoPyErr::into_py_err)?;
+        report_dict(py, &report, nominal.as_ref())
     }
 
     /// Largest values in continuous time.
@@ -272,6 +281,7 @@ impl Trajectory {
 #[pyclass(module = "sgpr", frozen)]
 pub struct Excitation {
     inner: core::Excitation,
+    nominal: Option<NominalEffects>,
     robot: CoreRobot,
 }
 
@@ -298,7 +308,7 @@ impl Excitation {
     /// As `Trajectory.excitation`.
     #[getter]
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        report_dict(py, &self.inner.report)
+        report_dict(py, &self.inner.report, self.nominal.as_ref())
     }
 
     /// As `Trajectory.peaks`, with the torque of the parameters that were given.
@@ -344,7 +354,10 @@ impl Excitation {
 /// ----------
 /// robot : Robot
 /// effects : list of str, default ("viscous_friction", "coulomb_friction")
-///     Effects whose parameters shall be revealed too.
+///     Effects whose parameters shall be revealed too. Of one that depends on the whole motion or enters nonlinearly, such
+///     as "stribeck_friction", the torque is differentiated by parameters and constants at nominal values: those of
+///     `model`, or the middle of what is known of the constants and coefficients of one. The motion is good for values
+///     near these; with such effects "d_optimality" is the criterion that does not depend on units.
 /// criterion : str, default "condition"
 ///     What is made small: "condition", "frobenius_condition", "sum_of_conditions" (per link), "static_conditions",
 ///     "dynamic_conditions", "d_optimality", "hadamard".
@@ -380,7 +393,8 @@ impl Excitation {
 /// noise : array of shape (n,), optional
 ///     Standard deviations of the torque, N·m (N), which weigh the joints.
 /// model : Model, optional
-///     What torque limits are checked with; its effects must be `effects`. The rigid body by default.
+///     What torque limits are checked with, and nominal values of effects; the effects that it has at all joints must be
+///     those of `effects` that enter linearly. The rigid body by default.
 /// starts : int, default 6
 ///     Searches.
 /// max_evaluations : int, default 1500
@@ -426,9 +440,10 @@ pub fn excite(
         Some(names) => texts("effects", names)?,
         None => ["viscous_friction", "coulomb_friction"].map(String::from).to_vec(),
     };
-    let set = ParameterSet::new(&robot, &effects).map_err(IntoPyErr::into_py_err)?;
     let mut keywords = Keywords::new(options)?;
     let basis = keywords.basis()?;
+    let duration = basis.duration();
+    let (set, terms) = split(&robot, &effects, model.map(|model| &*model.get().inner), duration)?;
     let limits = keywords.limits(&robot)?;
     let surroundings = keywords.surroundings(&robot)?;
     keywords.finish()?;
@@ -452,9 +467,50 @@ pub fn excite(
     // An interruption is no failure here: it ends the search, and what was found is returned.
     let found = listen(py, progress, |progress| {
         let base = BaseParameters::new(&robot, &set);
+        options.nominal = nominal(&robot, &set, &base, options.parameters.as_deref(), terms, duration);
         core::optimise(&robot, &set, &base, &options, &Once { progress, stopped: Mutex::new(false) })
     })?;
-    Ok(Excitation { inner: found, robot })
+    Ok(Excitation { inner: found, nominal: options.nominal, robot })
+}
+
+/// The effects that enter by columns of the present joint motion, and the terms of the others: those of the model, or with
+/// values from the middle of what is known.
+fn split(
+    robot: &CoreRobot,
+    effects: &[String],
+    model: Option<&TorqueModel>,
+    duration: f64,
+) -> PyResult<(ParameterSet, Vec<Term>)> {
+    let (mut state, mut terms) = (vec![], vec![]);
+    for name in effects {
+        let effect = by_name(name).map_err(IntoPyErr::into_py_err)?;
+        if effect.entry() == Entry::State {
+            state.push(name);
+            continue;
+        }
+        let known = model.into_iter().flat_map(TorqueModel::terms).filter(|term| term.effect.name() == name);
+        let known: Vec<Term> = known.cloned().collect();
+        match known.is_empty() {
+            true => terms.extend(core::nominal_terms(robot, &effect, duration).map_err(IntoPyErr::into_py_err)?),
+            false => terms.extend(known),
+        }
+    }
+    Ok((ParameterSet::new(robot, &state).map_err(IntoPyErr::into_py_err)?, terms))
+}
+
+/// The effects of `terms` about their values; none without terms.
+fn nominal(
+    robot: &CoreRobot,
+    set: &ParameterSet,
+    base: &BaseParameters,
+    parameters: Option<&[f64]>,
+    terms: Vec<Term>,
+    duration: f64,
+) -> Option<NominalEffects> {
+    let mut own = robot.standard_parameters();
+    own.resize(set.len(), 0.0);
+    let parameters = parameters.unwrap_or(&own);
+    (!terms.is_empty()).then(|| NominalEffects::new(robot, set, base, parameters, terms, duration))
 }
 
 /// Asks a listener that has stopped the work no more.
@@ -475,7 +531,11 @@ impl Progress for Once<'_> {
     }
 }
 
-fn report_dict<'py>(py: Python<'py>, report: &core::ExcitationReport) -> PyResult<Bound<'py, PyDict>> {
+fn report_dict<'py>(
+    py: Python<'py>,
+    report: &core::ExcitationReport,
+    nominal: Option<&NominalEffects>,
+) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     dict.set_item("condition", report.condition)?;
     dict.set_item("scaled_condition", report.scaled_condition)?;
@@ -486,6 +546,14 @@ fn report_dict<'py>(py: Python<'py>, report: &core::ExcitationReport) -> PyResul
     dict.set_item("singular_values", array(py, &[report.singular_values.len()], report.singular_values.clone())?)?;
     dict.set_item("rank", report.rank)?;
     dict.set_item("base_parameters", report.singular_values.len())?;
+    if let Some(nominal) = nominal {
+        let values = PyDict::new(py);
+        for (name, value) in nominal.names().into_iter().zip(nominal.values()) {
+            values.set_item(name, value)?;
+        }
+        dict.set_item("nominal", values)?;
+        dict.set_item("hidden", nominal.hidden())?;
+    }
     Ok(dict)
 }
 

@@ -265,8 +265,8 @@ impl Simulation {
 /// duration : float, optional
 ///     s; that of the trajectory by default.
 /// controller : {"feed_forward", "computed_torque", "impedance", "pd"} or callable
-///     The law: model(q_d, dq_d, ddq_d) + PD; model(q, dq, ddq_d + PD); model(q, dq, ddq_d) + PD; PD alone. A callable is
-///     called as ``controller(t, q, dq, q_wanted, dq_wanted, ddq_wanted)`` and returns the torques, (n,).
+///     The law: model(q_d, dq_d, ddq_d) + PD; model(q, dq, ddq_d + PD); model(q, dq_d, ddq_d) + PD; PD alone. A callable
+///     is called as ``controller(t, q, dq, q_wanted, dq_wanted, ddq_wanted)`` and returns the torques, (n,).
 /// kp, kd : float or array of shape (n,)
 ///     Gains at the joints.
 /// model : Robot, Model, SemiParametricModel or list of them, optional

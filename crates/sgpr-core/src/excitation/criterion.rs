@@ -2,6 +2,7 @@
 
 use faer::Mat;
 
+use super::NominalEffects;
 use crate::identification::{BaseParameters, ParameterSet};
 use crate::linalg::symmetric_eigen;
 use crate::robot::Robot;
@@ -68,8 +69,14 @@ pub(super) struct Objective {
 }
 
 impl Objective {
-    pub fn new(criterion: Criterion, robot: &Robot, set: &ParameterSet, base: &BaseParameters) -> Self {
-        let all: Vec<usize> = (0..base.rank()).collect();
+    pub fn new(
+        criterion: Criterion,
+        robot: &Robot,
+        set: &ParameterSet,
+        base: &BaseParameters,
+        nominal: Option<&NominalEffects>,
+    ) -> Self {
+        let all: Vec<usize> = (0..base.rank() + nominal.map_or(0, NominalEffects::len)).collect();
         let of_link = |keep: &dyn Fn(usize) -> bool, effects: bool| {
             let mut groups = vec![Vec::new(); robot.dof()];
             for (column, &parameter) in base.independent().iter().enumerate() {
@@ -80,6 +87,9 @@ impl Objective {
                 } else if effects {
                     groups[set.effect_columns()[parameter - set.inertial()].joint].push(column);
                 }
+            }
+            if let Some(nominal) = nominal.filter(|_| effects) {
+                (0..nominal.len()).for_each(|index| groups[nominal.link(index)].push(base.rank() + index));
             }
             groups
         };
@@ -210,7 +220,7 @@ mod tests {
         let change = matrix(base.rank() + 1).submatrix(1, 0, base.rank(), base.rank()).to_owned();
         let change = Mat::from_fn(base.rank(), base.rank(), |i, j| 0.5 * (change[(i, j)] + change[(j, i)]));
         for criterion in Criterion::ALL {
-            let objective = Objective::new(criterion, &robot, &set, &base);
+            let objective = Objective::new(criterion, &robot, &set, &base, None);
             for power in [Some(2.0), Some(20.0), None] {
                 let value = |h: f64| {
                     let moved = Mat::from_fn(base.rank(), base.rank(), |i, j| a[(i, j)] + h * change[(i, j)]);

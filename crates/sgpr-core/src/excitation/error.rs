@@ -75,6 +75,14 @@ pub enum ExcitationError {
         /// Base parameters.
         expected: usize,
     },
+    /// An effect that no motion of this robot can show.
+    #[error("a motion cannot excite `{name}`: {reason}")]
+    Effect {
+        /// Effect.
+        name: String,
+        /// Why.
+        reason: String,
+    },
     /// Collision shapes that cannot be used.
     #[error("{path}: {message}")]
     Shapes {

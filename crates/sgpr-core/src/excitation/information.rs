@@ -4,7 +4,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par};
 
 use super::dual::{DIRECTIONS, Dual};
-use super::{ExcitationError, TrajectorySamples};
+use super::{ExcitationError, NominalEffects, TrajectorySamples};
 use crate::dynamics::{BatchWorkspace, Body, Samples, regressor_batch, regressor_kernel};
 use crate::effects::JointState;
 use crate::identification::{BaseParameters, ParameterSet};
@@ -18,13 +18,15 @@ pub(super) struct Information<'a> {
     robot: &'a Robot,
     set: &'a ParameterSet,
     base: &'a BaseParameters,
+    /// Columns beside those of the base parameters.
+    nominal: Option<&'a NominalEffects>,
     /// 1 / standard deviation of the torque noise of each joint.
     weights: Vec<f64>,
     /// Speed over which sgn is smoothed out, rad/s; zero for none.
     smoothing: f64,
     batch: BatchWorkspace,
     full: Vec<f64>,
-    /// W Σ^-1/2, `[samples n, base]`.
+    /// W Σ^-1/2, `[samples n, parameters]`.
     pub rows: Vec<f64>,
     bodies: Vec<Body<Dual>>,
     axes: Vec<[Vector3<Dual>; 2]>,
@@ -36,6 +38,7 @@ impl<'a> Information<'a> {
         robot: &'a Robot,
         set: &'a ParameterSet,
         base: &'a BaseParameters,
+        nominal: Option<&'a NominalEffects>,
         noise: Option<&[f64]>,
         smoothing: f64,
     ) -> Self {
@@ -45,6 +48,7 @@ impl<'a> Information<'a> {
             robot,
             set,
             base,
+            nominal,
             weights: noise.map_or(vec![1.0; n], |noise| noise.iter().map(|s| 1.0 / s).collect()),
             smoothing,
             batch: BatchWorkspace::new(robot),
@@ -72,7 +76,7 @@ impl<'a> Information<'a> {
     /// Sets `rows` to the observation matrix of the samples.
     pub fn observe(&mut self, samples: &TrajectorySamples) {
         let n = self.robot.dof();
-        let (rows, columns, width) = (samples.len() * n, self.base.rank(), PARAMETERS_PER_LINK * n);
+        let (rows, columns, width) = (samples.len() * n, self.parameters(), PARAMETERS_PER_LINK * n);
         self.full.resize(rows * width, 0.0);
         let motion = Samples { q: &samples.q, dq: &samples.dq, ddq: &samples.ddq };
         regressor_batch(self.robot, &mut self.batch, motion, &mut self.full);
@@ -95,6 +99,13 @@ impl<'a> Information<'a> {
                     };
             }
         }
+        let nominal = self.nominal.map_or_else(Vec::new, |nominal| nominal.columns(samples));
+        for (index, column) in nominal.iter().enumerate() {
+            let at = self.base.rank() + index;
+            for (k, (row, value)) in kept.chunks_exact_mut(columns).zip(column).enumerate() {
+                row[at] = self.weights[k % n] * value;
+            }
+        }
         self.rows = kept;
     }
 
@@ -110,7 +121,7 @@ impl<'a> Information<'a> {
 
     /// WᵀΣ⁻¹W / samples of the last observed motion.
     pub fn matrix(&self) -> Mat<f64> {
-        let columns = self.base.rank();
+        let columns = self.parameters();
         let rows = self.rows.len() / columns;
         let w = MatRef::from_row_major_slice(&self.rows, rows, columns);
         let mut a = Mat::zeros(columns, columns);
@@ -119,10 +130,10 @@ impl<'a> Information<'a> {
         a
     }
 
-    /// Derivative of a function of the information matrix by the entries of the last observed `rows`, `[base, rows]`:
+    /// Derivative of a function of the information matrix by the entries of the last observed `rows`, `[parameters, rows]`:
     /// d f = 2 / samples · sum over rows of (S w_row) · dw_row, where S is the derivative by the matrix.
     pub fn by_rows(&self, by_matrix: &Mat<f64>) -> Mat<f64> {
-        let columns = self.base.rank();
+        let columns = self.parameters();
         let rows = self.rows.len() / columns;
         let w = MatRef::from_row_major_slice(&self.rows, rows, columns);
         let mut pull = Mat::<f64>::zeros(columns, rows);
@@ -131,9 +142,21 @@ impl<'a> Information<'a> {
         pull
     }
 
-    /// Number of base parameters.
+    /// Number of columns: base parameters, then those of the nominal effects.
     pub fn parameters(&self) -> usize {
-        self.base.rank()
+        self.base.rank() + self.nominal.map_or(0, NominalEffects::len)
+    }
+
+    /// What the derivative by the entries of the observation matrix, `[parameters, rows]`, makes of the columns of the
+    /// nominal effects along `samples`; none without such effects.
+    pub fn along_nominal(&self, samples: &TrajectorySamples, pull: &Mat<f64>) -> Option<f64> {
+        let (n, first) = (self.robot.dof(), self.base.rank());
+        let columns = self.nominal.filter(|nominal| !nominal.is_empty())?.columns(samples);
+        let of_column = |(index, column): (usize, &Vec<f64>)| {
+            let entries = column.iter().enumerate();
+            entries.map(|(row, value)| pull[(first + index, row)] * self.weights[row % n] * value).sum::<f64>()
+        };
+        Some(columns.iter().enumerate().map(of_column).sum())
     }
 
     /// 1 / standard deviation of the torque noise of a joint.
@@ -147,11 +170,11 @@ impl<'a> Information<'a> {
             let sum: f64 = values.iter().zip(base_parameters).map(|(value, parameter)| value * parameter).sum();
             sum / self.weights[row % self.weights.len()]
         };
-        self.rows.chunks_exact(self.base.rank()).enumerate().map(torque).collect()
+        self.rows.chunks_exact(self.parameters()).enumerate().map(torque).collect()
     }
 
     /// Derivative of a function by the motion, `[samples, n]` by q, dq and ddq, from its derivative by the entries of the
-    /// observation matrix, `[base, rows]`.
+    /// observation matrix, `[parameters, rows]`, without the nominal effects ([`Self::along_nominal`]).
     ///
     /// The entries come from the regressor recursion on dual numbers, the effects' share from central differences (they
     /// may be any function).
@@ -292,8 +315,9 @@ impl ExcitationReport {
     }
 }
 
-/// What `samples` reveal of the base parameters; friction with its true sign function.
+/// What `samples` reveal of the base parameters and of effects at nominal values; friction with its true sign function.
 ///
+/// - `samples`: evenly spaced where there are nominal effects
 /// - `noise`: standard deviations of the torque, `[n]`, N·m (N); all one if `None`
 ///
 /// # Errors
@@ -302,15 +326,19 @@ pub fn evaluate(
     robot: &Robot,
     set: &ParameterSet,
     base: &BaseParameters,
+    nominal: Option<&NominalEffects>,
     samples: &TrajectorySamples,
     noise: Option<&[f64]>,
 ) -> Result<ExcitationReport, ExcitationError> {
     require_noise(robot, noise)?;
-    let mut information = Information::new(robot, set, base, noise, 0.0);
-    let mut factor = TriangularFactor::new(base.rank());
+    let mut information = Information::new(robot, set, base, nominal, noise, 0.0);
+    let width = information.parameters();
+    let mut factor = TriangularFactor::new(width);
     let n = robot.dof();
-    for first in (0..samples.len()).step_by(256) {
-        let last = (first + 256).min(samples.len());
+    // Effects with memory need the whole motion at once.
+    let piece = if width == base.rank() { 256 } else { samples.len() };
+    for first in (0..samples.len()).step_by(piece.max(1)) {
+        let last = (first + piece).min(samples.len());
         let cut = |values: &[f64]| values[first * n..last * n].to_vec();
         let (q, dq, ddq) = (cut(&samples.q), cut(&samples.dq), cut(&samples.ddq));
         information.observe(&TrajectorySamples { time: samples.time[first..last].to_vec(), q, dq, ddq });
@@ -323,17 +351,19 @@ pub fn evaluate(
         if values.is_empty() { f64::NAN } else { ratio(values[0], values[values.len() - 1]) }
     };
     let columns = |keep: &dyn Fn(usize) -> bool| {
-        let kept: Vec<usize> = (0..base.rank()).filter(|column| keep(*column)).collect();
+        let kept: Vec<usize> = (0..width).filter(|column| keep(*column)).collect();
         Mat::from_fn(factor.nrows(), kept.len(), |i, j| factor[(i, kept[j])])
     };
     let link_of = |column: usize| {
-        let parameter = base.independent()[column];
+        let Some(&parameter) = base.independent().get(column) else {
+            return nominal.map_or(0, |nominal| nominal.link(column - base.rank()));
+        };
         match parameter.checked_sub(set.inertial()) {
             None => parameter / PARAMETERS_PER_LINK,
             Some(index) => set.effect_columns()[index].joint,
         }
     };
-    let scaled = Mat::from_fn(factor.nrows(), base.rank(), |i, j| {
+    let scaled = Mat::from_fn(factor.nrows(), width, |i, j| {
         let length = factor.col(j).norm_l2();
         if length > 0.0 { factor[(i, j)] / length } else { 0.0 }
     });

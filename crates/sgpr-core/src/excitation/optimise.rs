@@ -13,7 +13,8 @@ use super::peaks::suprema;
 use super::problem::{Grid, Problem, SIGN_WIDTH, Sharpness, TorqueLimits, trajectory};
 use super::surroundings::Checker;
 use super::{
-    Basis, Criterion, ExcitationError, ExcitationReport, MotionLimits, Peaks, Surroundings, Trajectory, evaluate, peaks,
+    Basis, Criterion, ExcitationError, ExcitationReport, MotionLimits, NominalEffects, Peaks, Surroundings, Trajectory,
+    evaluate, peaks,
 };
 use crate::dynamics::{Workspace, gravity_torque};
 use crate::identification::{BaseParameters, ParameterSet};
@@ -36,6 +37,8 @@ pub struct ExciteOptions {
     pub noise: Option<Vec<f64>>,
     /// Parameters of the set that torque limits are checked with; those of the robot file if `None`.
     pub parameters: Option<Vec<f64>>,
+    /// Effects that depend on the whole motion or enter nonlinearly, whose parameters shall be revealed too.
+    pub nominal: Option<NominalEffects>,
     /// What is around the arm, if anything.
     pub surroundings: Option<Surroundings>,
     /// Searches from different random motions; the best result counts.
@@ -58,6 +61,7 @@ impl ExciteOptions {
             start: None,
             noise: None,
             parameters: None,
+            nominal: None,
             surroundings: None,
             starts: 6,
             evaluations: 1500,
@@ -247,6 +251,8 @@ struct Search<'a> {
     base: &'a BaseParameters,
     options: &'a ExciteOptions,
     objective: Objective,
+    /// The same without nominal effects.
+    plain: Objective,
     start: Vec<f64>,
     parameters: Vec<f64>,
     torque: Option<TorqueLimits>,
@@ -295,9 +301,11 @@ impl<'a> Search<'a> {
         let torque = options.limits.torque.clone();
         let free = options.basis.free_directions();
         let turns = options.basis.duration() / options.basis.shortest_time();
-        let points = (POINTS_PER_TURN * turns).ceil().max(2.0 * set.len() as f64 / robot.dof() as f64) as usize;
+        let unknowns = set.len() + options.nominal.as_ref().map_or(0, NominalEffects::len);
+        let points = (POINTS_PER_TURN * turns).ceil().max(2.0 * unknowns as f64 / robot.dof() as f64) as usize;
         Ok(Self {
-            objective: Objective::new(options.criterion, robot, set, base),
+            objective: Objective::new(options.criterion, robot, set, base, options.nominal.as_ref()),
+            plain: Objective::new(options.criterion, robot, set, base, None),
             torque: torque.map(|limits| TorqueLimits { limits, base_parameters: base.combine(&parameters) }),
             grid: Grid::new(&options.basis, &free, points),
             limit_grid: Grid::new(&options.basis, &free, 2 * points),
@@ -319,12 +327,16 @@ impl<'a> Search<'a> {
             .filter(|checker| checker.len() > 0)
     }
 
-    fn problem(&self) -> Problem<'_> {
+    fn information(&self, nominal: Option<&'a NominalEffects>, smoothing: f64) -> Information<'a> {
+        Information::new(self.robot, self.set, self.base, nominal, self.options.noise.as_deref(), smoothing)
+    }
+
+    /// With the nominal effects or without.
+    fn problem(&self, nominal: Option<&'a NominalEffects>) -> Problem<'_> {
         let slowest = self.options.limits.velocity.iter().copied().fold(f64::INFINITY, f64::min);
-        let noise = self.options.noise.as_deref();
         Problem {
-            information: Information::new(self.robot, self.set, self.base, noise, SIGN_WIDTH * slowest),
-            objective: &self.objective,
+            information: self.information(nominal, SIGN_WIDTH * slowest),
+            objective: if nominal.is_some() { &self.objective } else { &self.plain },
             limits: &self.options.limits,
             torque: self.torque.as_ref(),
             surroundings: self.checker(),
@@ -335,9 +347,10 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// One search.
+    /// One search. With nominal effects it is two of half the length, one of them without these effects, on a smooth
+    /// criterion: jumps of friction can keep the other from getting anywhere.
     fn from(&self, start: usize, stop: &AtomicBool, done: &AtomicUsize) -> SearchResult {
-        let mut problem = self.problem();
+        let mut problem = self.problem(None);
         let mut noise = Noise::new(self.options.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(start as u64));
         let mut draw = || {
             let x = random_variables(&mut noise, self.robot.dof(), &self.free, &self.options.basis);
@@ -353,20 +366,44 @@ impl<'a> Search<'a> {
                 best = other;
             }
         }
-        let mut x = best.1;
+        let result = |x: &[f64], history: Vec<Step>| {
+            let (motion, _) = self.scaled(trajectory(&self.options.basis, &self.free, &self.start, x), Some(()));
+            SearchResult { start, value: self.value(&motion), trajectory: motion, history }
+        };
+        let Some(nominal) = self.options.nominal.as_ref().filter(|nominal| !nominal.is_empty()) else {
+            let (x, history) = self.in_stages(&mut problem, best.1, start, self.options.evaluations, stop, done);
+            return result(&x, history);
+        };
+        let half = self.options.evaluations.div_ceil(2);
+        let (x, history) = self.in_stages(&mut problem, best.1.clone(), start, half, stop, done);
+        let without = result(&x, history);
+        let rest = (self.options.evaluations - half).max(1);
+        let (x, history) = self.in_stages(&mut self.problem(Some(nominal)), best.1, start, rest, stop, done);
+        let with = result(&x, history);
+        if with.value <= without.value { with } else { SearchResult { history: with.history, ..without } }
+    }
+
+    /// Descends on criterion and limits that are sharpened step by step.
+    fn in_stages(
+        &self,
+        problem: &mut Problem<'_>,
+        mut x: Vec<f64>,
+        start: usize,
+        evaluations: usize,
+        stop: &AtomicBool,
+        done: &AtomicUsize,
+    ) -> (Vec<f64>, Vec<Step>) {
         let mut history = Vec::new();
         let stages: &[Sharpness] = if self.objective.is_condition() { &STAGES } else { &[STAGES[0], STAGES[2]] };
         for (index, stage) in stages.iter().enumerate() {
             problem.sharpness = *stage;
             // What earlier stages left over is used by the last.
-            let share = self.options.evaluations * (index + 1) / stages.len();
+            let share = evaluations * (index + 1) / stages.len();
             let most = share.saturating_sub(history.len()).max(1);
-            x = self.descend(&mut problem, x, start, most, stop, done, &mut history);
+            x = self.descend(problem, x, start, most, stop, done, &mut history);
         }
-        done.fetch_add(self.options.evaluations.saturating_sub(history.len()), Ordering::Relaxed);
-        let (motion, _) = self.scaled(trajectory(&self.options.basis, &self.free, &self.start, &x), Some(()));
-        let value = self.value(&motion);
-        SearchResult { start, trajectory: motion, value, history }
+        done.fetch_add(evaluations.saturating_sub(history.len()), Ordering::Relaxed);
+        (x, history)
     }
 
     #[allow(clippy::too_many_arguments)]
@@ -465,7 +502,7 @@ impl<'a> Search<'a> {
 
     /// The criterion of a motion on a dense grid, with the true sign function.
     fn value(&self, motion: &Trajectory) -> f64 {
-        let mut information = Information::new(self.robot, self.set, self.base, self.options.noise.as_deref(), 0.0);
+        let mut information = self.information(self.options.nominal.as_ref(), 0.0);
         information.observe(&dense(motion));
         self.objective.value_and_derivative(&information.matrix(), None).0
     }
@@ -481,9 +518,11 @@ impl<'a> Search<'a> {
             return Err(Interrupted.into());
         };
         let noise = self.options.noise.as_deref();
-        let report = evaluate(self.robot, self.set, self.base, &dense(&best.trajectory), noise)?;
+        let report =
+            evaluate(self.robot, self.set, self.base, self.options.nominal.as_ref(), &dense(&best.trajectory), noise)?;
         if !best.value.is_finite() {
-            return Err(ExcitationError::RankDeficient { rank: report.rank, expected: self.base.rank() });
+            let expected = report.singular_values.len();
+            return Err(ExcitationError::RankDeficient { rank: report.rank, expected });
         }
         let peaks = peaks(self.robot, self.set, &self.parameters, &best.trajectory);
         Ok(Excitation {

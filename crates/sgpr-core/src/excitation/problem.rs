@@ -97,6 +97,9 @@ pub(super) struct Problem<'a> {
 /// Step of the central differences of distances and speeds, rad (m) and per s.
 const DIFFERENCE: f64 = 1e-6;
 
+/// The same of the columns of nominal effects, by the variables of the motion.
+const NOMINAL_DIFFERENCE: f64 = 1e-5;
+
 /// Value of a motion without any information: finite, so that a line search turns back.
 const WORTHLESS: f64 = 1e3;
 
@@ -142,8 +145,30 @@ impl Problem<'_> {
             let pull = self.information.by_rows(&by_matrix);
             let by_motion = self.information.by_motion(&samples, &pull);
             self.grid.pull_back(&by_motion, gradient);
+            self.add_nominal(x, &samples, &pull, gradient);
         }
         result
+    }
+
+    /// Adds the share of the nominal effects to the derivative of the criterion, by differences along the variables: their
+    /// columns are any function of the motion. Where a sample changes its direction between the two sides, friction
+    /// jumps, and the side without the jump counts.
+    fn add_nominal(&self, x: &[f64], samples: &TrajectorySamples, pull: &Mat<f64>, gradient: &mut [f64]) {
+        let Some(here) = self.information.along_nominal(samples, pull) else { return };
+        let mut moved = x.to_vec();
+        for (k, slope) in gradient.iter_mut().enumerate() {
+            let step = NOMINAL_DIFFERENCE * (1.0 + x[k].abs());
+            let mut side = |step: f64| {
+                moved[k] = x[k] + step;
+                let there = self.information.along_nominal(&self.grid.samples(self.start, &moved), pull);
+                moved[k] = x[k];
+                (there.unwrap_or(here) - here) / step
+            };
+            let [above, below] = [side(step), side(-step)];
+            let jump = (above - below).abs() > 0.1 * above.abs().max(below.abs());
+            let least = if above.abs() < below.abs() { above } else { below };
+            *slope += if jump { least } else { 0.5 * (above + below) };
+        }
     }
 
     /// Constraint `index`, not above zero where the limit is kept, and its derivative: joint by joint position, speed,
@@ -280,7 +305,7 @@ fn smooth_upper(values: &[f64], sharpness: f64) -> (f64, Vec<f64>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::excitation::{Criterion, Surroundings};
+    use crate::excitation::{Criterion, NominalEffects, Surroundings, nominal_terms};
     use crate::identification::{BaseParameters, ParameterSet};
     use crate::robot::puma560;
 
@@ -308,10 +333,10 @@ mod tests {
         cell.self_collision = true;
         cell.tip_speed = robot.frames().last().map(|frame| (frame.clone(), 2.0));
         for criterion in Criterion::ALL {
-            let objective = Objective::new(criterion, &robot, &set, &base);
+            let objective = Objective::new(criterion, &robot, &set, &base, None);
             let noise = [0.5, 0.7, 0.2, 0.1, 0.1, 0.3];
             let mut problem = Problem {
-                information: Information::new(&robot, &set, &base, Some(&noise), 0.1),
+                information: Information::new(&robot, &set, &base, None, Some(&noise), 0.1),
                 objective: &objective,
                 limits: &limits,
                 torque: Some(&torque),
@@ -343,6 +368,55 @@ mod tests {
                     check(&format!("constraint {index}"), &mut |x, gradient| problem.constraint(index, x, gradient));
                 }
             }
+        }
+    }
+
+    /// Of smooth columns: an error of the encoders, of gears, a tilted base.
+    #[test]
+    fn derivatives_by_nominal_effects_agree_with_differences() {
+        let robot = puma560();
+        let set = ParameterSet::new(&robot, &["viscous_friction"]).expect("known effects");
+        let base = BaseParameters::new(&robot, &set);
+        let mut parameters = robot.standard_parameters();
+        parameters.extend([5.0; 6]);
+        let mut terms = vec![];
+        for name in ["encoder_offset", "base_tilt", "spring_balancer"] {
+            let effect = crate::effects::by_name(name).expect("of the library");
+            terms.extend(nominal_terms(&robot, &effect, 10.0).expect("shown by a motion"));
+        }
+        let nominal = NominalEffects::new(&robot, &set, &base, &parameters, terms, 10.0);
+        assert!(nominal.len() > 6, "{:?}", nominal.names());
+        let limits = MotionLimits::of_robot(&robot, &[6.0; 6]).expect("limits");
+        let basis = Basis::fourier(0.1, 4);
+        let free = basis.free_directions();
+        let (grid, limit_grid) = (Grid::new(&basis, &free, 40), Grid::new(&basis, &free, 64));
+        let start = [0.1; 6];
+        let mut x: Vec<f64> = (0..6 * free.len()).map(|k| 0.4 * (1.3 * k as f64 + 0.2).sin()).collect();
+        let objective = Objective::new(Criterion::DOptimality, &robot, &set, &base, Some(&nominal));
+        let mut problem = Problem {
+            information: Information::new(&robot, &set, &base, Some(&nominal), None, 0.1),
+            objective: &objective,
+            limits: &limits,
+            torque: None,
+            surroundings: None,
+            start: &start,
+            grid: &grid,
+            limit_grid: &limit_grid,
+            sharpness: Sharpness { power: 4.0, maximum: 30.0 },
+        };
+        let mut gradient = vec![0.0; x.len()];
+        problem.value(&x, Some(&mut gradient));
+        let scale = gradient.iter().fold(0.0f64, |most, g| most.max(g.abs()));
+        for k in (0..x.len()).step_by(7) {
+            let (h, here) = (1e-5, x[k]);
+            x[k] = here + h;
+            let above = problem.value(&x, None);
+            x[k] = here - h;
+            let below = problem.value(&x, None);
+            x[k] = here;
+            let difference = (above - below) / (2.0 * h);
+            // Columns by constants are differences themselves.
+            assert!((gradient[k] - difference).abs() < 1e-3 * scale, "{k}: {} {difference}", gradient[k]);
         }
     }
 }

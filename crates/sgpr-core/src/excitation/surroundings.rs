@@ -77,6 +77,15 @@ impl Surroundings {
         if !self.clearance.is_finite() || self.clearance < 0.0 {
             return invalid("clearance", self.clearance, "a length, not below zero");
         }
+        if let Some(floor) = self.floor.filter(|floor| !floor.is_finite()) {
+            return invalid("floor", floor, "a height");
+        }
+        for block in &self.blocks {
+            let mut ends = block.low.iter().zip(&block.high);
+            if let Some((_, high)) = ends.find(|(low, high)| !(low < high && low.is_finite() && high.is_finite())) {
+                return invalid("highest corner of a box", *high, "a number above that of the lowest corner");
+            }
+        }
         match &self.tip_speed {
             Some((_, limit)) if !limit.is_finite() || *limit <= 0.0 => invalid("tip speed", *limit, "above zero"),
             _ => Ok(()),

@@ -1,9 +1,11 @@
-use faer::Mat;
+use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
+use faer::{Accum, Mat, MatRef};
 
 use super::kernels::Plan;
 use super::matrix::{assemble_and_factor, inverse_from, invert_factor, likelihood_gradient, square, view, view_mut};
 use super::{Compute, Covariance, Data, GpError};
+use crate::linalg::{Svd, cholesky};
 
 /// Log marginal likelihood of data for one covariance after the other, in the same memory: two matrices of n² numbers.
 ///
@@ -11,13 +13,36 @@ use super::{Compute, Covariance, Data, GpError};
 /// gradient costs one inverse and one pass over the kernel for all hyperparameters: ½ tr((α αᵀ - K⁻¹) dK), α = K⁻¹ y.
 ///
 /// Source: GPML eqs. 5.8 and 5.9.
+///
+/// Linear terms H beta beside the process, of which nothing is known, leave of the likelihood that of what they cannot
+/// explain ([`Likelihood::beside`]): with P = K⁻¹ - K⁻¹ H (Hᵀ K⁻¹ H)⁻¹ Hᵀ K⁻¹ in place of K⁻¹ it is
+/// -½ yᵀ P y - ½ log det K - ½ log det Hᵀ K⁻¹ H - (n - rank H)/2 log 2π, H orthonormal, and its gradient
+/// ½ tr((P y yᵀ P - P) dK).
+///
+/// Source: GPML eq. 2.45; D. A. Harville, Maximum likelihood approaches to variance component estimation and to related
+/// problems, J. American Statistical Association 72 (1977).
 #[derive(Debug)]
 pub struct Likelihood<'a> {
     data: &'a Data,
     compute: Compute,
+    /// Orthonormal, `[points, rank H]`.
+    terms: Option<Mat<f64>>,
     first: Mat<f64>,
     second: Mat<f64>,
     jitter: f64,
+}
+
+/// Share of the largest singular value below which a combination of linear terms counts as none.
+const RANK: f64 = 1e-9;
+
+/// What one factorisation gives.
+struct Factored {
+    plan: Plan,
+    /// K⁻¹ y, or P y, per output.
+    alpha: Vec<Vec<f64>>,
+    value: f64,
+    /// G = K⁻¹ H R⁻¹ with RᵀR = Hᵀ K⁻¹ H, so that P = K⁻¹ - G Gᵀ.
+    explained: Option<Mat<f64>>,
 }
 
 impl<'a> Likelihood<'a> {
@@ -28,7 +53,28 @@ impl<'a> Likelihood<'a> {
     pub fn new(data: &'a Data, compute: &Compute) -> Result<Self, GpError> {
         compute.check(data.len(), 2)?;
         let n = data.len();
-        Ok(Self { data, compute: *compute, first: square(n), second: square(n), jitter: 0.0 })
+        Ok(Self { data, compute: *compute, terms: None, first: square(n), second: square(n), jitter: 0.0 })
+    }
+
+    /// The same beside linear terms with unknown coefficients.
+    ///
+    /// - `terms`: `[points, terms]`; they may depend on each other
+    ///
+    /// # Errors
+    /// As [`Likelihood::new`].
+    ///
+    /// # Panics
+    /// If there is not one row per point.
+    pub fn beside(data: &'a Data, terms: MatRef<'_, f64>, compute: &Compute) -> Result<Self, GpError> {
+        assert_eq!(terms.nrows(), data.len(), "a row per point");
+        let scaled = Mat::from_fn(terms.nrows(), terms.ncols(), |i, k| {
+            let length = terms.col(k).norm_l2();
+            if length > 0.0 { terms[(i, k)] / length } else { 0.0 }
+        });
+        let svd = Svd::new(scaled.as_ref());
+        let rank = svd.values.iter().filter(|value| **value > RANK * svd.values[0]).count();
+        let terms = (rank > 0).then(|| svd.u.subcols(0, rank).to_owned());
+        Ok(Self { terms, ..Self::new(data, compute)? })
     }
 
     /// log p(y).
@@ -36,7 +82,7 @@ impl<'a> Likelihood<'a> {
     /// # Errors
     /// If the covariance does not fit the data, or is not positive definite.
     pub fn value(&mut self, covariance: &Covariance) -> Result<f64, GpError> {
-        Ok(self.factor(covariance)?.2)
+        Ok(self.factor(covariance)?.value)
     }
 
     /// log p(y) and its derivatives by [`Covariance::theta`].
@@ -44,10 +90,16 @@ impl<'a> Likelihood<'a> {
     /// # Errors
     /// As [`Likelihood::value`].
     pub fn value_and_gradient(&mut self, covariance: &Covariance) -> Result<(f64, Vec<f64>), GpError> {
-        let (plan, alpha, value) = self.factor(covariance)?;
+        let Factored { plan, alpha, value, explained } = self.factor(covariance)?;
         let par = self.compute.par();
         invert_factor(view(&self.first), view_mut(&mut self.second), par);
         inverse_from(view(&self.second), view_mut(&mut self.first), par);
+        if let Some(explained) = &explained {
+            let (lower, rectangular) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
+            let out = view_mut(&mut self.first);
+            let (left, right) = (explained.as_ref(), explained.transpose());
+            matmul(out, lower, Accum::Add, left, rectangular, right, rectangular, -1.0, par);
+        }
         let points = plan.features(self.data.x(), self.data.inputs());
         let mut gradient = likelihood_gradient(&plan, &points, &alpha, &self.first, &self.compute);
         let squares: f64 = alpha.iter().flatten().map(|a| a * a).sum();
@@ -61,14 +113,37 @@ impl<'a> Likelihood<'a> {
         self.jitter
     }
 
-    /// Leaves L in `first`; returns K⁻¹ y per output and log p(y).
-    fn factor(&mut self, covariance: &Covariance) -> Result<(Plan, Vec<Vec<f64>>, f64), GpError> {
+    /// Leaves L in `first`.
+    fn factor(&mut self, covariance: &Covariance) -> Result<Factored, GpError> {
         covariance.validate(self.data.inputs())?;
         let plan = Plan::new(&covariance.kernel());
         let points = plan.features(self.data.x(), self.data.inputs());
         self.jitter = assemble_and_factor(&plan, &points, covariance.noise_variance, &mut self.first, &self.compute)?;
         let (alpha, value) = weights_and_likelihood(&self.first, self.data, &self.compute);
-        Ok((plan, alpha, value))
+        let Some(terms) = &self.terms else { return Ok(Factored { plan, alpha, value, explained: None }) };
+
+        let par = self.compute.par();
+        let mut solved = terms.clone();
+        solve_lower_triangular_in_place(view(&self.first), solved.as_mut(), par);
+        solve_upper_triangular_in_place(view(&self.first).transpose(), solved.as_mut(), par);
+        let information = terms.transpose() * &solved;
+        let root = cholesky(information.as_ref()).ok_or(GpError::NotPositiveDefinite { jitter: self.jitter })?;
+        // G = K⁻¹ H R⁻¹, by columns of Gᵀ.
+        let mut transposed = solved.transpose().to_owned();
+        solve_lower_triangular_in_place(root.transpose(), transposed.as_mut(), par);
+        let explained = transposed.transpose().to_owned();
+        let (rank, outputs) = (explained.ncols(), self.data.outputs());
+        let log_root: f64 = (0..rank).map(|k| root[(k, k)].ln()).sum();
+        let mut value = value - outputs as f64 * (log_root - 0.5 * rank as f64 * std::f64::consts::TAU.ln());
+        let beside = |(output, alpha): (usize, Vec<f64>)| {
+            let y = Mat::from_fn(alpha.len(), 1, |i, _| self.data.y()[i * outputs + output]);
+            let share = explained.transpose() * y;
+            let part = &explained * &share;
+            value += 0.5 * share.squared_norm_l2();
+            alpha.iter().enumerate().map(|(i, alpha)| alpha - part[(i, 0)]).collect()
+        };
+        let alpha = alpha.into_iter().enumerate().map(beside).collect();
+        Ok(Factored { plan, alpha, value, explained: Some(explained) })
     }
 }
 

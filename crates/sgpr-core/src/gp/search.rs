@@ -1,3 +1,5 @@
+use faer::MatRef;
+
 use super::covariance::Covariance;
 use super::kernels::{Kernel, spreads};
 use super::minimise::{Limits, Minimum, SearchStatus, minimise};
@@ -21,13 +23,24 @@ pub struct SearchOptions {
     /// Weak prior on theta: (mean, standard deviation) of a normal distribution, or none. Keeps a noise variance from
     /// running to zero where the data do not speak against it.
     pub priors: Vec<Option<(f64, f64)>>,
+    /// Linear terms with unknown coefficients beside the process, `[points, terms]`, row-major; empty for none.
+    pub terms: Vec<f64>,
     /// Seed of the subset and of the other starts.
     pub seed: u64,
 }
 
 impl Default for SearchOptions {
     fn default() -> Self {
-        Self { starts: 3, subset: 500, evaluations: 100, gain: 1e-9, bounds: None, priors: vec![], seed: 0 }
+        Self {
+            starts: 3,
+            subset: 500,
+            evaluations: 100,
+            gain: 1e-9,
+            bounds: None,
+            priors: vec![],
+            terms: vec![],
+            seed: 0,
+        }
     }
 }
 
@@ -36,6 +49,11 @@ impl SearchOptions {
     pub(super) fn bounds_for(&self, data: &Data, start: &Covariance) -> Result<Vec<(f64, f64)>, GpError> {
         let bounds = self.bounds.clone().unwrap_or_else(|| start.bounds(data));
         let expected = start.theta().len();
+        let points = data.len();
+        if !self.terms.len().is_multiple_of(points) {
+            let expected = self.terms.len().next_multiple_of(points);
+            return Err(GpError::Shape { what: "the linear terms", found: self.terms.len(), expected });
+        }
         for (what, found) in [("the bounds", bounds.len()), ("the priors", self.priors.len())] {
             if found != expected && !(what == "the priors" && found == 0) {
                 return Err(GpError::Shape { what, found, expected });
@@ -84,7 +102,7 @@ pub fn search(
     let bounds = options.bounds_for(data, start)?;
     let mut run = Run { start, options, compute, progress, bounds: &bounds, jitter: 0.0, stopped: false };
     let SubsetSearch { best, starts, evaluations: evaluations_on_subset } = run.on_subset(data)?;
-    let minimum = run.search(data, &best, "hyperparameters")?;
+    let minimum = run.search(data, &options.terms, &best, "hyperparameters")?;
     let covariance = start.with_theta(&minimum.at);
     Ok(SearchReport {
         log_marginal_likelihood: -minimum.value - log_prior(&options.priors, &minimum.at, None),
@@ -138,10 +156,14 @@ impl Run<'_> {
         let mut random = Random::new(options.seed);
         let mut around = |theta: &[f64]| theta.iter().map(|t| t + 3.0 * (random.uniform() - 0.5)).collect();
         let others: Vec<Vec<f64>> = (1..options.starts).map(|_| around(&theta)).collect();
-        let subset = data.select(&random.choose(options.subset.max(2), data.len()));
+        let chosen = random.choose(options.subset.max(2), data.len());
+        let subset = data.select(&chosen);
+        let width = options.terms.len() / data.len();
+        let terms: Vec<f64> =
+            chosen.iter().flat_map(|&k| &options.terms[k * width..(k + 1) * width]).copied().collect();
         let mut best_value = f64::INFINITY;
         for theta in std::iter::once(&theta).chain(&others) {
-            let minimum = match self.search(&subset, theta, "hyperparameters on a subset") {
+            let minimum = match self.search(&subset, &terms, theta, "hyperparameters on a subset") {
                 Ok(minimum) => minimum,
                 // A start far off may not be computable; the given one must be.
                 Err(GpError::NotPositiveDefinite { .. }) if !found.starts.is_empty() => continue,
@@ -159,8 +181,18 @@ impl Run<'_> {
         Ok(found)
     }
 
-    pub fn search(&mut self, data: &Data, theta: &[f64], stage: &'static str) -> Result<Minimum, GpError> {
-        let mut likelihood = Likelihood::new(data, self.compute)?;
+    /// - `terms`: `[points, terms]`, row-major; empty for none
+    pub fn search(
+        &mut self,
+        data: &Data,
+        terms: &[f64],
+        theta: &[f64],
+        stage: &'static str,
+    ) -> Result<Minimum, GpError> {
+        let mut likelihood = match terms.len() / data.len() {
+            0 => Likelihood::new(data, self.compute)?,
+            width => Likelihood::beside(data, MatRef::from_row_major_slice(terms, data.len(), width), self.compute)?,
+        };
         let (lower, upper): (Vec<f64>, Vec<f64>) = self.bounds.iter().copied().unzip();
         // The gradient grows with the number of points.
         let limits = Limits {

@@ -190,14 +190,18 @@ impl<M: InverseDynamics> Controller for ComputedTorque<M> {
     }
 }
 
-/// u = model(q, dq, ddq_d) + K (q_d - q) + D (dq_d - dq): a spring and a damper at every joint, the arm's own inertia
+/// u = model(q, dq_d, ddq_d) + K (q_d - q) + D (dq_d - dq): a spring and a damper at every joint, the arm's own inertia
 /// left as it is.
 ///
-/// Source: N. Hogan, Impedance control: an approach to manipulation, J. Dyn. Sys. Meas. Control 107 (1985); in joint
-/// space, without shaping the inertia.
+/// Gravity and inertia are those of the position where the arm is. Velocities are the wanted ones: at the measured one of
+/// a joint that stands, no model knows which way friction will act, and under a soft spring the joint would stay.
+///
+/// Source: N. Hogan, Impedance control: an approach to manipulation, J. Dyn. Sys. Meas. Control 107 (1985); B. Paden,
+/// R. Panja, Globally asymptotically stable 'PD+' controller for robot manipulators, Int. J. Control 47 (1988), whose
+/// Coriolis forces have one measured and one wanted velocity.
 #[derive(Clone, Debug)]
 pub struct JointImpedance<M> {
-    /// Model of the torque at the measured state.
+    /// Model of the torque at the measured position.
     pub model: M,
     /// Stiffness K as `kp`, damping D as `kd`.
     pub gains: Gains,
@@ -206,7 +210,7 @@ pub struct JointImpedance<M> {
 impl<M: InverseDynamics> Controller for JointImpedance<M> {
     fn torque(&mut self, measured: &Measurement<'_>, wanted: &Setpoint<'_>, tau: &mut [f64]) {
         tau.fill(0.0);
-        self.model.add_torque(measured.q, measured.dq, wanted.ddq, tau);
+        self.model.add_torque(measured.q, wanted.dq, wanted.ddq, tau);
         self.gains.add_feedback(measured, wanted, tau);
     }
 }

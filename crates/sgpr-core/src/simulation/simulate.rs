@@ -224,7 +224,7 @@ impl Run {
         };
         let control_steps =
             whole("control_period", experiment.control_period, step, 1, "a whole number of steps, at least one")?;
-        let delay = whole("delay", experiment.delay, step, 0, "a whole number of steps")?;
+        let delay = whole("delay", experiment.delay, step, 0, "a whole number of steps, zero or more")?;
         let expected = "a whole number of control periods, at least one";
         let records = whole("record_period", experiment.record_period, experiment.control_period, 1, expected)?;
         let steps = whole("duration", duration, step, 1, "a whole number of steps, at least one")?;

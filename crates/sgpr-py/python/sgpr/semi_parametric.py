@@ -50,7 +50,9 @@ class SemiParametricModel(Estimator):
         less accurate, for joints differ. Of the inputs "velocities", "positions", "positions_and_velocities" and "all".
     mean : {"physics", "joint", "zero"}
         What the processes are the rest of: the physics as least squares found it, the physics estimated again together
-        with them (generalised least squares), or nothing, for comparison.
+        with them (generalised least squares; the hyperparameters are searched with the linear parameters unknown, and a
+        joint where that predicts stretches left out no better than the physics has no process), or nothing, for
+        comparison.
     points : int, default 500
         Budget of each process; of more rows the most informative ones are taken.
     starts : int, default 1

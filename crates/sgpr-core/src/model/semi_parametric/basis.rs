@@ -7,8 +7,8 @@ use super::super::compare::LogResidual;
 use super::super::experiment::band_filter;
 use super::super::identify::IdentifyError;
 use super::super::{Rigid, Trajectory};
+use super::TorqueModel;
 use super::rest::{Rest, Rows};
-use super::{SemiParametricModel, TorqueModel};
 use crate::dynamics::{BatchWorkspace, Samples, Workspace, regressor, regressor_batch};
 use crate::effects::{JointState, Reach};
 use crate::gp::GpPredictor;
@@ -235,22 +235,16 @@ fn add_term_columns(
     }
 }
 
-/// For each joint: rows of the regressor, in the band of the model, at the points of its process, or at all its rows if it
-/// has none.
-pub(super) fn matrices(
-    model: &SemiParametricModel,
-    logs: &[LogResidual],
-    rows: &[Rows],
-    processing: &Processing,
-) -> Result<Vec<Mat<f64>>, IdentifyError> {
-    let of_joint = |(joint, (rest, rows)): (usize, (&Rest, &Rows))| {
-        let all = matrix(&model.physics, logs, joint, rows, processing)?;
-        if rest.gp.is_none() {
-            return Ok(all);
+/// For each joint: its rows of the regressor at the points of its process, or all if it has none.
+pub(super) fn matrices(joints: &[Rest], rows: &[Rows]) -> Vec<Mat<f64>> {
+    let of_joint = |(rest, rows): (&Rest, &Rows)| {
+        let all = rows.terms.as_ref().expect("with the mean `joint`");
+        match &rest.gp {
+            Some(_) => Mat::from_fn(rest.points.len(), all.ncols(), |i, k| all[(rest.points[i], k)]),
+            None => all.clone(),
         }
-        Ok(Mat::from_fn(rest.points.len(), all.ncols(), |i, k| all[(rest.points[i], k)]))
     };
-    model.joints.iter().zip(rows).enumerate().map(of_joint).collect()
+    joints.iter().zip(rows).map(of_joint).collect()
 }
 
 /// Rows of the regressor of a joint, in the band of the model.

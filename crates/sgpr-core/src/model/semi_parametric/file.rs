@@ -97,11 +97,13 @@ impl SemiParametricModel {
             }
         }
         let physics = self.physics.to_bytes();
+        let identified = self.identified.as_ref().map(TorqueModel::to_bytes);
         let numbers = arrays.iter().map(|(name, shape, bytes)| {
             (name.as_str(), TensorView::new(Dtype::F64, shape.clone(), bytes).expect("eight bytes per number"))
         });
-        let physics = TensorView::new(Dtype::U8, vec![physics.len()], &physics).expect("one byte per byte");
-        let views = numbers.chain([("physics", physics)]);
+        let model = |bytes| TensorView::new(Dtype::U8, vec![<[u8]>::len(bytes)], bytes).expect("one byte per byte");
+        let identified = identified.as_ref().map(|bytes| ("identified", model(bytes)));
+        let views = numbers.chain([("physics", model(&physics))]).chain(identified);
         let head = serde_json::to_string(&head).expect("plain data");
         safetensors::serialize(views, Some(HashMap::from([(HEAD.into(), head)]))).expect("valid tensors")
     }
@@ -124,11 +126,23 @@ impl SemiParametricModel {
         let head: Head = serde_json::from_str(&head).map_err(|error| malformed(format!("its head: {error}")))?;
         let physics = tensors.tensor("physics").map_err(|_| malformed("`physics` is missing".into()))?;
         let physics = TorqueModel::from_bytes_with(physics.data(), origin, effects)?;
-        Self::from_head(head, physics, &tensors).map_err(malformed)
+        let identified = match tensors.tensor("identified") {
+            Ok(bytes) => Some(TorqueModel::from_bytes_with(bytes.data(), origin, effects)?),
+            Err(_) => None,
+        };
+        Self::from_head(head, physics, identified, &tensors).map_err(malformed)
     }
 
-    fn from_head(head: Head, physics: TorqueModel, tensors: &SafeTensors<'_>) -> Result<Self, String> {
+    fn from_head(
+        head: Head,
+        physics: TorqueModel,
+        identified: Option<TorqueModel>,
+        tensors: &SafeTensors<'_>,
+    ) -> Result<Self, String> {
         let (n, unknowns) = (physics.robot().dof(), basis::unknowns(&physics));
+        if identified.as_ref().is_some_and(|identified| identified.robot().dof() != n) {
+            return Err("`identified` is of another robot".into());
+        }
         if head.joints.len() != n {
             return Err(format!("{} joints where the robot has {n}", head.joints.len()));
         }
@@ -152,7 +166,7 @@ impl SemiParametricModel {
             };
             joints.push(Rest { gp, noise_variance, report, points: vec![] });
         }
-        let mut model = Self { physics, mean: head.mean, joints, basis: None, stopped: head.stopped };
+        let mut model = Self { physics, mean: head.mean, joints, basis: None, identified, stopped: head.stopped };
         if head.mean == Mean::Joint {
             let covariance = matrix(tensors, "basis_covariance", unknowns, unknowns)?;
             let rows = model.joints.iter().enumerate().map(|(joint, rest)| {

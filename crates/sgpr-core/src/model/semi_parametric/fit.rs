@@ -10,10 +10,10 @@ use super::super::identify::{IdentifyError, motions};
 use super::super::torque_model::TorqueModel;
 use super::basis::{self, Basis};
 use super::left_out::left_out;
-use super::rest::{LeftOut, Rest, Rows};
+use super::rest::{Alone, GAIN, JointReport, LeftOut, Rest, Rows, calibration};
 use super::shared::{SELECTIONS, fit_shared};
 use super::{Inputs, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions, identify};
-use crate::gp::{Compute, GpError};
+use crate::gp::{Compute, GaussianProcess, GpError};
 use crate::motion::Processing;
 use crate::progress::{Interrupted, Progress};
 use crate::recording::Recording;
@@ -101,13 +101,21 @@ fn learn(
         let predicted = physics.predict_motion(&motion);
         logs.push(residual(robot.dof(), motion, predicted, &processing)?);
     }
-    let rows: Vec<Rows> = (0..robot.dof()).map(|joint| rows_of(&logs, joint, &processing)).collect();
+    let mut rows: Vec<Rows> = (0..robot.dof()).map(|joint| rows_of(&logs, joint, &processing)).collect();
+    if options.mean == Mean::Joint {
+        for (joint, rows) in rows.iter_mut().enumerate() {
+            rows.terms = Some(basis::matrix(&physics, &logs, joint, rows, &processing)?);
+        }
+    }
     let left_out = left_out(&physics, &logs, &rows, &processing, options.mean)?;
     let (joints, stopped) = fit_joints(&rows, &left_out, options, progress)?;
-    let mut model = SemiParametricModel { physics, mean: options.mean, joints, basis: None, stopped };
+    let mut model = SemiParametricModel { physics, mean: options.mean, joints, basis: None, identified: None, stopped };
     if options.mean == Mean::Joint {
-        let matrices = basis::matrices(&model, &logs, &rows, &processing)?;
+        let errors = errors_of_parts(&model, &rows, &left_out, &options.compute)?;
+        let matrices = basis::matrices(&model.joints, &rows);
+        let identified = model.physics.clone();
         estimate_again(&mut model, &rows, matrices)?;
+        keep_what_gains(&mut model, identified, &errors, &rows, &left_out);
     }
     let learned = model.joints.iter().filter(|rest| rest.gp.is_some()).count();
     model.physics.provenance.history.push(format!(
@@ -139,7 +147,7 @@ const APART: f64 = 1e3;
 
 /// Rows of a joint: the samples that count, as many per second as the identification takes.
 fn rows_of(logs: &[LogResidual], joint: usize, processing: &Processing) -> Rows {
-    let mut rows = Rows { x: vec![], residual: vec![], source: vec![] };
+    let mut rows = Rows { x: vec![], residual: vec![], source: vec![], terms: None };
     let mut start = 0.0;
     for (index, log) in logs.iter().enumerate() {
         let n = log.counted.len() / log.time.len();
@@ -229,7 +237,153 @@ fn fit_joints(
     Ok((joints, stopped.into_inner()))
 }
 
-/// Generalised least squares: the linear parameters and the processes together, hyperparameters as they are.
+/// Leaves every joint to the identified physics at which physics and processes, estimated together without a part of the
+/// logs, predict the part no better than physics estimated without it. Sizes of errors are compared, not squares: rows in
+/// which dry friction turns are wrong for both.
+///
+/// - `errors`: of [`errors_of_parts`]
+fn keep_what_gains(
+    model: &mut SemiParametricModel,
+    identified: TorqueModel,
+    errors: &[Errors],
+    rows: &[Rows],
+    left_out: &[Vec<LeftOut>],
+) {
+    let mut lost = false;
+    for (joint, rest) in model.joints.iter_mut().enumerate().filter(|(_, rest)| rest.gp.is_some()) {
+        let Errors { together, alone } = &errors[joint];
+        let size: f64 = together.iter().map(|(error, _)| error.abs()).sum();
+        if together.len() == alone.len() && size < (1.0 - GAIN) * alone.iter().map(|error| error.abs()).sum::<f64>() {
+            (rest.report.calibration, rest.report.calibration_95) = calibration(together, left_out[joint].len());
+            continue;
+        }
+        lost = true;
+        let Alone { report, mean_square, .. } = Alone::new(&rows[joint], &left_out[joint]);
+        *rest = Rest::without(JointReport { candidates: rest.report.candidates.clone(), ..report }, mean_square);
+    }
+    if !lost {
+        return;
+    }
+    let Basis { covariance, mut rows, .. } = model.basis.take().expect("just estimated");
+    rows.iter_mut().zip(&model.joints).filter(|(_, rest)| rest.gp.is_none()).for_each(|(rows, _)| *rows = None);
+    model.basis = Some(Basis::new(covariance, rows, &model.joints));
+    if model.joints.iter().all(|rest| rest.gp.is_none()) {
+        model.physics = identified;
+    } else {
+        model.identified = Some(identified);
+    }
+}
+
+/// Errors of a joint at the rows of parts that were left out in turn.
+#[derive(Clone, Default)]
+struct Errors {
+    /// Of physics and processes estimated together without the part, with the variance.
+    together: Vec<(f64, f64)>,
+    /// Of physics alone estimated without it.
+    alone: Vec<f64>,
+}
+
+/// For each joint with a process.
+fn errors_of_parts(
+    model: &SemiParametricModel,
+    rows: &[Rows],
+    left_out: &[Vec<LeftOut>],
+    compute: &Compute,
+) -> Result<Vec<Errors>, SemiParametricError> {
+    let mut errors = vec![Errors::default(); rows.len()];
+    for index in 0..left_out[0].len() {
+        let part = |joint: usize| &left_out[joint][index].part;
+        let is_in = |joint: usize, row: usize| part(joint).binary_search(&row).is_ok();
+        let (mut together, mut alone) = (Equations::new(model), Equations::new(model));
+        let mut processes = Vec::with_capacity(rows.len());
+        for (joint, rest) in model.joints.iter().enumerate() {
+            let every: Vec<usize> = (0..rows[joint].residual.len()).filter(|row| !is_in(joint, *row)).collect();
+            let (matrix, residual) = at_rows(&rows[joint], &every);
+            alone.add(joint, None, &matrix, &residual);
+            let Some(gp) = &rest.gp else {
+                together.add(joint, None, &matrix, &residual);
+                processes.push(None);
+                continue;
+            };
+            let others: Vec<usize> = (0..rest.points.len()).filter(|&k| !is_in(joint, rest.points[k])).collect();
+            if others.is_empty() {
+                processes.push(None);
+                continue;
+            }
+            let points: Vec<usize> = others.iter().map(|&k| rest.points[k]).collect();
+            let (matrix, residual) = at_rows(&rows[joint], &points);
+            let gp = GaussianProcess::fit(gp.data().select(&others), gp.covariance().clone(), compute)?;
+            together.add(joint, Some(&gp), &matrix, &residual);
+            processes.push(Some((gp, matrix, residual)));
+        }
+        let [together, alone] = [&together, &alone].map(Equations::solution);
+        for (joint, process) in processes.into_iter().enumerate() {
+            let Some((gp, matrix, residual)) = process else { continue };
+            let explained = matrix * &together;
+            let rest = residual.iter().enumerate().map(|(i, residual)| residual - explained[(i, 0)]).collect();
+            let gp = gp.with_outputs(rest)?;
+            let (part, width) = (part(joint), gp.data().inputs());
+            let x: Vec<f64> = part.iter().flat_map(|row| &rows[joint].x[row * width..][..width]).copied().collect();
+            let predicted = gp.predict(&x, true)?;
+            let (matrix, residual) = at_rows(&rows[joint], part);
+            let (of_both, of_physics) = (&matrix * &together, &matrix * &alone);
+            let noise = gp.covariance().total_noise_variance();
+            for (i, residual) in residual.iter().enumerate() {
+                let error = residual - of_both[(i, 0)] - predicted.mean[i];
+                errors[joint].together.push((error, predicted.variance[i] + noise));
+                errors[joint].alone.push(residual - of_physics[(i, 0)]);
+            }
+        }
+    }
+    Ok(errors)
+}
+
+/// Regressor and residual at some rows.
+fn at_rows(rows: &Rows, chosen: &[usize]) -> (Mat<f64>, Vec<f64>) {
+    let terms = rows.terms.as_ref().expect("with the mean `joint`");
+    let matrix = Mat::from_fn(chosen.len(), terms.ncols(), |i, k| terms[(chosen[i], k)]);
+    (matrix, chosen.iter().map(|&row| rows.residual[row]).collect())
+}
+
+/// Normal equations of the linear parameters, with the covariances of the processes.
+struct Equations<'a> {
+    model: &'a SemiParametricModel,
+    information: Mat<f64>,
+    projection: Mat<f64>,
+}
+
+impl<'a> Equations<'a> {
+    fn new(model: &'a SemiParametricModel) -> Self {
+        let unknowns = basis::unknowns(&model.physics);
+        Self { model, information: Mat::zeros(unknowns, unknowns), projection: Mat::zeros(unknowns, 1) }
+    }
+
+    /// Change of the parameters, a column.
+    fn solution(&self) -> Mat<f64> {
+        let (change, _) = basis::solve(&self.information, &self.projection);
+        Mat::from_fn(change.len(), 1, |k, _| change[k])
+    }
+
+    /// Adds rows of a joint.
+    fn add(&mut self, joint: usize, gp: Option<&GaussianProcess>, matrix: &Mat<f64>, residual: &[f64]) {
+        let solved = match gp {
+            Some(gp) => gp.solve(matrix),
+            None => {
+                // Without a process: white errors, with the weight of rows that repeat each other.
+                let fit = self.model.physics.fit.as_ref();
+                let correlation = fit.and_then(|fit| fit.correlation.get(joint)).copied().unwrap_or(1.0);
+                let squares: f64 = residual.iter().map(|residual| residual * residual).sum();
+                let variance = squares / residual.len().max(1) as f64 * correlation;
+                matrix * faer::Scale(if variance > 0.0 { 1.0 / variance } else { 0.0 })
+            }
+        };
+        self.information += matrix.transpose() * &solved;
+        self.projection += solved.transpose() * Mat::from_fn(residual.len(), 1, |i, _| residual[i]);
+    }
+}
+
+/// Generalised least squares: the linear parameters and the processes together, hyperparameters as they are. Without any
+/// process the parameters stay as they were identified.
 ///
 /// Source: GPML eqs. 2.41 and 2.42, without a prior.
 fn estimate_again(
@@ -238,23 +392,16 @@ fn estimate_again(
     matrices: Vec<Mat<f64>>,
 ) -> Result<(), SemiParametricError> {
     let (rank, unknowns) = (model.physics.base.rank(), basis::unknowns(&model.physics));
-    let mut information = Mat::<f64>::zeros(unknowns, unknowns);
-    let mut projection = Mat::<f64>::zeros(unknowns, 1);
-    let correlation = model.physics.fit.as_ref().map(|fit| fit.correlation.clone()).unwrap_or_default();
+    let mut equations = Equations::new(model);
     for (joint, (rest, matrix)) in model.joints.iter().zip(&matrices).enumerate() {
-        let (solved, residual) = match &rest.gp {
-            Some(gp) => (gp.solve(matrix), gp.data().y().to_vec()),
-            None => {
-                // Without a process: white errors, with the weight of rows that repeat each other.
-                let variance = rest.noise_variance * correlation.get(joint).copied().unwrap_or(1.0);
-                let scale = if variance > 0.0 { 1.0 / variance } else { 0.0 };
-                (matrix * faer::Scale(scale), rows[joint].residual.clone())
-            }
-        };
-        information += matrix.transpose() * &solved;
-        projection += solved.transpose() * Mat::from_fn(residual.len(), 1, |i, _| residual[i]);
+        let residual = rest.gp.as_ref().map_or(&rows[joint].residual[..], |gp| gp.data().y());
+        equations.add(joint, rest.gp.as_ref(), matrix, residual);
     }
-    let (change, covariance) = basis::solve(&information, &projection);
+    let (change, covariance) = basis::solve(&equations.information, &equations.projection);
+    if model.joints.iter().all(|rest| rest.gp.is_none()) {
+        model.basis = Some(Basis::new(covariance, vec![None; rows.len()], &model.joints));
+        return Ok(());
+    }
     let base = model.physics.base.clone();
     let before = base.combine(model.physics.parameters());
     let values: Vec<f64> = before.iter().zip(&change).map(|(value, change)| value + change).collect();

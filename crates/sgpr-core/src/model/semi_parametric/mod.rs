@@ -42,6 +42,8 @@ pub struct SemiParametricModel {
     joints: Vec<Rest>,
     /// With [`Mean::Joint`].
     basis: Option<Basis>,
+    /// With [`Mean::Joint`]: the physics as it was identified, for the joints without a process, if there are some.
+    identified: Option<TorqueModel>,
     stopped: bool,
 }
 
@@ -53,7 +55,9 @@ pub enum Mean {
     #[default]
     Physics,
     /// The physics, its parameters estimated again together with the processes: generalised least squares with their
-    /// covariances.
+    /// covariances. Hyperparameters are searched with the linear parameters unknown: what least squares leaves over lacks
+    /// all that it explained by wrong parameters. A joint at which physics and process together predict parts of the logs
+    /// that were left out no better than the identified physics is left to that, whatever inputs are asked for.
     Joint,
     /// Nothing: the process alone, for comparison (thesis 4-3).
     Zero,
@@ -235,10 +239,16 @@ impl SemiParametricModel {
         with_deviation: bool,
     ) -> Result<TorquePrediction, SemiParametricError> {
         let (n, samples) = (self.physics.robot().dof(), trajectory.samples);
-        let mut tau = match self.physics.terms().is_empty() {
-            true => self.physics.predict(samples),
-            false => self.physics.predict_trajectory(trajectory),
+        let of_physics = |physics: &TorqueModel| match physics.terms().is_empty() {
+            true => physics.predict(samples),
+            false => physics.predict_trajectory(trajectory),
         };
+        let mut tau = of_physics(&self.physics);
+        if let Some(identified) = &self.identified {
+            let own = of_physics(identified);
+            let without = |k: usize| self.joints[k % n].gp.is_none();
+            tau.iter_mut().zip(own).enumerate().filter(|(k, _)| without(*k)).for_each(|(_, (tau, own))| *tau = own);
+        }
         let mut variance = vec![0.0; if with_deviation { tau.len() } else { 0 }];
         let mut novelty = variance.clone();
         let x = process_inputs(samples, n);

@@ -14,6 +14,8 @@ use crate::gp::{GaussianProcess, GpPredictor, PredictorOptions, SharedPredictor}
 #[derive(Debug)]
 pub struct SemiParametricPredictor {
     physics: Predictor,
+    /// For the joints without a process, where it differs.
+    identified: Option<Predictor>,
     joints: Vec<Joint>,
     /// Joints of the same points, and their means.
     together: Vec<(Vec<usize>, SharedPredictor)>,
@@ -29,6 +31,8 @@ pub struct SemiParametricPredictor {
 struct Joint {
     /// None without a process, or if it is only asked together with others.
     process: Option<GpPredictor>,
+    /// It has a process.
+    learned: bool,
     /// Its mean comes from the processes that are asked together.
     together: bool,
     noise_variance: f64,
@@ -50,6 +54,7 @@ impl SemiParametricPredictor {
             let wanted = rest.gp.as_ref().filter(|_| with_variance || !together);
             joints.push(Joint {
                 process: wanted.map(|gp| GpPredictor::new(gp, options)).transpose()?,
+                learned: rest.gp.is_some(),
                 together,
                 noise_variance: rest.noise_variance,
                 calibration: rest.report.calibration,
@@ -58,6 +63,7 @@ impl SemiParametricPredictor {
         let basis = model.basis.as_ref().filter(|_| with_variance);
         Ok(Self {
             physics: Predictor::new(&model.physics),
+            identified: model.identified.as_ref().map(Predictor::new),
             joints,
             together,
             parameters: basis.map(|basis| BasisPredictor::new(basis, &model.physics, &model.joints)),
@@ -117,6 +123,11 @@ impl SemiParametricPredictor {
 
     fn set(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) {
         self.tau.copy_from_slice(self.physics.torque(q, dq, ddq));
+        if let Some(identified) = &mut self.identified {
+            let own = identified.torque(q, dq, ddq);
+            let without = self.joints.iter().zip(&mut self.tau).zip(own).filter(|((joint, _), _)| !joint.learned);
+            without.for_each(|((_, tau), own)| *tau = *own);
+        }
         let n = self.tau.len();
         for (part, x) in [q, dq, ddq].into_iter().zip(self.x.chunks_exact_mut(n)) {
             x.copy_from_slice(part);

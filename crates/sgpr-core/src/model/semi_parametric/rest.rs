@@ -1,5 +1,6 @@
 //! The process of one joint: which inputs, which hyperparameters, and whether it helps on motion that it has not seen.
 
+use faer::Mat;
 use serde::{Deserialize, Serialize};
 
 use super::{Inputs, SemiParametricOptions};
@@ -17,6 +18,8 @@ pub(super) struct Rows {
     pub residual: Vec<f64>,
     /// Recording stretch and sample of each.
     pub source: Vec<(usize, usize)>,
+    /// Derivatives by the linear parameters, `[rows, unknowns]`, if these are estimated together with the processes.
+    pub terms: Option<Mat<f64>>,
 }
 
 /// Rows of a joint and, for every part that is left out in turn, what physics identified without that part leaves over
@@ -110,7 +113,7 @@ impl Rest {
                 break;
             }
             let Found { gp, points, status } =
-                process(inputs.columns(joint, n), &data, mean_square, options, compute, progress)?;
+                process(inputs.columns(joint, n), &data, rows.terms.as_ref(), mean_square, options, compute, progress)?;
             let errors = errors_left_out(&gp, &points, rows, left_out, compute)?;
             let loss = loss_of(&errors);
             report.candidates.push(Candidate {
@@ -196,10 +199,15 @@ pub(super) struct Found {
 
 /// A process over `columns` of x with searched hyperparameters.
 ///
+/// Where linear parameters are estimated together with it, they are unknown to the search: what least squares leaves over
+/// lacks all that they could explain in its place.
+///
 /// - `data`: of `mean_square` per output
+/// - `terms`: derivatives by the linear parameters, `[rows, unknowns]`
 pub(super) fn process(
     columns: Vec<usize>,
     data: &Data,
+    terms: Option<&Mat<f64>>,
     mean_square: f64,
     options: &SemiParametricOptions,
     compute: &Compute,
@@ -238,6 +246,7 @@ pub(super) fn process(
         priors: names.iter().zip(&theta).map(prior).collect(),
         evaluations: options.evaluations,
         gain: 1e-7,
+        terms: terms.map_or_else(Vec::new, |terms| points.iter().flat_map(|&k| terms.row(k).iter().copied()).collect()),
         ..SearchOptions::default()
     };
     let found = search(&data, &start, &search_options, compute, progress)?;

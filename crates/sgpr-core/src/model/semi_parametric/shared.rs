@@ -45,7 +45,7 @@ pub(super) fn fit_shared(
                 return Ok(chosen(alone, best, left_out, options));
             }
         }
-        let found = process(inputs.columns(0, n), &data, 1.0, options, compute, progress)?;
+        let found = process(inputs.columns(0, n), &data, None, 1.0, options, compute, progress)?;
         let learned = of_joints(&found, &places, &scales, rows, left_out, compute)?;
         let mut sum = 0.0;
         for (alone, learned) in alone.iter_mut().zip(&learned) {

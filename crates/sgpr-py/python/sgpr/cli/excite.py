@@ -45,7 +45,7 @@ def excite(
         typer.Option(
             "--effects",
             metavar="EFFECT...",
-            help="Effects whose parameters shall be revealed too, or `none`.",
+            help="Effects whose parameters shall be revealed too, or `none`; nonlinear ones about nominal values.",
             show_default=" ".join(DEFAULT_EFFECTS),
         ),
     ] = None,
@@ -196,4 +196,6 @@ def show(found: Excitation, robot: Robot, data: dict[str, Any], output: Output) 
         for k, (name, unit) in enumerate(zip(robot.joint_names, robot.position_units, strict=True))
     ]
     output.table(["joint", "lowest", "highest", "speed", "acceleration", "unit"], rows, text_columns=(0, 5))
+    if hidden := report.get("hidden"):
+        output.warning(f"no motion tells these from other parameters: {', '.join(hidden)}")
     output.line(f"largest share of a limit, between samples too: {100 * found.utilisation:.4f} %")

@@ -30,6 +30,10 @@ def log_axis(title: str, **settings: Any) -> dict[str, Any]:
     return axis(title, type="log", dtick=1, exponentformat="power", **settings)
 
 
+# A row of six names reaches as far as the tool bar: room for the legend below it.
+MANY_NAMES = {"l": 60, "r": 16, "t": 62, "b": 48}
+
+
 def layout(**settings: Any) -> dict[str, Any]:
     """A layout: legend above the plot, never on it."""
     return {

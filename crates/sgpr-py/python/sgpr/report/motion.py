@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import Excitation, Robot
 from .colours import line_of
-from .figures import axis, layout, log_axis, rounded
+from .figures import MANY_NAMES, axis, layout, log_axis, rounded
 from .markup import Html, Section, join, paragraph, plot, table
 from .numbers import counted, significant
 from .page import page
@@ -77,7 +78,7 @@ class MotionPage:
             ]
             figures[place] = {
                 "data": lines,
-                "layout": layout(xaxis=axis("time [s]"), yaxis=axis(label.format(unit))),
+                "layout": layout(xaxis=axis("time [s]"), yaxis=axis(label.format(unit)), margin=MANY_NAMES),
             }
         return join(places), figures
 
@@ -106,7 +107,14 @@ class MotionPage:
             ["sum of condition numbers of the links", significant(report["sum_of_conditions"])],
             ["log determinant per sample", significant(report["log_determinant"])],
         ]
-        return table("Excitation of the base parameters", ["figure", "value"], rows)
+        parts = [table("Excitation of the base parameters", ["figure", "value"], rows)]
+        if nominal := report.get("nominal"):
+            text = "The torque of effects is differentiated at nominal values: the motion is good for values near them."
+            values = [[name, significant(value)] for name, value in nominal.items()]
+            parts += [paragraph(text), table("Nominal values", ["parameter", "value"], values)]
+        if hidden := report.get("hidden"):
+            parts.append(paragraph(f"No motion tells these from other parameters: {', '.join(hidden)}."))
+        return join(parts)
 
     def _search(self) -> tuple[Html, dict[str, Any]]:
         history = self.found.history
@@ -124,12 +132,20 @@ class MotionPage:
                     "line": {"width": 1.5, **line_of(int(number))},
                 }
             )
-        positive = all(value is None or value > 0 for line in lines for value in line["y"])
         label = f"best {self.data['criterion']}, smoothed"
         figure = {
             "data": lines,
-            "layout": layout(xaxis=axis("evaluation"), yaxis=(log_axis if positive else axis)(label)),
+            "layout": layout(xaxis=axis("evaluation"), yaxis=_search_axis(label, history[:, 2])),
         }
         ends = [[f"search {k + 1}", significant(value)] for k, value in enumerate(self.found.values)]
         body = join([plot("search-plot", 320, label), table("Where the searches ended", ["search", "value"], ends)])
         return body, {"search-plot": figure}
+
+
+def _search_axis(label: str, values: NDArray[np.float64]) -> dict[str, Any]:
+    """Logarithmic for condition numbers; with ticks between the decades where there are few of these."""
+    if values.min() <= 0.0:
+        return axis(label)
+    if values.max() > 100.0 * values.min():
+        return log_axis(label)
+    return axis(label, type="log", dtick="D2")

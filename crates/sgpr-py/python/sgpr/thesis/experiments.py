@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -209,6 +210,7 @@ def excitation(thesis: Thesis, arm: Arm, tell: Tell) -> None:
         printed = arm.published.excitation(effects)
         for criterion in CRITERIA:
             tell(f"{arm.name}: {criterion} {'with' if effects else 'without'} friction columns")
+            start = perf_counter()
             found = excite(
                 arm.robot,
                 effects,
@@ -228,6 +230,7 @@ def excitation(thesis: Thesis, arm: Arm, tell: Tell) -> None:
                     "published": value_of(criterion, printed),
                     "found": value_of(criterion, found.report),
                     "utilisation": found.utilisation,
+                    "seconds": perf_counter() - start,
                 }
             )
     thesis.data.setdefault("excitation", {})[arm.name] = {
@@ -251,7 +254,7 @@ def all_models(arm: Arm, logs: Sequence[Recording], settings: Settings) -> dict[
         SEMI_PARAMETRIC: semi_parametric(robot, logs, FRICTION, process, **GP_ON_FRICTION),
         NON_PARAMETRIC: semi_parametric(robot, logs, FRICTION, process, mean="zero", inputs="all", ard=True),
         IDENTIFIED_ALL: parametric(robot, logs, ALL_EFFECTS),
-        SEMI_PARAMETRIC_ALL: semi_parametric(robot, logs, ALL_EFFECTS, process),
+        SEMI_PARAMETRIC_ALL: semi_parametric(robot, logs, ALL_EFFECTS, process, **GP_ON_FRICTION),
     }
 
 
@@ -376,7 +379,7 @@ def excitation_study(thesis: Thesis, tell: Tell) -> None:
             IDENTIFIED: model,
             SEMI_PARAMETRIC: semi_parametric(arm.robot, training, FRICTION, settings.process, **GP_ON_FRICTION),
             IDENTIFIED_ALL: parametric(arm.robot, training, ALL_EFFECTS),
-            SEMI_PARAMETRIC_ALL: semi_parametric(arm.robot, training, ALL_EFFECTS, settings.process),
+            SEMI_PARAMETRIC_ALL: semi_parametric(arm.robot, training, ALL_EFFECTS, settings.process, **GP_ON_FRICTION),
         }
         errors: dict[str, list[Array]] = {}
         for label, each in known.items():
@@ -454,7 +457,7 @@ def _compensated(
         IDENTIFIED: parametric(arm.robot, logs, FRICTION),
         SEMI_PARAMETRIC: semi_parametric(arm.robot, logs, FRICTION, settings.process, **GP_ON_FRICTION),
         IDENTIFIED_ALL: parametric(arm.robot, logs, ALL_EFFECTS),
-        SEMI_PARAMETRIC_ALL: semi_parametric(arm.robot, logs, ALL_EFFECTS, settings.process),
+        SEMI_PARAMETRIC_ALL: semi_parametric(arm.robot, logs, ALL_EFFECTS, settings.process, **GP_ON_FRICTION),
     }
     tracking = []
     motion = thesis.motions[f"{arm.name} condition fe"].trajectory

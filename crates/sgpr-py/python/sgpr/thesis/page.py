@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from .. import Simulation, Trajectory
 from ..report.colours import line_of
-from ..report.figures import axis, layout, rounded
+from ..report.figures import MANY_NAMES, axis, layout, rounded
 from ..report.markup import Html, Section, element, join, paragraph, plot, table
 from ..report.numbers import significant
 from ..report.page import page
@@ -66,7 +66,11 @@ class Figures:
                     "line": {"width": 1.5, **line_of(index)},
                 }
             )
-        return self._add(label, data, xaxis=axis("time [s]"), yaxis=axis(unit))
+        settings: dict[str, Any] = {"xaxis": axis("time [s]"), "yaxis": axis(unit)}
+        if len(curves) > 6:
+            settings |= {"legend": {**LEGEND_BELOW, "y": -0.25}, "margin": {"l": 60, "r": 16, "t": 36, "b": 140}}
+            return self._add(label, data, HEIGHT + 90, **settings)
+        return self._add(label, data, **settings, **({"margin": MANY_NAMES} if len(curves) > 4 else {}))
 
     def bars(self, label: str, unit: str, names: Sequence[str], groups: dict[str, ArrayLike]) -> Html:
         """A plot of grouped bars."""
@@ -84,10 +88,10 @@ class Figures:
         below = {"legend": LEGEND_BELOW, "margin": {"l": 60, "r": 16, "t": 36, "b": 80}} if len(groups) > 4 else {}
         return self._add(label, data, yaxis=axis(unit), barmode="group", **below)
 
-    def _add(self, label: str, data: list[dict[str, Any]], **settings: Any) -> Html:
+    def _add(self, label: str, data: list[dict[str, Any]], height: int = HEIGHT, **settings: Any) -> Html:
         place = f"figure-{len(self.plots) + 1}"
         self.plots[place] = {"data": data, "layout": layout(**settings)}
-        return join([element("h3", label), plot(place, HEIGHT, label)])
+        return join([element("h3", label), plot(place, height, label)])
 
 
 def _differentiation(thesis: Thesis, figures: Figures) -> Html:
@@ -166,7 +170,9 @@ def _study(thesis: Thesis, figures: Figures) -> Html:
         [
             figures.bars("Figure 5-13: models of trajectories 1 to 3", "position error [rad]", joints, three),
             _tracking(figures, "Figure 5-15: semi-parametric models of eight training sets", runs, 1),
-            table("Table 5-8: position error [rad]", ["trained on", "model", *joints, "sum"], body),
+            table(
+                "Table 5-8: position error [rad]", ["trained on", "model", *joints, "sum"], body, text_columns=(0, 1)
+            ),
         ]
     )
 
