@@ -30,7 +30,8 @@ def detectability_section(entries: Sequence[Mapping[str, Any]], joints: Sequence
         doubts += [_doubt(effect, place, entry) for place, entry in own.items() if entry["mistaken_for"]]
     note = paragraph(
         "Silence has a size: an effect as large as this, with this motion and this noise, would have been found. "
-        "Constants are in the middle of their range; other parameters of the effect are zero."
+        "Constants are in the middle of their range; other parameters of the effect are zero. An empty cell: the model "
+        "has it there, or its parameters take it up."
     )
     parts = [
         element("h3", "What these logs could have shown"),
