@@ -126,6 +126,11 @@ fn the_likelihood_beside_linear_terms_is_that_of_what_they_cannot_explain() {
     let expected = -0.5 * fit - log_root - 0.5 * (n - rank) as f64 * std::f64::consts::TAU.ln();
     assert!((found - expected).abs() < 1e-8 * expected.abs(), "{found} {expected}");
 
+    check_gradient(&mut likelihood, &covariance, found, &gradient);
+}
+
+/// The gradient of a likelihood is that of finite differences.
+fn check_gradient(likelihood: &mut Likelihood<'_>, covariance: &Covariance, value: f64, gradient: &[f64]) {
     let theta = covariance.theta();
     for k in 0..theta.len() {
         let step = 1e-5;
@@ -135,7 +140,8 @@ fn the_likelihood_beside_linear_terms_is_that_of_what_they_cannot_explain() {
             likelihood.value(&covariance.with_theta(&theta)).expect("well-conditioned")
         };
         let difference = (at(1.0) - at(-1.0)) / (2.0 * step);
-        assert!((gradient[k] - difference).abs() < 1e-6 * (1.0 + found.abs()), "{k}: {} {difference}", gradient[k]);
+        // Rounding of the value over the step, truncation with its square.
+        assert!((gradient[k] - difference).abs() < 1e-6 * (1.0 + value.abs()), "{k}: {} {difference}", gradient[k]);
     }
 }
 
@@ -155,17 +161,7 @@ fn gradients_are_those_of_finite_differences() {
     assert_eq!((theta.len(), covariance.names().len()), (14, 14));
     let (value, gradient) = likelihood.value_and_gradient(&covariance).expect("well-conditioned");
     assert!((value - likelihood.value(&covariance).expect("again")).abs() < 1e-12 * value.abs());
-    for k in 0..theta.len() {
-        let step = 1e-5;
-        let mut at = |sign: f64| {
-            let mut theta = theta.clone();
-            theta[k] += sign * step;
-            likelihood.value(&covariance.with_theta(&theta)).expect("well-conditioned")
-        };
-        let difference = (at(1.0) - at(-1.0)) / (2.0 * step);
-        // Rounding of the value over the step, truncation with its square.
-        assert!((gradient[k] - difference).abs() < 1e-6 * (1.0 + value.abs()), "{k}: {} {difference}", gradient[k]);
-    }
+    check_gradient(&mut likelihood, &covariance, value, &gradient);
     let compute = Compute { threads: 2, ..Compute::default() };
     let parallel = Likelihood::new(&data, &compute).expect("small").value_and_gradient(&covariance).expect("same");
     assert!(largest_difference(&gradient, &parallel.1) < 1e-10 * (1.0 + value.abs()));

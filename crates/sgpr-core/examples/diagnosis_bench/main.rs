@@ -217,6 +217,12 @@ impl Totals {
         println!("share of the error closed: median {median:.3}, 10 % below {tenth:.3}");
         let [median, worst] = [0.5, 1.0].map(|p| quantile(&mut self.seconds, p));
         println!("seconds: median {median:.1}, worst {worst:.1}");
+        let count = self.calibration.len().max(1) as f64;
+        let miss = |(p, right): &(f64, bool)| p - f64::from(u8::from(*right));
+        let brier = self.calibration.iter().map(|found| miss(found).powi(2)).sum::<f64>() / count;
+        let of_bin = |bin: usize| self.calibration.iter().filter(move |(p, _)| ((10.0 * p) as usize).min(9) == bin);
+        let error = (0..10).map(|bin| of_bin(bin).map(miss).sum::<f64>().abs()).sum::<f64>() / count;
+        println!("probabilities of findings: Brier score {brier:.3}, calibration error in ten bins {error:.3}");
         println!("\n| probability | findings | right |\n|---|---|---|");
         for bin in 0..5 {
             let inside = |p: f64| ((5.0 * p) as usize).min(4) == bin;

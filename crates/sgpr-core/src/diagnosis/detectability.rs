@@ -6,6 +6,7 @@
 //! Source: D. Eriksson, E. Frisk, M. Krysander, A method for quantitative fault diagnosability analysis of stochastic
 //! linear descriptor models, Automatica 49(6) (2013).
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::answer::FoundParameter;
@@ -13,7 +14,7 @@ use super::basis::{Basis, INVISIBLE, dot, gain_of, rms};
 use super::fit::Fitted;
 use super::problem::Column;
 use super::report::{joints_of, parameters_of};
-use super::search::{EVIDENCE, MATERIAL, Search, in_parallel};
+use super::search::{EVIDENCE, MATERIAL, Search};
 use crate::linalg::dot_in_lanes;
 use crate::model::Term;
 use crate::progress::Interrupted;
@@ -91,23 +92,20 @@ pub(super) fn detectable(
     let terms = search.terms_of_ranking(fitted);
     let columns = search.take_columns(fitted, &terms)?;
     let pairs: Vec<(Term, Vec<Column>)> = terms.into_iter().zip(columns).collect();
-    let all: Vec<Projected> = in_parallel(&pairs, |(term, columns)| projected(search, &basis, term, columns));
+    let search = &*search;
+    let all: Vec<Projected> =
+        pairs.par_iter().map(|(term, columns)| projected(search, &basis, term, columns)).collect();
     // Of every effect at every site one point of the grid stands for all.
     let mut subjects: Vec<&Projected> = Vec::new();
     let mut first = 0;
     while first < all.len() {
-        let same = |p: &Projected| is_same(&p.term, &all[first].term);
+        let same = |p: &Projected| p.term.is_like(&all[first].term);
         let count = all[first..].iter().take_while(|p| same(p)).count();
         subjects.push(&all[first + count / 2]);
         first += count;
     }
     subjects.retain(|p| p.term.effect.refines().is_none());
-    let found = in_parallel(&subjects, |subject| one(search, subject, &all, left));
-    Ok(found.into_iter().flatten().collect())
-}
-
-fn is_same(a: &Term, b: &Term) -> bool {
-    a.effect.name() == b.effect.name() && a.site == b.site
+    Ok(subjects.par_iter().filter_map(|subject| one(search, subject, &all, left)).collect())
 }
 
 fn projected(search: &Search<'_>, basis: &Basis, term: &Term, columns: &[Column]) -> Projected {
@@ -135,7 +133,7 @@ fn one(search: &Search<'_>, subject: &Projected, all: &[Projected], left: &[f64]
     let ratios = subject.size.iter().zip(left).map(|(size, left)| size / left.max(f64::MIN_POSITIVE)).enumerate();
     let (joint, ratio) = ratios.max_by(|a, b| a.1.total_cmp(&b.1))?;
     let seen_from = size_of(EVIDENCE + search.units.ln() + own_cost, length).max(needed / (visible * ratio));
-    let rivals = all.iter().filter(|p| !is_same(&p.term, term) && !p.white.is_empty());
+    let rivals = all.iter().filter(|p| !p.term.is_like(term) && !p.white.is_empty());
     let apart = rivals.map(|rival| {
         let (share, rank) = rival.holds(subject);
         // A rival with more freedom loses by that already.

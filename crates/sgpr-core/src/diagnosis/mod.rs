@@ -128,8 +128,7 @@ pub fn add(model: &TorqueModel, findings: &[&Finding], train: &[Recording]) -> R
     let mut search = Search::new(problem, &[], known, &());
     let start = search.start()?;
     let mut terms = start.terms().to_vec();
-    let new =
-        |term: &&Term| !model.terms().iter().any(|t| t.effect.name() == term.effect.name() && t.site == term.site);
+    let new = |term: &&Term| !model.terms().iter().any(|own| own.is_like(term));
     terms.extend(findings.iter().flat_map(|finding| &finding.terms).filter(new).cloned());
     let refitted = search.refit(&start, terms);
     let fitted = search.polish(refitted);

@@ -183,7 +183,7 @@ fn without_harm(
         } else {
             findings.remove(weakest);
         }
-        let same = |term: &Term| out.iter().any(|t| t.effect.name() == term.effect.name() && t.site == term.site);
+        let same = |term: &Term| out.iter().any(|own| own.is_like(term));
         let rest = fitted.terms().iter().filter(|term| !same(term)).cloned().collect();
         fitted = search.refit(&fitted, rest);
     }
@@ -450,11 +450,7 @@ pub(super) fn joints_of(term: &Term) -> Vec<usize> {
 
 pub(super) fn parameters_of(term: &Term, robot: &Robot) -> Vec<FoundParameter> {
     let joint = &robot.joints()[term.site.joint().unwrap_or_default()];
-    let at = match term.site {
-        Site::Arm => String::new(),
-        Site::Joint(_) => format!("{}.", joint.name),
-        Site::Pair(_, other) => format!("{}.{}.", joint.name, robot.joints()[other].name),
-    };
+    let at = term.prefix(robot);
     let constants = term.effect.constants().iter().zip(&term.constants).zip(&term.constant_deviations);
     let constants = constants.map(|((c, value), std)| (c.symbol, c.unit_at(joint.kind), value, std));
     let linear = term.effect.parameters().iter().zip(&term.coefficients).zip(&term.coefficient_deviations);

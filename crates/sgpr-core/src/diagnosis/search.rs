@@ -2,7 +2,8 @@
 
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
 
 use super::basis::{Basis, Gain, INVISIBLE, Noise, Rest, gain, gain_of, rms};
 use super::fit::{ByLog, Fitted, beyond, held_out, refine_transforms, solve, solve_like, tangent};
@@ -180,8 +181,7 @@ impl<'a> Search<'a> {
         let mut terms = self.terms_to_try(fitted);
         terms.retain(|t| t.effect.reach() == Reach::Own && seen.insert((t.effect.name().to_string(), t.site)));
         self.prepare(fitted, &terms)?;
-        let joints: Vec<usize> = (0..n).collect();
-        let of_joint = |&joint: &usize| {
+        let of_joint = |joint: usize| {
             let own = terms.iter().filter(|term| term.site == Site::Joint(joint));
             let mut columns: Vec<Column> = own.flat_map(|term| self.cache[&key_of(term)].iter().cloned()).collect();
             columns.extend(super::unknown::features(&self.problem, joint, &super::unknown::ALL, 0.8));
@@ -192,7 +192,7 @@ impl<'a> Search<'a> {
             let all: Vec<Column> = base.chain(columns).filter(|column| !column[joint].is_empty()).collect();
             self.left_by(joint, &all, &fitted.residual[joint])
         };
-        let left = in_parallel(&joints, of_joint);
+        let left: Vec<Rest> = (0..n).into_par_iter().map(of_joint).collect();
         Ok(Noise::of(&self.problem, &left))
     }
 
@@ -361,7 +361,7 @@ impl<'a> Search<'a> {
         let missing: Vec<&Term> = terms.iter().filter(|term| !self.cache.contains_key(&key_of(term))).collect();
         for (index, some) in missing.chunks(AT_ONCE).enumerate() {
             self.progress.step("columns of effects", AT_ONCE * index, missing.len())?;
-            let columns = in_parallel(some, |term| self.columns_of(fitted, term));
+            let columns: Vec<_> = some.par_iter().map(|term| self.columns_of(fitted, term)).collect();
             self.cache.extend(some.iter().map(|term| key_of(term)).zip(columns));
         }
         self.progress.step("columns of effects", missing.len(), missing.len())
@@ -439,13 +439,14 @@ impl<'a> Search<'a> {
         let count = terms.len();
         self.prepare(fitted, &terms)?;
         self.progress.step("rank effects", 0, count)?;
-        let candidates = in_parallel(&terms, |term| {
+        let scored = |term: &Term| {
             let columns = &self.cache[&key_of(term)];
             let white_columns: Vec<Column> = columns.iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
             let gain = gain(basis, white, &white_columns);
             let constants = if term.is_transform() { 0 } else { term.constants.len() };
             self.candidate(term.clone(), gain, constants)
-        });
+        };
+        let candidates: Vec<Candidate> = terms.par_iter().map(scored).collect();
         candidates.into_iter().for_each(|candidate| keep(&mut best, candidate));
         for candidate in self.scan_times(fitted, basis, white) {
             keep(&mut best, candidate);
@@ -859,7 +860,8 @@ impl<'a> Search<'a> {
             }
         }
         self.progress.step("refine constants", 0, 1)?;
-        let mut tried = in_parallel(&chosen, |candidate| self.refine(fitted, residual, candidate));
+        let refine = |candidate: &&Candidate| self.refine(fitted, residual, candidate);
+        let mut tried: Vec<Candidate> = chosen.par_iter().map(refine).collect();
         self.progress.step("refine constants", 1, 1)?;
         tried.sort_by(|a, b| b.score.total_cmp(&a.score));
         Ok(tried)
@@ -895,7 +897,8 @@ impl<'a> Search<'a> {
         let finer = |c: &&Candidate| c.term.effect.refines().is_some() && !c.impossible && c.score > EVIDENCE;
         let finer: Vec<&Candidate> = candidates.iter().filter(finer).collect();
         self.progress.step("refine constants", 0, 1)?;
-        let mut found = in_parallel(&finer, |candidate| self.refine(fitted, residual, candidate));
+        let refine = |candidate: &&Candidate| self.refine(fitted, residual, candidate);
+        let mut found: Vec<Candidate> = finer.par_iter().map(refine).collect();
         self.progress.step("refine constants", 1, 1)?;
         found.retain(|refined| {
             let rival = |c: &&Candidate| {
@@ -956,7 +959,8 @@ impl<'a> Search<'a> {
     ) -> Result<Option<(Fitted, Accepted)>, Interrupted> {
         // Transforms are judged by what they do exactly: tangents flatter and wrong them.
         self.progress.step("try effects", 0, 1)?;
-        let fits = in_parallel(worthy, |candidate| self.with_term(fitted, candidate.term.clone()));
+        let with = |candidate: &&Candidate| self.with_term(fitted, candidate.term.clone());
+        let fits: Vec<Fitted> = worthy.par_iter().map(with).collect();
         self.progress.step("try effects", 1, 1)?;
         let scored = worthy.iter().zip(fits).map(|(candidate, trial)| {
             let score = self.score_of(fitted, &trial);
@@ -995,12 +999,12 @@ impl<'a> Search<'a> {
         while accepted.len() > 1 {
             let with = self.errors(&fitted);
             self.progress.step("check each effect again", 0, 1)?;
-            let steps: Vec<usize> = (0..accepted.len()).collect();
-            let fits = in_parallel(&steps, |k| {
+            let without = |k: usize| {
                 let mut others = fitted.terms().to_vec();
                 others.remove(given + k);
                 self.refit(&fitted, others)
-            });
+            };
+            let fits: Vec<Fitted> = (0..accepted.len()).into_par_iter().map(without).collect();
             self.progress.step("check each effect again", 1, 1)?;
             let mut weakest: Option<(f64, usize, Fitted)> = None;
             for (k, (step, without)) in accepted.iter_mut().zip(fits).enumerate() {
@@ -1081,26 +1085,4 @@ fn switched_gain(sum: &[f64], k: usize, r: usize) -> Gain {
     let gram: Vec<f64> = (0..k * k).map(|i| sum[i] - share(i / k, i % k)).collect();
     let lengths: Vec<f64> = (0..k).map(|a| sum[a * k + a]).collect();
     gain_of(&gram, &sum[k * k + k * r..], &lengths, 0.03)
-}
-
-/// `work` for every item, on as many threads as there are cores; results in the order of the items.
-pub(super) fn in_parallel<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
-    let next = AtomicUsize::new(0);
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(items.len().max(1));
-    let mut results: Vec<(usize, R)> = std::thread::scope(|scope| {
-        let run = || {
-            let mut own = Vec::new();
-            loop {
-                let index = next.fetch_add(1, Ordering::Relaxed);
-                match items.get(index) {
-                    Some(item) => own.push((index, work(item))),
-                    None => return own,
-                }
-            }
-        };
-        let handles: Vec<_> = (0..threads).map(|_| scope.spawn(run)).collect();
-        handles.into_iter().flat_map(|handle| handle.join().expect("a panic goes on")).collect()
-    });
-    results.sort_by_key(|(index, _)| *index);
-    results.into_iter().map(|(_, result)| result).collect()
 }

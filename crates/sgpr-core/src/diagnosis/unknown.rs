@@ -1,11 +1,12 @@
 //! Structure that no effect of the catalogue explains: a Gaussian process on what is left, by groups of variables.
 
+use rayon::prelude::*;
+
 use super::basis::{Noise, dot};
 use super::fit::{Fitted, beyond, held_out};
 use super::problem::{Column, Problem};
 use crate::random::Random;
 use crate::simd::cos_in_place;
-use rayon::prelude::*;
 
 /// Variables that a joint's torque may depend on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

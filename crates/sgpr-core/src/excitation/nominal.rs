@@ -127,12 +127,7 @@ impl NominalEffects {
             Of::Coefficient(index) => term.effect.parameters()[index].symbol,
             Of::Constant(index, _) => term.effect.constants()[index].symbol,
         };
-        let joint = |joint: usize| self.model.robot().joints()[joint].name.as_str();
-        match term.site {
-            Site::Arm => format!("{symbol} ({})", term.effect.name()),
-            Site::Joint(own) => format!("{}.{symbol} ({})", joint(own), term.effect.name()),
-            Site::Pair(own, other) => format!("{}.{}.{symbol} ({})", joint(own), joint(other), term.effect.name()),
-        }
+        format!("{}{symbol} ({})", term.prefix(self.model.robot()), term.effect.name())
     }
 
     /// The link that a column goes with where links are looked at one by one: the last one for the whole arm.

@@ -98,8 +98,18 @@ struct Packed<T> {
 /// Share of the prior variance from which a point counts as far from the data.
 const FAR: f64 = 0.95;
 
-/// Training points at which single precision is compared with double.
-pub(super) const PROBES: usize = 200;
+/// Some points of the data, each followed by one half-way to another: where a predictor is held against its process.
+pub(super) fn probes(x: &[f64], inputs: usize) -> Vec<f64> {
+    const MOST: usize = 200;
+    let points: Vec<&[f64]> = x.chunks_exact(inputs).collect();
+    let mut probes = Vec::new();
+    for k in (0..points.len()).step_by(points.len().div_ceil(MOST)) {
+        let other = points[(k * 31 + 7) % points.len()];
+        probes.extend_from_slice(points[k]);
+        probes.extend(points[k].iter().zip(other).map(|(a, b)| 0.5 * (a + b)));
+    }
+    probes
+}
 
 /// What a predictor is made of, whatever process it comes from.
 pub(super) struct Parts<'a> {
@@ -199,13 +209,7 @@ impl GpPredictor {
 
     /// Measures the largest differences to the process itself, at points of the data and half-way between them.
     fn compare(&mut self, x: &[f64], options: PredictorOptions, exact: Exact<'_>) {
-        let points: Vec<&[f64]> = x.chunks_exact(self.inputs).collect();
-        let mut probes = Vec::new();
-        for k in (0..points.len()).step_by(points.len().div_ceil(PROBES)) {
-            let other = points[(k * 31 + 7) % points.len()];
-            probes.extend_from_slice(points[k]);
-            probes.extend(points[k].iter().zip(other).map(|(a, b)| 0.5 * (a + b)));
-        }
+        let probes = probes(x, self.inputs);
         let with_variance = options.variance_rank != Some(0);
         let exact = exact(&probes, with_variance).expect("points of the data");
         let outputs = self.mean.len();

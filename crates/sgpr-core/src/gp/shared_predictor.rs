@@ -5,7 +5,7 @@ use pulp::{Arch, Simd, WithSimd};
 use super::GaussianProcess;
 use super::exact::padded;
 use super::kernels::{BLOCK, Element, Shape, TILE};
-use super::predictor::{PROBES, Precision};
+use super::predictor::{Precision, probes};
 
 /// Means of several processes over the same points, such as those of the joints of an arm: the points are read once, and
 /// processes with the same kernel share its values. Owns its buffers, allocates nothing, takes no lock, and can move to
@@ -139,16 +139,10 @@ impl SharedPredictor {
     /// Largest difference to double precision at points of the data and half-way between them.
     fn compare(&mut self, processes: &[&GaussianProcess]) -> f64 {
         let mut exact = Self::new(processes, Precision::Double).expect("as in single precision");
-        let points: Vec<&[f64]> = processes[0].data().x().chunks_exact(self.inputs).collect();
-        let stride = points.len().div_ceil(PROBES);
         let mut largest: f64 = 0.0;
-        for k in (0..points.len()).step_by(stride) {
-            let other = points[(k * 31 + 7) % points.len()];
-            let between: Vec<f64> = points[k].iter().zip(other).map(|(a, b)| 0.5 * (a + b)).collect();
-            for x in [points[k], &between] {
-                let differences = self.means(x).iter().zip(exact.means(x)).map(|(a, b)| (a - b).abs());
-                largest = differences.fold(largest, f64::max);
-            }
+        for x in probes(processes[0].data().x(), self.inputs).chunks_exact(self.inputs) {
+            let differences = self.means(x).iter().zip(exact.means(x)).map(|(a, b)| (a - b).abs());
+            largest = differences.fold(largest, f64::max);
         }
         largest
     }

@@ -167,3 +167,15 @@ pub(super) fn student(freedom: f64) -> f64 {
     let normal = Normal::standard().inverse_cdf(0.975);
     StudentsT::new(0.0, 1.0, freedom.max(5.0)).map_or(1.0, |law| law.inverse_cdf(0.975) / normal)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::student;
+
+    #[test]
+    fn quantiles_of_student_are_those_of_the_tables() {
+        for (freedom, expected) in [(5.0, 2.571), (10.0, 2.228), (20.0, 2.086), (60.0, 2.000), (1e9, 1.960)] {
+            assert!((1.959_964 * student(freedom) - expected).abs() < 3e-3, "{freedom}");
+        }
+    }
+}

@@ -39,6 +39,21 @@ impl Term {
         self.effect.entry() == Entry::Transform
     }
 
+    /// Whether it is the same effect at the same site, whatever its values.
+    pub(crate) fn is_like(&self, other: &Self) -> bool {
+        self.effect.name() == other.effect.name() && self.site == other.site
+    }
+
+    /// What the names of its parameters begin with: `joint_2.`, or nothing for the whole arm.
+    pub(crate) fn prefix(&self, robot: &Robot) -> String {
+        let joint = |joint: usize| &robot.joints()[joint].name;
+        match self.site {
+            Site::Arm => String::new(),
+            Site::Joint(own) => format!("{}.", joint(own)),
+            Site::Pair(own, other) => format!("{}.{}.", joint(own), joint(other)),
+        }
+    }
+
     /// Columns along a trajectory, `[samples]` or `[samples, n]` each.
     pub(crate) fn columns(&self, context: &Context<'_>) -> Vec<Vec<f64>> {
         let length = match self.effect.reach() {

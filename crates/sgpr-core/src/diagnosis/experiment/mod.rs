@@ -175,7 +175,7 @@ impl<'a> Judge<'a> {
         let mut columns: Vec<Vec<f64>> = fitted.columns[..at].iter().map(pick).collect();
         for own in fitted.terms() {
             let width = own.coefficients.len();
-            if !is_same(own, term) {
+            if !own.is_like(term) {
                 columns.extend(fitted.columns[at..at + width].iter().map(pick));
             }
             at += width;
@@ -279,7 +279,7 @@ impl<'a> Judge<'a> {
                 column.push(row.get(parameter).copied().or(effect).unwrap_or_default());
             }
         }
-        for own in self.fitted.terms().iter().filter(|own| !is_same(own, self.term)) {
+        for own in self.fitted.terms().iter().filter(|own| !own.is_like(self.term)) {
             columns.extend(drawn.linear_columns(self, own));
         }
         drawn.columns = columns;
@@ -357,12 +357,8 @@ fn variants(term: &Term) -> Vec<Term> {
     all
 }
 
-fn is_same(a: &Term, b: &Term) -> bool {
-    a.effect.name() == b.effect.name() && a.site == b.site
-}
-
 fn without(problem: &Problem, fitted: &Fitted, term: &Term) -> TorqueModel {
-    let rest = fitted.terms().iter().filter(|own| !is_same(own, term)).cloned().collect();
+    let rest = fitted.terms().iter().filter(|own| !own.is_like(term)).cloned().collect();
     fitted.model.clone().with_terms(rest, problem.clock)
 }
 

@@ -59,7 +59,12 @@ pub(super) fn portmanteau(residual: &[f64], run: &[usize], phi: &[f64]) -> f64 {
             count * (mean / variance).powi(2)
         })
         .sum();
-    ChiSquared::new(LAGS as f64).map_or(f64::NAN, |law| law.sf(statistic))
+    above_chi_squared(statistic, LAGS as f64)
+}
+
+/// Probability that chi-squared with so many degrees of freedom is larger.
+fn above_chi_squared(value: f64, degrees: f64) -> f64 {
+    ChiSquared::new(degrees).map_or(f64::NAN, |law| law.sf(value))
 }
 
 /// Autocorrelation of noise up to where it drowns in its own uncertainty, from lag one on.
@@ -116,6 +121,14 @@ mod tests {
                 x
             })
             .collect()
+    }
+
+    #[test]
+    fn tails_are_those_of_tables() {
+        // Upper 5 and 1 percent of chi-squared with 20 degrees of freedom.
+        for (value, tail) in [(31.410, 0.05), (37.566, 0.01)] {
+            assert!((above_chi_squared(value, 20.0) / tail - 1.0).abs() < 0.02, "{value}");
+        }
     }
 
     #[test]

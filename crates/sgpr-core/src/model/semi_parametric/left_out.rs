@@ -1,5 +1,7 @@
 //! What the physics leaves over on parts of the logs that it has not seen.
 
+use std::borrow::Cow;
+
 use faer::Mat;
 
 use super::super::compare::LogResidual;
@@ -36,7 +38,10 @@ pub(super) fn left_out(
     let unknowns = basis::unknowns(physics);
     let mut matrices = Vec::with_capacity(rows.len());
     for (joint, rows) in rows.iter().enumerate() {
-        matrices.push(basis::matrix(physics, logs, joint, rows, processing)?);
+        matrices.push(match &rows.terms {
+            Some(terms) => Cow::Borrowed(terms),
+            None => Cow::Owned(basis::matrix(physics, logs, joint, rows, processing)?),
+        });
     }
     let weights: Vec<f64> = rows.iter().map(weight).collect();
     let mut result: Vec<Vec<LeftOut>> = rows.iter().map(|_| Vec::new()).collect();
@@ -54,7 +59,7 @@ pub(super) fn left_out(
         let (change, _) = basis::solve(&information, &projection);
         let change = Mat::from_fn(unknowns, 1, |k, _| change[k]);
         for (joint, matrix) in matrices.iter().enumerate() {
-            let explained = matrix * &change;
+            let explained = &**matrix * &change;
             let residual = rows[joint].residual.iter().enumerate().map(|(i, residual)| residual - explained[(i, 0)]);
             result[joint].push(LeftOut { part: parts[joint][index].clone(), residual: residual.collect() });
         }
