@@ -149,23 +149,41 @@ fn what_logs_could_have_shown_is_found_from_that_size_on_and_not_below() {
     }
 }
 
-/// tau = a sgn(sin 3q).
-#[derive(Debug)]
-struct Teeth;
+/// tau = a f(q, dq), an effect of the user's own.
+struct Own(&'static str, fn(f64, f64) -> f64);
 
-const TEETH: [EffectParameter; 1] = [EffectParameter::signed("a", "N·m", "N")];
+const TEETH: Own = Own("teeth", |q, _| sgn((3.0 * q).sin()));
 
-impl Effect for Teeth {
+/// Outside of the catalogue: parts of it look like friction that depends on direction, or on position.
+const EVEN_DRAG: Own = Own("even_drag", |q, dq| dq * dq * (1.9 * q).cos());
+
+const AMPLITUDE: [EffectParameter; 1] = [EffectParameter::signed("a", "N·m", "N")];
+
+impl std::fmt::Debug for Own {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(self.0)
+    }
+}
+
+impl Own {
+    fn at(self, joint: usize, amplitude: f64) -> Term {
+        let mut term = Term::new(Arc::new(self), Site::Joint(joint), vec![]);
+        term.coefficients = vec![amplitude];
+        term
+    }
+}
+
+impl Effect for Own {
     fn name(&self) -> &str {
-        "teeth"
+        self.0
     }
 
     fn summary(&self) -> &str {
-        "A torque that switches with the position."
+        "A torque that depends on the state of its joint."
     }
 
     fn parameters(&self) -> &[EffectParameter] {
-        &TEETH
+        &AMPLITUDE
     }
 
     fn entry(&self) -> Entry {
@@ -174,23 +192,41 @@ impl Effect for Teeth {
 
     fn trajectory_columns(&self, site: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
         let joint = site.joint().expect("at a joint");
-        for (out, q) in out[0].iter_mut().zip(context.of_joint(context.q, joint)) {
-            *out = sgn((3.0 * q).sin());
+        let states = context.of_joint(context.q, joint).zip(context.of_joint(context.dq, joint));
+        for (out, (q, dq)) in out[0].iter_mut().zip(states) {
+            *out = self.1(q, dq);
         }
     }
 }
 
 #[test]
 fn an_effect_of_the_users_own_takes_part() {
-    let mut term = Term::new(Arc::new(Teeth), Site::Joint(0), vec![]);
-    term.coefficients = vec![0.5];
-    let (train, test) = logs(&[term]);
+    let (train, test) = logs(&[TEETH.at(0, 0.5)]);
     let mut options = DiagnosisOptions::default();
-    options.catalogue.push(Arc::new(Teeth));
+    options.catalogue.push(Arc::new(TEETH));
     let diagnosis = diagnose(&identified(&train), &train, &test, &options, &()).unwrap();
     let finding = &diagnosis.findings[0];
     assert_eq!((finding.effect.as_str(), &finding.joints[..]), ("teeth", &["joint_1".to_string()][..]));
     assert!((finding.parameters[0].value - 0.5).abs() < 0.05);
+}
+
+/// Effects that imitate a torque from outside of the catalogue are no findings; in a catalogue that has it, it is one.
+#[test]
+fn what_no_effect_explains_is_said_and_is_found_once_the_catalogue_has_it() {
+    let (train, test) = logs(&[EVEN_DRAG.at(0, 0.3)]);
+    let model = identified(&train);
+    let mut options = DiagnosisOptions::default();
+    let diagnosis = diagnose(&model, &train, &test, &options, &()).unwrap();
+    assert_eq!(diagnosis.verdict, Verdict::UnexplainedStructure, "{:?}", diagnosis.findings);
+    assert!(diagnosis.findings.is_empty() && diagnosis.probability_unexplained > 0.8);
+    assert!(diagnosis.unexplained[0].starts_with("joint_1: torque that depends on speed, position"));
+
+    options.catalogue.push(Arc::new(EVEN_DRAG));
+    let diagnosis = diagnose(&model, &train, &test, &options, &()).unwrap();
+    assert_eq!(diagnosis.verdict, Verdict::EffectsFound);
+    assert_eq!(diagnosis.findings.len(), 1, "{:?}", diagnosis.findings);
+    assert_eq!(diagnosis.findings[0].effect, "even_drag");
+    assert!((diagnosis.findings[0].parameters[0].value - 0.3).abs() < 0.03);
 }
 
 #[test]

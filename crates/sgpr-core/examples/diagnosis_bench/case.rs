@@ -10,6 +10,7 @@ use sgpr_core::robot::Robot;
 
 use crate::arm::{Motion, Random, arm};
 use crate::closed_loop::{Plant, STEP, follow};
+use crate::law::{FORMS, Law, State, UNKNOWN};
 
 const BASE: [&str; 3] = ["viscous_friction", "coulomb_friction", "rotor_inertia"];
 const SECONDS: f64 = 20.0;
@@ -17,7 +18,7 @@ const SECONDS: f64 = 20.0;
 /// Effects that are hidden one at a time, in turn.
 ///
 /// Not `backlash`: play that is crossed in no time has no inverse dynamics, and the logs would be full of spikes.
-pub const SINGLES: [&str; 29] = [
+pub const SINGLES: [&str; 28] = [
     "viscous_friction",
     "coulomb_friction",
     "rotor_inertia",
@@ -46,7 +47,6 @@ pub const SINGLES: [&str; 29] = [
     "nonlinear_viscous_friction",
     "torque_saturation",
     "spring_balancer",
-    "unknown",
 ];
 
 /// Effects that the closed loop is simulated with.
@@ -81,7 +81,8 @@ struct Truth {
     /// viscous, Coulomb, rotor: per joint.
     base: [Vec<f64>; 3],
     terms: Vec<Term>,
-    unknown: Option<(usize, f64)>,
+    /// Joint, its neighbour, the law and its factor.
+    unknown: Option<(usize, usize, Law, f64)>,
 }
 
 /// Case number `seed` of a kind: the effects hidden in it, `[]` for none. Draws under which the arm runs away are left
@@ -227,6 +228,11 @@ fn as_samples(motion: &[Vec<f64>; 3]) -> Samples<'_> {
     Samples { q: &motion[0], dq: &motion[1], ddq: &motion[2] }
 }
 
+/// State of a joint at a sample.
+fn state(motion: &[Vec<f64>; 3], sample: usize, n: usize, joint: usize) -> State {
+    std::array::from_fn(|order| motion[order][sample * n + joint])
+}
+
 fn torque(truth: &Truth, motion: &[Vec<f64>; 3], rate: f64, start: f64) -> Vec<f64> {
     let n = truth.robot.dof();
     let mut parameters = truth.robot.standard_parameters();
@@ -239,11 +245,9 @@ fn torque(truth: &Truth, motion: &[Vec<f64>; 3], rate: f64, start: f64) -> Vec<f
     let time: Vec<f64> = (0..samples).map(|k| start + k as f64 / rate).collect();
     let trajectory = Trajectory { samples: as_samples(motion), rate_hz: rate, time: &time, channels: &[] };
     let mut tau = model.predict_trajectory(&trajectory);
-    if let Some((joint, size)) = truth.unknown {
-        let other = if joint + 1 < n { joint + 1 } else { joint - 1 };
+    if let Some((joint, other, law, factor)) = truth.unknown {
         for k in 0..samples {
-            let state = |values: &[f64], joint: usize| values[k * n + joint];
-            tau[k * n + joint] += size * state(&motion[1], other) * (1.3 * state(&motion[0], joint)).cos();
+            tau[k * n + joint] += factor * (law.torque)(state(motion, k, n, joint), state(motion, k, n, other));
         }
     }
     tau
@@ -268,10 +272,13 @@ fn hide(
     let Wish { effect, joint, size, noise, motion, rate } = wish;
     let (effect, joint, rate) = (*effect, *joint, *rate);
     let n = truth.robot.dof();
-    if effect == "unknown" {
-        let strength = noise[joint] * random.logarithmic(1.5, 6.0);
-        truth.unknown = Some((joint, strength));
-        hidden.push((effect.into(), Some(joint)));
+    if let Some(law) = UNKNOWN.into_iter().chain(FORMS).find(|law| law.name == effect) {
+        let other = if joint + 1 < n { joint + 1 } else { joint - 1 };
+        let samples = motion[0].len() / n;
+        let plain = |k: usize| (law.torque)(state(motion, k, n, joint), state(motion, k, n, other));
+        let rms = ((0..samples).map(|k| plain(k).powi(2)).sum::<f64>() / samples as f64).sqrt();
+        truth.unknown = Some((joint, other, law, noise[joint] * random.logarithmic(1.5, 6.0) / rms.max(1e-9)));
+        hidden.push((law.answer.into(), Some(joint)));
         return;
     }
     if let Some(index) = BASE.iter().position(|base| *base == effect) {

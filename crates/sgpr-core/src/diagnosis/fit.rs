@@ -235,10 +235,18 @@ pub(super) fn beyond(problem: &Problem, fitted: &Fitted) -> Vec<ByLog> {
     logged.iter().zip(squares).map(|(logged, own)| logged.iter().zip(&own).map(rest).collect()).collect()
 }
 
+/// Columns beside those of a fit.
+#[derive(Default)]
+pub(super) struct Extra<'a> {
+    pub columns: &'a [Column],
+    /// One over the variance that their factors have before any data, 0 for none.
+    pub precision: f64,
+}
+
 /// Errors per joint in the band, on blocks that were left out of the fit.
-pub(super) fn held_out(problem: &Problem, fitted: &Fitted, extra: &[Column], noise: &Noise) -> Vec<ByLog> {
+pub(super) fn held_out(problem: &Problem, fitted: &Fitted, extra: &Extra<'_>, noise: &Noise) -> Vec<ByLog> {
     let n = problem.dof();
-    let all: Vec<&Column> = fitted.columns.iter().chain(extra).chain([&*fitted.target]).collect();
+    let all: Vec<&Column> = fitted.columns.iter().chain(extra.columns).chain([&*fitted.target]).collect();
     let k = all.len();
     let weight: Vec<f64> = noise.level.iter().map(|level| 1.0 / (level * level)).collect();
     let mut grams = vec![vec![0.0; k * k]; FOLDS];
@@ -276,6 +284,7 @@ pub(super) fn held_out(problem: &Problem, fitted: &Fitted, extra: &[Column], noi
             for (_, gram) in grams.iter().enumerate().filter(|(index, _)| *index != left_out) {
                 rest.iter_mut().zip(gram).for_each(|(r, g)| *r += g);
             }
+            (fitted.columns.len()..m).for_each(|i| rest[i * k + i] += extra.precision);
             let square: Vec<f64> = (0..m * m).map(|i| rest[i / m * k + i % m]).collect();
             let lengths: Vec<f64> = (0..m).map(|i| rest[i * k + i]).collect();
             let b: Vec<f64> = (0..m).map(|i| rest[i * k + m]).collect();

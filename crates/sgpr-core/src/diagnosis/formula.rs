@@ -12,7 +12,7 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::basis::{Noise, gain};
-use super::fit::{Fitted, held_out};
+use super::fit::{Extra, Fitted, held_out};
 use super::problem::{Column, FOLDS, Problem, Stretch};
 use crate::effects::sgn;
 use crate::linalg::{dot_in_lanes, solve_general};
@@ -180,7 +180,7 @@ pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: 
     let mut stability: Vec<f64> = Vec::new();
     // Of each chosen column: its products with all columns, those chosen before it taken out, over its length.
     let mut before: Vec<Vec<f64>> = Vec::new();
-    let mut error = held_out(problem, fitted, &[], noise)[joint][0];
+    let mut error = held_out(problem, fitted, &Extra::default(), noise)[joint][0];
     while chosen.len() < MOST_TERMS {
         let best_without = |skip: Option<usize>| {
             let left = |k: usize| along[k][FOLDS] - skip.map_or(0.0, |fold| along[k][fold]);
@@ -194,7 +194,7 @@ pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: 
             break;
         }
         let extra: Vec<Column> = chosen.iter().chain([&best]).map(|k| columns[*k].clone()).collect();
-        let with = held_out(problem, fitted, &extra, noise)[joint][0];
+        let with = held_out(problem, fitted, &Extra { columns: &extra, precision: 0.0 }, noise)[joint][0];
         if with > (1.0 - MATERIAL) * error {
             break;
         }
@@ -294,7 +294,7 @@ fn written(
         };
         text += &format!("{sign} {:.4} {}", term.coefficient.abs(), term.function);
     }
-    let before = held_out(problem, fitted, &[], noise)[joint][0];
+    let before = held_out(problem, fitted, &Extra::default(), noise)[joint][0];
     let explained = 1.0 - (after / before.max(1e-300)).powi(2);
     Formula { joint: own.name.clone(), terms, text, explained }
 }

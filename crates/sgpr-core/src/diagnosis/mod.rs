@@ -12,6 +12,7 @@ mod detectability;
 mod experiment;
 mod fit;
 mod formula;
+mod imitation;
 mod problem;
 mod report;
 mod search;
@@ -112,7 +113,8 @@ pub fn diagnose(
     let start = search.start()?;
     let outcome = search.run(&start)?;
     progress.step("look at what is left", 0, 1)?;
-    let left = unknown::leftover(&search.problem, &outcome.fitted, &search.noise);
+    let outcome = imitation::without_imitations(&search, outcome)?;
+    let left = unknown::leftover(&search.problem, &outcome.fitted, &outcome.held_out, &search.noise);
     let diagnosis = report::report(&mut search, model, &outcome, &left, test)?;
     progress.step("look at what is left", 1, 1)?;
     Ok(diagnosis)

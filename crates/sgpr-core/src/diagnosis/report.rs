@@ -9,7 +9,7 @@ use super::formula::Formula;
 use super::problem::Column;
 use super::search::{Accepted, Candidate, Outcome, Search};
 use super::structure::JointStructure;
-use super::unknown::{self, Leftover};
+use super::unknown::Leftover;
 use super::{DiagnosisError, calibration, detectability, experiment, formula, structure, whereabouts};
 use crate::effects::{Entry, Scale, Site};
 use crate::model::{Fit, Term, TorqueModel, compare};
@@ -38,7 +38,7 @@ pub(super) fn report(
         unknown: left.iter().map(|l| l.evidence.max(0.0)).sum(),
         unknown_size: left.iter().map(|l| l.effect_size).fold(0.0, f64::max),
     };
-    let unexplained = features.is_unexplained() || is_explained_away(search, outcome);
+    let unexplained = features.is_unexplained();
     let mut findings = findings(search, outcome, &features);
     let candidates = candidates(search, &findings, outcome);
     let not_testable = not_testable(search, start, &outcome.ranking);
@@ -96,27 +96,6 @@ fn formulas(search: &Search<'_>, last: &Fitted, left: &[Leftover], structure: &[
     };
     let joints = (0..search.problem.dof()).filter(|joint| material(*joint));
     joints.filter_map(|joint| formula::formula(&search.problem, last, &search.noise, joint)).collect()
-}
-
-/// Whether many effects at one joint imitate something else together: a Gaussian process on what the model left there
-/// before any effect was added has far more evidence than each of them had by itself, and lowers the held-out error.
-fn is_explained_away(search: &Search<'_>, outcome: &Outcome) -> bool {
-    const MANY: usize = 3;
-    const FAR_MORE: f64 = 2.0;
-    const FALL: f64 = 0.2;
-    let terms = outcome.fitted.terms();
-    let at = |site: Site, joint: usize| site == Site::Arm || site == Site::Joint(joint);
-    let scores = |joint: usize| -> Vec<f64> {
-        outcome.news(search).filter(|(k, _)| at(terms[*k].site, joint)).map(|(_, a)| a.first_score).collect()
-    };
-    if (0..search.problem.dof()).all(|joint| scores(joint).len() < MANY) {
-        return false;
-    }
-    unknown::leftover(&search.problem, &outcome.start, &search.noise).iter().any(|left| {
-        let scores = scores(left.joint);
-        let best = scores.iter().copied().fold(0.0, f64::max);
-        scores.len() >= MANY && left.effect_size > FALL && left.evidence > FAR_MORE * best
-    })
 }
 
 /// Numbers by joint, borrowed names.

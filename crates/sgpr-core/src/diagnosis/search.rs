@@ -6,8 +6,9 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::basis::{Basis, Gain, INVISIBLE, Noise, Rest, gain, gain_of, rms};
-use super::fit::{ByLog, Fitted, beyond, held_out, refine_transforms, solve, solve_like, tangent};
+use super::fit::{ByLog, Extra, Fitted, beyond, held_out, refine_transforms, solve, solve_like, tangent};
 use super::problem::{Column, Problem};
+use super::unknown::{self, Group};
 use crate::effects::{Effect, Entry, Reach, Scale, Site};
 use crate::linalg::dot_in_lanes;
 use crate::model::Term;
@@ -184,7 +185,7 @@ impl<'a> Search<'a> {
         let of_joint = |joint: usize| {
             let own = terms.iter().filter(|term| term.site == Site::Joint(joint));
             let mut columns: Vec<Column> = own.flat_map(|term| self.cache[&key_of(term)].iter().cloned()).collect();
-            columns.extend(super::unknown::features(&self.problem, joint, &super::unknown::ALL, 0.8));
+            columns.extend(unknown::features(&self.problem, joint, &Group::whole(joint, n), 0.8));
             let only = |column: &Column| -> Column {
                 (0..n).map(|j| if j == joint { column[j].clone() } else { vec![] }).collect()
             };
@@ -771,7 +772,7 @@ impl<'a> Search<'a> {
         let (fitted, accepted) = self.backward(fitted, accepted)?;
         let start = solve(&self.problem, &start.model, start.terms(), &self.noise);
         self.progress.step(STAGE, MOST_TERMS, MOST_TERMS)?;
-        let [held_out_before, held_out] = [&start, &fitted].map(|fit| self.errors(fit).total());
+        let [held_out_before, held_out] = [&start, &fitted].map(|fit| self.held_out(fit));
         Ok(Outcome { start, fitted, accepted, ranking: ranking.unwrap_or_default(), held_out_before, held_out })
     }
 
@@ -990,8 +991,8 @@ impl<'a> Search<'a> {
     }
 
     /// Takes terms out again that the others make superfluous.
-    fn backward(
-        &mut self,
+    pub fn backward(
+        &self,
         mut fitted: Fitted,
         mut accepted: Vec<Accepted>,
     ) -> Result<(Fitted, Vec<Accepted>), Interrupted> {
@@ -1029,8 +1030,13 @@ impl<'a> Search<'a> {
         Ok((fitted, accepted))
     }
 
+    /// Error per joint on blocks that were left out, N·m (N).
+    pub fn held_out(&self, fitted: &Fitted) -> Vec<f64> {
+        self.errors(fitted).total()
+    }
+
     fn errors(&self, fitted: &Fitted) -> HeldOut {
-        let in_band = held_out(&self.problem, fitted, &[], &self.noise);
+        let in_band = held_out(&self.problem, fitted, &Extra::default(), &self.noise);
         HeldOut { in_band, beyond: beyond(&self.problem, fitted) }
     }
 }

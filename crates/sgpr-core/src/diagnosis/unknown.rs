@@ -3,34 +3,75 @@
 use rayon::prelude::*;
 
 use super::basis::{Noise, dot};
-use super::fit::{Fitted, beyond, held_out};
-use super::problem::{Column, Problem};
+use super::fit::{Extra, Fitted, beyond, held_out};
+use super::problem::{Column, Problem, Stretch};
 use crate::random::Random;
 use crate::simd::cos_in_place;
 
-/// Variables that a joint's torque may depend on.
+/// What a joint's torque may depend on, and of which joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Variable {
-    Position,
-    Speed,
-    NeighbourPosition,
-    NeighbourSpeed,
+enum Variable {
+    Position(usize),
+    Speed(usize),
     Time,
 }
 
-use Variable::{NeighbourPosition, NeighbourSpeed, Position, Speed, Time};
+use Variable::{Position, Speed, Time};
 
-pub(super) const ALL: [Variable; 4] = [Position, Speed, NeighbourPosition, NeighbourSpeed];
+/// A smooth function of some variables, times a product of others.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Group {
+    factors: Vec<Variable>,
+    of: Vec<Variable>,
+}
 
-const GROUPS: [&[Variable]; 7] = [
-    &[Position],
-    &[Speed],
-    &[Position, Speed],
-    &[NeighbourPosition, NeighbourSpeed],
-    &[Position, NeighbourSpeed],
-    &[Position, Speed, NeighbourPosition, NeighbourSpeed],
-    &[Time],
-];
+impl Group {
+    fn of(of: &[Variable]) -> Self {
+        Self { factors: vec![], of: of.to_vec() }
+    }
+
+    /// Positions and speeds of a joint and its neighbours.
+    pub fn whole(joint: usize, n: usize) -> Self {
+        let [positions, speeds] =
+            [Position, Speed].map(|variable| neighbours(joint, n).map(variable).collect::<Vec<_>>());
+        Self::of(&[&[Position(joint), Speed(joint)], &positions[..], &speeds].concat())
+    }
+
+    /// All that are tried at a joint.
+    fn all(joint: usize, n: usize) -> Vec<Self> {
+        let (q, dq) = (Position(joint), Speed(joint));
+        let times = |factors: &[Variable], of: &[Variable]| Self { factors: factors.to_vec(), of: of.to_vec() };
+        let mut groups = vec![Self::of(&[q]), Self::of(&[dq]), Self::of(&[q, dq]), Self::of(&[Time])];
+        groups.extend([times(&[dq], &[q]), times(&[dq, dq], &[q])]);
+        for other in neighbours(joint, n) {
+            let (p, dp) = (Position(other), Speed(other));
+            groups.extend([[p, dp], [q, p], [q, dp], [dq, p], [dq, dp]].map(|of| Self::of(&of)));
+            groups.extend([times(&[dq], &[q, p]), times(&[dp], &[q, p]), times(&[dq, dp], &[q, p])]);
+        }
+        groups.push(Self::whole(joint, n));
+        groups
+    }
+
+    /// In words: `speed of joint_2 times a function of position`.
+    fn describe(&self, joint: usize, names: &[&str]) -> String {
+        let word = |variable: &Variable| match variable {
+            Position(j) if *j == joint => "position".into(),
+            Speed(j) if *j == joint => "speed".into(),
+            Position(j) => format!("position of {}", names[*j]),
+            Speed(j) => format!("speed of {}", names[*j]),
+            Time => "time".into(),
+        };
+        let list = |variables: &[Variable]| variables.iter().map(word).collect::<Vec<String>>();
+        let mut words = list(&self.factors);
+        words.extend(list(&self.of).into_iter().filter(|word| !words.contains(word)).collect::<Vec<_>>());
+        words.dedup();
+        words.join(", ")
+    }
+}
+
+fn neighbours(joint: usize, n: usize) -> impl Iterator<Item = usize> {
+    [joint.checked_sub(1), Some(joint + 1)].into_iter().flatten().filter(move |j| *j < n)
+}
 
 /// Random features per group (Rahimi and Recht (2007)).
 const FEATURES: usize = 30;
@@ -52,30 +93,22 @@ impl Leftover {
     }
 }
 
-/// Features of a group at a joint: cosines of random combinations of the standardised variables.
-pub(super) fn features(problem: &Problem, joint: usize, group: &[Variable], length_scale: f64) -> Vec<Column> {
+/// Features of a group at a joint: cosines of random combinations of the standardised variables, times the factors.
+pub(super) fn features(problem: &Problem, joint: usize, group: &Group, length_scale: f64) -> Vec<Column> {
     let n = problem.dof();
-    let neighbours: Vec<usize> =
-        [joint.checked_sub(1), Some(joint + 1)].into_iter().flatten().filter(|j| *j < n).collect();
-    let mut picks: Vec<(Variable, usize)> = Vec::new();
-    for variable in group {
-        match variable {
-            NeighbourPosition | NeighbourSpeed => picks.extend(neighbours.iter().map(|j| (*variable, *j))),
-            _ => picks.push((*variable, joint)),
-        }
-    }
-    if picks.is_empty() || (group == [Time] && problem.clock.is_none()) {
+    let Group { factors, of } = group;
+    if of.contains(&Time) && problem.clock.is_none() {
         return vec![];
     }
-    let value = |stretch: &super::problem::Stretch, k: usize, (variable, j): (Variable, usize)| match variable {
-        Position | NeighbourPosition => stretch.motion.q[k * n + j],
-        Speed | NeighbourSpeed => stretch.motion.dq[k * n + j],
+    let value = |stretch: &Stretch, k: usize, variable: Variable| match variable {
+        Position(j) => stretch.motion.q[k * n + j],
+        Speed(j) => stretch.motion.dq[k * n + j],
         Time => stretch.time.get(k).copied().unwrap_or_default(),
     };
-    let moments: Vec<(f64, f64)> = picks
+    let moments: Vec<(f64, f64)> = of
         .iter()
-        .map(|pick| {
-            let values = problem.rows[joint].iter().map(|&(s, k)| value(&problem.stretches[s], k, *pick));
+        .map(|variable| {
+            let values = problem.rows[joint].iter().map(|&(s, k)| value(&problem.stretches[s], k, *variable));
             let (sum, squares, count) = values.fold((0.0, 0.0, 0.0), |(s, q, c), x| (s + x, q + x * x, c + 1.0));
             let mean = sum / f64::max(count, 1.0);
             (mean, (squares / f64::max(count, 1.0) - mean * mean).max(1e-18).sqrt())
@@ -84,60 +117,78 @@ pub(super) fn features(problem: &Problem, joint: usize, group: &[Variable], leng
     let mut random = Random::new(0x00D1_A905 ^ joint as u64);
     let draws: Vec<(Vec<f64>, f64)> = (0..FEATURES)
         .map(|_| {
-            let weights = picks.iter().map(|_| random.normal() / length_scale).collect();
+            let weights = of.iter().map(|_| random.normal() / length_scale).collect();
             (weights, std::f64::consts::TAU * random.uniform())
         })
         .collect();
+    let mut x = vec![0.0; of.len()];
     problem.feature_columns(joint, FEATURES, |stretch, k, row| {
-        let x: Vec<f64> =
-            picks.iter().zip(&moments).map(|(p, (mean, std))| (value(stretch, k, *p) - mean) / std).collect();
+        for ((x, variable), (mean, std)) in x.iter_mut().zip(of).zip(&moments) {
+            *x = (value(stretch, k, *variable) - mean) / std;
+        }
         for (out, (weights, phase)) in row.iter_mut().zip(&draws) {
             *out = weights.iter().zip(&x).map(|(w, x)| w * x).sum::<f64>() + phase;
         }
         cos_in_place(row);
+        let factor: f64 = factors.iter().map(|variable| value(stretch, k, *variable)).product();
+        row.iter_mut().for_each(|out| *out *= factor);
     })
 }
 
-/// Log evidence of a Gaussian process against none, per joint with its best group.
-pub(super) fn leftover(problem: &Problem, fitted: &Fitted, noise: &Noise) -> Vec<Leftover> {
-    let beyond = beyond(problem, fitted);
-    let errors = |extra: &[Column]| -> Vec<f64> {
-        let in_band = held_out(problem, fitted, extra, noise).into_iter();
-        in_band.zip(&beyond).map(|(own, beyond)| own[0].hypot(beyond[0])).collect()
-    };
-    let before = errors(&[]);
-    let of_joint = |joint: usize| {
-        let mut best: Option<(f64, &[Variable], Vec<Column>)> = None;
-        for group in GROUPS {
-            let columns = features(problem, joint, group, 1.0);
+/// A Gaussian process on what a fit leaves at a joint.
+pub(super) struct Smooth {
+    group: Group,
+    columns: Vec<Column>,
+    /// Variance of the columns' factors.
+    variance: f64,
+    /// Log evidence against none.
+    pub evidence: f64,
+}
+
+impl Smooth {
+    /// The group with most evidence.
+    pub fn best(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: usize) -> Option<Self> {
+        let mut best: Option<Self> = None;
+        for group in Group::all(joint, problem.dof()) {
+            let columns = features(problem, joint, &group, 1.0);
             if columns.is_empty() {
                 continue;
             }
             let white: Vec<Column> = columns.iter().map(|c| noise.whiten(problem, c)).collect();
-            let evidence = evidence(fitted, &white);
-            if best.as_ref().is_none_or(|(value, ..)| evidence > *value) {
-                best = Some((evidence, group, columns));
+            let (variance, evidence) = evidence(fitted, &white);
+            if best.as_ref().is_none_or(|best| evidence > best.evidence) {
+                best = Some(Self { group, columns, variance, evidence });
             }
         }
-        let (evidence, group, columns) = best?;
+        best
+    }
+
+    /// Error per joint on blocks of time that were left out, N·m (N).
+    pub fn held_out(&self, problem: &Problem, fitted: &Fitted, noise: &Noise) -> Vec<f64> {
+        let extra = Extra { columns: &self.columns, precision: 1.0 / self.variance.max(f64::MIN_POSITIVE) };
+        let in_band = held_out(problem, fitted, &extra, noise);
+        in_band.iter().zip(&beyond(problem, fitted)).map(|(own, beyond)| own[0].hypot(beyond[0])).collect()
+    }
+}
+
+/// Log evidence of a Gaussian process against none, per joint with its best group; `errors` of the fit on blocks that
+/// were left out.
+pub(super) fn leftover(problem: &Problem, fitted: &Fitted, errors: &[f64], noise: &Noise) -> Vec<Leftover> {
+    let names: Vec<&str> = problem.nominal.robot().joint_names().collect();
+    let of_joint = |joint: usize| {
+        let smooth = Smooth::best(problem, fitted, noise, joint)?;
         let mut effect_size = 0.0;
-        if evidence > 5.0 {
-            let after = errors(&columns);
-            effect_size = (before[joint] - after[joint]) / after[joint].max(1e-12);
+        if smooth.evidence > 5.0 {
+            let after = smooth.held_out(problem, fitted, noise)[joint];
+            effect_size = (errors[joint] - after) / after.max(1e-12);
         }
-        let names = group.iter().map(|v| match v {
-            Position => "position",
-            Speed => "speed",
-            NeighbourPosition => "positions of the neighbours",
-            NeighbourSpeed => "speeds of the neighbours",
-            Time => "time",
-        });
-        Some(Leftover { joint, evidence, effect_size, group: names.collect::<Vec<_>>().join(", ") })
+        Some(Leftover { joint, evidence: smooth.evidence, effect_size, group: smooth.group.describe(joint, &names) })
     };
     (0..problem.dof()).into_par_iter().filter_map(of_joint).collect()
 }
 
-fn evidence(fitted: &Fitted, white: &[Column]) -> f64 {
+/// Variance of the factors of `white` at which their log evidence is greatest, and that.
+fn evidence(fitted: &Fitted, white: &[Column]) -> (f64, f64) {
     let k = white.len();
     let shares: Vec<Vec<f64>> = white.iter().map(|c| fitted.basis.q.iter().map(|q| dot(q, c)).collect()).collect();
     let gram = faer::Mat::from_fn(k, k, |a, b| {
@@ -153,5 +204,6 @@ fn evidence(fitted: &Fitted, white: &[Column]) -> f64 {
         };
         values.iter().zip(&along).map(one).sum::<f64>()
     };
-    (-24..12).map(|e| at(f64::from(e).exp2())).fold(0.0, f64::max)
+    let tried = (-24..12).map(|e| f64::from(e).exp2()).map(|variance| (variance, at(variance)));
+    tried.fold((0.0, 0.0), |best, tried| if tried.1 > best.1 { tried } else { best })
 }
