@@ -316,7 +316,7 @@ fn hide(
         "cable_hysteresis" => vec![random.logarithmic(0.05, 0.4)],
         "nonlinear_viscous_friction" => vec![random.between(0.3, 0.7)],
         "torque_saturation" => vec![random.between(1.2, 1.7) * size[joint]],
-        "spring_balancer" => vec![random.between(0.3, 1.5), random.between(-0.5, 0.5)],
+        "spring_balancer" => vec![random.between(-2.5, 2.5), random.between(0.25, 0.9)],
         _ => vec![],
     };
     let wanted = found.constants().len();

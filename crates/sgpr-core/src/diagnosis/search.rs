@@ -871,15 +871,20 @@ impl<'a> Search<'a> {
     /// Candidates with evidence that is not tiny beside what was found before at the same joint: a form that is right to
     /// one percent leaves so much, and it would be taken for an effect of its own.
     fn worth_it(&self, fitted: &Fitted, accepted: &[Accepted], mut tried: Vec<Candidate>) -> Vec<Candidate> {
-        const SHARE_SAME_JOINT: f64 = 0.01;
-        const SHARE_OTHER_JOINT: f64 = 0.0001;
+        const SHARE: f64 = 0.01;
+        const OTHER_JOINT: f64 = 0.0001;
+        const TRANSFORM: f64 = 0.001;
         let given = fitted.terms().len() - accepted.len();
         let news = || accepted.iter().zip(&fitted.terms()[given..]).filter(|(_, t)| t.effect.refines().is_none());
         let joint = |term: &Term| term.site.joint().filter(|_| term.effect.reach() == Reach::Own);
         tried.retain(|candidate| {
             let least = news().map(|(step, term)| {
-                let apart = matches!((joint(term), joint(&candidate.term)), (Some(a), Some(b)) if a != b);
-                step.first_score * if apart { SHARE_OTHER_JOINT } else { SHARE_SAME_JOINT }
+                let share = match (joint(term), joint(&candidate.term)) {
+                    (Some(a), Some(b)) if a != b => OTHER_JOINT,
+                    _ if term.is_transform() => TRANSFORM,
+                    _ => SHARE,
+                };
+                share * step.first_score
             });
             candidate.score > least.fold(0.0, f64::max)
         });
