@@ -30,7 +30,7 @@ pub use structure::{Change, Dependence, Input, JointStructure, Shares, structure
 pub use whereabouts::{Excess, JointWhereabouts, Whereabouts};
 
 use crate::effects::{self, Effect};
-use crate::model::{IdentifyError, Term, TorqueModel, select_joints};
+use crate::model::{Given, IdentifyError, Term, TorqueModel, identify_again, select_joints};
 use crate::motion::{MotionError, Processing};
 use crate::progress::{Interrupted, Progress};
 use crate::recording::{Recording, RecordingError};
@@ -118,7 +118,8 @@ pub fn diagnose(
     Ok(diagnosis)
 }
 
-/// `model` with the effects of `findings` on top, all parameters refitted to `train`.
+/// `model` with the effects of `findings` on top, all parameters refitted to `train`. A model that was identified under
+/// physical consistency stays consistent.
 ///
 /// # Errors
 /// As [`diagnose`].
@@ -133,7 +134,12 @@ pub fn add(model: &TorqueModel, findings: &[&Finding], train: &[Recording]) -> R
     let refitted = search.refit(&start, terms);
     let fitted = search.polish(refitted);
     let history = findings.iter().map(|finding| report::sentence(finding));
-    Ok(report::finished(&search, model, &fitted, history))
+    let certificate = model.fit().and_then(|fit| fit.consistency.as_ref());
+    let Some(certificate) = certificate else { return Ok(report::finished(&search, model, &fitted, history)) };
+    let given = Given { terms: fitted.terms().to_vec(), clock: search.problem.clock };
+    let mut again = identify_again(model, given, &certificate.consistency(), train)?;
+    again.provenance.history.extend(history);
+    Ok(again)
 }
 
 fn problem(model: &TorqueModel, train: &[Recording]) -> Result<Problem, DiagnosisError> {
