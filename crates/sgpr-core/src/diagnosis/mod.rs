@@ -26,6 +26,7 @@ pub use answer::{
 };
 pub use detectability::Detectable;
 pub use formula::{Formula, FormulaTerm};
+pub use report::parameters_of;
 pub use structure::{Change, Dependence, Input, JointStructure, Shares, structure_of_logs};
 pub use whereabouts::{Excess, JointWhereabouts, Whereabouts};
 

@@ -6,7 +6,9 @@ use super::fit::{ByLog, LogSums};
 use crate::dynamics::{BatchWorkspace, Samples, Workspace, for_each_regressor_block, mass_matrix};
 use crate::effects::{Context, JointRanges, Reach, sgn};
 use crate::identification::{BaseParameters, ParameterSet, Row};
-use crate::model::{Rigid, Term, TorqueModel, Trajectory, common_clock, motions, nominal_parameters, select_joints, torque_of};
+use crate::model::{
+    Rigid, Term, TorqueModel, Trajectory, common_clock, motions, nominal_parameters, select_joints, torque_of,
+};
 use crate::motion::{Motion, Processing};
 use crate::recording::Recording;
 use crate::signal::LowPass;
@@ -675,4 +677,3 @@ fn interleaved(columns: &[Vec<f64>], at: impl Fn(&[f64], usize) -> f64, samples:
 fn seconds_since(start: i64, stamps: &[i64]) -> Vec<f64> {
     stamps.iter().map(|stamp| (stamp - start) as f64 * 1e-9).collect()
 }
-

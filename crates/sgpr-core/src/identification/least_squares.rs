@@ -354,7 +354,7 @@ pub(super) fn floored(noise: &[f64], factors: &[JointFactor]) -> Vec<f64> {
 fn back_substitute(triangle: &Mat<f64>) -> Option<Vec<f64>> {
     let unknowns = triangle.ncols() - 1;
     let norm = |j: usize| triangle.col(j).subrows(0, j + 1).norm_l2();
-    if (0..unknowns).any(|j| triangle[(j, j)] < 1e-6 * norm(j)) {
+    if (0..unknowns).any(|j| triangle[(j, j)] <= 1e-6 * norm(j)) {
         return None;
     }
     let mut x: Vec<f64> = (0..unknowns).map(|i| triangle[(i, unknowns)]).collect();

@@ -63,7 +63,8 @@ struct Layout {
 impl Layout {
     fn new(joint: usize, robot: &Robot, set: &ParameterSet, base: &BaseParameters) -> Self {
         let effects = set.effect_parameters_of(joint);
-        let mut layout = Self { columns: vec![], of_link: vec![vec![]; robot.dof()], of_effects: vec![], of_trajectory: vec![] };
+        let mut layout =
+            Self { columns: vec![], of_link: vec![vec![]; robot.dof()], of_effects: vec![], of_trajectory: vec![] };
         for (column, &parameter) in base.independent().iter().enumerate() {
             let position = layout.columns.len();
             if parameter < set.inertial() {
@@ -118,10 +119,7 @@ impl<'a> Observation<'a> {
         tau: &[f64],
         use_as: Option<&[Row]>,
     ) -> Result<(), IdentificationError> {
-        self.add(&Trajectory {
-            use_as,
-            ..Trajectory::new(samples, tau)
-        })
+        self.add(&Trajectory { use_as, ..Trajectory::new(samples, tau) })
     }
 
     /// Adds the equations of one uniformly sampled trajectory, both sides passed through `filter`, every
@@ -143,12 +141,7 @@ impl<'a> Observation<'a> {
         filter: &LowPass,
         decimation: usize,
     ) -> Result<(), IdentificationError> {
-        self.add(&Trajectory {
-            use_as,
-            filter: Some(filter),
-            decimation,
-            ..Trajectory::new(samples, tau)
-        })
+        self.add(&Trajectory { use_as, filter: Some(filter), decimation, ..Trajectory::new(samples, tau) })
     }
 
     /// The factors of all joints in motion, then those of the joints at rest; without those that have no row.
@@ -441,6 +434,10 @@ impl<'a> RowSource<'a> {
             &[("position", samples.q), ("velocity", samples.dq), ("acceleration", samples.ddq), ("torque", tau)],
             n,
         )?;
+        for (values, column) in columns.iter().zip(self.set.trajectory_columns()) {
+            let width = if column.joint.is_some() { 1 } else { n };
+            require_finite(&[("a column of an effect", values)], width)?;
+        }
 
         // A filtered piece reaches over its ends by as much as the filter remembers, to fifteen digits, and is long
         // against that; otherwise pieces stay in the cache.

@@ -23,7 +23,8 @@ use crate::signal::{CutoffChoice, SignalError};
 /// What to identify, and how.
 #[derive(Clone, Debug)]
 pub struct IdentifyOptions {
-    /// Names of effects beside the rigid body: any that change the torque. Their constants are fitted by variable projection.
+    /// Names of effects beside the rigid body, any that change the torque, at all joints or at one: `cable_stiffness`,
+    /// `cable_hysteresis@joint_4`. Their constants are fitted by variable projection.
     pub effects: Vec<String>,
     /// The estimator.
     pub method: Method,
@@ -120,6 +121,16 @@ pub enum IdentifyError {
         effect: String,
         /// Why.
         reason: String,
+    },
+    /// An effect at a joint that cannot have it.
+    #[error("`{effect}` cannot be at `{joint}`: {}", if known.is_empty() { "it is of the whole arm".into() } else { format!("it can be at {}", known.join(", ")) })]
+    NoSite {
+        /// Effect.
+        effect: String,
+        /// Joint that was asked for.
+        joint: String,
+        /// Joints that can have it.
+        known: Vec<String>,
     },
     /// Simulations know effects of the present motion only.
     #[error(
@@ -265,7 +276,7 @@ fn fit(
     given: Given,
     progress: &dyn Progress,
 ) -> Result<(TorqueModel, Outcome), IdentifyError> {
-    let (of_state, others) = variable_projection::split(&options.effects)?;
+    let (of_state, others) = variable_projection::split(robot, &options.effects)?;
     let mut set = ParameterSet::new(robot, &of_state)?;
     let mut start = match options.start {
         Start::RobotFile => nominal_parameters(robot, &set),
@@ -280,7 +291,7 @@ fn fit(
     let experiment = Experiment::new(recordings, processing)?;
     let motions = &experiment.motions;
     if !others.is_empty() && (options.controller.is_some() || options.method == Method::OutputError) {
-        let effects = others.iter().map(|effect| effect.name().into()).collect();
+        let effects = others.iter().map(|(effect, _)| effect.name().into()).collect();
         return Err(IdentifyError::NotSimulated { effects });
     }
     let mut model = TorqueModel::from_parameters(robot.clone(), set.clone(), start.clone(), vec![]);

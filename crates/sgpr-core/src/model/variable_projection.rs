@@ -27,24 +27,38 @@ use crate::motion::{MotionError, Processing};
 use crate::progress::Progress;
 use crate::robot::Robot;
 
-/// Names of effects that are columns of the present motion, and the other effects.
-pub(super) fn split(names: &[String]) -> Result<(Vec<String>, Vec<Arc<dyn Effect>>), IdentifyError> {
-    let (mut plain, mut others) = (Vec::new(), Vec::new());
+/// An effect, and the one joint that has it; all its sites if there is none.
+pub(super) type Placed = (Arc<dyn Effect>, Option<usize>);
+
+/// Names of effects that are columns of the present motion and at every joint, and the other effects.
+pub(super) fn split(robot: &Robot, names: &[String]) -> Result<(Vec<String>, Vec<Placed>), IdentifyError> {
+    let (mut plain, mut others) = (Vec::new(), Vec::<Placed>::new());
     for name in names {
-        let effect = effects::by_name(name)?;
-        match effect.entry() {
-            Entry::State => plain.push(name.clone()),
-            Entry::Gate => {
-                let in_torque = effects::registry().into_iter().filter(|effect| effect.entry() != Entry::Gate);
-                let known = in_torque.map(|effect| effect.name().into()).collect();
-                return Err(UnknownEffect { name: name.clone(), known }.into());
-            }
-            Entry::Trajectory | Entry::Transform => {
-                if !others.iter().any(|other: &Arc<dyn Effect>| other.name() == name) {
-                    others.push(effect);
-                }
-            }
+        let (own, joint) = name.split_once('@').map_or((name.as_str(), None), |(own, joint)| (own, Some(joint)));
+        let effect = effects::by_name(own)?;
+        if effect.entry() == Entry::Gate {
+            let in_torque = effects::registry().into_iter().filter(|effect| effect.entry() != Entry::Gate);
+            let known = in_torque.map(|effect| effect.name().into()).collect();
+            return Err(UnknownEffect { name: own.into(), known }.into());
         }
+        let place = match joint {
+            None if effect.entry() == Entry::State => {
+                plain.push(name.clone());
+                continue;
+            }
+            None => None,
+            Some(joint) => {
+                let index = robot.joint_index(joint);
+                let sites = effect.sites(robot);
+                let found = index.filter(|_| sites.iter().any(|site| site.joint().is_some() && site.joint() == index));
+                Some(found.ok_or_else(|| IdentifyError::NoSite {
+                    effect: own.into(),
+                    joint: joint.into(),
+                    known: sites.iter().filter_map(|site| Some(robot.joints()[site.joint()?].name.clone())).collect(),
+                })?)
+            }
+        };
+        others.push((effect, place));
     }
     Ok((plain, others))
 }
@@ -147,29 +161,32 @@ impl<'a> TermFit<'a> {
         Ok(Self { experiment, processing, clock, times, ranges })
     }
 
-    /// `model` with these effects at all their sites, constants and parameters fitted.
+    /// `model` with these effects, constants and parameters fitted.
     pub fn with_effects(
         &self,
         model: TorqueModel,
-        effects: &[Arc<dyn Effect>],
+        effects: &[Placed],
         progress: &dyn Progress,
     ) -> Result<TorqueModel, IdentifyError> {
         let start = self.linear(&model)?;
         let levels = LeastSquares::new(Method::Wls).solve(&start.factors, &start.base, &start.nominal)?.weights;
         let mut plain = model.clone();
         plain.set_parameters(self.parameters_of(&plain, &start.solution(&levels)));
-        let sites: usize = effects.iter().map(|effect| effect.sites(model.robot()).len()).sum();
+        let everywhere =
+            |effect: &dyn Effect| plain.parameter_set().effects().iter().any(|e| e.name() == effect.name());
         let mut terms = model.terms().to_vec();
-        for effect in effects {
+        for (index, (effect, joint)) in effects.iter().enumerate() {
+            progress.step("start of effects", index, effects.len())?;
             self.require_testable(&plain, effect.as_ref())?;
-            for site in effect.sites(model.robot()) {
-                progress.step("start of effects", terms.len().min(sites), sites)?;
+            let sites = effect.sites(model.robot()).into_iter();
+            for site in sites.filter(|site| joint.is_none() || site.joint() == *joint) {
                 let term = Term::new(effect.clone(), site, vec![]);
-                if !terms.iter().any(|own| own.is_like(&term)) {
+                if !everywhere(effect.as_ref()) && !terms.iter().any(|own| own.is_like(&term)) {
                     terms.push(self.started(&plain, term, &levels)?);
                 }
             }
         }
+        progress.step("start of effects", effects.len(), effects.len())?;
         self.fitted(plain.with_terms(terms, self.clock), progress)
     }
 
@@ -258,7 +275,9 @@ impl<'a> TermFit<'a> {
         let mut deviations = estimate.standard_deviations().into_iter().skip(linear.base.rank() - linear.columns);
         let mut next = || deviations.next().filter(|deviation| deviation.is_finite()).unwrap_or(0.0);
         let mut terms = model.terms().to_vec();
-        terms.iter_mut().for_each(|term| term.coefficient_deviations.iter_mut().for_each(|deviation| *deviation = next()));
+        terms
+            .iter_mut()
+            .for_each(|term| term.coefficient_deviations.iter_mut().for_each(|deviation| *deviation = next()));
         for unknown in linear.present.iter().map(|&index| unknowns[index]) {
             let term = &mut terms[unknown.term];
             term.constant_deviations[unknown.index] = unknown.slope(term.constants[unknown.index]) * next();
@@ -374,7 +393,8 @@ impl<'a> TermFit<'a> {
         let n = model.robot().dof();
         let changed = model.predict_trajectory(trajectory);
         let mut plain = model.without_terms().predict(trajectory.samples);
-        let parameters = model.terms().iter().flat_map(|term| term.coefficients.iter().map(move |factor| (term, factor)));
+        let parameters =
+            model.terms().iter().flat_map(|term| term.coefficients.iter().map(move |factor| (term, factor)));
         for ((term, factor), column) in parameters.zip(columns) {
             match (term.effect.reach(), term.site.joint()) {
                 (Reach::Own, Some(joint)) => {

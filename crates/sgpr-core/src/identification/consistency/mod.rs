@@ -496,8 +496,10 @@ pub(super) fn parameter_scales(set: &ParameterSet, nominal: &[f64], torque: &[f6
     let mut scales: Vec<f64> = nominal_links(nominal, set).flat_map(|link| LinkSize::of(link).scales()).collect();
     let of_state = set.effect_columns().iter().map(|column| 0.1 * torque[column.joint]);
     let largest = torque.iter().copied().fold(0.0, f64::max);
-    let of_trajectory =
-        set.trajectory_columns().iter().map(|column| 0.1 * column.joint.map_or(largest, |joint| torque[joint]) / column.size);
+    let of_trajectory = set
+        .trajectory_columns()
+        .iter()
+        .map(|column| 0.1 * column.joint.map_or(largest, |joint| torque[joint]) / column.size);
     for (offset, usual) in of_state.chain(of_trajectory).enumerate() {
         let scale = nominal[set.inertial() + offset].abs().max(usual);
         scales.push(if scale > 0.0 && scale.is_finite() { scale } else { 1.0 });
