@@ -472,8 +472,9 @@ const REWEIGHTINGS: usize = 3;
 /// Squares of consistency's cost per parameter that noise explains.
 const CHANCE: f64 = 0.25;
 
-/// Share of the cost at which a limit is named.
-const DEAR: f64 = 0.3;
+/// Share of the cost at which a limit is named, and most limits that are.
+const DEAR: f64 = 0.1;
+const MOST_DEAR: usize = 4;
 
 /// Parts of the data, each of which is predicted from the others.
 const FOLDS: usize = 5;
@@ -544,13 +545,14 @@ fn price_note(cost: f64, rank: usize, prices: &[Price]) -> Option<String> {
     let dear: Vec<String> = prices
         .iter()
         .take_while(|price| price.share >= DEAR)
+        .take(MOST_DEAR)
         .map(|price| format!("{} ({:.0} %)", price.limit, 100.0 * price.share))
         .collect();
     (!dear.is_empty()).then(|| {
         format!(
-            "consistency costs more than noise explains, and most of it would be gone without one of these rules: {}. \
-             Bodies are not wrong: look there for an effect that the model lacks (a cable, a spring, a sensor), which \
-             inertias that no body has imitate",
+            "consistency costs more than noise explains; shares of that which would be gone without a rule: {}. Such rules \
+             are not wrong: look there for an effect that the model lacks (a cable, a spring, a sensor), which inertias that \
+             no body has and negative friction imitate",
             dear.join("; ")
         )
     })
