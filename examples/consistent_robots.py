@@ -22,10 +22,10 @@ AT_THE_LINK = ("panda", "kuka_lwr")
 MORE = {
     "panda": [
         ["cable_hysteresis@panda_joint4"],
+        ["cable_hysteresis@panda_joint4", "stribeck_friction"],
         ["cable_hysteresis"],
-        ["cable_hysteresis", "stribeck_friction", "coulomb_transition"],
     ],
-    "baxter": [["spring_balancer"]],
+    "baxter": [["spring_balancer@baxter_j2"]],
 }
 HEADER = """\
 | robot | effects | unconstrained | consistent | loss | `auto` | pull | dearest limit | solver, ms |

@@ -194,7 +194,7 @@ def run(folder: Path, dataset: Dataset, out: Path) -> list[str]:
 
 HEADER = """\
 | robot | processing | position / torque band, Hz | base parameters | condition | train, % | unseen, % \
-| unseen with rests, % | the same in the band of the reference, % | reference unseen, % | unseen RMSE per joint, N·m (N) |
+| unseen with rests, % | in the reference's band, % | reference unseen, % | unseen RMSE per joint, N·m (N) |
 |---|---|---|---|---|---|---|---|---|---|---|"""
 
 

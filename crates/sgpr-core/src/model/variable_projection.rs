@@ -412,11 +412,17 @@ impl<'a> TermFit<'a> {
         let robot = model.robot();
         let joint_of = |term: &Term| (term.effect.reach() == Reach::Own).then(|| term.site.joint()).flatten();
         let kind = |term: &Term| robot.joints()[term.site.joint().unwrap_or_default()].kind;
+        // Two effects of a joint may call their parameters alike.
+        let name = |term: &Term, symbol: &str| {
+            let plain = format!("{}{symbol}", term.prefix(robot));
+            let taken = model.parameter_set().names().contains(&plain);
+            if taken { format!("{plain} of {}", term.effect.name()) } else { plain }
+        };
         let mut all = Vec::new();
         for term in model.terms() {
             for parameter in term.effect.parameters() {
                 all.push(TrajectoryColumn {
-                    name: format!("{}{}", term.prefix(robot), parameter.symbol),
+                    name: name(term, parameter.symbol),
                     unit: parameter.unit_at(kind(term)),
                     joint: joint_of(term),
                     non_negative: parameter.non_negative,

@@ -205,9 +205,7 @@ def show_parameters(parameters: Sequence[dict[str, Any]], output: Output) -> Non
 
 def show_terms(terms: Sequence[dict[str, Any]], output: Output) -> None:
     """Constants and parameters of the effects at single sites."""
-    rows = [
-        [p["effect"], p["name"], *with_deviation(p["value"], p["standard_deviation"]), p["unit"]] for p in terms
-    ]
+    rows = [[p["effect"], p["name"], *with_deviation(p["value"], p["standard_deviation"]), p["unit"]] for p in terms]
     if rows:
         output.table(["effect", "parameter", "value", "std. deviation", "unit"], rows, text_columns=(0, 1, 4))
 

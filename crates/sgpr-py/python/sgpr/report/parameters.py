@@ -43,9 +43,7 @@ def parameters_section(parameters: Sequence[dict[str, Any]], terms: Sequence[dic
 
 
 def _terms(terms: Sequence[dict[str, Any]]) -> Html:
-    rows = [
-        [p["effect"], p["name"], *with_deviation(p["value"], p["standard_deviation"]), p["unit"]] for p in terms
-    ]
+    rows = [[p["effect"], p["name"], *with_deviation(p["value"], p["standard_deviation"]), p["unit"]] for p in terms]
     columns = ["effect", "parameter", "value", "± std. dev.", "unit"]
     return table("Effects that follow the whole trajectory, or have constants", columns, rows, text_columns=(0, 1, 4))
 
