@@ -95,6 +95,7 @@ DATASETS = [
             Variant("automatic", {}, "14.5"),
             Variant("5 Hz, no rests", BAXTER_REFERENCE, "14.5"),
             Variant("automatic, springs", {"effects": [*EFFECTS, "cable_stiffness"]}, "9.3"),
+            Variant("automatic, balancer at joint 2", {"effects": [*EFFECTS, "spring_balancer@baxter_j2"]}, "9.3"),
             Variant("5 Hz, no rests, springs", {**BAXTER_REFERENCE, "effects": [*EFFECTS, "cable_stiffness"]}, "9.3"),
         ],
         {"cutoff_hz": 5.0},
