@@ -12,6 +12,9 @@ use sgpr_core::robot::{Robot, two_link};
 use crate::arm::Noise;
 
 const RATE: f64 = 100.0;
+/// Effect, site, constants, coefficients, and by which share the constants may be off.
+type Case = (&'static str, Site, &'static [f64], &'static [f64], f64);
+
 const FRICTION: [&str; 2] = ["viscous_friction", "coulomb_friction"];
 
 fn put_in(name: &str, site: Site, constants: &[f64], coefficients: &[f64]) -> Term {
@@ -62,8 +65,8 @@ fn options(more: &[&str]) -> IdentifyOptions {
 fn constants_come_out_as_they_were_put_in() {
     let robot = two_link();
     let second = Site::Joint(1);
-    // Constants, and by how much they may be off: filters round reversals off.
-    let cases: [(&str, Site, &[f64], &[f64], f64); 6] = [
+    // Filters round reversals off.
+    let cases: [Case; 6] = [
         ("cable_hysteresis", second, &[0.3], &[1.5], 0.05),
         ("stribeck_friction", second, &[0.2], &[1.0], 0.1),
         ("torque_ripple", second, &[7.0], &[0.4, 0.3], 0.02),
@@ -120,8 +123,8 @@ fn every_effect_of_the_torque_can_be_identified() {
 #[test]
 fn a_consistent_arm_with_a_cable_stays_one_when_an_effect_is_added() {
     let robot = two_link();
-    let cable = put_in("cable_hysteresis", Site::Joint(1), &[0.3], &[1.5]);
-    let (train, test) = ([log(&robot, &[cable.clone()], 30.0, 0.0, 0.05)], [log(&robot, &[cable], 20.0, 0.7, 0.05)]);
+    let cable = [put_in("cable_hysteresis", Site::Joint(1), &[0.3], &[1.5])];
+    let (train, test) = ([log(&robot, &cable, 30.0, 0.0, 0.05)], [log(&robot, &cable, 20.0, 0.7, 0.05)]);
     let joint = robot.joint_names().next().expect("a joint").to_string();
     let links = vec![LinkBounds { joint, mass: Some([0.1, f64::INFINITY]), centre: None }];
     let bounds = PhysicalBounds { links, ..PhysicalBounds::default() };
