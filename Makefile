@@ -43,9 +43,10 @@ demo: build
 demo-real: build
 	$(BIN)/python examples/real_robots.py --out $(OUT)/real
 
-## Estimators against each other on simulated logs: the tables of docs/estimators.md.
+## Estimators against each other on simulated logs: the tables of docs/estimators.md, on all cores.
+EXPERIMENTS ?= 100
 estimators:
-	cargo run --locked --release --quiet --package sgpr-core --example estimators -- 100
+	cargo run --locked --release --quiet --package sgpr-core --example estimators -- $(EXPERIMENTS)
 
 ## The experiments of the thesis, a few minutes; its numbers beside ours go to docs/thesis.md.
 thesis: build

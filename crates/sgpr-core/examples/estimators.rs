@@ -2,15 +2,20 @@
 //!
 //! ```text
 //! cargo run --release --package sgpr-core --example estimators -- 100
+//! cargo run --release --package sgpr-core --example estimators -- 20 IV
 //! ```
 //!
-//! The two-link arm with friction and rotors follows a reference under a PD controller. Its logs are spoilt in four ways
-//! and go through the whole pipeline, filters and derivatives included. The table is Markdown.
+//! The first number is that of experiments; a word after it leaves only estimators whose name contains it. The two-link arm
+//! with friction and rotors follows a reference under a PD controller. Its logs are spoilt in four ways and go through the
+//! whole pipeline, filters and derivatives included. Experiments run on all cores, each with noise of its own seed. The
+//! table is Markdown.
 
 use std::error::Error;
+use std::time::Instant;
 
+use rayon::prelude::*;
 use sgpr_core::identification::{BaseParameters, ClosedLoop, Method, ParameterSet, SimulatedMotion};
-use sgpr_core::model::{Controller, IdentifyOptions, Uncertainty, identify};
+use sgpr_core::model::{Controller, Fit, IdentifyOptions, Uncertainty, identify};
 use sgpr_core::recording::Recording;
 use sgpr_core::robot::{Robot, two_link};
 
@@ -69,7 +74,8 @@ const SCENARIOS: [Scenario; 4] = [
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let runs: usize = std::env::args().nth(1).map_or(Ok(50), |count| count.parse())?;
+    let runs: usize = std::env::args().nth(1).map_or(Ok(100), |count| count.parse())?;
+    let word = std::env::args().nth(2).unwrap_or_default();
     let arm = Arm::new();
     let methods = [
         ("OLS", Method::Ols, Uncertainty::Memory),
@@ -87,9 +93,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     for scenario in &SCENARIOS {
         println!("\n### {}\n", scenario.title);
         println!("| estimator | bias % | spread % | 95 % intervals cover % |\n| --- | ---: | ---: | ---: |");
-        for (name, method, uncertainty) in &methods {
+        for (name, method, uncertainty) in methods.iter().filter(|(name, ..)| name.contains(&word)) {
+            let start = Instant::now();
             let score = arm.score(scenario, method, *uncertainty, runs)?;
             println!("| {name} | {:.2} | {:.2} | {:.1} |", score.bias, score.spread, score.coverage);
+            eprintln!("{name}: {:.1} s", start.elapsed().as_secs_f64());
         }
     }
     Ok(())
@@ -156,18 +164,20 @@ impl Arm {
             options.instruments = vec![self.recording(&self.reference.q, None)?];
             options.controller = Some(Controller { kp: GAINS.0.to_vec(), kd: GAINS.1.to_vec() });
         }
-        let mut random = Noise(2026);
+        let experiment = |run: usize| -> Result<Fit, String> {
+            let log = self.spoilt(scenario, &mut Noise::of_run(run)).map_err(|error| error.to_string())?;
+            let (model, _) = identify(&self.robot, &[log], &options, &()).map_err(|error| error.to_string())?;
+            Ok(model.fit().expect("identified").clone())
+        };
+        let fits: Vec<Fit> = (0..runs).into_par_iter().map(experiment).collect::<Result<_, _>>()?;
         let mut estimates: Vec<Vec<f64>> = Vec::new();
         let (mut covered, mut intervals) = (0, 0);
-        for _ in 0..runs {
-            let log = self.spoilt(scenario, &mut random)?;
-            let (model, _) = identify(&self.robot, &[log], &options, &())?;
-            let fit = model.fit().expect("identified");
+        for fit in fits {
             for ((value, truth), deviation) in fit.values.iter().zip(&self.truth).zip(&fit.standard_deviations) {
                 covered += usize::from((value - truth).abs() < 1.96 * deviation);
                 intervals += 1;
             }
-            estimates.push(fit.values.clone());
+            estimates.push(fit.values);
         }
         let (mut bias, mut spread, mut count) = (0.0, 0.0, 0.0);
         for (k, truth) in self.truth.iter().enumerate().filter(|(_, truth)| truth.abs() > 1e-9) {
@@ -229,6 +239,10 @@ fn reference() -> SimulatedMotion {
 struct Noise(u64);
 
 impl Noise {
+    fn of_run(run: usize) -> Self {
+        Self((run as u64 + 1).wrapping_mul(0xD134_2543_DE82_EF95))
+    }
+
     fn uniform(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;

@@ -207,8 +207,9 @@ pub fn differentiation_name(method: Differentiation) -> String {
 /// recordings : list of Recording
 ///     With torque; each one a trajectory of its own.
 /// effects : list of str
-///     Physics beside the rigid body, see `effects`; by default viscous and Coulomb friction, rotor inertia and torque
-///     offset.
+///     Physics beside the rigid body, see `effects`, at all joints or at one: "cable_stiffness",
+///     "cable_hysteresis@joint_4"; by default viscous and Coulomb friction, rotor inertia and torque offset. Constants that
+///     enter nonlinearly are fitted, too, by variable projection: see `Model.terms`.
 /// method : str, default "wls"
 ///     "wls", least squares with each joint weighted by its noise; "ols", all alike; "irls" or "irls:THRESHOLD", Huber's
 ///     weights against outliers; "ridge" or "ridge:DEVIATION", drawn to the robot file, whose values have that relative

@@ -7,8 +7,9 @@ use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyIndexError, PyKeyError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
+use sgpr_core::diagnosis::parameters_of;
 use sgpr_core::identification::ParameterSet;
-use sgpr_core::model::{self as core, BaseParameter, TorqueModel};
+use sgpr_core::model::{self as core, BaseParameter, Term, TorqueModel};
 use sgpr_core::motion::Processing as CoreProcessing;
 
 use crate::convert::{Numbers, Samples, array, texts, view};
@@ -93,10 +94,29 @@ impl Model {
         self.inner.identified_robot().clone().into()
     }
 
-    /// Effects beside the rigid body.
+    /// Effects beside the rigid body that are at every joint; see `terms` for the others.
     #[getter]
     fn effects(&self) -> Vec<String> {
         self.inner.parameter_set().effects().iter().map(|effect| effect.name().to_string()).collect()
+    }
+
+    /// Effects at single sites, with constants and parameters: "effect", "joints", and "parameters" by name as (value,
+    /// standard deviation or None, unit).
+    #[getter]
+    fn terms<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let robot = self.inner.robot();
+        let of_term = |term: &Term| {
+            let (dict, parameters) = (PyDict::new(py), PyDict::new(py));
+            for parameter in parameters_of(term, robot) {
+                parameters.set_item(&parameter.name, (parameter.value, parameter.std, &parameter.unit))?;
+            }
+            let joint = term.site.joint().map(|joint| robot.joints()[joint].name.clone());
+            dict.set_item("effect", term.effect.name())?;
+            dict.set_item("joints", Vec::from_iter(joint))?;
+            dict.set_item("parameters", parameters)?;
+            Ok(dict)
+        };
+        self.inner.terms().iter().map(of_term).collect()
     }
 
     /// The base parameters: values, standard deviations, units.

@@ -159,3 +159,27 @@ def test_what_is_no_body_is_not_written(demo_model: sgpr.Model, tmp_path: Path) 
         demo_model.to_mjcf()
     with pytest.raises(FileNotFoundError):
         demo_model.write_urdf(tmp_path / "nothing.urdf", tmp_path / "robot.urdf")
+
+
+def test_a_consistent_model_with_an_effect_of_the_trajectory_writes_its_bodies(
+    demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording], demo_test: sgpr.Recording, tmp_path: Path
+) -> None:
+    joint = demo_robot.joint_names[1]
+    effects = ["viscous_friction", "coulomb_friction", "rotor_inertia", f"stribeck_friction@{joint}"]
+    model = sgpr.identify(demo_robot, demo_logs, effects=effects, consistent=True)
+    (term,) = model.terms
+    assert (term["effect"], term["joints"]) == ("stribeck_friction", [joint])
+    value, deviation, unit = term["parameters"][f"{joint}.vs"]
+    assert value > 0.0 and deviation is not None and unit == "rad/s"
+    assert model.certificate is not None
+    assert all(link["smallest_eigenvalue"] > 0.0 for link in model.certificate["links"])
+    plain = sgpr.identify(demo_robot, demo_logs, effects=effects[:3], consistent=True)
+    error, without = (sgpr.compare(m, [demo_test]).relative_error_percent for m in (model, plain))
+    assert error < 1.01 * without
+    assert "<mujoco" in model.to_mjcf()
+    model.save(tmp_path / "model.sgpr")
+    again = sgpr.load(tmp_path / "model.sgpr")
+    assert again.terms == model.terms and again.certificate == model.certificate
+
+    with pytest.raises(sgpr.IdentificationError, match="cannot be at"):
+        sgpr.identify(demo_robot, demo_logs[:1], effects=["stribeck_friction@elbow"])

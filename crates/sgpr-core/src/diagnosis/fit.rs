@@ -124,12 +124,7 @@ fn solve_with(
 pub(super) fn tangent(problem: &Problem, model: &TorqueModel, term: usize, index: usize) -> Column {
     let constant = &model.terms()[term].effect.constants()[index];
     let value = model.terms()[term].constants[index];
-    let step = match constant.scale {
-        Scale::Neutral { step } => step,
-        Scale::Time => 0.05,
-        Scale::Order => 0.01,
-        _ => 0.02 * value.abs().max(0.05),
-    };
+    let step = constant.difference_step(value);
     let with = |value: f64| {
         let mut terms = model.terms().to_vec();
         terms[term].constants[index] = value;

@@ -27,11 +27,12 @@ pub use answer::{
 };
 pub use detectability::Detectable;
 pub use formula::{Formula, FormulaTerm};
+pub use report::parameters_of;
 pub use structure::{Change, Dependence, Input, JointStructure, Shares, structure_of_logs};
 pub use whereabouts::{Excess, JointWhereabouts, Whereabouts};
 
 use crate::effects::{self, Effect};
-use crate::model::{IdentifyError, Term, TorqueModel, select_joints};
+use crate::model::{Given, IdentifyError, Term, TorqueModel, identify_again, select_joints};
 use crate::motion::{MotionError, Processing};
 use crate::progress::{Interrupted, Progress};
 use crate::recording::{Recording, RecordingError};
@@ -120,7 +121,8 @@ pub fn diagnose(
     Ok(diagnosis)
 }
 
-/// `model` with the effects of `findings` on top, all parameters refitted to `train`.
+/// `model` with the effects of `findings` on top, all parameters refitted to `train`. A model that was identified under
+/// physical consistency stays consistent.
 ///
 /// # Errors
 /// As [`diagnose`].
@@ -135,7 +137,12 @@ pub fn add(model: &TorqueModel, findings: &[&Finding], train: &[Recording]) -> R
     let refitted = search.refit(&start, terms);
     let fitted = search.polish(refitted);
     let history = findings.iter().map(|finding| report::sentence(finding));
-    Ok(report::finished(&search, model, &fitted, history))
+    let certificate = model.fit().and_then(|fit| fit.consistency.as_ref());
+    let Some(certificate) = certificate else { return Ok(report::finished(&search, model, &fitted, history)) };
+    let given = Given { terms: fitted.terms().to_vec(), clock: search.problem.clock };
+    let mut again = identify_again(model, given, &certificate.consistency(), train)?;
+    again.provenance.history.extend(history);
+    Ok(again)
 }
 
 fn problem(model: &TorqueModel, train: &[Recording]) -> Result<Problem, DiagnosisError> {

@@ -1,11 +1,14 @@
 //! The logs as equations: rows of every joint, columns of the model and of candidates, all through one filter.
 
 use super::DiagnosisError;
+use super::basis::rms;
 use super::fit::{ByLog, LogSums};
 use crate::dynamics::{BatchWorkspace, Samples, Workspace, for_each_regressor_block, mass_matrix};
-use crate::effects::{Context, Reach, sgn};
+use crate::effects::{Context, JointRanges, Reach, sgn};
 use crate::identification::{BaseParameters, ParameterSet, Row};
-use crate::model::{Rigid, Term, TorqueModel, Trajectory, motions, nominal_parameters, select_joints, torque_of};
+use crate::model::{
+    Rigid, Term, TorqueModel, Trajectory, common_clock, motions, nominal_parameters, select_joints, torque_of,
+};
 use crate::motion::{Motion, Processing};
 use crate::recording::Recording;
 use crate::signal::LowPass;
@@ -496,6 +499,18 @@ impl Problem {
         all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], q| [low.min(*q), high.max(*q)])
     }
 
+    /// What the logs show of a joint.
+    pub fn ranges(&self, joint: usize) -> JointRanges {
+        let torque = &self.y[joint];
+        JointRanges {
+            position: self.range(joint),
+            torque: rms(torque),
+            largest_torque: torque.iter().fold(0.0, |largest, tau| f64::max(largest, tau.abs())),
+            time: self.time_span(),
+            band_hz: self.band_hz,
+        }
+    }
+
     /// First and last time of the session, s.
     pub fn time_span(&self) -> [f64; 2] {
         let times = self.stretches.iter().flat_map(|s| s.time.iter());
@@ -661,13 +676,4 @@ fn interleaved(columns: &[Vec<f64>], at: impl Fn(&[f64], usize) -> f64, samples:
 
 fn seconds_since(start: i64, stamps: &[i64]) -> Vec<f64> {
     stamps.iter().map(|stamp| (stamp - start) as f64 * 1e-9).collect()
-}
-
-/// The earliest stamp, if no two logs overlap in time. A clock that starts near zero starts at zero.
-fn common_clock(motions: &[Motion]) -> Option<i64> {
-    let mut spans: Vec<(i64, i64)> = motions.iter().filter_map(|m| Some((*m.time.first()?, *m.time.last()?))).collect();
-    spans.sort_unstable();
-    let apart = spans.windows(2).all(|pair| pair[0].1 <= pair[1].0);
-    let first = spans.first()?.0;
-    apart.then_some(if first.abs() < 3_600_000_000_000 { 0 } else { first })
 }

@@ -427,7 +427,8 @@ pub(super) fn joints_of(term: &Term) -> Vec<usize> {
     }
 }
 
-pub(super) fn parameters_of(term: &Term, robot: &Robot) -> Vec<FoundParameter> {
+/// Constants and linear parameters of a term, with their names.
+pub fn parameters_of(term: &Term, robot: &Robot) -> Vec<FoundParameter> {
     let joint = &robot.joints()[term.site.joint().unwrap_or_default()];
     let at = term.prefix(robot);
     let constants = term.effect.constants().iter().zip(&term.constants).zip(&term.constant_deviations);

@@ -306,32 +306,12 @@ impl<'a> Search<'a> {
 
     /// Values of a constant to start from, in its unit.
     fn grid(&self, effect: &dyn Effect, site: Site, index: usize) -> Vec<f64> {
-        let constant = &effect.constants()[index];
-        let joint = site.joint().unwrap_or_default();
-        let [low, high] = self.problem.range(joint);
-        let scaled = |x: &f64| match constant.scale {
-            Scale::Position => low + x * (high - low),
-            Scale::PositionWidth => x * (high - low),
-            Scale::Torque => x * rms(&self.problem.y[joint]),
-            _ => *x,
-        };
-        constant.grid.iter().map(scaled).collect()
+        effect.constants()[index].grid_in(&self.problem.ranges(site.joint().unwrap_or_default()))
     }
 
     /// Lowest and highest value of a constant, in its unit.
     fn bounds(&self, term: &Term, index: usize) -> [f64; 2] {
-        let constant = &term.effect.constants()[index];
-        let joint = term.site.joint().unwrap_or_default();
-        let [low, high] = self.problem.range(joint);
-        match constant.scale {
-            Scale::Position => [low, high],
-            Scale::PositionWidth => [constant.low, constant.high].map(|x| x * (high - low)),
-            Scale::Torque => [constant.low, constant.high].map(|x| x * rms(&self.problem.y[joint])),
-            Scale::Time => self.problem.time_span(),
-            // A resonance beyond the band would be seen by its foot alone.
-            _ if constant.unit == "Hz" => [constant.low, constant.high.min(0.6 * self.problem.band_hz)],
-            _ => [constant.low, constant.high],
-        }
+        term.effect.constants()[index].bounds_in(&self.problem.ranges(term.site.joint().unwrap_or_default()))
     }
 
     /// Columns of a term in the band, tangents for a transform.

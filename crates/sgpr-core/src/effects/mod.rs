@@ -270,6 +270,57 @@ impl Constant {
     pub fn unit_at(&self, kind: JointKind) -> &'static str {
         if kind.is_rotation() { self.unit } else { self.sliding_unit }
     }
+
+    /// Values to start from, in its unit.
+    pub(crate) fn grid_in(&self, ranges: &JointRanges) -> Vec<f64> {
+        let [low, high] = ranges.position;
+        let scaled = |x: &f64| match self.scale {
+            Scale::Position => low + x * (high - low),
+            Scale::PositionWidth => x * (high - low),
+            Scale::Torque => x * ranges.torque,
+            _ => *x,
+        };
+        self.grid.iter().map(scaled).collect()
+    }
+
+    /// Lowest and highest value, in its unit.
+    pub(crate) fn bounds_in(&self, ranges: &JointRanges) -> [f64; 2] {
+        let [low, high] = ranges.position;
+        match self.scale {
+            Scale::Position => [low, high],
+            Scale::PositionWidth => [self.low, self.high].map(|x| x * (high - low)),
+            Scale::Torque => [self.low, self.high].map(|x| x * ranges.torque),
+            Scale::Time => ranges.time,
+            // A resonance beyond the band would be seen by its foot alone.
+            _ if self.unit == "Hz" => [self.low, self.high.min(0.6 * ranges.band_hz)],
+            _ => [self.low, self.high],
+        }
+    }
+
+    /// A change of the constant that is small against what can be noticed.
+    pub(crate) fn difference_step(&self, value: f64) -> f64 {
+        match self.scale {
+            Scale::Neutral { step } => step,
+            Scale::Time => 0.05,
+            Scale::Order => 0.01,
+            _ => 0.02 * value.abs().max(0.05),
+        }
+    }
+}
+
+/// What the logs show of a joint: the range that constants on its scales have.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct JointRanges {
+    /// Lowest and highest position, rad (m).
+    pub position: [f64; 2],
+    /// Root mean square torque, N·m (N).
+    pub torque: f64,
+    /// Largest torque, N·m (N).
+    pub largest_torque: f64,
+    /// First and last time of the session, s.
+    pub time: [f64; 2],
+    /// Cut-off of the equations, Hz.
+    pub band_hz: f64,
 }
 
 /// How a constant is searched.

@@ -257,10 +257,12 @@ fn largest_component(axis: Vector3<f64>) -> usize {
 /// Observation matrix of random states, by columns. Seeded: the same robot gives the same matrix.
 fn random_columns(robot: &Robot, set: &ParameterSet) -> Vec<Vec<f64>> {
     let n = robot.dof();
-    let samples = 3 * set.len() / n + 20;
+    let samples = 3 * set.of_state() / n + 20;
     let mut random = Random::new(0x5EED_0F5E_ED0F);
     let mut ws = Workspace::new(robot);
-    let mut columns = vec![vec![0.0; samples * n]; set.len()];
+    // Columns that come with a trajectory follow from no state: each is taken to be independent of all others.
+    let mut columns = vec![vec![0.0; samples * n + set.trajectory_columns().len()]; set.len()];
+    (set.of_state()..set.len()).enumerate().for_each(|(row, column)| columns[column][samples * n + row] = 1.0);
     let width = set.inertial();
     for sample in 0..samples {
         let mut state = |scale: f64| (0..n).map(|_| scale * (2.0 * random.uniform() - 1.0)).collect::<Vec<_>>();

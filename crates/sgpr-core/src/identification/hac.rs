@@ -21,7 +21,7 @@ use faer::Mat;
 use super::autocorrelation::Memory;
 use super::estimate::{Groups, memories};
 use super::least_squares::Directions;
-use super::{Equations, Estimate, IdentificationError, JointFactor};
+use super::{Equation, Equations, Estimate, IdentificationError, JointFactor};
 use crate::random::Random;
 
 /// Rows of time per cosine in units of what the residual remembers. Where the memory decays exponentially the mean over the
@@ -30,6 +30,10 @@ const MEMORIES_PER_COSINE: f64 = 5.0;
 
 /// Cosines for which the memory must leave room: Student's interval with so many degrees of freedom is a tenth wider.
 const FEWEST_COSINES: f64 = 10.0;
+
+/// Most of them with instruments: noise of the positions, differentiated twice, all but vanishes at frequency zero, and
+/// only close to it.
+const MOST_COSINES: f64 = 100.0;
 
 /// Share of the variance for which the fit can be made up.
 pub(super) const MOST_LOST: f64 = 0.5;
@@ -51,19 +55,46 @@ pub fn hac_covariance(
     rows_per_cosine: Option<usize>,
 ) -> Result<Mat<f64>, IdentificationError> {
     let directions = Directions::of(&estimate.whitened);
+    let sum = score_covariance(equations, factors, estimate, &directions, RowsOf::Motion, rows_per_cosine)?;
+    Ok(directions.covariance(&sum))
+}
+
+/// What the residual is multiplied by.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum RowsOf {
+    /// The rows of the equations.
+    Motion,
+    /// Those of the instruments.
+    Instruments,
+}
+
+/// Covariance of the sum over all rows of row * residual, both in units of the noise, in the coordinates of `directions`;
+/// widened as [`hac_covariance`] says.
+pub(super) fn score_covariance(
+    equations: &mut Equations<'_>,
+    factors: &[JointFactor],
+    estimate: &Estimate,
+    directions: &Directions,
+    rows_of: RowsOf,
+    rows_per_cosine: Option<usize>,
+) -> Result<Mat<f64>, IdentificationError> {
     let size = directions.len();
     let noise = NoiseMemory::of(equations, factors, estimate)?;
     let dof = equations.robot().dof();
     let rows: Vec<usize> =
         equations.trajectories().iter().map(|part| part.samples.count(dof).div_ceil(part.decimation)).collect();
+    let total: usize = rows.iter().sum();
     let width = rows_per_cosine.map_or_else(
-        || (MEMORIES_PER_COSINE * noise.longest).min(rows.iter().sum::<usize>() as f64 / FEWEST_COSINES),
+        || {
+            let memory = (MEMORIES_PER_COSINE * noise.longest).min(total as f64 / FEWEST_COSINES);
+            if rows_of == RowsOf::Motion { memory } else { memory.max(total as f64 / MOST_COSINES) }
+        },
         |rows| rows as f64,
     );
     let cosines: Vec<usize> = rows.iter().map(|rows| ((*rows as f64 / width.max(1.0)) as usize).max(1)).collect();
     let mut coefficients: Vec<[Mat<f64>; 2]> =
         cosines.iter().map(|count| [0; 2].map(|_| Mat::zeros(size, *count))).collect();
-    for_each_score(equations, factors, estimate, &directions, |trajectory, row, scores| {
+    for_each_score(equations, factors, estimate, directions, rows_of, |trajectory, row, scores| {
         // cos (j + 1) a = 2 cos a cos j a - cos (j - 1) a.
         let angle = std::f64::consts::PI * (row as f64 + 0.5) / rows[trajectory] as f64;
         let (mut last, mut cosine) = (1.0, angle.cos());
@@ -83,10 +114,9 @@ pub fn hac_covariance(
         lost += weight * products.squared_norm_l2() / size as f64;
     }
     // Of a sum of variances with few degrees of freedom each (Satterthwaite (1946)).
-    let total: usize = rows.iter().sum();
     let spread: f64 = rows.iter().zip(&cosines).map(|(rows, count)| (*rows as f64).powi(2) / *count as f64).sum();
     let widening = student((total as f64).powi(2) / spread).powi(2) / (1.0 - lost.min(MOST_LOST));
-    Ok(directions.covariance(&(faer::Scale(widening) * sum)))
+    Ok(faer::Scale(widening) * sum)
 }
 
 /// Visits every sample in the coordinates of `directions`, rows in units of their noise: trajectory, row of time, and the
@@ -96,6 +126,7 @@ fn for_each_score(
     factors: &[JointFactor],
     estimate: &Estimate,
     directions: &Directions,
+    rows_of: RowsOf,
     mut visit: impl FnMut(usize, usize, &[Vec<f64>; 2]),
 ) -> Result<(), IdentificationError> {
     let group = Groups::of(factors);
@@ -105,7 +136,7 @@ fn for_each_score(
     let mut row = vec![0.0; directions.len()];
     let mut scores = [row.clone(), row.clone()];
     let mut at: Option<(usize, usize)> = None;
-    equations.for_each(|equation| {
+    let mut add = |equation: Equation<'_>, factors: &[f64]| {
         let now = (equation.trajectory, equation.sample / steps[equation.trajectory]);
         if let Some((trajectory, time)) = at.filter(|before| *before != now) {
             visit(trajectory, time, &scores);
@@ -115,13 +146,17 @@ fn for_each_score(
         let noise = estimate.weights[group.index(&equation)] * estimate.unit;
         if noise.is_finite() {
             row.fill(0.0);
-            directions.add_coordinates(equation.columns, equation.row, 1.0 / noise, &mut row);
+            directions.add_coordinates(equation.columns, &factors[..equation.columns.len()], 1.0 / noise, &mut row);
             let product = row.iter().zip(&signs).map(|(row, sign)| row * sign).sum();
             for (score, factor) in scores.iter_mut().zip([equation.residual(&estimate.values) / noise, product]) {
                 score.iter_mut().zip(&row).for_each(|(score, row)| *score += factor * row);
             }
         }
-    })?;
+    };
+    match rows_of {
+        RowsOf::Motion => equations.for_each(|equation| add(equation, equation.row))?,
+        RowsOf::Instruments => equations.for_each_with_instruments(add)?,
+    }
     if let Some((trajectory, time)) = at {
         visit(trajectory, time, &scores);
     }

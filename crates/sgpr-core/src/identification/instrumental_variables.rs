@@ -4,14 +4,13 @@
 //! identification, IEEE T-CST 22(1) (2014), section III.
 //!
 //! The residual holds the noise of the positions, differentiated twice: it changes sign from row to row, and smooth
-//! instruments average it out. A variance per row would not know that, so the covariance is that of the sums of
-//! instrument * residual over windows of time, as in [`hac_covariance`](super::hac_covariance) but with the lag weights of
-//! E. Parzen, Mathematical considerations in the estimation of spectra, Technometrics 3(2) (1961).
+//! instruments average it out. A variance per row would not know that, so the covariance is that of the sum of
+//! instrument * residual, its spectrum at frequency zero, as in [`hac_covariance`](super::hac_covariance).
 
 use faer::Mat;
 
 use super::estimate::Groups;
-use super::hac::NoiseMemory;
+use super::hac::{RowsOf, score_covariance};
 use super::least_squares::Directions;
 use super::{Equations, Estimate, IdentificationError, JointFactor, Trajectory, output_error};
 use crate::linalg::solve_general;
@@ -70,95 +69,12 @@ pub(super) fn estimate(
         directions.advance(&mut values, &(0..directions.len()).map(|k| step[(k, 0)]).collect::<Vec<_>>());
     }
     let found = Estimate { values, ..start };
-    let middle = scores(equations, factors, &found, &directions)?;
-    // (Zᵀ W)⁻¹ S (Zᵀ W)⁻ᵀ.
-    let half = solve_general(&projected, &middle).ok_or(IdentificationError::WeakInstruments)?;
+    let scores = score_covariance(equations, factors, &found, &directions, RowsOf::Instruments, None)?;
+    // (Zᵀ W)⁻¹ S (Zᵀ W)⁻ᵀ, all rows in units of the noise.
+    let projected = faer::Scale(found.unit.powi(-2)) * projected;
+    let half = solve_general(&projected, &scores).ok_or(IdentificationError::WeakInstruments)?;
     let full = solve_general(&projected, &half.transpose().to_owned()).ok_or(IdentificationError::WeakInstruments)?;
     Ok(Estimate { covariance: directions.covariance(&full), ..found })
-}
-
-/// Width of the windows in units of what the residual remembers.
-const MEMORIES_PER_WINDOW: f64 = 6.0;
-
-/// Covariance of Zᵀ residual, in the coordinates of `directions`.
-fn scores(
-    equations: &mut Equations<'_>,
-    factors: &[JointFactor],
-    found: &Estimate,
-    directions: &Directions,
-) -> Result<Mat<f64>, IdentificationError> {
-    let width = NoiseMemory::of(equations, factors, found)?.stretch(MEMORIES_PER_WINDOW);
-    let group = Groups::of(factors);
-    let steps: Vec<usize> = equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
-    let mut scores = Scores::default();
-    equations.for_each_with_instruments(|equation, instrument| {
-        let weight = found.weights[group.index(&equation)].powi(-2);
-        if weight > 0.0 {
-            let score = scores.at(equation.trajectory, equation.sample / steps[equation.trajectory], directions.len());
-            let scale = weight * equation.residual(&found.values);
-            directions.add_coordinates(equation.columns, &instrument[..equation.columns.len()], scale, score);
-            scores.rows += 1;
-        }
-    })?;
-    let freedom = scores.rows as f64 / (scores.rows as f64 - directions.len() as f64).max(1.0);
-    Ok(faer::Scale(freedom) * scores.covariance(width, directions.len()))
-}
-
-/// Sums of instrument * residual, one per row of time.
-#[derive(Default)]
-struct Scores {
-    /// Trajectory, first row of time, and a score per row from there on, those without equations zero.
-    stretches: Vec<(usize, usize, Vec<Vec<f64>>)>,
-    rows: usize,
-}
-
-/// Longer stretches without an equation are not filled.
-const LONGEST_HOLE: usize = 500;
-
-impl Scores {
-    /// The score of a row of time; rows come in order.
-    fn at(&mut self, trajectory: usize, time: usize, size: usize) -> &mut [f64] {
-        let follows = |&(other, first, ref scores): &(usize, usize, Vec<Vec<f64>>)| {
-            other == trajectory && time < first + scores.len() + LONGEST_HOLE
-        };
-        if !self.stretches.last().is_some_and(follows) {
-            self.stretches.push((trajectory, time, Vec::new()));
-        }
-        let (_, first, scores) = self.stretches.last_mut().expect("just begun");
-        scores.resize((time - *first + 1).max(scores.len()), vec![0.0; size]);
-        &mut scores[time - *first]
-    }
-
-    /// Covariance of the sum of all scores: windows are triangles of twice `width`, so that lags are weighted by a cubic
-    /// spline (Parzen (1961)), which is flat at lag zero and leaves the variance of noise that changes sign small.
-    fn covariance(&self, width: usize, size: usize) -> Mat<f64> {
-        let mut sum = Mat::<f64>::zeros(size, size);
-        for (_, _, scores) in &self.stretches {
-            for total in windows(&windows(scores, width, size), width, size) {
-                for j in 0..size {
-                    sum.col_mut(j).iter_mut().zip(&total).for_each(|(sum, value)| *sum += total[j] * value);
-                }
-            }
-        }
-        // Square sum of the triangle 1, 2, ..., width, ..., 2, 1.
-        let w = width as f64;
-        faer::Scale(3.0 / (w * (2.0 * w * w + 1.0))) * sum
-    }
-}
-
-/// Sums over all windows of `width` rows, over the ends too.
-fn windows(scores: &[Vec<f64>], width: usize, size: usize) -> Vec<Vec<f64>> {
-    let mut total = vec![0.0; size];
-    let step = |end: usize| {
-        if let Some(score) = scores.get(end) {
-            total.iter_mut().zip(score).for_each(|(total, score)| *total += score);
-        }
-        if let Some(score) = end.checked_sub(width).map(|begin| &scores[begin]) {
-            total.iter_mut().zip(score).for_each(|(total, score)| *total -= score);
-        }
-        total.clone()
-    };
-    (0..scores.len() + width - 1).map(step).collect()
 }
 
 /// Instruments from the arm simulated with the first estimate.

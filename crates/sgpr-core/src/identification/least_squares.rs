@@ -272,7 +272,7 @@ impl LeastSquares {
 }
 
 /// Rows of all joints in all columns, each joint divided by its noise, reduced to `[unknowns + 1, unknowns + 1]`.
-pub(super) fn stack(factors: &[JointFactor], unknowns: usize, noise: &[f64]) -> Mat<f64> {
+pub(crate) fn stack(factors: &[JointFactor], unknowns: usize, noise: &[f64]) -> Mat<f64> {
     let height: usize = factors.iter().map(|joint| joint.factor.nrows()).sum();
     let mut all = Mat::zeros(height, unknowns + 1);
     let mut first = 0;
@@ -354,7 +354,7 @@ pub(super) fn floored(noise: &[f64], factors: &[JointFactor]) -> Vec<f64> {
 fn back_substitute(triangle: &Mat<f64>) -> Option<Vec<f64>> {
     let unknowns = triangle.ncols() - 1;
     let norm = |j: usize| triangle.col(j).subrows(0, j + 1).norm_l2();
-    if (0..unknowns).any(|j| triangle[(j, j)] < 1e-6 * norm(j)) {
+    if (0..unknowns).any(|j| triangle[(j, j)] <= 1e-6 * norm(j)) {
         return None;
     }
     let mut x: Vec<f64> = (0..unknowns).map(|i| triangle[(i, unknowns)]).collect();
@@ -365,6 +365,12 @@ fn back_substitute(triangle: &Mat<f64>) -> Option<Vec<f64>> {
         }
     }
     Some(x)
+}
+
+/// Least-squares solution of a triangular system `[unknowns + 1, unknowns + 1]`; what it does not determine stays at
+/// `nominal`.
+pub(crate) fn triangular_solution(triangle: &Mat<f64>, nominal: &[f64]) -> Vec<f64> {
+    back_substitute(triangle).unwrap_or_else(|| Solution::new(triangle, nominal).values)
 }
 
 /// Number of singular values that count.

@@ -56,12 +56,15 @@ struct Layout {
     of_link: Vec<Vec<(usize, usize)>>,
     /// (Position in the joint's effect row, position in the row).
     of_effects: Vec<(usize, usize)>,
+    /// (Index into the columns of the trajectory, position in the row).
+    of_trajectory: Vec<(usize, usize)>,
 }
 
 impl Layout {
     fn new(joint: usize, robot: &Robot, set: &ParameterSet, base: &BaseParameters) -> Self {
         let effects = set.effect_parameters_of(joint);
-        let mut layout = Self { columns: vec![], of_link: vec![vec![]; robot.dof()], of_effects: vec![] };
+        let mut layout =
+            Self { columns: vec![], of_link: vec![vec![]; robot.dof()], of_effects: vec![], of_trajectory: vec![] };
         for (column, &parameter) in base.independent().iter().enumerate() {
             let position = layout.columns.len();
             if parameter < set.inertial() {
@@ -72,6 +75,10 @@ impl Layout {
                 layout.of_link[link].push((of_link, position));
             } else if let Some(index) = effects.iter().position(|own| *own == parameter) {
                 layout.of_effects.push((index, position));
+            } else if let Some(index) = parameter.checked_sub(set.of_state())
+                && set.trajectory_columns()[index].joint.is_none_or(|own| own == joint)
+            {
+                layout.of_trajectory.push((index, position));
             } else {
                 continue;
             }
@@ -112,15 +119,7 @@ impl<'a> Observation<'a> {
         tau: &[f64],
         use_as: Option<&[Row]>,
     ) -> Result<(), IdentificationError> {
-        self.add(&Trajectory {
-            samples,
-            tau,
-            use_as,
-            filter: None,
-            decimation: 1,
-            instruments: None,
-            closed_loop: None,
-        })
+        self.add(&Trajectory { use_as, ..Trajectory::new(samples, tau) })
     }
 
     /// Adds the equations of one uniformly sampled trajectory, both sides passed through `filter`, every
@@ -142,15 +141,7 @@ impl<'a> Observation<'a> {
         filter: &LowPass,
         decimation: usize,
     ) -> Result<(), IdentificationError> {
-        self.add(&Trajectory {
-            samples,
-            tau,
-            use_as,
-            filter: Some(filter),
-            decimation,
-            instruments: None,
-            closed_loop: None,
-        })
+        self.add(&Trajectory { use_as, filter: Some(filter), decimation, ..Trajectory::new(samples, tau) })
     }
 
     /// The factors of all joints in motion, then those of the joints at rest; without those that have no row.
@@ -218,6 +209,27 @@ pub struct Trajectory<'a> {
     /// Controller and reference of the motion, for [`Method::OutputError`](super::Method::OutputError), and to simulate
     /// instruments with where none are given.
     pub closed_loop: Option<&'a ClosedLoop<'a>>,
+    /// Values of [`ParameterSet::trajectory_columns`], `[samples]` each, `[samples, n]` where a column is part of the torque
+    /// of all joints.
+    pub columns: &'a [Vec<f64>],
+}
+
+impl<'a> Trajectory<'a> {
+    /// Samples as they are, all of them in motion.
+    ///
+    /// - `tau`: `[samples, n]`, N·m (N)
+    pub fn new(samples: Samples<'a>, tau: &'a [f64]) -> Self {
+        Self {
+            samples,
+            tau,
+            use_as: None,
+            filter: None,
+            decimation: 1,
+            instruments: None,
+            closed_loop: None,
+            columns: &[],
+        }
+    }
 }
 
 /// One equation, row * base = torque.
@@ -412,15 +424,20 @@ impl<'a> RowSource<'a> {
         trajectory: &Trajectory<'_>,
         mut take: impl FnMut(Piece<'_>),
     ) -> Result<(), IdentificationError> {
-        let Trajectory { samples, tau, use_as, filter, decimation, .. } = *trajectory;
+        let Trajectory { samples, tau, use_as, filter, decimation, columns, .. } = *trajectory;
         let n = self.robot.dof();
         let count = samples.count(n);
         assert_eq!(tau.len(), count * n, "one torque per position");
+        assert_eq!(columns.len(), self.set.trajectory_columns().len(), "every column of the trajectory");
         assert!(use_as.is_none_or(|use_as| use_as.len() == count * n), "one entry per equation");
         require_finite(
             &[("position", samples.q), ("velocity", samples.dq), ("acceleration", samples.ddq), ("torque", tau)],
             n,
         )?;
+        for (values, column) in columns.iter().zip(self.set.trajectory_columns()) {
+            let width = if column.joint.is_some() { 1 } else { n };
+            require_finite(&[("a column of an effect", values)], width)?;
+        }
 
         // A filtered piece reaches over its ends by as much as the filter remembers, to fifteen digits, and is long
         // against that; otherwise pieces stay in the cache.
@@ -437,7 +454,7 @@ impl<'a> RowSource<'a> {
         while start < count {
             let end = if count - start < piece + overlap { count } else { start + piece };
             let reach = start.saturating_sub(overlap)..(end + overlap).min(count);
-            self.fill(samples, tau, reach.clone());
+            self.fill(trajectory, reach.clone());
             if let Some(filter) = filter {
                 for (rows, layout) in self.rows.iter_mut().zip(&self.layouts) {
                     filter.apply(rows, layout.width())?;
@@ -451,7 +468,8 @@ impl<'a> RowSource<'a> {
     }
 
     /// Sets `rows` to the equations of the samples in `range`.
-    fn fill(&mut self, samples: Samples<'_>, tau: &[f64], range: std::ops::Range<usize>) {
+    fn fill(&mut self, trajectory: &Trajectory<'_>, range: std::ops::Range<usize>) {
+        let Trajectory { samples, tau, columns, .. } = *trajectory;
         let n = self.robot.dof();
         let Self { robot, set, layouts, rows, ws, .. } = self;
         for (rows, layout) in rows.iter_mut().zip(layouts.iter()) {
@@ -486,6 +504,10 @@ impl<'a> RowSource<'a> {
                 set.effect_row(joint, &state, &mut effects);
                 for &(index, position) in &layout.of_effects {
                     row[position] = effects[index];
+                }
+                for &(index, position) in &layout.of_trajectory {
+                    let own = set.trajectory_columns()[index].joint.is_some();
+                    row[position] = columns[index][if own { sample } else { sample * n + joint }];
                 }
                 row[width - 1] = tau[sample * n + joint];
             }

@@ -4,7 +4,8 @@ use crate::effects::{self, Effect, Entry, JointState, UnknownEffect};
 use crate::robot::Robot;
 use crate::spatial::{PARAMETERS_PER_LINK, STANDARD_PARAMETER_UNITS};
 
-/// Every parameter of a robot's torque: ten per link, then those of the effects.
+/// Every parameter of a robot's torque: ten per link, then those of the effects, then those whose columns are given along
+/// with the trajectories.
 ///
 /// Effects stand in the order of the registry, whatever order they were given in, each with its joints in order.
 #[derive(Clone, Debug)]
@@ -14,6 +15,23 @@ pub struct ParameterSet {
     units: Vec<&'static str>,
     effects: Vec<Arc<dyn Effect>>,
     columns: Vec<EffectColumn>,
+    trajectory_columns: Vec<TrajectoryColumn>,
+}
+
+/// A parameter whose column does not follow from the present motion alone, but from the whole trajectory: it comes with
+/// the trajectory, [`Trajectory::columns`](super::Trajectory::columns).
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrajectoryColumn {
+    /// Name, as `joint_2.Th`.
+    pub name: String,
+    /// Unit.
+    pub unit: &'static str,
+    /// The joint whose torque it is part of; none for all joints.
+    pub joint: Option<usize>,
+    /// Whether physics forbids negative values.
+    pub non_negative: bool,
+    /// Root mean square of the column.
+    pub size: f64,
 }
 
 /// One parameter of an effect at a joint.
@@ -56,7 +74,38 @@ impl ParameterSet {
                 }
             }
         }
-        Ok(Self { dof: robot.dof(), names, units, effects, columns })
+        Ok(Self { dof: robot.dof(), names, units, effects, columns, trajectory_columns: vec![] })
+    }
+
+    /// The same with parameters whose columns come with the trajectories.
+    #[must_use]
+    pub fn with_trajectory_columns(mut self, columns: Vec<TrajectoryColumn>) -> Self {
+        self.names.extend(columns.iter().map(|column| column.name.clone()));
+        self.units.extend(columns.iter().map(|column| column.unit));
+        self.trajectory_columns.extend(columns);
+        self
+    }
+
+    /// The parameters whose columns come with the trajectories, the last ones of the set.
+    pub fn trajectory_columns(&self) -> &[TrajectoryColumn] {
+        &self.trajectory_columns
+    }
+
+    /// Number of parameters whose columns follow from the present motion; those of the trajectories follow.
+    pub fn of_state(&self) -> usize {
+        self.len() - self.trajectory_columns.len()
+    }
+
+    /// Whether physics forbids negative values of a parameter of an effect.
+    ///
+    /// # Panics
+    /// If `index` is not that of an effect's parameter.
+    pub fn is_non_negative(&self, index: usize) -> bool {
+        let offset = index.checked_sub(self.inertial()).expect("a parameter of an effect");
+        match self.columns.get(offset) {
+            Some(column) => self.effects[column.effect].parameters()[column.parameter].non_negative,
+            None => self.trajectory_columns[offset - self.columns.len()].non_negative,
+        }
     }
 
     /// Number of joints.
@@ -94,7 +143,7 @@ impl ParameterSet {
         &self.effects
     }
 
-    /// What the columns from [`Self::inertial`] on are.
+    /// What the columns from [`Self::inertial`] to [`Self::of_state`] are.
     pub fn effect_columns(&self) -> &[EffectColumn] {
         &self.columns
     }
@@ -124,7 +173,7 @@ impl ParameterSet {
 
     /// Torque that the effects need at one sample, added to `tau`.
     ///
-    /// - `parameters`: all parameters, in the order of the set
+    /// - `parameters`: all parameters, in the order of the set; those of trajectory columns are not looked at
     /// - `tau`: `[n]`, N·m (N)
     pub fn add_effect_torque(&self, parameters: &[f64], state: &JointState<'_>, tau: &mut [f64]) {
         let mut values = [0.0; MOST_PARAMETERS];

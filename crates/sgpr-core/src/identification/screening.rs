@@ -254,10 +254,10 @@ fn friction_drives(set: &ParameterSet, base: &BaseParameters, values: &[f64], de
     const SURE: f64 = 5.0;
     let (mut negative, mut positive) = (0, 0);
     for (k, &parameter) in base.independent().iter().enumerate() {
-        let Some(offset) = parameter.checked_sub(set.inertial()) else { continue };
-        let column = set.effect_columns()[offset];
-        let cannot = set.effects()[column.effect].parameters()[column.parameter].non_negative;
-        if cannot && values[k].abs() > SURE * deviations[k] {
+        if parameter < set.inertial() {
+            continue;
+        }
+        if set.is_non_negative(parameter) && values[k].abs() > SURE * deviations[k] {
             if values[k] < 0.0 { negative += 1 } else { positive += 1 }
         }
     }

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use super::identify::{IdentifyError, motions};
+use super::variable_projection::Columns;
 use crate::identification::{ClosedLoop, Trajectory};
 use crate::motion::{Motion, MotionError, Processing};
 use crate::recording::{Recording, RecordingError};
@@ -32,17 +33,28 @@ impl Experiment {
         instruments: &'a [Motion],
         loops: &'a [ClosedLoop<'a>],
     ) -> Result<Vec<Trajectory<'a>>, MotionError> {
+        self.trajectories_with(instruments, loops, None)
+    }
+
+    /// The same with the columns of terms, and the torque that these leave to linear equations.
+    pub fn trajectories_with<'a>(
+        &'a self,
+        instruments: &'a [Motion],
+        loops: &'a [ClosedLoop<'a>],
+        columns: Option<&'a Columns>,
+    ) -> Result<Vec<Trajectory<'a>>, MotionError> {
         let pairs = self.motions.iter().zip(&self.filters).enumerate();
         pairs
             .map(|(index, (motion, filter))| {
                 Ok(Trajectory {
                     samples: motion.samples(),
-                    tau: torque_of(motion)?,
+                    tau: columns.map_or_else(|| torque_of(motion), |columns| Ok(&columns.tau[index]))?,
                     use_as: Some(&motion.use_as),
                     filter: filter.as_ref(),
                     decimation: if filter.is_some() { self.decimation } else { 1 },
                     instruments: instruments.get(index).map(Motion::samples),
                     closed_loop: loops.get(index),
+                    columns: columns.map_or(&[], |columns| &columns.values[index]),
                 })
             })
             .collect()

@@ -4,7 +4,9 @@ use faer::Mat;
 
 use super::TorqueModel;
 use super::experiment::{Experiment, band_filter, select_joints, torque_of};
+use super::terms::Term;
 use super::torque_model::{Certificate, Fit, nominal_parameters};
+use super::variable_projection::{self, Columns, TermFit};
 use crate::effects::UnknownEffect;
 use crate::identification::{
     BaseParameters, ClosedLoop, Consistency, Equations, Essential, Estimate, Finding, IdentificationError, JointFactor,
@@ -21,7 +23,8 @@ use crate::signal::{CutoffChoice, SignalError};
 /// What to identify, and how.
 #[derive(Clone, Debug)]
 pub struct IdentifyOptions {
-    /// Names of effects beside the rigid body.
+    /// Names of effects beside the rigid body, any that change the torque, at all joints or at one: `cable_stiffness`,
+    /// `cable_hysteresis@joint_4`. Their constants are fitted by variable projection.
     pub effects: Vec<String>,
     /// The estimator.
     pub method: Method,
@@ -111,6 +114,34 @@ pub enum IdentifyError {
     /// An effect that the library does not have.
     #[error(transparent)]
     Effect(#[from] UnknownEffect),
+    /// Logs that cannot show an effect.
+    #[error("the logs cannot show `{effect}`: {reason}")]
+    NotTestable {
+        /// Effect.
+        effect: String,
+        /// Why.
+        reason: String,
+    },
+    /// An effect at a joint that cannot have it.
+    #[error("`{effect}` cannot be at `{joint}`: {}", if known.is_empty() { "it is of the whole arm".into() } else { format!("it can be at {}", known.join(", ")) })]
+    NoSite {
+        /// Effect.
+        effect: String,
+        /// Joint that was asked for.
+        joint: String,
+        /// Joints that can have it.
+        known: Vec<String>,
+    },
+    /// Simulations know effects of the present motion only.
+    #[error(
+        "simulated motions, of output error and of instruments from a controller, do not know effects that follow the \
+         whole trajectory: {}",
+        effects.join(", ")
+    )]
+    NotSimulated {
+        /// Effects.
+        effects: Vec<String>,
+    },
     /// A filter that cannot be.
     #[error(transparent)]
     Signal(#[from] SignalError),
@@ -184,7 +215,8 @@ pub fn identify(
 ) -> Result<(TorqueModel, IdentificationReport), IdentifyError> {
     let recordings = select_joints(robot, recordings)?;
     let (processing, cutoff_choices) = Processing::choose(&recordings, &options.conditioning)?;
-    let (model, Outcome { estimate, essential, notes }) = fit(robot, &recordings, options, &processing, progress)?;
+    let (model, Outcome { estimate, essential, notes }) =
+        fit(robot, &recordings, options, &processing, Given::default(), progress)?;
     let mut report = IdentificationReport {
         cutoff_choices,
         singular_values: estimate.excitation.singular_values,
@@ -194,6 +226,39 @@ pub fn identify(
     };
     warn(&mut report, &model);
     Ok((model, report))
+}
+
+/// `model` with these terms, everything fitted again under physical consistency.
+///
+/// # Errors
+/// As [`identify`].
+pub(crate) fn identify_again(
+    model: &TorqueModel,
+    given: Given,
+    consistency: &Consistency,
+    recordings: &[Recording],
+) -> Result<TorqueModel, IdentifyError> {
+    let recordings = select_joints(&model.robot, recordings)?;
+    let processing = match &model.processing {
+        Some(processing) => processing.clone(),
+        None => Processing::choose(&recordings, &Conditioning::default())?.0,
+    };
+    let options = IdentifyOptions {
+        effects: model.set.effects().iter().map(|effect| effect.name().into()).collect(),
+        consistency: Some(consistency.clone()),
+        ..IdentifyOptions::default()
+    };
+    let (mut again, _) = fit(&model.robot, &recordings, &options, &processing, given, &())?;
+    again.provenance.history = model.provenance.history.clone();
+    Ok(again)
+}
+
+/// Terms that a fit starts with.
+#[derive(Default)]
+pub(crate) struct Given {
+    pub terms: Vec<Term>,
+    /// Start of their clock, ns.
+    pub clock: Option<i64>,
 }
 
 /// What a fit gives beside the model.
@@ -208,11 +273,12 @@ fn fit(
     recordings: &[Recording],
     options: &IdentifyOptions,
     processing: &Processing,
+    given: Given,
     progress: &dyn Progress,
 ) -> Result<(TorqueModel, Outcome), IdentifyError> {
-    let set = ParameterSet::new(robot, &options.effects)?;
-    let base = BaseParameters::new(robot, &set);
-    let start = match options.start {
+    let (of_state, others) = variable_projection::split(robot, &options.effects)?;
+    let mut set = ParameterSet::new(robot, &of_state)?;
+    let mut start = match options.start {
         Start::RobotFile => nominal_parameters(robot, &set),
         Start::Zero => vec![0.0; set.len()],
     };
@@ -224,23 +290,38 @@ fn fit(
     }
     let experiment = Experiment::new(recordings, processing)?;
     let motions = &experiment.motions;
+    if !others.is_empty() && (options.controller.is_some() || options.method == Method::OutputError) {
+        let effects = others.iter().map(|(effect, _)| effect.name().into()).collect();
+        return Err(IdentifyError::NotSimulated { effects });
+    }
+    let mut model = TorqueModel::from_parameters(robot.clone(), set.clone(), start.clone(), vec![]);
+    let terms = TermFit::new(robot, &experiment, processing, given.clock)?;
+    if !given.terms.is_empty() {
+        model = terms.fitted(model.with_terms(given.terms, terms.clock), progress)?;
+    }
+    if !others.is_empty() {
+        model = terms.with_effects(model, &others, progress)?;
+    }
+    let columns = terms.columns(&model)?;
+    set = set.with_trajectory_columns(columns.parameters.clone());
+    start.resize(set.len(), 0.0);
+    let base = BaseParameters::new(robot, &set);
     let instruments = instruments(robot, options, processing, motions)?;
     let loops = loops(robot, options, &instruments)?;
     // Simulated instruments take the place of the reference that they are simulated from.
     let given = if loops.is_empty() { &instruments[..] } else { &[] };
-    let trajectories = experiment.trajectories(given, &loops)?;
+    let trajectories = experiment.trajectories_with(given, &loops, Some(&columns))?;
     let mut observation = Observation::new(robot, &set, &base);
     for (index, trajectory) in trajectories.iter().enumerate() {
         progress.step("observe", index, trajectories.len())?;
         observation.add(trajectory)?;
     }
     progress.step("observe", trajectories.len(), trajectories.len())?;
-    let factors = observation.factors();
+    let mut factors = observation.factors();
     let nominal = base.combine(&start);
-    let mut model = TorqueModel::from_parameters(robot.clone(), set.clone(), start.clone(), vec![]);
     // The residual of a first solution tells how much the noise remembers: the estimates stay, their spread grows.
     let first = LeastSquares::new(options.method.clone()).solve(&factors, &base, &nominal)?;
-    model.set_parameters(base.expand(&first.values, &start));
+    model.set_all_parameters(&base.expand(&first.values, &start));
     let correlation = correlation(&model, motions, processing, &factors)?;
     let mut equations = Equations::new(robot, &set, &base, trajectories);
     let mut estimate = estimate(&options.method, &mut equations, &factors, &nominal, Some(&correlation))?;
@@ -285,26 +366,33 @@ fn fit(
             let mut whitened = estimate.whitened.clone();
             let mut found = solve(&whitened)?;
             for _ in 0..if options.method.reweights() { REWEIGHTINGS } else { 0 } {
+                if model.terms().iter().any(Term::is_transform) {
+                    // What transforms make depends on the parameters.
+                    model.set_all_parameters(&found.parameters);
+                    let columns = terms.columns(&model)?;
+                    factors = variable_projection::factors(robot, &set, &base, &experiment, &columns)?;
+                }
                 whitened = estimate.whitened_at(&factors, &found.base, &correlation);
                 found = solve(&whitened)?;
             }
             let prices = consistency.prices(robot, &set, &base, &whitened, &start, &torque)?;
             notes.extend(price_note(found.cost, base.rank(), &prices));
-            Some((found, prices, consistency.prior.relative_deviation))
+            Some((found, prices, consistency))
         }
     };
     match &consistent {
-        None => model.set_parameters(base.expand(&estimate.values, &start)),
+        None => model.set_all_parameters(&base.expand(&estimate.values, &start)),
         Some((consistent, ..)) => {
-            model.set_parameters(consistent.parameters.clone());
+            model.set_all_parameters(&consistent.parameters);
             estimate.values.clone_from(&consistent.base);
             notes.extend(consistent.notes.iter().cloned());
         }
     }
 
     let names = model.base.names();
-    let deviations = estimate.standard_deviations();
-    let rank = base.rank();
+    let rank = names.len();
+    let mut deviations = estimate.standard_deviations();
+    deviations.truncate(rank);
     model.provenance.history = vec![describe(options, processing, &factors)];
     model.fit = Some(Fit {
         method: options.method.name().into(),
@@ -312,7 +400,7 @@ fn fit(
         noise: per_joint(&factors, &estimate.noise, robot.dof()),
         rows: (0..robot.dof()).map(|joint| rows_of(&factors, joint)).collect(),
         correlation: per_joint(&factors, &correlation, robot.dof()),
-        values: estimate.values.clone(),
+        values: estimate.values[..rank].to_vec(),
         condition: estimate.excitation.condition,
         scaled_condition: estimate.excitation.scaled_condition,
         undetermined: names
@@ -322,7 +410,7 @@ fn fit(
             .map(|(name, _)| name.clone())
             .collect(),
         standard_deviations: deviations,
-        consistency: consistent.map(|(found, prices, deviation)| Certificate::new(found, prices, deviation)),
+        consistency: consistent.map(|(found, prices, consistency)| Certificate::new(found, prices, consistency)),
     });
     model.processing = Some(processing.clone());
     model.provenance.logs = recordings.iter().map(|recording| recording.source().to_string()).collect();
@@ -384,8 +472,9 @@ const REWEIGHTINGS: usize = 3;
 /// Squares of consistency's cost per parameter that noise explains.
 const CHANCE: f64 = 0.25;
 
-/// Share of the cost at which a limit is named.
-const DEAR: f64 = 0.3;
+/// Share of the cost at which a limit is named, and most limits that are.
+const DEAR: f64 = 0.1;
+const MOST_DEAR: usize = 4;
 
 /// Parts of the data, each of which is predicted from the others.
 const FOLDS: usize = 5;
@@ -456,13 +545,14 @@ fn price_note(cost: f64, rank: usize, prices: &[Price]) -> Option<String> {
     let dear: Vec<String> = prices
         .iter()
         .take_while(|price| price.share >= DEAR)
+        .take(MOST_DEAR)
         .map(|price| format!("{} ({:.0} %)", price.limit, 100.0 * price.share))
         .collect();
     (!dear.is_empty()).then(|| {
         format!(
-            "consistency costs more than noise explains, and most of it would be gone without one of these rules: {}. \
-             Bodies are not wrong: look there for an effect that the model lacks (a cable, a spring, a sensor), which \
-             inertias that no body has imitate",
+            "consistency costs more than noise explains; shares of that which would be gone without a rule: {}. Such rules \
+             are not wrong: look there for an effect that the model lacks (a cable, a spring, a sensor), which inertias that \
+             no body has and negative friction imitate",
             dear.join("; ")
         )
     })
@@ -495,7 +585,15 @@ pub fn screen(model: &TorqueModel, recordings: &[Recording]) -> Result<Vec<Findi
     let (robot, set, base) = (&model.robot, &model.set, &model.base);
     let recordings = select_joints(robot, recordings)?;
     let experiment = Experiment::new(&recordings, processing)?;
-    let mut equations = Equations::new(robot, set, base, experiment.trajectories(&[], &[])?);
+    // What the terms make is no matter of the rigid body.
+    let mut tau = Vec::with_capacity(experiment.motions.len());
+    for motion in &experiment.motions {
+        let (whole, own) = (model.predict_motion(motion), model.without_terms().predict(motion.samples()));
+        let torques = torque_of(motion)?.iter().zip(whole.iter().zip(&own));
+        tau.push(torques.map(|(tau, (whole, own))| tau - (whole - own)).collect());
+    }
+    let columns = Columns { tau, values: vec![vec![]; experiment.motions.len()], parameters: vec![] };
+    let mut equations = Equations::new(robot, set, base, experiment.trajectories_with(&[], &[], Some(&columns))?);
     let factors = equations.factors()?;
     let estimate = LeastSquares::new(Method::Wls).solve(&factors, base, &base.combine(&model.parameters))?;
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
@@ -544,7 +642,7 @@ pub(crate) fn motions(recordings: &[Recording], processing: &Processing) -> Resu
 
 /// Per factor: how many rows carry as much as one independent row, from the autocorrelation of the residual up to where
 /// it drowns in its own noise.
-fn correlation(
+pub(super) fn correlation(
     model: &TorqueModel,
     motions: &[Motion],
     processing: &Processing,
@@ -640,7 +738,7 @@ pub fn cutoff_influence(
         let mut conditioning = options.conditioning.clone();
         conditioning.cutoff_hz = Some(factor * processing.cutoff_hz);
         let Ok((processing, _)) = Processing::choose(&recordings, &conditioning) else { continue };
-        let other = match fit(robot, &recordings, options, &processing, &()) {
+        let other = match fit(robot, &recordings, options, &processing, Given::default(), &()) {
             Ok((model, _)) => model,
             // Twice the cut-off can lie beyond what the sampling rate holds.
             Err(IdentifyError::Signal(_) | IdentifyError::Motion(_)) => continue,

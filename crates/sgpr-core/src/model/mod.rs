@@ -9,9 +9,10 @@ mod predictor;
 mod semi_parametric;
 mod terms;
 mod torque_model;
+mod variable_projection;
 
 pub(crate) use experiment::{select_joints, torque_of};
-pub(crate) use identify::motions;
+pub(crate) use identify::{Given, identify_again, motions};
 
 pub use compare::{Comparison, JointComparison, LogResidual, compare};
 pub use file::ModelFileError;
@@ -25,7 +26,7 @@ pub use semi_parametric::{
     Candidate, Coverage, Inputs, JointReport, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions,
     SemiParametricPredictor, TorquePrediction, fit_rest, fit_semi_parametric,
 };
-pub(crate) use terms::Rigid;
+pub(crate) use terms::{Rigid, common_clock};
 pub use terms::{Term, Trajectory};
 pub(crate) use torque_model::nominal_parameters;
 pub use torque_model::{BaseParameter, Certificate, Fit, Provenance, TorqueModel};

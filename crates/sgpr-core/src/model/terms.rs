@@ -174,6 +174,19 @@ impl TorqueModel {
         self
     }
 
+    /// The same model without terms.
+    pub(super) fn without_terms(&self) -> Self {
+        self.clone().with_terms(vec![], self.clock_start)
+    }
+
+    /// Takes all parameters: those of the set, then those of the terms.
+    pub(super) fn set_all_parameters(&mut self, parameters: &[f64]) {
+        let (own, of_terms) = parameters.split_at(self.set.len());
+        self.set_parameters(own.to_vec());
+        let coefficients = self.terms.iter_mut().flat_map(|term| &mut term.coefficients);
+        coefficients.zip(of_terms).for_each(|(coefficient, value)| *coefficient = *value);
+    }
+
     /// Times of a log on the clock of the model, s.
     pub fn session_time(&self, stamps: &[i64]) -> Vec<f64> {
         let start = self.clock_start.or(stamps.first().copied()).unwrap_or_default();
@@ -289,4 +302,13 @@ impl TorqueModel {
             channels: trajectory.channels,
         }
     }
+}
+
+/// The earliest stamp, if no two logs overlap in time. A clock that starts near zero starts at zero.
+pub(crate) fn common_clock(motions: &[Motion]) -> Option<i64> {
+    let mut spans: Vec<(i64, i64)> = motions.iter().filter_map(|m| Some((*m.time.first()?, *m.time.last()?))).collect();
+    spans.sort_unstable();
+    let apart = spans.windows(2).all(|pair| pair[0].1 <= pair[1].0);
+    let first = spans.first()?.0;
+    apart.then_some(if first.abs() < 3_600_000_000_000 { 0 } else { first })
 }

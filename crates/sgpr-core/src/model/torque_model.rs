@@ -3,7 +3,8 @@ use serde::{Deserialize, Serialize};
 use crate::dynamics::{BatchWorkspace, Samples, rnea_batch};
 use crate::effects::{JointState, UnknownEffect};
 use crate::identification::{
-    BaseParameters, ConsistentParameters, Equations, LinkCertificate, ParameterSet, Price, Trajectory,
+    BaseParameters, Consistency, ConsistentParameters, Distance, Equations, LinkCertificate, ParameterSet,
+    PhysicalBounds, Price, Prior, Trajectory,
 };
 use crate::motion::Processing;
 use crate::robot::{JointDynamics, Robot, RobotError};
@@ -79,12 +80,26 @@ pub struct Certificate {
     /// that did not keep it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prior_deviation: Option<f64>,
+    /// How the distance to the robot file was measured.
+    #[serde(default)]
+    pub distance: Distance,
+    /// Limits of the user.
+    #[serde(default)]
+    pub bounds: PhysicalBounds,
 }
 
 impl Certificate {
-    pub(super) fn new(consistent: ConsistentParameters, prices: Vec<Price>, prior_deviation: f64) -> Self {
+    pub(super) fn new(consistent: ConsistentParameters, prices: Vec<Price>, consistency: Consistency) -> Self {
         let ConsistentParameters { links, active, cost, seconds, .. } = consistent;
-        Self { links, active, cost, seconds, prices, prior_deviation: Some(prior_deviation) }
+        let Consistency { prior: Prior { distance, relative_deviation }, bounds } = consistency;
+        Self { links, active, cost, seconds, prices, prior_deviation: Some(relative_deviation), distance, bounds }
+    }
+
+    /// What the parameters were held to.
+    pub fn consistency(&self) -> Consistency {
+        let prior = Prior::default();
+        let relative_deviation = self.prior_deviation.unwrap_or(prior.relative_deviation);
+        Consistency { prior: Prior { distance: self.distance, relative_deviation }, bounds: self.bounds.clone() }
     }
 }
 
@@ -328,15 +343,7 @@ impl TorqueModel {
         let n = self.robot.dof();
         let zeros = vec![0.0; samples.count(n) * n];
         let Some(fit) = &self.fit else { return zeros };
-        let trajectory = Trajectory {
-            samples,
-            tau: &zeros,
-            use_as: None,
-            filter: None,
-            decimation: 1,
-            instruments: None,
-            closed_loop: None,
-        };
+        let trajectory = Trajectory::new(samples, &zeros);
         let rank = self.base.rank();
         let mut deviations = vec![0.0; zeros.len()];
         let mut equations = Equations::new(&self.robot, &self.set, &self.base, vec![trajectory]);
@@ -367,6 +374,7 @@ pub(crate) fn nominal_parameters(robot: &Robot, set: &ParameterSet) -> Vec<f64> 
             _ => 0.0,
         });
     }
+    parameters.resize(set.len(), 0.0);
     parameters
 }
 

@@ -82,15 +82,7 @@ impl Experiment {
         tau: &[f64],
     ) -> Result<Estimate, IdentificationError> {
         let closed_loop = self.closed_loop();
-        let trajectory = Trajectory {
-            samples: motion.samples(),
-            tau,
-            use_as: None,
-            filter: None,
-            decimation: 1,
-            instruments: None,
-            closed_loop: Some(&closed_loop),
-        };
+        let trajectory = Trajectory { closed_loop: Some(&closed_loop), ..Trajectory::new(motion.samples(), tau) };
         let mut equations = Equations::new(&self.robot, &self.set, &self.base, vec![trajectory]);
         let factors = equations.factors()?;
         estimate(method, &mut equations, &factors, &self.nominal(), None)
@@ -120,13 +112,5 @@ pub fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
 
 /// A plain trajectory.
 pub fn trajectory<'a>(motion: &'a SimulatedMotion, tau: &'a [f64]) -> Trajectory<'a> {
-    Trajectory {
-        samples: motion.samples(),
-        tau,
-        use_as: None,
-        filter: None,
-        decimation: 1,
-        instruments: None,
-        closed_loop: None,
-    }
+    Trajectory::new(motion.samples(), tau)
 }

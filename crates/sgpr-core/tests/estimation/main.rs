@@ -5,5 +5,6 @@ mod arm;
 mod confidence;
 mod consistency;
 mod estimators;
+mod nonlinear;
 mod payload;
 mod screening;

@@ -1,34 +1,39 @@
 //! What is known of the parameters beside the data.
 
+use serde::{Deserialize, Serialize};
+
 use super::program::{Affine, Program};
 use crate::identification::ParameterSet;
 use crate::robot::Robot;
 use crate::spatial::PARAMETERS_PER_LINK;
 
 /// Limits that the user sets on parameters.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PhysicalBounds {
     /// Link by link; links that are not named are not limited.
     pub links: Vec<LinkBounds>,
     /// Lowest and highest mass of all moving links together, kg.
+    #[serde(with = "open_interval")]
     pub total_mass: Option<[f64; 2]>,
     /// Single parameters, by their names.
     pub parameters: Vec<ParameterBounds>,
 }
 
 /// Limits on the link that a joint carries.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LinkBounds {
     /// Name of the joint that carries it.
     pub joint: String,
     /// Lowest and highest mass, kg.
+    #[serde(with = "open_interval")]
     pub mass: Option<[f64; 2]>,
     /// Where the centre of mass lies.
     pub centre: Option<Region>,
 }
 
 /// A part of space, in the link frame, m.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Region {
     /// A box along the frame's axes.
     Box {
@@ -47,7 +52,7 @@ pub enum Region {
 }
 
 /// Limits on one parameter.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParameterBounds {
     /// Name, as `joint_2.Fv`.
     pub name: String,
@@ -55,6 +60,20 @@ pub struct ParameterBounds {
     pub lowest: Option<f64>,
     /// Highest value.
     pub highest: Option<f64>,
+}
+
+/// JSON has no infinity: a side without limit is null.
+mod open_interval {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(range: &Option<[f64; 2]>, serializer: S) -> Result<S::Ok, S::Error> {
+        range.map(|sides| sides.map(|side| side.is_finite().then_some(side))).serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[f64; 2]>, D::Error> {
+        let range: Option<[Option<f64>; 2]> = Option::deserialize(deserializer)?;
+        Ok(range.map(|[low, high]| [low.unwrap_or(f64::NEG_INFINITY), high.unwrap_or(f64::INFINITY)]))
+    }
 }
 
 /// One limit that can be named, as rows of a program.
@@ -110,11 +129,8 @@ pub(super) fn collect(
 ) -> Result<Vec<Bound>, BadBound> {
     let parameter = |index: usize| Affine::variable(index, scale[index]);
     let mut all = Vec::new();
-    for (offset, column) in set.effect_columns().iter().enumerate() {
-        if set.effects()[column.effect].parameters()[column.parameter].non_negative {
-            let index = set.inertial() + offset;
-            all.push(Bound::linear(format!("{} >= 0", set.names()[index]), vec![Affine::variable(index, 1.0)]));
-        }
+    for index in (set.inertial()..set.len()).filter(|index| set.is_non_negative(*index)) {
+        all.push(Bound::linear(format!("{} >= 0", set.names()[index]), vec![Affine::variable(index, 1.0)]));
     }
     for link in &bounds.links {
         let joint = link.joint.as_str();

@@ -66,12 +66,14 @@ impl Default for Prior {
 }
 
 /// Distance of a link from its nominal inertia.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Distance {
     /// Sum of squares of the parameters, each relative to the size of its link. Depends on the frame of the link.
     Euclidean,
     /// tr(P₀⁻¹ P) - ln det(P₀⁻¹ P) - 4, with P the pseudo-inertia: depends neither on frame nor units, and keeps P inside
     /// the cone.
+    #[default]
     Entropic,
 }
 
@@ -492,8 +494,13 @@ impl LinkSize {
 /// Units in which all parameters are of order one.
 pub(super) fn parameter_scales(set: &ParameterSet, nominal: &[f64], torque: &[f64]) -> Vec<f64> {
     let mut scales: Vec<f64> = nominal_links(nominal, set).flat_map(|link| LinkSize::of(link).scales()).collect();
-    for (offset, column) in set.effect_columns().iter().enumerate() {
-        let usual = 0.1 * torque[column.joint];
+    let of_state = set.effect_columns().iter().map(|column| 0.1 * torque[column.joint]);
+    let largest = torque.iter().copied().fold(0.0, f64::max);
+    let of_trajectory = set
+        .trajectory_columns()
+        .iter()
+        .map(|column| 0.1 * column.joint.map_or(largest, |joint| torque[joint]) / column.size);
+    for (offset, usual) in of_state.chain(of_trajectory).enumerate() {
         let scale = nominal[set.inertial() + offset].abs().max(usual);
         scales.push(if scale > 0.0 && scale.is_finite() { scale } else { 1.0 });
     }

@@ -89,6 +89,7 @@ def model(model: Model, path: str) -> dict[str, Any]:
         "joints": model.robot.joint_names,
         "effects": model.effects,
         "parameters": parameters(model),
+        "terms": terms(model),
         "processing": processing(model),
         "fit": model.fit,
         "certificate": model.certificate,
@@ -103,6 +104,15 @@ def any_model(found: Model | SemiParametricModel, path: str) -> dict[str, Any]:
     if isinstance(found, SemiParametricModel):
         return {**model(found.physics_, path), "processes": found.reports_}
     return model(found, path)
+
+
+def terms(model: Model) -> list[dict[str, Any]]:
+    """Constants and parameters of the effects at single sites, one by one."""
+    return [
+        {"effect": term["effect"], "name": name, "value": value, "standard_deviation": deviation, "unit": unit}
+        for term in model.terms
+        for name, (value, deviation, unit) in term["parameters"].items()
+    ]
 
 
 def parameters(model: Model) -> list[dict[str, Any]]:

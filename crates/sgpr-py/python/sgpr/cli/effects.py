@@ -9,8 +9,10 @@ DEFAULT_EFFECTS = ("viscous_friction", "coulomb_friction", "rotor_inertia", "tor
 
 
 def checked_effects(names: Sequence[str], option: str = "--effects") -> list[str]:
-    """The effects, each once; `none` stands for no effect."""
+    """The effects, each once, as `effect` or `effect@joint`; `none` stands for no effect."""
     if list(names) == ["none"]:
         return []
     known = [effect["name"] for effect in registry()]
-    return list(dict.fromkeys(one_of(name, known, option, "effect") for name in names))
+    for name in names:
+        one_of(name.partition("@")[0], known, option, "effect")
+    return list(dict.fromkeys(names))

@@ -19,7 +19,7 @@ from .console import Output, to_json
 from .effects import DEFAULT_EFFECTS, checked_effects
 from .error_table import show_errors
 from .errors import BadData, one_of, wrong_use
-from .info import show_certificate, show_parameters
+from .info import show_certificate, show_parameters, show_terms
 from .options import Gravity, Joints, NoReport, OutFolder, check_unseen
 from .output_folder import OutputFolder
 from .predictions import (
@@ -50,7 +50,7 @@ class IdentificationOptions:
         typer.Option(
             "--effects",
             metavar="EFFECT...",
-            help="Effects beside the rigid body, or `none`.",
+            help="Effects beside the rigid body, at all joints or as EFFECT@JOINT at one, or `none`.",
             show_default=" ".join(DEFAULT_EFFECTS),
             rich_help_panel=FIT,
         ),
@@ -377,6 +377,7 @@ class Result:
                 for other, found in zip(self.influence, self.influence_errors, strict=True)
             ],
             "parameters": describe.parameters(self.model),
+            "terms": describe.terms(self.model),
             "comparison": {
                 "logs": "test" if self.test else "train",
                 BEFORE: describe.comparison(self.before),
@@ -447,6 +448,7 @@ def _findings(model: Model, training: Sequence[Recording]) -> list[str]:
 def show(result: Result, data: dict[str, Any], output: Output) -> None:
     """The result for people."""
     show_parameters(data["parameters"], output)
+    show_terms(data["terms"], output)
     if data["certificate"]:
         show_certificate(data["certificate"], output)
     show_errors({BEFORE: result.before, AFTER: result.after}, output)

@@ -182,6 +182,7 @@ def show_model(data: dict[str, Any], output: Output) -> None:
     for text in data["history"]:
         output.line(f"history: {text}")
     show_parameters(data["parameters"], output)
+    show_terms(data["terms"], output)
     if data["certificate"]:
         show_certificate(data["certificate"], output)
     if "processes" in data:
@@ -200,6 +201,13 @@ def show_parameters(parameters: Sequence[dict[str, Any]], output: Output) -> Non
         rows.append([p["name"], value, deviation, relative, significant(p["nominal"], 4), p["unit"]])
     columns = ["base parameter", "value", "std. deviation", "%", "nominal", "unit"]
     output.table(columns, rows, text_columns=(0, 5))
+
+
+def show_terms(terms: Sequence[dict[str, Any]], output: Output) -> None:
+    """Constants and parameters of the effects at single sites."""
+    rows = [[p["effect"], p["name"], *with_deviation(p["value"], p["standard_deviation"]), p["unit"]] for p in terms]
+    if rows:
+        output.table(["effect", "parameter", "value", "std. deviation", "unit"], rows, text_columns=(0, 1, 4))
 
 
 def show_certificate(certificate: dict[str, Any], output: Output) -> None:

@@ -61,7 +61,7 @@ class IdentificationPage:
         sections = [
             Section("errors", f"Errors on {on}", errors),
             Section("torque", f"Measured and predicted torque, {on}", torque),
-            Section("parameters", "Parameters", parameters_section(data["parameters"])),
+            Section("parameters", "Parameters", parameters_section(data["parameters"], data["terms"])),
             *(
                 [Section("certificate", "Links as bodies", certificate_section(data["certificate"]))]
                 if data["certificate"]
@@ -73,7 +73,8 @@ class IdentificationPage:
             Section("logs", "Data quality", logs_section(data["logs"], data["left_out_of_predictions"])),
             Section("settings", "Settings and provenance", settings_section(self._settings())),
         ]
-        effects = ", ".join(self.model.effects) or "no effects"
+        names = [*self.model.effects, *dict.fromkeys(term["effect"] for term in data["terms"])]
+        effects = ", ".join(names) or "no effects"
         parameters = counted(len(data["parameters"]), "base parameter")
         facts = (
             f"{counted(robot.dof, 'joint')}; rigid body with {effects}; {parameters} from "

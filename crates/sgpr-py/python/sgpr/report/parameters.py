@@ -17,8 +17,8 @@ GOOD, POOR = 10.0, 100.0
 WIDTH, HEIGHT, HALF = 180.0, 18.0, 82.0
 
 
-def parameters_section(parameters: Sequence[dict[str, Any]]) -> Html:
-    """The table, in which every row has its small plot."""
+def parameters_section(parameters: Sequence[dict[str, Any]], terms: Sequence[dict[str, Any]] = ()) -> Html:
+    """The table, in which every row has its small plot; below it the effects at single sites."""
     columns = ["parameter", "value", "± std. dev.", "%", "nominal", "unit", "plot", "stands for"]
     rows = [_row(p) for p in parameters]
     return join(
@@ -37,8 +37,15 @@ def parameters_section(parameters: Sequence[dict[str, Any]]) -> Html:
                 ]
             ),
             table("Base parameters", columns, rows, text_columns=(0, 5, 6, 7)),
+            *([_terms(terms)] if terms else []),
         ]
     )
+
+
+def _terms(terms: Sequence[dict[str, Any]]) -> Html:
+    rows = [[p["effect"], p["name"], *with_deviation(p["value"], p["standard_deviation"]), p["unit"]] for p in terms]
+    columns = ["effect", "parameter", "value", "± std. dev.", "unit"]
+    return table("Effects that follow the whole trajectory, or have constants", columns, rows, text_columns=(0, 1, 4))
 
 
 def certainty_plot(parameters: Sequence[dict[str, Any]]) -> tuple[Html, dict[str, Any]]:
