@@ -377,6 +377,31 @@ fn a_sparse_search_keeps_to_its_budget_and_moving_the_points_gains() {
 }
 
 #[test]
+fn a_sparse_search_learns_within_few_evaluations() {
+    // Of eighteen inputs two matter.
+    let (count, inputs) = (20_000, 18);
+    let x: Vec<f64> = (0..count)
+        .flat_map(|i| (0..inputs).map(move |m| (0.01 * f64::from(i) * (1.0 + 0.137 * m as f64) + m as f64).sin()))
+        .collect();
+    let truth = |x: &[f64]| (2.0 * x[0]).sin() + x[1] * x[1];
+    let y = x.chunks_exact(inputs).enumerate().map(|(k, x)| truth(x) + 0.1 * ((k * 7919 % 1000) as f64 / 500.0 - 1.0));
+    let data = Data::new(x.clone(), inputs, y.collect(), 1).expect("good data");
+    let kernel = Kernel::ard(Shape::SquaredExponential, &[1.0; 18]).scaled(1.0).fitted_to(&x, inputs, 1.0);
+    let start = Covariance::new(kernel, 0.01);
+    let search = SearchOptions { starts: 1, subset: 200, evaluations: 3, ..SearchOptions::default() };
+    let options = SparseOptions { inducing: 30, move_inducing: false, search };
+    let (gp, report) = search_sparse(&data, &start, &options, &Compute::default(), &()).expect("good");
+    assert!(report.evaluations <= 3, "{report:?}");
+    let at: Vec<f64> = (0..500).flat_map(|k| x[(k * 39 + 5) * inputs..][..inputs].to_vec()).collect();
+    let predicted = gp.predict(&at, false).expect("good").mean;
+    let truths: Vec<f64> = at.chunks_exact(inputs).map(truth).collect();
+    let mean = truths.iter().sum::<f64>() / truths.len() as f64;
+    let share = truths.iter().zip(&predicted).map(|(truth, mean)| (truth - mean).powi(2)).sum::<f64>()
+        / truths.iter().map(|truth| (truth - mean).powi(2)).sum::<f64>();
+    assert!(share < 0.05, "{share} {report:?}");
+}
+
+#[test]
 fn bad_input_is_an_error_that_says_what_to_do() {
     let kernel = || Kernel::isotropic(Shape::SquaredExponential, 2, 1.0).scaled(1.0);
     let message = |error: GpError| error.to_string();
