@@ -34,11 +34,13 @@ fn main() {
     for precision in [Precision::Double, Precision::Single] {
         shared("six kernels over the same points", &joints.iter().collect::<Vec<_>>(), precision, 18);
         shared("one kernel for six joints", &[&joints[0]; 6], precision, 18);
-        latency("mean of six joints, n = 6006 each, d = 18", &large, precision, Some(0), 6, 18);
-        latency("mean, n = 2002, d = 6", &small, precision, Some(0), 1, 6);
-        latency("mean and variance, n = 2002, d = 6", &small, precision, None, 1, 6);
-        latency("the same from 150 combinations of the measurements", &small, precision, Some(150), 1, 6);
-        latency("mean and variance, n = 6006, d = 18, from 150 combinations", &large, precision, Some(150), 1, 18);
+        for precision in [(precision, false), (precision, true)] {
+            latency("mean of six joints, n = 6006 each, d = 18", &large, precision, Some(0), 6, 18);
+            latency("mean, n = 2002, d = 6", &small, precision, Some(0), 1, 6);
+            latency("mean and variance, n = 2002, d = 6", &small, precision, None, 1, 6);
+            latency("the same from 150 combinations of the measurements", &small, precision, Some(150), 1, 6);
+            latency("mean and variance, n = 6006, d = 18, from 150 combinations", &large, precision, Some(150), 1, 18);
+        }
     }
 }
 
@@ -70,12 +72,12 @@ fn shared(what: &str, processes: &[&GaussianProcess], precision: Precision, d: u
 fn latency(
     what: &str,
     gp: &GaussianProcess,
-    precision: Precision,
+    (precision, compact): (Precision, bool),
     variance_rank: Option<usize>,
     joints: usize,
     d: usize,
 ) {
-    let options = PredictorOptions { precision, variance_rank };
+    let options = PredictorOptions { precision, variance_rank, compact };
     let mut predictors: Vec<GpPredictor> =
         (0..joints).map(|_| GpPredictor::new(gp, options).expect("enough memory")).collect();
     let mut x = vec![0.0; d];
@@ -97,7 +99,8 @@ fn latency(
     let mut times: Vec<f64> = (0..3000).map(query).collect();
     times.sort_by(f64::total_cmp);
     println!(
-        "{what}, {precision:?}: least {:.1}, median {:.1}, p99 {:.1} microseconds, error {:.1e}, of the variance {:.1e}",
+        "{what}, {precision:?}{}: least {:.1}, median {:.1}, p99 {:.1} microseconds, error {:.1e}, of the variance {:.1e}",
+        if compact { ", compact" } else { "" },
         1e6 * times[0],
         1e6 * times[1500],
         1e6 * times[2970],

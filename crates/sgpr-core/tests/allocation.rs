@@ -98,21 +98,27 @@ fn check(name: &str, robot: &Robot) {
 }
 
 /// A process of three outputs over four inputs.
-fn process() -> GaussianProcess {
+fn process(compact: bool) -> GaussianProcess {
     let x: Vec<f64> = (0..4 * 90).map(|k| (0.37 * f64::from(k)).sin()).collect();
     let y = (0..3 * 90).map(|k| (0.11 * f64::from(k)).cos()).collect();
-    let turning = Kernel::ard(Shape::SquaredExponential, &[1.0; 4]).with_period(0, 2.0).scaled(1.0);
-    let kernel = turning.plus(Kernel::isotropic(Shape::RationalQuadratic { mixture: 1.0 }, 4, 2.0));
+    let smooth = Kernel::ard(Shape::SquaredExponential, &[1.0; 4]);
+    // A compact predictor has no periodic inputs.
+    let smooth = if compact { smooth } else { smooth.with_period(0, 2.0) };
+    let kernel = smooth.scaled(1.0).plus(Kernel::isotropic(Shape::RationalQuadratic { mixture: 1.0 }, 4, 2.0));
     let data = Data::new(x, 4, y, 3).expect("good data");
     GaussianProcess::fit(data, Covariance::new(kernel, 0.1), &Compute::default()).expect("good data")
 }
 
+/// Precisions, compact and not.
+const PRECISIONS: [(Precision, bool); 4] =
+    [(Precision::Double, false), (Precision::Single, false), (Precision::Double, true), (Precision::Single, true)];
+
 fn check_processes() {
     fn sendable(_: &impl Send) {}
-    let gp = process();
-    for precision in [Precision::Double, Precision::Single] {
+    for (precision, compact) in PRECISIONS {
+        let gp = process(compact);
         for variance_rank in [None, Some(0), Some(40)] {
-            let options = PredictorOptions { precision, variance_rank };
+            let options = PredictorOptions { precision, variance_rank, compact };
             let mut predictor = GpPredictor::new(&gp, options).expect("small");
             sendable(&predictor);
             let taken = bytes_taken(|| {
@@ -143,9 +149,9 @@ fn check_semi_parametric() {
             ..SemiParametricOptions::default()
         };
         let model = fit_semi_parametric(&robot, std::slice::from_ref(&log), &options, &()).expect("a good log");
-        for precision in [Precision::Double, Precision::Single] {
+        for (precision, compact) in PRECISIONS {
             for variance_rank in [None, Some(0), Some(20)] {
-                let options = PredictorOptions { precision, variance_rank };
+                let options = PredictorOptions { precision, variance_rank, compact };
                 let mut predictor = SemiParametricPredictor::new(&model, options).expect("small");
                 let taken = bytes_taken(|| {
                     for k in 0..SAMPLES {

@@ -377,6 +377,31 @@ fn a_sparse_search_keeps_to_its_budget_and_moving_the_points_gains() {
 }
 
 #[test]
+fn a_sparse_search_learns_within_few_evaluations() {
+    // Of eighteen inputs two matter.
+    let (count, inputs) = (20_000, 18);
+    let x: Vec<f64> = (0..count)
+        .flat_map(|i| (0..inputs).map(move |m| (0.01 * f64::from(i) * (1.0 + 0.137 * m as f64) + m as f64).sin()))
+        .collect();
+    let truth = |x: &[f64]| (2.0 * x[0]).sin() + x[1] * x[1];
+    let y = x.chunks_exact(inputs).enumerate().map(|(k, x)| truth(x) + 0.1 * ((k * 7919 % 1000) as f64 / 500.0 - 1.0));
+    let data = Data::new(x.clone(), inputs, y.collect(), 1).expect("good data");
+    let kernel = Kernel::ard(Shape::SquaredExponential, &[1.0; 18]).scaled(1.0).fitted_to(&x, inputs, 1.0);
+    let start = Covariance::new(kernel, 0.01);
+    let search = SearchOptions { starts: 1, subset: 200, evaluations: 3, ..SearchOptions::default() };
+    let options = SparseOptions { inducing: 30, move_inducing: false, search };
+    let (gp, report) = search_sparse(&data, &start, &options, &Compute::default(), &()).expect("good");
+    assert!(report.evaluations <= 3, "{report:?}");
+    let at: Vec<f64> = (0..500).flat_map(|k| x[(k * 39 + 5) * inputs..][..inputs].to_vec()).collect();
+    let predicted = gp.predict(&at, false).expect("good").mean;
+    let truths: Vec<f64> = at.chunks_exact(inputs).map(truth).collect();
+    let mean = truths.iter().sum::<f64>() / truths.len() as f64;
+    let share = truths.iter().zip(&predicted).map(|(truth, mean)| (truth - mean).powi(2)).sum::<f64>()
+        / truths.iter().map(|truth| (truth - mean).powi(2)).sum::<f64>();
+    assert!(share < 0.05, "{share} {report:?}");
+}
+
+#[test]
 fn bad_input_is_an_error_that_says_what_to_do() {
     let kernel = || Kernel::isotropic(Shape::SquaredExponential, 2, 1.0).scaled(1.0);
     let message = |error: GpError| error.to_string();
@@ -473,7 +498,7 @@ fn a_variance_of_lower_rank_is_never_too_small_and_says_how_close_it_is() {
     let exact = gp.predict(&queries, true).expect("finite");
     let mut before = f64::INFINITY;
     for (rank, precision) in [(20, Precision::Double), (160, Precision::Double), (160, Precision::Single)] {
-        let options = PredictorOptions { precision, variance_rank: Some(rank) };
+        let options = PredictorOptions { precision, variance_rank: Some(rank), ..PredictorOptions::default() };
         let mut predictor = GpPredictor::new(&gp, options).expect("small");
         let rounding = if precision == Precision::Single { 1e-4 } else { 1e-9 };
         let mut excess: f64 = 0.0;
@@ -493,4 +518,41 @@ fn a_variance_of_lower_rank_is_never_too_small_and_says_how_close_it_is() {
     assert!(before < 0.01 * 2.0 * 0.01, "{before}");
     let all = GpPredictor::new(&gp, PredictorOptions { variance_rank: None, ..Default::default() }).expect("small");
     assert_eq!((all.error(), all.variance_error()), (0.0, 0.0));
+}
+
+#[test]
+fn a_compact_predictor_is_as_close_as_it_says() {
+    let wave = |k: usize, m: usize| (0.01 * k as f64 * (1.0 + 0.37 * m as f64) + m as f64).sin();
+    let x: Vec<f64> = (0..900).flat_map(|k| (0..4).map(move |m| 10f64.powi(m as i32) * wave(k, m) + 3.0)).collect();
+    let y = (0..900).map(|k| wave(k, 0) * wave(k, 1) + 0.1 * wave(31 * k, 2)).collect();
+    let kernel = Kernel::ard(Shape::SquaredExponential, &[0.5, 7.0, 90.0]).scaled(1.5);
+    // The last input is one that only noise looks at: it keeps its digits.
+    let drift = Kernel::isotropic(Shape::Exponential, 1, 100.0).on(&[3]).scaled(0.02);
+    let covariance = Covariance::new(kernel.clone(), 0.01).with_correlated_noise(drift);
+    let data = Data::new(x, 4, y, 1).expect("good data");
+    let gp = GaussianProcess::fit(data.clone(), covariance, &Compute::default()).expect("small");
+    let queries: Vec<f64> =
+        (0..400).flat_map(|k| (0..4).map(move |m| 10f64.powi(m as i32) * 1.1 * wave(7 * k, 2 * m + 1) + 3.0)).collect();
+    let exact = gp.predict(&queries, true).expect("finite");
+    // Two percent of the standard deviation of the noise, half a percent of its variance.
+    let (of_mean, of_variance) = (2e-3, 5e-5);
+    for precision in [Precision::Double, Precision::Single] {
+        let options = PredictorOptions { precision, variance_rank: None, compact: true };
+        let mut predictor = GpPredictor::new(&gp, options).expect("small");
+        let (mut mean_error, mut variance_error) = (0.0, 0.0);
+        for ((x, mean), variance) in queries.chunks_exact(4).zip(&exact.mean).zip(&exact.variance) {
+            let (own_mean, own_variance) = predictor.mean_and_variance(x);
+            mean_error = f64::max(mean_error, (own_mean[0] - mean).abs());
+            variance_error = f64::max(variance_error, (own_variance - variance).abs());
+        }
+        let stated = (predictor.error(), predictor.variance_error());
+        println!("{precision:?}: mean {mean_error:.1e}, variance {variance_error:.1e}, stated {stated:?}");
+        assert!(stated.0 > 0.0 && mean_error < 3.0 * stated.0 && mean_error < of_mean, "{precision:?} {mean_error}");
+        assert!(stated.1 > 0.0 && variance_error < 3.0 * stated.1 && variance_error < of_variance);
+    }
+    let turning = Covariance::new(kernel.with_period(1, 2.0), 0.01);
+    let gp = GaussianProcess::fit(data, turning, &Compute::default()).expect("small");
+    let compact = PredictorOptions { compact: true, ..PredictorOptions::default() };
+    let error = GpPredictor::new(&gp, compact).expect_err("no grid for a cosine");
+    assert!(error.to_string().contains("periodic input"), "{error}");
 }

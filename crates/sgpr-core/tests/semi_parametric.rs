@@ -69,10 +69,15 @@ fn what_the_physics_lacks_is_learned_and_what_it_has_is_left_alone() {
     let model = fit(&full);
     let (before, after) = (compare(model.physics(), &test, None).expect("good"), model.compare(&test).expect("good"));
     assert!(after.relative_error_percent < 1.01 * before.relative_error_percent);
-    let coverage = model.coverage(&test).expect("good");
+    let coverage = model.coverage(&test, false).expect("good");
     let mean = |select: fn(&sgpr_core::model::Coverage) -> f64| coverage.iter().map(select).sum::<f64>() / 6.0;
     assert!((mean(|c| c.percent_68) - 68.0).abs() < 25.0, "{coverage:?}");
     assert!((mean(|c| c.percent_95) - 95.0).abs() < 5.0, "{coverage:?}");
+    let followed = model.coverage(&test, true).expect("good");
+    for (followed, coverage) in followed.iter().zip(&coverage) {
+        assert_eq!((&followed.joint, followed.samples), (&coverage.joint, coverage.samples));
+        assert!((followed.percent_68 - 68.0).abs() < 5.0 && (followed.percent_95 - 95.0).abs() < 3.0, "{followed:?}");
+    }
 }
 
 #[test]
@@ -294,7 +299,7 @@ fn joints_that_share_a_kernel_are_learned_and_predicted_together() {
     let (q, dq) = (&test[0].position()[..600], &test[0].velocity().expect("logged")[..600]);
     let expected = model.predict(Samples { q, dq, ddq: dq }, true).expect("finite");
     for (precision, tolerance) in [(Precision::Double, 1e-9), (Precision::Single, 1e-3)] {
-        let options = PredictorOptions { precision, variance_rank: Some(0) };
+        let options = PredictorOptions { precision, ..PredictorOptions::default() };
         let mut predictor = SemiParametricPredictor::new(&model, options).expect("small");
         for k in (0..600).step_by(6) {
             let tau = predictor.torque(&q[k..k + 6], &dq[k..k + 6], &dq[k..k + 6]);

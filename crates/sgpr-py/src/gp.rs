@@ -537,9 +537,15 @@ impl FittedProcess {
     }
 
     /// One point after the other.
-    fn predictor(&self, py: Python<'_>, single: bool, variance_rank: Option<usize>) -> PyResult<ProcessPredictor> {
+    fn predictor(
+        &self,
+        py: Python<'_>,
+        single: bool,
+        variance_rank: Option<usize>,
+        compact: bool,
+    ) -> PyResult<ProcessPredictor> {
         let precision = if single { Precision::Single } else { Precision::Double };
-        let options = PredictorOptions { precision, variance_rank };
+        let options = PredictorOptions { precision, variance_rank, compact };
         let inner = py.detach(|| match &self.process {
             Process::Exact(gp) => GpPredictor::new(gp, options),
             Process::Sparse(gp) => Ok(GpPredictor::from_sparse(gp, options)),

@@ -174,15 +174,22 @@ impl FittedSemiParametric {
     }
 
     /// One dict per joint: how many measurements fall within their predicted intervals.
-    fn coverage<'py>(&self, py: Python<'py>, recordings: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+    fn coverage<'py>(
+        &self,
+        py: Python<'py>,
+        recordings: &Bound<'py, PyAny>,
+        following: bool,
+    ) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let recordings = self::recordings(recordings)?;
-        let rows = py.detach(|| self.inner.coverage(&recordings)).map_err(IntoPyErr::into_py_err)?;
+        let rows = py.detach(|| self.inner.coverage(&recordings, following)).map_err(IntoPyErr::into_py_err)?;
         let describe = |row: core::Coverage| {
             let dict = PyDict::new(py);
             dict.set_item("joint", row.joint)?;
             dict.set_item("samples", row.samples)?;
             dict.set_item("percent_68", row.percent_68)?;
             dict.set_item("percent_95", row.percent_95)?;
+            dict.set_item("half_width_68", row.half_width_68)?;
+            dict.set_item("half_width_95", row.half_width_95)?;
             Ok(dict)
         };
         rows.into_iter().map(describe).collect()
@@ -227,9 +234,10 @@ impl FittedSemiParametric {
         py: Python<'_>,
         single: bool,
         variance_rank: Option<usize>,
+        compact: bool,
     ) -> PyResult<SemiParametricPredictor> {
         let precision = if single { Precision::Single } else { Precision::Double };
-        let options = PredictorOptions { precision, variance_rank };
+        let options = PredictorOptions { precision, variance_rank, compact };
         let inner = py.detach(|| core::SemiParametricPredictor::new(&self.inner, options));
         Ok(SemiParametricPredictor {
             inner: Mutex::new(inner.map_err(IntoPyErr::into_py_err)?),

@@ -34,7 +34,11 @@ def test_what_the_physics_lacks_is_learned(model: sgpr.SemiParametricModel, test
     assert model.score(test_log) == pytest.approx(np.mean(after.r2))
     assert [report["inputs"] for report in model.reports_] == ["own_velocity"] * 6
     assert all(report["points"] <= 100 and report["hyperparameters"] for report in model.reports_)
-    assert {"joint", "samples", "percent_68", "percent_95"} == set(model.coverage(test_log)[0])
+    names = {"joint", "samples", "percent_68", "percent_95", "half_width_68", "half_width_95"}
+    assert names == set(model.coverage(test_log)[0])
+    for row in model.coverage(test_log, following=True):
+        assert abs(row["percent_68"] - 68) < 5
+        assert abs(row["percent_95"] - 95) < 3
     assert not model.stopped_
 
 

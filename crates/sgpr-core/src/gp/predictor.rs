@@ -3,10 +3,10 @@ use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_uppe
 use pulp::{Arch, Simd, WithSimd};
 
 use super::exact::{Prediction, padded};
-use super::kernels::{BLOCK, Element, Features, Plan, Query, TILE, Work};
+use super::kernels::{BLOCK, Element, Features, Grid, GridPoints, Plan, Points, Query, TILE, Work, tiles};
 use super::matrix::{factor, invert_factor, square, view, view_mut};
 use super::subset::partial_factor;
-use super::{GaussianProcess, GpError, SparseGaussianProcess};
+use super::{Data, GaussianProcess, GpError, SparseGaussianProcess};
 
 /// Arithmetic of a [`GpPredictor`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -28,11 +28,17 @@ pub struct PredictorOptions {
     /// then only be too large, for what is not seen explains nothing; [`GpPredictor::variance_error`] says by how much. One
     /// prediction reads n²/2 numbers for all, n times the rank for so many.
     pub variance_rank: Option<usize>,
+    /// Less to read, for points that do not fit into the cache: they are moved to a grid of 16 bits for each input, a
+    /// 65,534th of its range, and the process is conditioned on them anew, so that its weights are exact for the points
+    /// that are kept; what the variance is computed from is kept in 32 bits. Arithmetic of the mean stays that of
+    /// `precision`. [`GpPredictor::error`] and [`GpPredictor::variance_error`] say what it costs. Inducing points are few:
+    /// they are not moved.
+    pub compact: bool,
 }
 
 impl Default for PredictorOptions {
     fn default() -> Self {
-        Self { precision: Precision::Double, variance_rank: Some(0) }
+        Self { precision: Precision::Double, variance_rank: Some(0), compact: false }
     }
 }
 
@@ -70,12 +76,27 @@ enum Kind {
 #[derive(Clone, Debug)]
 struct Core<T> {
     plan: Plan,
-    points: Features<T>,
+    points: Kept<T>,
     /// Weights per output.
     weights: Vec<Vec<T>>,
-    variance: Option<VarianceOf<T>>,
+    variance: Variance<T>,
     query: Query<T>,
     work: Work<T>,
+}
+
+/// The points.
+#[derive(Clone, Debug)]
+enum Kept<T> {
+    Full(Features<T>),
+    Compact(GridPoints<T>),
+}
+
+/// Arithmetic of the variance.
+#[derive(Clone, Debug)]
+enum Variance<T> {
+    None,
+    Full(VarianceOf<T>),
+    Compact(VarianceOf<f32>),
 }
 
 /// Variance = prior - |subtracted k|² + |added k|².
@@ -94,6 +115,9 @@ struct Packed<T> {
     /// Of the rows of each block.
     lengths: Vec<usize>,
 }
+
+/// Products that are summed in the arithmetic of the matrix; these sums are summed in double precision.
+const RUN: usize = 512;
 
 /// Share of the prior variance from which a point counts as far from the data.
 const FAR: f64 = 0.95;
@@ -118,6 +142,10 @@ pub(super) struct Parts<'a> {
     pub inputs: usize,
     pub weights: &'a [Vec<f64>],
     pub variance: Option<VarianceParts>,
+    /// Of the points, if they are on one.
+    pub grid: Option<Grid>,
+    /// The variance in 32 bits.
+    pub compact: bool,
 }
 
 /// The process that a predictor was made of: means and variances of points.
@@ -140,9 +168,12 @@ impl GpPredictor {
     /// The only place that allocates.
     ///
     /// # Errors
-    /// If the variance needs more memory than allowed.
+    /// If the variance needs more memory than allowed, or a compact one is asked for and an input is periodic.
     pub fn new(gp: &GaussianProcess, options: PredictorOptions) -> Result<Self, GpError> {
         let (n, inputs) = (gp.data.len(), gp.data.inputs());
+        let original = gp;
+        let moved = options.compact.then(|| on_grid(gp)).transpose()?;
+        let (gp, grid) = moved.as_ref().map_or((gp, None), |(gp, grid)| (gp, Some(grid.clone())));
         let variance = match options.variance_rank {
             Some(0) => None,
             Some(rank) if rank < n => {
@@ -156,10 +187,12 @@ impl GpPredictor {
             }
         };
         let plan = Plan::new(&gp.covariance.signal);
-        let parts = Parts { plan, x: gp.data.x(), inputs, weights: &gp.alpha, variance };
+        let compact = options.compact;
+        let parts = Parts { plan, x: gp.data.x(), inputs, weights: &gp.alpha, variance, grid, compact };
         let mut predictor = Self::from_parts(parts, options.precision);
-        if options.precision == Precision::Single || options.variance_rank.is_some_and(|rank| 0 < rank && rank < n) {
-            predictor.compare(gp.data.x(), options, &|x, with_variance| gp.predict(x, with_variance));
+        let exact = options.precision == Precision::Double && !compact;
+        if !exact || options.variance_rank.is_some_and(|rank| 0 < rank && rank < n) {
+            predictor.compare(original.data.x(), options, &|x, with_variance| original.predict(x, with_variance));
         }
         Ok(predictor)
     }
@@ -173,9 +206,11 @@ impl GpPredictor {
             added: Some(Rows::Triangle(data.clone())),
         });
         let plan = Plan::new(&gp.covariance.signal);
-        let parts = Parts { plan, x: &gp.inducing, inputs: gp.inputs, weights: &gp.weights, variance };
+        let compact = options.compact;
+        let parts =
+            Parts { plan, x: &gp.inducing, inputs: gp.inputs, weights: &gp.weights, variance, grid: None, compact };
         let mut predictor = Self::from_parts(parts, options.precision);
-        if options.precision == Precision::Single {
+        if options.precision == Precision::Single || compact {
             predictor.compare(&gp.inducing, options, &|x, with_variance| gp.predict(x, with_variance));
         }
         predictor
@@ -184,7 +219,8 @@ impl GpPredictor {
     /// k(x, X) times each of `columns`, in double precision, without variance.
     pub(crate) fn weighing(gp: &GaussianProcess, columns: &[Vec<f64>]) -> Self {
         let plan = Plan::new(&gp.covariance.signal);
-        let parts = Parts { plan, x: gp.data.x(), inputs: gp.data.inputs(), weights: columns, variance: None };
+        let (x, inputs) = (gp.data.x(), gp.data.inputs());
+        let parts = Parts { plan, x, inputs, weights: columns, variance: None, grid: None, compact: false };
         Self::from_parts(parts, Precision::Double)
     }
 
@@ -192,7 +228,8 @@ impl GpPredictor {
         let inputs = parts.inputs;
         let samples = (parts.x.len() / inputs) as f64;
         let mean = |m: usize| parts.x.iter().skip(m).step_by(inputs).sum::<f64>() / samples;
-        let centre: Vec<f64> = (0..inputs).map(mean).collect();
+        let centre: Vec<f64> =
+            parts.grid.as_ref().map_or_else(|| (0..inputs).map(mean).collect(), |grid| grid.middle().to_vec());
         let plan = parts.plan.clone().centred(&centre);
         Self {
             mean: vec![0.0; parts.weights.len()],
@@ -218,7 +255,7 @@ impl GpPredictor {
                 let difference = (self.mean_and_variance(x).1 - exact.variance[k]).abs();
                 self.variance_error = self.variance_error.max(difference);
             }
-            if options.precision == Precision::Single {
+            if options.precision == Precision::Single || options.compact {
                 let differences = self.mean(x).iter().zip(&exact.mean[k * outputs..]).map(|(a, b)| (a - b).abs());
                 let largest = differences.fold(0.0, f64::max);
                 self.error = self.error.max(largest);
@@ -263,14 +300,15 @@ impl GpPredictor {
         self.prior_variance
     }
 
-    /// Largest error of the mean against double precision, measured at up to 200 points of the data and as many between
-    /// them; zero in double precision.
+    /// Largest error of the mean against all digits of the points and double precision, measured at up to 200 points of
+    /// the data and as many between them; zero in double precision that is not compact.
     pub fn error(&self) -> f64 {
         self.error
     }
 
     /// Largest difference of the variance to that from all points in double precision, measured at the same points; of
-    /// fewer points it is too large there, never too small. Zero in double precision from all points, or without variance.
+    /// fewer points it is too large there, never too small. Zero in double precision from all points that is not compact, or
+    /// without variance.
     pub fn variance_error(&self) -> f64 {
         self.variance_error
     }
@@ -283,17 +321,21 @@ impl GpPredictor {
 
 impl<T: Element> Core<T> {
     fn new(plan: Plan, parts: &Parts<'_>) -> Self {
-        let variance = parts.variance.as_ref().map(|VarianceParts { subtracted, added }| VarianceOf {
-            subtracted: Packed::new(subtracted),
-            added: added.as_ref().map(Packed::new),
-            cross: vec![T::default(); parts.x.len() / parts.inputs + TILE],
-        });
+        let count = parts.x.len() / parts.inputs;
+        let grid = |grid: &Grid| GridPoints::new(&plan, grid, parts.x, parts.inputs).expect("no input is periodic");
         Self {
-            points: plan.features(parts.x, parts.inputs),
+            points: match &parts.grid {
+                Some(of_points) => Kept::Compact(grid(of_points)),
+                None => Kept::Full(plan.features(parts.x, parts.inputs)),
+            },
             weights: parts.weights.iter().map(|weights| padded(weights)).collect(),
+            variance: match &parts.variance {
+                None => Variance::None,
+                Some(of_process) if parts.compact => Variance::Compact(VarianceOf::new(of_process, count)),
+                Some(of_process) => Variance::Full(VarianceOf::new(of_process, count)),
+            },
             query: plan.query(),
             work: plan.work(),
-            variance,
             plan,
         }
     }
@@ -319,22 +361,67 @@ impl<T: Element> WithSimd for Predict<'_, T> {
         let Self { core: Core { plan, points, weights, variance, query, work }, x, mean, with_variance } = self;
         plan.set_query(x, query);
         mean.fill(0.0);
-        let mut keep = variance.as_mut().filter(|_| with_variance).map(|variance| &mut variance.cross);
-        for (start, length) in points.tiles_from(0) {
-            let values = plan.values::<T, S, false>(simd, points, (start, length), query, work);
-            for (mean, weights) in mean.iter_mut().zip(&*weights) {
+        let none = &mut Variance::None;
+        let keep = if with_variance { &mut *variance } else { none };
+        let mut tiles = Tiles { plan, weights, query, work, mean, keep };
+        match points {
+            Kept::Full(points) => tiles.add(simd, points, points.count()),
+            Kept::Compact(points) => tiles.add(simd, points, points.count()),
+        }
+        match variance {
+            _ if !with_variance => 0.0,
+            Variance::None => unreachable!("made with variance"),
+            Variance::Full(of_process) => of_process.explained(simd),
+            Variance::Compact(of_process) => of_process.explained(simd),
+        }
+    }
+}
+
+/// The sum over all points.
+struct Tiles<'a, T> {
+    plan: &'a Plan,
+    weights: &'a [Vec<T>],
+    query: &'a Query<T>,
+    work: &'a mut Work<T>,
+    mean: &'a mut [f64],
+    /// Keeps the covariances.
+    keep: &'a mut Variance<T>,
+}
+
+impl<T: Element> Tiles<'_, T> {
+    #[inline(always)]
+    fn add<S: Simd>(&mut self, simd: S, points: &impl Points<T>, count: usize) {
+        for (start, length) in tiles(0, count) {
+            let values = self.plan.values::<T, S, false>(simd, points, (start, length), self.query, self.work);
+            for (mean, weights) in self.mean.iter_mut().zip(self.weights) {
                 *mean += T::dot(simd, values, &weights[start..start + length]);
             }
-            if let Some(cross) = &mut keep {
-                cross[start..start + length].copy_from_slice(values);
+            match self.keep {
+                Variance::None => {}
+                Variance::Full(of_process) => of_process.cross[start..start + length].copy_from_slice(values),
+                Variance::Compact(of_process) => {
+                    let cross = &mut of_process.cross[start..start + length];
+                    cross.iter_mut().zip(values).for_each(|(cross, value)| *cross = value.to_f64() as f32);
+                }
             }
         }
-        if !with_variance {
-            return 0.0;
+    }
+}
+
+impl<T: Element> VarianceOf<T> {
+    /// - `count`: points
+    fn new(VarianceParts { subtracted, added }: &VarianceParts, count: usize) -> Self {
+        Self {
+            subtracted: Packed::new(subtracted),
+            added: added.as_ref().map(Packed::new),
+            cross: vec![T::default(); count + TILE],
         }
-        let VarianceOf { subtracted, added, cross } = variance.as_mut().expect("made with variance");
-        let explained = subtracted.squared_norm(simd, cross);
-        explained - added.as_ref().map_or(0.0, |added| added.squared_norm(simd, cross))
+    }
+
+    #[inline(always)]
+    fn explained<S: Simd>(&self, simd: S) -> f64 {
+        let added = self.added.as_ref().map_or(0.0, |added| added.squared_norm(simd, &self.cross));
+        self.subtracted.squared_norm(simd, &self.cross) - added
     }
 }
 
@@ -370,13 +457,35 @@ impl<T: Element> Packed<T> {
         let mut rest = &self.values[..];
         for length in &self.lengths {
             let (rows, after) = rest.split_at(4 * length);
-            let products = T::four_dots(simd, rows, &vector[..*length]);
+            let mut products = [0.0; 4];
+            for (rows, vector) in rows.chunks(4 * RUN).zip(vector[..*length].chunks(RUN)) {
+                let run = T::four_dots(simd, rows, vector);
+                products.iter_mut().zip(run).for_each(|(product, run)| *product += run);
+            }
             sum += products[0] * products[0] + products[1] * products[1];
             sum += products[2] * products[2] + products[3] * products[3];
             rest = after;
         }
         sum
     }
+}
+
+/// The same process with its points moved to a grid.
+fn on_grid(gp: &GaussianProcess) -> Result<(GaussianProcess, Grid), GpError> {
+    let (inputs, grid) = (gp.data.inputs(), Grid::of(gp.data.x(), gp.data.inputs()));
+    let Some(columns) = Plan::new(&gp.covariance.signal).straight_columns() else {
+        let found = "a periodic input, whose cosine and sine have no grid".into();
+        return Err(GpError::Kernel { found, advice: "ask for a predictor that is not compact" });
+    };
+    // Others, such as a time that only noise looks at, stay where they are.
+    let mut x = gp.data.x().to_vec();
+    for point in x.chunks_exact_mut(inputs) {
+        for (input, _) in &columns {
+            point[*input] = grid.nearest(*input, point[*input]);
+        }
+    }
+    let data = Data::new(x, inputs, gp.data.y().to_vec(), gp.data.outputs())?;
+    Ok((GaussianProcess::fit(data, gp.covariance.clone(), &gp.compute)?, grid))
 }
 
 /// Rows B so that |B k(X, x)|² is what `rank` combinations V' y of the measurements explain: V (V' K V)⁻¹ V' = B' B, K with

@@ -3,6 +3,7 @@ use super::search::{Run, SubsetSearch, at_bounds, log_prior};
 use super::subset::informative_points;
 use super::{Compute, Covariance, Data, GpError, SearchOptions, SparseBound, SparseGaussianProcess};
 use crate::progress::{Interrupted, Progress};
+use crate::random::Random;
 
 /// How a sparse process is fitted.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,8 +42,15 @@ pub struct SparseReport {
     pub at_bounds: Vec<String>,
 }
 
+/// Points of the larger subset, at most: more tell the hyperparameters no better than the bound then does.
+const LARGEST_SUBSET: usize = 2000;
+
 /// Fits a sparse process: hyperparameters by the exact likelihood of a random subset, the inducing points most informative
 /// under them, then everything together by the bound on all points.
+///
+/// The subset is large enough for its evaluations to cost what those on all points do, and is searched to the end however
+/// few of these are allowed: from hyperparameters that say nothing yet, the bound leads to a process that takes everything
+/// for noise.
 ///
 /// `progress` hears of every evaluation; when it asks to stop, the best so far is the result.
 ///
@@ -60,9 +68,20 @@ pub fn search_sparse(
         return Err(GpError::InducingPoints { found: 0, points: data.len() });
     }
     let bounds = options.search.bounds_for(data, start)?;
-    let mut run =
-        Run { start, options: &options.search, compute, progress, bounds: &bounds, jitter: 0.0, stopped: false };
-    let SubsetSearch { best, evaluations: evaluations_on_subset, .. } = run.on_subset(data)?;
+    let on_subset = SearchOptions {
+        evaluations: options.search.evaluations.max(SearchOptions::default().evaluations),
+        ..options.search.clone()
+    };
+    let mut run = Run { start, options: &on_subset, compute, progress, bounds: &bounds, jitter: 0.0, stopped: false };
+    let SubsetSearch { mut best, evaluations: mut evaluations_on_subset, .. } = run.on_subset(data)?;
+    let inducing = options.inducing as f64;
+    let affordable = ((3.0 * data.len() as f64 * inducing * inducing).cbrt() as usize).min(LARGEST_SUBSET);
+    if (options.search.subset + 1..data.len()).contains(&affordable) && !run.stopped {
+        let chosen = Random::new(options.search.seed).choose(affordable, data.len());
+        let minimum = run.search(&data.select(&chosen), &[], &best, "hyperparameters on a larger subset")?;
+        evaluations_on_subset += minimum.evaluations;
+        best = minimum.at;
+    }
     let stopped = run.stopped;
     let kernel = start.with_theta(&best).signal;
     let chosen = informative_points(&kernel, data.x(), data.inputs(), options.inducing);
@@ -93,11 +112,11 @@ pub fn search_sparse(
         let moved = points.iter().enumerate().map(|(k, x)| x * unit(k)).collect();
         (start.with_theta(theta), if points.is_empty() { inducing.clone() } else { moved })
     };
-    let limits = Limits {
-        evaluations: options.search.evaluations,
-        gain: options.search.gain,
-        gradient: 1e-5 * (data.len() as f64).sqrt(),
-    };
+    // The search works on the bound per point: its first step is along the gradient, and as long, and that of a million
+    // points would end in a corner of the bounds.
+    let points = data.len() as f64;
+    let limits =
+        Limits { evaluations: options.search.evaluations, gain: options.search.gain, gradient: 1e-5 / points.sqrt() };
     let mut done = 0;
     let mut evaluate = |at: &[f64]| {
         if done > 0 {
@@ -107,15 +126,15 @@ pub fn search_sparse(
             progress.step("hyperparameters of the sparse process", done, limits.evaluations)?;
         }
         done += 1;
-        let (covariance, points) = split(at);
-        let (value, gradient) = bound.value_and_gradient(&covariance, &points)?;
+        let (covariance, inducing) = split(at);
+        let (value, gradient) = bound.value_and_gradient(&covariance, &inducing)?;
         let mut gradient_at = gradient.theta;
         let prior = log_prior(&options.search.priors, &at[..hyperparameters], Some(&mut gradient_at));
         if options.move_inducing {
             gradient_at.extend(gradient.inducing.iter().enumerate().map(|(k, g)| g * unit(k)));
         }
-        gradient_at.iter_mut().for_each(|g| *g = -*g);
-        Ok((-value - prior, gradient_at))
+        gradient_at.iter_mut().for_each(|g| *g /= -points);
+        Ok((-(value + prior) / points, gradient_at))
     };
     let minimum = minimise(&at, &lower, &upper, limits, &mut evaluate)?;
     let (covariance, inducing) = split(&minimum.at);

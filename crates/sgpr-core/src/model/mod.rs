@@ -23,8 +23,8 @@ pub use identify::{
 pub use payload::{identify_drive_gains, identify_payload};
 pub use predictor::Predictor;
 pub use semi_parametric::{
-    Candidate, Coverage, Inputs, JointReport, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions,
-    SemiParametricPredictor, TorquePrediction, fit_rest, fit_semi_parametric,
+    Candidate, Coverage, FollowingIntervals, Inputs, JointReport, Mean, SemiParametricError, SemiParametricModel,
+    SemiParametricOptions, SemiParametricPredictor, TorquePrediction, fit_rest, fit_semi_parametric,
 };
 pub(crate) use terms::{Rigid, common_clock};
 pub use terms::{Term, Trajectory};

@@ -39,6 +39,7 @@ macro_rules! fused {
         if <$simd>::IS_SCALAR { $a * $b + $c } else { <$float>::mul_add($a, $b, $c) }
     };
 }
+pub(crate) use fused;
 
 macro_rules! exponential {
     ($name:ident, $float:ty, $round:ident, $ln2:ident, $taylor:ident, $log2e:expr, $shift:expr) => {

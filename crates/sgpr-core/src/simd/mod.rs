@@ -10,7 +10,7 @@ mod real;
 mod transpose;
 mod trigonometry;
 
-pub(crate) use exponential::{exp_f32, exp_f64};
+pub(crate) use exponential::{exp_f32, exp_f64, fused};
 pub use lanes::Lanes;
 pub(crate) use lanes::MAX_LANES;
 pub use real::{Fused, Real};

@@ -229,19 +229,31 @@ class SemiParametricModel(Estimator):
         fitted: FittedSemiParametric = self._require_fitted("_fitted")
         return fitted.score(recordings)
 
-    def coverage(self, recordings: Sequence[Recording]) -> list[dict[str, Any]]:
+    def coverage(self, recordings: Sequence[Recording], *, following: bool = False) -> list[dict[str, Any]]:
         """How many measurements fall within their predicted intervals.
+
+        Parameters
+        ----------
+        recordings : sequence of Recording
+            Logs that no fit has seen.
+        following : bool
+            Whether the intervals follow the errors of the torques measured before (adaptive conformal inference),
+            rather than stay as they are predicted from the motion alone: they then hold on logs with disturbances
+            that the training logs do not have, too.
 
         Returns
         -------
         list of dict
-            For each joint "joint", "samples", and "percent_68" and "percent_95": measurements within the intervals
-            of 68 and 95 %, percent.
+            For each joint "joint", "samples", "percent_68" and "percent_95", the measurements within the intervals
+            of 68 and 95 %, percent, and "half_width_68" and "half_width_95", half these intervals, the mean over the
+            samples, N·m (N).
         """
         fitted: FittedSemiParametric = self._require_fitted("_fitted")
-        return fitted.coverage(recordings)
+        return fitted.coverage(recordings, following)
 
-    def predictor(self, *, single_precision: bool = False, variance_rank: int | None = 0) -> SemiParametricPredictor:
+    def predictor(
+        self, *, single_precision: bool = False, variance_rank: int | None = 0, compact: bool = False
+    ) -> SemiParametricPredictor:
         """Predict one sample after the other, for a control loop.
 
         Parameters
@@ -251,13 +263,15 @@ class SemiParametricModel(Estimator):
         variance_rank : int or None
             What variances are computed from: nothing, for no variance (0), all measurements (None), or so many
             combinations of them, those that say most: faster, and too large rather than too small.
+        compact : bool
+            Points on a grid of 16 bits for each input and variances from numbers of 32 bits: less memory to read.
 
         Returns
         -------
         SemiParametricPredictor
         """
         fitted: FittedSemiParametric = self._require_fitted("_fitted")
-        return fitted.predictor(single_precision, variance_rank)
+        return fitted.predictor(single_precision, variance_rank, compact)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the model to a file; the file is complete or not there. `load` reads it back."""

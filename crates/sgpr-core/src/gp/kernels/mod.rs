@@ -1,10 +1,12 @@
 //! Covariance functions: stationary shapes over chosen inputs, scaled, added and multiplied.
 
+mod grid;
 mod plan;
 mod shape;
 mod tile;
 
-pub(crate) use plan::{Features, Plan, Query, Work};
+pub(crate) use grid::{Grid, GridPoints, Points};
+pub(crate) use plan::{Features, Plan, Query, Work, tiles};
 pub use shape::Shape;
 pub(crate) use tile::{BLOCK, Element, TILE};
 

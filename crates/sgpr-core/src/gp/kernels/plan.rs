@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use pulp::Simd;
 
-use super::{Element, Kernel, Shape, TILE};
+use super::{Element, Kernel, Points, Shape, TILE};
 
 /// A kernel ready to be evaluated.
 #[derive(Clone, Debug)]
@@ -93,6 +93,12 @@ pub(crate) struct Work<T> {
 /// Points are padded to a multiple of this, the lanes of the widest register.
 const PADDING: usize = 16;
 
+/// Tiles (start, length) that cover the points `first..count`; lengths are padded.
+pub(crate) fn tiles(first: usize, count: usize) -> impl Iterator<Item = (usize, usize)> {
+    let (start, end) = (first / PADDING * PADDING, count.next_multiple_of(PADDING));
+    (start..end).step_by(TILE).map(move |start| (start, TILE.min(end - start)))
+}
+
 impl<T: Element> Features<T> {
     /// Number of points.
     pub fn count(&self) -> usize {
@@ -101,8 +107,13 @@ impl<T: Element> Features<T> {
 
     /// Tiles (start, length) that cover the points from `first` on; lengths are padded.
     pub fn tiles_from(&self, first: usize) -> impl Iterator<Item = (usize, usize)> + use<T> {
-        let (start, end) = (first / PADDING * PADDING, self.count.next_multiple_of(PADDING));
-        (start..end).step_by(TILE).map(move |start| (start, TILE.min(end - start)))
+        tiles(first, self.count)
+    }
+
+    /// The columns from one on, each from the point `start` on, and how far they lie apart.
+    #[inline(always)]
+    pub fn columns_from(&self, column: usize, start: usize) -> (&[T], usize) {
+        (&self.values[column * self.stride + start..], self.stride)
     }
 
     /// Copies a point.
@@ -127,6 +138,11 @@ impl Plan {
     pub fn centred(mut self, centre: &[f64]) -> Self {
         self.columns.iter_mut().for_each(|column| column.centre = centre[column.input]);
         self
+    }
+
+    /// Input and factor of every coordinate; none if an input is periodic.
+    pub fn straight_columns(&self) -> Option<Vec<(usize, f64)>> {
+        self.columns.iter().map(|column| column.wave.is_none().then_some((column.input, column.factor))).collect()
     }
 
     /// k(x, x).
@@ -227,7 +243,7 @@ impl Plan {
     pub fn values<'w, T: Element, S: Simd, const SLOPES: bool>(
         &self,
         simd: S,
-        points: &Features<T>,
+        points: &impl Points<T>,
         (start, length): (usize, usize),
         query: &Query<T>,
         work: &'w mut Work<T>,
@@ -241,8 +257,8 @@ impl Plan {
                     let tile = leaf * TILE..leaf * TILE + length;
                     let Leaf { shape, columns, .. } = &self.leaves[*leaf];
                     let squares = &mut work.squares[tile.clone()];
-                    let x = &points.values[columns.start * points.stride + start..];
-                    T::squared_distances(simd, x, points.stride, &query.0[columns.clone()], squares);
+                    let c = &query.0[columns.clone()];
+                    points.squared_distances(simd, columns.clone(), (start, length), c, squares);
                     T::shape::<S, SLOPES>(simd, *shape, squares, out, &mut work.slopes[tile]);
                 }
                 Node::Scaled { variance, child: index, .. } => {

@@ -3,7 +3,7 @@
 use pulp::Simd;
 
 use super::Shape;
-use crate::simd::{exp_f32, exp_f64};
+use crate::simd::{exp_f32, exp_f64, fused};
 
 /// Points per tile; a multiple of the lanes of every register.
 pub(crate) const TILE: usize = 256;
@@ -28,6 +28,9 @@ pub(crate) trait Element: Copy + Default + Send + Sync + std::fmt::Debug + bytem
         c: &[Self],
         r2: &mut [Self],
     );
+
+    /// r2 += (scale * steps - c)².
+    fn add_grid_squares<S: Simd>(simd: S, steps: &[i16], scale: Self, c: Self, r2: &mut [Self]);
 
     /// As many times as there are `K` kernels: sum over columns of weight (x - c)², for as many points as a row of `r2` uses.
     /// The squared differences are shared.
@@ -129,6 +132,14 @@ macro_rules! element {
                 }
                 let out = S::$as_mut_simd(&mut r2[start..end]).0;
                 *out.first_chunk_mut::<REGISTERS>().expect("as many as were cut out") = sums;
+            }
+
+            #[inline(always)]
+            fn add_grid_squares<S: Simd>(_: S, steps: &[i16], scale: Self, c: Self, r2: &mut [Self]) {
+                for (r2, steps) in r2.iter_mut().zip(steps) {
+                    let difference = fused!(S, $float, Self::from(*steps), scale, -c);
+                    *r2 = fused!(S, $float, difference, difference, *r2);
+                }
             }
 
             #[inline(always)]

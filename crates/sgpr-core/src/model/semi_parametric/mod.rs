@@ -3,6 +3,7 @@
 mod basis;
 mod file;
 mod fit;
+mod following;
 mod inputs;
 mod left_out;
 mod predictor;
@@ -12,6 +13,7 @@ mod shared;
 use std::cell::RefCell;
 
 pub use fit::{fit_rest, fit_semi_parametric};
+pub use following::FollowingIntervals;
 pub use inputs::Inputs;
 pub use predictor::SemiParametricPredictor;
 pub use rest::{Candidate, JointReport};
@@ -168,6 +170,10 @@ pub struct Coverage {
     pub percent_68: f64,
     /// Share within the interval of 95 %, percent; 95 if it holds.
     pub percent_95: f64,
+    /// Half the interval of 68 %, mean over the samples, N·m (N): of two that hold the narrower one says more.
+    pub half_width_68: f64,
+    /// Half the interval of 95 %, mean over the samples, N·m (N).
+    pub half_width_95: f64,
 }
 
 impl SemiParametricModel {
@@ -317,30 +323,55 @@ impl SemiParametricModel {
     /// How many of the measurements of recordings fall within their predicted intervals, in the band of the model, over
     /// the samples at which a joint moves.
     ///
+    /// - `following`: whether the intervals follow the errors of the samples before ([`FollowingIntervals`]), from log to
+    ///   log, rather than stay as they are predicted from the motion alone. An error enters when it is past the reach of
+    ///   the filters, one period of the band later.
+    ///
     /// # Errors
     /// As [`SemiParametricModel::compare`].
-    pub fn coverage(&self, recordings: &[Recording]) -> Result<Vec<Coverage>, SemiParametricError> {
+    pub fn coverage(&self, recordings: &[Recording], following: bool) -> Result<Vec<Coverage>, SemiParametricError> {
         let n = self.physics.robot().dof();
-        let mut hits = vec![(0usize, 0usize, 0usize); n];
         let (comparison, predictions) = self.compare_with_spread(recordings)?;
-        for (log, prediction) in comparison.logs.iter().zip(&predictions) {
-            for k in (0..log.counted.len()).filter(|&k| log.counted[k]) {
-                let error = (log.measured_in_band[k] - log.predicted_in_band[k]).abs();
-                let (count, within_68, within_95) = &mut hits[k % n];
-                *count += 1;
-                *within_68 += usize::from(error <= prediction.standard_deviation[k]);
-                *within_95 += usize::from(error <= prediction.interval_95[k]);
+        let processing = self.physics.processing().expect("set with the model");
+        let band_hz = processing.torque_cutoff_hz.unwrap_or(processing.cutoff_hz);
+        let coverage_of = |joint: usize| {
+            let mut followed: Option<FollowingIntervals> = None;
+            let (mut samples, mut within, mut widths) = (0, [0usize; 2], [0.0; 2]);
+            for (log, prediction) in comparison.logs.iter().zip(&predictions) {
+                let rate_hz = log.motion.rate_hz;
+                let followed = followed.get_or_insert_with(|| FollowingIntervals::new(rate_hz));
+                let late = (rate_hz / band_hz).ceil() as usize;
+                let counted: Vec<usize> =
+                    (0..log.time.len()).map(|sample| sample * n + joint).filter(|&k| log.counted[k]).collect();
+                let error = |k: usize| log.measured_in_band[k] - log.predicted_in_band[k];
+                let half = |k: usize| [prediction.standard_deviation[k], prediction.interval_95[k]];
+                for (index, &k) in counted.iter().enumerate() {
+                    if following && index >= late {
+                        let past = counted[index - late];
+                        let [half_68, half_95] = half(past);
+                        followed.observe(error(past), half_68, half_95);
+                    }
+                    let factors = if following { followed.factors() } else { [1.0; 2] };
+                    for (which, half) in half(k).into_iter().enumerate() {
+                        within[which] += usize::from(error(k).abs() <= factors[which] * half);
+                        widths[which] += factors[which] * half;
+                    }
+                }
+                samples += counted.len();
             }
-        }
-        let percent = |hits: usize, count: usize| 100.0 * hits as f64 / count.max(1) as f64;
-        let names = self.physics.robot().joint_names();
-        let row = |(joint, (count, within_68, within_95)): (&str, &(usize, usize, usize))| Coverage {
-            joint: joint.into(),
-            samples: *count,
-            percent_68: percent(*within_68, *count),
-            percent_95: percent(*within_95, *count),
+            let share = |hits: usize| 100.0 * hits as f64 / samples.max(1) as f64;
+            let width = |sum: f64| sum / samples.max(1) as f64;
+            Coverage {
+                joint: String::new(),
+                samples,
+                percent_68: share(within[0]),
+                percent_95: share(within[1]),
+                half_width_68: width(widths[0]),
+                half_width_95: width(widths[1]),
+            }
         };
-        Ok(names.zip(&hits).map(row).collect())
+        let names = self.physics.robot().joint_names();
+        Ok(names.enumerate().map(|(joint, name)| Coverage { joint: name.into(), ..coverage_of(joint) }).collect())
     }
 }
 
