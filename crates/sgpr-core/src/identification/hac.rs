@@ -199,7 +199,13 @@ impl NoiseMemory {
 
 /// Quantile of 97.5 % of Student's law with `freedom` degrees of freedom, at least five, over that of the normal one.
 pub(super) fn student(freedom: f64) -> f64 {
+    /// The search for the quantile does not end where the law is all but normal.
+    const MANY: f64 = 1000.0;
     let normal = Normal::standard().inverse_cdf(0.975);
+    if freedom > MANY {
+        // M. Abramowitz, I. A. Stegun, Handbook of Mathematical Functions (1964), equation 26.7.5, to its first order.
+        return 1.0 + (normal * normal + 1.0) / (4.0 * freedom);
+    }
     StudentsT::new(0.0, 1.0, freedom.max(5.0)).map_or(1.0, |law| law.inverse_cdf(0.975) / normal)
 }
 
@@ -209,8 +215,12 @@ mod tests {
 
     #[test]
     fn quantiles_of_student_are_those_of_the_tables() {
-        for (freedom, expected) in [(5.0, 2.571), (10.0, 2.228), (20.0, 2.086), (60.0, 2.000), (1e9, 1.960)] {
+        for (freedom, expected) in
+            [(5.0, 2.571), (10.0, 2.228), (20.0, 2.086), (60.0, 2.000), (1000.0, 1.962), (1001.0, 1.962), (1e9, 1.960)]
+        {
             assert!((1.959_964 * student(freedom) - expected).abs() < 3e-3, "{freedom}");
         }
+        let falling: Vec<f64> = (10..3000).map(|half| student(0.5 * f64::from(half))).collect();
+        assert!(falling.windows(2).all(|pair| pair[0] > pair[1]), "also where one formula takes over from another");
     }
 }
