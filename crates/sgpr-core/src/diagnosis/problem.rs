@@ -187,7 +187,7 @@ impl Problem {
                     let wait = until_reversal(motion, joint);
                     let margin = (smear * motion.rate_hz).ceil() as usize;
                     for k in (0..motion.len()).filter(|&k| wait[k] < self.holds[joint]) {
-                        sticks[k..(k + margin).min(motion.len())].fill(true);
+                        sticks[k.saturating_sub(margin)..(k + margin).min(motion.len())].fill(true);
                     }
                 }
                 for sample in (0..motion.len()).step_by(stretch.decimation) {
