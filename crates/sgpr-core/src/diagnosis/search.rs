@@ -34,6 +34,8 @@ pub(super) struct Accepted {
     pub score: f64,
     /// The same when it was added, others not yet there.
     pub first_score: f64,
+    /// Of that, what each joint's rows brought.
+    first_by_joint: Vec<f64>,
     /// Largest fall of the held-out error on a joint, as a share of what is left.
     pub effect_size: f64,
     /// Rivals at this step: effect and score.
@@ -45,13 +47,14 @@ pub(super) struct Accepted {
 }
 
 impl Accepted {
-    /// A term and the errors without and with it.
-    fn new(term: &Term, score: f64, (without, with): (&HeldOut, &HeldOut)) -> Self {
+    /// The last term of `fits`, which are without and with it, and the errors of both.
+    fn new(term: &Term, score: f64, fits: [&Fitted; 2], (without, with): (&HeldOut, &HeldOut)) -> Self {
         Self {
             effect: term.effect.name().into(),
             site: term.site,
             score,
             first_score: score,
+            first_by_joint: falls(&fits[0].white, &fits[1].white),
             effect_size: without.largest_fall_to(with, term),
             rivals: vec![],
             with: with.total(),
@@ -726,7 +729,7 @@ impl<'a> Search<'a> {
             }
             let candidates = self.rank(&fitted, &basis, &white)?;
             let tried = self.refined(&fitted, (&basis, &white), &candidates)?;
-            let tried = self.worth_it(&fitted, &accepted, tried);
+            let tried = self.worth_it(&fitted, (&basis, &white), &accepted, tried);
             if let Some((next, steps)) = self.finer_forms(&fitted, (&basis, &white), &candidates, &tried)? {
                 fitted = next;
                 accepted.extend(steps);
@@ -780,7 +783,7 @@ impl<'a> Search<'a> {
             }
             let fall = without.total()[joint].powi(2) - with.total()[joint].powi(2);
             let score = 0.5 * self.problem.rows[joint].len() as f64 * fall / self.noise.level[joint].powi(2);
-            let accepted = Accepted::new(&term, score, (&without, &with));
+            let accepted = Accepted::new(&term, score, [before, &next], (&without, &with));
             steps.push((next, accepted));
         }
         steps
@@ -850,24 +853,50 @@ impl<'a> Search<'a> {
 
     /// Candidates with evidence that is not tiny beside what was found before at the same joint: a form that is right to
     /// one percent leaves so much, and it would be taken for an effect of its own.
-    fn worth_it(&self, fitted: &Fitted, accepted: &[Accepted], mut tried: Vec<Candidate>) -> Vec<Candidate> {
+    fn worth_it(
+        &self,
+        fitted: &Fitted,
+        (basis, white): (&Basis, &Column),
+        accepted: &[Accepted],
+        mut tried: Vec<Candidate>,
+    ) -> Vec<Candidate> {
         const SHARE: f64 = 0.01;
-        const OTHER_JOINT: f64 = 0.0001;
         const TRANSFORM: f64 = 0.001;
+        /// What an effect at one joint may leave at others, which the parameters of the links tie to it.
+        const ELSEWHERE: f64 = 0.0001;
         let given = fitted.terms().len() - accepted.len();
         let news = || accepted.iter().zip(&fitted.terms()[given..]).filter(|(_, t)| t.effect.refines().is_none());
-        let joint = |term: &Term| term.site.joint().filter(|_| term.effect.reach() == Reach::Own);
-        tried.retain(|candidate| {
-            let least = news().map(|(step, term)| {
-                let share = match (joint(term), joint(&candidate.term)) {
-                    (Some(a), Some(b)) if a != b => OTHER_JOINT,
-                    _ if term.is_transform() => TRANSFORM,
-                    _ => SHARE,
-                };
-                share * step.first_score
+        let tiny = |joint: usize| {
+            let left = |(step, term): (&Accepted, &Term)| {
+                if term.is_transform() {
+                    return TRANSFORM * step.first_by_joint[joint];
+                }
+                // A load that comes or goes changes friction at all joints a little, wrists far from most of its torque.
+                let arm = term.effect.reach() == Reach::All;
+                SHARE * if arm { step.first_score } else { step.first_by_joint[joint] }
+            };
+            news().map(left).fold(0.0, f64::max)
+        };
+        let tiny: Vec<f64> = (0..self.problem.dof()).map(tiny).collect();
+        let elsewhere = news().map(|(step, _)| ELSEWHERE * step.first_score).fold(0.0, f64::max);
+        if elsewhere > 0.0 {
+            tried.retain(|candidate| {
+                let mut with = white.clone();
+                for (column, factor) in
+                    self.columns_of(fitted, &candidate.term).iter().zip(&candidate.gain.coefficients)
+                {
+                    let mut column = self.noise.whiten(&self.problem, column);
+                    basis.project_out(&mut column);
+                    for (with, column) in with.iter_mut().zip(&column) {
+                        with.iter_mut().zip(column).for_each(|(with, x)| *with -= factor * x);
+                    }
+                }
+                let falls = falls(white, &with);
+                let beside: f64 =
+                    falls.iter().zip(&tiny).map(|(fall, tiny)| if fall < tiny { *fall } else { 0.0 }).sum();
+                candidate.score - beside > elsewhere
             });
-            candidate.score > least.fold(0.0, f64::max)
-        });
+        }
         tried
     }
 
@@ -913,8 +942,8 @@ impl<'a> Search<'a> {
                 break (next, with);
             }
         };
-        let accepted = |c: Candidate| Accepted::new(&c.term, c.score, (&without, &with));
-        let steps = found.into_iter().map(accepted).collect();
+        let accepted = |c: Candidate| Accepted::new(&c.term, c.score, [fitted, &next], (&without, &with));
+        let steps: Vec<Accepted> = found.into_iter().map(accepted).collect();
         Ok(Some((next, steps)))
     }
 
@@ -969,7 +998,8 @@ impl<'a> Search<'a> {
             let own = candidate.term.effect.name();
             let rivals = tried.iter().filter(|c| c.term.effect.name() != own);
             let rivals = rivals.map(|c| (c.term.effect.name().into(), c.term.site, c.score)).collect();
-            let accepted = Accepted { rivals, ..Accepted::new(&candidate.term, score, (without, &with)) };
+            let accepted =
+                Accepted { rivals, ..Accepted::new(&candidate.term, score, [fitted, &trial], (without, &with)) };
             return Ok(Some((trial, accepted)));
         }
         Ok(None)
@@ -1060,6 +1090,15 @@ impl HeldOut {
 /// Whether a term cuts the torque. Rows at the limit are no equations: it shows in the torque as logged.
 fn is_limit(term: &Term) -> bool {
     term.site.joint().is_some_and(|joint| term.effect.limit(term.site, &term.constants, joint).is_some())
+}
+
+/// Half the fall of chi-squared per joint from one whitened residual to another.
+fn falls(before: &Column, after: &Column) -> Vec<f64> {
+    before
+        .iter()
+        .zip(after)
+        .map(|(before, after)| 0.5 * (dot_in_lanes(before, before) - dot_in_lanes(after, after)))
+        .collect()
 }
 
 /// What a term is remembered by.
