@@ -15,7 +15,7 @@ use faer::Mat;
 
 use super::experiment::{Experiment, torque_of};
 use super::identify::{IdentifyError, correlation};
-use super::terms::{Rigid, common_clock};
+use super::terms::{Rigid, common_clock, seconds_since};
 use super::{Term, TorqueModel, Trajectory};
 use crate::effects::{self, Constant, Effect, Entry, JointRanges, Reach, Scale, UnknownEffect};
 use crate::identification::{
@@ -134,9 +134,8 @@ impl<'a> TermFit<'a> {
         let n = robot.dof();
         let motions = &experiment.motions;
         let clock = common_clock(motions).and(clock).or(common_clock(motions));
-        let time = |start: i64, stamps: &[i64]| stamps.iter().map(|stamp| (stamp - start) as f64 * 1e-9).collect();
         let times: Vec<Vec<f64>> =
-            motions.iter().map(|motion| clock.map_or(vec![], |start| time(start, &motion.time))).collect();
+            motions.iter().map(|motion| clock.map_or(vec![], |start| seconds_since(start, &motion.time))).collect();
         let span = |values: &mut dyn Iterator<Item = f64>| {
             values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
         };
@@ -310,14 +309,9 @@ impl<'a> TermFit<'a> {
     fn points(&self, term: &Term) -> Vec<Vec<f64>> {
         let ranges = &self.ranges[term.site.joint().unwrap_or_default()];
         let constants = term.effect.constants();
-        let mut points = vec![vec![]];
-        for constant in constants {
-            let grid = self.grid(constant, ranges, term.is_transform());
-            points = points
-                .into_iter()
-                .flat_map(|point: Vec<f64>| grid.iter().map(move |x| [&point[..], &[*x]].concat()))
-                .collect();
-        }
+        let grids: Vec<Vec<f64>> =
+            constants.iter().map(|constant| self.grid(constant, ranges, term.is_transform())).collect();
+        let mut points = effects::points_of(&grids);
         // What begins and ends does so in this order.
         if constants.len() == 2 && constants.iter().all(|constant| constant.scale == Scale::Time) {
             points.retain(|point| point[0] < point[1]);
