@@ -5,6 +5,7 @@ mod experiment;
 mod file;
 mod identify;
 mod payload;
+mod prediction_band;
 mod predictor;
 mod semi_parametric;
 mod terms;

@@ -171,6 +171,9 @@ impl TorqueModel {
     pub fn with_terms(mut self, terms: Vec<Term>, clock_start: Option<i64>) -> Self {
         self.terms = terms;
         self.clock_start = clock_start;
+        if let Some(fit) = &mut self.fit {
+            fit.covariance_with_terms.clear();
+        }
         self
     }
 
