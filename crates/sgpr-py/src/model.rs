@@ -12,6 +12,7 @@ use sgpr_core::identification::ParameterSet;
 use sgpr_core::model::{self as core, BaseParameter, Term, TorqueModel};
 use sgpr_core::motion::Processing as CoreProcessing;
 
+use crate::compare::LogResidual;
 use crate::convert::{Numbers, Samples, array, texts, view};
 use crate::diagnosis::Finding;
 use crate::dynamics::motion;
@@ -251,6 +252,28 @@ impl Model {
         let deviation = py.detach(|| self.inner.standard_deviation(motion));
         let deviation = samples[0].result(py, &[n], deviation)?;
         Ok((tau, deviation).into_pyobject(py)?.into_any())
+    }
+
+    /// Standard deviation of the torque along a log of `sgpr.compare`, which the uncertainty of the parameters makes, effects
+    /// with memory, time or constants included.
+    ///
+    /// Parameters
+    /// ----------
+    /// log : LogResidual
+    ///     One of `Comparison.logs`.
+    ///
+    /// Returns
+    /// -------
+    /// array of shape (N, n)
+    ///     N·m (N).
+    fn standard_deviation<'py>(&self, py: Python<'py>, log: PyRef<'_, LogResidual>) -> PyResult<Array<'py>> {
+        let n = self.inner.robot().dof();
+        let motion = &log.inner.motion;
+        if log.dof != n {
+            return Err(invalid(format!("the log has {} joints, the model {n}", log.dof)));
+        }
+        let deviation = py.detach(|| self.inner.standard_deviation_of(motion));
+        array(py, &[motion.len(), n], deviation)
     }
 
     /// The proof that every link is a body, or None if consistency was not asked for: "links" with "joint", "mass" (kg),

@@ -1,5 +1,6 @@
 """Every estimator through the one door, and what they say of their uncertainty."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -71,6 +72,27 @@ def test_predictions_have_a_band(demo_model: sgpr.Model, demo_test: sgpr.Recordi
     # By hand, from the covariance: the base regressor is the derivative by base parameters.
     nominal = sgpr.Model.nominal(demo_model.robot)
     assert not nominal.predict(q, zeros, zeros, return_std=True)[1].any()
+
+
+def test_bands_along_a_log_know_of_terms(
+    demo_robot: sgpr.Robot,
+    demo_logs: list[sgpr.Recording],
+    demo_model: sgpr.Model,
+    demo_test: sgpr.Recording,
+    tmp_path: Path,
+) -> None:
+    log = sgpr.compare(demo_model, [demo_test]).logs[0]
+    plain = demo_model.standard_deviation(log)
+    np.testing.assert_allclose(plain, demo_model.predict(log.q, log.dq, log.ddq, return_std=True)[1], rtol=1e-9)
+    effects = [*EFFECTS, f"cable_hysteresis@{demo_robot.joint_names[1]}"]
+    model = sgpr.identify(demo_robot, demo_logs[:1], effects=effects)
+    deviation = model.standard_deviation(log)
+    assert deviation.shape == log.q.shape
+    assert (deviation[1:] > 0.0).all()
+    model.save(tmp_path / "model.sgpr")
+    assert np.array_equal(sgpr.load(tmp_path / "model.sgpr").standard_deviation(log), deviation)
+    with pytest.raises(ValueError, match="joints"):
+        sgpr.Model.nominal(sgpr.two_link()).standard_deviation(log)
 
 
 def test_essential_parameters_predict_as_well(

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from sgpr.report.numbers import percent, readable, significant, with_deviation
+from sgpr.report.numbers import percent, readable, relative_deviation, significant, with_deviation
 
 
 @pytest.mark.parametrize(
@@ -33,12 +33,18 @@ def test_percent(value: float, text: str) -> None:
     assert percent(value) == text
 
 
+@pytest.mark.parametrize(("value", "text"), [(4.217, "4.22"), (999.0, "999"), (3.7e10, "> 1000"), (None, "–")])
+def test_relative_deviation(value: float | None, text: str) -> None:
+    assert relative_deviation(value) == text
+
+
 @pytest.mark.parametrize(
     ("value", "deviation", "texts"),
     [
         (3.14159, 0.0123, ("3.142", "0.012")),
         (3.14159, 0.0996, ("3.14", "0.10")),
         (1234.5, 56.0, ("1234", "56")),
+        (-1e-12, 0.037, ("0.000", "0.037")),
         (0.5, math.inf, ("0.5000", "–")),
         (0.5, None, ("0.5000", "–")),
         (-8.17e-6, 2.1e-7, ("-8.17e-06", "2.1e-07")),

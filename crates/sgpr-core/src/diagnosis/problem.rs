@@ -7,7 +7,8 @@ use crate::dynamics::{BatchWorkspace, Samples, Workspace, for_each_regressor_blo
 use crate::effects::{Context, JointRanges, Reach, sgn};
 use crate::identification::{BaseParameters, ParameterSet, Row};
 use crate::model::{
-    Rigid, Term, TorqueModel, Trajectory, common_clock, motions, nominal_parameters, select_joints, torque_of,
+    Rigid, Term, TorqueModel, Trajectory, common_clock, motions, nominal_parameters, seconds_since, select_joints,
+    torque_of,
 };
 use crate::motion::{Motion, Processing};
 use crate::recording::Recording;
@@ -672,8 +673,4 @@ fn generic(robot: &crate::robot::Robot) -> crate::robot::Robot {
 
 fn interleaved(columns: &[Vec<f64>], at: impl Fn(&[f64], usize) -> f64, samples: usize) -> Vec<f64> {
     (0..samples).flat_map(|k| columns.iter().map(|column| at(column, k)).collect::<Vec<_>>()).collect()
-}
-
-fn seconds_since(start: i64, stamps: &[i64]) -> Vec<f64> {
-    stamps.iter().map(|stamp| (stamp - start) as f64 * 1e-9).collect()
 }

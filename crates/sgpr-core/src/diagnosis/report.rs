@@ -202,6 +202,7 @@ pub(super) fn finished(
         values: own.combine(finished.parameters()),
         standard_deviations,
         covariance,
+        covariance_with_terms: vec![],
         noise: search.noise.level.clone(),
         rows: problem.rows.iter().map(Vec::len).collect(),
         correlation: vec![1.0; problem.dof()],

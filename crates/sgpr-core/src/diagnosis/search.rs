@@ -9,7 +9,7 @@ use super::basis::{Basis, Gain, INVISIBLE, Noise, Rest, gain, gain_of, rms};
 use super::fit::{ByLog, Extra, Fitted, beyond, held_out, refine_transforms, solve, solve_like, tangent};
 use super::problem::{Column, Problem};
 use super::unknown::{self, Group};
-use crate::effects::{Effect, Entry, Reach, Scale, Site};
+use crate::effects::{self, Effect, Entry, Reach, Scale, Site};
 use crate::linalg::dot_in_lanes;
 use crate::model::Term;
 use crate::progress::{Interrupted, Progress};
@@ -294,13 +294,7 @@ impl<'a> Search<'a> {
                     continue;
                 }
                 let grids: Vec<Vec<f64>> = (0..constants.len()).map(|k| self.grid(effect.as_ref(), site, k)).collect();
-                let mut points = vec![vec![]];
-                for grid in grids {
-                    points = points
-                        .into_iter()
-                        .flat_map(|point: Vec<f64>| grid.iter().map(move |x| [&point[..], &[*x]].concat()))
-                        .collect();
-                }
+                let points = effects::points_of(&grids);
                 terms.extend(points.into_iter().map(|point| Term::new(effect.clone(), site, point)));
             }
         }

@@ -308,6 +308,13 @@ impl Constant {
     }
 }
 
+/// Every point of which each coordinate is one of its grid's values, the last coordinate fastest.
+pub(crate) fn points_of(grids: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    grids.iter().fold(vec![vec![]], |points, grid| {
+        points.iter().flat_map(|point| grid.iter().map(move |x| [&point[..], &[*x]].concat())).collect()
+    })
+}
+
 /// What the logs show of a joint: the range that constants on its scales have.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct JointRanges {

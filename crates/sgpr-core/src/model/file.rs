@@ -24,6 +24,9 @@ pub(super) const HEAD: &str = "sgpr";
 const FORMAT: &str = "sgpr torque model";
 const VERSION: u32 = 1;
 
+/// The covariance of base parameters and terms.
+const WITH_TERMS: &str = "covariance_with_terms";
+
 /// Larger files hold no torque model.
 const LARGEST_FILE: u64 = 1 << 30;
 
@@ -125,6 +128,10 @@ impl TorqueModel {
             let rank = fit.values.len();
             arrays.push(("standard_deviations", vec![rank], &fit.standard_deviations));
             arrays.push(("covariance", vec![rank, rank], &fit.covariance));
+            let width = fit.covariance_with_terms.len().isqrt();
+            if width > 0 {
+                arrays.push((WITH_TERMS, vec![width; 2], &fit.covariance_with_terms));
+            }
         }
         let encoded: Vec<(&str, Vec<usize>, Vec<u8>)> = arrays
             .into_iter()
@@ -182,6 +189,12 @@ impl TorqueModel {
             }
             fit.standard_deviations = array(tensors, "standard_deviations", rank)?;
             fit.covariance = array(tensors, "covariance", rank * rank)?;
+            // Not in files of versions that did not keep it.
+            if tensors.names().contains(&WITH_TERMS) {
+                let of_terms = model.terms.iter().map(|term| term.coefficients.len() + term.constants.len());
+                let width = rank + of_terms.sum::<usize>();
+                fit.covariance_with_terms = array(tensors, WITH_TERMS, width * width)?;
+            }
             model.fit = Some(fit);
         }
         Ok(model)

@@ -389,14 +389,16 @@ fn fit(
         }
     }
 
+    let rank = model.base.rank();
+    let joint = terms.joint_covariance(&mut model, &estimate.covariance)?;
+    let covariance = Mat::from_fn(rank, rank, |i, j| joint[(i, j)]);
+    let deviations: Vec<f64> = (0..rank).map(|k| covariance[(k, k)].max(0.0).sqrt()).collect();
     let names = model.base.names();
-    let rank = names.len();
-    let mut deviations = estimate.standard_deviations();
-    deviations.truncate(rank);
     model.provenance.history = vec![describe(options, processing, &factors)];
     model.fit = Some(Fit {
         method: options.method.name().into(),
-        covariance: (0..rank * rank).map(|k| estimate.covariance[(k / rank, k % rank)]).collect(),
+        covariance: row_major(&covariance),
+        covariance_with_terms: if model.terms.is_empty() { vec![] } else { row_major(&joint) },
         noise: per_joint(&factors, &estimate.noise, robot.dof()),
         rows: (0..robot.dof()).map(|joint| rows_of(&factors, joint)).collect(),
         correlation: per_joint(&factors, &correlation, robot.dof()),
@@ -600,6 +602,10 @@ pub fn screen(model: &TorqueModel, recordings: &[Recording]) -> Result<Vec<Findi
     let mut findings = screen_factors(set, base, &joints, &factors, &estimate);
     findings.extend(screen_rows(&mut equations, &joints, &experiment.rates_hz(), &factors, &estimate)?);
     Ok(findings)
+}
+
+fn row_major(matrix: &Mat<f64>) -> Vec<f64> {
+    matrix.row_iter().flat_map(|row| row.iter().copied().collect::<Vec<_>>()).collect()
 }
 
 /// The figure of each joint in motion; of the joint at rest if it never moves, zero if it has no row.

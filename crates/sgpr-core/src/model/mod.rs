@@ -5,6 +5,7 @@ mod experiment;
 mod file;
 mod identify;
 mod payload;
+mod prediction_band;
 mod predictor;
 mod semi_parametric;
 mod terms;
@@ -26,7 +27,7 @@ pub use semi_parametric::{
     Candidate, Coverage, FollowingIntervals, Inputs, JointReport, Mean, SemiParametricError, SemiParametricModel,
     SemiParametricOptions, SemiParametricPredictor, TorquePrediction, fit_rest, fit_semi_parametric,
 };
-pub(crate) use terms::{Rigid, common_clock};
+pub(crate) use terms::{Rigid, common_clock, seconds_since};
 pub use terms::{Term, Trajectory};
 pub(crate) use torque_model::nominal_parameters;
 pub use torque_model::{BaseParameter, Certificate, Fit, Provenance, TorqueModel};

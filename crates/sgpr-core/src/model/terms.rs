@@ -171,6 +171,9 @@ impl TorqueModel {
     pub fn with_terms(mut self, terms: Vec<Term>, clock_start: Option<i64>) -> Self {
         self.terms = terms;
         self.clock_start = clock_start;
+        if let Some(fit) = &mut self.fit {
+            fit.covariance_with_terms.clear();
+        }
         self
     }
 
@@ -190,7 +193,7 @@ impl TorqueModel {
     /// Times of a log on the clock of the model, s.
     pub fn session_time(&self, stamps: &[i64]) -> Vec<f64> {
         let start = self.clock_start.or(stamps.first().copied()).unwrap_or_default();
-        stamps.iter().map(|stamp| (stamp - start) as f64 * 1e-9).collect()
+        seconds_since(start, stamps)
     }
 
     /// Torque of every sample of a trajectory, hidden states, time and transforms included.
@@ -311,4 +314,9 @@ pub(crate) fn common_clock(motions: &[Motion]) -> Option<i64> {
     let apart = spans.windows(2).all(|pair| pair[0].1 <= pair[1].0);
     let first = spans.first()?.0;
     apart.then_some(if first.abs() < 3_600_000_000_000 { 0 } else { first })
+}
+
+/// Stamps in seconds since `start`.
+pub(crate) fn seconds_since(start: i64, stamps: &[i64]) -> Vec<f64> {
+    stamps.iter().map(|stamp| (stamp - start) as f64 * 1e-9).collect()
 }

@@ -3,8 +3,8 @@ use serde::{Deserialize, Serialize};
 use crate::dynamics::{BatchWorkspace, Samples, rnea_batch};
 use crate::effects::{JointState, UnknownEffect};
 use crate::identification::{
-    BaseParameters, Consistency, ConsistentParameters, Distance, Equations, LinkCertificate, ParameterSet,
-    PhysicalBounds, Price, Prior, Trajectory,
+    BaseParameters, Consistency, ConsistentParameters, Distance, LinkCertificate, ParameterSet, PhysicalBounds, Price,
+    Prior,
 };
 use crate::motion::Processing;
 use crate::robot::{JointDynamics, Robot, RobotError};
@@ -43,6 +43,10 @@ pub struct Fit {
     /// Their covariance, `[rank, rank]`, row-major.
     #[serde(skip)]
     pub covariance: Vec<f64>,
+    /// Covariance of the base parameters, the linear parameters of all terms and their constants, in this order,
+    /// `[width, width]`, row-major; empty without terms, and where only the base parameters have a covariance.
+    #[serde(skip)]
+    pub covariance_with_terms: Vec<f64>,
     /// Standard deviation of the torque residual per joint, in the band of the fit, N·m (N).
     pub noise: Vec<f64>,
     /// Rows per joint.
@@ -329,36 +333,6 @@ impl TorqueModel {
             }
         }
         self.dynamics.to_mjcf(&joints)
-    }
-
-    /// Standard deviation of the predicted torque that the uncertainty of the parameters makes, without the noise of a
-    /// single torque ([`Fit::noise`]).
-    ///
-    /// - returns `[samples, n]`, N·m (N); infinite where a parameter enters that the data did not determine; zero for a
-    ///   model that was not identified
-    ///
-    /// # Panics
-    /// If the arrays do not hold whole samples, or numbers that are not finite.
-    pub fn standard_deviation(&self, samples: Samples<'_>) -> Vec<f64> {
-        let n = self.robot.dof();
-        let zeros = vec![0.0; samples.count(n) * n];
-        let Some(fit) = &self.fit else { return zeros };
-        let trajectory = Trajectory::new(samples, &zeros);
-        let rank = self.base.rank();
-        let mut deviations = vec![0.0; zeros.len()];
-        let mut equations = Equations::new(&self.robot, &self.set, &self.base, vec![trajectory]);
-        let visited = equations.for_each(|equation| {
-            let (columns, row) = (equation.columns, equation.row);
-            let mut variance = 0.0;
-            for (&i, a) in columns.iter().zip(row).filter(|(_, factor)| **factor != 0.0) {
-                for (&j, b) in columns.iter().zip(row).filter(|(_, factor)| **factor != 0.0) {
-                    variance += a * b * fit.covariance[i * rank + j];
-                }
-            }
-            deviations[equation.sample * n + equation.joint] = variance.max(0.0).sqrt();
-        });
-        visited.expect("finite samples");
-        deviations
     }
 }
 

@@ -15,7 +15,7 @@ use faer::Mat;
 
 use super::experiment::{Experiment, torque_of};
 use super::identify::{IdentifyError, correlation};
-use super::terms::{Rigid, common_clock};
+use super::terms::{Rigid, common_clock, seconds_since};
 use super::{Term, TorqueModel, Trajectory};
 use crate::effects::{self, Constant, Effect, Entry, JointRanges, Reach, Scale, UnknownEffect};
 use crate::identification::{
@@ -89,6 +89,8 @@ pub(super) struct Columns {
 struct Unknown {
     term: usize,
     index: usize,
+    /// Among the constants of all terms.
+    row: usize,
     low: f64,
     high: f64,
     logarithmic: bool,
@@ -98,6 +100,10 @@ impl Unknown {
     /// Change of the constant per unit of the scale at `value`.
     fn slope(&self, value: f64) -> f64 {
         if self.logarithmic { value } else { 0.25 * (self.high - self.low) }
+    }
+
+    fn value(&self, model: &TorqueModel) -> f64 {
+        model.terms()[self.term].constants[self.index]
     }
 
     fn moved(&self, value: f64, step: f64) -> f64 {
@@ -134,9 +140,8 @@ impl<'a> TermFit<'a> {
         let n = robot.dof();
         let motions = &experiment.motions;
         let clock = common_clock(motions).and(clock).or(common_clock(motions));
-        let time = |start: i64, stamps: &[i64]| stamps.iter().map(|stamp| (stamp - start) as f64 * 1e-9).collect();
         let times: Vec<Vec<f64>> =
-            motions.iter().map(|motion| clock.map_or(vec![], |start| time(start, &motion.time))).collect();
+            motions.iter().map(|motion| clock.map_or(vec![], |start| seconds_since(start, &motion.time))).collect();
         let span = |values: &mut dyn Iterator<Item = f64>| {
             values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
         };
@@ -203,7 +208,7 @@ impl<'a> TermFit<'a> {
             let levels = self.levels(&self.linear(&model)?)?;
             model = self.descend(model, &levels, round, progress)?;
         }
-        self.with_deviations(model)
+        Ok(model)
     }
 
     /// Gauss-Newton steps at fixed noise levels.
@@ -250,39 +255,64 @@ impl<'a> TermFit<'a> {
 
     /// The constants that steps are taken in: a limit of the torque is read off the logs.
     fn unknowns(&self, model: &TorqueModel) -> Vec<Unknown> {
-        let of_term = |(term, own): (usize, &Term)| -> Vec<Unknown> {
-            let transform = own.is_transform();
-            let ranges = &self.ranges[own.site.joint().unwrap_or_default()];
-            let constants = own.effect.constants().iter().enumerate();
-            constants
-                .filter(|(_, constant)| !(transform && constant.scale == Scale::Torque))
-                .map(|(index, constant)| {
-                    let [low, high] = constant.bounds_in(ranges);
-                    Unknown { term, index, low, high, logarithmic: constant.scale == Scale::Logarithmic }
-                })
-                .collect()
-        };
-        model.terms().iter().enumerate().flat_map(of_term).collect()
+        let terms = model.terms().iter().enumerate();
+        let constants = terms.flat_map(|(term, own)| {
+            own.effect.constants().iter().enumerate().map(move |(index, constant)| (term, index, own, constant))
+        });
+        constants
+            .enumerate()
+            .filter(|(_, (_, _, own, constant))| !(own.is_transform() && constant.scale == Scale::Torque))
+            .map(|(row, (term, index, own, constant))| {
+                let [low, high] = constant.bounds_in(&self.ranges[own.site.joint().unwrap_or_default()]);
+                Unknown { term, index, row, low, high, logarithmic: constant.scale == Scale::Logarithmic }
+            })
+            .collect()
     }
 
-    /// Standard deviations of constants and parameters of the terms, all of them together and the noise with its memory.
-    fn with_deviations(&self, model: TorqueModel) -> Result<TorqueModel, IdentifyError> {
-        let unknowns = self.unknowns(&model);
-        let linear = self.linear_with_tangents(&model, &unknowns)?;
-        let correlation = correlation(&model, &self.experiment.motions, self.processing, &linear.factors)?;
-        let squares = LeastSquares { method: Method::Wls, correlation: Some(correlation) };
-        let estimate = squares.solve(&linear.factors, &linear.base, &linear.nominal)?;
-        let mut deviations = estimate.standard_deviations().into_iter().skip(linear.base.rank() - linear.columns);
-        let mut next = || deviations.next().filter(|deviation| deviation.is_finite()).unwrap_or(0.0);
-        let mut terms = model.terms().to_vec();
-        terms
-            .iter_mut()
-            .for_each(|term| term.coefficient_deviations.iter_mut().for_each(|deviation| *deviation = next()));
-        for unknown in linear.present.iter().map(|&index| unknowns[index]) {
-            let term = &mut terms[unknown.term];
-            term.constant_deviations[unknown.index] = unknown.slope(term.constants[unknown.index]) * next();
+    /// Covariance of the base parameters, the linear parameters of all terms and all of their constants, in this order,
+    /// `[width, width]`. The terms of `model` take their standard deviations from it.
+    ///
+    /// The constants are estimated with all linear parameters free and noise with its memory. What is linear follows them
+    /// by -R₁₁⁻¹ R₁₂, with the triangular factor of the linear columns and the tangents.
+    ///
+    /// - `linear`: covariance of the linear parameters with the constants as they are
+    pub fn joint_covariance(&self, model: &mut TorqueModel, linear: &Mat<f64>) -> Result<Mat<f64>, IdentifyError> {
+        if model.terms().is_empty() {
+            return Ok(linear.clone());
         }
-        Ok(model.with_terms(terms, self.clock))
+        let unknowns = self.unknowns(model);
+        let tangents = self.linear_with_tangents(model, &unknowns)?;
+        let correlation = correlation(model, &self.experiment.motions, self.processing, &tangents.factors)?;
+        let squares = LeastSquares { method: Method::Wls, correlation: Some(correlation) };
+        let estimate = squares.solve(&tangents.factors, &tangents.base, &tangents.nominal)?;
+        let first = tangents.width();
+        let free: Vec<Unknown> = tangents.present.iter().map(|&index| unknowns[index]).collect();
+        let variance = |i: usize, j: usize| estimate.covariance[(first + i, first + j)];
+        let known: Vec<usize> = (0..free.len()).filter(|&i| variance(i, i).is_finite()).collect();
+        let width = first + model.terms().iter().map(|term| term.constants.len()).sum::<usize>();
+        // How all parameters and constants change with the constants that are known, on their scales.
+        let mut change = Mat::<f64>::zeros(width, known.len());
+        for (column, &own) in known.iter().enumerate() {
+            let follow = tangents.following(&estimate.whitened, own);
+            follow.into_iter().enumerate().for_each(|(row, value)| change[(row, column)] = value);
+            change[(first + free[own].row, column)] = free[own].slope(free[own].value(model));
+        }
+        let spread = Mat::from_fn(known.len(), known.len(), |i, j| variance(known[i], known[j]));
+        let mut covariance = &change * spread * change.transpose();
+        for i in 0..first {
+            (0..first).for_each(|j| covariance[(i, j)] += linear[(i, j)]);
+        }
+        for own in (0..free.len()).filter(|own| !known.contains(own)) {
+            covariance[(first + free[own].row, first + free[own].row)] = f64::INFINITY;
+        }
+        let deviations = (model.base().rank()..width).map(|k| covariance[(k, k)].max(0.0).sqrt());
+        let mut deviations = deviations.map(|deviation| if deviation.is_finite() { deviation } else { 0.0 });
+        let mut terms = model.terms().to_vec();
+        let mut take = |all: &mut Vec<f64>| all.iter_mut().zip(&mut deviations).for_each(|(own, next)| *own = next);
+        terms.iter_mut().for_each(|term| take(&mut term.coefficient_deviations));
+        terms.iter_mut().for_each(|term| take(&mut term.constant_deviations));
+        *model = model.clone().with_terms(terms, self.clock);
+        Ok(covariance)
     }
 
     /// A term with the constants of the grid that explain most of what `model` leaves.
@@ -310,14 +340,9 @@ impl<'a> TermFit<'a> {
     fn points(&self, term: &Term) -> Vec<Vec<f64>> {
         let ranges = &self.ranges[term.site.joint().unwrap_or_default()];
         let constants = term.effect.constants();
-        let mut points = vec![vec![]];
-        for constant in constants {
-            let grid = self.grid(constant, ranges, term.is_transform());
-            points = points
-                .into_iter()
-                .flat_map(|point: Vec<f64>| grid.iter().map(move |x| [&point[..], &[*x]].concat()))
-                .collect();
-        }
+        let grids: Vec<Vec<f64>> =
+            constants.iter().map(|constant| self.grid(constant, ranges, term.is_transform())).collect();
+        let mut points = effects::points_of(&grids);
         // What begins and ends does so in this order.
         if constants.len() == 2 && constants.iter().all(|constant| constant.scale == Scale::Time) {
             points.retain(|point| point[0] < point[1]);
@@ -365,7 +390,11 @@ impl<'a> TermFit<'a> {
             let mut tau = torque_of(motion)?.to_vec();
             self.take_transforms_off(model, &trajectory, &values, &mut tau);
             for unknown in unknowns {
-                values.push(tangent(model, &trajectory, &rigid, unknown));
+                let Unknown { term, index, low, high, .. } = *unknown;
+                let mut tangent = tangent(model, &trajectory, &rigid, (term, index), [low, high]);
+                let slope = unknown.slope(unknown.value(model));
+                tangent.iter_mut().for_each(|value| *value *= slope);
+                values.push(tangent);
             }
             columns.tau.push(tau);
             columns.values.push(values);
@@ -528,6 +557,19 @@ impl Linear {
         triangular_solution(&own, &self.nominal[..width])
     }
 
+    /// Change of the linear parameters with the free constant `own`, on its scale: they go where the residual stays least.
+    ///
+    /// - `whitened`: triangular factor of all columns
+    fn following(&self, whitened: &Mat<f64>, own: usize) -> Vec<f64> {
+        let width = self.width();
+        let triangle = Mat::from_fn(width + 1, width + 1, |i, j| match j == width {
+            _ if i == width => 0.0,
+            true => -whitened[(i, width + own)],
+            false => whitened[(i, j)],
+        });
+        triangular_solution(&triangle, &vec![0.0; width])
+    }
+
     /// Squared residual with constants as they are, the linear parameters with which it is least, the step for all
     /// constants and what it promises of the residual.
     fn projected(&self, levels: &[f64]) -> (f64, Vec<f64>, Vec<f64>, f64) {
@@ -584,22 +626,29 @@ pub(super) fn factors(
     Ok(observation.factors())
 }
 
-/// Derivative of the torque by a constant, per unit of its scale.
-fn tangent(model: &TorqueModel, trajectory: &Trajectory<'_>, rigid: &Rigid, unknown: &Unknown) -> Vec<f64> {
-    let term = &model.terms()[unknown.term];
-    let value = term.constants[unknown.index];
-    let step = term.effect.constants()[unknown.index].difference_step(value);
-    let [low, high] = [(value - step).max(unknown.low), (value + step).min(unknown.high)];
-    let slope = unknown.slope(value) / (high - low).max(f64::MIN_POSITIVE);
+/// Derivative of the torque by a constant, of which the term and the place in it are given: of its joint, `[samples]`, or
+/// of all for a transform or an effect that reaches them, `[samples, n]`.
+pub(super) fn tangent(
+    model: &TorqueModel,
+    trajectory: &Trajectory<'_>,
+    rigid: &Rigid,
+    (index, constant): (usize, usize),
+    [lowest, highest]: [f64; 2],
+) -> Vec<f64> {
+    let term = &model.terms()[index];
+    let value = term.constants[constant];
+    let step = term.effect.constants()[constant].difference_step(value);
+    let [low, high] = [(value - step).max(lowest), (value + step).min(highest)];
+    let slope = 1.0 / (high - low).max(f64::MIN_POSITIVE);
     let with = |value: f64| {
         let mut changed = term.clone();
-        changed.constants[unknown.index] = value;
+        changed.constants[constant] = value;
         changed
     };
     let torque = |value: f64| -> Vec<f64> {
         if term.is_transform() {
             let mut terms = model.terms().to_vec();
-            terms[unknown.term] = with(value);
+            terms[index] = with(value);
             return model.clone().with_terms(terms, model.clock_start()).predict_trajectory(trajectory);
         }
         let columns = with(value).columns(&model.context(trajectory, rigid));

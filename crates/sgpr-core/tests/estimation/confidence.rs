@@ -103,30 +103,42 @@ fn intervals_cover_where_there_is_little_to_learn_the_noise_from() {
     }
 }
 
-#[test]
-fn intervals_of_instrumental_variables_cover_under_differentiated_noise() {
-    const EXPERIMENTS: usize = 60;
+/// Share of intervals of instrumental variables that hold the truth, and its standard error: intervals of one experiment
+/// are not independent.
+fn coverage_with_instruments(positions: f64, memory: f64, seed: u64) -> [f64; 2] {
+    const EXPERIMENTS: usize = 400;
     let experiment = Experiment::new(2500);
     let motion = experiment.run(&experiment.truth);
     let expected = experiment.expected();
-    let mut random = Noise(29);
-    let mut hits = 0;
+    let mut random = Noise(seed);
+    let mut shares = Vec::with_capacity(EXPERIMENTS);
     for _ in 0..EXPERIMENTS {
         // Second differences of white noise in the positions: the sum over time is next to nothing.
-        let white: Vec<f64> = (0..motion.q.len() + 4).map(|_| random.normal()).collect();
+        let white: Vec<f64> = (0..motion.q.len() + 4).map(|_| positions * random.normal()).collect();
         let mut noisy = motion.clone();
         for (k, ddq) in noisy.ddq.iter_mut().enumerate() {
             *ddq += white[k] - 2.0 * white[k + 2] + white[k + 4];
         }
-        let tau: Vec<f64> = motion.tau.iter().map(|tau| tau + 0.5 * random.normal()).collect();
+        let noise = coloured(2500, memory, &mut random);
+        let tau: Vec<f64> = motion.tau.iter().zip(noise).map(|(tau, noise)| tau + 0.5 * noise).collect();
         let found = experiment.estimate(&Method::InstrumentalVariables, &noisy, &tau).expect("good data");
         let spread = found.standard_deviations();
         let covered = |k: &usize| (found.values[*k] - expected[*k]).abs() < 1.96 * spread[*k];
-        hits += (0..expected.len()).filter(covered).count();
+        shares.push((0..expected.len()).filter(covered).count() as f64 / expected.len() as f64);
     }
-    let cover = hits as f64 / (EXPERIMENTS * expected.len()) as f64;
-    println!("covered: instruments {cover:.3}");
-    assert!((0.90..0.985).contains(&cover), "{cover}");
+    let mean = shares.iter().sum::<f64>() / EXPERIMENTS as f64;
+    let variance = shares.iter().map(|share| (share - mean).powi(2)).sum::<f64>() / (EXPERIMENTS - 1) as f64;
+    let error = (variance / EXPERIMENTS as f64).sqrt();
+    println!("instruments, positions {positions}, memory {memory}: covered {mean:.4} ± {error:.4}");
+    [mean, error]
+}
+
+#[test]
+fn intervals_of_instrumental_variables_cover() {
+    for (positions, memory, seed) in [(1.0, 0.0, 29), (0.0, 0.8, 43), (1.0, 0.8, 47)] {
+        let [cover, error] = coverage_with_instruments(positions, memory, seed);
+        assert!((cover - 0.95).abs() < 0.005 + 2.5 * error, "{positions} {memory}: {cover} ± {error}");
+    }
 }
 
 #[test]

@@ -25,6 +25,10 @@ fn put_in(name: &str, site: Site, constants: &[f64], coefficients: &[f64]) -> Te
 
 /// A log of the two-link arm with friction and `terms`, torque noise of standard deviation `noise`.
 fn log(robot: &Robot, terms: &[Term], seconds: f64, phase: f64, noise: f64) -> Recording {
+    log_with(robot, terms, seconds, phase, noise, &mut Noise(11))
+}
+
+fn log_with(robot: &Robot, terms: &[Term], seconds: f64, phase: f64, noise: f64, random: &mut Noise) -> Recording {
     let mut parameters = robot.standard_parameters();
     parameters.extend([0.8, 1.0, 0.5, 0.6]);
     let model = TorqueModel::with_parameters(robot, &FRICTION, parameters).expect("effects of the library");
@@ -46,7 +50,6 @@ fn log(robot: &Robot, terms: &[Term], seconds: f64, phase: f64, noise: f64) -> R
     let channels = vec![temperature];
     let samples = Samples { q: &q, dq: &dq, ddq: &ddq };
     let torque = model.predict_trajectory(&Trajectory { samples, rate_hz: RATE, time: &time, channels: &channels });
-    let mut random = Noise(11);
     let tau = torque.into_iter().map(|tau| tau + noise * random.normal()).collect();
     let stamps = time.iter().map(|t| (t * 1e9).round() as i64).collect();
     let names = robot.joint_names().map(String::from).collect();
@@ -98,6 +101,36 @@ fn constants_come_out_as_they_were_put_in() {
         let again = TorqueModel::from_bytes(&model.to_bytes(), "memory").expect("a model");
         assert_eq!(error(&again), error(&model));
     }
+}
+
+#[test]
+fn bands_of_the_torque_hold_with_effects_that_have_constants() {
+    const EXPERIMENTS: usize = 100;
+    let robot = two_link();
+    let terms = [put_in("stribeck_friction", Site::Joint(1), &[0.3], &[1.5])];
+    let options = options(&["stribeck_friction@joint_2"]);
+    let (first, _) = identify(&robot, &[log(&robot, &terms, 12.0, 0.0, 0.5)], &options, &()).expect("good data");
+    let truth = [log(&robot, &terms, 12.0, 0.4, 0.0)];
+    let truth = compare(&TorqueModel::nominal(&robot), &truth, first.processing()).expect("a log");
+    let (expected, motion) = (&truth.logs[0].measured, &truth.logs[0].motion);
+    let mut random = Noise(41);
+    let (mut hits, mut count) = (0u32, 0u32);
+    for _ in 0..EXPERIMENTS {
+        let train = [log_with(&robot, &terms, 12.0, 0.0, 0.5, &mut random)];
+        let (model, _) = identify(&robot, &train, &options, &()).expect("good data");
+        let kept = TorqueModel::from_bytes(&model.to_bytes(), "memory").expect("a model");
+        let (predicted, deviation) = (model.predict_motion(motion), kept.standard_deviation_of(motion));
+        assert_eq!(deviation, model.standard_deviation_of(motion));
+        // The second joint, which has the effect, at every tenth sample.
+        for k in (1..expected.len()).step_by(20) {
+            hits += u32::from((predicted[k] - expected[k]).abs() < 1.96 * deviation[k]);
+            count += 1;
+        }
+    }
+    let share = f64::from(hits) / f64::from(count);
+    println!("bands cover {share:.3}");
+    // Errors along one motion go together: a hundred experiments of some twenty parameters.
+    assert!((0.93..0.975).contains(&share), "{share}");
 }
 
 #[test]

@@ -382,6 +382,7 @@ class Model:
     def predict(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, *, return_std: Literal[True]
     ) -> tuple[_Array, _Array]: ...
+    def standard_deviation(self, log: LogResidual) -> _Array: ...  # along a log of sgpr.compare
     @property
     def certificate(self) -> dict[str, Any] | None: ...  # links, active, cost
     def write_urdf(self, source: _Path, path: _Path, *, locked: Mapping[str, float] | None = None) -> None: ...

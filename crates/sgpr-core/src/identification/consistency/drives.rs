@@ -57,12 +57,11 @@ impl Carrier<'_> {
         lowest: &[f64],
     ) -> Result<Vec<f64>, IdentificationError> {
         let Self { robot, set, base, nominal, torque, .. } = *self;
-        let consistency = Consistency { prior, bounds: self.consistency.bounds.clone() };
         let (rank, dof, width) = (base.rank(), robot.dof(), set.len());
         let sizes: Vec<LinkSize> = super::nominal_links(nominal, set).map(LinkSize::of).collect();
         let scale = parameter_scales(set, nominal, torque);
         let load = LinkSize { mass: known[0].filter(|mass| *mass > 0.0).unwrap_or(1.0), length: LINK_SIZE }.scales();
-        let limits = bounds::collect(&consistency.bounds, robot, set, &scale)
+        let limits = bounds::collect(&self.consistency.bounds, robot, set, &scale)
             .map_err(|BadBound { bound, reason }| IdentificationError::BadBound { bound, reason })?;
         let gain_scale = column_scales(system, rank + PARAMETERS_PER_LINK..rank + PARAMETERS_PER_LINK + dof);
 
@@ -87,11 +86,11 @@ impl Carrier<'_> {
         });
         program.require_zero(rows.collect());
         (residual..residual + unknowns).for_each(|variable| program.add_square(variable, 0.0, 1.0));
-        consistency.add_prior(&mut program, robot, set, nominal, &sizes, &scale);
+        prior.add_to(&mut program, robot, set, nominal, &sizes, &scale);
         for (k, known) in known.iter().enumerate() {
             match known {
                 Some(value) => program.require_zero(vec![Affine::variable(payload + k, 1.0).plus(-value / load[k])]),
-                None => program.add_square(payload + k, 0.0, consistency.prior.relative_deviation.powi(-2)),
+                None => program.add_square(payload + k, 0.0, prior.relative_deviation.powi(-2)),
             }
         }
         (0..dof).for_each(|link| require_body(&mut program, link * PARAMETERS_PER_LINK));

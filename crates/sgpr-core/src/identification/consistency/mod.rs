@@ -151,9 +151,7 @@ impl Consistency {
         nominal: &[f64],
         torque: &[f64],
     ) -> Result<ConsistentParameters, IdentificationError> {
-        let rank = base.rank();
-        assert_eq!(nominal.len(), set.len(), "every parameter of the set");
-        assert_eq!((whitened.nrows(), torque.len()), (rank + 1, robot.dof()), "the factor and torques of this robot");
+        let task = Task::new(&self.bounds, robot, set, base, whitened, nominal, torque)?;
         let deviation = self.prior.relative_deviation;
         if !(deviation > 0.0 && deviation.is_finite()) {
             return Err(IdentificationError::Prior { value: deviation });
@@ -171,8 +169,7 @@ impl Consistency {
         ];
         let mut failure = None;
         for prior in priors {
-            let consistency = Self { prior, bounds: self.bounds.clone() };
-            match consistency.attempt(robot, set, base, whitened, nominal, torque) {
+            match task.attempt(prior) {
                 Ok(mut found) => {
                     if prior != self.prior {
                         found.notes.push(format!(
@@ -192,45 +189,89 @@ impl Consistency {
         }
         Err(failure.expect("every attempt failed"))
     }
+}
 
-    /// The program with the prior as it is.
-    fn attempt(
-        &self,
-        robot: &Robot,
-        set: &ParameterSet,
-        base: &BaseParameters,
-        whitened: &Mat<f64>,
-        nominal: &[f64],
+/// Data and limits of a program of consistent parameters.
+struct Task<'a> {
+    robot: &'a Robot,
+    set: &'a ParameterSet,
+    base: &'a BaseParameters,
+    whitened: &'a Mat<f64>,
+    nominal: &'a [f64],
+    /// Of the links.
+    sizes: Vec<LinkSize>,
+    /// Units in which all parameters are of order one.
+    scale: Vec<f64>,
+    bounds: Vec<Bound>,
+}
+
+/// A limit of a program.
+#[derive(Clone, Copy, PartialEq)]
+enum Limit {
+    /// The link is a body.
+    Body(usize),
+    /// One of [`Task::bounds`].
+    Bound(usize),
+}
+
+impl<'a> Task<'a> {
+    fn new(
+        bounds: &PhysicalBounds,
+        robot: &'a Robot,
+        set: &'a ParameterSet,
+        base: &'a BaseParameters,
+        whitened: &'a Mat<f64>,
+        nominal: &'a [f64],
         torque: &[f64],
-    ) -> Result<ConsistentParameters, IdentificationError> {
-        let sizes: Vec<LinkSize> = nominal_links(nominal, set).map(LinkSize::of).collect();
+    ) -> Result<Self, IdentificationError> {
+        assert_eq!(nominal.len(), set.len(), "every parameter of the set");
+        let same = (whitened.nrows(), torque.len()) == (base.rank() + 1, robot.dof());
+        assert!(same, "the factor and torques of this robot");
+        let sizes = nominal_links(nominal, set).map(LinkSize::of).collect();
         let scale = parameter_scales(set, nominal, torque);
-        let bounds = bounds::collect(&self.bounds, robot, set, &scale)
+        let bounds = bounds::collect(bounds, robot, set, &scale)
             .map_err(|BadBound { bound, reason }| IdentificationError::BadBound { bound, reason })?;
+        Ok(Self { robot, set, base, whitened, nominal, sizes, scale, bounds })
+    }
 
+    /// The program, all limits in it but `without`, and what had to be mended for the pull.
+    fn program(&self, prior: Prior, without: Option<Limit>) -> (Program, Vec<String>) {
         let mut program = Program::default();
-        let x = program.variables(set.len());
+        let x = program.variables(self.set.len());
         debug_assert_eq!(x, 0, "parameters come first");
-        add_data(&mut program, base, whitened, &scale);
-        let notes = self.add_prior(&mut program, robot, set, nominal, &sizes, &scale);
-        (0..robot.dof()).for_each(|link| require_body(&mut program, link * PARAMETERS_PER_LINK));
-        bounds.iter().for_each(|bound| bound.require(&mut program));
+        add_data(&mut program, self.base, self.whitened, &self.scale);
+        let notes = prior.add_to(&mut program, self.robot, self.set, self.nominal, &self.sizes, &self.scale);
+        let links = (0..self.robot.dof()).filter(|link| without != Some(Limit::Body(*link)));
+        links.for_each(|link| require_body(&mut program, link * PARAMETERS_PER_LINK));
+        let kept = self.bounds.iter().enumerate().filter(|(index, _)| without != Some(Limit::Bound(*index)));
+        kept.for_each(|(_, bound)| bound.require(&mut program));
+        (program, notes)
+    }
+
+    /// The parameters in their units.
+    fn parameters(&self, x: &[f64]) -> Vec<f64> {
+        x.iter().zip(&self.scale).map(|(x, scale)| x * scale).collect()
+    }
+
+    fn attempt(&self, prior: Prior) -> Result<ConsistentParameters, IdentificationError> {
+        let Self { robot, set, bounds, .. } = self;
+        let (program, notes) = self.program(prior, None);
         let Outcome { x, status, iterations, seconds } = program.solve();
         match status {
             Status::Solved => {}
-            Status::Infeasible => return Err(explain(robot.dof(), set.len(), &bounds)),
+            Status::Infeasible => return Err(explain(robot.dof(), set.len(), bounds)),
             Status::Failed(reason) => {
                 // Limits without a common interior stop the solver before it has a proof.
-                let conflict = smallest_conflict(robot.dof(), set.len(), &bounds);
+                let conflict = smallest_conflict(robot.dof(), set.len(), bounds);
                 return Err(conflict.map_or(IdentificationError::Unsolved { reason }, |limits| {
                     IdentificationError::Contradiction { limits }
                 }));
             }
         }
 
-        let parameters: Vec<f64> = x.iter().zip(&scale).map(|(x, scale)| x * scale).collect();
-        let estimate = base.combine(&parameters);
-        let links = nominal_links(&parameters, set).zip(robot.joints()).zip(&sizes);
+        let parameters = self.parameters(&x);
+        let estimate = self.base.combine(&parameters);
+        let links = nominal_links(&parameters, set).zip(robot.joints()).zip(&self.sizes);
         let links: Vec<LinkCertificate> =
             links.map(|((link, joint), size)| LinkCertificate::of(&joint.name, &link, size)).collect();
         if let Some(link) =
@@ -244,7 +285,7 @@ impl Consistency {
         let at_border = links.iter().filter(|link| link.relative_eigenvalue < 10.0 * MARGIN);
         active.extend(at_border.map(|link| format!("the link of `{}` is a body of positive density", link.joint)));
         Ok(ConsistentParameters {
-            cost: added_residual(whitened, &estimate),
+            cost: added_residual(self.whitened, &estimate),
             base: estimate,
             parameters,
             links,
@@ -254,8 +295,12 @@ impl Consistency {
             notes,
         })
     }
+}
 
-    fn add_prior(
+impl Prior {
+    /// Adds the pull to a program whose first variables are the parameters of `set` in units of `scale`; what had to be
+    /// mended for it.
+    fn add_to(
         &self,
         program: &mut Program,
         robot: &Robot,
@@ -264,7 +309,7 @@ impl Consistency {
         sizes: &[LinkSize],
         scale: &[f64],
     ) -> Vec<String> {
-        let weight = self.prior.relative_deviation.powi(-2);
+        let weight = self.relative_deviation.powi(-2);
         let mut notes = Vec::new();
         for (index, (link, size)) in nominal_links(nominal, set).zip(sizes).enumerate() {
             let (matrix, mended) = size.definite(&link);
@@ -275,7 +320,7 @@ impl Consistency {
                     robot.joints()[index].name
                 ));
             }
-            match self.prior.distance {
+            match self.distance {
                 Distance::Entropic => add_divergence(program, index * PARAMETERS_PER_LINK, &matrix, weight),
                 Distance::Euclidean => {
                     for (k, centre) in parameters_of(&matrix).into_iter().enumerate() {
@@ -284,7 +329,7 @@ impl Consistency {
                 }
             }
         }
-        let unknown = self.prior.relative_deviation.max(UNKNOWN).powi(-2);
+        let unknown = self.relative_deviation.max(UNKNOWN).powi(-2);
         for index in set.inertial()..set.len() {
             let weight = if nominal[index] == 0.0 { unknown } else { weight };
             program.add_square(index, nominal[index] / scale[index], weight);

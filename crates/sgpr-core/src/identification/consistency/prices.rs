@@ -5,13 +5,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::bounds::{self, BadBound};
-use super::program::{Program, Status};
-use super::{ACTIVE, Consistency, Distance, LinkSize, MARGIN, Prior};
-use super::{add_data, added_residual, nominal_links, parameter_scales, require_body};
+use super::program::Status;
+use super::{ACTIVE, Consistency, Distance, Limit, MARGIN, Prior, Task, added_residual, nominal_links};
 use crate::identification::{BaseParameters, IdentificationError, ParameterSet};
 use crate::robot::Robot;
-use crate::spatial::PARAMETERS_PER_LINK;
 use faer::Mat;
 
 /// What one limit costs.
@@ -26,14 +23,6 @@ pub struct Price {
 
 /// Shares below this are not worth a line.
 const WORTH_NAMING: f64 = 0.05;
-
-/// Which limit is left out.
-#[derive(Clone, Copy, PartialEq)]
-enum Without {
-    Nothing,
-    Body(usize),
-    Bound(usize),
-}
 
 impl Consistency {
     /// What the limits cost one by one, dearest first; empty if they cost less than one unit of the residual's variance.
@@ -54,46 +43,33 @@ impl Consistency {
         nominal: &[f64],
         torque: &[f64],
     ) -> Result<Vec<Price>, IdentificationError> {
-        assert_eq!(nominal.len(), set.len(), "every parameter of the set");
-        let sizes: Vec<LinkSize> = nominal_links(nominal, set).map(LinkSize::of).collect();
-        let scale = parameter_scales(set, nominal, torque);
-        let limits = bounds::collect(&self.bounds, robot, set, &scale)
-            .map_err(|BadBound { bound, reason }| IdentificationError::BadBound { bound, reason })?;
-        let pull = Self { prior: Prior { distance: Distance::Euclidean, ..self.prior }, bounds: self.bounds.clone() };
+        let task = Task::new(&self.bounds, robot, set, base, whitened, nominal, torque)?;
+        let prior = Prior { distance: Distance::Euclidean, ..self.prior };
         let rank = base.rank() as f64;
-        let solve = |without: Without| -> Option<(Vec<f64>, f64)> {
-            let mut program = Program::default();
-            program.variables(set.len());
-            add_data(&mut program, base, whitened, &scale);
-            pull.add_prior(&mut program, robot, set, nominal, &sizes, &scale);
-            let links = (0..robot.dof()).filter(|link| without != Without::Body(*link));
-            links.for_each(|link| require_body(&mut program, link * PARAMETERS_PER_LINK));
-            let kept = limits.iter().enumerate().filter(|(index, _)| without != Without::Bound(*index));
-            kept.for_each(|(_, bound)| bound.require(&mut program));
-            let outcome = program.solve();
+        let solve = |without: Option<Limit>| -> Option<(Vec<f64>, f64)> {
+            let outcome = task.program(prior, without).0.solve();
             if outcome.status != Status::Solved {
                 return None;
             }
-            let parameters: Vec<f64> = outcome.x.iter().zip(&scale).map(|(x, scale)| x * scale).collect();
-            let squares = added_residual(whitened, &base.combine(&parameters)).powi(2) * rank;
+            let squares = added_residual(whitened, &base.combine(&task.parameters(&outcome.x))).powi(2) * rank;
             Some((outcome.x, squares))
         };
-        let Some((x, all)) = solve(Without::Nothing) else { return Ok(Vec::new()) };
+        let Some((x, all)) = solve(None) else { return Ok(Vec::new()) };
         if all < 1.0 {
             return Ok(Vec::new());
         }
-        let parameters: Vec<f64> = x.iter().zip(&scale).map(|(x, scale)| x * scale).collect();
-        let mut candidates: Vec<(Without, String)> = Vec::new();
-        for (index, (link, size)) in nominal_links(&parameters, set).zip(&sizes).enumerate() {
+        let parameters = task.parameters(&x);
+        let mut candidates: Vec<(Limit, String)> = Vec::new();
+        for (index, (link, size)) in nominal_links(&parameters, set).zip(&task.sizes).enumerate() {
             if size.scaled(&link).symmetric_eigenvalues().min() < 100.0 * MARGIN {
                 candidates
-                    .push((Without::Body(index), format!("the link of `{}` is a body", robot.joints()[index].name)));
+                    .push((Limit::Body(index), format!("the link of `{}` is a body", robot.joints()[index].name)));
             }
         }
-        let active = limits.iter().enumerate().filter(|(_, bound)| bound.margin(&x) < ACTIVE);
-        candidates.extend(active.map(|(index, bound)| (Without::Bound(index), bound.name.clone())));
-        let price = |(without, limit): (Without, String)| {
-            let (_, squares) = solve(without)?;
+        let active = task.bounds.iter().enumerate().filter(|(_, bound)| bound.margin(&x) < ACTIVE);
+        candidates.extend(active.map(|(index, bound)| (Limit::Bound(index), bound.name.clone())));
+        let price = |(without, limit): (Limit, String)| {
+            let (_, squares) = solve(Some(without))?;
             let share = ((all - squares) / all).clamp(0.0, 1.0);
             (share >= WORTH_NAMING).then_some(Price { limit, share })
         };

@@ -423,6 +423,8 @@ fn estimate_again(
             }
         }
         fit.covariance = (0..rank * rank).map(|k| covariance[(k / rank, k % rank)]).collect();
+        // The constants are those of the physics alone.
+        fit.covariance_with_terms.clear();
         fit.values = values;
     }
     for (rest, matrix) in model.joints.iter_mut().zip(&matrices) {

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ..report.numbers import MISSING, counted, percent, readable, significant, with_deviation
+from ..report.numbers import MISSING, counted, percent, readable, relative_deviation, significant, with_deviation
 from . import describe
 from .console import Output
 from .effects import checked_effects
@@ -197,7 +197,7 @@ def show_parameters(parameters: Sequence[dict[str, Any]], output: Output) -> Non
         value, deviation = with_deviation(p["value"], p["standard_deviation"])
         if p["determined"] is False:
             deviation = "not excited"
-        relative = percent(p["relative_standard_deviation_percent"]) if p["determined"] else MISSING
+        relative = relative_deviation(p["relative_standard_deviation_percent"]) if p["determined"] else MISSING
         rows.append([p["name"], value, deviation, relative, significant(p["nominal"], 4), p["unit"]])
     columns = ["base parameter", "value", "std. deviation", "%", "nominal", "unit"]
     output.table(columns, rows, text_columns=(0, 5))

@@ -98,7 +98,7 @@ def _bands(model: Model, found: Comparison) -> dict[str, Pieces]:
     """Standard deviations along the motion, without and with the noise of a single torque."""
     assert model.fit is not None, "asked before"
     noise = np.asarray(model.fit["noise"])
-    deviations = [model.predict(log.q, log.dq, log.ddq, return_std=True)[1] for log in found.logs]
+    deviations = [model.standard_deviation(log) for log in found.logs]
     noisy = [np.hypot(deviation, noise) for deviation in deviations]
     return {STD: beside(found, deviations), STD_WITH_NOISE: beside(found, noisy)}
 

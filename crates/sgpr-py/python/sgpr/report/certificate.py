@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from .markup import Cell, Html, items, join, paragraph, table
+from .markup import Cell, Html, items, join, paragraph, prose, table
 from .numbers import percent, significant
 
 
@@ -40,13 +40,13 @@ def certificate_section(certificate: dict[str, Any]) -> Html:
         ),
     ]
     if certificate["active"]:
-        parts += [paragraph("The estimate lies at these limits:"), items(certificate["active"])]
+        parts += [paragraph("The estimate lies at these limits:"), items(map(prose, certificate["active"]))]
     if certificate["prices"]:
         parts += [
             paragraph(
                 "What would be gone of that cost without one limit alone. A limit that costs much points at an effect "
                 "that the model lacks, which inertias that no body has imitate."
             ),
-            items(f"{percent(100.0 * price['share'])} %: {price['limit']}" for price in certificate["prices"]),
+            items(prose(f"{percent(100.0 * price['share'])} %: {price['limit']}") for price in certificate["prices"]),
         ]
     return join(parts)

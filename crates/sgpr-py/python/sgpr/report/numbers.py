@@ -5,6 +5,8 @@ import re
 
 MISSING = "–"
 SPECK = 1e-6
+MEANINGLESS = 1000.0
+"""A deviation of so many percent of the value says that the value is unknown; more says no more."""
 
 
 def significant(value: float | None, digits: int = 3) -> str:
@@ -31,6 +33,11 @@ def percent(value: float | None) -> str:
     return f"{value:.0f}" if size >= 99.95 else f"{value:.1f}" if size >= 9.995 else f"{value:.2f}"
 
 
+def relative_deviation(value: float | None) -> str:
+    """A standard deviation in percent of its value: 4.21, 240, > 1000."""
+    return f"> {MEANINGLESS:.0f}" if value is not None and value > MEANINGLESS else percent(value)
+
+
 def readable(expression: str) -> str:
     """A combination of parameters without the terms whose factors are nothing but rounding of the robot file."""
     kept: list[str] = []
@@ -49,7 +56,7 @@ def with_deviation(value: float, deviation: float | None) -> tuple[str, str]:
     place = 1 - math.floor(math.log10(float(f"{deviation:.1e}")))
     if place > 6 or abs(value) >= 1e7:
         return f"{value:.{max(0, place + _exponent(value))}e}", f"{deviation:.1e}"
-    return f"{value:.{max(0, place)}f}", f"{deviation:.{max(0, place)}f}"
+    return f"{value:z.{max(0, place)}f}", f"{deviation:.{max(0, place)}f}"
 
 
 def seconds(value: float) -> str:

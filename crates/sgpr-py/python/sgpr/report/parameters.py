@@ -7,7 +7,7 @@ from typing import Any
 from .colours import AFTER, BEFORE
 from .figures import axis, layout, rounded
 from .markup import Cell, Html, element, join, legend, paragraph, plot, table
-from .numbers import MISSING, percent, readable, significant, with_deviation
+from .numbers import MEANINGLESS, MISSING, readable, relative_deviation, significant, with_deviation
 
 PLOT = "certainty-plot"
 LONG_EXPRESSION = 70
@@ -57,15 +57,15 @@ def certainty_plot(parameters: Sequence[dict[str, Any]]) -> tuple[Html, dict[str
     deviations = [
         abs(p["standard_deviation"] / p["value"]) * 100.0 if p["determined"] and p["value"] else math.inf for p in known
     ]
-    finite = [d for d in deviations if math.isfinite(d) and d > 0.0]
+    finite = [d for d in deviations if 0.0 < d <= MEANINGLESS]
     right = max([2.0 * POOR, *(2.0 * d for d in finite)])
     colours = [AFTER if d <= GOOD else "#b58900" if d <= POOR else BEFORE for d in deviations]
     symbols = ["circle" if d <= GOOD else "diamond" if d <= POOR else "x" for d in deviations]
-    text = ["not excited" if math.isinf(d) else f"{percent(d)} %" for d in deviations]
+    text = ["not excited" if math.isinf(d) else f"{relative_deviation(d)} %" for d in deviations]
     data = {
         "type": "scatter",
         "mode": "markers",
-        "x": rounded([d if math.isfinite(d) else right for d in deviations]),
+        "x": rounded([d if d <= MEANINGLESS else right for d in deviations]),
         "y": names,
         "text": text,
         "marker": {"color": colours, "symbol": symbols, "size": 9},
@@ -89,7 +89,7 @@ def certainty_plot(parameters: Sequence[dict[str, Any]]) -> tuple[Html, dict[str
                 [
                     ("●", AFTER, f"well determined (below {GOOD:.0f} %)"),
                     ("◆", "#b58900", "uncertain"),
-                    ("✕", BEFORE, "unknown: more than its own size, or not excited (right edge)"),
+                    ("✕", BEFORE, "unknown: more than its own size; at the right edge far more, or not excited"),
                 ]
             ),
             plot(PLOT, 90 + ROW_HEIGHT * len(known), "Relative standard deviation of each base parameter"),
@@ -100,7 +100,7 @@ def certainty_plot(parameters: Sequence[dict[str, Any]]) -> tuple[Html, dict[str
 
 def _row(p: dict[str, Any]) -> list[object]:
     value, deviation = with_deviation(p["value"], p["standard_deviation"])
-    relative: object = percent(p["relative_standard_deviation_percent"])
+    relative: object = relative_deviation(p["relative_standard_deviation_percent"])
     style = "number"
     if p["determined"] is False:
         deviation, relative, style = "not excited", MISSING, "number bad"
