@@ -355,6 +355,12 @@ pub fn fit_process(
     Ok((FittedProcess { process, data, compute, report }, stopped))
 }
 
+/// What a predictor keeps, as the methods `predictor` are given it.
+pub fn predictor_options(single: bool, variance_rank: Option<usize>, compact: bool) -> PredictorOptions {
+    let precision = if single { Precision::Single } else { Precision::Double };
+    PredictorOptions { precision, variance_rank, compact }
+}
+
 /// The process that `FittedProcess.__reduce__` described.
 #[pyfunction]
 pub fn restore_process(
@@ -544,8 +550,7 @@ impl FittedProcess {
         variance_rank: Option<usize>,
         compact: bool,
     ) -> PyResult<ProcessPredictor> {
-        let precision = if single { Precision::Single } else { Precision::Double };
-        let options = PredictorOptions { precision, variance_rank, compact };
+        let options = predictor_options(single, variance_rank, compact);
         let inner = py.detach(|| match &self.process {
             Process::Exact(gp) => GpPredictor::new(gp, options),
             Process::Sparse(gp) => Ok(GpPredictor::from_sparse(gp, options)),

@@ -6,14 +6,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use sgpr_core::gp::{Precision, PredictorOptions};
 use sgpr_core::model::{self as core, Inputs, Mean, SemiParametricError, SemiParametricOptions};
 
 use crate::compare::Comparison;
 use crate::convert::{Numbers, Samples, array, choice, whole};
 use crate::dynamics::motion;
 use crate::errors::{IntoPyErr, invalid};
-use crate::gp::{shape, status_name};
+use crate::gp::{predictor_options, shape, status_name};
 use crate::identification::{Arguments, recordings};
 use crate::model::Model;
 use crate::progress::listen_and_keep;
@@ -236,8 +235,7 @@ impl FittedSemiParametric {
         variance_rank: Option<usize>,
         compact: bool,
     ) -> PyResult<SemiParametricPredictor> {
-        let precision = if single { Precision::Single } else { Precision::Double };
-        let options = PredictorOptions { precision, variance_rank, compact };
+        let options = predictor_options(single, variance_rank, compact);
         let inner = py.detach(|| core::SemiParametricPredictor::new(&self.inner, options));
         Ok(SemiParametricPredictor {
             inner: Mutex::new(inner.map_err(IntoPyErr::into_py_err)?),

@@ -184,7 +184,7 @@ def test_bad_input_is_refused_with_advice(points: tuple[np.ndarray, np.ndarray])
             gp.fit(X_wrong, y_wrong)
     with pytest.raises(AttributeError, match="not fitted yet"):
         gp.predict(X)
-    with pytest.raises(MemoryError, match=r"200000 points need 640\.0 GB .* take the sparse one, or at most"):
+    with pytest.raises(MemoryError, match=r"200000 points need 320\.0 GB .* take the sparse one, or at most"):
         gp.fit(np.zeros((200_000, 1)), np.zeros(200_000))
     with pytest.raises(sgpr.SgprError, match="there is no parameter 'kernels'"):
         gp.set_params(kernels=1)

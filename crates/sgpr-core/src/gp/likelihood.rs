@@ -1,13 +1,12 @@
-use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
-use faer::{Accum, Mat, MatRef};
+use faer::{Mat, MatRef};
 
 use super::kernels::Plan;
-use super::matrix::{assemble_and_factor, inverse_from, invert_factor, likelihood_gradient, square, view, view_mut};
+use super::matrix::{assemble_and_factor, invert_in_place, likelihood_gradient, panel, square, view, view_mut};
 use super::{Compute, Covariance, Data, GpError};
 use crate::linalg::{Svd, cholesky};
 
-/// Log marginal likelihood of data for one covariance after the other, in the same memory: two matrices of n² numbers.
+/// Log marginal likelihood of data for one covariance after the other, in the same memory: one matrix of n² numbers, one of 512 n.
 ///
 /// log p(y) = -½ yᵀ K⁻¹ y - ½ log det K - n/2 log 2π, summed over outputs, with K the covariance of the measurements. Its
 /// gradient costs one inverse and one pass over the kernel for all hyperparameters: ½ tr((α αᵀ - K⁻¹) dK), α = K⁻¹ y.
@@ -27,8 +26,9 @@ pub struct Likelihood<'a> {
     compute: Compute,
     /// Orthonormal, `[points, rank H]`.
     terms: Option<Mat<f64>>,
-    first: Mat<f64>,
-    second: Mat<f64>,
+    /// K, L or L⁻¹.
+    matrix: Mat<f64>,
+    panel: Mat<f64>,
     jitter: f64,
 }
 
@@ -51,9 +51,9 @@ impl<'a> Likelihood<'a> {
     /// # Errors
     /// If it is more than allowed.
     pub fn new(data: &'a Data, compute: &Compute) -> Result<Self, GpError> {
-        compute.check(data.len(), 2)?;
+        compute.check(data.len(), 1)?;
         let n = data.len();
-        Ok(Self { data, compute: *compute, terms: None, first: square(n), second: square(n), jitter: 0.0 })
+        Ok(Self { data, compute: *compute, terms: None, matrix: square(n), panel: panel(n), jitter: 0.0 })
     }
 
     /// The same beside linear terms with unknown coefficients.
@@ -92,18 +92,13 @@ impl<'a> Likelihood<'a> {
     pub fn value_and_gradient(&mut self, covariance: &Covariance) -> Result<(f64, Vec<f64>), GpError> {
         let Factored { plan, alpha, value, explained } = self.factor(covariance)?;
         let par = self.compute.par();
-        invert_factor(view(&self.first), view_mut(&mut self.second), par);
-        inverse_from(view(&self.second), view_mut(&mut self.first), par);
-        if let Some(explained) = &explained {
-            let (lower, rectangular) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
-            let out = view_mut(&mut self.first);
-            let (left, right) = (explained.as_ref(), explained.transpose());
-            matmul(out, lower, Accum::Add, left, rectangular, right, rectangular, -1.0, par);
-        }
+        invert_in_place(view_mut(&mut self.matrix), &mut self.panel, par);
         let points = plan.features(self.data.x(), self.data.inputs());
-        let mut gradient = likelihood_gradient(&plan, &points, &alpha, &self.first, &self.compute);
+        let inverse_factor = view(&self.matrix);
+        let explained = explained.as_ref();
+        let (mut gradient, trace) =
+            likelihood_gradient(&plan, &points, &alpha, inverse_factor, explained, &mut self.panel, &self.compute);
         let squares: f64 = alpha.iter().flatten().map(|a| a * a).sum();
-        let trace: f64 = (0..self.data.len()).map(|i| self.first[(i, i)]).sum();
         gradient.push(0.5 * covariance.noise_variance * (squares - alpha.len() as f64 * trace));
         Ok((value, gradient))
     }
@@ -113,19 +108,19 @@ impl<'a> Likelihood<'a> {
         self.jitter
     }
 
-    /// Leaves L in `first`.
+    /// Leaves L in `matrix`.
     fn factor(&mut self, covariance: &Covariance) -> Result<Factored, GpError> {
         covariance.validate(self.data.inputs())?;
         let plan = Plan::new(&covariance.kernel());
         let points = plan.features(self.data.x(), self.data.inputs());
-        self.jitter = assemble_and_factor(&plan, &points, covariance.noise_variance, &mut self.first, &self.compute)?;
-        let (alpha, value) = weights_and_likelihood(&self.first, self.data, &self.compute);
+        self.jitter = assemble_and_factor(&plan, &points, covariance.noise_variance, &mut self.matrix, &self.compute)?;
+        let (alpha, value) = weights_and_likelihood(&self.matrix, self.data, &self.compute);
         let Some(terms) = &self.terms else { return Ok(Factored { plan, alpha, value, explained: None }) };
 
         let par = self.compute.par();
         let mut solved = terms.clone();
-        solve_lower_triangular_in_place(view(&self.first), solved.as_mut(), par);
-        solve_upper_triangular_in_place(view(&self.first).transpose(), solved.as_mut(), par);
+        solve_lower_triangular_in_place(view(&self.matrix), solved.as_mut(), par);
+        solve_upper_triangular_in_place(view(&self.matrix).transpose(), solved.as_mut(), par);
         let information = terms.transpose() * &solved;
         let root = cholesky(information.as_ref()).ok_or(GpError::NotPositiveDefinite { jitter: self.jitter })?;
         // G = K⁻¹ H R⁻¹, by columns of Gᵀ.

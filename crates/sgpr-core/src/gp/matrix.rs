@@ -4,6 +4,8 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor as llt;
 use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::linalg::triangular_inverse::invert_lower_triangular;
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::prelude::*;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
@@ -76,36 +78,76 @@ impl WithSimd for Assemble<'_> {
     }
 }
 
+/// Columns of an inverse that exist at a time.
+const PANEL: usize = 512;
+
+/// Room for [`likelihood_gradient`].
+pub(super) fn panel(n: usize) -> Mat<f64> {
+    Mat::zeros(n, PANEL.min(n))
+}
+
 /// Sum over the lower triangle of dK/dtheta * weight, with weight = sum over outputs of alpha alpha' - outputs * inverse
-/// off the diagonal and half of it on the diagonal: the gradient of the log marginal likelihood (GPML eq. 5.9).
+/// off the diagonal and half of it on the diagonal: the gradient of the log marginal likelihood (GPML eq. 5.9). Returns the
+/// trace of the inverse, too.
+///
+/// The inverse is K⁻¹ - G Gᵀ with `explained` = G, if there is one, and K⁻¹ = L⁻ᵀ L⁻¹; some of its columns at a time, in `panel`.
 pub(super) fn likelihood_gradient(
     plan: &Plan,
     points: &Features<f64>,
     alpha: &[Vec<f64>],
-    inverse: &Mat<f64>,
+    inverse_factor: MatRef<'_, f64>,
+    explained: Option<&Mat<f64>>,
+    panel: &mut Mat<f64>,
     compute: &Compute,
-) -> Vec<f64> {
-    let n = inverse.ncols();
-    let block = |first: usize| {
-        let columns = view(inverse).subcols(first, COLUMNS.min(n - first));
-        Arch::new().dispatch(LikelihoodGradient { plan, points, alpha, first, columns })
-    };
-    let blocks: Vec<Vec<f64>> = if compute.threads > 1 {
-        (0..n.div_ceil(COLUMNS)).into_par_iter().map(|k| block(k * COLUMNS)).collect()
-    } else {
-        (0..n).step_by(COLUMNS).map(block).collect()
-    };
-    let mut gradient = vec![0.0; plan.theta_len()];
-    for block in blocks {
-        gradient.iter_mut().zip(block).for_each(|(sum, part)| *sum += part);
+) -> (Vec<f64>, f64) {
+    let n = inverse_factor.ncols();
+    let (mut gradient, mut trace) = (vec![0.0; plan.theta_len()], 0.0);
+    for start in (0..n).step_by(PANEL) {
+        let width = PANEL.min(n - start);
+        let mut inverse = panel.as_mut().submatrix_mut(0, 0, n - start, width);
+        inverse_columns(inverse_factor.submatrix(start, start, n - start, n - start), inverse.rb_mut(), compute.par());
+        if let Some(explained) = explained {
+            let rows = explained.as_ref().subrows(start, n - start);
+            let columns = rows.subrows(0, width).transpose();
+            faer::linalg::matmul::matmul(inverse.rb_mut(), Accum::Add, rows, columns, -1.0, compute.par());
+        }
+        trace += (0..width).map(|k| inverse[(k, k)]).sum::<f64>();
+        let inverse = inverse.rb();
+        let block = |first: usize| {
+            let columns = inverse.subcols(first, COLUMNS.min(width - first));
+            Arch::new().dispatch(LikelihoodGradient { plan, points, alpha, start, first: start + first, columns })
+        };
+        let blocks: Vec<Vec<f64>> = if compute.threads > 1 {
+            (0..width.div_ceil(COLUMNS)).into_par_iter().map(|k| block(k * COLUMNS)).collect()
+        } else {
+            (0..width).step_by(COLUMNS).map(block).collect()
+        };
+        for block in blocks {
+            gradient.iter_mut().zip(block).for_each(|(sum, part)| *sum += part);
+        }
     }
-    gradient
+    (gradient, trace)
+}
+
+/// The first columns of L⁻ᵀ L⁻¹, of which the lower triangle counts.
+fn inverse_columns(inverse_factor: MatRef<'_, f64>, mut out: MatMut<'_, f64>, par: Par) {
+    let width = out.ncols();
+    let (top, _, side, rest) = inverse_factor.split_at(width, width);
+    let (mut first, mut below) = out.rb_mut().split_at_row_mut(width);
+    let (upper, lower, rectangular) =
+        (BlockStructure::TriangularUpper, BlockStructure::TriangularLower, BlockStructure::Rectangular);
+    matmul(first.rb_mut(), lower, Accum::Replace, top.transpose(), upper, top, lower, 1.0, par);
+    matmul(first.rb_mut(), lower, Accum::Add, side.transpose(), rectangular, side, rectangular, 1.0, par);
+    matmul(below.rb_mut(), rectangular, Accum::Replace, rest.transpose(), upper, side, rectangular, 1.0, par);
 }
 
 struct LikelihoodGradient<'a> {
     plan: &'a Plan,
     points: &'a Features<f64>,
     alpha: &'a [Vec<f64>],
+    /// The point of the first row.
+    start: usize,
+    /// The point of the first column.
     first: usize,
     columns: MatRef<'a, f64>,
 }
@@ -115,7 +157,7 @@ impl WithSimd for LikelihoodGradient<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Vec<f64> {
-        let Self { plan, points, alpha, first, columns } = self;
+        let Self { plan, points, alpha, start: above, first, columns } = self;
         let (mut query, mut work) = (plan.query(), plan.work());
         let mut gradient = vec![0.0; plan.theta_len()];
         let mut weights = [0.0; TILE];
@@ -125,9 +167,12 @@ impl WithSimd for LikelihoodGradient<'_> {
             let column = column.try_as_col_major().expect("column-major").as_slice();
             points.point(j, &mut query);
             for (start, length) in points.tiles_from(j) {
-                let end = (start + length).min(column.len());
+                let end = (start + length).min(above + column.len());
                 let weights = &mut weights[..length];
-                weights.iter_mut().zip(&column[start..end]).for_each(|(w, inverse)| *w = -outputs * *inverse);
+                weights
+                    .iter_mut()
+                    .zip(&column[start - above..end - above])
+                    .for_each(|(w, inverse)| *w = -outputs * *inverse);
                 for alpha in alpha {
                     let own = alpha[j];
                     weights.iter_mut().zip(&alpha[start..end]).for_each(|(w, alpha)| *w += own * alpha);
@@ -178,6 +223,35 @@ pub(super) fn factor(matrix: MatMut<'_, f64>, par: Par) -> bool {
 /// L⁻¹ in the lower triangle of `out`.
 pub(super) fn invert_factor(factor: MatRef<'_, f64>, out: MatMut<'_, f64>, par: Par) {
     invert_lower_triangular(out, factor, par);
+}
+
+/// The same in place of L; `panel` as for [`likelihood_gradient`].
+pub(super) fn invert_in_place(mut lower: MatMut<'_, f64>, panel: &mut Mat<f64>, par: Par) {
+    let n = lower.nrows();
+    if n <= PANEL {
+        let copy = panel.as_mut().submatrix_mut(0, 0, n, n);
+        invert_lower_triangular(copy, lower.rb(), par);
+        for column in 0..n {
+            let inverse = panel.col_as_slice(column);
+            lower.rb_mut().col_mut(column).try_as_col_major_mut().expect("column-major").as_slice_mut()[column..]
+                .copy_from_slice(&inverse[column..n]);
+        }
+        return;
+    }
+    // [A 0; B C]⁻¹ = [A⁻¹ 0; -C⁻¹ B A⁻¹ C⁻¹]
+    let middle = (n / 2).next_multiple_of(PANEL);
+    let (mut first, _, mut side, mut last) = lower.split_at_mut(middle, middle);
+    invert_in_place(first.rb_mut(), panel, par);
+    let (rectangular, triangular) = (BlockStructure::Rectangular, BlockStructure::TriangularLower);
+    for start in (0..n - middle).step_by(PANEL) {
+        let rows = side.rb_mut().subrows_mut(start, PANEL.min(n - middle - start));
+        // Transposed, for a panel is tall.
+        let mut copy = panel.as_mut().submatrix_mut(0, 0, middle, rows.nrows());
+        copy.copy_from(rows.rb().transpose());
+        matmul(rows, rectangular, Accum::Replace, copy.transpose(), rectangular, first.rb(), triangular, -1.0, par);
+    }
+    solve_lower_triangular_in_place(last.rb(), side, par);
+    invert_in_place(last.rb_mut(), panel, par);
 }
 
 /// Lower triangle of (L Lᵀ)⁻¹ = L⁻ᵀ L⁻¹ from L⁻¹.

@@ -98,7 +98,7 @@ pub fn search(
     progress: &dyn Progress,
 ) -> Result<SearchReport, GpError> {
     start.validate(data.inputs())?;
-    compute.check(data.len(), 2)?;
+    compute.check(data.len(), 1)?;
     let bounds = options.bounds_for(data, start)?;
     let mut run = Run { start, options, compute, progress, bounds: &bounds, jitter: 0.0, stopped: false };
     let SubsetSearch { best, starts, evaluations: evaluations_on_subset } = run.on_subset(data)?;
