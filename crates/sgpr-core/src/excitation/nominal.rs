@@ -44,6 +44,9 @@ enum Of {
 /// Share of a column that the others must leave over.
 const INDEPENDENT: f64 = 1e-5;
 
+/// Share of a torque below which its change by a constant is rounding.
+const ROUNDING: f64 = 1e-12;
+
 /// Random motions by which columns are compared, and samples of each.
 const MOTIONS: u64 = 3;
 const SAMPLES: usize = 240;
@@ -190,8 +193,12 @@ impl NominalEffects {
             }
             self.spread(term, &torque, self.model.robot().dof(), motion.rate_hz)
         });
+        let change: Vec<f64> = above.iter().zip(&below).map(|(above, below)| above - below).collect();
+        if dot(&change, &change) <= ROUNDING * ROUNDING * dot(&above, &above) {
+            return vec![0.0; change.len()];
+        }
         let step = values[1] - values[0];
-        above.iter().zip(&below).map(|(above, below)| (above - below) / step).collect()
+        change.into_iter().map(|change| change / step).collect()
     }
 
     /// A column as the log shows it, `[samples, n]`.

@@ -521,8 +521,11 @@ impl<'a> Search<'a> {
         let report =
             evaluate(self.robot, self.set, self.base, self.options.nominal.as_ref(), &dense(&best.trajectory), noise)?;
         if !best.value.is_finite() {
-            let expected = report.singular_values.len();
-            return Err(ExcitationError::RankDeficient { rank: report.rank, expected });
+            let (rank, expected) = (report.rank, report.singular_values.len());
+            return Err(match rank < expected {
+                true => ExcitationError::RankDeficient { rank, expected, names: report.not_told_apart },
+                false => ExcitationError::Units { criterion: self.options.criterion.name() },
+            });
         }
         let peaks = peaks(self.robot, self.set, &self.parameters, &best.trajectory);
         Ok(Excitation {
