@@ -280,6 +280,8 @@ fn constants_that_change_no_torque_are_hidden() {
     let offsets = nominal(&case.robot, "encoder_offset");
     assert_eq!(offsets.hidden(), ["joint_1.d (encoder_offset)", "joint_6.d (encoder_offset)"]);
     assert!(nominal(&case.robot, "base_tilt").hidden().is_empty());
+    assert!(nominal(&case.robot, "link_flexibility").hidden().is_empty(), "modes of 12 Hz");
+    assert!(nominal(&case.robot, "link_inertia_error").is_empty(), "that is what base parameters are");
     let motion = random_motion(
         &case.robot,
         &Basis::fourier(0.1, 4),
@@ -288,6 +290,12 @@ fn constants_that_change_no_torque_are_hidden() {
         1,
     );
     let samples = motion.expect("within limits").samples(100.0, 10.0);
+    // All gains and all masses larger together change nothing; without the gain of the joint that carries most the others
+    // are told well.
+    let gains = nominal(&case.robot, "torque_gain_error");
+    assert_eq!(gains.hidden(), ["joint_2.e (torque_gain_error)"]);
+    let report = evaluate(&case.robot, &case.set, &case.base, Some(&gains), &samples, None).expect("samples");
+    assert!(report.rank == 47 && report.scaled_condition < 1e5, "{report:?}");
     let report = evaluate(&case.robot, &case.set, &case.base, Some(&offsets), &samples, None).expect("samples");
     assert_eq!((report.rank, report.singular_values.len()), (46, 46));
     assert!(report.not_told_apart.is_empty());
