@@ -266,6 +266,59 @@ fn motions_for_nonlinear_effects_are_better_for_them_than_motions_without() {
     }
 }
 
+/// The torque of the PUMA 560 knows neither where its first joint, upright, has its zero, nor the last one, about which the
+/// last link is symmetric; and of a tilt of the base about two axes it shows both.
+#[test]
+fn constants_that_change_no_torque_are_hidden() {
+    let case = Case::puma(&["viscous_friction"]);
+    let nominal = |robot: &Robot, name: &str| {
+        let effect = sgpr_core::effects::by_name(name).expect("of the library");
+        let terms = nominal_terms(robot, &effect, 10.0).expect("shown by a motion");
+        let parameters = [robot.standard_parameters(), vec![1.0; 6]].concat();
+        NominalEffects::new(robot, &case.set, &BaseParameters::new(robot, &case.set), &parameters, terms, 10.0)
+    };
+    let offsets = nominal(&case.robot, "encoder_offset");
+    assert_eq!(offsets.hidden(), ["joint_1.d (encoder_offset)", "joint_6.d (encoder_offset)"]);
+    assert!(nominal(&case.robot, "base_tilt").hidden().is_empty());
+    assert!(nominal(&case.robot, "link_flexibility").hidden().is_empty(), "modes of 12 Hz");
+    assert!(nominal(&case.robot, "link_inertia_error").is_empty(), "that is what base parameters are");
+    let motion = random_motion(
+        &case.robot,
+        &Basis::fourier(0.1, 4),
+        &MotionLimits::of_robot(&case.robot, &[6.0; 6]).expect("limits"),
+        &[0.0; 6],
+        1,
+    );
+    let samples = motion.expect("within limits").samples(100.0, 10.0);
+    // All gains and all masses larger together change nothing; without the gain of the joint that carries most the others
+    // are told well.
+    let gains = nominal(&case.robot, "torque_gain_error");
+    assert_eq!(gains.hidden(), ["joint_2.e (torque_gain_error)"]);
+    let report = evaluate(&case.robot, &case.set, &case.base, Some(&gains), &samples, None).expect("samples");
+    assert!(report.rank == 47 && report.scaled_condition < 1e5, "{report:?}");
+    let report = evaluate(&case.robot, &case.set, &case.base, Some(&offsets), &samples, None).expect("samples");
+    assert_eq!((report.rank, report.singular_values.len()), (46, 46));
+    assert!(report.not_told_apart.is_empty());
+}
+
+/// A motion of the second joint alone says little of the other links, and which of them is named.
+#[test]
+fn parameters_that_a_motion_confuses_are_named() {
+    let case = Case::two_link(&["viscous_friction"]);
+    let mut samples =
+        case.optimise(&ExciteOptions { starts: 1, evaluations: 40, ..case.options(Criterion::Condition) });
+    let mut still = samples.trajectory.samples(100.0, 10.0);
+    assert!(samples.report.not_told_apart.is_empty());
+    for values in [&mut still.q, &mut still.dq, &mut still.ddq] {
+        values.iter_mut().step_by(2).for_each(|value| *value = 0.0);
+    }
+    samples.report = evaluate(&case.robot, &case.set, &case.base, None, &still, None).expect("samples");
+    let report = samples.report;
+    assert!(report.rank < case.base.rank());
+    assert!(report.not_told_apart.contains(&"joint_1.Fv".to_string()), "{:?}", report.not_told_apart);
+    assert!(!report.not_told_apart.contains(&"joint_2.Fv".to_string()), "{:?}", report.not_told_apart);
+}
+
 #[test]
 fn the_result_depends_on_the_seed_and_on_nothing_else() {
     let case = Case::two_link(&FRICTION);

@@ -228,6 +228,14 @@ pub fn positive(name: &str, value: f64) -> PyResult<f64> {
     Err(invalid(format!("{name} = {value}: expected a number greater than zero")))
 }
 
+/// A finite number that is not negative.
+pub fn not_negative(name: &str, value: f64) -> PyResult<f64> {
+    if value >= 0.0 && value.is_finite() {
+        return Ok(value);
+    }
+    Err(invalid(format!("{name} = {value}: expected a number that is not negative")))
+}
+
 /// A whole number in a range.
 pub fn whole(name: &str, value: &Bound<'_, PyAny>, allowed: Range<usize>) -> PyResult<usize> {
     let number = value.extract::<i128>().map_err(|_| not_whole(name, value, &allowed))?;

@@ -207,7 +207,8 @@ impl Trajectory {
     /// -------
     /// dict
     ///     "condition", "scaled_condition", "frobenius_condition", "link_conditions", "sum_of_conditions",
-    ///     "log_determinant" (per sample), "singular_values", "rank", "base_parameters"; with effects that enter
+    ///     "log_determinant" (per sample), "singular_values", "rank", "not_told_apart" (names of the parameters that the
+    ///     motion confuses, if rank is below their number), "base_parameters"; with effects that enter
     ///     nonlinearly "nominal", the values at which their torque is differentiated, and "hidden", parameters that no
     ///     motion can tell from others. "base_parameters" counts those of "nominal".
     #[pyo3(signature = (effects=None, *, noise=None, rate_hz=100.0), text_signature = "($self, effects=(), *, noise=None, rate_hz=100.0)")]
@@ -545,6 +546,7 @@ fn report_dict<'py>(
     dict.set_item("log_determinant", report.log_determinant)?;
     dict.set_item("singular_values", array(py, &[report.singular_values.len()], report.singular_values.clone())?)?;
     dict.set_item("rank", report.rank)?;
+    dict.set_item("not_told_apart", &report.not_told_apart)?;
     dict.set_item("base_parameters", report.singular_values.len())?;
     if let Some(nominal) = nominal {
         let values = PyDict::new(py);

@@ -13,7 +13,7 @@ use sgpr_core::motion::TorqueBand;
 use sgpr_core::recording as logs;
 use sgpr_core::signal::{CutoffChoice as CoreChoice, Differentiation};
 
-use crate::convert::{Numbers, array, choice, positive, texts, view, whole};
+use crate::convert::{Numbers, array, choice, not_negative, positive, texts, view, whole};
 use crate::errors::invalid;
 use crate::estimators::{ConsistencyArguments, method, uncertainty};
 use crate::model::Model;
@@ -37,7 +37,7 @@ pub fn recordings(given: &Bound<'_, PyAny>) -> PyResult<Vec<logs::Recording>> {
     Ok(recordings)
 }
 
-const OPTIONS: [&str; 20] = [
+const OPTIONS: [&str; 21] = [
     "effects",
     "method",
     "noise",
@@ -48,6 +48,7 @@ const OPTIONS: [&str; 20] = [
     "torque_band",
     "decimation",
     "standstill_speed",
+    "turn_margin",
     "progress",
     "consistent",
     "prior",
@@ -108,6 +109,7 @@ impl Arguments {
                 "torque_band" => conditioning.torque_band = torque_band(&value)?,
                 "decimation" => conditioning.decimation = Some(whole(&key, &value, 1..usize::MAX)?),
                 "standstill_speed" => conditioning.standstill_speed = Some(positive(&key, number(&key, &value)?)?),
+                "turn_margin" => conditioning.turn_margin = not_negative(&key, number(&key, &value)?)?,
                 "progress" => progress = Some(value.unbind()),
                 _ => {
                     let known = OPTIONS.join(", ");
@@ -232,6 +234,9 @@ pub fn differentiation_name(method: Differentiation) -> String {
 ///     Every how many rows of the filtered equation are taken; from the band by default.
 /// standstill_speed : float, optional
 ///     Speed below which a joint counts as standing, rad/s (m/s); from the noise by default.
+/// turn_margin : float, default 0.0
+///     Periods of the cut-off before and after each turn of a joint in which its rows do not count. Dry friction jumps at
+///     a turn; where samples are few, much of the jump is error.
 /// consistent : bool, default False
 ///     Whether the full set of parameters is to be that of bodies: every link with a positive mass and an inertia that
 ///     some distribution of it has, friction and rotor inertia not negative. See `Model.certificate`.
@@ -278,8 +283,8 @@ pub fn differentiation_name(method: Differentiation) -> String {
 #[pyo3(signature = (robot, recordings, **options),
     text_signature = "(robot, recordings, *, effects=('viscous_friction', 'coulomb_friction', 'rotor_inertia', \
     'torque_offset'), method='wls', noise=None, start='robot_file', cutoff_hz=None, filter_order=4, \
-    differentiation='central', torque_band='position', decimation=None, standstill_speed=None, consistent=False, \
-    prior='entropic', prior_deviation=30.0, bounds=None, essential=False, uncertainty='memory', instruments=(), kp=None, \
+    differentiation='central', torque_band='position', decimation=None, standstill_speed=None, turn_margin=0.0, \
+    consistent=False, prior='entropic', prior_deviation=30.0, bounds=None, essential=False, uncertainty='memory', instruments=(), kp=None, \
     kd=None, progress=None)")]
 pub fn identify(
     py: Python<'_>,

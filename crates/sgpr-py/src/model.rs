@@ -644,6 +644,12 @@ impl Processing {
         self.inner.decimation
     }
 
+    /// Periods of the cut-off about turns and rests of a joint in which its rows do not count.
+    #[getter]
+    fn turn_margin(&self) -> f64 {
+        self.inner.turn_margin
+    }
+
     /// Speed below which each joint counts as standing, (n,), rad/s (m/s).
     #[getter]
     fn standstill_speed<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {

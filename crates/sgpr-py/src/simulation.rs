@@ -356,7 +356,8 @@ pub fn simulate(
     let gain = |name: &str, value: Option<&Bound<'_, PyAny>>, default: f64| match value {
         None => Ok(vec![default; n]),
         Some(value) => match value.extract::<f64>() {
-            Ok(gain) => Ok(vec![gain; n]),
+            Ok(gain) if gain.is_finite() => Ok(vec![gain; n]),
+            Ok(gain) => Err(invalid(format!("{name} = {gain}: expected a finite number"))),
             Err(_) => per_joint(name, value, &arm),
         },
     };

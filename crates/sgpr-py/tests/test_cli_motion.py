@@ -31,12 +31,16 @@ def test_excite_writes_all_files(excited: Path) -> None:
 
 def test_simulate_follows_a_motion(excited: Path, tmp_path: Path) -> None:
     motion, log = excited / "trajectory.csv", tmp_path / "log.csv"
-    found = run("simulate", "two_link", motion, "--out", log, "--torque-noise", 0.1, "--json")
+    found = run(
+        "simulate", "two_link", motion, "--out", log, "--torque-noise", 0.1, "--report", tmp_path / "run.html", "--json"
+    )
     assert (found.code, found.err) == (0, "")
     data = json.loads(found.out)
     recording = sgpr.read(log)
     assert len(recording) == data["samples"] and recording.tau is not None
     assert max(data["tracking_rmse"]) < 1.0
+    page = (tmp_path / "run.html").read_text()
+    assert "Position minus wanted position" in page and "joint_2" in page
     again = run("simulate", "two_link", motion, "--out", tmp_path / "again.csv", "--torque-noise", 0.1, "--quiet")
     assert (again.code, again.out, again.err) == (0, "", "")
     assert np.array_equal(sgpr.read(tmp_path / "again.csv").tau, recording.tau)
@@ -49,6 +53,7 @@ WRONG_USE = {
         "did you mean condition",
     ),
     "suffix": (["simulate", "two_link", "MOTION", "--out", "log.txt"], "must end in"),
+    "report": (["simulate", "two_link", "MOTION", "--out", "log.csv", "--report", "a.pdf"], "must end in .html"),
     "controller": (["simulate", "two_link", "MOTION", "--out", "log.csv", "--controller", "pid"], "feed_forward"),
 }
 

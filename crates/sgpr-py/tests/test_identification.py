@@ -121,6 +121,7 @@ def test_options_do_what_they_say(demo_robot: sgpr.Robot, demo_logs: list[sgpr.R
         ({"decimation": 10**9}, "rows|usable"),
         ({"standstill_speed": -1.0}, "standstill_speed = -1"),
         ({"standstill_speed": 1e9}, "no joint of the logs is faster than"),
+        ({"turn_margin": -1.0}, "turn_margin = -1"),
         ({"torque_band": "narrow"}, "torque_band = 'narrow': expected 'position', 'full' or a cut-off in Hz"),
         ({"torque_band": np.nan}, "torque_band = NaN"),
         ({"noise": np.ones(5)}, r"noise: got \(5,\), expected \(6,\)"),

@@ -130,12 +130,23 @@ impl Objective {
                 (value, derivative)
             }
             Criterion::DOptimality => {
-                let (values, vectors) = symmetric_eigen(a.as_ref());
+                // With columns of unit length, so that units do not decide what is singular.
+                let length: Vec<f64> = (0..size).map(|k| a[(k, k)].sqrt()).collect();
+                let scaled = Mat::from_fn(size, size, |i, j| a[(i, j)] / (length[i] * length[j]));
+                if length.iter().any(|length| !(*length > 0.0 && length.is_finite())) {
+                    return (f64::INFINITY, derivative);
+                }
+                let (values, mut vectors) = symmetric_eigen(scaled.as_ref());
                 if is_singular(values[0], values[size - 1]) {
                     return (f64::INFINITY, derivative);
                 }
+                length
+                    .iter()
+                    .enumerate()
+                    .for_each(|(i, length)| vectors.row_mut(i).iter_mut().for_each(|x| *x /= length));
                 add_spectral(&mut derivative, &vectors, &values.iter().map(|x| -1.0 / x).collect::<Vec<_>>(), None);
-                (-values.iter().map(|x| x.ln()).sum::<f64>(), derivative)
+                let logarithms = values.iter().map(|x| x.ln()).sum::<f64>();
+                (-logarithms - 2.0 * length.iter().map(|x| x.ln()).sum::<f64>(), derivative)
             }
             Criterion::FrobeniusCondition => self.conditions(a, Some(1.0), derivative),
             _ => self.conditions(a, power, derivative),
@@ -158,9 +169,12 @@ impl Objective {
     }
 }
 
+/// Eigenvalues of WᵀW below this share of the largest one are rounding.
+pub(super) const SINGULAR: f64 = 1e-13;
+
 /// Whether a matrix with these eigenvalues, the squares of singular values, is singular to rounding; NaN counts as such.
 fn is_singular(least: f64, most: f64) -> bool {
-    least.is_nan() || most.is_nan() || least <= 1e-13 * most
+    least.is_nan() || most.is_nan() || least <= SINGULAR * most
 }
 
 /// derivative += V diag(slopes) Vᵀ, in the rows and columns `columns`.

@@ -65,15 +65,26 @@ pub enum ExcitationError {
         /// Allowed value.
         limit: f64,
     },
-    /// No motion of this kind reveals the parameters.
+    /// No motion that was found reveals the parameters.
     #[error(
-        "the motion excites {rank} of {expected} base parameters: take more terms, more samples, or move more joints"
+        "the motion excites {rank} of {expected} parameters and does not tell these apart: {}; take more terms, another start, wider limits, or fewer effects",
+        shortened(names)
     )]
     RankDeficient {
         /// Rank of the observation matrix.
         rank: usize,
-        /// Base parameters.
+        /// Its columns.
         expected: usize,
+        /// Parameters that the motion cannot tell from each other.
+        names: Vec<String>,
+    },
+    /// Parameters of very different sizes, whose condition number is lost in rounding.
+    #[error(
+        "the motion excites all parameters, but their columns are of too different sizes for `{criterion}`: choose d_optimality, which does not depend on their units"
+    )]
+    Units {
+        /// Criterion.
+        criterion: &'static str,
     },
     /// An effect that no motion of this robot can show.
     #[error("a motion cannot excite `{name}`: {reason}")]
@@ -107,4 +118,11 @@ pub enum ExcitationError {
     /// The listener stopped the work before there was a trajectory.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
+}
+
+/// The first names of a list, and how many more there are.
+fn shortened(names: &[String]) -> String {
+    const MOST: usize = 8;
+    let more = if names.len() > MOST { format!(" and {} more", names.len() - MOST) } else { String::new() };
+    names[..names.len().min(MOST)].join(", ") + &more
 }

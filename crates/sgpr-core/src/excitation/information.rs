@@ -3,6 +3,7 @@
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par};
 
+use super::criterion::SINGULAR;
 use super::dual::{DIRECTIONS, Dual};
 use super::{ExcitationError, NominalEffects, TrajectorySamples};
 use crate::dynamics::{BatchWorkspace, Body, Samples, regressor_batch, regressor_kernel};
@@ -304,8 +305,10 @@ pub struct ExcitationReport {
     pub log_determinant: f64,
     /// Singular values of W, largest first.
     pub singular_values: Vec<f64>,
-    /// Number of base parameters that are excited.
+    /// Number of base parameters that are excited, with every column of W scaled to unit length.
     pub rank: usize,
+    /// Names of the parameters that the motion cannot tell from each other; none if all are excited.
+    pub not_told_apart: Vec<String>,
 }
 
 impl ExcitationReport {
@@ -314,6 +317,9 @@ impl ExcitationReport {
         self.link_conditions.iter().filter(|condition| !condition.is_nan()).sum()
     }
 }
+
+/// Share of a direction that W does not see, above which a parameter is named.
+const TAKES_PART: f64 = 0.05;
 
 /// What `samples` reveal of the base parameters and of effects at nominal values; friction with its true sign function.
 ///
@@ -367,15 +373,23 @@ pub fn evaluate(
         let length = factor.col(j).norm_l2();
         if length > 0.0 { factor[(i, j)] / length } else { 0.0 }
     });
+    let scaled = Svd::new(scaled.as_ref());
+    let rank = scaled.values.iter().filter(|value| **value > SINGULAR.sqrt() * scaled.values[0]).count();
+    let in_a_direction = |column: usize| (rank..width).any(|k| scaled.v[(column, k)].abs() > TAKES_PART);
+    let name = |column: usize| match base.names().get(column) {
+        Some(name) => name.clone(),
+        None => nominal.map_or_else(String::new, |nominal| nominal.names().swap_remove(column - base.rank())),
+    };
     let squares = |power: i32| values.iter().map(|value| value.powi(2 * power)).sum::<f64>().sqrt();
     let count = samples.len() as f64;
     Ok(ExcitationReport {
         condition: ratio(values[0], values[values.len() - 1]),
-        scaled_condition: condition(&scaled),
+        scaled_condition: ratio(scaled.values[0], scaled.values[width - 1]),
         frobenius_condition: squares(1) * squares(-1),
         link_conditions: (0..n).map(|link| condition(&columns(&|column| link_of(column) == link))).collect(),
         log_determinant: values.iter().map(|value| 2.0 * value.ln() - count.ln()).sum(),
-        rank: values.iter().filter(|value| **value > 1e-10 * values[0]).count(),
+        rank,
+        not_told_apart: (0..width).filter(|column| in_a_direction(*column)).map(name).collect(),
         singular_values: values,
     })
 }

@@ -44,9 +44,14 @@ enum Of {
 /// Share of a column that the others must leave over.
 const INDEPENDENT: f64 = 1e-5;
 
-/// Random motions by which columns are compared, and samples of each.
+/// Share of a torque below which its change by a constant is rounding.
+const ROUNDING: f64 = 1e-12;
+
+/// Random motions by which columns are compared.
 const MOTIONS: u64 = 3;
-const SAMPLES: usize = 240;
+
+/// Samples per second that effects with hidden states need: those of the library move at up to 25 Hz.
+pub(super) const RATE_HZ: f64 = 100.0;
 
 impl NominalEffects {
     /// - `set`, `base`: the parameters beside which the effects stand
@@ -71,17 +76,31 @@ impl NominalEffects {
         for motion in &motions {
             own.iter_mut().zip(all.columns(motion)).for_each(|(column, part)| column.extend(part));
         }
-        let names = all.names();
-        let mut kept = Vec::new();
-        for ((column, values), name) in all.columns.iter().zip(own).zip(names) {
-            if push_if_independent(&mut known, values) {
-                kept.push(*column);
-            } else {
-                all.hidden.push(name);
-            }
-        }
+        all.silence_rounding(&mut own);
+        let kept = independent(&mut known, own);
+        all.hidden = (0..kept.len()).filter(|k| !kept[*k]).map(|k| all.name(&all.columns[k])).collect();
+        let kept = all.columns.iter().zip(kept).filter(|(_, kept)| *kept).map(|(column, _)| *column).collect();
         all.columns = kept;
         all
+    }
+
+    /// Sets columns of coefficients to zero that are rounding beside those of other coefficients of their term.
+    fn silence_rounding(&self, columns: &mut [Vec<f64>]) {
+        let squares: Vec<f64> = columns.iter().map(|column| dot(column, column)).collect();
+        let coefficient = |index: &usize| matches!(self.columns[*index].of, Of::Coefficient(_));
+        for index in (0..columns.len()).filter(coefficient) {
+            let term = self.columns[index].term;
+            let of_term = (0..columns.len()).filter(coefficient).filter(|other| self.columns[*other].term == term);
+            let largest = of_term.map(|other| squares[other]).fold(0.0, f64::max);
+            if squares[index] <= ROUNDING * ROUNDING * largest {
+                columns[index].fill(0.0);
+            }
+        }
+    }
+
+    /// Whether a term has a hidden state, so that its columns need samples that are close in time.
+    pub(super) fn has_memory(&self) -> bool {
+        self.model.terms().iter().any(|term| term.effect.has_memory())
     }
 
     /// Number of columns.
@@ -190,8 +209,12 @@ impl NominalEffects {
             }
             self.spread(term, &torque, self.model.robot().dof(), motion.rate_hz)
         });
+        let change: Vec<f64> = above.iter().zip(&below).map(|(above, below)| above - below).collect();
+        if dot(&change, &change) <= ROUNDING * ROUNDING * dot(&above, &above) {
+            return vec![0.0; change.len()];
+        }
         let step = values[1] - values[0];
-        above.iter().zip(&below).map(|(above, below)| (above - below) / step).collect()
+        change.into_iter().map(|change| change / step).collect()
     }
 
     /// A column as the log shows it, `[samples, n]`.
@@ -233,7 +256,7 @@ pub fn nominal_terms(robot: &Robot, effect: &Arc<dyn Effect>, duration: f64) -> 
     rnea_batch(robot, &mut BatchWorkspace::new(robot), samples, &mut torque);
     let context = Context {
         robot,
-        rate_hz: SAMPLES as f64 / duration,
+        rate_hz: RATE_HZ,
         time: &motion.time,
         q: &motion.q,
         dq: &motion.dq,
@@ -324,7 +347,7 @@ fn some_motion(robot: &Robot, duration: f64, seed: u64) -> TrajectorySamples {
         coefficients.extend((0..basis.len()).map(|_| size * noise.normal()));
     }
     let motion = Trajectory::new(basis, start, coefficients).expect("five terms");
-    motion.samples(SAMPLES as f64 / duration, duration)
+    motion.samples(RATE_HZ, duration)
 }
 
 /// Columns of the base parameters along motions, orthonormal.
@@ -350,24 +373,48 @@ fn base_columns(
 }
 
 /// Adds what orthonormal columns leave of another one to them, if that is more than rounding.
-fn push_if_independent(known: &mut Vec<Vec<f64>>, mut column: Vec<f64>) -> bool {
-    let length = dot(&column, &column).sqrt();
-    if !(length > 0.0 && length.is_finite()) {
-        return false;
+fn push_if_independent(known: &mut Vec<Vec<f64>>, column: Vec<f64>) {
+    independent(known, vec![column]);
+}
+
+/// Which columns are no combinations of `known` ones, which are orthonormal, and of each other. The one that the others
+/// leave most of comes first, so that of a combination the column goes that says least beside the others. What is kept
+/// is added to the known columns.
+fn independent(known: &mut Vec<Vec<f64>>, mut columns: Vec<Vec<f64>>) -> Vec<bool> {
+    let mut kept = vec![false; columns.len()];
+    for column in &mut columns {
+        let length = dot(column, column).sqrt();
+        if !(length > 0.0 && length.is_finite()) {
+            column.fill(0.0);
+            continue;
+        }
+        column.iter_mut().for_each(|value| *value /= length);
+        take_away(known, column);
     }
-    column.iter_mut().for_each(|value| *value /= length);
+    let left = |columns: &[Vec<f64>], k: usize| dot(&columns[k], &columns[k]);
+    while let Some(next) = (0..columns.len())
+        .filter(|k| !kept[*k] && left(&columns, *k) >= INDEPENDENT * INDEPENDENT)
+        .max_by(|a, b| left(&columns, *a).total_cmp(&left(&columns, *b)))
+    {
+        kept[next] = true;
+        let mut direction = std::mem::take(&mut columns[next]);
+        take_away(known, &mut direction);
+        let length = dot(&direction, &direction).sqrt();
+        direction.iter_mut().for_each(|value| *value /= length);
+        known.push(direction);
+        let direction = &known[known.len() - 1..];
+        columns.iter_mut().zip(&kept).filter(|(_, kept)| !**kept).for_each(|(column, _)| take_away(direction, column));
+    }
+    kept
+}
+
+/// Takes the shares of orthonormal columns away from another one.
+fn take_away(known: &[Vec<f64>], column: &mut [f64]) {
     // Twice is enough (Parlett, The Symmetric Eigenvalue Problem, section 6.9).
     for _ in 0..2 {
-        for other in known.iter() {
-            let share = dot(other, &column);
+        for other in known {
+            let share = dot(other, column);
             column.iter_mut().zip(other).for_each(|(value, other)| *value -= share * other);
         }
     }
-    let left = dot(&column, &column).sqrt();
-    if left < INDEPENDENT {
-        return false;
-    }
-    column.iter_mut().for_each(|value| *value /= left);
-    known.push(column);
-    true
 }

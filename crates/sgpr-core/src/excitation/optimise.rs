@@ -9,6 +9,7 @@ use slsqp::{StopTols, minimize};
 
 use super::criterion::Objective;
 use super::information::{Information, require_noise};
+use super::nominal::RATE_HZ;
 use super::peaks::suprema;
 use super::problem::{Grid, Problem, SIGN_WIDTH, Sharpness, TorqueLimits, trajectory};
 use super::surroundings::Checker;
@@ -302,7 +303,10 @@ impl<'a> Search<'a> {
         let free = options.basis.free_directions();
         let turns = options.basis.duration() / options.basis.shortest_time();
         let unknowns = set.len() + options.nominal.as_ref().map_or(0, NominalEffects::len);
-        let points = (POINTS_PER_TURN * turns).ceil().max(2.0 * unknowns as f64 / robot.dof() as f64) as usize;
+        let with_memory = options.nominal.as_ref().is_some_and(NominalEffects::has_memory);
+        let in_time = if with_memory { RATE_HZ * options.basis.duration() } else { 0.0 };
+        let enough = (POINTS_PER_TURN * turns).max(2.0 * unknowns as f64 / robot.dof() as f64);
+        let points = enough.max(in_time).ceil() as usize;
         Ok(Self {
             objective: Objective::new(options.criterion, robot, set, base, options.nominal.as_ref()),
             plain: Objective::new(options.criterion, robot, set, base, None),
@@ -521,8 +525,11 @@ impl<'a> Search<'a> {
         let report =
             evaluate(self.robot, self.set, self.base, self.options.nominal.as_ref(), &dense(&best.trajectory), noise)?;
         if !best.value.is_finite() {
-            let expected = report.singular_values.len();
-            return Err(ExcitationError::RankDeficient { rank: report.rank, expected });
+            let (rank, expected) = (report.rank, report.singular_values.len());
+            return Err(match rank < expected {
+                true => ExcitationError::RankDeficient { rank, expected, names: report.not_told_apart },
+                false => ExcitationError::Units { criterion: self.options.criterion.name() },
+            });
         }
         let peaks = peaks(self.robot, self.set, &self.parameters, &best.trajectory);
         Ok(Excitation {
@@ -538,9 +545,9 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Samples over one duration, a hundred per turn of the fastest component.
+/// Samples over one duration, a hundred per turn of the fastest component, close enough for effects with a memory.
 fn dense(motion: &Trajectory) -> super::TrajectorySamples {
-    motion.samples(100.0 / motion.basis().shortest_time(), motion.duration())
+    motion.samples((100.0 / motion.basis().shortest_time()).max(RATE_HZ), motion.duration())
 }
 
 fn require_start(robot: &Robot, limits: &MotionLimits, start: &[f64]) -> Result<(), ExcitationError> {

@@ -82,7 +82,8 @@ impl Motion {
         let (mut dq, mut ddq) = processing.differentiation.derivatives(&q, n, rate_hz)?;
         let inner: Vec<bool> = (0..samples).map(|k| k >= edge && k < samples - edge).collect();
         let threshold = &processing.standstill_speed;
-        let mut use_as = separate_rests(&mut dq, &mut ddq, threshold, rate_hz, processing.cutoff_hz);
+        let period = rate_hz / processing.cutoff_hz;
+        let mut use_as = separate_rests(&mut dq, &mut ddq, threshold, period, processing.turn_margin);
         for (row, inner) in use_as.chunks_exact_mut(n).zip(&inner) {
             if !inner {
                 row.fill(Row::Skip);

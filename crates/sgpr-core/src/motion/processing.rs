@@ -19,6 +19,10 @@ pub struct Conditioning {
     pub decimation: Option<usize>,
     /// Speed below which a joint counts as standing, rad/s (m/s); from the noise if `None`.
     pub standstill_speed: Option<f64>,
+    /// Periods of the cut-off before and after a turn or a rest of a joint in which its rows do not count; zero for none
+    /// but half a period about a rest. Dry friction jumps at a turn, and a sample stands on either side: the slower the
+    /// sampling, the more of the jump is error, which the filters spread.
+    pub turn_margin: f64,
 }
 
 impl Default for Conditioning {
@@ -30,6 +34,7 @@ impl Default for Conditioning {
             torque_band: TorqueBand::AsPosition,
             decimation: None,
             standstill_speed: None,
+            turn_margin: 0.0,
         }
     }
 }
@@ -60,6 +65,9 @@ pub struct Processing {
     pub decimation: usize,
     /// Per joint: speed below which it counts as standing, rad/s (m/s).
     pub standstill_speed: Vec<f64>,
+    /// Periods of the cut-off about turns and rests of a joint in which its rows do not count.
+    #[serde(default)]
+    pub turn_margin: f64,
 }
 
 /// Rows per second of the filtered equation, in cut-offs: at one and a half cut-offs the filter passes 4 %.
@@ -137,6 +145,7 @@ impl Processing {
             torque_cutoff_hz,
             decimation: decimation.max(1),
             standstill_speed: standstill_speed.collect(),
+            turn_margin: conditioning.turn_margin,
         };
         Ok((processing, choices))
     }

@@ -339,6 +339,8 @@ class Processing:
     def decimation(self) -> int: ...
     @property
     def standstill_speed(self) -> _Array: ...
+    @property
+    def turn_margin(self) -> float: ...
 
 @final
 class Model:
@@ -451,6 +453,7 @@ def identify(
     torque_band: float | Literal["position", "full"] = "position",
     decimation: int | None = None,
     standstill_speed: float | None = None,
+    turn_margin: float = 0.0,
     consistent: bool = False,
     prior: Literal["entropic", "euclidean"] = "entropic",
     prior_deviation: float | Literal["auto"] = 30.0,

@@ -143,7 +143,15 @@ def processing(model: Model) -> dict[str, Any] | None:
     chosen = model.processing
     if chosen is None:
         return None
-    keys = ("cutoff_hz", "order", "differentiation", "torque_cutoff_hz", "decimation", "standstill_speed")
+    keys = (
+        "cutoff_hz",
+        "order",
+        "differentiation",
+        "torque_cutoff_hz",
+        "decimation",
+        "standstill_speed",
+        "turn_margin",
+    )
     return {key: getattr(chosen, key) for key in keys}
 
 

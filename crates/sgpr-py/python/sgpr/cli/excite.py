@@ -7,7 +7,7 @@ import typer
 
 from .. import Excitation, Robot, __version__
 from .. import excite as excite_robot
-from ..report.motion import MotionPage
+from ..report.motion import MotionPage, kind_of_parameters
 from ..report.numbers import significant
 from .console import Output, to_json
 from .effects import checked_effects
@@ -189,7 +189,7 @@ def show(found: Excitation, robot: Robot, data: dict[str, Any], output: Output) 
         output.warning("stopped: this is the best motion so far")
     output.heading(
         f"{data['criterion']} {significant(found.value)}; condition number {significant(report['condition'])}, "
-        f"{report['rank']} of {report['base_parameters']} base parameters excited"
+        f"{report['rank']} of {report['base_parameters']} {kind_of_parameters(report)}s excited"
     )
     rows = [
         [name, *map(significant, (*peaks["position"][k], peaks["velocity"][k], peaks["acceleration"][k])), unit]

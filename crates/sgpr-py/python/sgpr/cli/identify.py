@@ -171,6 +171,15 @@ class IdentificationOptions:
             rich_help_panel=FIT,
         ),
     ] = None
+    turn_margin: Annotated[
+        float,
+        typer.Option(
+            "--turn-margin",
+            metavar="PERIODS",
+            help="Periods of the cut-off about each turn of a joint in which its rows do not count.",
+            rich_help_panel=FIT,
+        ),
+    ] = 0.0
 
     def arguments(self) -> dict[str, Any]:
         """What `sgpr.identify` takes."""
@@ -180,6 +189,8 @@ class IdentificationOptions:
         for count, option in ((self.order, "--order"), (self.decimation, "--decimation")):
             if count is not None and count < 1:
                 raise wrong_use("must be at least 1", option)
+        if not 0.0 <= self.turn_margin < float("inf"):
+            raise wrong_use("must be zero or more", "--turn-margin")
         return {
             "effects": checked_effects(DEFAULT_EFFECTS if self.effects is None else self.effects),
             "method": self._method(),
@@ -193,6 +204,7 @@ class IdentificationOptions:
             "torque_band": self._band(),
             "decimation": self.decimation,
             "standstill_speed": self.standstill_speed,
+            "turn_margin": self.turn_margin,
         }
 
     def _method(self) -> str:

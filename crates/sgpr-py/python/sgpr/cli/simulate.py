@@ -9,6 +9,7 @@ import typer
 from .. import Recording, __version__
 from .. import simulate as simulate_arm
 from ..report.numbers import significant
+from ..report.tracking import TrackingPage
 from ..robots import puma560_drives, two_link_drives
 from .console import Output
 from .errors import BadData, one_of, wrong_use
@@ -17,6 +18,7 @@ from .inputs import kind_of, load_model
 from .output_folder import OutputFolder
 from .reading import ReadingOptions, read_log
 from .robots import READY_MADE, load_robot
+from .versions import versions
 
 CONTROLLERS = ("feed_forward", "computed_torque", "impedance", "pd")
 DRIVES = {"puma560": puma560_drives, "two_link": two_link_drives}
@@ -61,8 +63,13 @@ def simulate(
         list[str] | None,
         typer.Option("--joints", metavar="JOINT...", help="Joints of a URDF that move; the others are locked."),
     ] = None,
+    report: Annotated[
+        str | None, typer.Option("--report", metavar="FILE", help="Also draw tracking and torque (.html).")
+    ] = None,
 ) -> None:
     """Simulates an arm that follows a motion, and writes what a logger would have written."""
+    if report is not None and not report.endswith(".html"):
+        raise wrong_use(f"`{report}`: the name must end in .html", "--report")
     if not out.endswith(SUFFIXES):
         raise wrong_use(f"`{out}`: the name must end in {', '.join(SUFFIXES)}", "--out")
     if seed < 0:
@@ -96,25 +103,29 @@ def simulate(
         recording = run.recording(f"simulation of {robot.name}")
         written = folder.file(str(place))
         recording.save(written)
-    rmse = run.tracking_rmse
-    data: dict[str, Any] = {
-        "command": "simulate",
-        "arm": arm,
-        "motion": motion,
-        "model": model,
-        "out": out,
-        "joints": robot.joint_names,
-        "samples": len(run),
-        "tracking_rmse": rmse,
-        **options,
-        "library_version": __version__,
-    }
+        rmse = run.tracking_rmse
+        data: dict[str, Any] = {
+            "command": "simulate",
+            "arm": arm,
+            "motion": motion,
+            "model": model,
+            "out": out,
+            "joints": robot.joint_names,
+            "samples": len(run),
+            "tracking_rmse": rmse,
+            **options,
+            "library_version": __version__,
+        }
+        if report is not None:
+            folder.write(str(Path(report).absolute()), TrackingPage(robot, run, data, versions()).html())
     rows = [
         [name, significant(value), unit]
         for name, value, unit in zip(robot.joint_names, rmse, robot.position_units, strict=True)
     ]
     output.table(["joint", "tracking error (RMS)", "unit"], rows, text_columns=(0, 2))
     output.line(f"{len(run)} samples written to {out}")
+    if report is not None:
+        output.line(f"report: {report}")
     output.result(data)
 
 

@@ -15,6 +15,8 @@ from .page import page
 from .settings import settings_section
 
 SHOWN_SAMPLES = 500
+# Criteria that are logarithms already.
+LOGARITHMS = ("d_optimality", "hadamard")
 QUANTITIES = (("position", "position [{0}]"), ("velocity", "speed [{0}/s]"), ("acceleration", "acceleration [{0}/s²]"))
 
 
@@ -50,7 +52,7 @@ class MotionPage:
         value = "" if criterion == "condition" else f"Criterion {criterion}: {significant(self.found.value)}. "
         text = (
             f"{value}{report['rank']} of "
-            f"{counted(report['base_parameters'], 'base parameter')} are excited, condition number "
+            f"{counted(report['base_parameters'], kind_of_parameters(report))} are excited, condition number "
             f"{significant(report['condition'])}. The motion uses {100 * self.found.utilisation:.3f} % of its tightest "
             "limit, between samples too."
         )
@@ -135,17 +137,21 @@ class MotionPage:
         label = f"best {self.data['criterion']}, smoothed"
         figure = {
             "data": lines,
-            "layout": layout(xaxis=axis("evaluation"), yaxis=_search_axis(label, history[:, 2])),
+            "layout": layout(xaxis=axis("evaluation"), yaxis=self._search_axis(label, history[:, 2])),
         }
         ends = [[f"search {k + 1}", significant(value)] for k, value in enumerate(self.found.values)]
         body = join([plot("search-plot", 320, label), table("Where the searches ended", ["search", "value"], ends)])
         return body, {"search-plot": figure}
 
+    def _search_axis(self, label: str, values: NDArray[np.float64]) -> dict[str, Any]:
+        """Logarithmic for condition numbers; with ticks between the decades where there are few of these."""
+        if self.data["criterion"] in LOGARITHMS or values.min() <= 0.0:
+            return axis(label)
+        if values.max() > 100.0 * values.min():
+            return log_axis(label)
+        return axis(label, type="log", dtick="D2")
 
-def _search_axis(label: str, values: NDArray[np.float64]) -> dict[str, Any]:
-    """Logarithmic for condition numbers; with ticks between the decades where there are few of these."""
-    if values.min() <= 0.0:
-        return axis(label)
-    if values.max() > 100.0 * values.min():
-        return log_axis(label)
-    return axis(label, type="log", dtick="D2")
+
+def kind_of_parameters(report: dict[str, Any]) -> str:
+    """What the columns of W stand for."""
+    return "parameter" if report.get("nominal") else "base parameter"

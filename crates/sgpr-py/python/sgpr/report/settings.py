@@ -13,6 +13,7 @@ NAMES = {
     "torque_cutoff_hz": "cut-off of both sides of the equation [Hz]",
     "torque_band": "band of both sides of the equation",
     "standstill_speed": "standing below a speed of [rad/s, m/s]",
+    "turn_margin": "left out about turns [periods of the cut-off]",
     "decimation": "every how many rows are used",
     "order": "order of the filter",
     "gravity": "gravity [m/s²]",
