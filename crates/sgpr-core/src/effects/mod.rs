@@ -292,7 +292,7 @@ impl Constant {
             Scale::Torque => [self.low, self.high].map(|x| x * ranges.torque),
             Scale::Time => ranges.time,
             // A resonance beyond the band would be seen by its foot alone.
-            _ if self.unit == "Hz" => [self.low, self.high.min(0.6 * ranges.band_hz)],
+            _ if self.unit == "Hz" => [self.low, self.high.min(0.6 * ranges.band_hz).max(self.low)],
             _ => [self.low, self.high],
         }
     }

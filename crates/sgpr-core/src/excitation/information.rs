@@ -369,9 +369,11 @@ pub fn evaluate(
             Some(index) => set.effect_columns()[index].joint,
         }
     };
+    // Columns that are zero come out of the factorisation with rounding, whose direction says nothing.
+    let zero = 1e-13 * values[0];
     let scaled = Mat::from_fn(factor.nrows(), width, |i, j| {
         let length = factor.col(j).norm_l2();
-        if length > 0.0 { factor[(i, j)] / length } else { 0.0 }
+        if length > zero { factor[(i, j)] / length } else { 0.0 }
     });
     let scaled = Svd::new(scaled.as_ref());
     let rank = scaled.values.iter().filter(|value| **value > SINGULAR.sqrt() * scaled.values[0]).count();

@@ -639,7 +639,8 @@ pub(super) fn tangent(
     let value = term.constants[constant];
     let step = term.effect.constants()[constant].difference_step(value);
     let [low, high] = [(value - step).max(lowest), (value + step).min(highest)];
-    let slope = 1.0 / (high - low).max(f64::MIN_POSITIVE);
+    // A constant at the only value that it may have.
+    let slope = if high > low { 1.0 / (high - low) } else { 0.0 };
     let with = |value: f64| {
         let mut changed = term.clone();
         changed.constants[constant] = value;
