@@ -169,8 +169,11 @@ def test_a_consistent_model_with_an_effect_of_the_trajectory_writes_its_bodies(
     model = sgpr.identify(demo_robot, demo_logs, effects=effects, consistent=True)
     (term,) = model.terms
     assert (term["effect"], term["joints"]) == ("stribeck_friction", [joint])
+    size, deviation, unit = term["parameters"][f"{joint}.dFs"]
+    assert abs(size) < 1e-6 and deviation > 0.0 and unit == "N·m"
+    # The arm has no such friction, so below which speed it would act is not known.
     value, deviation, unit = term["parameters"][f"{joint}.vs"]
-    assert value > 0.0 and deviation is not None and unit == "rad/s"
+    assert value > 0.0 and deviation is None and unit == "rad/s"
     assert model.certificate is not None
     assert all(link["smallest_eigenvalue"] > 0.0 for link in model.certificate["links"])
     plain = sgpr.identify(demo_robot, demo_logs, effects=effects[:3], consistent=True)

@@ -92,7 +92,7 @@ def test_bands_along_a_log_know_of_terms(
     model.save(tmp_path / "model.sgpr")
     assert np.array_equal(sgpr.load(tmp_path / "model.sgpr").standard_deviation(log), deviation)
     with pytest.raises(ValueError, match="joints"):
-        sgpr.Model.nominal(sgpr.two_link()).standard_deviation(log)
+        sgpr.Model.nominal(sgpr.robots.two_link()).standard_deviation(log)
 
 
 def test_essential_parameters_predict_as_well(
