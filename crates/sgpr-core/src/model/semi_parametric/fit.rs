@@ -111,13 +111,11 @@ fn learn(
     let (joints, stopped) = fit_joints(&rows, &left_out, options, progress)?;
     let mut model = SemiParametricModel { physics, mean: options.mean, joints, basis: None, identified: None, stopped };
     if options.mean == Mean::Joint {
-        let lost = keep_what_gains(&mut model, &rows, &left_out, &options.compute)?;
+        let errors = errors_of_parts(&model, &rows, &left_out, &options.compute)?;
         let matrices = basis::matrices(&model.joints, &rows);
         let identified = model.physics.clone();
         estimate_again(&mut model, &rows, matrices)?;
-        if lost && model.joints.iter().any(|rest| rest.gp.is_some()) {
-            model.identified = Some(identified);
-        }
+        keep_what_gains(&mut model, identified, &errors, &rows, &left_out);
     }
     let learned = model.joints.iter().filter(|rest| rest.gp.is_some()).count();
     model.physics.provenance.history.push(format!(
@@ -240,34 +238,39 @@ fn fit_joints(
 }
 
 /// Leaves every joint to the identified physics at which physics and processes, estimated together without a part of the
-/// logs, predict the part no better than physics estimated without it, and says whether there is one. Sizes of errors are
-/// compared, not squares: rows in which dry friction turns are wrong for both.
+/// logs, predict the part no better than physics estimated without it. Sizes of errors are compared, not squares: rows in
+/// which dry friction turns are wrong for both.
 ///
-/// The joint that gains least goes first, and the others are judged again: a process that is no good spoils the parameters
-/// that they share.
+/// - `errors`: of [`errors_of_parts`]
 fn keep_what_gains(
     model: &mut SemiParametricModel,
+    identified: TorqueModel,
+    errors: &[Errors],
     rows: &[Rows],
     left_out: &[Vec<LeftOut>],
-    compute: &Compute,
-) -> Result<bool, SemiParametricError> {
+) {
     let mut lost = false;
-    loop {
-        let errors = errors_of_parts(model, rows, left_out, compute)?;
-        let with_process = |joint: &usize| model.joints[*joint].gp.is_some();
-        let judged = (0..rows.len()).filter(with_process).map(|joint| (joint, errors[joint].share_left()));
-        let Some((worst, _)) = judged.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, share)| *share >= 1.0 - GAIN)
-        else {
-            for (joint, rest) in model.joints.iter_mut().enumerate().filter(|(_, rest)| rest.gp.is_some()) {
-                let parts = left_out[joint].len();
-                (rest.report.calibration, rest.report.calibration_95) = calibration(&errors[joint].together, parts);
-            }
-            return Ok(lost);
-        };
+    for (joint, rest) in model.joints.iter_mut().enumerate().filter(|(_, rest)| rest.gp.is_some()) {
+        let Errors { together, alone } = &errors[joint];
+        let size: f64 = together.iter().map(|(error, _)| error.abs()).sum();
+        if together.len() == alone.len() && size < (1.0 - GAIN) * alone.iter().map(|error| error.abs()).sum::<f64>() {
+            (rest.report.calibration, rest.report.calibration_95) = calibration(together, left_out[joint].len());
+            continue;
+        }
         lost = true;
-        let Alone { report, mean_square, .. } = Alone::new(&rows[worst], &left_out[worst]);
-        let candidates = std::mem::take(&mut model.joints[worst].report.candidates);
-        model.joints[worst] = Rest::without(JointReport { candidates, ..report }, mean_square);
+        let Alone { report, mean_square, .. } = Alone::new(&rows[joint], &left_out[joint]);
+        *rest = Rest::without(JointReport { candidates: rest.report.candidates.clone(), ..report }, mean_square);
+    }
+    if !lost {
+        return;
+    }
+    let Basis { covariance, mut rows, .. } = model.basis.take().expect("just estimated");
+    rows.iter_mut().zip(&model.joints).filter(|(_, rest)| rest.gp.is_none()).for_each(|(rows, _)| *rows = None);
+    model.basis = Some(Basis::new(covariance, rows, &model.joints));
+    if model.joints.iter().all(|rest| rest.gp.is_none()) {
+        model.physics = identified;
+    } else {
+        model.identified = Some(identified);
     }
 }
 
@@ -278,16 +281,6 @@ struct Errors {
     together: Vec<(f64, f64)>,
     /// Of physics alone estimated without it.
     alone: Vec<f64>,
-}
-
-impl Errors {
-    /// Share of the size of the errors of physics alone that is left with processes; one where not all parts could be
-    /// predicted.
-    fn share_left(&self) -> f64 {
-        let together: f64 = self.together.iter().map(|(error, _)| error.abs()).sum();
-        let alone: f64 = self.alone.iter().map(|error| error.abs()).sum();
-        if self.together.len() == self.alone.len() && alone > 0.0 { together / alone } else { 1.0 }
-    }
 }
 
 /// For each joint with a process.
