@@ -7,15 +7,13 @@ and dry friction and offset, trained on trajectories 1 to 5; the error of 6 and 
 joint stands included. `docs/real-data.md` says where the logs come from; SGPR_DATA names their folder. Needs SciPy.
 """
 
-import os
 import sys
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import sgpr
 from numpy.typing import NDArray
-from real_robots import DATASETS, recordings
+from real_robots import find_dataset, robot_and_logs
 from scipy.signal import butter, filtfilt
 
 Array = NDArray[np.float64]
@@ -54,13 +52,7 @@ def solution(rows: Array, tau: Array, deviations: Array) -> Array:
 
 def main() -> int:
     """Print the table of `docs/real-data.md`."""
-    dataset = next(dataset for dataset in DATASETS if dataset.folder == "baxter")
-    folder = Path(os.environ.get("SGPR_DATA") or "../shared/data/real") / dataset.folder
-    if not (folder / dataset.urdf).exists():
-        print(f"no logs in {folder}: set SGPR_DATA (see docs/real-data.md)", file=sys.stderr)
-        return 1
-    robot = sgpr.Robot.from_urdf(folder / dataset.urdf)
-    train, test = (recordings(folder, robot, dataset, logs) for logs in (dataset.train, dataset.test))
+    robot, train, test = robot_and_logs(*find_dataset("baxter"))
     print("| dry friction | cut off at both ends, s | all rows alike, % | joints weighted, % | RMSE, weighted, N·m |")
     print("|---|---:|---:|---:|---|")
     for name, dry in DRY_FRICTION.items():

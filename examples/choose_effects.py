@@ -10,13 +10,11 @@ of the logs.
 
 import argparse
 import math
-import os
 import sys
-from pathlib import Path
 
 import sgpr
 from consistent_robots import AT_THE_LINK, FRICTION
-from real_robots import DATASETS, EFFECTS, recordings
+from real_robots import DATASETS, EFFECTS, find_dataset, robot_and_logs
 
 KINDS = [
     "cable_stiffness",
@@ -37,7 +35,7 @@ class Choice:
     """A robot, its logs, and the effects chosen so far."""
 
     def __init__(self, robot: sgpr.Robot, train: list[sgpr.Recording], test: list[sgpr.Recording], effects: list[str]):
-        self.robot, self.train, self.test, self.first = robot, train, test, effects
+        self.robot, self.train, self.test, self.first = robot, train, test, tuple(effects)
         processing = sgpr.identify(robot, train, effects=effects).processing
         assert processing is not None
         self.cutoff_hz = processing.cutoff_hz
@@ -85,14 +83,8 @@ def main() -> int:
     parser.add_argument("robot", choices=[dataset.folder for dataset in DATASETS])
     parser.add_argument("--steps", type=int, default=3)
     arguments = parser.parse_args()
-    dataset = next(dataset for dataset in DATASETS if dataset.folder == arguments.robot)
-    folder = Path(os.environ.get("SGPR_DATA") or "../shared/data/real") / dataset.folder
-    if not (folder / dataset.urdf).exists():
-        print(f"no logs in {folder}: set SGPR_DATA (see docs/real-data.md)", file=sys.stderr)
-        return 1
-    robot = sgpr.Robot.from_urdf(folder / dataset.urdf)
-    train, test = (recordings(folder, robot, dataset, logs) for logs in (dataset.train, dataset.test))
-    effects = list(FRICTION if dataset.folder in AT_THE_LINK else EFFECTS)
+    robot, train, test = robot_and_logs(*find_dataset(arguments.robot))
+    effects = list(FRICTION if arguments.robot in AT_THE_LINK else EFFECTS)
     choice = Choice(robot, train, test, effects)
     print("| added | parts kept out: unconstrained | consistent | test log: unconstrained | consistent | loss |")
     print("|---|---:|---:|---:|---:|---:|")

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import sgpr
-from real_robots import DATASETS, EFFECTS, Dataset, recordings
+from real_robots import DATASETS, EFFECTS, Dataset, robot_and_logs
 
 FRICTION = ["viscous_friction", "coulomb_friction", "torque_offset"]
 # Behind the gear no sensor sees the rotor.
@@ -76,12 +76,7 @@ def main() -> int:
             print(f"{dataset.folder}: no logs in {folder}; skipped", file=sys.stderr)
             continue
         found = True
-        robot = sgpr.Robot.from_urdf(folder / dataset.urdf)
-        logs = {
-            "robot": robot,
-            "train": recordings(folder, robot, dataset, dataset.train),
-            "test": recordings(folder, robot, dataset, dataset.test),
-        }
+        logs = dict(zip(("robot", "train", "test"), robot_and_logs(folder, dataset), strict=True))
         effects, label = EFFECTS, "all"
         print(row(dataset, label, effects, logs), flush=True)
         if dataset.folder in AT_THE_LINK:

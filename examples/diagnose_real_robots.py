@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import sgpr
-from real_robots import DATASETS, EFFECTS, EMPS_SYMMETRIC, Dataset, Log, recordings
+from real_robots import DATASETS, EFFECTS, EMPS_SYMMETRIC, Dataset, Log, recordings, robot_and_logs
 
 PAUSE_S = 5.0
 
@@ -84,9 +84,7 @@ def main() -> int:
     print("| robot | findings | unseen before, % | after, % | samples | s |\n|---|---|---|---|---|---|")
     for dataset in found:
         folder = data / dataset.folder
-        robot = sgpr.Robot.from_urdf(folder / dataset.urdf)
-        train = recordings(folder, robot, dataset, dataset.train)
-        test = recordings(folder, robot, dataset, dataset.test)
+        robot, train, test = robot_and_logs(folder, dataset)
         print(row(dataset.folder, model_of(robot, dataset, train), train, test), flush=True)
         if dataset.folder == "ur10e":
             train, test = payload_session(folder, robot, dataset)

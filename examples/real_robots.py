@@ -134,6 +134,22 @@ def recordings(folder: Path, robot: sgpr.Robot, dataset: Dataset, logs: list[Log
     return result
 
 
+def robot_and_logs(folder: Path, dataset: Dataset) -> tuple[sgpr.Robot, list[sgpr.Recording], list[sgpr.Recording]]:
+    """The robot, its training logs and its test logs."""
+    robot = sgpr.Robot.from_urdf(folder / dataset.urdf)
+    train, test = (recordings(folder, robot, dataset, logs) for logs in (dataset.train, dataset.test))
+    return robot, train, test
+
+
+def find_dataset(name: str) -> tuple[Path, Dataset]:
+    """The data of one robot and the folder below SGPR_DATA that holds them; ends the program if they are not there."""
+    dataset = next(dataset for dataset in DATASETS if dataset.folder == name)
+    folder = Path(os.environ.get("SGPR_DATA") or "../shared/data/real") / name
+    if not (folder / dataset.urdf).exists():
+        sys.exit(f"no logs in {folder}: set SGPR_DATA (see docs/real-data.md)")
+    return folder, dataset
+
+
 def save(logs: list[sgpr.Recording], folder: Path) -> list[Path]:
     """The logs as the command line reads them: in SI units, repaired."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -162,9 +178,7 @@ def arguments_of(options: dict[str, Any]) -> list[str]:
 
 def run(folder: Path, dataset: Dataset, out: Path) -> list[str]:
     """Rows of the table for one robot; leaves model and report of every variant."""
-    robot = sgpr.Robot.from_urdf(folder / dataset.urdf)
-    train = recordings(folder, robot, dataset, dataset.train)
-    test = recordings(folder, robot, dataset, dataset.test)
+    robot, train, test = robot_and_logs(folder, dataset)
     train_files = save(train, out / dataset.folder / "train")
     test_files = save(test, out / dataset.folder / "test")
     command = Path(sys.executable).parent / "sgpr"

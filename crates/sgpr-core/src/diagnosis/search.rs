@@ -873,25 +873,27 @@ impl<'a> Search<'a> {
         };
         let tiny: Vec<f64> = (0..self.problem.dof()).map(tiny).collect();
         let elsewhere = news().map(|(step, _)| ELSEWHERE * step.first_score).fold(0.0, f64::max);
-        if elsewhere > 0.0 {
-            tried.retain(|candidate| {
-                let mut with = white.clone();
-                for (column, factor) in
-                    self.columns_of(fitted, &candidate.term).iter().zip(&candidate.gain.coefficients)
-                {
-                    let mut column = self.noise.whiten(&self.problem, column);
-                    basis.project_out(&mut column);
-                    for (with, column) in with.iter_mut().zip(&column) {
-                        with.iter_mut().zip(column).for_each(|(with, x)| *with -= factor * x);
-                    }
-                }
-                let falls = falls(white, &with);
-                let beside: f64 =
-                    falls.iter().zip(&tiny).map(|(fall, tiny)| if fall < tiny { *fall } else { 0.0 }).sum();
-                candidate.score - beside > elsewhere
-            });
+        if elsewhere == 0.0 {
+            return tried;
         }
+        tried.retain(|candidate| {
+            let falls = falls(white, &self.white_with(fitted, (basis, white), candidate));
+            let beside: f64 = falls.iter().zip(&tiny).filter(|(fall, tiny)| fall < tiny).map(|(fall, _)| fall).sum();
+            candidate.score - beside > elsewhere
+        });
         tried
+    }
+
+    /// What a candidate leaves of the whitened residual.
+    fn white_with(&self, fitted: &Fitted, (basis, white): (&Basis, &Column), candidate: &Candidate) -> Column {
+        let mut with = white.clone();
+        for (column, factor) in self.columns_of(fitted, &candidate.term).iter().zip(&candidate.gain.coefficients) {
+            for (with, x) in with.iter_mut().zip(&self.noise.whiten(&self.problem, column)) {
+                with.iter_mut().zip(x).for_each(|(with, x)| *with -= factor * x);
+            }
+        }
+        basis.project_out(&mut with);
+        with
     }
 
     /// The fit with finer forms of effects that the model has, at all joints where no other effect of the joint does
@@ -937,7 +939,7 @@ impl<'a> Search<'a> {
             }
         };
         let accepted = |c: Candidate| Accepted::new(&c.term, c.score, [fitted, &next], (&without, &with));
-        let steps: Vec<Accepted> = found.into_iter().map(accepted).collect();
+        let steps = found.into_iter().map(accepted).collect();
         Ok(Some((next, steps)))
     }
 
