@@ -10,7 +10,7 @@ use sgpr_core::effects::{Context, Effect, EffectParameter, Entry, Site, by_name,
 use sgpr_core::model::{IdentifyOptions, Term, TorqueModel, Trajectory, compare, identify};
 use sgpr_core::progress::{Interrupted, Progress};
 use sgpr_core::recording::Recording;
-use sgpr_core::robot::two_link;
+use sgpr_core::robot::{Robot, puma560, two_link};
 
 const RATE: f64 = 100.0;
 const BASE: [&str; 2] = ["viscous_friction", "coulomb_friction"];
@@ -28,17 +28,21 @@ impl Noise {
 
 /// A log of the two-link arm with friction and `terms`; `number` counts logs on one clock.
 fn log(terms: &[Term], number: usize, seconds: f64) -> Recording {
-    let robot = two_link();
-    let mut parameters = robot.standard_parameters();
-    parameters.extend([0.8, 1.0, 0.5, 0.6]);
-    let model = TorqueModel::with_parameters(&robot, &BASE, parameters).unwrap().with_terms(terms.to_vec(), Some(0));
+    log_of(&two_link(), &[0.8, 1.0, 0.5, 0.6], NOISE, terms, (number, seconds))
+}
+
+/// The same of any arm, with its parameters of friction.
+fn log_of(robot: &Robot, friction: &[f64], level: f64, terms: &[Term], (number, seconds): (usize, f64)) -> Recording {
+    let n = robot.dof();
+    let parameters = [&robot.standard_parameters(), friction].concat();
+    let model = TorqueModel::with_parameters(robot, &BASE, parameters).unwrap().with_terms(terms.to_vec(), Some(0));
     let samples = (seconds * RATE) as usize;
     let (mut q, mut dq, mut ddq, mut time) = (vec![], vec![], vec![], vec![]);
     for k in 0..samples {
         let t = k as f64 / RATE;
         time.push(number as f64 * seconds + t);
-        for joint in 0..2 {
-            let phase = (joint + 2 * number) as f64;
+        for joint in 0..n {
+            let phase = (joint + n * number) as f64;
             let waves = [(0.7, 0.9), (0.4, 2.3), (0.2, 4.1)].map(|(size, pulse)| (size, pulse * (1.0 + 0.13 * phase)));
             let sum = |f: &dyn Fn(f64, f64) -> f64| waves.iter().map(|(a, w)| f(*a, *w)).sum::<f64>();
             q.push(sum(&|a, w| a * (w * t + phase).sin()));
@@ -49,7 +53,7 @@ fn log(terms: &[Term], number: usize, seconds: f64) -> Recording {
     let trajectory =
         Trajectory { samples: Samples { q: &q, dq: &dq, ddq: &ddq }, rate_hz: RATE, time: &time, channels: &[] };
     let mut noise = Noise(12345 + number as u64);
-    let tau = model.predict_trajectory(&trajectory).into_iter().map(|tau| tau + NOISE * noise.next()).collect();
+    let tau = model.predict_trajectory(&trajectory).into_iter().map(|tau| tau + level * noise.next()).collect();
     let q = q.into_iter().map(|q| q + 1e-6 * noise.next()).collect();
     let stamps = time.iter().map(|t| (t * 1e9).round() as i64).collect();
     let names = robot.joint_names().map(String::from).collect();
@@ -61,8 +65,12 @@ fn logs(terms: &[Term]) -> (Vec<Recording>, Vec<Recording>) {
 }
 
 fn identified(train: &[Recording]) -> TorqueModel {
+    identified_on(&two_link(), train)
+}
+
+fn identified_on(robot: &Robot, train: &[Recording]) -> TorqueModel {
     let options = IdentifyOptions { effects: BASE.map(String::from).to_vec(), ..Default::default() };
-    identify(&two_link(), train, &options, &()).unwrap().0
+    identify(robot, train, &options, &()).unwrap().0
 }
 
 fn hidden(name: &str, joint: usize, constants: &[f64], coefficients: &[f64]) -> Term {
@@ -101,6 +109,22 @@ fn a_hidden_stribeck_curve_is_found_and_closes_the_error() {
     // What is in the model is not found again.
     let next = diagnose(&added, &train, &test, &DiagnosisOptions::default(), &()).unwrap();
     assert_eq!(next.verdict, Verdict::NothingMissing, "{:?}", next.findings);
+}
+
+#[test]
+fn a_wrong_length_is_found_although_base_parameters_take_nearly_all_of_it_up() {
+    let robot = puma560();
+    let wrong = hidden("link_length_error", 4, &[-0.04, 0.03, 0.01], &[]);
+    let log = |number| log_of(&robot, &[1.0; 12], 0.003, std::slice::from_ref(&wrong), (number, 20.0));
+    let (train, test) = ([log(0), log(1)], [log(2)]);
+    let model = identified_on(&robot, &train);
+    let diagnosis = diagnose(&model, &train, &test, &DiagnosisOptions::default(), &()).unwrap();
+    let found: Vec<&str> = diagnosis.findings.iter().map(|finding| finding.effect.as_str()).collect();
+    assert_eq!(found, ["link_length_error"]);
+    let value = |name: &str| diagnosis.findings[0].parameters.iter().find(|p| p.name == name).unwrap().value;
+    assert!((value("joint_5.dx") + 0.04).abs() < 0.004, "{}", value("joint_5.dx"));
+    let errors = &diagnosis.joints["joint_4"];
+    assert!(errors.rmse_after < 0.9 * errors.rmse_before, "{errors:?}");
 }
 
 #[test]

@@ -107,13 +107,8 @@ fn attempt(seed: u64, effects: &[&str], closed: bool) -> Option<Case> {
     // Torques of the rigid body set the sizes.
     let motion = sampled(&motions[0], rate, samples);
     let rigid = TorqueModel::nominal(&robot).predict(as_samples(&motion));
-    let rms = |values: &[f64], joint: usize| {
-        let own: Vec<f64> = values.iter().skip(joint).step_by(n).copied().collect();
-        (own.iter().map(|x| x * x).sum::<f64>() / own.len() as f64).sqrt()
-    };
-    let size: Vec<f64> = (0..n).map(|j| rms(&rigid, j)).collect();
-    let speed: Vec<f64> = (0..n).map(|j| rms(&motion[1], j)).collect();
-    let acceleration: Vec<f64> = (0..n).map(|j| rms(&motion[2], j)).collect();
+    let [size, speed, acceleration] =
+        [&rigid, &motion[1], &motion[2]].map(|values| (0..n).map(|j| rms(values, j, n)).collect::<Vec<f64>>());
     let mut base = [vec![], vec![], vec![]];
     for j in 0..n {
         base[0].push(random.between(0.05, 0.2) * size[j] / speed[j]);
@@ -224,6 +219,21 @@ fn sampled(motion: &Motion, rate: f64, samples: usize) -> [Vec<f64>; 3] {
     out
 }
 
+/// Root mean square of a joint's values in `[samples, n]`.
+fn rms(values: &[f64], joint: usize, n: usize) -> f64 {
+    let own = values.iter().skip(joint).step_by(n);
+    (own.map(|x| x * x).sum::<f64>() / (values.len() / n) as f64).sqrt()
+}
+
+/// What a joint has to turn with all others at zero and held, kg·m².
+fn inertia(robot: &Robot, joint: usize) -> f64 {
+    let zero = vec![0.0; robot.dof()];
+    let mut unit = zero.clone();
+    unit[joint] = 1.0;
+    let torque = |ddq: &[f64]| TorqueModel::nominal(robot).predict(Samples { q: &zero, dq: &zero, ddq })[joint];
+    torque(&unit) - torque(&zero)
+}
+
 fn as_samples(motion: &[Vec<f64>; 3]) -> Samples<'_> {
     Samples { q: &motion[0], dq: &motion[1], ddq: &motion[2] }
 }
@@ -312,7 +322,12 @@ fn hide(
         "torque_delay" => vec![random.between(0.003, 0.012)],
         "encoder_offset" => vec![random.sign() * random.between(0.03, 0.1)],
         "link_length_error" => (0..3).map(|_| random.between(-0.05, 0.05)).collect(),
-        "joint_elasticity" => vec![random.between(0.003, 0.015) / size[joint]],
+        "joint_elasticity" => {
+            // Nobody moves an arm near its resonance: that of the joint is at least four times as fast as the motion.
+            let stiffest =
+                inertia(&truth.robot, joint) * (4.0 * rms(&motion[2], joint, n) / rms(&motion[1], joint, n)).powi(2);
+            vec![(random.between(0.003, 0.015) / size[joint]).min(1.0 / stiffest)]
+        }
         "cable_hysteresis" => vec![random.logarithmic(0.05, 0.4)],
         "nonlinear_viscous_friction" => vec![random.between(0.3, 0.7)],
         "torque_saturation" => vec![random.between(1.2, 1.7) * size[joint]],

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::problem::{Column, Problem};
 use crate::linalg::dot_in_lanes;
+use crate::model::Term;
 use crate::signal::Autoregression;
 
 /// Autoregressive noise of every joint.
@@ -244,8 +245,18 @@ pub(super) struct Gain {
 /// Less of its length must be left for a column to be told from the model.
 pub(super) const INVISIBLE: f64 = 0.01;
 
-/// Gain of whitened columns on a residual that is orthogonal to `basis`.
-pub(super) fn gain(basis: &Basis, residual: &Column, columns: &[Column]) -> Gain {
+/// The same for a tangent: base parameters take up nearly all of what a wrong length does, and the little that they leave
+/// can be far above the noise.
+pub(super) const INVISIBLE_TANGENT: f64 = 0.003;
+
+/// The one of the two that holds for a term.
+pub(super) fn invisible(term: &Term) -> f64 {
+    if term.is_transform() { INVISIBLE_TANGENT } else { INVISIBLE }
+}
+
+/// Gain of whitened columns on a residual that is orthogonal to `basis`. Columns with less than `tolerance` of their
+/// length left are left out.
+pub(super) fn gain(basis: &Basis, residual: &Column, columns: &[Column], tolerance: f64) -> Gain {
     let k = columns.len();
     let shares: Vec<Vec<f64>> = columns.iter().map(|column| basis.q.iter().map(|q| dot(q, column)).collect()).collect();
     let entry = |a: usize, b: usize| {
@@ -254,7 +265,7 @@ pub(super) fn gain(basis: &Basis, residual: &Column, columns: &[Column]) -> Gain
     let lengths: Vec<f64> = columns.iter().map(|column| dot(column, column)).collect();
     let gram: Vec<f64> = (0..k * k).map(|i| entry(i / k, i % k)).collect();
     let b: Vec<f64> = columns.iter().map(|column| dot(column, residual)).collect();
-    gain_of(&gram, &b, &lengths, INVISIBLE)
+    gain_of(&gram, &b, &lengths, tolerance)
 }
 
 /// The same from projected products: Gram matrix, product with the residual, squared lengths before projection.

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::answer::FoundParameter;
-use super::basis::{Basis, INVISIBLE, dot, gain_of, rms};
+use super::basis::{Basis, dot, gain_of, invisible, rms};
 use super::fit::Fitted;
 use super::problem::Column;
 use super::report::{joints_of, parameters_of};
@@ -71,7 +71,7 @@ impl Projected {
         let gram: Vec<f64> = (0..k * k).map(|i| self.product(i / k, self, i % k)).collect();
         let along: Vec<f64> = (0..k).map(|i| self.product(i, other, 0)).collect();
         let lengths: Vec<f64> = self.white.iter().map(|column| dot(column, column)).collect();
-        let gain = gain_of(&gram, &along, &lengths, INVISIBLE);
+        let gain = gain_of(&gram, &along, &lengths, invisible(&self.term));
         (gain.chi2 / other.product(0, other, 0), gain.rank)
     }
 
@@ -121,7 +121,7 @@ fn one(search: &Search<'_>, subject: &Projected, all: &[Projected], left: &[f64]
     let whole = subject.white.first().map_or(0.0, |column| dot(column, column));
     let length = subject.product(0, subject, 0);
     let visible = (length / whole).max(0.0).sqrt();
-    if !(whole > 0.0 && visible > INVISIBLE) {
+    if !(whole > 0.0 && visible > invisible(term)) {
         return None;
     }
     let (_, rank) = subject.holds(subject);

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::DiagnosisError;
-use super::basis::{Basis, Noise, gain_of};
+use super::basis::{Basis, INVISIBLE_TANGENT, Noise, gain, gain_of};
 use super::problem::{Column, FOLDS, Problem};
 use crate::effects::Scale;
 use crate::linalg::dot_in_lanes;
@@ -157,7 +157,7 @@ pub(super) fn refine_transforms(problem: &Problem, mut fitted: Fitted, noise: &N
             .iter()
             .map(|&(k, index)| noise.whiten(problem, &tangent(problem, &fitted.model, k, index)))
             .collect();
-        let gain = super::basis::gain(&fitted.basis, &fitted.white, &tangents);
+        let gain = gain(&fitted.basis, &fitted.white, &tangents, INVISIBLE_TANGENT);
         if gain.chi2 < SMALL_STEP {
             return fitted;
         }

@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::basis::{Noise, gain};
+use super::basis::{INVISIBLE, Noise, gain};
 use super::fit::{Extra, Fitted, held_out};
 use super::problem::{Column, FOLDS, Problem, Stretch};
 use crate::effects::sgn;
@@ -261,7 +261,7 @@ fn written(
     let robot = problem.nominal.robot();
     let own = &robot.joints()[joint];
     let white: Vec<Column> = chosen.iter().map(|term| noise.whiten(problem, term.column)).collect();
-    let coefficients = gain(&fitted.basis, &fitted.white, &white).coefficients;
+    let coefficients = gain(&fitted.basis, &fitted.white, &white, INVISIBLE).coefficients;
     let deviations = deviations(fitted, joint, &white);
     let terms: Vec<FormulaTerm> = chosen
         .iter()

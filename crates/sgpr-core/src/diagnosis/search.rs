@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::basis::{Basis, Gain, INVISIBLE, Noise, Rest, gain, gain_of, rms};
+use super::basis::{Basis, Gain, INVISIBLE, Noise, Rest, gain, gain_of, invisible, rms};
 use super::fit::{ByLog, Extra, Fitted, beyond, held_out, refine_transforms, solve, solve_like, tangent};
 use super::problem::{Column, Problem};
 use super::unknown::{self, Group};
@@ -376,7 +376,7 @@ impl<'a> Search<'a> {
     fn candidate(&self, term: Term, gain: Gain, constants: usize) -> Candidate {
         let size = (gain.rank + constants) as f64;
         let score = 0.5 * gain.chi2 - 0.5 * size * self.rows.max(2.0).ln() - self.units.ln();
-        let score = if gain.visible < INVISIBLE { f64::NEG_INFINITY } else { score };
+        let score = if gain.visible < invisible(&term) { f64::NEG_INFINITY } else { score };
         let signs = term.effect.parameters().iter().zip(&gain.coefficients);
         let first_negative = signs.take(1).any(|(parameter, value)| parameter.non_negative && *value < 0.0);
         let out_of_bounds = term.is_transform()
@@ -420,7 +420,7 @@ impl<'a> Search<'a> {
         let scored = |term: &Term| {
             let columns = &self.cache[&key_of(term)];
             let white_columns: Vec<Column> = columns.iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
-            let gain = gain(basis, white, &white_columns);
+            let gain = gain(basis, white, &white_columns, invisible(term));
             let constants = if term.is_transform() { 0 } else { term.constants.len() };
             self.candidate(term.clone(), gain, constants)
         };
@@ -592,7 +592,7 @@ impl<'a> Search<'a> {
             let term = Term::new(term.effect.clone(), term.site, constants.to_vec());
             let columns = self.problem.term_columns(&fitted.model, &fitted.rigid, &[&term]).swap_remove(0);
             let columns: Vec<Column> = columns.iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
-            let gain = gain(basis, white, &columns);
+            let gain = gain(basis, white, &columns, INVISIBLE);
             self.candidate(term, gain, constants.len())
         };
         let mut best = evaluate(&candidate.term.constants);
@@ -801,7 +801,7 @@ impl<'a> Search<'a> {
             }
             let tried = DURATIONS_S.map(|seconds| {
                 let column = self.noise.whiten(&self.problem, &self.problem.approach_column(joint, seconds));
-                (seconds, gain(basis, white, &[column]))
+                (seconds, gain(basis, white, &[column], INVISIBLE))
             });
             let best = tried.into_iter().max_by(|a, b| a.1.chi2.total_cmp(&b.1.chi2)).expect("some durations");
             let (seconds, gain) = best;

@@ -231,7 +231,7 @@ impl TorqueModel {
         tau
     }
 
-    /// The rigid body after all transforms of robot and motion; deflections follow the torque in two rounds.
+    /// The rigid body after all transforms of robot and motion; deflections follow the torque without them.
     pub(crate) fn rigid(&self, trajectory: &Trajectory<'_>) -> Rigid {
         let Samples { q, dq, ddq } = trajectory.samples;
         let transforms = || self.terms.iter().filter(|term| term.is_transform());
@@ -239,28 +239,25 @@ impl TorqueModel {
         let mut ws = BatchWorkspace::new(&robot);
         let mut rigid_torque = vec![0.0; q.len()];
         rnea_batch(&robot, &mut ws, trajectory.samples, &mut rigid_torque);
-        let mut motion = None;
-        if transforms().any(|term| term.effect.moves_links()) {
-            for _ in 0..3 {
-                let mut links = LinkMotion { q: q.to_vec(), dq: dq.to_vec(), ddq: ddq.to_vec() };
-                let context = Context {
-                    robot: &robot,
-                    rate_hz: trajectory.rate_hz,
-                    time: trajectory.time,
-                    q,
-                    dq,
-                    ddq,
-                    rigid_torque: &rigid_torque,
-                    torque: &rigid_torque,
-                    channels: trajectory.channels,
-                };
-                transforms().for_each(|t| t.effect.link_motion(t.site, &t.constants, &context, &mut links));
-                let mut torque = vec![0.0; q.len()];
-                let samples = Samples { q: &links.q, dq: &links.dq, ddq: &links.ddq };
-                rnea_batch(&robot, &mut ws, samples, &mut torque);
-                rigid_torque = torque;
-                motion = Some(links);
-            }
+        let motion = transforms().any(|term| term.effect.moves_links()).then(|| {
+            let mut links = LinkMotion { q: q.to_vec(), dq: dq.to_vec(), ddq: ddq.to_vec() };
+            let context = Context {
+                robot: &robot,
+                rate_hz: trajectory.rate_hz,
+                time: trajectory.time,
+                q,
+                dq,
+                ddq,
+                rigid_torque: &rigid_torque,
+                torque: &rigid_torque,
+                channels: trajectory.channels,
+            };
+            transforms().for_each(|t| t.effect.link_motion(t.site, &t.constants, &context, &mut links));
+            links
+        });
+        if let Some(links) = &motion {
+            let samples = Samples { q: &links.q, dq: &links.dq, ddq: &links.ddq };
+            rnea_batch(&robot, &mut ws, samples, &mut rigid_torque);
         }
         let mut torque = rigid_torque.clone();
         self.add_effects(trajectory.samples, &mut torque);

@@ -42,6 +42,12 @@ impl Spectrum {
         Self { frequency_hz: (0..density.len()).map(|k| k as f64 * step).collect(), density }
     }
 
+    /// The spectrum of two signals together, of the same rate and length.
+    pub fn with(mut self, other: Self) -> Self {
+        self.density.iter_mut().zip(&other.density).for_each(|(sum, x)| *sum += x);
+        self
+    }
+
     /// Frequency below which a share of the power lies, Hz.
     pub fn bandwidth_hz(&self, share: f64) -> f64 {
         let total: f64 = self.density.iter().sum();

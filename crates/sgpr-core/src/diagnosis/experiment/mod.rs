@@ -14,7 +14,7 @@ use path::JointLimits;
 use plan::{Plan, Room, holds, joined, plans};
 
 use super::answer::{Finding, NextExperiment};
-use super::basis::{Basis, gain};
+use super::basis::{Basis, INVISIBLE, gain};
 use super::fit::Fitted;
 use super::problem::{Column, Problem};
 use super::search::{Candidate, Search};
@@ -225,7 +225,7 @@ impl<'a> Judge<'a> {
     /// Half of chi-squared of what the columns of an imitation leave in addition.
     fn left(&self, (basis, rest): (&Basis, &Column), rival: &[Vec<f64>]) -> f64 {
         let columns: Vec<Column> = rival.iter().map(|column| self.scaled(column)).collect();
-        let explained = gain(basis, rest, &columns).chi2;
+        let explained = gain(basis, rest, &columns, INVISIBLE).chi2;
         0.5 * (rest[0].iter().map(|x| x * x).sum::<f64>() - explained).max(0.0)
     }
 
