@@ -128,6 +128,22 @@ fn a_wrong_length_is_found_although_base_parameters_take_nearly_all_of_it_up() {
 }
 
 #[test]
+fn a_delay_of_less_than_a_sample_is_said_where_it_matters() {
+    let diagnosed = |delay_s: f64| {
+        let term = Term::new(by_name("torque_delay").unwrap(), Site::Arm, vec![delay_s]);
+        let (train, test) = logs(&[term]);
+        diagnose(&identified(&train), &train, &test, &DiagnosisOptions::default(), &()).unwrap()
+    };
+    let found = diagnosed(0.4 / RATE);
+    assert_eq!(found.findings.iter().map(|f| f.effect.as_str()).collect::<Vec<_>>(), ["torque_delay"]);
+    let delay = found.findings[0].parameters[0].value;
+    assert!((delay - 0.4 / RATE).abs() < 0.04 / RATE, "{delay}");
+    // Seen, but next to nothing of the error.
+    let silent = diagnosed(0.02 / RATE);
+    assert_eq!(silent.verdict, Verdict::NothingMissing, "{:?}", silent.findings);
+}
+
+#[test]
 fn nothing_hidden_is_nothing_found_and_the_same_bytes_twice() {
     let (train, test) = logs(&[]);
     let model = identified(&train);

@@ -84,19 +84,24 @@ impl Outcome {
     pub fn news(&self, search: &Search<'_>) -> impl Iterator<Item = (usize, &Accepted)> {
         let given = self.fitted.terms().len() - self.accepted.len();
         let period = search.problem.stretches.iter().map(|s| 1.0 / s.motion.rate_hz).fold(0.0, f64::max);
-        let news = move |(k, _): &(usize, &Accepted)| !is_silent(&self.fitted.terms()[*k], period);
+        let news = move |(k, step): &(usize, &Accepted)| !is_silent(&self.fitted.terms()[*k], step, period);
         self.accepted.iter().enumerate().map(move |(k, accepted)| (given + k, accepted)).filter(news)
     }
 }
 
-/// Whether a term is part of what the model has already, or shorter than the time between two samples.
-fn is_silent(term: &Term, period: f64) -> bool {
+/// Whether a term is part of what the model has already, or shorter than the time between two samples and of little
+/// effect.
+fn is_silent(term: &Term, step: &Accepted, period: f64) -> bool {
     let times = term.is_transform() && term.effect.constants().iter().all(|c| c.unit == "s");
-    term.effect.refines().is_some() || (times && term.constants.iter().all(|c| c.abs() < WITHIN_A_SAMPLE * period))
+    let within = || term.constants.iter().all(|c| c.abs() < WITHIN_A_SAMPLE * period) && step.effect_size < LITTLE;
+    term.effect.refines().is_some() || (times && within())
 }
 
-/// Torque and position of one row may be taken at moments that are this share of a period apart.
+/// Torque and position of one row may be taken at moments that are this share of a period apart ...
 const WITHIN_A_SAMPLE: f64 = 0.6;
+
+/// ... which goes without saying as long as no joint's error falls by more than this share of what is left.
+const LITTLE: f64 = 0.2;
 
 /// Whether the base parameters take an effect up whatever the motion.
 pub(super) fn is_absorbed(effect: &dyn Effect) -> bool {
