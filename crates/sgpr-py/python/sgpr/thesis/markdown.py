@@ -281,20 +281,23 @@ def _beyond(thesis: Thesis) -> Iterable[str]:
     payload = thesis.data["payload"]
     yield _text(
         f"A payload of {payload['mass']:g} kg picked up after {payload['time']:g} s, first test motion, PUMA 560, "
-        "control at 1 kHz with 75 N·m/rad and 5 N·m·s/rad; root mean square of the norm of the position error [rad]. "
-        "See [Online](online.md)."
+        "control at 1 kHz; root mean square of the norm of the position error [rad]. *Recovered*: seconds from the pick-up "
+        "until the error stays below twice the largest that the identified model had before. See [Online](online.md)."
     )
     rows = [
         [
+            " and ".join(f"{gain:g}" for gain in row["gains"]),
             row["model"],
             _number(row["before"]),
             _number(row["first_second"]),
             _number(row["after"]),
+            "never" if row["recovered"] is None else f"{row['recovered']:.2f}",
             "" if row["mass"] is None else _number(row["mass"]),
         ]
         for row in payload["rows"]
     ]
-    yield _table(["", "before", "first second after", "then", "mass at the end [kg]"], rows)
+    columns = ["gains [N·m/rad, N·m·s/rad]", "", "before", "first second after", "then", "recovered [s]"]
+    yield _table([*columns, "mass at the end [kg]"], rows)
 
 
 def _change(new: float, old: float) -> str:
