@@ -182,6 +182,9 @@ fn tracking_recovers_within_a_second_of_a_pick_up() {
         let (errors, controller) = errors(payload, process);
         let (own, recovered) = (rms(&errors, 1.0, PICK_UP), rms(&errors, PICK_UP + 1.0, 8.0));
         println!("payload {payload}, process {process}: {own:.4} before, {recovered:.4} from a second after on");
+        let last = errors.iter().rposition(|error| *error > 0.1 * lost).map_or(PICK_UP, |last| last as f64 / 1000.0);
+        println!("  below a tenth of what is lost without adaptation {:.2} s after", last - PICK_UP);
+        assert!(!payload || last - PICK_UP < 1.0);
         if let Some(tracker) = controller.model().payload() {
             println!("  mass {:.3} ± {:.3}", tracker.parameters()[0], tracker.standard_deviations()[0]);
             assert!((tracker.parameters()[0] - HELD[0]).abs() < 0.2);

@@ -245,17 +245,19 @@ impl Trajectory {
         peaks_dict(py, &core::peaks(&self.robot, &set, &self.robot.standard_parameters(), &self.inner))
     }
 
-    /// Writes a table (.csv, .csv.gz) of time, position, velocity and acceleration; the file is complete or not there.
+    /// Writes a table (.csv, .csv.gz) of time, position, velocity and acceleration, from rest to rest; the file is
+    /// complete or not there.
     #[pyo3(signature = (path, rate_hz=100.0))]
     fn save_csv(&self, py: Python<'_>, path: PathBuf, rate_hz: f64) -> PyResult<()> {
-        let samples = self.sampled(rate_hz, None)?;
+        let samples = self.whole(rate_hz)?;
         py.detach(|| samples.write_csv(&self.robot, path)).map_err(IntoPyErr::into_py_err)
     }
 
-    /// Writes an MCAP file with one trajectory_msgs/msg/JointTrajectory message; the file is complete or not there.
+    /// Writes an MCAP file with one trajectory_msgs/msg/JointTrajectory message, from rest to rest; the file is complete
+    /// or not there.
     #[pyo3(signature = (path, rate_hz=100.0, topic="/joint_trajectory"))]
     fn save_mcap(&self, py: Python<'_>, path: PathBuf, rate_hz: f64, topic: &str) -> PyResult<()> {
-        let samples = self.sampled(rate_hz, None)?;
+        let samples = self.whole(rate_hz)?;
         py.detach(|| samples.write_mcap(&self.robot, topic, path)).map_err(IntoPyErr::into_py_err)
     }
 
@@ -267,14 +269,21 @@ impl Trajectory {
 /// Samples of one motion that an array still has room for.
 const MOST_SAMPLES: f64 = 1e8;
 
+fn rate(rate_hz: f64, duration: f64) -> PyResult<f64> {
+    if positive("rate_hz", rate_hz)? * duration > MOST_SAMPLES {
+        return Err(invalid(format!("rate_hz = {rate_hz}: that are more than {MOST_SAMPLES} samples")));
+    }
+    Ok(rate_hz)
+}
+
 impl Trajectory {
     fn sampled(&self, rate_hz: f64, duration: Option<f64>) -> PyResult<core::TrajectorySamples> {
-        let rate_hz = positive("rate_hz", rate_hz)?;
         let duration = positive("duration", duration.unwrap_or(self.inner.duration()))?;
-        if rate_hz * duration > MOST_SAMPLES {
-            return Err(invalid(format!("rate_hz = {rate_hz}: that are more than {MOST_SAMPLES} samples")));
-        }
-        Ok(self.inner.samples(rate_hz, duration))
+        Ok(self.inner.samples(rate(rate_hz, duration)?, duration))
+    }
+
+    fn whole(&self, rate_hz: f64) -> PyResult<core::TrajectorySamples> {
+        Ok(self.inner.whole(rate(rate_hz, self.inner.duration())?))
     }
 }
 

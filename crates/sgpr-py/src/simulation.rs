@@ -283,6 +283,8 @@ impl Simulation {
 /// velocity : {"exact", "difference"}
 ///     What the controller sees.
 /// torque_limits : array of shape (n,), optional
+/// speed_limit : float, default 1000
+///     Above it a joint counts as run away, rad/s (m/s).
 /// pick_up : (float, array of shape (10,)), optional
 ///     Time, s, and the inertial parameters of what the last link holds from then on, in its frame.
 /// random_state : int, default 0
@@ -309,8 +311,8 @@ impl Simulation {
 #[pyo3(signature = (robot, reference, *, duration=None, controller=None, kp=None, kd=None, model=None,
     feed_forward=None, drives=None, integrator="euler", step=2.5e-4, control_period=1e-3, record_period=None, delay=0.0,
     position_resolution=None, position_noise=None, torque_noise=None, actuation_noise=None, velocity="exact",
-    torque_limits=None, pick_up=None, random_state=0, progress=None),
-    text_signature = "(robot, reference, *, duration=None, controller='feed_forward', kp=75.0, kd=5.0, model=None, feed_forward=None, drives=None, integrator='euler', step=2.5e-4, control_period=1e-3, record_period=None, delay=0.0, position_resolution=None, position_noise=None, torque_noise=None, actuation_noise=None, velocity='exact', torque_limits=None, pick_up=None, random_state=0, progress=None)")]
+    torque_limits=None, speed_limit=1000.0, pick_up=None, random_state=0, progress=None),
+    text_signature = "(robot, reference, *, duration=None, controller='feed_forward', kp=75.0, kd=5.0, model=None, feed_forward=None, drives=None, integrator='euler', step=2.5e-4, control_period=1e-3, record_period=None, delay=0.0, position_resolution=None, position_noise=None, torque_noise=None, actuation_noise=None, velocity='exact', torque_limits=None, speed_limit=1000.0, pick_up=None, random_state=0, progress=None)")]
 #[allow(clippy::too_many_arguments)]
 pub fn simulate(
     py: Python<'_>,
@@ -334,6 +336,7 @@ pub fn simulate(
     actuation_noise: Option<&Bound<'_, PyAny>>,
     velocity: &str,
     torque_limits: Option<&Bound<'_, PyAny>>,
+    speed_limit: f64,
     pick_up: Option<(f64, Bound<'_, PyAny>)>,
     random_state: u64,
     progress: Option<Py<PyAny>>,
@@ -343,7 +346,8 @@ pub fn simulate(
         integrator,
         &[("euler", Integrator::SemiImplicitEuler), ("runge_kutta", Integrator::RungeKutta4)],
     )?;
-    let mut simulator = simulator(robot, drives, integrator, step)?;
+    let speed_limit = positive("speed_limit", speed_limit)?;
+    let mut simulator = simulator(robot, drives, integrator, step)?.with_speed_limit(speed_limit);
     let arm = simulator.robot().clone();
     let n = arm.dof();
     let (reference, own_duration) = self::reference(reference, &arm)?;

@@ -76,4 +76,5 @@ def test_bad_data(excited: Path, tmp_path: Path) -> None:
         "simulate", "two_link", excited / "trajectory.csv", "--out", tmp_path / "log.csv", "--kp", 1e7, "--kd", 1e6
     )
     assert found.code == 1 and "ran away" in found.err and found.err.count("\n") == 1
+    assert "raise `--speed-limit`" in " ".join(found.err.split())
     assert list(tmp_path.iterdir()) == []

@@ -70,15 +70,17 @@ def test_files(tmp_path: Path) -> None:
     motion = sgpr.Trajectory.random(ROBOT, terms=3, **LIMITS)
     motion.save_csv(tmp_path / "motion.csv", 50.0)
     log = sgpr.read(tmp_path / "motion.csv")
-    _, q, dq, ddq = motion.samples(50.0)
+    # From rest to rest: the end is in the files, which samples of one period leave out.
+    q, dq, ddq = motion.at(np.linspace(0.0, 10.0, 501))
     assert np.allclose(log.q, q) and np.allclose(log.dq, dq)
+    assert np.abs(log.dq[[0, -1]]).max() < 1e-9 and log.t[-1] == 10.0
     assert np.allclose(log.channels["joint_2_acceleration"], ddq[:, 1])
     motion.save_mcap(tmp_path / "motion.mcap", 50.0, "/arm/trajectory")
     with (tmp_path / "motion.mcap").open("rb") as file:
         [(_, channel, _, message)] = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
     assert channel.topic == "/arm/trajectory"
     points = message.points
-    assert message.joint_names == ROBOT.joint_names and len(points) == 500
+    assert message.joint_names == ROBOT.joint_names and len(points) == 501
     assert np.allclose(points[7].positions, q[7]) and np.allclose(points[7].accelerations, ddq[7])
     assert points[7].time_from_start.nanosec == 140_000_000
 

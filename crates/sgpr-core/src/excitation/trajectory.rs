@@ -107,6 +107,16 @@ impl Trajectory {
         self.at((0..count).map(|k| k as f64 / rate_hz))
     }
 
+    /// The whole motion at `rate_hz`, its end at rest with it where that falls on a sample: what an arm is to follow once.
+    ///
+    /// # Panics
+    /// If the rate is not positive.
+    pub fn whole(&self, rate_hz: f64) -> TrajectorySamples {
+        assert!(rate_hz > 0.0, "a rate above zero");
+        let last = (self.duration() * rate_hz + 1e-9).floor() as usize;
+        self.at((0..=last).map(|k| k as f64 / rate_hz))
+    }
+
     /// Samples at these times, s.
     pub fn at(&self, times: impl IntoIterator<Item = f64>) -> TrajectorySamples {
         let n = self.start.len();

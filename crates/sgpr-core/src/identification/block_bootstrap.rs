@@ -92,7 +92,7 @@ pub fn block_bootstrap(
         if at.replace(now) != Some(now) {
             blocks.push((Mat::zeros(size, size), vec![0.0; size]));
         }
-        let noise = estimate.weights[group.index(&equation)] * estimate.unit;
+        let noise = estimate.row_noise(group.index(&equation), equation.trajectory);
         if noise.is_finite() {
             let (gram, score) = blocks.last_mut().expect("just begun");
             row.fill(0.0);

@@ -143,7 +143,7 @@ fn for_each_score(
             scores.iter_mut().for_each(|score| score.fill(0.0));
         }
         at = Some(now);
-        let noise = estimate.weights[group.index(&equation)] * estimate.unit;
+        let noise = estimate.row_noise(group.index(&equation), equation.trajectory);
         if noise.is_finite() {
             row.fill(0.0);
             directions.add_coordinates(equation.columns, &factors[..equation.columns.len()], 1.0 / noise, &mut row);

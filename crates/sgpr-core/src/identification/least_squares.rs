@@ -20,8 +20,8 @@ pub enum Method {
     /// Each joint by the inverse of a noise variance known beforehand, for instance from repeated periods (thesis eq.
     /// 4-8): standard deviations `[n]`, N·m (N).
     WlsKnown(Vec<f64>),
-    /// As `Wls`, with rows that lie far off the others held down: Huber's weights, each joint's scale from the median of its
-    /// residual, iterated.
+    /// As `Wls`, with rows that lie far off the others held down: Huber's weights, each joint's scale in each log from the
+    /// median of its residual, iterated.
     Irls {
         /// Residuals count linearly, not squared, beyond this many standard deviations; Huber's 1.345 loses 5 % where
         /// the noise is normal.
@@ -117,6 +117,9 @@ pub struct Estimate {
     pub whitened: Mat<f64>,
     /// Noise level by which the rows of each factor were divided, N·m (N); infinite for those left out.
     pub weights: Vec<f64>,
+    /// Noise level of each log as a share of that of the factor, per factor and trajectory; empty where all logs count as
+    /// one.
+    pub log_shares: Vec<Vec<f64>>,
     /// Standard deviation of the weighted rows, memory of the noise included: what `whitened` was divided by.
     pub unit: f64,
     /// Times the equations were gone through or weights changed.
@@ -129,6 +132,12 @@ impl Estimate {
     /// Standard deviations, `[rank]`.
     pub fn standard_deviations(&self) -> Vec<f64> {
         (0..self.values.len()).map(|k| self.covariance[(k, k)].max(0.0).sqrt()).collect()
+    }
+
+    /// Standard deviation of the noise of a row of this factor, memory included, N·m (N); infinite if it is left out.
+    pub(super) fn row_noise(&self, factor: usize, trajectory: usize) -> f64 {
+        let share = self.log_shares.get(factor).map_or(1.0, |shares| shares[trajectory]);
+        self.weights[factor] * share * self.unit
     }
 
     /// Standard deviations as a share of the estimate, `[rank]`.
@@ -256,6 +265,7 @@ impl LeastSquares {
             whitened,
             unit,
             weights,
+            log_shares: vec![],
             iterations,
             notes: vec![],
         })

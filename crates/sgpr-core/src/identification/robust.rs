@@ -1,5 +1,8 @@
 //! Huber's M-estimator by iteratively reweighted least squares.
 //!
+//! A joint has a scale of its own in every log: what the parameters cannot describe is larger in some motions than in others,
+//! such as that of rotors under large accelerations, and would pull parameters from where calmer logs see them.
+//!
 //! Source: P. J. Huber, E. M. Ronchetti, Robust Statistics (2009), sections 7.3 (normal equations), 7.8 (scale).
 
 use faer::Mat;
@@ -7,7 +10,7 @@ use faer::Mat;
 use super::autocorrelation::Memory;
 use super::estimate::Groups;
 use super::least_squares::{Solution, floored, stack, weighted_gram};
-use super::{Equations, Estimate, IdentificationError, JointFactor};
+use super::{Equation, Equations, Estimate, IdentificationError, JointFactor};
 use crate::linalg::TriangularFactor;
 
 const MOST_ITERATIONS: usize = 100;
@@ -17,6 +20,13 @@ const SMALL_STEP: f64 = 1e-4;
 
 /// The median of |normal noise| is this share of its standard deviation.
 const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_081_7;
+
+/// A log with fewer rows of a joint has the scale of all logs.
+const FEWEST_ROWS: usize = 100;
+
+/// Smallest scale of a joint in one log, of that in all: where parameters follow the rows of one log, its residual is no
+/// measure of noise.
+const SMALLEST_SHARE: f64 = 0.25;
 
 pub(super) fn estimate(
     threshold: f64,
@@ -33,7 +43,7 @@ pub(super) fn estimate(
     let used: Vec<bool> = start.weights.iter().map(|weight| weight.is_finite()).collect();
     let ones: Vec<f64> = used.iter().map(|used| if *used { 1.0 } else { f64::INFINITY }).collect();
     let mut values = start.values.clone();
-    let mut scale = scales(equations, factors, &group, &values)?;
+    let mut scales = Scales::new(equations, factors, &group, &values)?;
     let mut system;
     loop {
         start.iterations += 1;
@@ -41,20 +51,20 @@ pub(super) fn estimate(
         let mut scaled_row = Vec::new();
         equations.for_each(|equation| {
             let index = group.index(&equation);
-            let size = equation.residual(&values).abs() / scale[index];
+            let scale = scales.of(index, &equation);
+            let size = equation.residual(&values).abs() / scale;
             let weight = if size > threshold { (threshold / size).sqrt() } else { 1.0 };
             scaled_row.clear();
-            scaled_row.extend(equation.row.iter().map(|value| value * weight / scale[index]));
+            scaled_row.extend(equation.row.iter().map(|value| value * weight / scale));
             weighted[index].push(&scaled_row);
         })?;
         system = stack(&with_factors(factors, &weighted), unknowns, &ones);
         let next = Solution::new(&system, nominal).values;
         let step = length_in_deviations(&system, &next, &values);
         values = next;
-        let scale_before = std::mem::replace(&mut scale, scales(equations, factors, &group, &values)?);
-        let change = scale.iter().zip(&scale_before).map(|(new, old)| (new / old - 1.0).abs());
-        let change = change.zip(&used).map(|(change, used)| if *used { change } else { 0.0 }).fold(0.0, f64::max);
-        if (step < SMALL_STEP && change < SMALL_STEP) || start.iterations > MOST_ITERATIONS {
+        let before = std::mem::replace(&mut scales, Scales::new(equations, factors, &group, &values)?);
+        if (step < SMALL_STEP && scales.change_since(&before, &used) < SMALL_STEP) || start.iterations > MOST_ITERATIONS
+        {
             break;
         }
     }
@@ -68,15 +78,16 @@ pub(super) fn estimate(
     let mut scaled_row = Vec::new();
     equations.for_each(|equation| {
         let index = group.index(&equation);
-        let size = equation.residual(&values) / scale[index];
+        let scale = scales.of(index, &equation);
+        let size = equation.residual(&values) / scale;
         let kept = size.clamp(-threshold, threshold);
         memory[index].push(equation.trajectory, equation.sample / steps[equation.trajectory], kept);
         scaled_row.clear();
-        scaled_row.extend(equation.row.iter().map(|value| value * kept / scale[index]));
+        scaled_row.extend(equation.row.iter().map(|value| value * kept / scale));
         square[index].push(&scaled_row);
         if size.abs() <= threshold {
             scaled_row.clear();
-            scaled_row.extend(equation.row.iter().map(|value| value / scale[index]));
+            scaled_row.extend(equation.row.iter().map(|value| value / scale));
             slope[index].push(&scaled_row);
         } else if used[index] {
             down += 1;
@@ -95,10 +106,11 @@ pub(super) fn estimate(
     Ok(Estimate {
         values,
         covariance,
-        noise: scale.clone(),
+        noise: scales.all.clone(),
         whitened: faer::Scale(1.0 / memory.sqrt()) * system,
         unit: memory.sqrt(),
-        weights: scale.iter().zip(&used).map(|(s, used)| if *used { *s } else { f64::INFINITY }).collect(),
+        log_shares: scales.shares(),
+        weights: scales.all.iter().zip(&used).map(|(s, used)| if *used { *s } else { f64::INFINITY }).collect(),
         ..start
     })
 }
@@ -119,19 +131,57 @@ fn with_factors(factors: &[JointFactor], weighted: &[TriangularFactor]) -> Vec<J
     pairs.map(|(factor, weighted)| JointFactor { factor: weighted.factor(), ..factor.clone() }).collect()
 }
 
-/// Per factor: standard deviation of the residual by its median size.
-fn scales(
-    equations: &mut Equations<'_>,
-    factors: &[JointFactor],
-    group: &Groups,
-    values: &[f64],
-) -> Result<Vec<f64>, IdentificationError> {
-    let mut sizes: Vec<Vec<f64>> = factors.iter().map(|factor| Vec::with_capacity(factor.rows)).collect();
-    equations.for_each(|equation| sizes[group.index(&equation)].push(equation.residual(values).abs()))?;
-    let median = |sizes: &mut Vec<f64>| {
-        let middle = sizes.len() / 2;
-        if sizes.is_empty() { 0.0 } else { *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 }
-    };
-    let scales: Vec<f64> = sizes.iter_mut().map(|sizes| median(sizes) / MEDIAN_OF_NORMAL).collect();
-    Ok(floored(&scales, factors))
+/// Standard deviation of the residual by its median size.
+struct Scales {
+    /// Per factor, over all logs.
+    all: Vec<f64>,
+    /// Per factor and trajectory.
+    own: Vec<Vec<f64>>,
+}
+
+impl Scales {
+    fn new(
+        equations: &mut Equations<'_>,
+        factors: &[JointFactor],
+        group: &Groups,
+        values: &[f64],
+    ) -> Result<Self, IdentificationError> {
+        let trajectories = equations.trajectories().len();
+        let mut sizes = vec![vec![Vec::new(); trajectories]; factors.len()];
+        equations.for_each(|equation| {
+            sizes[group.index(&equation)][equation.trajectory].push(equation.residual(values).abs());
+        })?;
+        let all: Vec<f64> = sizes.iter().map(|of_logs| scale(&mut of_logs.concat())).collect();
+        let all = floored(&all, factors);
+        let own = sizes.iter_mut().zip(&all).map(|(of_logs, &all)| {
+            let own = of_logs.iter_mut().map(|sizes| match sizes.len() {
+                0..FEWEST_ROWS => all,
+                _ => scale(sizes).max(SMALLEST_SHARE * all),
+            });
+            own.collect()
+        });
+        Ok(Self { own: own.collect(), all })
+    }
+
+    fn of(&self, factor: usize, equation: &Equation<'_>) -> f64 {
+        self.own[factor][equation.trajectory]
+    }
+
+    /// Per factor and trajectory, of the scale of all logs.
+    fn shares(&self) -> Vec<Vec<f64>> {
+        let pairs = self.own.iter().zip(&self.all);
+        pairs.map(|(own, all)| own.iter().map(|own| own / all).collect()).collect()
+    }
+
+    /// Largest relative change of a scale that is used.
+    fn change_since(&self, before: &Self, used: &[bool]) -> f64 {
+        let pairs = self.own.iter().zip(&before.own).zip(used).filter(|(_, used)| **used);
+        let changes = pairs.flat_map(|((new, old), _)| new.iter().zip(old).map(|(new, old)| (new / old - 1.0).abs()));
+        changes.fold(0.0, f64::max)
+    }
+}
+
+fn scale(sizes: &mut [f64]) -> f64 {
+    let middle = sizes.len() / 2;
+    if sizes.is_empty() { 0.0 } else { *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / MEDIAN_OF_NORMAL }
 }

@@ -453,7 +453,7 @@ fn far_rows(
     let mut coordinates = vec![0.0; directions.len()];
     let mut rows = 0usize;
     equations.for_each(|equation| {
-        let noise = estimate.weights[group.index(&equation)] * estimate.unit;
+        let noise = estimate.row_noise(group.index(&equation), equation.trajectory);
         if equation.resting || !noise.is_finite() {
             return;
         }

@@ -8,6 +8,12 @@ use crate::spatial::PARAMETERS_PER_LINK;
 
 const N: usize = PARAMETERS_PER_LINK;
 
+/// Square of a residual, in standard deviations, that noise explains.
+const EXPECTED: f64 = 16.0;
+
+/// By how much faster data fade, at most, when a residual is none that the payload of before explains.
+const FASTEST: f64 = 10.0;
+
 /// How a payload is tracked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PayloadOptions {
@@ -34,12 +40,15 @@ impl PayloadOptions {
 ///
 /// residual = Y_link(q, dq, ddq) payload + noise. What is kept is the triangular factor of the weighted rows. The data
 /// fade exponentially and the prior (no payload, spread as [`PayloadOptions`] says) is put back by as much, so that
-/// directions which the motion does not excite return to the prior instead of drifting.
+/// directions which the motion does not excite return to the prior instead of drifting. A residual of more than four standard
+/// deviations says that something was picked up or put down: data fade faster then, in proportion to its square, up to
+/// tenfold.
 ///
 /// Source: J. Kubus, T. Kröger, F. M. Wahl, On-line estimation of inertial parameters using a recursive total least-squares
 /// approach, IEEE/RSJ IROS (2008), for the task; S. Haykin, Adaptive Filter Theory (2002), chapter 14, for the square-root
 /// recursion; R. Kulhavý, Restricted exponential forgetting in real-time identification, Automatica 23(5) (1987), for
-/// forgetting towards a prior.
+/// forgetting towards a prior; T. R. Fortescue, L. S. Kershenbaum, B. E. Ydstie, Implementation of self-tuning regulators with
+/// variable forgetting factors, Automatica 17(6) (1981), for the memory that follows the residual.
 #[derive(Debug)]
 pub struct PayloadTracker {
     robot: Robot,
@@ -104,7 +113,15 @@ impl PayloadTracker {
     pub fn update(&mut self, period: f64, [q, dq, ddq]: [&[f64]; 3], residual: &[f64], counted: &[bool], repeats: f64) {
         let n = self.robot.dof();
         assert!(residual.len() == n && counted.len() == n, "one residual per joint");
-        let keep = (-period / self.memory).exp();
+        let matrix = regressor(&self.robot, &mut self.ws, q, dq, ddq);
+        let row_of = |j: usize| &matrix[j * n * N + self.link * N..][..N];
+        let mut surprise = 0.0;
+        for j in (0..n).filter(|&j| counted[j]) {
+            let expected: f64 = row_of(j).iter().zip(&self.parameters).map(|(y, p)| y * p).sum();
+            surprise = f64::max(surprise, ((residual[j] - expected) * self.precision[j]).powi(2));
+        }
+        let memory = self.memory / (surprise / EXPECTED).clamp(1.0, FASTEST);
+        let keep = (-period / memory).exp();
         for (k, row) in self.factor.iter_mut().enumerate() {
             row[k..].iter_mut().for_each(|value| *value *= keep.sqrt());
         }
@@ -113,12 +130,10 @@ impl PayloadTracker {
             row[k] = (1.0 - keep).sqrt() / self.prior[k];
             absorb(&mut self.factor, &mut row, k);
         }
-        let matrix = regressor(&self.robot, &mut self.ws, q, dq, ddq);
         for j in (0..n).filter(|&j| counted[j]) {
             let weight = self.precision[j] / repeats.sqrt();
             let mut row = [0.0; N + 1];
-            let start = j * n * N + self.link * N;
-            row[..N].copy_from_slice(&matrix[start..start + N]);
+            row[..N].copy_from_slice(row_of(j));
             row[N] = residual[j];
             row.iter_mut().for_each(|value| *value *= weight);
             absorb(&mut self.factor, &mut row, 0);

@@ -55,6 +55,31 @@ fn huber_is_not_moved_by_a_few_wrong_torques() {
 }
 
 #[test]
+fn a_log_that_the_model_describes_badly_does_not_pull_the_parameters() {
+    let experiment = Experiment::new(3000);
+    let motion = experiment.run(&experiment.truth);
+    let mut noise = Noise(29);
+    let calm: Vec<f64> = motion.tau.iter().map(|tau| tau + 0.05 * noise.normal()).collect();
+    // What the parameters cannot describe, but can imitate in part: in the second log, not in the first.
+    let lacking: Vec<f64> = motion.tau.iter().zip(&motion.q).map(|(tau, q)| tau + 3.0 * (5.0 * q).sin()).collect();
+    let expected = experiment.expected();
+    let found = |logs: &[&[f64]]| {
+        let trajectories = logs.iter().map(|tau| trajectory(&motion, tau)).collect();
+        let mut equations = Equations::new(&experiment.robot, &experiment.set, &experiment.base, trajectories);
+        let factors = equations.factors().expect("good data");
+        solve(&Method::HUBER, &mut equations, &factors, &experiment.nominal())
+    };
+    let error = |logs: &[&[f64]]| largest_difference(&found(logs).values, &expected);
+    let (alone, bad, both) = (error(&[&calm]), error(&[&lacking]), error(&[&calm, &lacking]));
+    assert!(bad > 30.0 * alone, "{bad} {alone}");
+    // One scale for both logs would leave a good part of the error of the second.
+    assert!(both < 0.1 * bad, "{both} {bad} {alone}");
+    // The same log twice is one log.
+    let twice = largest_difference(&found(&[&calm, &calm]).values, &found(&[&calm]).values);
+    assert!(twice < 1e-6, "{twice}");
+}
+
+#[test]
 fn a_narrow_prior_stays_at_the_robot_file_and_a_wide_one_is_weighted_least_squares() {
     let experiment = Experiment::new(1000);
     let motion = experiment.run(&experiment.truth);

@@ -956,6 +956,7 @@ def simulate(
     actuation_noise: ArrayLike | None = None,
     velocity: Literal["exact", "difference"] = "exact",
     torque_limits: ArrayLike | None = None,
+    speed_limit: float = 1000.0,
     pick_up: tuple[float, ArrayLike] | None = None,
     random_state: int = 0,
     progress: _Progress | None = None,

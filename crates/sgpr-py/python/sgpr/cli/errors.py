@@ -30,6 +30,7 @@ OPTIONS = {
     r"`logged_names`": "`--logged-joints`",
     r"`rows`": "`--rows`",
     r"`clock`": "`--clock`",
+    r"`speed_limit`": "`--speed-limit`",
 }
 
 

@@ -58,6 +58,9 @@ def simulate(
         list[float] | None,
         typer.Option("--torque-noise", metavar="S...", help="Standard deviation of the logged torque, N·m (N)."),
     ] = None,
+    speed_limit: Annotated[
+        float, typer.Option("--speed-limit", metavar="V", help="Above it a joint counts as run away, rad/s (m/s).")
+    ] = 1000.0,
     seed: Annotated[int, typer.Option("--seed", help="Of the noise.")] = 0,
     joints: Annotated[
         list[str] | None,
@@ -74,7 +77,7 @@ def simulate(
         raise wrong_use(f"`{out}`: the name must end in {', '.join(SUFFIXES)}", "--out")
     if seed < 0:
         raise wrong_use("must not be negative", "--seed")
-    for value, option in ((step, "--step"), (period, "--control-period")):
+    for value, option in ((step, "--step"), (period, "--control-period"), (speed_limit, "--speed-limit")):
         if not value > 0.0:
             raise wrong_use("must be greater than zero", option)
     one_of(controller, CONTROLLERS, "--controller", "controller")
@@ -95,6 +98,7 @@ def simulate(
         "delay": delay,
         "position_resolution": per_joint(resolution, robot, "--resolution"),
         "torque_noise": per_joint(torque_noise, robot, "--torque-noise"),
+        "speed_limit": speed_limit,
         "random_state": seed,
     }
     place = Path(out).absolute()

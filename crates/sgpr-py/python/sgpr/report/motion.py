@@ -17,6 +17,8 @@ from .settings import settings_section
 SHOWN_SAMPLES = 500
 # Criteria that are logarithms already.
 LOGARITHMS = ("d_optimality", "hadamard")
+# What holds where a setting was not given; one that is not here does not act then.
+WITHOUT = {"max_velocity": "as in the robot", "max_torque": "as in the robot", "start": "zero or mid-range"}
 QUANTITIES = (("position", "position [{0}]"), ("velocity", "speed [{0}/s]"), ("acceleration", "acceleration [{0}/s²]"))
 
 
@@ -35,7 +37,7 @@ class MotionPage:
         """The file."""
         motion, plots = self._motion()
         search, more = self._search()
-        settings = {"Asked for": self.data["settings"], "Versions": self.data["versions"]}
+        settings = {"Asked for": self._asked_for(), "Versions": self.data["versions"]}
         sections = [
             Section("motion", "Motion", motion),
             Section("limits", "Largest values", self._limits()),
@@ -45,6 +47,13 @@ class MotionPage:
         ]
         payload = {"figures": plots | more, "switches": {}, "torque": None}
         return page(f"Excitation trajectory for {self.robot.name}", self._lead(), sections, payload)
+
+    def _asked_for(self) -> dict[str, Any]:
+        """Settings that this motion has, with what stands for those that were not given."""
+        settings = self.data["settings"]
+        others = ("duration", "points") if settings["basis"] == "fourier" else ("fundamental_hz", "terms")
+        texts = {name: WITHOUT.get(name) if value is None else value for name, value in settings.items()}
+        return {name: value for name, value in texts.items() if value is not None and name not in others}
 
     def _lead(self) -> Html:
         report = self.found.report
@@ -149,7 +158,14 @@ class MotionPage:
             return axis(label)
         if values.max() > 100.0 * values.min():
             return log_axis(label)
-        return axis(label, type="log", dtick="D2")
+        return axis(label, type="log", **even_ticks(values.min(), values.max()))
+
+
+def even_ticks(low: float, high: float) -> dict[str, Any]:
+    """Ticks at 1, 2 and 5 times powers of ten, written out."""
+    decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    ticks = [digit * 10.0**power for power in decades for digit in (1, 2, 5)]
+    return {"tickmode": "array", "tickvals": ticks, "ticktext": [f"{tick:g}" for tick in ticks]}
 
 
 def kind_of_parameters(report: dict[str, Any]) -> str:

@@ -19,6 +19,22 @@ NAMES = {
     "gravity": "gravity [m/s²]",
     "reading": "reading and repairing",
     "start": "start from",
+    "rate_hz": "samples in the files [Hz]",
+    "fundamental_hz": "fundamental [Hz]",
+    "duration": "duration [s]",
+    "step": "step [s]",
+    "control_period": "control period [s]",
+    "delay": "delay [s]",
+    "speed_limit": "runs away above [rad/s, m/s]",
+    "position_resolution": "encoder step [rad, m]",
+    "torque_noise": "noise of the torque [N·m, N]",
+    "max_velocity": "highest speed [rad/s, m/s]",
+    "max_acceleration": "highest acceleration [rad/s², m/s²]",
+    "max_torque": "highest torque [N·m, N]",
+    "floor": "height of the floor [m]",
+    "clearance": "clearance [m]",
+    "link_radius": "radius of the links [m]",
+    "max_tip_speed": "highest speed of the tool [m/s]",
 }
 
 

@@ -15,6 +15,8 @@ from .page import page
 from .settings import settings_section
 
 SHOWN_SAMPLES = 1000
+# What holds where an option was not given.
+WITHOUT = {"model": "rigid body of the arm", "position_resolution": "exact", "torque_noise": "none"}
 
 
 @dataclass(frozen=True)
@@ -83,4 +85,5 @@ class TrackingPage:
     def _settings(self) -> dict[str, dict[str, Any]]:
         left_out = ("command", "joints", "samples", "tracking_rmse", "library_version")
         asked = {name: value for name, value in self.data.items() if name not in left_out}
+        asked = {name: WITHOUT[name] if value is None else value for name, value in asked.items()}
         return {"Asked for": asked, "Versions": self.versions}

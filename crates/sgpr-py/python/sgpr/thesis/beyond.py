@@ -22,7 +22,11 @@ LAWS: dict[str, tuple[str, tuple[float, float]]] = {
 PICK_UP_SECONDS = 4.0
 PAYLOAD_SECONDS = 10.0
 CONTROL_PERIOD = 1e-3
-PAYLOAD_GAINS = (75.0, 5.0)
+# N·m/rad and N·m·s/rad: the stiffness of the identification, and one that a controller at 1 kHz would have.
+PAYLOAD_CUTOFF_HZ = 20.0
+PAYLOAD_GAINS = {"soft": (75.0, 5.0), "stiff": (300.0, 30.0)}
+# An error of twice what it was before at most is none that the payload leaves.
+RECOVERED = 2.0
 
 # 2 kg, 0.15 m in front of the wrist: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz in the frame of link 6.
 HELD = np.array([2.0, 0.04, -0.06, 0.30, 0.06, 0.001, 0.055, -0.006, 0.009, 0.012])
@@ -74,31 +78,53 @@ def payload(thesis: Thesis, tell: Tell) -> None:
     logs = [arm.log(thesis.runs["puma560 experiment"], "experiment")]
     model = parametric(arm.robot, logs, ALL_EFFECTS)
     motion = arm.test_motions(thesis.settings)[0]
-    rows, curves = [], {}
-    for label, (held, process) in {
-        "identified model": (False, False),
-        "payload tracked": (True, False),
-        "online process": (False, True),
-        "payload and process": (True, True),
-    }.items():
-        online = OnlineModel(arm.robot, model, payload=held, process=process, period=CONTROL_PERIOD)
-        controller = Adaptive(online, PAYLOAD_GAINS)
-        run = _picks_up(arm, motion, controller)
-        error = np.linalg.norm(run.q - run.q_wanted, axis=1)
-        rows.append(
-            {
-                "model": label,
-                "before": _rms(error, run.t, 1.0, PICK_UP_SECONDS),
-                "first_second": _rms(error, run.t, PICK_UP_SECONDS, PICK_UP_SECONDS + 1.0),
-                "after": _rms(error, run.t, PICK_UP_SECONDS + 1.0, PAYLOAD_SECONDS),
-                "mass": None if online.payload is None else float(online.payload[0]),
-            }
-        )
-        curves[label] = (run.t, error)
-        if controller.estimates:
-            thesis.curves[f"mass, {label}"] = tuple(np.array(controller.estimates).T)
-    thesis.curves |= {f"error, {label}": curve for label, curve in curves.items()}
+    rows: list[dict[str, Any]] = []
+    for stiffness, gains in PAYLOAD_GAINS.items():
+        usual = 0.0
+        for label, (held, process) in FOLLOWED.items():
+            online = OnlineModel(
+                arm.robot,
+                model,
+                payload=held,
+                process=process,
+                period=CONTROL_PERIOD,
+                cutoff_hz=PAYLOAD_CUTOFF_HZ,
+            )
+            controller = Adaptive(online, gains)
+            run = _picks_up(arm, motion, controller)
+            error = np.linalg.norm(run.q - run.q_wanted, axis=1)
+            # What is usual is the error of the model that follows nothing, which comes first.
+            usual = usual or float(error[(run.t >= 1.0) & (run.t < PICK_UP_SECONDS)].max())
+            rows.append(
+                {
+                    "model": label,
+                    "gains": list(gains),
+                    "before": _rms(error, run.t, 1.0, PICK_UP_SECONDS),
+                    "first_second": _rms(error, run.t, PICK_UP_SECONDS, PICK_UP_SECONDS + 1.0),
+                    "after": _rms(error, run.t, PICK_UP_SECONDS + 1.0, PAYLOAD_SECONDS),
+                    "recovered": _recovered(error, run.t, RECOVERED * usual),
+                    "mass": None if online.payload is None else float(online.payload[0]),
+                }
+            )
+            thesis.curves[f"error, {stiffness}, {label}"] = (run.t, error)
+            if controller.estimates:
+                thesis.curves[f"mass, {stiffness}, {label}"] = tuple(np.array(controller.estimates).T)
     thesis.data["payload"] = {"mass": float(HELD[0]), "time": PICK_UP_SECONDS, "rows": rows}
+
+
+# What is followed: a payload, and what is left over, by a process.
+FOLLOWED = {
+    "identified model": (False, False),
+    "payload tracked": (True, False),
+    "online process": (False, True),
+    "payload and process": (True, True),
+}
+
+
+def _recovered(error: Array, time: Array, limit: float) -> float | None:
+    """Seconds from the pick-up until the error stays below the limit; `None` if it does not."""
+    last = float(time[(error > limit) & (time >= PICK_UP_SECONDS)].max(initial=PICK_UP_SECONDS))
+    return last - PICK_UP_SECONDS if last < time[-1] else None
 
 
 def _picks_up(arm: Arm, motion: Trajectory, controller: Adaptive) -> Simulation:

@@ -75,12 +75,14 @@ class Settings:
     tests: int = 3
     points: int = 300
     process_evaluations: int = 40
+    # High-frequency series beside the first, by their seeds: what of its influence is chance.
+    other_series: tuple[int, ...] = (2, 3)
     n_jobs: int | None = None
 
     @classmethod
     def short(cls) -> "Settings":
         """One search, two periods, small processes."""
-        return cls(starts=1, evaluations=400, record_seconds=20.0, points=120, process_evaluations=15)
+        return cls(starts=1, evaluations=400, record_seconds=20.0, points=120, process_evaluations=15, other_series=())
 
     @property
     def process(self) -> Process:
@@ -348,14 +350,7 @@ KERNELS: dict[str, dict[str, Any]] = {
 def excitation_study(thesis: Thesis, tell: Tell) -> None:
     """Sections 5-3-2 and 5-3-3: eight sets of training motions, three test motions, PUMA 560 (table 5-8)."""
     arm, settings = thesis.arms["puma560"], thesis.settings
-    last = round(published.BANDWIDTH_HZ / published.FUNDAMENTAL_HZ)
-    series = Trajectory.random(
-        arm.robot,
-        fundamental_hz=published.FUNDAMENTAL_HZ,
-        harmonics=(arm.terms, last),
-        max_acceleration=[HFS_ACCELERATION] * arm.robot.dof,
-        random_state=1,
-    )
+    series = high_frequency(arm, 1)
     thesis.high_frequency = series
     experiments: dict[str, Simulation] = {}
     for name, motion in {
@@ -400,6 +395,45 @@ def excitation_study(thesis: Thesis, tell: Tell) -> None:
             }
         )
     thesis.data["table_5_8"] = rows
+    other_series(thesis, logs, tests, tell)
+
+
+def high_frequency(arm: Arm, seed: int) -> Trajectory:
+    """A series from the harmonics above the other motions' to the closed-loop bandwidth."""
+    return Trajectory.random(
+        arm.robot,
+        fundamental_hz=published.FUNDAMENTAL_HZ,
+        harmonics=(arm.terms, round(published.BANDWIDTH_HZ / published.FUNDAMENTAL_HZ)),
+        max_acceleration=[HFS_ACCELERATION] * arm.robot.dof,
+        random_state=seed,
+    )
+
+
+def other_series(thesis: Thesis, logs: dict[str, Recording], tests: Sequence[Trajectory], tell: Tell) -> None:
+    """The rows of table 5-8 with a high-frequency series, with other series of the same kind: sums of errors."""
+    arm, settings = thesis.arms["puma560"], thesis.settings
+    rows = []
+    for seed in settings.other_series:
+        tell(f"table 5-8: another high-frequency series ({seed})")
+        run = arm.follow(
+            high_frequency(arm, seed), published.IDENTIFICATION_GAINS, [arm.robot], settings.record_seconds
+        )
+        series = arm.log(run, "HFS")
+        for name in published.TABLE_5_8:
+            if not name.startswith("HFS"):
+                continue
+            training = [series, *(logs[part] for part in name.split(" + ")[1:])]
+            known: dict[str, Known] = {
+                IDENTIFIED: parametric(arm.robot, training, FRICTION),
+                SEMI_PARAMETRIC: semi_parametric(arm.robot, training, FRICTION, settings.process, **GP_ON_FRICTION),
+                IDENTIFIED_ALL: parametric(arm.robot, training, ALL_EFFECTS),
+            }
+            sums = {}
+            for label, each in known.items():
+                runs = [arm.follow(motion, published.TEST_GAINS, [each], settings.test_seconds) for motion in tests]
+                sums[label] = float(np.mean([run.tracking_rmse for run in runs], axis=0).sum())
+            rows.append({"motion": name, "seed": seed, "sums": sums})
+    thesis.data["other_series"] = rows
 
 
 def friction_error(arm: Arm, model: Model) -> float:

@@ -14,6 +14,7 @@ from ..report.numbers import significant
 from ..report.page import page
 from ..report.settings import settings_section
 from . import published
+from .beyond import PAYLOAD_GAINS
 from .experiments import IDENTIFIED, INTERNAL, SEMI_PARAMETRIC, Thesis
 
 # Tracking is drawn for the models of the thesis, errors for all.
@@ -203,11 +204,14 @@ def _beyond(thesis: Thesis, figures: Figures) -> Html:
         for law in dict.fromkeys(row["law"] for row in laws):
             errors = {row["model"]: row["rmse"] for row in laws if (row["robot"], row["law"]) == (arm.name, law)}
             parts.append(figures.bars(f"{law}: {arm.name}", "position error [rad]", joints, errors))
-    for kind, label, unit in (
-        ("error", "A payload picked up after 4 s: norm of the position error", "position error [rad]"),
-        ("mass", "Mass of the payload as tracked", "mass [kg]"),
-    ):
-        names = [name for name in thesis.curves if name.startswith(f"{kind}, ")]
-        curves = {name.removeprefix(f"{kind}, "): thesis.curves[name] for name in names}
-        parts.append(figures.lines(label, unit, curves))
+    for stiffness, (kp, kd) in PAYLOAD_GAINS.items():
+        for kind, label, unit in (
+            ("error", "A payload picked up after 4 s: norm of the position error", "position error [rad]"),
+            ("mass", "Mass of the payload as tracked", "mass [kg]"),
+        ):
+            start = f"{kind}, {stiffness}, "
+            curves = {
+                name.removeprefix(start): curve for name, curve in thesis.curves.items() if name.startswith(start)
+            }
+            parts.append(figures.lines(f"{label}, {kp:g} N·m/rad and {kd:g} N·m·s/rad", unit, curves))
     return join(parts)
