@@ -54,8 +54,8 @@ class SemiParametricModel(Estimator):
         joint where that predicts stretches left out no better than the physics has no process), or nothing, for
         comparison.
     points : int, default 500
-        Budget of each process. Of more rows the most informative ones are taken, for the search for hyperparameters and,
-        unless `sparse`, for the process.
+        Budget of each process. Of more rows the most informative ones are taken, for the search for hyperparameters
+        and, unless `sparse`, for the process.
     sparse : bool, optional
         Whether more rows than the budget are all seen, through as many inducing points (time grows with the rows times
         the square of the budget); by default chosen for each joint by stretches left out.

@@ -236,7 +236,9 @@ def show_certificate(certificate: dict[str, Any], output: Output) -> None:
 def show_processes(processes: Sequence[dict[str, Any]], output: Output) -> None:
     """What was learned of the rest."""
     rows = [[p["joint"], p["inputs"] or "no process", points_of(p)] for p in processes]
-    output.table(["joint", "process looks at", "points"], rows, text_columns=(0, 1, 2), title="What physics leaves over")
+    output.table(
+        ["joint", "process looks at", "points"], rows, text_columns=(0, 1, 2), title="What physics leaves over"
+    )
 
 
 def _bounds(found: list[float] | None) -> str:

@@ -62,7 +62,7 @@ def learn(
         bool | None,
         typer.Option(
             "--sparse/--subset",
-            help="Whether more rows than the budget are all seen, through inducing points, or the most informative kept.",
+            help="Whether more rows than the budget are all seen, through inducing points, or the best kept.",
             show_default="what helps on parts of the logs that are left out, joint by joint",
         ),
     ] = None,
