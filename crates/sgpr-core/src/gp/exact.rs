@@ -178,7 +178,7 @@ impl GaussianProcess {
 }
 
 /// Takes covariances with the points of an expansion, a column per point asked for.
-type ForCovariances<'a> = &'a mut dyn FnMut(MatMut<'_, f64>);
+pub(super) type ForCovariances<'a> = &'a mut dyn FnMut(MatMut<'_, f64>);
 
 /// What means are sums over: k(x, X) times weights.
 pub(super) struct Expansion<'a> {

@@ -8,7 +8,7 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::data::require_finite;
-use super::exact::{Expansion, Prediction, require_points};
+use super::exact::{Expansion, ForCovariances, Prediction, require_points};
 use super::fading_noise::{FadingNoise, Step, whiten};
 use super::kernels::{Features, Plan, TILE};
 use super::matrix::{assemble_and_factor, factor, invert_factor};
@@ -216,7 +216,7 @@ impl InducedProcess {
             let of = |k: usize| prior - norms[0].col(k).squared_norm_l2() + norms[1].col(k).squared_norm_l2();
             variance.extend((0..cross.ncols()).map(|k| of(k).max(0.0)));
         };
-        let each: Option<&mut dyn FnMut(MatMut<'_, f64>)> = if with_variance { Some(&mut explain) } else { None };
+        let each: Option<ForCovariances<'_>> = if with_variance { Some(&mut explain) } else { None };
         self.expansion().for_each_batch(x, &self.weights, &mut mean, each);
         Ok(Prediction { mean, variance })
     }

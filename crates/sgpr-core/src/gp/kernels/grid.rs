@@ -19,9 +19,6 @@ pub(crate) trait Points<T: Element> {
     );
 }
 
-/// Columns whose squares are summed before the sums go back to memory.
-const SIX: usize = 6;
-
 /// Largest number of steps from the middle of the grid.
 const LARGEST: f64 = 32_767.0;
 
@@ -107,14 +104,8 @@ impl<T: Element> Points<T> for GridPoints<T> {
     ) {
         squares.fill(T::default());
         let tile = &self.steps[start * self.scales.len()..];
-        let tile = &tile[columns.start * TILE..];
-        let (scales, squares) = (&self.scales[columns], &mut squares[..length]);
-        let sixes = c.len() / SIX * SIX;
-        for m in (0..sixes).step_by(SIX) {
-            T::add_grid_squares::<S, SIX>(simd, &tile[m * TILE..], &scales[m..], &c[m..], squares);
-        }
-        for m in sixes..c.len() {
-            T::add_grid_squares::<S, 1>(simd, &tile[m * TILE..], &scales[m..], &c[m..], squares);
+        for (column, c) in columns.zip(c) {
+            T::add_grid_squares(simd, &tile[column * TILE..][..length], self.scales[column], *c, squares);
         }
     }
 }

@@ -29,17 +29,8 @@ pub(crate) trait Element: Copy + Default + Send + Sync + std::fmt::Debug + bytem
         r2: &mut [Self],
     );
 
-    /// r2 += sum over `COLUMNS` columns of (scale steps - c)².
-    ///
-    /// - `steps`: column m starts at `m * TILE`
-    /// - `r2`: a multiple of [`BLOCK`] of them
-    fn add_grid_squares<S: Simd, const COLUMNS: usize>(
-        simd: S,
-        steps: &[i16],
-        scale: &[Self],
-        c: &[Self],
-        r2: &mut [Self],
-    );
+    /// r2 += (scale * steps - c)².
+    fn add_grid_squares<S: Simd>(simd: S, steps: &[i16], scale: Self, c: Self, r2: &mut [Self]);
 
     /// As many times as there are `K` kernels: sum over columns of weight (x - c)², for as many points as a row of `r2` uses.
     /// The squared differences are shared.
@@ -144,27 +135,10 @@ macro_rules! element {
             }
 
             #[inline(always)]
-            fn add_grid_squares<S: Simd, const COLUMNS: usize>(
-                _: S,
-                steps: &[i16],
-                scale: &[Self],
-                c: &[Self],
-                r2: &mut [Self],
-            ) {
-                let (scale, c) = (scale.first_chunk::<COLUMNS>(), c.first_chunk::<COLUMNS>());
-                let (scale, c) = (scale.expect("one per column"), c.expect("one per column"));
-                let columns: [&[[i16; BLOCK]]; COLUMNS] =
-                    std::array::from_fn(|m| steps[m * TILE..][..r2.len()].as_chunks::<BLOCK>().0);
-                for (block, r2) in r2.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
-                    let mut sums = *r2;
-                    for m in 0..COLUMNS {
-                        let steps = &columns[m][block];
-                        for k in 0..BLOCK {
-                            let difference = fused!(S, $float, Self::from(steps[k]), scale[m], -c[m]);
-                            sums[k] = fused!(S, $float, difference, difference, sums[k]);
-                        }
-                    }
-                    *r2 = sums;
+            fn add_grid_squares<S: Simd>(_: S, steps: &[i16], scale: Self, c: Self, r2: &mut [Self]) {
+                for (r2, steps) in r2.iter_mut().zip(steps) {
+                    let difference = fused!(S, $float, Self::from(*steps), scale, -c);
+                    *r2 = fused!(S, $float, difference, difference, *r2);
                 }
             }
 
