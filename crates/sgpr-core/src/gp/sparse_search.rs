@@ -1,4 +1,4 @@
-use super::minimise::{Limits, Minimum, SearchStatus, minimise};
+use super::minimise::{Limits, SearchStatus, minimise};
 use super::search::{Run, SubsetSearch, at_bounds, log_prior};
 use super::subset::informative_points;
 use super::{Compute, Covariance, Data, GpError, SearchOptions, SparseBound, SparseGaussianProcess};
@@ -41,9 +41,6 @@ pub struct SparseReport {
     /// Hyperparameters at a bound, by name.
     pub at_bounds: Vec<String>,
 }
-
-/// Gain of the bound per point for which a search that has ended is started again from where it is.
-const WORTH_A_RESTART: f64 = 1e-6;
 
 /// Points of the larger subset, at most: more tell the hyperparameters no better than the bound then does.
 const LARGEST_SUBSET: usize = 2000;
@@ -139,17 +136,7 @@ pub fn search_sparse(
         gradient_at.iter_mut().for_each(|g| *g /= -points);
         Ok((-(value + prior) / points, gradient_at))
     };
-    let mut minimum = minimise(&at, &lower, &upper, limits, &mut evaluate)?;
-    // A step that ends at the bound of one coordinate of a thousand gains next to nothing, and looks like the end of a search.
-    while minimum.status == SearchStatus::Converged && minimum.evaluations < limits.evaluations {
-        let left = Limits { evaluations: limits.evaluations - minimum.evaluations, ..limits };
-        let again = minimise(&minimum.at, &lower, &upper, left, &mut evaluate)?;
-        let gained = minimum.value - again.value;
-        minimum = Minimum { evaluations: minimum.evaluations + again.evaluations, ..again };
-        if gained < WORTH_A_RESTART {
-            break;
-        }
-    }
+    let minimum = minimise(&at, &lower, &upper, limits, &mut evaluate)?;
     let (covariance, inducing) = split(&minimum.at);
     let gp = SparseGaussianProcess::fit(data, covariance.clone(), inducing, compute)?;
     let report = SparseReport {
