@@ -78,11 +78,12 @@ def learn(path: Path, kind: str, joint: int, jobs: int, evaluations: int) -> dic
 
 def table(rows: list[dict[str, object]]) -> str:
     """The figures as a table in Markdown."""
-    heading = "| joint | kernel | reference | exact | sparse | exact, CPU s | sparse, CPU s | exact, GB | sparse, GB |"
-    lines = [heading, "|" + "---|" * 9]
+    kinds = [kind for kind in KINDS if kind in {row["kind"] for row in rows}]
+    names = ["joint", "kernel", "reference", *(kind + unit for unit in ("", ", CPU s", ", GB") for kind in kinds)]
+    lines = ["| " + " | ".join(names) + " |", "|" + "---|" * len(names)]
     found = {(row["kind"], row["joint"]): row for row in rows}
     for joint in sorted({row["joint"] for row in rows}):
-        pair = [found[kind, joint] for kind in KINDS]
+        pair = [found[kind, joint] for kind in kinds]
         cells = [f"{joint}", f"{pair[0]['kernel']}", f"{REFERENCE[joint - 1]:.4f}"]
         for name, digits in (("smse", 4), ("cpu_s", 0), ("peak_gb", 2)):
             cells += [f"{row[name]:.{digits}f}" for row in pair]
@@ -95,6 +96,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("out/sarcos"))
     parser.add_argument("--joints", type=int, nargs="+", default=list(range(1, 8)), choices=range(1, 8))
+    parser.add_argument("--kinds", nargs="+", default=KINDS, choices=KINDS)
     parser.add_argument("--jobs", type=int, default=2, help="threads")
     parser.add_argument("--evaluations", type=int, default=200, help="of the likelihood in each search")
     parser.add_argument("--one", nargs=2, metavar=("KIND", "JOINT"), help=argparse.SUPPRESS)
@@ -108,7 +110,7 @@ def main() -> None:
         return
     rows = []
     for joint in arguments.joints:
-        for kind in KINDS:
+        for kind in arguments.kinds:
             # A process of its own, so that its peak memory is its own.
             command = [sys.executable, __file__, "--one", kind, str(joint)]
             command += ["--jobs", str(arguments.jobs), "--evaluations", str(arguments.evaluations)]

@@ -139,10 +139,12 @@ fn check_processes() {
 fn check_semi_parametric() {
     let robot = Robot::from_urdf(data("demo/robot.urdf"), &UrdfOptions::default()).expect("bundled");
     let log = csv::read(data("demo/train_1.csv.gz"), &Default::default()).expect("bundled");
-    for (shared, mean) in [(false, Mean::Physics), (true, Mean::Physics), (false, Mean::Joint), (true, Mean::Joint)] {
+    let kinds = [(false, Mean::Physics), (true, Mean::Physics), (false, Mean::Joint), (true, Mean::Joint)];
+    for ((shared, mean), sparse) in kinds.into_iter().flat_map(|kind| [(kind, Some(false)), (kind, Some(true))]) {
         let options = SemiParametricOptions {
             shared,
             mean,
+            sparse,
             inputs: Some(Inputs::Velocities),
             points: 40,
             evaluations: 5,
@@ -162,7 +164,10 @@ fn check_semi_parametric() {
                         }
                     }
                 });
-                assert_eq!(taken, 0, "SemiParametricPredictor, shared {shared}, {mean:?}, {options:?}");
+                assert_eq!(
+                    taken, 0,
+                    "SemiParametricPredictor, shared {shared}, {mean:?}, sparse {sparse:?}, {options:?}"
+                );
             }
         }
     }

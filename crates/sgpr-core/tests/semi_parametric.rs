@@ -2,22 +2,25 @@
 #![allow(missing_docs)]
 
 mod common;
+#[path = "common/noise.rs"]
+mod noise;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use common::{data, largest_difference};
+use noise::Noise;
 use sgpr_core::diagnosis::{DiagnosisOptions, diagnose};
-use sgpr_core::dynamics::Samples;
+use sgpr_core::dynamics::{Samples, Workspace, rnea};
 use sgpr_core::effects::{Site, by_name};
-use sgpr_core::gp::{Compute, Precision, PredictorOptions};
+use sgpr_core::gp::{Compute, Inference, Precision, PredictorOptions};
 use sgpr_core::model::{
-    IdentifyOptions, Inputs, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions,
+    Coverage, IdentifyOptions, Inputs, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions,
     SemiParametricPredictor, Start, Term, TorqueModel, compare, fit_rest, fit_semi_parametric, identify,
 };
-use sgpr_core::motion::Motion;
+use sgpr_core::motion::{Conditioning, Motion};
 use sgpr_core::progress::{Interrupted, Progress};
 use sgpr_core::recording::{Recording, csv};
-use sgpr_core::robot::{Robot, UrdfOptions};
+use sgpr_core::robot::{Robot, UrdfOptions, two_link};
 
 fn robot() -> Robot {
     Robot::from_urdf(data("demo/robot.urdf"), &UrdfOptions::default()).expect("bundled")
@@ -276,7 +279,7 @@ fn physics_that_lacks_nothing_is_left_as_it_was_identified() {
     let options = SemiParametricOptions { mean: Mean::Joint, inputs: Some(Inputs::OwnMotion), ..options() };
     let options = SemiParametricOptions { identify: IdentifyOptions::default(), ..options };
     let model = fit_semi_parametric(&robot, &logs, &options, &()).expect("good logs");
-    assert!(model.reports().iter().all(|report| report.chosen.is_none() && report.candidates.len() == 1));
+    assert!(model.reports().iter().all(|report| report.chosen.is_none() && report.candidates.len() == 2));
     let (physics, _) = identify(&robot, &logs, &options.identify, &()).expect("good logs");
     assert_eq!(model.physics().parameters(), physics.parameters());
 }
@@ -401,5 +404,136 @@ fn damaged_and_hostile_files_are_refused() {
         let mut bytes = good.clone();
         bytes[at] ^= 1 << (at % 8);
         let _ = SemiParametricModel::from_bytes(&bytes, "x.sgpr");
+    }
+}
+
+/// A two-link arm with a torque that no physics has, a function of both positions, under errors that last for 0.3 s and white
+/// ones, sampled at 50 Hz.
+fn simulated(seed: u64, samples: usize) -> Recording {
+    simulated_with(seed, samples, 0.8)
+}
+
+/// - `unknown`: largest torque that no physics has, N·m
+fn simulated_with(seed: u64, samples: usize, unknown: f64) -> Recording {
+    let (robot, mut random) = (two_link(), Noise(seed));
+    let waves: Vec<[f64; 3]> = (0..8)
+        .map(|k| {
+            [0.3 + 0.3 * random.uniform(), 0.7 + 3.0 * random.uniform() + f64::from(k % 4), 6.3 * random.uniform()]
+        })
+        .collect();
+    let mut ws = Workspace::new(&robot);
+    let (mut q_all, mut dq_all, mut tau_all) = (vec![], vec![], vec![]);
+    let mut lasting = [0.0; 2];
+    let decay = (-0.02f64 / 0.3).exp();
+    for k in 0..samples {
+        let t = 0.02 * k as f64;
+        let sum = |joint: usize, of: fn(&[f64; 3], f64) -> f64| waves[4 * joint..][..4].iter().map(|w| of(w, t)).sum();
+        let each = |of: fn(&[f64; 3], f64) -> f64| [sum(0, of), sum(1, of)];
+        let q = each(|[a, w, p], t| a * (w * t + p).sin());
+        let dq = each(|[a, w, p], t| a * w * (w * t + p).cos());
+        let ddq = each(|[a, w, p], t| -a * w * w * (w * t + p).sin());
+        let tau = rnea(&robot, &mut ws, &q, &dq, &ddq).to_vec();
+        let hidden = [(3.0 * q[0]).sin() * (2.0 * q[1]).cos(), (2.5 * q[0] + 2.0 * q[1]).sin()];
+        for joint in 0..2 {
+            lasting[joint] = decay * lasting[joint] + 0.4 * (1.0 - decay * decay).sqrt() * random.normal();
+            tau_all
+                .push(tau[joint] + unknown * hidden[joint] + 0.3 * dq[joint] + lasting[joint] + 0.4 * random.normal());
+        }
+        q_all.extend(q);
+        dq_all.extend(dq);
+    }
+    let names = robot.joint_names().map(String::from).collect();
+    let time = (0..samples as i64).map(|k| 20_000_000 * k).collect();
+    Recording::new("simulated", names, time, q_all, Some(dq_all), Some(tau_all), vec![]).expect("arrays of one length")
+}
+
+fn predictor_says_the_same(model: &SemiParametricModel, motion: Samples<'_>) {
+    let (n, prediction) = (model.reports().len(), model.predict(motion, true).expect("finite"));
+    let every = PredictorOptions { variance_rank: None, ..PredictorOptions::default() };
+    let single = PredictorOptions { precision: Precision::Single, ..PredictorOptions::default() };
+    let mut exact = SemiParametricPredictor::new(model, every).expect("small");
+    let mut fast = SemiParametricPredictor::new(model, single).expect("small");
+    for k in (0..prediction.tau.len()).step_by(20 * n) {
+        let at = k..k + n;
+        let (q, dq, ddq) = (&motion.q[at.clone()], &motion.dq[at.clone()], &motion.ddq[at.clone()]);
+        let tau = &prediction.tau[at.clone()];
+        assert!(largest_difference(fast.torque(q, dq, ddq), tau) < 3e-3);
+        let (found, deviation) = exact.torque_and_deviation(q, dq, ddq);
+        assert!(largest_difference(found, tau) < 1e-7);
+        assert!(largest_difference(deviation, &prediction.standard_deviation[at]) < 1e-7);
+    }
+}
+
+/// 60,000 rows and a budget of 150 points: what all rows say lowers the error that 150 of them leave, as errors of the
+/// measurement average out.
+#[test]
+fn a_long_log_is_seen_through_inducing_points() {
+    let (train, test) = ([simulated(1, 60_000)], [simulated(2, 10_000)]);
+    let conditioning =
+        Conditioning { cutoff_hz: Some(10.0), decimation: Some(1), ..IdentifyOptions::default().conditioning };
+    let identify = IdentifyOptions { effects: vec!["viscous_friction".into()], conditioning, ..Default::default() };
+    let inputs = Some(Inputs::Positions);
+    let options = SemiParametricOptions { identify, inputs, points: 150, evaluations: 25, ..options() };
+    let settings = [(Mean::Physics, false), (Mean::Joint, false), (Mean::Physics, true)];
+    for (mean, shared) in settings {
+        let fit = |sparse| {
+            let options = SemiParametricOptions { mean, shared, sparse, ..options.clone() };
+            fit_semi_parametric(&two_link(), &train, &options, &()).expect("a good log")
+        };
+        let (subset, chosen) = (fit(Some(false)), fit(None));
+        let physics = compare(chosen.physics(), &test, None).expect("good").joints;
+        let [of_subset, of_all] = [&subset, &chosen].map(|model| model.compare(&test).expect("good").joints);
+        let coverage = chosen.coverage(&test, false).expect("good");
+        for joint in 0..2 {
+            let (report, less) = (chosen.reports()[joint], subset.reports()[joint]);
+            let Inference::Sparse { inducing } = report.inference else { panic!("{report:?}") };
+            assert!(report.rows > 59_000 && report.points == inducing && inducing <= 150);
+            assert_eq!(less.inference, Inference::Subset { points: 150 });
+            let errors = [&physics, &of_subset, &of_all].map(|joints| joints[joint].rmse);
+            let Coverage { percent_68, percent_95, .. } = coverage[joint];
+            println!(
+                "{mean:?}, shared {shared}, joint {}: {errors:.3?}, {percent_68:.0} / {percent_95:.0} %",
+                joint + 1
+            );
+            assert!(errors[2] < 0.96 * errors[1] && errors[2] < 0.85 * errors[0], "{errors:?}");
+            assert!((percent_68 - 68.0).abs() < 8.0 && (percent_95 - 95.0).abs() < 3.0, "{percent_68} {percent_95}");
+        }
+
+        let bytes = chosen.to_bytes();
+        let back = SemiParametricModel::from_bytes(&bytes, "x.sgpr").expect("just written");
+        let motion =
+            &Motion::from_recording(&test[0], chosen.physics().processing().expect("identified")).expect("good")[0];
+        let prediction = chosen.predict_motion(motion, true).expect("finite");
+        assert_eq!(back.predict_motion(motion, true).expect("finite"), prediction);
+        assert_eq!(back.to_bytes(), bytes);
+        predictor_says_the_same(&back, motion.samples());
+        // Far from the data the physics is alone.
+        let far = Samples { q: &[40.0; 2], dq: &[1.0; 2], ddq: &[1.0; 2] };
+        let prediction = chosen.predict(far, true).expect("finite");
+        assert!(largest_difference(&prediction.tau, &chosen.physics().predict(far)) < 1e-6);
+        assert!(prediction.novelty.iter().all(|novelty| *novelty > 0.99));
+
+        let damaged = |from: &str, to: &str| {
+            let at = bytes.windows(from.len()).position(|window| window == from.as_bytes()).expect("there");
+            let mut bytes = bytes.clone();
+            bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
+            SemiParametricModel::from_bytes(&bytes, "x.sgpr").expect_err("damaged").to_string()
+        };
+        assert!(damaged("joint_1.projection", "joint_1.projectiom").contains("`joint_1.projection` is missing"));
+        assert!(damaged("joint_2.products", "joint_2.productz").contains("is missing"));
+    }
+}
+
+/// Where nothing but noise is left over, more rows find nothing either: the physics stays alone.
+#[test]
+fn a_long_log_of_noise_has_no_process() {
+    let conditioning =
+        Conditioning { cutoff_hz: Some(10.0), decimation: Some(1), ..IdentifyOptions::default().conditioning };
+    let identify = IdentifyOptions { effects: vec!["viscous_friction".into()], conditioning, ..Default::default() };
+    let options = SemiParametricOptions { identify, points: 60, evaluations: 15, ..options() };
+    let model = fit_semi_parametric(&two_link(), &[simulated_with(3, 20_000, 0.0)], &options, &()).expect("a good log");
+    for report in model.reports() {
+        assert!(report.chosen.is_none() && report.candidates.len() > 5, "{report:?}");
+        assert!(report.candidates.iter().any(|tried| matches!(tried.inference, Inference::Sparse { .. })));
     }
 }

@@ -347,11 +347,7 @@ pub fn fit_process(
         Ok((Process::Exact(gp), report))
     };
     let ((process, mut report), stopped) = listen_and_keep(py, progress, work)?;
-    report.inference = match inference {
-        Inference::Exact => "exact",
-        Inference::Sparse { .. } => "sparse",
-        Inference::Subset { .. } => "subset",
-    };
+    report.inference = inference.name();
     Ok((FittedProcess { process, data, compute, report }, stopped))
 }
 

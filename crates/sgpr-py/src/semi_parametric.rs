@@ -29,7 +29,7 @@ pub struct FittedSemiParametric {
 
 /// Fits a model, on top of physics if it is given; returns it and what stopped the work, if anything did.
 #[pyfunction]
-#[pyo3(signature = (robot, recordings, *, physics, mean, kernel, ard, inputs, shared, points, starts, max_evaluations, n_jobs, options))]
+#[pyo3(signature = (robot, recordings, *, physics, mean, kernel, ard, inputs, shared, points, sparse, starts, max_evaluations, n_jobs, options))]
 #[allow(clippy::too_many_arguments)]
 pub fn fit_semi_parametric(
     py: Python<'_>,
@@ -42,6 +42,7 @@ pub fn fit_semi_parametric(
     inputs: Option<&str>,
     shared: bool,
     points: &Bound<'_, PyAny>,
+    sparse: Option<bool>,
     starts: &Bound<'_, PyAny>,
     max_evaluations: &Bound<'_, PyAny>,
     n_jobs: &Bound<'_, PyAny>,
@@ -57,6 +58,7 @@ pub fn fit_semi_parametric(
         inputs: inputs.map(|name| choice("inputs", name, &known)).transpose()?,
         shared,
         points: whole("points", points, 2..20_001)?,
+        sparse,
         starts: whole("starts", starts, 1..1001)?,
         evaluations: whole("max_evaluations", max_evaluations, 1..usize::MAX)?,
         ..SemiParametricOptions::default()
@@ -202,6 +204,7 @@ impl FittedSemiParametric {
             let candidates = report.candidates.iter().map(|candidate| {
                 let dict = PyDict::new(py);
                 dict.set_item("inputs", candidate.inputs.name())?;
+                dict.set_item("inference", candidate.inference.name())?;
                 dict.set_item("rmse", candidate.rmse)?;
                 dict.set_item("log_marginal_likelihood", candidate.log_marginal_likelihood)?;
                 dict.set_item("status", status_name(candidate.status))?;
@@ -211,6 +214,7 @@ impl FittedSemiParametric {
             dict.set_item("joint", name)?;
             dict.set_item("rows", report.rows)?;
             dict.set_item("points", report.points)?;
+            dict.set_item("inference", report.inference.name())?;
             dict.set_item("physics_rmse", report.physics_rmse)?;
             dict.set_item("inputs", report.chosen.map(Inputs::name))?;
             dict.set_item("calibration", report.calibration)?;

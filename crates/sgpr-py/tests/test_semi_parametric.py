@@ -62,6 +62,29 @@ def test_physics_may_be_there_already(
         sgpr.SemiParametricModel(sgpr.robots.two_link(), physics=physics, **settings).fit(demo_logs)
 
 
+def test_all_rows_may_be_seen_through_inducing_points(
+    robot: sgpr.Robot, demo_logs: list[sgpr.Recording], test_log: list[sgpr.Recording], tmp_path: Path
+) -> None:
+    settings = {"effects": ["rotor_inertia"], "points": 60, "inputs": "own_joint", "max_evaluations": 15}
+    errors = {}
+    for sparse in (False, True, None):
+        model = sgpr.SemiParametricModel(robot, sparse=sparse, **settings).fit(demo_logs)
+        assert all(report["points"] <= 60 < report["rows"] for report in model.reports_)
+        for report in model.reports_:
+            tried = {candidate["inference"]: candidate["rmse"] for candidate in report["candidates"]}
+            assert list(tried) == (["subset"] if sparse is False else ["subset", "sparse"])
+            # Chosen if it gains 5 % in mean square, unless asked for.
+            better = "sparse" in tried and tried["sparse"] ** 2 < 0.95 * tried["subset"] ** 2
+            wanted = better if sparse is None else sparse
+            assert report["inference"] == ("sparse" if wanted else "subset")
+        errors[sparse] = model.compare(test_log).relative_error_percent
+        model.save(tmp_path / "model.sgpr")
+        assert sgpr.load(tmp_path / "model.sgpr").reports_ == model.reports_
+    physics = sgpr.compare(model.physics_, test_log).relative_error_percent
+    assert max(errors.values()) < 0.6 * physics
+    assert errors[None] <= 1.01 * min(errors.values()), "what is best on parts left out is so on the unseen log"
+
+
 def test_joints_may_share_a_kernel(
     robot: sgpr.Robot, demo_logs: list[sgpr.Recording], test_log: list[sgpr.Recording]
 ) -> None:

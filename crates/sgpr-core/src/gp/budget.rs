@@ -1,5 +1,6 @@
 /// How a process of many points is computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Inference {
     /// Exactly, with all points.
     Exact,
@@ -19,6 +20,15 @@ pub enum Inference {
 const FEWEST_INDUCING: usize = 50;
 
 impl Inference {
+    /// Its name in files, tables and other languages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Exact => "exact",
+            Self::Sparse { .. } => "sparse",
+            Self::Subset { .. } => "subset",
+        }
+    }
+
     /// What one likelihood with gradient may cost: as much as an exact one of `budget` points, which takes budget³
     /// operations. So many `points` are taken exactly if they are within it; of more, as many inducing points m as cost the
     /// same, 3 n m² = budget³; if these were too few to be of use, or the covariance has correlated noise, which no

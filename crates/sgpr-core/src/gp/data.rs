@@ -107,15 +107,19 @@ impl Default for Compute {
 }
 
 impl Compute {
+    /// Whether so many square matrices fit.
+    pub(crate) fn allows(&self, points: usize, matrices: u64) -> bool {
+        needed(points, matrices) <= self.memory_limit
+    }
+
     /// Refuses matrices that do not fit before memory is taken.
     pub(super) fn check(&self, points: usize, matrices: u64) -> Result<(), GpError> {
-        let needed = |points: u64| (8 * matrices).saturating_mul(points.saturating_mul(points));
-        if needed(points as u64) <= self.memory_limit {
+        if self.allows(points, matrices) {
             return Ok(());
         }
         Err(GpError::TooLarge {
             points,
-            needed_gb: needed(points as u64) as f64 / 1e9,
+            needed_gb: needed(points, matrices) as f64 / 1e9,
             limit_gb: self.memory_limit as f64 / 1e9,
             largest: ((self.memory_limit / (8 * matrices)) as f64).sqrt() as usize,
         })
@@ -124,6 +128,12 @@ impl Compute {
     pub(super) fn par(&self) -> faer::Par {
         if self.threads > 1 { faer::Par::rayon(self.threads) } else { faer::Par::Seq }
     }
+}
+
+/// Bytes of square matrices.
+fn needed(points: usize, matrices: u64) -> u64 {
+    let points = points as u64;
+    (8 * matrices).saturating_mul(points.saturating_mul(points))
 }
 
 /// Bytes that can be taken without swapping; 8 GB where the system does not say.

@@ -7,7 +7,7 @@ use super::data::require_finite;
 use super::kernels::{Element, Features, Plan};
 use super::likelihood::weights_and_likelihood;
 use super::matrix::{assemble_and_factor, invert_factor, square, view, view_mut};
-use super::{Compute, Covariance, Data, GpError};
+use super::{Compute, Covariance, Data, GpError, Kernel};
 
 /// A Gaussian process that has seen its data: exact inference, all points in the factor.
 ///
@@ -119,8 +119,12 @@ impl GaussianProcess {
     /// k(x, X) times each of `columns`, `[points of x, columns]`, row-major.
     pub(crate) fn weigh(&self, x: &[f64], columns: &[Vec<f64>]) -> Vec<f64> {
         let mut products = vec![0.0; x.len() / self.data.inputs() * columns.len()];
-        self.for_each_batch(x, columns, &mut products, None);
+        self.expansion().for_each_batch(x, columns, &mut products, None);
         products
+    }
+
+    fn expansion(&self) -> Expansion<'_> {
+        Expansion { signal: &self.covariance.signal, points: self.data.x(), inputs: self.data.inputs() }
     }
 
     /// Signal at the points `x`, `[points, inputs]`, row-major.
@@ -141,37 +145,11 @@ impl GaussianProcess {
                 let explained = cross.rb().col_iter().map(|column| column.squared_norm_l2());
                 variance.extend(explained.map(|explained| (prior - explained).max(0.0)));
             };
-            self.for_each_batch(x, &self.alpha, &mut prediction.mean, Some(&mut explain));
+            self.expansion().for_each_batch(x, &self.alpha, &mut prediction.mean, Some(&mut explain));
         } else {
             prediction.mean = self.weigh(x, &self.alpha);
         }
         Ok(prediction)
-    }
-
-    /// k(x, X) times `columns`, and for each batch of points the covariances k(X, x), a column per point, to `each`.
-    fn for_each_batch(
-        &self,
-        x: &[f64],
-        columns: &[Vec<f64>],
-        products: &mut [f64],
-        mut each: Option<ForCovariances<'_>>,
-    ) {
-        if columns.is_empty() {
-            return;
-        }
-        let inputs = self.data.inputs();
-        let plan = Plan::new(&self.covariance.signal);
-        let points = plan.features::<f64>(self.data.x(), inputs);
-        let columns: Vec<Vec<f64>> = columns.iter().map(|column| padded(column)).collect();
-        let mut cross = Mat::zeros(if each.is_some() { self.data.len() } else { 0 }, BATCH);
-        for (x, mean) in x.chunks(BATCH * inputs).zip(products.chunks_mut(BATCH * columns.len())) {
-            let cross_mut = each.is_some().then_some(&mut cross);
-            let batch = Cross { plan: &plan, points: &points, alpha: &columns, x, inputs, mean, cross: cross_mut };
-            Arch::new().dispatch(batch);
-            if let Some(each) = &mut each {
-                each(cross.as_mut().subcols_mut(0, x.len() / inputs));
-            }
-        }
     }
 
     /// Every point predicted from all others, without fitting again.
@@ -199,8 +177,47 @@ impl GaussianProcess {
     }
 }
 
-/// Takes covariances with the data, a column per point.
-type ForCovariances<'a> = &'a mut dyn FnMut(MatMut<'_, f64>);
+/// Takes covariances with the points of an expansion, a column per point asked for.
+pub(super) type ForCovariances<'a> = &'a mut dyn FnMut(MatMut<'_, f64>);
+
+/// What means are sums over: k(x, X) times weights.
+pub(super) struct Expansion<'a> {
+    pub signal: &'a Kernel,
+    /// X, `[points, inputs]`, row-major.
+    pub points: &'a [f64],
+    pub inputs: usize,
+}
+
+impl Expansion<'_> {
+    /// k(x, X) times `columns`, and for each batch of points the covariances k(X, x), a column per point, to `each`.
+    ///
+    /// - `x`: `[points asked for, inputs]`, row-major
+    /// - `products`: `[points asked for, columns]`, row-major, zero before
+    pub fn for_each_batch(
+        &self,
+        x: &[f64],
+        columns: &[Vec<f64>],
+        products: &mut [f64],
+        mut each: Option<ForCovariances<'_>>,
+    ) {
+        if columns.is_empty() {
+            return;
+        }
+        let inputs = self.inputs;
+        let plan = Plan::new(self.signal);
+        let points = plan.features::<f64>(self.points, inputs);
+        let columns: Vec<Vec<f64>> = columns.iter().map(|column| padded(column)).collect();
+        let mut cross = Mat::zeros(if each.is_some() { points.count() } else { 0 }, BATCH);
+        for (x, mean) in x.chunks(BATCH * inputs).zip(products.chunks_mut(BATCH * columns.len())) {
+            let cross_mut = each.is_some().then_some(&mut cross);
+            let batch = Cross { plan: &plan, points: &points, alpha: &columns, x, inputs, mean, cross: cross_mut };
+            Arch::new().dispatch(batch);
+            if let Some(each) = &mut each {
+                each(cross.as_mut().subcols_mut(0, x.len() / inputs));
+            }
+        }
+    }
+}
 
 pub(super) fn require_points(x: &[f64], inputs: usize) -> Result<(), GpError> {
     if !x.len().is_multiple_of(inputs) {
@@ -216,8 +233,8 @@ pub(super) fn padded<T: Element>(values: &[f64]) -> Vec<T> {
     padded
 }
 
-/// Means of a batch, and the covariances with the data, a column per point.
-pub(super) struct Cross<'a> {
+/// Means of a batch, and the covariances with the points, a column per point asked for.
+struct Cross<'a> {
     pub plan: &'a Plan,
     pub points: &'a Features<f64>,
     pub alpha: &'a [Vec<f64>],

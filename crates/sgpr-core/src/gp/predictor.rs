@@ -6,7 +6,7 @@ use super::exact::{Prediction, padded};
 use super::kernels::{BLOCK, Element, Features, Grid, GridPoints, Plan, Points, Query, TILE, Work, tiles};
 use super::matrix::{factor, invert_factor, square, view, view_mut};
 use super::subset::partial_factor;
-use super::{Data, GaussianProcess, GpError, SparseGaussianProcess};
+use super::{Data, GaussianProcess, GpError, InducedProcess, Kernel, SparseGaussianProcess};
 
 /// Arithmetic of a [`GpPredictor`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -200,6 +200,10 @@ impl GpPredictor {
     /// The same for a sparse process, whose inducing points are all it keeps; `variance_rank` other than zero gives its
     /// variance, which needs all of them.
     pub fn from_sparse(gp: &SparseGaussianProcess, options: PredictorOptions) -> Self {
+        Self::from_induced(&gp.process, options)
+    }
+
+    pub(crate) fn from_induced(gp: &InducedProcess, options: PredictorOptions) -> Self {
         let [prior, data] = &gp.inverse_factors;
         let variance = (options.variance_rank != Some(0)).then(|| VarianceParts {
             subtracted: Rows::Triangle(prior.clone()),
@@ -216,11 +220,12 @@ impl GpPredictor {
         predictor
     }
 
-    /// k(x, X) times each of `columns`, in double precision, without variance.
-    pub(crate) fn weighing(gp: &GaussianProcess, columns: &[Vec<f64>]) -> Self {
-        let plan = Plan::new(&gp.covariance.signal);
-        let (x, inputs) = (gp.data.x(), gp.data.inputs());
-        let parts = Parts { plan, x, inputs, weights: columns, variance: None, grid: None, compact: false };
+    /// k(x, X) times each of `weights`, in double precision, without variance.
+    ///
+    /// - `x`: X, `[points, inputs]`, row-major
+    pub(crate) fn weighing(signal: &Kernel, x: &[f64], inputs: usize, weights: &[Vec<f64>]) -> Self {
+        let plan = Plan::new(signal);
+        let parts = Parts { plan, x, inputs, weights, variance: None, grid: None, compact: false };
         Self::from_parts(parts, Precision::Double)
     }
 

@@ -2,10 +2,10 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::GaussianProcess;
 use super::exact::padded;
 use super::kernels::{BLOCK, Element, Shape, TILE};
 use super::predictor::{Precision, probes};
+use super::{GaussianProcess, InducedProcess, Kernel};
 
 /// Means of several processes over the same points, such as those of the joints of an arm: the points are read once, and
 /// processes with the same kernel share its values. Owns its buffers, allocates nothing, takes no lock, and can move to
@@ -37,6 +37,30 @@ pub struct SharedPredictor {
 enum Kind {
     Double(Core<f64>),
     Single(Core<f32>),
+}
+
+/// The mean of a process: k(x, X) times weights.
+#[derive(Clone, Copy)]
+pub(crate) struct WeightedKernel<'a> {
+    pub signal: &'a Kernel,
+    /// X, `[points, inputs]`, row-major.
+    pub x: &'a [f64],
+    pub inputs: usize,
+    /// One per point.
+    pub weights: &'a [f64],
+}
+
+impl<'a> WeightedKernel<'a> {
+    /// Of the first output.
+    pub fn of(gp: &'a GaussianProcess) -> Self {
+        let (data, weights) = (gp.data(), &gp.alpha[0]);
+        Self { signal: &gp.covariance().signal, x: data.x(), inputs: data.inputs(), weights }
+    }
+
+    /// Of the first output.
+    pub fn of_induced(gp: &'a InducedProcess) -> Self {
+        Self { signal: &gp.covariance.signal, x: &gp.inducing, inputs: gp.inputs, weights: &gp.weights[0] }
+    }
 }
 
 /// Kernels whose distances are summed at once: their sums stay in registers.
@@ -114,33 +138,38 @@ impl SharedPredictor {
     /// The only place that allocates. None if the processes do not have the same points, have several outputs, or if a
     /// kernel is more than one stationary shape: ask each by a [`super::GpPredictor`] then.
     pub fn new(processes: &[&GaussianProcess], precision: Precision) -> Option<Self> {
-        let first = processes.first()?.data();
-        let alike = |gp: &&GaussianProcess| {
-            gp.data().outputs() == 1
-                && gp.data().inputs() == first.inputs()
-                && gp.data().x() == first.x()
-                && gp.covariance().signal.single_leaf().is_some()
-        };
-        if !processes.iter().all(alike) {
+        if processes.iter().any(|gp| gp.data().outputs() != 1) {
             return None;
         }
-        let (means, inputs) = (vec![0.0; processes.len()], first.inputs());
+        let sums: Vec<WeightedKernel<'_>> = processes.iter().map(|gp| WeightedKernel::of(gp)).collect();
+        Self::of_sums(&sums, precision)
+    }
+
+    /// The same for sums over points.
+    pub(crate) fn of_sums(sums: &[WeightedKernel<'_>], precision: Precision) -> Option<Self> {
+        let WeightedKernel { x, inputs, .. } = sums.first()?;
+        let alike =
+            |sum: &WeightedKernel<'_>| (sum.inputs, sum.x) == (*inputs, *x) && sum.signal.single_leaf().is_some();
+        if !sums.iter().all(alike) {
+            return None;
+        }
+        let means = vec![0.0; sums.len()];
         let kind = match precision {
-            Precision::Double => Kind::Double(Core::new(processes)),
-            Precision::Single => Kind::Single(Core::new(processes)),
+            Precision::Double => Kind::Double(Core::new(sums)),
+            Precision::Single => Kind::Single(Core::new(sums)),
         };
-        let mut predictor = Self { kind, means, error: 0.0, inputs };
+        let mut predictor = Self { kind, means, error: 0.0, inputs: *inputs };
         if precision == Precision::Single {
-            predictor.error = predictor.compare(processes);
+            predictor.error = predictor.compare(sums);
         }
         Some(predictor)
     }
 
     /// Largest difference to double precision at points of the data and half-way between them.
-    fn compare(&mut self, processes: &[&GaussianProcess]) -> f64 {
-        let mut exact = Self::new(processes, Precision::Double).expect("as in single precision");
+    fn compare(&mut self, sums: &[WeightedKernel<'_>]) -> f64 {
+        let mut exact = Self::of_sums(sums, Precision::Double).expect("as in single precision");
         let mut largest: f64 = 0.0;
-        for x in probes(processes[0].data().x(), self.inputs).chunks_exact(self.inputs) {
+        for x in probes(sums[0].x, self.inputs).chunks_exact(self.inputs) {
             let differences = self.means(x).iter().zip(exact.means(x)).map(|(a, b)| (a - b).abs());
             largest = differences.fold(largest, f64::max);
         }
@@ -173,10 +202,9 @@ impl SharedPredictor {
 }
 
 impl<T: Element> Core<T> {
-    fn new(processes: &[&GaussianProcess]) -> Self {
-        let leaf = |gp: &GaussianProcess| gp.covariance().signal.single_leaf().map(|(v, leaf)| (v, leaf.clone()));
-        let leaves: Vec<_> = processes.iter().map(|gp| leaf(gp).expect("checked")).collect();
-        let (x, inputs) = (processes[0].data().x(), processes[0].data().inputs());
+    fn new(sums: &[WeightedKernel<'_>]) -> Self {
+        let leaves: Vec<_> = sums.iter().map(|sum| sum.signal.single_leaf().expect("checked")).collect();
+        let WeightedKernel { x, inputs, .. } = sums[0];
         let count = x.len() / inputs;
         let mut used: Vec<usize> = leaves.iter().flat_map(|(_, leaf)| leaf.inputs.iter().map(|i| i.index)).collect();
         used.sort_unstable();
@@ -196,9 +224,9 @@ impl<T: Element> Core<T> {
         let mut distinct: Vec<usize> = vec![];
         let mut own: Vec<OfKernel<T>> = vec![];
         for (index, (variance, leaf)) in leaves.iter().enumerate() {
-            let alpha: Vec<f64> = processes[index].alpha[0].iter().map(|alpha| variance * alpha).collect();
+            let alpha: Vec<f64> = sums[index].weights.iter().map(|alpha| variance * alpha).collect();
             let entry = (index, padded(&alpha));
-            match distinct.iter().position(|&other| leaves[other].1 == *leaf) {
+            match distinct.iter().position(|&other| *leaves[other].1 == **leaf) {
                 Some(kernel) => own[kernel].push(entry),
                 None => {
                     distinct.push(index);

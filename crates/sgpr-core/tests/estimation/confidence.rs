@@ -6,7 +6,8 @@ use sgpr_core::identification::{
     residual_correlation,
 };
 
-use crate::arm::{Experiment, Noise, trajectory};
+use crate::arm::{Experiment, trajectory};
+use crate::noise::Noise;
 
 /// First-order noise, with a common part at both joints.
 fn coloured(samples: usize, memory: f64, random: &mut Noise) -> Vec<f64> {

@@ -6,7 +6,8 @@ use sgpr_core::identification::{
 };
 use sgpr_core::spatial::LinkInertia;
 
-use crate::arm::{Experiment, Noise, largest_difference};
+use crate::arm::{Experiment, largest_difference};
+use crate::noise::Noise;
 
 fn solve(consistency: &Consistency, noise: f64) -> (Experiment, Result<ConsistentParameters, IdentificationError>) {
     let experiment = Experiment::new(1500);

@@ -5,7 +5,8 @@ use sgpr_core::identification::{
     Equations, Estimate, JointFactor, Method, SimulatedMotion, estimate, residual_correlation,
 };
 
-use crate::arm::{Experiment, Noise, largest_difference, trajectory};
+use crate::arm::{Experiment, largest_difference, trajectory};
+use crate::noise::Noise;
 
 fn every_method() -> [Method; 9] {
     [

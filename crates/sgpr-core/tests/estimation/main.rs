@@ -5,6 +5,8 @@ mod arm;
 mod confidence;
 mod consistency;
 mod estimators;
+#[path = "../common/noise.rs"]
+mod noise;
 mod nonlinear;
 mod payload;
 mod screening;

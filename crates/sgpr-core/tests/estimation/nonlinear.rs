@@ -11,7 +11,7 @@ use sgpr_core::motion::{Conditioning, Motion};
 use sgpr_core::recording::{Channel, Recording};
 use sgpr_core::robot::{Robot, two_link};
 
-use crate::arm::Noise;
+use crate::noise::Noise;
 
 const RATE: f64 = 100.0;
 /// Effect, site, constants, coefficients, and by which share the constants may be off.

@@ -8,7 +8,8 @@ use sgpr_core::identification::{
 };
 use sgpr_core::robot::{Robot, puma560};
 
-use crate::arm::{Noise, trajectory};
+use crate::arm::trajectory;
+use crate::noise::Noise;
 
 const LINK: usize = 5;
 /// 2 kg, centre of mass at (0.05, -0.02, 0.1) m, a ball of 0.004 kg·m².

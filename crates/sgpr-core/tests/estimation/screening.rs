@@ -2,7 +2,8 @@
 
 use sgpr_core::identification::{Equations, Finding, LeastSquares, Method, screen_factors, screen_rows};
 
-use crate::arm::{Experiment, Noise, RATE, trajectory};
+use crate::arm::{Experiment, RATE, trajectory};
+use crate::noise::Noise;
 
 /// What is found in a log that was spoilt.
 fn findings(spoil: impl Fn(usize, usize, f64) -> f64, shift: usize) -> Vec<Finding> {

@@ -798,6 +798,7 @@ def fit_semi_parametric(
     inputs: str | None,
     shared: bool,
     points: int,
+    sparse: bool | None,
     starts: int,
     max_evaluations: int,
     n_jobs: int,

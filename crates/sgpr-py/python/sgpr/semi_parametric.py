@@ -54,7 +54,11 @@ class SemiParametricModel(Estimator):
         joint where that predicts stretches left out no better than the physics has no process), or nothing, for
         comparison.
     points : int, default 500
-        Budget of each process; of more rows the most informative ones are taken.
+        Budget of each process. Of more rows the most informative ones are taken, for the search for hyperparameters
+        and, unless `sparse`, for the process.
+    sparse : bool, optional
+        Whether more rows than the budget are all seen, through as many inducing points (time grows with the rows times
+        the square of the budget); by default chosen for each joint by stretches left out.
     starts : int, default 1
         Starts of the search for hyperparameters.
     max_evaluations : int, default 60
@@ -72,7 +76,8 @@ class SemiParametricModel(Estimator):
     ----------
     physics_ : Model
     reports_ : list of dict
-        For each joint what was tried, chosen ("inputs", None if the physics alone is better) and learned.
+        For each joint what was tried, chosen ("inputs", None if the physics alone is better; "inference": "exact",
+        "subset" or "sparse", with all rows as points, some of them, or all seen through inducing points) and learned.
     stopped_ : bool
         Whether the search was stopped before its end.
 
@@ -98,6 +103,7 @@ class SemiParametricModel(Estimator):
         shared: bool = False,
         mean: str = "physics",
         points: int = 500,
+        sparse: bool | None = None,
         starts: int = 1,
         max_evaluations: int = 60,
         n_jobs: int = 2,
@@ -113,6 +119,7 @@ class SemiParametricModel(Estimator):
         self.shared = shared
         self.mean = mean
         self.points = points
+        self.sparse = sparse
         self.starts = starts
         self.max_evaluations = max_evaluations
         self.n_jobs = n_jobs
@@ -149,6 +156,7 @@ class SemiParametricModel(Estimator):
             inputs=self.inputs,
             shared=bool(self.shared),
             points=self.points,
+            sparse=self.sparse,
             starts=self.starts,
             max_evaluations=self.max_evaluations,
             n_jobs=self.n_jobs,

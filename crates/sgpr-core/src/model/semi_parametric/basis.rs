@@ -8,6 +8,7 @@ use super::super::experiment::band_filter;
 use super::super::identify::IdentifyError;
 use super::super::{Rigid, Trajectory};
 use super::TorqueModel;
+use super::process::{Process, Terms};
 use super::rest::{Rest, Rows};
 use crate::dynamics::{BatchWorkspace, Samples, Workspace, regressor, regressor_batch};
 use crate::effects::{JointState, Reach};
@@ -22,7 +23,8 @@ use crate::spatial::PARAMETERS_PER_LINK;
 pub(super) struct Basis {
     /// Covariance of the parameters.
     pub covariance: Mat<f64>,
-    /// Rows of their regressor, in the band of the model, at the points of each joint's process.
+    /// Rows of their regressor, in the band of the model, at the points of each joint's process; projected on them if they
+    /// are inducing points.
     pub rows: Vec<Option<Mat<f64>>>,
     /// K⁻¹ times these rows, a column per parameter.
     weights: Vec<Vec<Vec<f64>>>,
@@ -88,7 +90,7 @@ impl BasisPredictor {
     pub fn new(basis: &Basis, physics: &TorqueModel, joints: &[Rest]) -> Self {
         let explained = joints.iter().zip(&basis.weights).map(|(rest, weights)| {
             let gp = rest.gp.as_ref()?;
-            Some(GpPredictor::weighing(gp, weights))
+            Some(GpPredictor::weighing(&gp.covariance().signal, gp.x(), gp.inputs(), weights))
         });
         Self {
             explained: explained.collect(),
@@ -235,13 +237,14 @@ fn add_term_columns(
     }
 }
 
-/// For each joint: its rows of the regressor at the points of its process, or all if it has none.
-pub(super) fn matrices(joints: &[Rest], rows: &[Rows]) -> Vec<Mat<f64>> {
+/// For each joint: the linear terms as its process sees them, or at all rows if it has none.
+pub(super) fn terms(joints: &[Rest], rows: &[Rows]) -> Vec<Terms> {
     let of_joint = |(rest, rows): (&Rest, &Rows)| {
         let all = rows.terms.as_ref().expect("with the mean `joint`");
         match &rest.gp {
-            Some(_) => Mat::from_fn(rest.points.len(), all.ncols(), |i, k| all[(rest.points[i], k)]),
-            None => all.clone(),
+            Some(Process::Exact(_)) => Terms::at_rows(all, &rest.points),
+            Some(Process::Sparse(_)) => rest.evidence.terms(&rest.evidence.without(None)),
+            None => Terms { matrix: all.clone(), of_rows: None },
         }
     };
     joints.iter().zip(rows).map(of_joint).collect()

@@ -1,5 +1,5 @@
-//! One file per model, in the format of the torque model: a head in JSON, the physics as a file within the file, points
-//! and residuals as little-endian `f64`. The processes are conditioned again when the file is read.
+//! One file per model, in the format of the torque model: a head in JSON, the physics as a file within the file, points and
+//! residuals, or inducing points and what all rows say at them, as little-endian `f64`. The processes are conditioned again when the file is read.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -10,8 +10,10 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
 use super::super::file::{HEAD, ModelFileError, array, open, read_limited, write};
+use super::all_rows::Parts;
 use super::basis::{self, Basis};
 use super::fit::MOST_POINTS;
+use super::process::{Process, Sparse};
 use super::rest::{JointReport, Rest};
 use super::{Mean, SemiParametricModel, TorqueModel};
 use crate::effects::{self, Effect};
@@ -82,10 +84,19 @@ impl SemiParametricModel {
         let mut arrays = Vec::new();
         for (joint, rest) in self.joints.iter().enumerate() {
             let Some(gp) = &rest.gp else { continue };
-            let (x, y) = (gp.data().x(), gp.data().y());
-            let shape = vec![y.len(), gp.data().inputs()];
-            arrays.push((format!("joint_{}.x", joint + 1), shape, encode(&mut x.iter().copied())));
-            arrays.push((format!("joint_{}.residual", joint + 1), vec![y.len()], encode(&mut y.iter().copied())));
+            let mut push = |name: &str, shape: Vec<usize>, values: &mut dyn Iterator<Item = f64>| {
+                arrays.push((format!("joint_{}.{name}", joint + 1), shape, encode(values)));
+            };
+            let m = gp.len();
+            push("x", vec![m, gp.inputs()], &mut gp.x().iter().copied());
+            match gp {
+                Process::Exact(gp) => push("residual", vec![m], &mut gp.data().y().iter().copied()),
+                Process::Sparse(Sparse { products, projection, .. }) => {
+                    push("projection", vec![m], &mut projection.col_as_slice(0).iter().copied());
+                    let lower = products.col_iter().enumerate().flat_map(|(j, column)| (j..m).map(move |i| column[i]));
+                    push("products", vec![m * (m + 1) / 2], &mut { lower });
+                }
+            }
         }
         if let Some(basis) = &self.basis {
             let matrices = basis.rows.iter().enumerate().filter_map(|(joint, rows)| Some((joint, rows.as_ref()?)));
@@ -164,15 +175,14 @@ impl SemiParametricModel {
                 None => None,
                 Some(covariance) => Some(process(tensors, joint, 3 * n + 1, covariance, &compute)?),
             };
-            joints.push(Rest { gp, noise_variance, report, points: vec![] });
+            joints.push(Rest { gp, noise_variance, report, points: vec![], evidence: Parts::default() });
         }
         let mut model = Self { physics, mean: head.mean, joints, basis: None, identified, stopped: head.stopped };
         if head.mean == Mean::Joint {
             let covariance = matrix(tensors, "basis_covariance", unknowns, unknowns)?;
             let rows = model.joints.iter().enumerate().map(|(joint, rest)| {
                 let gp = rest.gp.as_ref();
-                gp.map(|gp| matrix(tensors, &format!("joint_{}.basis", joint + 1), gp.data().len(), unknowns))
-                    .transpose()
+                gp.map(|gp| matrix(tensors, &format!("joint_{}.basis", joint + 1), gp.len(), unknowns)).transpose()
             });
             let rows = rows.collect::<Result<Vec<_>, String>>()?;
             model.basis = Some(Basis::new(covariance, rows, &model.joints));
@@ -188,16 +198,24 @@ fn process(
     width: usize,
     covariance: Covariance,
     compute: &Compute,
-) -> Result<GaussianProcess, String> {
-    let name = format!("joint_{}.residual", joint + 1);
+) -> Result<Process, String> {
+    let of_joint = |name: &str| format!("joint_{}.{name}", joint + 1);
+    let sparse = tensors.tensor(&of_joint("products")).is_ok();
+    let name = of_joint(if sparse { "projection" } else { "residual" });
     let points = tensors.tensor(&name).map_err(|_| format!("`{name}` is missing"))?.data().len() / size_of::<f64>();
     if points > MOST_POINTS {
         return Err(format!("{points} points of joint {} are more than {MOST_POINTS}", joint + 1));
     }
-    let y = array(tensors, &name, points)?;
-    let x = array(tensors, &format!("joint_{}.x", joint + 1), points * width)?;
-    let data = Data::new(x, width, y, 1).map_err(|error| error.to_string())?;
-    GaussianProcess::fit(data, covariance, compute).map_err(|error| error.to_string())
+    let x = array(tensors, &of_joint("x"), points * width)?;
+    if !sparse {
+        let data = Data::new(x, width, array(tensors, &name, points)?, 1).map_err(|error| error.to_string())?;
+        return GaussianProcess::fit(data, covariance, compute).map(Process::Exact).map_err(|error| error.to_string());
+    }
+    let projection = matrix(tensors, &name, points, 1)?;
+    let lower = matrix(tensors, &of_joint("products"), points * (points + 1) / 2, 1)?;
+    let column = |j: usize| j * points - j * (j + 1) / 2;
+    let products = Mat::from_fn(points, points, |i, j| lower[(column(i.min(j)) + i.max(j), 0)]);
+    Sparse::new(covariance, x, width, products, projection).map(Process::Sparse).map_err(|error| error.to_string())
 }
 
 fn matrix(tensors: &SafeTensors<'_>, name: &str, height: usize, width: usize) -> Result<Mat<f64>, String> {

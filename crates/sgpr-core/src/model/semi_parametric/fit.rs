@@ -10,6 +10,7 @@ use super::super::identify::{IdentifyError, motions};
 use super::super::torque_model::TorqueModel;
 use super::basis::{self, Basis};
 use super::left_out::left_out;
+use super::process::{Process, Terms};
 use super::rest::{Alone, GAIN, JointReport, LeftOut, Rest, Rows, calibration};
 use super::shared::{SELECTIONS, fit_shared};
 use super::{Inputs, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions, identify};
@@ -112,9 +113,9 @@ fn learn(
     let mut model = SemiParametricModel { physics, mean: options.mean, joints, basis: None, identified: None, stopped };
     if options.mean == Mean::Joint {
         let errors = errors_of_parts(&model, &rows, &left_out, &options.compute)?;
-        let matrices = basis::matrices(&model.joints, &rows);
+        let terms = basis::terms(&model.joints, &rows);
         let identified = model.physics.clone();
-        estimate_again(&mut model, &rows, matrices)?;
+        estimate_again(&mut model, &rows, terms)?;
         keep_what_gains(&mut model, identified, &errors, &rows, &left_out);
     }
     let learned = model.joints.iter().filter(|rest| rest.gp.is_some()).count();
@@ -299,32 +300,25 @@ fn errors_of_parts(
         for (joint, rest) in model.joints.iter().enumerate() {
             let every: Vec<usize> = (0..rows[joint].residual.len()).filter(|row| !is_in(joint, *row)).collect();
             let (matrix, residual) = at_rows(&rows[joint], &every);
-            alone.add(joint, None, &matrix, &residual);
-            let Some(gp) = &rest.gp else {
-                together.add(joint, None, &matrix, &residual);
-                processes.push(None);
-                continue;
-            };
-            let others: Vec<usize> = (0..rest.points.len()).filter(|&k| !is_in(joint, rest.points[k])).collect();
-            if others.is_empty() {
-                processes.push(None);
-                continue;
+            alone.add_rows(joint, &matrix, &residual);
+            let found = rest.gp.as_ref().map(|gp| without_part(gp, rest, &rows[joint], part(joint), index, compute));
+            processes.push(match found {
+                Some(found) => found?,
+                None => {
+                    together.add_rows(joint, &matrix, &residual);
+                    None
+                }
+            });
+            if let Some((gp, terms)) = processes.last().expect("just there") {
+                together.add(gp.normal_equations(terms));
             }
-            let points: Vec<usize> = others.iter().map(|&k| rest.points[k]).collect();
-            let (matrix, residual) = at_rows(&rows[joint], &points);
-            let gp = GaussianProcess::fit(gp.data().select(&others), gp.covariance().clone(), compute)?;
-            together.add(joint, Some(&gp), &matrix, &residual);
-            processes.push(Some((gp, matrix, residual)));
         }
         let [together, alone] = [&together, &alone].map(Equations::solution);
         for (joint, process) in processes.into_iter().enumerate() {
-            let Some((gp, matrix, residual)) = process else { continue };
-            let explained = matrix * &together;
-            let rest = residual.iter().enumerate().map(|(i, residual)| residual - explained[(i, 0)]).collect();
-            let gp = gp.with_outputs(rest)?;
-            let (part, width) = (part(joint), gp.data().inputs());
-            let x: Vec<f64> = part.iter().flat_map(|row| &rows[joint].x[row * width..][..width]).copied().collect();
-            let predicted = gp.predict(&x, true)?;
+            let Some((gp, terms)) = process else { continue };
+            let gp = gp.without(&terms, &together)?;
+            let part = part(joint);
+            let predicted = gp.predict(&rows[joint].at(part, gp.inputs()), true)?;
             let (matrix, residual) = at_rows(&rows[joint], part);
             let (of_both, of_physics) = (&matrix * &together, &matrix * &alone);
             let noise = gp.covariance().total_noise_variance();
@@ -336,6 +330,36 @@ fn errors_of_parts(
         }
     }
     Ok(errors)
+}
+
+/// The process of a joint that has not seen a part of the logs, and the linear terms as it sees them; none if it has seen
+/// nothing else.
+fn without_part(
+    gp: &Process,
+    rest: &Rest,
+    rows: &Rows,
+    part: &[usize],
+    index: usize,
+    compute: &Compute,
+) -> Result<Option<(Process, Terms)>, GpError> {
+    match gp {
+        Process::Exact(gp) => {
+            let is_other = |k: &usize| part.binary_search(&rest.points[*k]).is_err();
+            let others: Vec<usize> = (0..rest.points.len()).filter(is_other).collect();
+            if others.is_empty() {
+                return Ok(None);
+            }
+            let points: Vec<usize> = others.iter().map(|&k| rest.points[k]).collect();
+            let terms = Terms::at_rows(rows.terms.as_ref().expect("with the mean `joint`"), &points);
+            let gp = GaussianProcess::fit(gp.data().select(&others), gp.covariance().clone(), compute)?;
+            Ok(Some((Process::Exact(gp), terms)))
+        }
+        Process::Sparse(sparse) => {
+            let evidence = rest.evidence.without(Some(index));
+            let terms = rest.evidence.terms(&evidence);
+            Ok(Some((Process::Sparse(sparse.having_seen(&evidence, 0)?), terms)))
+        }
+    }
 }
 
 /// Regressor and residual at some rows.
@@ -364,21 +388,21 @@ impl<'a> Equations<'a> {
         Mat::from_fn(change.len(), 1, |k, _| change[k])
     }
 
-    /// Adds rows of a joint.
-    fn add(&mut self, joint: usize, gp: Option<&GaussianProcess>, matrix: &Mat<f64>, residual: &[f64]) {
-        let solved = match gp {
-            Some(gp) => gp.solve(matrix),
-            None => {
-                // Without a process: white errors, with the weight of rows that repeat each other.
-                let fit = self.model.physics.fit.as_ref();
-                let correlation = fit.and_then(|fit| fit.correlation.get(joint)).copied().unwrap_or(1.0);
-                let squares: f64 = residual.iter().map(|residual| residual * residual).sum();
-                let variance = squares / residual.len().max(1) as f64 * correlation;
-                matrix * faer::Scale(if variance > 0.0 { 1.0 / variance } else { 0.0 })
-            }
-        };
-        self.information += matrix.transpose() * &solved;
-        self.projection += solved.transpose() * Mat::from_fn(residual.len(), 1, |i, _| residual[i]);
+    /// Adds information and projection.
+    fn add(&mut self, (information, projection): (Mat<f64>, Mat<f64>)) {
+        self.information += information;
+        self.projection += projection;
+    }
+
+    /// Adds rows of a joint without a process: white errors, with the weight of rows that repeat each other.
+    fn add_rows(&mut self, joint: usize, matrix: &Mat<f64>, residual: &[f64]) {
+        let fit = self.model.physics.fit.as_ref();
+        let correlation = fit.and_then(|fit| fit.correlation.get(joint)).copied().unwrap_or(1.0);
+        let squares: f64 = residual.iter().map(|residual| residual * residual).sum();
+        let variance = squares / residual.len().max(1) as f64 * correlation;
+        let weighted = matrix * faer::Scale(if variance > 0.0 { 1.0 / variance } else { 0.0 });
+        let residual = Mat::from_fn(residual.len(), 1, |i, _| residual[i]);
+        self.add((matrix.transpose() * &weighted, weighted.transpose() * residual));
     }
 }
 
@@ -389,13 +413,15 @@ impl<'a> Equations<'a> {
 fn estimate_again(
     model: &mut SemiParametricModel,
     rows: &[Rows],
-    matrices: Vec<Mat<f64>>,
+    terms: Vec<Terms>,
 ) -> Result<(), SemiParametricError> {
-    let (rank, unknowns) = (model.physics.base.rank(), basis::unknowns(&model.physics));
+    let rank = model.physics.base.rank();
     let mut equations = Equations::new(model);
-    for (joint, (rest, matrix)) in model.joints.iter().zip(&matrices).enumerate() {
-        let residual = rest.gp.as_ref().map_or(&rows[joint].residual[..], |gp| gp.data().y());
-        equations.add(joint, rest.gp.as_ref(), matrix, residual);
+    for (joint, (rest, terms)) in model.joints.iter().zip(&terms).enumerate() {
+        match &rest.gp {
+            Some(gp) => equations.add(gp.normal_equations(terms)),
+            None => equations.add_rows(joint, &terms.matrix, &rows[joint].residual),
+        }
     }
     let (change, covariance) = basis::solve(&equations.information, &equations.projection);
     if model.joints.iter().all(|rest| rest.gp.is_none()) {
@@ -427,15 +453,13 @@ fn estimate_again(
         fit.covariance_with_terms.clear();
         fit.values = values;
     }
-    for (rest, matrix) in model.joints.iter_mut().zip(&matrices) {
+    let change = Mat::from_fn(change.len(), 1, |k, _| change[k]);
+    for (rest, terms) in model.joints.iter_mut().zip(&terms) {
         if let Some(gp) = &mut rest.gp {
-            let residual: Vec<f64> = (0..gp.data().len())
-                .map(|i| gp.data().y()[i] - (0..unknowns).map(|k| matrix[(i, k)] * change[k]).sum::<f64>())
-                .collect();
-            *gp = gp.with_outputs(residual)?;
+            *gp = gp.without(terms, &change)?;
         }
     }
-    let rows = model.joints.iter().zip(matrices).map(|(rest, matrix)| rest.gp.is_some().then_some(matrix)).collect();
+    let rows = model.joints.iter().zip(terms).map(|(rest, terms)| rest.gp.is_some().then_some(terms.matrix)).collect();
     model.basis = Some(Basis::new(covariance, rows, &model.joints));
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! tau = physics + what the physics leaves over, learned by a Gaussian process per joint.
 
+mod all_rows;
 mod basis;
 mod file;
 mod fit;
@@ -7,6 +8,7 @@ mod following;
 mod inputs;
 mod left_out;
 mod predictor;
+mod process;
 mod rest;
 mod shared;
 
@@ -82,8 +84,12 @@ pub struct SemiParametricOptions {
     /// One kernel for all joints, over the points at which all of them move: the search factors one matrix for all, and a
     /// predictor reads the points once and computes one kernel. Cheaper, and often less accurate: joints differ.
     pub shared: bool,
-    /// Budget: points of each process. Of more rows the most informative ones are taken.
+    /// Budget: points of each process. Of more rows the most informative ones are taken, for the search for hyperparameters
+    /// and, unless all rows seen through as many inducing points predict parts left out clearly better, for the process.
     pub points: usize,
+    /// Whether more rows than the budget are all seen through inducing points (Titsias 2009), at a cost of their number
+    /// times the square of the budget; chosen for each joint by stretches left out if `None`.
+    pub sparse: Option<bool>,
     /// Starts of the search for the hyperparameters.
     pub starts: usize,
     /// Evaluations of the likelihood in each search.
@@ -102,6 +108,7 @@ impl Default for SemiParametricOptions {
             inputs: None,
             shared: false,
             points: 500,
+            sparse: None,
             starts: 1,
             evaluations: 60,
             compute: Compute::default(),

@@ -1,8 +1,9 @@
 use super::super::predictor::Predictor;
 use super::basis::BasisPredictor;
+use super::process::Process;
 use super::rest::Rest;
 use super::{SemiParametricError, SemiParametricModel};
-use crate::gp::{GaussianProcess, GpPredictor, PredictorOptions, SharedPredictor};
+use crate::gp::{GpPredictor, PredictorOptions, SharedPredictor, WeightedKernel};
 
 /// Torque of one sample after the other, for a controller: physics and processes. Owns its buffers, allocates nothing,
 /// takes no lock, can move to another thread, and its work does not depend on the sample. (Physics with effects at single
@@ -53,7 +54,7 @@ impl SemiParametricPredictor {
             let together = together.iter().any(|(members, _)| members.contains(&index));
             let wanted = rest.gp.as_ref().filter(|_| with_variance || !together);
             joints.push(Joint {
-                process: wanted.map(|gp| GpPredictor::new(gp, options)).transpose()?,
+                process: wanted.map(|gp| gp.predictor(options)).transpose()?,
                 learned: rest.gp.is_some(),
                 together,
                 noise_variance: rest.noise_variance,
@@ -137,17 +138,18 @@ impl SemiParametricPredictor {
 
 /// Groups of two or more joints whose processes have the same points and can be asked together.
 fn together(joints: &[Rest], options: PredictorOptions) -> Vec<(Vec<usize>, SharedPredictor)> {
-    let mut groups: Vec<Vec<(usize, &GaussianProcess)>> = vec![];
+    let mut groups: Vec<Vec<(usize, &Process)>> = vec![];
     for (index, gp) in joints.iter().enumerate().filter_map(|(index, rest)| Some((index, rest.gp.as_ref()?))) {
-        match groups.iter_mut().find(|group| group[0].1.data().x() == gp.data().x()) {
+        match groups.iter_mut().find(|group| group[0].1.x() == gp.x()) {
             Some(group) => group.push((index, gp)),
             None => groups.push(vec![(index, gp)]),
         }
     }
     let several = groups.into_iter().filter(|group| group.len() > 1);
-    let predictor = |group: Vec<(usize, &GaussianProcess)>| {
-        let (members, processes): (Vec<usize>, Vec<&GaussianProcess>) = group.into_iter().unzip();
-        Some((members, SharedPredictor::new(&processes, options.precision)?))
+    let predictor = |group: Vec<(usize, &Process)>| {
+        let (members, means): (Vec<usize>, Vec<WeightedKernel<'_>>) =
+            group.into_iter().map(|(index, gp)| (index, gp.weighted_kernel())).unzip();
+        Some((members, SharedPredictor::of_sums(&means, options.precision)?))
     };
     several.filter_map(predictor).collect()
 }

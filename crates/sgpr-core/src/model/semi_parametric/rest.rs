@@ -3,10 +3,12 @@
 use faer::Mat;
 use serde::{Deserialize, Serialize};
 
+use super::all_rows::{Parts, SeenByAll, see_all};
+use super::process::Process;
 use super::{Inputs, SemiParametricOptions};
 use crate::gp::{
-    Compute, Covariance, Data, GaussianProcess, GpError, Kernel, SearchOptions, SearchStatus, informative_points,
-    search,
+    Compute, Covariance, Data, GaussianProcess, GpError, Inference, Kernel, SearchOptions, SearchStatus,
+    informative_points, search,
 };
 use crate::progress::Progress;
 
@@ -22,6 +24,13 @@ pub(super) struct Rows {
     pub terms: Option<Mat<f64>>,
 }
 
+impl Rows {
+    /// x of some rows, `[chosen, inputs]`, row-major.
+    pub fn at(&self, chosen: &[usize], inputs: usize) -> Vec<f64> {
+        chosen.iter().flat_map(|row| &self.x[row * inputs..(row + 1) * inputs]).copied().collect()
+    }
+}
+
 /// Rows of a joint and, for every part that is left out in turn, what physics identified without that part leaves over
 /// at all of them.
 pub(super) struct LeftOut {
@@ -32,7 +41,7 @@ pub(super) struct LeftOut {
 
 impl LeftOut {
     /// What the physics leaves over at the part.
-    fn measured(&self) -> impl Iterator<Item = f64> {
+    pub fn measured(&self) -> impl Iterator<Item = f64> {
         self.part.iter().map(|&row| self.residual[row])
     }
 }
@@ -42,9 +51,11 @@ impl LeftOut {
 pub struct Candidate {
     /// What the process looked at.
     pub inputs: Inputs,
+    /// How it was computed.
+    pub inference: Inference,
     /// Root mean square residual of the parts of the logs that were left out, by physics and process without them, N·m (N).
     pub rmse: f64,
-    /// Log marginal likelihood.
+    /// Log marginal likelihood of the points that its hyperparameters are from.
     pub log_marginal_likelihood: f64,
     /// How the search for its hyperparameters ended.
     pub status: SearchStatus,
@@ -57,6 +68,9 @@ pub struct JointReport {
     pub rows: usize,
     /// Points of the process.
     pub points: usize,
+    /// How the process is computed: with all rows as its points, with the most informative ones, or with all rows seen
+    /// through inducing points.
+    pub inference: Inference,
     /// Root mean square residual that the physics leaves, N·m (N).
     pub physics_rmse: f64,
     /// The same of parts of the logs that were left out in turn, by physics identified without them, N·m (N).
@@ -75,15 +89,18 @@ pub struct JointReport {
 /// The process of one joint, if it has one.
 #[derive(Clone, Debug)]
 pub(super) struct Rest {
-    pub gp: Option<GaussianProcess>,
+    pub gp: Option<Process>,
     /// Variance of the measurement about the signal, N²·m² (N²), before calibration.
     pub noise_variance: f64,
     pub report: JointReport,
-    /// Rows that are its points; empty for a model from a file.
+    /// Rows that are its points; empty for a model from a file, or if it has seen all rows.
     pub points: Vec<usize>,
+    /// What all rows say, if it has seen them through inducing points; empty for a model from a file.
+    pub evidence: Parts,
 }
 
-/// A process must explain at least this share of the mean square residual of stretches left out.
+/// A process must explain at least this share of the mean square residual of stretches left out, and one that has seen all
+/// rows this share of what one of some rows leaves.
 pub(super) const GAIN: f64 = 0.05;
 
 /// Fewer rows are not worth a process.
@@ -104,44 +121,118 @@ impl Rest {
         if report.rows < FEWEST || mean_square == 0.0 {
             return Ok(Self::without(report, mean_square));
         }
-        let mut best = None;
-        let mut lowest = if options.inputs.is_some() { f64::INFINITY } else { (1.0 - GAIN) * physics_loss };
+        let mut best: Option<Learned> = None;
         let data = Data::new(rows.x.clone(), 3 * n + 1, rows.residual.clone(), 1)?;
         let selections = options.inputs.map_or_else(|| distinct(n), |inputs| vec![inputs]);
+        let mut stopped = false;
         for inputs in selections {
             if progress.step("rest", report.candidates.len(), Inputs::EVERY.len()).is_err() {
+                stopped = true;
                 break;
             }
             let Found { gp, points, status } =
                 process(inputs.columns(joint, n), &data, rows.terms.as_ref(), mean_square, options, compute, progress)?;
-            let errors = errors_left_out(&gp, &points, rows, left_out, compute)?;
-            let loss = loss_of(&errors);
-            report.candidates.push(Candidate {
-                inputs,
-                rmse: loss.sqrt(),
-                log_marginal_likelihood: gp.log_marginal_likelihood(),
-                status,
-            });
-            if loss < lowest {
-                lowest = loss;
-                report.chosen = Some(inputs);
-                best = Some((gp, points, errors));
+            let learned = Learned::new(gp, points, rows, left_out, (inputs, status), compute)?;
+            report.candidates.push(learned.candidate.clone());
+            if best.as_ref().is_none_or(|best| learned.loss() < best.loss()) {
+                best = Some(learned);
             }
         }
-        let Some((gp, points, errors)) = best else { return Ok(Self::without(report, mean_square)) };
-        (report.calibration, report.calibration_95) = calibration(&errors, left_out.len());
-        Ok(Self::with(gp, points, report))
+        let Some(best) = best else { return Ok(Self::without(report, mean_square)) };
+        let best = if stopped {
+            best
+        } else {
+            let signal = &best.process.covariance().signal;
+            let inducing = data.select(&informative_points(signal, data.x(), data.inputs(), options.points));
+            best.or_of_all_rows(inducing.x(), rows, left_out, options, &mut report, compute)?
+        };
+        if options.inputs.is_none() && best.loss() >= (1.0 - GAIN) * physics_loss {
+            return Ok(Self::without(report, mean_square));
+        }
+        Ok(Self::with(best, report, left_out.len()))
     }
 
     /// A joint without a process.
     pub fn without(report: JointReport, mean_square: f64) -> Self {
-        Self { gp: None, noise_variance: mean_square, report, points: vec![] }
+        Self { gp: None, noise_variance: mean_square, report, points: vec![], evidence: Parts::default() }
     }
 
     /// A joint with a process.
-    pub fn with(gp: GaussianProcess, points: Vec<usize>, mut report: JointReport) -> Self {
-        report.points = gp.data().len();
-        Self { noise_variance: gp.covariance().total_noise_variance(), gp: Some(gp), report, points }
+    ///
+    /// - `parts`: number of parts that were left out
+    pub fn with(learned: Learned, mut report: JointReport, parts: usize) -> Self {
+        let Learned { process, points, evidence, errors, candidate } = learned;
+        report.chosen = Some(candidate.inputs);
+        report.inference = candidate.inference;
+        report.points = process.len();
+        (report.calibration, report.calibration_95) = calibration(&errors, parts);
+        let noise_variance = process.covariance().total_noise_variance();
+        Self { gp: Some(process), noise_variance, report, points, evidence }
+    }
+}
+
+/// A process that may become that of a joint.
+pub(super) struct Learned {
+    pub process: Process,
+    /// As in [`Rest`].
+    pub points: Vec<usize>,
+    pub evidence: Parts,
+    /// Error and variance of every row, part by part.
+    pub errors: Vec<(f64, f64)>,
+    pub candidate: Candidate,
+}
+
+impl Learned {
+    /// - `found`: the inputs of the process, and how the search for its hyperparameters ended
+    pub fn new(
+        gp: GaussianProcess,
+        points: Vec<usize>,
+        rows: &Rows,
+        left_out: &[LeftOut],
+        found: (Inputs, SearchStatus),
+        compute: &Compute,
+    ) -> Result<Self, GpError> {
+        let errors = errors_left_out(&gp, &points, rows, left_out, compute)?;
+        let all = points.len() == rows.residual.len();
+        let candidate = Candidate {
+            inputs: found.0,
+            inference: if all { Inference::Exact } else { Inference::Subset { points: points.len() } },
+            rmse: loss_of(&errors).sqrt(),
+            log_marginal_likelihood: gp.log_marginal_likelihood(),
+            status: found.1,
+        };
+        Ok(Self { process: Process::Exact(gp), points, evidence: Parts::default(), errors, candidate })
+    }
+
+    /// Mean square error of parts left out.
+    pub fn loss(&self) -> f64 {
+        loss_of(&self.errors)
+    }
+
+    /// This process, or one that has seen all rows through inducing points if that gains as much on parts left out as a process
+    /// must on the physics; unless all rows are points, or the options say which.
+    ///
+    /// - `inducing`: `[inducing, inputs]`, row-major
+    pub fn or_of_all_rows(
+        self,
+        inducing: &[f64],
+        rows: &Rows,
+        left_out: &[LeftOut],
+        options: &SemiParametricOptions,
+        report: &mut JointReport,
+        compute: &Compute,
+    ) -> Result<Self, GpError> {
+        let Process::Exact(gp) = &self.process else { return Ok(self) };
+        if self.candidate.inference == Inference::Exact || options.sparse == Some(false) {
+            return Ok(self);
+        }
+        let seen = see_all(gp, &self.points, inducing, rows, left_out, compute)?;
+        let Some(SeenByAll { process, errors, evidence }) = seen else { return Ok(self) };
+        let inference = Inference::Sparse { inducing: process.len() };
+        let candidate = Candidate { inference, rmse: loss_of(&errors).sqrt(), ..self.candidate.clone() };
+        report.candidates.push(candidate.clone());
+        let other = Self { process, points: vec![], evidence, errors, candidate };
+        Ok(if options.sparse == Some(true) || other.loss() < (1.0 - GAIN) * self.loss() { other } else { self })
     }
 }
 
@@ -167,6 +258,7 @@ impl Alone {
         let report = JointReport {
             rows: count,
             points: 0,
+            inference: Inference::Exact,
             physics_rmse: mean_square.sqrt(),
             physics_rmse_left_out: if enough { physics_loss.sqrt() } else { mean_square.sqrt() },
             candidates: vec![],
@@ -255,8 +347,8 @@ pub(super) fn process(
 
 /// Time over which neighbouring errors are first taken to be alike, and its bounds, s.
 const MEMORY: f64 = 0.2;
-const SHORTEST_MEMORY: f64 = 0.005;
-const LONGEST_MEMORY: f64 = 5.0;
+pub(super) const SHORTEST_MEMORY: f64 = 0.005;
+pub(super) const LONGEST_MEMORY: f64 = 5.0;
 
 /// At most `count` points: those that say most about the others, then, when these say it all, some in between.
 fn thin(kernel: &Kernel, data: &Data, count: usize) -> Vec<usize> {
@@ -273,12 +365,12 @@ fn thin(kernel: &Kernel, data: &Data, count: usize) -> Vec<usize> {
     chosen
 }
 
-pub(super) fn loss_of(errors: &[(f64, f64)]) -> f64 {
+fn loss_of(errors: &[(f64, f64)]) -> f64 {
     errors.iter().map(|(error, _)| error * error).sum::<f64>() / errors.len().max(1) as f64
 }
 
 /// Error and variance of every row, predicted by physics and process that have not seen the part around it.
-pub(super) fn errors_left_out(
+fn errors_left_out(
     gp: &GaussianProcess,
     points: &[usize],
     rows: &Rows,
@@ -295,8 +387,7 @@ pub(super) fn errors_left_out(
             all.extend(left_out.measured().map(|residual| (residual, prior + noise)));
             continue;
         }
-        let x: Vec<f64> =
-            left_out.part.iter().flat_map(|row| &rows.x[row * width..(row + 1) * width]).copied().collect();
+        let x = rows.at(&left_out.part, width);
         let y = others.iter().map(|&k| left_out.residual[points[k]]).collect();
         let data = Data::new(gp.data().select(&others).x().to_vec(), width, y, 1)?;
         let predicted = GaussianProcess::fit(data, gp.covariance().clone(), compute)?.predict(&x, true)?;

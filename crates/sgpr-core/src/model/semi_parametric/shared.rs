@@ -1,10 +1,8 @@
 //! One kernel for all joints: what they leave over is learned together, over the points at which all of them move.
 
-use super::rest::{
-    Alone, Candidate, FEWEST, Found, GAIN, LeftOut, Rest, Rows, calibration, errors_left_out, loss_of, process,
-};
+use super::rest::{Alone, FEWEST, Found, GAIN, Learned, LeftOut, Rest, Rows, process};
 use super::{Inputs, SemiParametricOptions};
-use crate::gp::{Compute, Data, GaussianProcess, GpError};
+use crate::gp::{Compute, Data, GaussianProcess, GpError, informative_points};
 use crate::progress::Progress;
 
 /// Selections that are the same for every joint.
@@ -36,7 +34,7 @@ pub(super) fn fit_shared(
     };
     let data = Data::new(x, width, places.iter().flat_map(in_units).collect(), n)?;
 
-    let mut best: Option<(f64, Inputs, Vec<Learned>)> = None;
+    let mut best: Option<(f64, Vec<Learned>)> = None;
     let selections = options.inputs.map_or_else(|| SELECTIONS.to_vec(), |inputs| vec![inputs]);
     for inputs in selections {
         // A selection is tried for all joints at once.
@@ -46,34 +44,33 @@ pub(super) fn fit_shared(
             }
         }
         let found = process(inputs.columns(0, n), &data, None, 1.0, options, compute, progress)?;
-        let learned = of_joints(&found, &places, &scales, rows, left_out, compute)?;
+        let learned = of_joints(&found, inputs, &places, &scales, rows, left_out, compute)?;
         let mut sum = 0.0;
         for (alone, learned) in alone.iter_mut().zip(&learned) {
-            let loss = loss_of(&learned.errors);
-            sum += (loss / alone.physics_loss).min(1.0);
-            alone.report.candidates.push(Candidate {
-                inputs,
-                rmse: loss.sqrt(),
-                log_marginal_likelihood: learned.gp.log_marginal_likelihood(),
-                status: found.status,
-            });
+            sum += (learned.loss() / alone.physics_loss).min(1.0);
+            alone.report.candidates.push(learned.candidate.clone());
         }
-        if best.as_ref().is_none_or(|(least, _, _)| sum < *least) {
-            best = Some((sum, inputs, learned));
+        if best.as_ref().is_none_or(|(least, _)| sum < *least) {
+            best = Some((sum, learned));
         }
+    }
+    if let Some((_, learned)) = &mut best {
+        let signal = &learned[0].process.covariance().signal;
+        let inducing = data.select(&informative_points(signal, data.x(), data.inputs(), options.points));
+        let mut of_all = Vec::with_capacity(n);
+        for (joint, own) in std::mem::take(learned).into_iter().enumerate() {
+            let (rows, left_out, report) = (&rows[joint], &left_out[joint], &mut alone[joint].report);
+            of_all.push(own.or_of_all_rows(inducing.x(), rows, left_out, options, report, compute)?);
+        }
+        *learned = of_all;
     }
     Ok(chosen(alone, best, left_out, options))
 }
 
-/// The process of one joint, the rows that are its points, and its errors and variances on parts left out.
-struct Learned {
-    gp: GaussianProcess,
-    points: Vec<usize>,
-    errors: Vec<(f64, f64)>,
-}
-
+/// The process of every joint.
 fn of_joints(
     found: &Found,
+    inputs: Inputs,
     places: &[Vec<usize>],
     scales: &[f64],
     rows: &[Rows],
@@ -86,8 +83,7 @@ fn of_joints(
         let data = Data::new(found.gp.data().x().to_vec(), found.gp.data().inputs(), y, 1)?;
         let covariance = found.gp.covariance().clone().in_units_of(scales[joint]);
         let gp = GaussianProcess::fit(data, covariance, compute)?;
-        let errors = errors_left_out(&gp, &points, &rows[joint], &left_out[joint], compute)?;
-        Ok(Learned { gp, points, errors })
+        Learned::new(gp, points, &rows[joint], &left_out[joint], (inputs, found.status), compute)
     };
     (0..rows.len()).map(of_joint).collect()
 }
@@ -95,22 +91,20 @@ fn of_joints(
 /// The processes that are good enough.
 fn chosen(
     alone: Vec<Alone>,
-    best: Option<(f64, Inputs, Vec<Learned>)>,
+    best: Option<(f64, Vec<Learned>)>,
     left_out: &[Vec<LeftOut>],
     options: &SemiParametricOptions,
 ) -> Vec<Rest> {
-    let Some((_, inputs, learned)) = best else {
+    let Some((_, learned)) = best else {
         return alone.into_iter().map(|alone| Rest::without(alone.report, alone.mean_square)).collect();
     };
     let joints = alone.into_iter().zip(learned).zip(left_out);
     let joints = joints.map(|((alone, learned), left_out)| {
-        let Alone { mut report, mean_square, physics_loss } = alone;
-        if options.inputs.is_none() && loss_of(&learned.errors) >= (1.0 - GAIN) * physics_loss {
+        let Alone { report, mean_square, physics_loss } = alone;
+        if options.inputs.is_none() && learned.loss() >= (1.0 - GAIN) * physics_loss {
             return Rest::without(report, mean_square);
         }
-        report.chosen = Some(inputs);
-        (report.calibration, report.calibration_95) = calibration(&learned.errors, left_out.len());
-        Rest::with(learned.gp, learned.points, report)
+        Rest::with(learned, report, left_out.len())
     });
     joints.collect()
 }

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from ..report.numbers import MISSING, counted, percent, readable, relative_deviation, significant, with_deviation
+from ..report.rest import points_of
 from . import describe
 from .console import Output
 from .effects import checked_effects
@@ -234,8 +235,10 @@ def show_certificate(certificate: dict[str, Any], output: Output) -> None:
 
 def show_processes(processes: Sequence[dict[str, Any]], output: Output) -> None:
     """What was learned of the rest."""
-    rows = [[p["joint"], p["inputs"] or "no process", str(p["points"])] for p in processes]
-    output.table(["joint", "process looks at", "points"], rows, text_columns=(0, 1), title="What physics leaves over")
+    rows = [[p["joint"], p["inputs"] or "no process", points_of(p)] for p in processes]
+    output.table(
+        ["joint", "process looks at", "points"], rows, text_columns=(0, 1, 2), title="What physics leaves over"
+    )
 
 
 def _bounds(found: list[float] | None) -> str:

@@ -9,7 +9,7 @@ import typer
 from .. import Comparison, Model, SemiParametricModel, __version__
 from .. import compare as compare_with
 from ..report.numbers import counted, percent, significant
-from ..report.rest import INPUTS, RestPage
+from ..report.rest import INPUTS, RestPage, points_of
 from . import describe
 from .console import Output, to_json
 from .effects import DEFAULT_EFFECTS, checked_effects
@@ -58,6 +58,14 @@ def learn(
         int,
         typer.Option("--points", metavar="N", min=2, max=MOST_POINTS, help="Budget of each joint's process."),
     ] = 500,
+    sparse: Annotated[
+        bool | None,
+        typer.Option(
+            "--sparse/--subset",
+            help="Whether more rows than the budget are all seen, through inducing points, or the best kept.",
+            show_default="what helps on parts of the logs that are left out, joint by joint",
+        ),
+    ] = None,
     kernel: Annotated[str, typer.Option("--kernel", metavar="NAME", help=", ".join(KERNELS))] = KERNELS[0],
     inputs: Annotated[
         str | None,
@@ -96,7 +104,7 @@ def learn(
     arm = given.robot if given else load_robot(robot, joints, gravity)
     train_logs = read_logs(train, reading, arm.joint_names, output)
     test_logs = read_logs(test or [], reading, arm.joint_names, output)
-    settings = {"points": points, "kernel": kernel, "inputs": inputs, "mean": mean}
+    settings = {"points": points, "sparse": sparse, "kernel": kernel, "inputs": inputs, "mean": mean}
     with output.progress() as progress:
         model = SemiParametricModel(
             arm, effects=None if given else known, physics=given, n_jobs=jobs, progress=progress, **settings
@@ -210,7 +218,7 @@ def show(result: Result, data: dict[str, Any], output: Output) -> None:
             [
                 joint["joint"],
                 joint["inputs"] or "no process",
-                str(joint["points"]),
+                points_of(joint),
                 significant(joint["physics_rmse_left_out"]),
                 significant(best),
                 percent(coverage["percent_68"]),
@@ -218,7 +226,7 @@ def show(result: Result, data: dict[str, Any], output: Output) -> None:
             ]
         )
     columns = ["joint", "looks at", "points", "left out: physics", "best process", "within 68 %", "within 95 %"]
-    output.table(columns, rows, text_columns=(0, 1))
+    output.table(columns, rows, text_columns=(0, 1, 2))
     show_errors({BEFORE: result.errors_before, AFTER: result.errors_after}, output)
     where = f"On {counted(len(result.test), 'unseen log')}" if result.test else "On the training logs"
     before, after = (c.relative_error_percent for c in (result.errors_before, result.errors_after))

@@ -105,7 +105,7 @@ def learned_section(joints: Sequence[Mapping[str, Any]], units: Mapping[str, str
                 significant(joint["physics_rmse_left_out"]),
                 significant(best),
                 INPUTS.get(joint["inputs"] or "", "nothing: no process"),
-                str(joint["points"]),
+                points_of(joint),
             ]
         )
     columns = ["joint", "unit", "physics", "best process", "looks at", "points"]
@@ -114,7 +114,7 @@ def learned_section(joints: Sequence[Mapping[str, Any]], units: Mapping[str, str
         for joint in joints
         if joint["candidates"]
     ]
-    parts = [note, table("What was learned", columns, rows, text_columns=(0, 1, 4))]
+    parts = [note, table("What was learned", columns, rows, text_columns=(0, 1, 4, 5))]
     if tried:
         parts += [
             element("h3", "All that was tried"),
@@ -124,7 +124,14 @@ def learned_section(joints: Sequence[Mapping[str, Any]], units: Mapping[str, str
 
 
 def _tried(joint: Mapping[str, Any], name: str) -> float | None:
-    return next((candidate["rmse"] for candidate in joint["candidates"] if candidate["inputs"] == name), None)
+    errors = [candidate["rmse"] for candidate in joint["candidates"] if candidate["inputs"] == name]
+    return min(errors, default=None)
+
+
+def points_of(joint: Mapping[str, Any]) -> str:
+    """Points of a joint's process, and how many of the rows it has seen."""
+    how = {"subset": "{points} of {rows} rows", "sparse": "{points}, for all {rows} rows"}
+    return how.get(joint["inference"], "{points}").format(**joint)
 
 
 def coverage_section(rows: Sequence[Mapping[str, Any]]) -> tuple[Html, dict[str, Any]]:
