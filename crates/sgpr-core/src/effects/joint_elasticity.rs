@@ -107,7 +107,11 @@ mod tests {
                 noisy.push(-0.8 * w * w * sine + 0.1 * random.normal());
             }
         }
-        let elastic = Term::new(super::super::by_name("joint_elasticity").unwrap(), Site::Joint(0), vec![0.004]);
+        let elastic = Term::new(
+            super::super::by_name("joint_elasticity").expect("an effect of the library"),
+            Site::Joint(0),
+            vec![0.004],
+        );
         let model = TorqueModel::nominal(&robot).with_terms(vec![elastic], None);
         let rigid = TorqueModel::nominal(&robot);
         let change = |ddq: &[f64]| -> Vec<f64> {
