@@ -88,7 +88,7 @@ pub struct SemiParametricOptions {
     /// and, unless all rows seen through as many inducing points predict parts left out clearly better, for the process.
     pub points: usize,
     /// Whether more rows than the budget are all seen through inducing points (Titsias 2009), at a cost of their number
-    /// times the square of the budget; chosen for each joint by stretches left out if `None`.
+    /// times the square of the budget; if `None`, chosen for each joint by stretches left out, from ten rows per point on.
     pub sparse: Option<bool>,
     /// Starts of the search for the hyperparameters.
     pub starts: usize,

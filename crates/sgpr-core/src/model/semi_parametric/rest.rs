@@ -103,6 +103,10 @@ pub(super) struct Rest {
 /// rows this share of what one of some rows leaves.
 pub(super) const GAIN: f64 = 0.05;
 
+/// So many rows per point are many: of fewer, the most informative points say nearly all, and the parts of short logs that are
+/// left out are too few to tell the two apart.
+const MANY: usize = 10;
+
 /// Fewer rows are not worth a process.
 pub(super) const FEWEST: usize = 20;
 
@@ -210,7 +214,7 @@ impl Learned {
     }
 
     /// This process, or one that has seen all rows through inducing points if that gains as much on parts left out as a process
-    /// must on the physics; unless all rows are points, or the options say which.
+    /// must on the physics; unless rows are few for the points, or the options say which.
     ///
     /// - `inducing`: `[inducing, inputs]`, row-major
     pub fn or_of_all_rows(
@@ -223,7 +227,8 @@ impl Learned {
         compute: &Compute,
     ) -> Result<Self, GpError> {
         let Process::Exact(gp) = &self.process else { return Ok(self) };
-        if self.candidate.inference == Inference::Exact || options.sparse == Some(false) {
+        let few = rows.residual.len() < MANY * self.points.len();
+        if self.candidate.inference == Inference::Exact || !options.sparse.unwrap_or(!few) {
             return Ok(self);
         }
         let seen = see_all(gp, &self.points, inducing, rows, left_out, compute)?;
