@@ -58,8 +58,8 @@ class SemiParametricModel(Estimator):
         and, unless `sparse`, for the process.
     sparse : bool, optional
         Whether more rows than the budget are all seen, through as many inducing points (time grows with the rows times
-        the square of the budget); by default chosen for each joint by stretches left out, from ten
-        rows per point on.
+        the square of the budget); by default chosen for each joint by stretches left out, from ten rows per
+        point on.
     starts : int, default 1
         Starts of the search for hyperparameters.
     max_evaluations : int, default 60
