@@ -250,6 +250,19 @@ fn an_effect_of_the_users_own_takes_part() {
     assert!((finding.parameters[0].value - 0.5).abs() < 0.05);
 }
 
+/// A contact with hundreds of times the evidence is right to one percent only, but not there most of the time.
+#[test]
+fn a_weak_effect_is_found_beside_a_strong_contact() {
+    let mut contact = Term::new(by_name("external_contact").unwrap(), Site::Arm, vec![12.0, 16.0]);
+    contact.coefficients = vec![20.0, -15.0, 0.0, 0.0, 0.0, 0.0];
+    let (train, test) = logs(&[contact, hidden("asymmetric_viscous_friction", 0, &[], &[0.3])]);
+    let diagnosis = diagnose(&identified(&train), &train, &test, &DiagnosisOptions::default(), &()).unwrap();
+    let found: Vec<&str> = diagnosis.findings.iter().map(|finding| finding.effect.as_str()).collect();
+    assert_eq!(found, ["external_contact", "asymmetric_viscous_friction"]);
+    let drag = &diagnosis.findings[1].parameters[0];
+    assert!((drag.value - 0.3).abs() < 3.0 * drag.std.unwrap(), "{drag:?}");
+}
+
 /// Effects that imitate a torque from outside of the catalogue are no findings; in a catalogue that has it, it is one.
 #[test]
 fn what_no_effect_explains_is_said_and_is_found_once_the_catalogue_has_it() {

@@ -3,11 +3,12 @@
 use std::sync::Arc;
 
 use super::DiagnosisError;
-use super::basis::{Basis, INVISIBLE_TANGENT, Noise, gain, gain_of};
+use super::basis::{Basis, INVISIBLE_TANGENT, Noise, gain, gain_of, rms};
 use super::problem::{Column, FOLDS, Problem};
 use crate::effects::Scale;
 use crate::linalg::dot_in_lanes;
 use crate::model::{Rigid, Term, TorqueModel};
+use crate::motion::Motion;
 
 /// A model and what it leaves of the torque.
 #[derive(Clone)]
@@ -240,6 +241,49 @@ pub(super) struct Extra<'a> {
 
 /// Errors per joint in the band, on blocks that were left out of the fit.
 pub(super) fn held_out(problem: &Problem, fitted: &Fitted, extra: &Extra<'_>, noise: &Noise) -> Vec<ByLog> {
+    let of_joint = |(joint, errors): (usize, Vec<f64>)| {
+        let mut sums = LogSums::new(problem);
+        problem.rows[joint].iter().zip(errors).for_each(|((log, _), e)| sums.add(*log, e * e));
+        sums.roots()
+    };
+    held_out_rows(problem, fitted, extra, noise, &problem.fold).into_iter().enumerate().map(of_joint).collect()
+}
+
+/// Root mean square error per joint in the band on a usual block that was left out of the fit, N·m (N): the geometric
+/// mean over the blocks. One block of motion that the others know nothing of does not decide alone.
+pub(super) fn usual_error(problem: &Problem, fitted: &Fitted, extra: &Extra<'_>, noise: &Noise) -> Vec<f64> {
+    let errors = held_out_rows(problem, fitted, extra, noise, &problem.fold);
+    let of_joint = |joint: usize| {
+        let block = |row: usize| (problem.rows[joint][row].0, problem.fold[joint][row]);
+        let rows: Vec<usize> = (0..errors[joint].len()).collect();
+        let logs = rows.chunk_by(|a, b| block(*a) == block(*b)).map(|rows| {
+            let own: Vec<f64> = rows.iter().map(|row| errors[joint][*row]).collect();
+            rms(&own).max(f64::MIN_POSITIVE).ln()
+        });
+        let (sum, count) = logs.fold((0.0, 0.0), |(sum, count), log| (sum + log, count + 1.0));
+        if count > 0.0 { (sum / count).exp() } else { 0.0 }
+    };
+    (0..problem.dof()).map(of_joint).collect()
+}
+
+/// Errors of a joint in the band on fifths of its positions, and on fifths of its speeds, that were left out of the fit,
+/// N·m (N): what is there holds where it was not seen, an imitation need not.
+pub(super) fn errors_elsewhere(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: usize) -> [f64; 2] {
+    let n = problem.dof();
+    let error = |state: fn(&Motion) -> &[f64]| {
+        let value = |(stretch, sample): &(usize, usize)| state(&problem.stretches[*stretch].motion)[sample * n + joint];
+        let mut values: Vec<f64> = problem.rows[joint].iter().map(value).collect();
+        values.sort_by(f64::total_cmp);
+        let cuts: Vec<f64> = (1..FOLDS).filter_map(|k| values.get(k * values.len() / FOLDS)).copied().collect();
+        let fold = |row: &(usize, usize)| cuts.iter().filter(|cut| value(row) > **cut).count();
+        let folds: Vec<Vec<usize>> = problem.rows.iter().map(|rows| rows.iter().map(fold).collect()).collect();
+        rms(&held_out_rows(problem, fitted, &Extra::default(), noise, &folds)[joint])
+    };
+    [error(|motion| &motion.q), error(|motion| &motion.dq)]
+}
+
+/// Errors per joint and row in the band, each from a fit that its fold was left out of.
+fn held_out_rows(problem: &Problem, fitted: &Fitted, extra: &Extra<'_>, noise: &Noise, folds: &[Vec<usize>]) -> Column {
     let n = problem.dof();
     let all: Vec<&Column> = fitted.columns.iter().chain(extra.columns).chain([&*fitted.target]).collect();
     let k = all.len();
@@ -249,7 +293,7 @@ pub(super) fn held_out(problem: &Problem, fitted: &Fitted, extra: &Extra<'_>, no
     let mut orders: Vec<Vec<usize>> = Vec::new();
     let mut sorted: Vec<Vec<(usize, Vec<f64>)>> = Vec::new();
     for joint in 0..n {
-        let fold = &problem.fold[joint];
+        let fold = &folds[joint];
         let mut order: Vec<usize> = (0..fold.len()).collect();
         order.sort_by_key(|&row| fold[row]);
         let present = (0..k).filter(|&c| !all[c][joint].is_empty());
@@ -290,14 +334,14 @@ pub(super) fn held_out(problem: &Problem, fitted: &Fitted, extra: &Extra<'_>, no
         .collect();
     let of_joint = |joint: usize| {
         let mut errors = vec![0.0; orders[joint].len()];
-        let folds: Vec<usize> = orders[joint].iter().map(|&row| problem.fold[joint][row]).collect();
+        let own_folds: Vec<usize> = orders[joint].iter().map(|&row| folds[joint][row]).collect();
         for (c, values) in &sorted[joint] {
-            let values = values.iter().zip(&folds);
+            let values = values.iter().zip(&own_folds);
             errors.iter_mut().zip(values).for_each(|(error, (value, fold))| *error += solutions[*fold][*c] * value);
         }
-        let mut sums = LogSums::new(problem);
-        orders[joint].iter().zip(errors).for_each(|(&row, e)| sums.add(problem.rows[joint][row].0, e * e));
-        sums.roots()
+        let mut by_row = vec![0.0; errors.len()];
+        orders[joint].iter().zip(errors).for_each(|(&row, error)| by_row[row] = error);
+        by_row
     };
     (0..n).map(of_joint).collect()
 }

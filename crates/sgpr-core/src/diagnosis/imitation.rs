@@ -2,9 +2,11 @@
 //!
 //! A torque from outside of the catalogue is explained bit by bit by effects that happen to look like parts of it. They
 //! are found out by a rival: a Gaussian process on the state of the joint in place of all that was found there. An effect
-//! that is there beats it, as it says the same with fewer parameters; imitations together do not.
+//! that is there beats it, as it says the same with fewer parameters, and holds at positions and speeds that it was not
+//! fitted to; imitations together do not.
 
-use super::search::{EVIDENCE, Outcome, Search};
+use super::fit::{Fitted, errors_elsewhere};
+use super::search::{Accepted, EVIDENCE, Outcome, Search};
 use super::unknown::Smooth;
 use crate::effects::Site;
 use crate::model::Term;
@@ -13,7 +15,7 @@ use crate::progress::Interrupted;
 /// The Gaussian process has so many times the evidence of imitations ...
 const MORE: f64 = 1.01;
 
-/// ... which leave so much more of the held-out error than the Gaussian process ...
+/// ... which leave so much more of the error on a usual block that was left out than the Gaussian process ...
 const WORSE: f64 = 1.05;
 
 /// ... and close less than this share of what it closes: the right effect in a somewhat different form closes more.
@@ -24,32 +26,68 @@ pub(super) fn without_imitations(search: &Search<'_>, mut outcome: Outcome) -> R
     let of_arm = joint_of_arm(search, &outcome);
     for joint in 0..search.problem.dof() {
         let terms = outcome.fitted.terms();
-        let at_joint = |site: Site| match site {
-            Site::Joint(own) | Site::Pair(own, _) => own == joint,
-            Site::Arm => of_arm == Some(joint),
-        };
+        let at_joint = |site: Site| is_at(site, joint) || (site == Site::Arm && of_arm == Some(joint));
         let out: Vec<usize> = outcome.news(search).map(|(k, _)| k).filter(|k| at_joint(terms[*k].site)).collect();
-        if out.is_empty() {
-            continue;
-        }
-        let bare = search.refit(&outcome.fitted, without(terms, &out));
-        let found = search.score_of(&bare, &outcome.fitted);
-        let Some(smooth) = Smooth::best(&search.problem, &bare, &search.noise, joint) else { continue };
-        if smooth.evidence < (found + EVIDENCE).max(MORE * found) {
-            continue;
-        }
-        let [before, with] = [search.held_out(&bare)[joint], outcome.held_out[joint]];
-        let rival = smooth.held_out(&search.problem, &bare, &search.noise)[joint];
-        if with < WORSE * rival || before - with > CLOSED * (before - rival) {
-            continue;
-        }
-        let given = terms.len() - outcome.accepted.len();
-        let mut index = given..;
-        outcome.accepted.retain(|_| !index.next().is_some_and(|k| out.contains(&k)));
+        let Some(bare) = without_imitated(search, &outcome.fitted, &out, joint) else { continue };
+        outcome.accepted = others(outcome.accepted, &outcome.fitted, &out);
         (outcome.fitted, outcome.accepted) = search.backward(bare, outcome.accepted)?;
         outcome.held_out = search.held_out(&outcome.fitted);
     }
     Ok(outcome)
+}
+
+/// Effects at one joint after which the rival is asked while others are still looked for.
+const MANY: usize = 3;
+
+/// The joint of the last accepted term, and the fit and its accepted terms without the effects there, if there are many
+/// and they imitate.
+pub(super) fn without_many_imitations(
+    search: &Search<'_>,
+    fitted: &Fitted,
+    accepted: &[Accepted],
+) -> Option<(usize, Fitted, Vec<Accepted>)> {
+    let joint = accepted.last()?.site.joint()?;
+    let own = search.news(fitted, accepted).map(|(k, _)| k).filter(|k| is_at(fitted.terms()[*k].site, joint));
+    let out: Vec<usize> = own.collect();
+    if out.len() < MANY {
+        return None;
+    }
+    let bare = without_imitated(search, fitted, &out, joint)?;
+    Some((joint, bare, others(accepted.to_vec(), fitted, &out)))
+}
+
+fn is_at(site: Site, joint: usize) -> bool {
+    matches!(site, Site::Joint(own) | Site::Pair(own, _) if own == joint)
+}
+
+/// Accepted terms of a fit but those at some indices.
+fn others(mut accepted: Vec<Accepted>, fitted: &Fitted, out: &[usize]) -> Vec<Accepted> {
+    let mut index = fitted.terms().len() - accepted.len()..;
+    accepted.retain(|_| !index.next().is_some_and(|k| out.contains(&k)));
+    accepted
+}
+
+/// The fit without the terms at the indices `out`, if a smooth function of the state of `joint` does better than they.
+fn without_imitated(search: &Search<'_>, fitted: &Fitted, out: &[usize], joint: usize) -> Option<Fitted> {
+    if out.is_empty() {
+        return None;
+    }
+    let bare = search.refit(fitted, without(fitted.terms(), out));
+    let found = search.score_of(&bare, fitted);
+    let smooth = Smooth::best(&search.problem, &bare, &search.noise, joint)?;
+    if smooth.evidence < (found + EVIDENCE).max(MORE * found) {
+        return None;
+    }
+    let [before, with] = [&bare, fitted].map(|fit| search.usual_error(fit)[joint]);
+    let rival = smooth.usual_error(&search.problem, &bare, &search.noise)[joint];
+    let does_worse = with > WORSE * rival && before - with < CLOSED * (before - rival);
+    (does_worse || fails_elsewhere(search, &bare, fitted, joint)).then_some(bare)
+}
+
+/// Whether what `fitted` has more than `bare` makes the error of a joint larger at positions or speeds that were left out.
+fn fails_elsewhere(search: &Search<'_>, bare: &Fitted, fitted: &Fitted, joint: usize) -> bool {
+    let [without, with] = [bare, fitted].map(|fit| errors_elsewhere(&search.problem, fit, &search.noise, joint));
+    without.iter().zip(with).any(|(without, with)| with > WORSE * without)
 }
 
 /// The joint at which effects of the whole arm explain more than at all others together, if there is one.

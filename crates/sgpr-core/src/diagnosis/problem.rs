@@ -77,6 +77,8 @@ pub(super) struct Problem {
     pub limits: Vec<Option<f64>>,
     /// Per joint: how long before a reversal it may stick, s; rows there are left out.
     holds: Vec<f64>,
+    /// Per joint: whether its rows are left out.
+    closed: Vec<bool>,
     /// Torque, per joint.
     pub y: Column,
     /// The logs as the model's own processing has them, against which the torque as logged is held.
@@ -142,6 +144,7 @@ impl Problem {
             fold: vec![vec![]; n],
             limits: (0..n).map(|joint| flat_top(&stretches, joint)).collect(),
             holds: vec![0.0; n],
+            closed: vec![false; n],
             y: vec![vec![]; n],
             logged,
             wide: None,
@@ -173,7 +176,7 @@ impl Problem {
             let motion = &stretch.motion;
             let block = (BLOCK_S * motion.rate_hz).max(1.0) as usize;
             let settled = stretch.settled();
-            for joint in 0..n {
+            for joint in (0..n).filter(|joint| !self.closed[*joint]) {
                 let mut run = 0;
                 let smear = 0.5 * stretch.decimation as f64 * ROWS_PER_CUTOFF / motion.rate_hz;
                 let mut sticks = sticking(motion, joint, self.top_speed(joint), smear);
@@ -213,6 +216,14 @@ impl Problem {
         self.lay_out_rows();
         self.fill_torque()?;
         self.wide.as_mut().map_or(Ok(()), |wide| wide.leave_out_holds(holds))
+    }
+
+    /// Leaves all rows of some joints out, and only of these.
+    pub fn leave_out_joints(&mut self, closed: &[bool]) -> Result<(), DiagnosisError> {
+        self.closed = closed.to_vec();
+        self.lay_out_rows();
+        self.fill_torque()?;
+        self.wide.as_mut().map_or(Ok(()), |wide| wide.leave_out_joints(closed))
     }
 
     /// Whether rows of a joint were left out by [`Self::leave_out_holds`].

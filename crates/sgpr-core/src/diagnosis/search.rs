@@ -6,7 +6,8 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::basis::{Basis, Gain, INVISIBLE, Noise, Rest, gain, gain_of, invisible, rms};
-use super::fit::{ByLog, Extra, Fitted, beyond, held_out, refine_transforms, solve, solve_like, tangent};
+use super::fit::{ByLog, Extra, Fitted, beyond, held_out, refine_transforms, solve, solve_like, tangent, usual_error};
+use super::imitation::without_many_imitations;
 use super::problem::{Column, Problem};
 use super::unknown::{self, Group};
 use crate::effects::{self, Effect, Entry, Reach, Scale, Site};
@@ -79,13 +80,9 @@ pub(super) struct Outcome {
 }
 
 impl Outcome {
-    /// The accepted terms with what the search knows of them, those that refine an effect of the model or align clocks
-    /// within a sample left out.
+    /// [`Search::news`] of it.
     pub fn news(&self, search: &Search<'_>) -> impl Iterator<Item = (usize, &Accepted)> {
-        let given = self.fitted.terms().len() - self.accepted.len();
-        let period = search.problem.stretches.iter().map(|s| 1.0 / s.motion.rate_hz).fold(0.0, f64::max);
-        let news = move |(k, step): &(usize, &Accepted)| !is_silent(&self.fitted.terms()[*k], step, period);
-        self.accepted.iter().enumerate().map(move |(k, accepted)| (given + k, accepted)).filter(news)
+        search.news(&self.fitted, &self.accepted)
     }
 }
 
@@ -161,6 +158,19 @@ impl<'a> Search<'a> {
         let units: usize = catalogue.iter().map(|effect| effect.sites(robot).len()).sum();
         let rows = problem.rows.iter().map(Vec::len).sum::<usize>() as f64;
         Self { problem, catalogue, known, noise, units: units as f64, rows, cache: HashMap::new(), progress }
+    }
+
+    /// The accepted terms with their indices in the fit and what the search knows of them, those that refine an effect of
+    /// the model or align clocks within a sample left out.
+    pub fn news<'f>(
+        &self,
+        fitted: &'f Fitted,
+        accepted: &'f [Accepted],
+    ) -> impl Iterator<Item = (usize, &'f Accepted)> + use<'f> {
+        let given = fitted.terms().len() - accepted.len();
+        let period = self.problem.stretches.iter().map(|s| 1.0 / s.motion.rate_hz).fold(0.0, f64::max);
+        let steps = accepted.iter().enumerate().map(move |(k, accepted)| (given + k, accepted));
+        steps.filter(move |(k, step)| !is_silent(&fitted.terms()[*k], step, period))
     }
 
     /// The model as it is; noise from what the largest model leaves.
@@ -715,6 +725,8 @@ impl<'a> Search<'a> {
         let mut fitted = start.clone();
         let mut accepted: Vec<Accepted> = Vec::new();
         let mut ranking = None;
+        // Joints where a smooth function of the state does better than many effects: their rows would mislead.
+        let mut closed = vec![false; self.problem.dof()];
         self.progress.step(STAGE, 0, MOST_TERMS)?;
         for (next, step) in self.limits(&fitted) {
             fitted = next;
@@ -744,6 +756,11 @@ impl<'a> Search<'a> {
             if transform {
                 self.cache.clear();
             }
+            if let Some((joint, bare, others)) = without_many_imitations(self, &fitted, &accepted) {
+                closed[joint] = true;
+                accepted = others;
+                fitted = self.on_rows_without(&closed, &bare);
+            }
             if self.is_quieter(&fitted) {
                 self.noise = self.noise_of_largest(&fitted)?;
                 self.rows = self.noise.rows(&self.problem);
@@ -751,11 +768,25 @@ impl<'a> Search<'a> {
             }
             self.progress.step(STAGE, fitted.terms().len().min(MOST_TERMS), MOST_TERMS)?;
         }
-        let (fitted, accepted) = self.backward(fitted, accepted)?;
+        let (mut fitted, accepted) = self.backward(fitted, accepted)?;
+        if closed.contains(&true) {
+            fitted = self.on_rows_without(&vec![false; closed.len()], &fitted);
+            self.noise = self.noise_of_largest(&fitted)?;
+            self.rows = self.noise.rows(&self.problem);
+            fitted = solve_like(&self.problem, &fitted, fitted.terms(), &self.noise);
+        }
         let start = solve(&self.problem, &start.model, start.terms(), &self.noise);
         self.progress.step(STAGE, MOST_TERMS, MOST_TERMS)?;
         let [held_out_before, held_out] = [&start, &fitted].map(|fit| self.held_out(fit));
         Ok(Outcome { start, fitted, accepted, ranking: ranking.unwrap_or_default(), held_out_before, held_out })
+    }
+
+    /// The fit on the rows of all joints but the closed ones.
+    fn on_rows_without(&mut self, closed: &[bool], fitted: &Fitted) -> Fitted {
+        self.problem.leave_out_joints(closed).expect("the logs had torque before");
+        self.cache.clear();
+        self.rows = self.noise.rows(&self.problem);
+        solve(&self.problem, &fitted.model, fitted.terms(), &self.noise)
     }
 
     /// The fit with the limits at which the logged torque stays, one after the other.
@@ -851,7 +882,8 @@ impl<'a> Search<'a> {
     }
 
     /// Candidates with evidence that is not tiny beside what was found before at the same joint: a form that is right to
-    /// one percent leaves so much, and it would be taken for an effect of its own.
+    /// one percent leaves so much, and it would be taken for an effect of its own. Beside a load that comes or a contact,
+    /// which are strong and known when they are there, only what they are not there for counts.
     fn worth_it(
         &self,
         fitted: &Fitted,
@@ -865,26 +897,40 @@ impl<'a> Search<'a> {
         const ELSEWHERE: f64 = 0.0001;
         let given = fitted.terms().len() - accepted.len();
         let news = || accepted.iter().zip(&fitted.terms()[given..]).filter(|(_, t)| t.effect.refines().is_none());
+        let lasting = || news().filter(|(_, term)| window_of_arm(term).is_none());
+        let windows: Vec<[f64; 2]> = news().filter_map(|(_, term)| window_of_arm(term)).collect();
         let tiny = |joint: usize| {
             let left = |(step, term): (&Accepted, &Term)| {
                 if term.is_transform() {
                     return TRANSFORM * step.first_by_joint[joint];
                 }
-                // A load that comes or goes changes friction at all joints a little, wrists far from most of its torque.
                 let arm = term.effect.reach() == Reach::All;
                 SHARE * if arm { step.first_score } else { step.first_by_joint[joint] }
             };
-            news().map(left).fold(0.0, f64::max)
+            lasting().map(left).fold(0.0, f64::max)
         };
         let tiny: Vec<f64> = (0..self.problem.dof()).map(tiny).collect();
-        let elsewhere = news().map(|(step, _)| ELSEWHERE * step.first_score).fold(0.0, f64::max);
-        if elsewhere == 0.0 {
+        let elsewhere = lasting().map(|(step, _)| ELSEWHERE * step.first_score).fold(0.0, f64::max);
+        if elsewhere == 0.0 && windows.is_empty() {
             return tried;
         }
+        let least = if windows.is_empty() { elsewhere } else { elsewhere.max(EVIDENCE) };
+        let outside = |column: &Column| -> Column {
+            let row = |joint: usize, row: usize, value: f64| {
+                let time = self.problem.time_of(self.problem.rows[joint][row]);
+                if windows.iter().any(|[first, last]| (*first..*last).contains(&time)) { 0.0 } else { value }
+            };
+            let of_joint =
+                |(joint, x): (usize, &Vec<f64>)| x.iter().enumerate().map(|(k, x)| row(joint, k, *x)).collect();
+            column.iter().enumerate().map(of_joint).collect()
+        };
         tried.retain(|candidate| {
-            let falls = falls(white, &self.white_with(fitted, (basis, white), candidate));
-            let beside: f64 = falls.iter().zip(&tiny).filter(|(fall, tiny)| fall < tiny).map(|(fall, _)| fall).sum();
-            candidate.score - beside > elsewhere
+            let with = self.white_with(fitted, (basis, white), candidate);
+            let falls_outside = falls(&outside(white), &outside(&with));
+            let inside = falls(white, &with).iter().sum::<f64>() - falls_outside.iter().sum::<f64>();
+            let beside: f64 =
+                falls_outside.iter().zip(&tiny).filter(|(fall, tiny)| fall < tiny).map(|(fall, _)| fall).sum();
+            candidate.score - inside - beside > least
         });
         tried
     }
@@ -1051,6 +1097,11 @@ impl<'a> Search<'a> {
         self.errors(fitted).total()
     }
 
+    /// Error per joint in the band on a usual block that was left out, N·m (N).
+    pub fn usual_error(&self, fitted: &Fitted) -> Vec<f64> {
+        usual_error(&self.problem, fitted, &Extra::default(), &self.noise)
+    }
+
     fn errors(&self, fitted: &Fitted) -> HeldOut {
         let in_band = held_out(&self.problem, fitted, &Extra::default(), &self.noise);
         HeldOut { in_band, beyond: beyond(&self.problem, fitted) }
@@ -1091,6 +1142,15 @@ impl HeldOut {
 /// Whether a term cuts the torque. Rows at the limit are no equations: it shows in the torque as logged.
 fn is_limit(term: &Term) -> bool {
     term.site.joint().is_some_and(|joint| term.effect.limit(term.site, &term.constants, joint).is_some())
+}
+
+/// When a load that comes, or a contact of the arm, is there, s, with the time over which filters carry its ends.
+fn window_of_arm(term: &Term) -> Option<[f64; 2]> {
+    const MARGIN_S: f64 = 0.5;
+    let times = term.effect.constants().iter().zip(&term.constants).filter(|(c, _)| c.scale == Scale::Time);
+    let mut times = times.map(|(_, time)| *time).filter(|_| term.effect.reach() == Reach::All);
+    let first = times.next()?;
+    Some([first - MARGIN_S, times.next().unwrap_or(f64::INFINITY) + MARGIN_S])
 }
 
 /// Half the fall of chi-squared per joint from one whitened residual to another.

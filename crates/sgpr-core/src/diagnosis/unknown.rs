@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::basis::{Noise, dot};
-use super::fit::{Extra, Fitted, beyond, held_out};
+use super::fit::{Extra, Fitted, beyond, held_out, usual_error};
 use super::problem::{Column, Problem, Stretch};
 use crate::random::Random;
 use crate::simd::cos_in_place;
@@ -81,7 +81,7 @@ const FEATURES: usize = 30;
 pub(super) struct Leftover {
     pub joint: usize,
     pub evidence: f64,
-    /// Fall of the held-out error, as a share of what is left.
+    /// Fall of the held-out error, of all blocks or of a usual one, as a share of what is left.
     pub effect_size: f64,
     pub group: String,
 }
@@ -163,11 +163,18 @@ impl Smooth {
         best
     }
 
-    /// Error per joint on blocks of time that were left out, N·m (N).
-    pub fn held_out(&self, problem: &Problem, fitted: &Fitted, noise: &Noise) -> Vec<f64> {
-        let extra = Extra { columns: &self.columns, precision: 1.0 / self.variance.max(f64::MIN_POSITIVE) };
-        let in_band = held_out(problem, fitted, &extra, noise);
-        in_band.iter().zip(&beyond(problem, fitted)).map(|(own, beyond)| own[0].hypot(beyond[0])).collect()
+    /// Error per joint in the band on blocks of time that were left out, N·m (N).
+    fn held_out(&self, problem: &Problem, fitted: &Fitted, noise: &Noise) -> Vec<f64> {
+        held_out(problem, fitted, &self.extra(), noise).iter().map(|own| own[0]).collect()
+    }
+
+    /// The same on a usual block.
+    pub fn usual_error(&self, problem: &Problem, fitted: &Fitted, noise: &Noise) -> Vec<f64> {
+        usual_error(problem, fitted, &self.extra(), noise)
+    }
+
+    fn extra(&self) -> Extra<'_> {
+        Extra { columns: &self.columns, precision: 1.0 / self.variance.max(f64::MIN_POSITIVE) }
     }
 }
 
@@ -175,12 +182,17 @@ impl Smooth {
 /// were left out.
 pub(super) fn leftover(problem: &Problem, fitted: &Fitted, errors: &[f64], noise: &Noise) -> Vec<Leftover> {
     let names: Vec<&str> = problem.nominal.robot().joint_names().collect();
+    let usual = usual_error(problem, fitted, &Extra::default(), noise);
+    let beyond = beyond(problem, fitted);
     let of_joint = |joint: usize| {
         let smooth = Smooth::best(problem, fitted, noise, joint)?;
         let mut effect_size = 0.0;
         if smooth.evidence > 5.0 {
-            let after = smooth.held_out(problem, fitted, noise)[joint];
-            effect_size = (errors[joint] - after) / after.max(1e-12);
+            let with_beyond = |in_band: &[f64]| in_band[joint].hypot(beyond[joint][0]);
+            let fall = |before: f64, after: f64| (before - after) / after.max(1e-12);
+            let of_all = fall(errors[joint], with_beyond(&smooth.held_out(problem, fitted, noise)));
+            let of_usual = fall(with_beyond(&usual), with_beyond(&smooth.usual_error(problem, fitted, noise)));
+            effect_size = of_all.max(of_usual);
         }
         Some(Leftover { joint, evidence: smooth.evidence, effect_size, group: smooth.group.describe(joint, &names) })
     };
