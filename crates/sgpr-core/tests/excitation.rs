@@ -225,6 +225,25 @@ fn the_arm_stays_clear_of_its_surroundings() {
 }
 
 #[test]
+fn a_limit_that_forbids_to_move_is_named() {
+    let case = Case::two_link(&FRICTION);
+    let refused = |change: fn(&mut ExciteOptions, &Case)| {
+        let mut options = ExciteOptions { starts: 1, evaluations: 20, ..case.options(Criterion::Condition) };
+        change(&mut options, &case);
+        let (set, base) = (&case.set, &case.base);
+        optimise(&case.robot, set, base, &options, &()).expect_err("nothing can move").to_string()
+    };
+    let message = refused(|options, case| {
+        let mut cell = Surroundings::skeleton(&case.robot, 0.05);
+        cell.tip_speed = Some((case.robot.frames().last().expect("a tool frame").clone(), 1e-9));
+        options.surroundings = Some(cell);
+    });
+    assert!(message.contains("speed of the tip"), "{message}");
+    let message = refused(|options, _| options.limits.velocity.fill(1e-9));
+    assert!(message.contains("speed of joint"), "{message}");
+}
+
+#[test]
 fn every_basis_and_criterion_gives_a_motion() {
     let case = Case::two_link(&FRICTION);
     for basis in [

@@ -279,8 +279,12 @@ impl Model {
     /// The proof that every link is a body, or None if consistency was not asked for: "links" with "joint", "mass" (kg),
     /// "centre" (m), "smallest_eigenvalue" of the pseudo-inertia, "relative_eigenvalue" in units of the link's size, and
     /// "principal_moments" (kg·m²); "active" limits; "cost", what consistency adds to the residual in standard
-    /// deviations of the fit; "prices", the share of that cost that would be gone without one "limit", dearest first;
-    /// "prior_deviation", the relative deviation of the robot file's values; "seconds" in the solver.
+    /// deviations of the fit; "residual_percent", how much larger the weighted residual is than without limits (zero if
+    /// noise explains it); "prices", the share of that cost that would be gone without one "limit", dearest first;
+    /// "stages", the "residual_percent" that is left without a "limit" and those before; "kept_out", errors on parts of
+    /// the logs predicted from the others, "unconstrained_percent" and "consistent_percent" of the torque, or None if
+    /// noise explains the cost; "prior_deviation", the relative deviation of the robot file's values; "seconds" in the
+    /// solver.
     #[getter]
     fn certificate<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(certificate) = self.inner.fit().and_then(|fit| fit.consistency.as_ref()) else { return Ok(None) };
@@ -308,6 +312,25 @@ impl Model {
             prices.push(dict);
         }
         dict.set_item("prices", prices)?;
+        dict.set_item("residual_percent", certificate.residual_percent)?;
+        let mut stages = Vec::new();
+        for stage in &certificate.stages {
+            let dict = PyDict::new(py);
+            dict.set_item("limit", &stage.limit)?;
+            dict.set_item("residual_percent", stage.residual_percent)?;
+            stages.push(dict);
+        }
+        dict.set_item("stages", stages)?;
+        let kept_out = match certificate.kept_out {
+            Some(errors) => {
+                let dict = PyDict::new(py);
+                dict.set_item("unconstrained_percent", errors.unconstrained_percent)?;
+                dict.set_item("consistent_percent", errors.consistent_percent)?;
+                Some(dict)
+            }
+            None => None,
+        };
+        dict.set_item("kept_out", kept_out)?;
         dict.set_item("prior_deviation", certificate.prior_deviation)?;
         Ok(Some(dict))
     }

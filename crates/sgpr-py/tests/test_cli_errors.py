@@ -1,5 +1,6 @@
 """Wrong use is 2, bad data is 1, and each has one clear message and no traceback."""
 
+import importlib.metadata
 import os
 import signal
 import subprocess
@@ -142,6 +143,28 @@ def test_program_started_from_the_shell() -> None:
     found = subprocess.run([sys.executable, "-m", "sgpr.cli", "info", "missing.csv"], capture_output=True, text=True)
     assert (found.returncode, found.stdout) == (1, "")
     assert found.stderr.count("\n") == 1
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_interrupt_while_the_library_is_loading(tmp_path: Path) -> None:
+    # A library that never finishes loading takes the place of the real one.
+    slow = tmp_path / "sgpr" / "__init__.py"
+    slow.parent.mkdir()
+    slow.write_text("import time\nprint('loading', flush=True)\ntime.sleep(60)\n")
+    (entry,) = importlib.metadata.entry_points(group="console_scripts", name="sgpr")
+    program = subprocess.Popen(
+        [sys.executable, "-c", f"from {entry.module} import {entry.attr} as main; main()"],
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert program.stdout is not None
+    assert program.stdout.readline() == "loading\n"
+    program.send_signal(signal.SIGINT)
+    _, err = program.communicate(timeout=60)
+    assert program.returncode == 130
+    assert err == "sgpr: stopped; nothing was written\n"
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")

@@ -52,8 +52,15 @@ def test_limits_have_prices_and_the_data_choose_the_pull(
     dearest = model.certificate["prices"][0]
     assert name in dearest["limit"]
     assert 0.5 < dearest["share"] <= 1.0
+    stage = model.certificate["stages"][0]
+    assert stage["limit"] == dearest["limit"]
+    assert stage["residual_percent"] < 0.5 * model.certificate["residual_percent"]
+    # The limit is wrong, so it costs where the motion is new, too.
+    kept_out = model.certificate["kept_out"]
+    assert kept_out["consistent_percent"] > kept_out["unconstrained_percent"] > 0.0
     assert model.report is not None
-    assert any("consistency costs" in text and name in text for text in model.report.warnings)
+    (text,) = (text for text in model.report.warnings if "consistency costs" in text)
+    assert name in text and "they cost where the motion is new, too" in text
     model.save(tmp_path / "model.sgpr")
     assert sgpr.load(tmp_path / "model.sgpr").certificate == model.certificate
     chosen = sgpr.identify(demo_robot, demo_logs[:1], consistent=True, prior_deviation="auto")

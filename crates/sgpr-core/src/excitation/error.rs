@@ -65,6 +65,16 @@ pub enum ExcitationError {
         /// Allowed value.
         limit: f64,
     },
+    /// A limit under which nothing can move.
+    #[error(
+        "a motion within all limits covers no more than {room:.0e} of the position ranges; what stops it is the limit on: {limit}; relax it, or start elsewhere"
+    )]
+    NoRoom {
+        /// The limit that the motion uses most.
+        limit: String,
+        /// Largest share of a joint's position range that the motion covers.
+        room: f64,
+    },
     /// No motion that was found reveals the parameters.
     #[error(
         "the motion excites {rank} of {expected} parameters and does not tell these apart: {}; take more terms, another start, wider limits, or fewer effects",

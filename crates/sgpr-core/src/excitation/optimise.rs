@@ -229,6 +229,9 @@ pub fn random_motion(
 /// The largest share of a limit that a motion is scaled to; what is left covers rounding.
 const WITHIN: f64 = 1.0 - 1e-9;
 
+/// A motion over less than this share of every position range stands still.
+const STILL: f64 = 1e-4;
+
 /// Normally distributed, every component of the motion alike in acceleration.
 fn random_variables(noise: &mut Noise, n: usize, free: &[Vec<f64>], basis: &Basis) -> Vec<f64> {
     let middle = 0.37 * basis.duration();
@@ -491,17 +494,47 @@ impl<'a> Search<'a> {
     /// The largest share of any limit, over continuous time.
     fn utilisation(&self, motion: &Trajectory) -> f64 {
         let used = peaks(self.robot, self.set, &self.parameters, motion).utilisation(&self.options.limits);
-        let Some(mut checker) = self.checker() else { return used };
-        let n = self.robot.dof();
+        self.shares_of_surroundings(motion).into_iter().fold(used, f64::max)
+    }
+
+    /// How much of each limit of the surroundings a motion uses at most, over continuous time.
+    fn shares_of_surroundings(&self, motion: &Trajectory) -> Vec<f64> {
+        let Some(mut checker) = self.checker() else { return vec![] };
+        let (n, count) = (self.robot.dof(), checker.len());
         let mut state = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
         let mut values = |time: f64, out: &mut [f64]| {
             let [q, dq, ddq] = &mut state;
             motion.sample(time, q, dq, ddq);
             checker.shares(q, dq, out);
         };
-        let count = self.checker().map_or(0, |checker| checker.len());
-        let shares = suprema(count, motion.duration(), motion.basis().shortest_time(), &mut values);
-        shares.into_iter().fold(used, f64::max)
+        suprema(count, motion.duration(), motion.basis().shortest_time(), &mut values)
+    }
+
+    /// The limit that stops a motion which hardly leaves its start.
+    fn limit_without_room(&self, motion: &Trajectory) -> Option<ExcitationError> {
+        let peaks = peaks(self.robot, self.set, &self.parameters, motion);
+        let limits = &self.options.limits;
+        let ranges = peaks.position.iter().zip(&limits.position);
+        let room = ranges.map(|([least, largest], [low, high])| (largest - least) / (high - low)).fold(0.0, f64::max);
+        if room >= STILL {
+            return None;
+        }
+        let none: &[f64] = &[];
+        let torque = limits.torque.as_deref().unwrap_or(none);
+        let of_joints = [
+            ("speed", &peaks.velocity, &limits.velocity[..]),
+            ("acceleration", &peaks.acceleration, &limits.acceleration[..]),
+            ("torque", &peaks.torque, torque),
+        ];
+        let of_joints = of_joints.into_iter().flat_map(|(quantity, peaks, limits)| {
+            let joints = self.robot.joint_names().zip(peaks).zip(limits);
+            joints.map(move |((joint, peak), limit)| (peak / limit, format!("{quantity} of joint `{joint}`")))
+        });
+        let names = self.checker();
+        let around = self.shares_of_surroundings(motion).into_iter().enumerate();
+        let around = around.filter_map(|(index, share)| Some((share, names.as_ref()?.name(index))));
+        let (_, limit) = of_joints.chain(around).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(ExcitationError::NoRoom { limit, room })
     }
 
     /// The criterion of a motion on a dense grid, with the true sign function.
@@ -527,7 +560,11 @@ impl<'a> Search<'a> {
         if !best.value.is_finite() {
             let (rank, expected) = (report.rank, report.singular_values.len());
             return Err(match rank < expected {
-                true => ExcitationError::RankDeficient { rank, expected, names: report.not_told_apart },
+                true => self.limit_without_room(&best.trajectory).unwrap_or(ExcitationError::RankDeficient {
+                    rank,
+                    expected,
+                    names: report.not_told_apart,
+                }),
                 false => ExcitationError::Units { criterion: self.options.criterion.name() },
             });
         }

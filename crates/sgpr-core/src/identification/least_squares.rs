@@ -326,7 +326,7 @@ fn residual_noise(factors: &[JointFactor], values: &[f64], freedom: &[f64]) -> V
 }
 
 /// |tau - W base| of a joint's rows.
-pub(super) fn residual_norm(joint: &JointFactor, values: &[f64]) -> f64 {
+pub(crate) fn residual_norm(joint: &JointFactor, values: &[f64]) -> f64 {
     let size = joint.factor.nrows();
     let row = |i: usize| {
         let columns = joint.columns.iter().enumerate();

@@ -35,8 +35,8 @@ pub use base_parameters::{BaseParameters, ParameterClass};
 pub use block_bootstrap::{Bootstrap, block_bootstrap};
 pub use closed_loop::{ClosedLoop, SimulatedMotion};
 pub use consistency::{
-    Consistency, ConsistentParameters, DEVIATIONS, Distance, LinkBounds, LinkCertificate, ParameterBounds,
-    PhysicalBounds, Price, Prior, Region, weakest_good_deviation,
+    Consistency, ConsistentParameters, Costs, DEVIATIONS, Distance, KeptOut, LinkBounds, LinkCertificate,
+    ParameterBounds, PhysicalBounds, Price, Prior, Region, Stage, weakest_good_deviation,
 };
 pub use drive_gains::{DriveGains, GainEstimator, GainOptions, KnownPayload, identify_drive_gains};
 pub use error::IdentificationError;
@@ -45,7 +45,7 @@ pub use estimate::{estimate, residual_correlation};
 pub use gautier_khalil::{Gain, Regrouping, regroupings};
 pub use hac::hac_covariance;
 pub use least_squares::{Estimate, Excitation, LeastSquares, Method, SingularDirection};
-pub(crate) use least_squares::{stack, torque_sizes, triangular_solution};
+pub(crate) use least_squares::{residual_norm, stack, torque_sizes, triangular_solution};
 pub use observation::{Equation, Equations, JointFactor, Observation, Row, Trajectory};
 pub use parameter_set::{EffectColumn, ParameterSet, TrajectoryColumn};
 pub use payload::{Payload, PayloadOptions, identify_payload};

@@ -9,10 +9,10 @@ use super::torque_model::{Certificate, Fit, nominal_parameters};
 use super::variable_projection::{self, Columns, TermFit};
 use crate::effects::UnknownEffect;
 use crate::identification::{
-    BaseParameters, ClosedLoop, Consistency, Equations, Essential, Estimate, Finding, IdentificationError, JointFactor,
-    LeastSquares, Method, Observation, ParameterSet, Price, Row, Series, Trajectory, block_bootstrap,
-    essential_parameters, estimate, hac_covariance, rows_per_independent_row, screen_factors, screen_rows,
-    torque_sizes, weakest_good_deviation,
+    BaseParameters, ClosedLoop, Consistency, Costs, Equations, Essential, Estimate, Finding, IdentificationError,
+    JointFactor, KeptOut, LeastSquares, Method, Observation, ParameterSet, Row, Series, Trajectory, block_bootstrap,
+    essential_parameters, estimate, hac_covariance, residual_norm, rows_per_independent_row, screen_factors,
+    screen_rows, torque_sizes, weakest_good_deviation,
 };
 use crate::motion::{Conditioning, Motion, MotionError, Processing};
 use crate::progress::{Interrupted, Progress};
@@ -375,9 +375,17 @@ fn fit(
                 whitened = estimate.whitened_at(&factors, &found.base, &correlation);
                 found = solve(&whitened)?;
             }
-            let prices = consistency.prices(robot, &set, &base, &whitened, &start, &torque)?;
-            notes.extend(price_note(found.cost, base.rank(), &prices));
-            Some((found, prices, consistency))
+            let costs = consistency.costs(robot, &set, &base, &whitened, &start, &torque)?;
+            let mut kept_out = None;
+            // Least squares leaves one unit of variance per parameter to chance; a limit can take at most as much of it.
+            if found.cost.powi(2) > CHANCE {
+                let folds = folds(robot, &set, &base, equations.trajectories())?;
+                let noise = noise_of(&factors, &estimate);
+                // A part that the solver gives up on is no reason to lose the model.
+                kept_out = consistency.kept_out(robot, &set, &base, &folds, noise, &start, &torque).ok();
+                notes.extend(cost_note(&costs, kept_out, &dearest_joint(robot, &factors, &estimate, &found.base)));
+            }
+            Some((found, costs, kept_out, consistency))
         }
     };
     match &consistent {
@@ -412,7 +420,7 @@ fn fit(
             .map(|(name, _)| name.clone())
             .collect(),
         standard_deviations: deviations,
-        consistency: consistent.map(|(found, prices, consistency)| Certificate::new(found, prices, consistency)),
+        consistency: consistent.map(|(found, costs, kept_out, of)| Certificate::new(found, costs, kept_out, of)),
     });
     model.processing = Some(processing.clone());
     model.provenance.logs = recordings.iter().map(|recording| recording.source().to_string()).collect();
@@ -474,10 +482,6 @@ const REWEIGHTINGS: usize = 3;
 /// Squares of consistency's cost per parameter that noise explains.
 const CHANCE: f64 = 0.25;
 
-/// Share of the cost at which a limit is named, and most limits that are.
-const DEAR: f64 = 0.1;
-const MOST_DEAR: usize = 4;
-
 /// Parts of the data, each of which is predicted from the others.
 const FOLDS: usize = 5;
 
@@ -537,26 +541,46 @@ fn cross_validation_note(chosen: f64, scores: &[(f64, f64)]) -> String {
     )
 }
 
-/// A sentence on the limits that cost most, if they cost more than chance.
-fn price_note(cost: f64, rank: usize, prices: &[Price]) -> Option<String> {
-    let added = cost.powi(2) * rank as f64;
-    // Least squares leaves one unit of variance per parameter to chance; a limit can take at most as much of it.
-    if added < CHANCE * rank as f64 {
-        return None;
-    }
-    let dear: Vec<String> = prices
-        .iter()
-        .take_while(|price| price.share >= DEAR)
-        .take(MOST_DEAR)
-        .map(|price| format!("{} ({:.0} %)", price.limit, 100.0 * price.share))
-        .collect();
-    (!dear.is_empty()).then(|| {
+/// Sentences on what the limits cost, which of them, and whether that costs where the motion is new.
+fn cost_note(costs: &Costs, kept_out: Option<KeptOut>, joint: &str) -> Option<String> {
+    let stages: Vec<String> =
+        costs.stages.iter().map(|stage| format!("{} ({:.1} %)", stage.limit, stage.residual_percent)).collect();
+    let kept_out = kept_out.map(|KeptOut { unconstrained_percent, consistent_percent }| {
         format!(
-            "consistency costs more than noise explains; shares of that which would be gone without a rule: {}. Such rules \
-             are not wrong: look there for an effect that the model lacks (a cable, a spring, a sensor), which inertias that \
-             no body has and negative friction imitate",
-            dear.join("; ")
+            ". Parts of the logs predicted from the others: error {consistent_percent:.2} % of the torque with the limits, \
+             {unconstrained_percent:.2} % without: {}",
+            if consistent_percent <= unconstrained_percent {
+                "where the motion is new they cost nothing"
+            } else {
+                "they cost where the motion is new, too"
+            }
         )
+    });
+    (!stages.is_empty()).then(|| {
+        format!(
+            "consistency costs more than noise explains: the weighted residual is {:.1} % larger than without limits, most at \
+             {joint}. Limits left out one after the other, and what is left of that: {}. Such limits are not wrong: look \
+             there for an effect that the model lacks (a cable, a spring, a sensor), which inertias that no body has and \
+             negative friction imitate{}",
+            costs.residual_percent,
+            stages.join("; "),
+            kept_out.unwrap_or_default()
+        )
+    })
+}
+
+/// The joint whose residual the limits raise most, with the residual before and after.
+fn dearest_joint(robot: &Robot, factors: &[JointFactor], estimate: &Estimate, consistent: &[f64]) -> String {
+    let moving = factors.iter().zip(&estimate.weights).filter(|(factor, _)| !factor.resting && factor.rows > 0);
+    let norms = moving.map(|(factor, weight)| {
+        let [before, after] = [&estimate.values[..], consistent].map(|base| residual_norm(factor, base));
+        (factor, before, after, (after.powi(2) - before.powi(2)) / weight.powi(2))
+    });
+    norms.max_by(|a, b| a.3.total_cmp(&b.3)).map_or_else(String::new, |(factor, before, after, _)| {
+        let joint = &robot.joints()[factor.joint];
+        let rows = (factor.rows as f64).sqrt();
+        let unit = joint.kind.torque_unit();
+        format!("{} ({:.3} to {:.3} {unit})", joint.name, before / rows, after / rows)
     })
 }
 

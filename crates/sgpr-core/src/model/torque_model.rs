@@ -3,8 +3,8 @@ use serde::{Deserialize, Serialize};
 use crate::dynamics::{BatchWorkspace, Samples, rnea_batch};
 use crate::effects::{JointState, UnknownEffect};
 use crate::identification::{
-    BaseParameters, Consistency, ConsistentParameters, Distance, LinkCertificate, ParameterSet, PhysicalBounds, Price,
-    Prior,
+    BaseParameters, Consistency, ConsistentParameters, Costs, Distance, KeptOut, LinkCertificate, ParameterSet,
+    PhysicalBounds, Price, Prior, Stage,
 };
 use crate::motion::Processing;
 use crate::robot::{JointDynamics, Robot, RobotError};
@@ -77,9 +77,18 @@ pub struct Certificate {
     pub cost: f64,
     /// Time in the solver, s.
     pub seconds: f64,
+    /// How much larger the weighted residual is than without limits, percent; zero if that is less than noise explains.
+    #[serde(default)]
+    pub residual_percent: f64,
     /// What the limits cost one by one, dearest first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub prices: Vec<Price>,
+    /// What is left of `residual_percent` without the dearest limits.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stages: Vec<Stage>,
+    /// Errors on parts of the logs that were kept out of the fit; none if the limits cost no more than noise explains.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub kept_out: Option<KeptOut>,
     /// Relative standard deviation of the robot file's values that the estimate was pulled with; not in files of versions
     /// that did not keep it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -93,10 +102,29 @@ pub struct Certificate {
 }
 
 impl Certificate {
-    pub(super) fn new(consistent: ConsistentParameters, prices: Vec<Price>, consistency: Consistency) -> Self {
+    pub(super) fn new(
+        consistent: ConsistentParameters,
+        costs: Costs,
+        kept_out: Option<KeptOut>,
+        consistency: Consistency,
+    ) -> Self {
         let ConsistentParameters { links, active, cost, seconds, .. } = consistent;
+        let Costs { residual_percent, prices, stages } = costs;
         let Consistency { prior: Prior { distance, relative_deviation }, bounds } = consistency;
-        Self { links, active, cost, seconds, prices, prior_deviation: Some(relative_deviation), distance, bounds }
+        let prior_deviation = Some(relative_deviation);
+        Self {
+            links,
+            active,
+            cost,
+            seconds,
+            residual_percent,
+            prices,
+            stages,
+            kept_out,
+            prior_deviation,
+            distance,
+            bounds,
+        }
     }
 
     /// What the parameters were held to.

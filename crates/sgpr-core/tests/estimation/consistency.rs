@@ -135,13 +135,16 @@ fn the_limit_that_is_wrong_is_the_dearest() {
     let mut nominal = experiment.truth.clone();
     nominal[experiment.set.inertial()..].fill(0.0);
     let (robot, set, base) = (&experiment.robot, &experiment.set, &experiment.base);
-    let prices = consistency.prices(robot, set, base, &estimate.whitened, &nominal, &[20.0, 5.0]).expect("an arm");
+    let costs = consistency.costs(robot, set, base, &estimate.whitened, &nominal, &[20.0, 5.0]).expect("an arm");
+    let prices = costs.prices;
     assert!(prices[0].limit.contains("joint_1.Fv at least 1.5"), "{prices:?}");
     assert!(prices[0].share > 0.9, "{prices:?}");
     assert!(prices.iter().all(|price| (0.0..=1.0).contains(&price.share)));
+    assert_eq!(costs.stages[0].limit, prices[0].limit);
+    assert!(costs.stages[0].residual_percent < 0.1 * costs.residual_percent, "{:?}", costs.stages);
     // Limits that the data keep anyway cost nothing worth a name.
-    let prices = Consistency::default().prices(robot, set, base, &estimate.whitened, &nominal, &[20.0, 5.0]);
-    assert!(prices.expect("an arm").iter().all(|price| !price.limit.contains("joint_1.Fv")));
+    let costs = Consistency::default().costs(robot, set, base, &estimate.whitened, &nominal, &[20.0, 5.0]);
+    assert!(costs.expect("an arm").prices.iter().all(|price| !price.limit.contains("joint_1.Fv")));
 }
 
 #[test]

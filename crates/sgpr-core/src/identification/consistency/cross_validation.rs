@@ -1,9 +1,12 @@
-//! How strong the pull toward the robot file is to be, from the data: with the strength that predicts kept-out parts best.
+//! What the data say of limits and of the pull toward the robot file: parts of them are predicted from the others.
 //!
 //! Source: M. Stone, Cross-validatory choice and assessment of statistical predictions, J. R. Stat. Soc. B 36(2) (1974).
 
+use faer::Mat;
+use serde::{Deserialize, Serialize};
+
 use super::{Consistency, Prior};
-use crate::identification::least_squares::{residual_norm, stack};
+use crate::identification::least_squares::{Solution, residual_norm, stack};
 use crate::identification::{BaseParameters, IdentificationError, JointFactor, ParameterSet};
 use crate::robot::Robot;
 
@@ -12,6 +15,15 @@ pub const DEVIATIONS: [f64; 5] = [1.0, 3.0, 10.0, 30.0, 100.0];
 
 /// An error this much above the least is as good as the least.
 const SAME: f64 = 1.01;
+
+/// Errors on parts of the data that were kept out of the fit, percent of the torque of the rows in motion.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KeptOut {
+    /// Of least squares without limits.
+    pub unconstrained_percent: f64,
+    /// Of consistent parameters.
+    pub consistent_percent: f64,
+}
 
 /// The weakest pull that predicts as well as the best.
 ///
@@ -43,16 +55,9 @@ impl Consistency {
         nominal: &[f64],
         torque: &[f64],
     ) -> Result<Vec<(f64, f64)>, IdentificationError> {
-        if folds.len() < 2 {
-            return Err(IdentificationError::NoData);
-        }
         let mut scores: Vec<(f64, f64)> = DEVIATIONS.iter().map(|deviation| (*deviation, 0.0)).collect();
         let mut rows = 0;
-        for (index, fold) in folds.iter().enumerate() {
-            let others = folds.iter().enumerate().filter(|(other, _)| *other != index);
-            let others: Vec<JointFactor> = others.flat_map(|(_, factors)| factors.iter().cloned()).collect();
-            let levels: Vec<f64> = others.iter().map(&noise).collect();
-            let training = stack(&others, base.rank(), &levels);
+        for (training, fold) in splits(folds, base.rank(), &noise)? {
             rows += fold.iter().filter(|factor| noise(factor).is_finite()).map(|factor| factor.rows).sum::<usize>();
             for (deviation, squares) in &mut scores {
                 let prior = Prior { relative_deviation: *deviation, ..self.prior };
@@ -65,6 +70,55 @@ impl Consistency {
         scores.iter_mut().for_each(|(_, squares)| *squares = (*squares / rows.max(1) as f64).sqrt());
         Ok(scores)
     }
+
+    /// What the limits do where the motion is new: each part of the data predicted from the others, with them and without.
+    ///
+    /// Arguments as in [`Self::cross_validate`].
+    ///
+    /// # Errors
+    /// As [`Self::cross_validate`].
+    #[expect(clippy::too_many_arguments, reason = "what a program of consistent parameters is made of")]
+    pub fn kept_out(
+        &self,
+        robot: &Robot,
+        set: &ParameterSet,
+        base: &BaseParameters,
+        folds: &[Vec<JointFactor>],
+        noise: impl Fn(&JointFactor) -> f64,
+        nominal: &[f64],
+        torque: &[f64],
+    ) -> Result<KeptOut, IdentificationError> {
+        let rest = base.combine(nominal);
+        let [mut unconstrained, mut consistent, mut whole] = [0.0; 3];
+        for (training, fold) in splits(folds, base.rank(), noise)? {
+            let squares = |values: &[f64]| -> f64 {
+                let moving = fold.iter().filter(|factor| !factor.resting);
+                moving.map(|factor| residual_norm(factor, values).powi(2)).sum()
+            };
+            unconstrained += squares(&Solution::new(&training, &rest).values);
+            consistent += squares(&self.solve(robot, set, base, &training, nominal, torque)?.base);
+            whole += squares(&vec![0.0; base.rank()]);
+        }
+        let percent = |squares: f64| 100.0 * (squares / whole.max(f64::MIN_POSITIVE)).sqrt();
+        Ok(KeptOut { unconstrained_percent: percent(unconstrained), consistent_percent: percent(consistent) })
+    }
+}
+
+/// Each part of the data, after the weighted triangle of all others.
+fn splits(
+    folds: &[Vec<JointFactor>],
+    rank: usize,
+    noise: impl Fn(&JointFactor) -> f64,
+) -> Result<impl Iterator<Item = (Mat<f64>, &[JointFactor])>, IdentificationError> {
+    if folds.len() < 2 {
+        return Err(IdentificationError::NoData);
+    }
+    Ok(folds.iter().enumerate().map(move |(index, fold)| {
+        let others = folds.iter().enumerate().filter(|(other, _)| *other != index);
+        let others: Vec<JointFactor> = others.flat_map(|(_, factors)| factors.iter().cloned()).collect();
+        let levels: Vec<f64> = others.iter().map(&noise).collect();
+        (stack(&others, rank, &levels), &fold[..])
+    }))
 }
 
 #[cfg(test)]

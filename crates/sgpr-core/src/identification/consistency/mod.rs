@@ -27,9 +27,9 @@ use faer::Mat;
 use serde::{Deserialize, Serialize};
 
 pub use bounds::{LinkBounds, ParameterBounds, PhysicalBounds, Region};
-pub use cross_validation::{DEVIATIONS, weakest_good_deviation};
+pub use cross_validation::{DEVIATIONS, KeptOut, weakest_good_deviation};
 pub(super) use drives::{Carrier, bounded_least_squares};
-pub use prices::Price;
+pub use prices::{Costs, Price, Stage};
 
 use super::{BaseParameters, IdentificationError, ParameterSet};
 use crate::linalg::symmetric_eigen;
@@ -235,15 +235,15 @@ impl<'a> Task<'a> {
     }
 
     /// The program, all limits in it but `without`, and what had to be mended for the pull.
-    fn program(&self, prior: Prior, without: Option<Limit>) -> (Program, Vec<String>) {
+    fn program(&self, prior: Prior, without: &[Limit]) -> (Program, Vec<String>) {
         let mut program = Program::default();
         let x = program.variables(self.set.len());
         debug_assert_eq!(x, 0, "parameters come first");
         add_data(&mut program, self.base, self.whitened, &self.scale);
         let notes = prior.add_to(&mut program, self.robot, self.set, self.nominal, &self.sizes, &self.scale);
-        let links = (0..self.robot.dof()).filter(|link| without != Some(Limit::Body(*link)));
+        let links = (0..self.robot.dof()).filter(|link| !without.contains(&Limit::Body(*link)));
         links.for_each(|link| require_body(&mut program, link * PARAMETERS_PER_LINK));
-        let kept = self.bounds.iter().enumerate().filter(|(index, _)| without != Some(Limit::Bound(*index)));
+        let kept = self.bounds.iter().enumerate().filter(|(index, _)| !without.contains(&Limit::Bound(*index)));
         kept.for_each(|(_, bound)| bound.require(&mut program));
         (program, notes)
     }
@@ -255,7 +255,7 @@ impl<'a> Task<'a> {
 
     fn attempt(&self, prior: Prior) -> Result<ConsistentParameters, IdentificationError> {
         let Self { robot, set, bounds, .. } = self;
-        let (program, notes) = self.program(prior, None);
+        let (program, notes) = self.program(prior, &[]);
         let Outcome { x, status, iterations, seconds } = program.solve();
         match status {
             Status::Solved => {}

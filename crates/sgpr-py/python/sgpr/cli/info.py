@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
+from ..report.certificate import kept_out
 from ..report.numbers import MISSING, counted, percent, readable, relative_deviation, significant, with_deviation
 from ..report.rest import points_of
 from . import describe
@@ -231,6 +232,15 @@ def show_certificate(certificate: dict[str, Any], output: Output) -> None:
         output.line(
             f"{percent(100.0 * price['share'])} % of what consistency costs would be gone without: {price['limit']}"
         )
+    if certificate["stages"]:
+        whole = percent(certificate["residual_percent"])
+        output.line(
+            f"the weighted residual is {whole} % larger than without limits; limits left out one after the other:"
+        )
+    for stage in certificate["stages"]:
+        output.line(f"{percent(stage['residual_percent'])} % with this one left out too: {stage['limit']}")
+    if certificate["kept_out"]:
+        output.line(kept_out(certificate["kept_out"]))
 
 
 def show_processes(processes: Sequence[dict[str, Any]], output: Output) -> None:

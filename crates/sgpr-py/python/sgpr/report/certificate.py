@@ -42,11 +42,28 @@ def certificate_section(certificate: dict[str, Any]) -> Html:
     if certificate["active"]:
         parts += [paragraph("The estimate lies at these limits:"), items(map(prose, certificate["active"]))]
     if certificate["prices"]:
+        whole = percent(certificate["residual_percent"])
         parts += [
             paragraph(
-                "What would be gone of that cost without one limit alone. A limit that costs much points at an effect "
-                "that the model lacks, which inertias that no body has imitate."
+                f"The weighted residual is {whole} % larger than without limits. What would be gone of that cost "
+                "without one limit alone. A limit that costs much points at an effect that the model lacks, which "
+                "inertias that no body has imitate."
             ),
             items(prose(f"{percent(100.0 * price['share'])} %: {price['limit']}") for price in certificate["prices"]),
+            paragraph(f"Limits left out one after the other, and what is then left of the {whole} %:"),
+            items(
+                prose(f"{percent(stage['residual_percent'])} %: {stage['limit']}") for stage in certificate["stages"]
+            ),
         ]
+    if certificate["kept_out"]:
+        parts.append(paragraph(kept_out(certificate["kept_out"])))
     return join(parts)
+
+
+def kept_out(errors: dict[str, float]) -> str:
+    """A sentence on what the limits do where the motion is new."""
+    return (
+        "Parts of the logs predicted from the others: error "
+        f"{percent(errors['consistent_percent'])} % of the torque with the limits, "
+        f"{percent(errors['unconstrained_percent'])} % without."
+    )
