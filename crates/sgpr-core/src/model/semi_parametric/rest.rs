@@ -73,7 +73,8 @@ pub struct JointReport {
     pub inference: Inference,
     /// Root mean square residual that the physics leaves, N·m (N).
     pub physics_rmse: f64,
-    /// The same of parts of the logs that were left out in turn, by physics identified without them, N·m (N).
+    /// The same of parts of the logs that were left out in turn, by physics identified without them, N·m (N); of one or two
+    /// logs by the same physics, unless the mean is [`super::Mean::Joint`].
     pub physics_rmse_left_out: f64,
     /// Every selection that was tried.
     pub candidates: Vec<Candidate>,
