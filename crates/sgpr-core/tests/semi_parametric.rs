@@ -284,6 +284,49 @@ fn physics_that_lacks_nothing_is_left_as_it_was_identified() {
     assert_eq!(model.physics().parameters(), physics.parameters());
 }
 
+/// A single log is left out part by part, and physics beside which processes are estimated is judged by parts that it has
+/// not seen, as physics and processes together are.
+#[test]
+fn physics_of_a_single_log_is_judged_by_parts_that_it_has_not_seen() {
+    let log = simulated(5, 400);
+    let effects = ["viscous_friction", "coulomb_friction", "torque_offset", "cable_stiffness"].map(String::from);
+    let conditioning =
+        Conditioning { cutoff_hz: Some(10.0), decimation: Some(1), ..IdentifyOptions::default().conditioning };
+    let identify_options = IdentifyOptions { effects: effects.to_vec(), conditioning, ..Default::default() };
+    // Another way to the same: the log without an eighth is two logs, and physics is identified from these.
+    let mut squares = [0.0; 2];
+    let mut samples = [0.0; 2];
+    for eighth in 0..8 {
+        let (start, end) = (50 * eighth, 50 * (eighth + 1));
+        let others: Vec<Recording> =
+            [0..start, end..400].into_iter().filter(|range| !range.is_empty()).map(|range| log.slice(range)).collect();
+        let (physics, _) = identify(&two_link(), &others, &identify_options, &()).expect("good logs");
+        let found = compare(&physics, std::slice::from_ref(&log), None).expect("good");
+        for sample in start..end {
+            for joint in (0..2).filter(|joint| found.logs[0].counted[2 * sample + joint]) {
+                let [measured, predicted] = [&found.logs[0].measured_in_band, &found.logs[0].predicted_in_band]
+                    .map(|tau| tau[2 * sample + joint]);
+                squares[joint] += (measured - predicted).powi(2);
+                samples[joint] += 1.0;
+            }
+        }
+    }
+    let options = SemiParametricOptions {
+        identify: identify_options,
+        mean: Mean::Joint,
+        inputs: Some(Inputs::Positions),
+        ..options()
+    };
+    let model = fit_semi_parametric(&two_link(), std::slice::from_ref(&log), &options, &()).expect("a good log");
+    for (joint, report) in model.reports().into_iter().enumerate() {
+        let (found, expected) = (report.physics_rmse_left_out, f64::sqrt(squares[joint] / samples[joint]));
+        println!("joint {}: {:.4}, {found:.4}, {expected:.4}", joint + 1, report.physics_rmse);
+        // Slices end, where they are filtered otherwise, and have noise of their own to weigh the joints by.
+        assert!((found / expected - 1.0).abs() < 0.15, "{found} {expected}");
+        assert!(found > 1.05 * report.physics_rmse, "{found} {}", report.physics_rmse);
+    }
+}
+
 #[test]
 fn joints_that_share_a_kernel_are_learned_and_predicted_together() {
     let shared = SemiParametricOptions { shared: true, ..options() };

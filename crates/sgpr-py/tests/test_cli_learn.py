@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import sgpr
 from cli_support import run, write_log
+from sgpr.report.rest import fewer_rows_were_better
 
 SMALL = ("--points", 60, "--inputs", "own_velocity")
 
@@ -76,6 +77,20 @@ def test_on_top_of_a_model(logs: list[str], tmp_path: Path) -> None:
     assert "process of 2 of 2 joints" in data["history"][-1]
     assert not (tmp_path / "out" / "report.html").exists()
     assert run(*arguments, "--effects", "none").code == 2
+
+
+def test_it_is_said_where_fewer_rows_were_better_than_all() -> None:
+    def said(subset: float, sparse: float, chosen: str) -> str | None:
+        tried = [{"inputs": "all", "inference": "subset", "rmse": subset}]
+        tried += [{"inputs": "all", "inference": "sparse", "rmse": sparse}]
+        # Another selection of inputs says nothing of the one that was chosen.
+        tried += [{"inputs": "positions", "inference": "subset", "rmse": 0.1}]
+        return fewer_rows_were_better({"joint": "elbow", "inputs": "all", "inference": chosen, "candidates": tried})
+
+    text = said(0.4, 0.5, "sparse")
+    assert text is not None and text.startswith("elbow") and "error 0.400, not 0.500" in text
+    assert said(0.5, 0.4, "sparse") is None
+    assert said(0.4, 0.5, "subset") is None
 
 
 def test_wrong_use(logs: list[str], tmp_path: Path) -> None:

@@ -239,23 +239,24 @@ fn fit_joints(
 }
 
 /// Leaves every joint to the identified physics at which physics and processes, estimated together without a part of the
-/// logs, predict the part no better than physics estimated without it. Sizes of errors are compared, not squares: rows in
-/// which dry friction turns are wrong for both.
+/// logs, predict the part no better than the identified physics without it. Sizes of errors are compared, not squares:
+/// rows in which dry friction turns are wrong for both.
 ///
 /// - `errors`: of [`errors_of_parts`]
 fn keep_what_gains(
     model: &mut SemiParametricModel,
     identified: TorqueModel,
-    errors: &[Errors],
+    errors: &[Vec<(f64, f64)>],
     rows: &[Rows],
     left_out: &[Vec<LeftOut>],
 ) {
     let mut lost = false;
     for (joint, rest) in model.joints.iter_mut().enumerate().filter(|(_, rest)| rest.gp.is_some()) {
-        let Errors { together, alone } = &errors[joint];
-        let size: f64 = together.iter().map(|(error, _)| error.abs()).sum();
-        if together.len() == alone.len() && size < (1.0 - GAIN) * alone.iter().map(|error| error.abs()).sum::<f64>() {
-            (rest.report.calibration, rest.report.calibration_95) = calibration(together, left_out[joint].len());
+        let errors = &errors[joint];
+        let size: f64 = errors.iter().map(|(error, _)| error.abs()).sum();
+        let alone: Vec<f64> = left_out[joint].iter().flat_map(LeftOut::measured).collect();
+        if errors.len() == alone.len() && size < (1.0 - GAIN) * alone.iter().map(|error| error.abs()).sum::<f64>() {
+            (rest.report.calibration, rest.report.calibration_95) = calibration(errors, left_out[joint].len());
             continue;
         }
         lost = true;
@@ -275,36 +276,28 @@ fn keep_what_gains(
     }
 }
 
-/// Errors of a joint at the rows of parts that were left out in turn.
-#[derive(Clone, Default)]
-struct Errors {
-    /// Of physics and processes estimated together without the part, with the variance.
-    together: Vec<(f64, f64)>,
-    /// Of physics alone estimated without it.
-    alone: Vec<f64>,
-}
-
-/// For each joint with a process.
+/// For each joint with a process: error and variance at the rows of parts that were left out in turn, of physics and
+/// processes estimated together without the part.
 fn errors_of_parts(
     model: &SemiParametricModel,
     rows: &[Rows],
     left_out: &[Vec<LeftOut>],
     compute: &Compute,
-) -> Result<Vec<Errors>, SemiParametricError> {
-    let mut errors = vec![Errors::default(); rows.len()];
+) -> Result<Vec<Vec<(f64, f64)>>, SemiParametricError> {
+    let mut errors = vec![Vec::new(); rows.len()];
     for index in 0..left_out[0].len() {
         let part = |joint: usize| &left_out[joint][index].part;
         let is_in = |joint: usize, row: usize| part(joint).binary_search(&row).is_ok();
-        let (mut together, mut alone) = (Equations::new(model), Equations::new(model));
+        let mut together = Equations::new(model);
         let mut processes = Vec::with_capacity(rows.len());
         for (joint, rest) in model.joints.iter().enumerate() {
-            let every: Vec<usize> = (0..rows[joint].residual.len()).filter(|row| !is_in(joint, *row)).collect();
-            let (matrix, residual) = at_rows(&rows[joint], &every);
-            alone.add_rows(joint, &matrix, &residual);
             let found = rest.gp.as_ref().map(|gp| without_part(gp, rest, &rows[joint], part(joint), index, compute));
             processes.push(match found {
                 Some(found) => found?,
                 None => {
+                    let others: Vec<usize> =
+                        (0..rows[joint].residual.len()).filter(|row| !is_in(joint, *row)).collect();
+                    let (matrix, residual) = at_rows(&rows[joint], &others);
                     together.add_rows(joint, &matrix, &residual);
                     None
                 }
@@ -313,19 +306,18 @@ fn errors_of_parts(
                 together.add(gp.normal_equations(terms));
             }
         }
-        let [together, alone] = [&together, &alone].map(Equations::solution);
+        let together = together.solution();
         for (joint, process) in processes.into_iter().enumerate() {
             let Some((gp, terms)) = process else { continue };
             let gp = gp.without(&terms, &together)?;
             let part = part(joint);
             let predicted = gp.predict(&rows[joint].at(part, gp.inputs()), true)?;
             let (matrix, residual) = at_rows(&rows[joint], part);
-            let (of_both, of_physics) = (&matrix * &together, &matrix * &alone);
+            let explained = &matrix * &together;
             let noise = gp.covariance().total_noise_variance();
             for (i, residual) in residual.iter().enumerate() {
-                let error = residual - of_both[(i, 0)] - predicted.mean[i];
-                errors[joint].together.push((error, predicted.variance[i] + noise));
-                errors[joint].alone.push(residual - of_physics[(i, 0)]);
+                let error = residual - explained[(i, 0)] - predicted.mean[i];
+                errors[joint].push((error, predicted.variance[i] + noise));
             }
         }
     }

@@ -73,7 +73,8 @@ pub struct JointReport {
     pub inference: Inference,
     /// Root mean square residual that the physics leaves, N·m (N).
     pub physics_rmse: f64,
-    /// The same of parts of the logs that were left out in turn, by physics identified without them, N·m (N).
+    /// The same of parts of the logs that were left out in turn, by physics identified without them, N·m (N); of one or two
+    /// logs by the same physics, unless the mean is [`super::Mean::Joint`].
     pub physics_rmse_left_out: f64,
     /// Every selection that was tried.
     pub candidates: Vec<Candidate>,
@@ -146,9 +147,8 @@ impl Rest {
         let best = if stopped {
             best
         } else {
-            let signal = &best.process.covariance().signal;
-            let inducing = data.select(&informative_points(signal, data.x(), data.inputs(), options.points));
-            best.or_of_all_rows(inducing.x(), rows, left_out, options, &mut report, compute)?
+            let inducing = |signal: &Kernel| inducing_points(signal, &data, options.points);
+            best.or_of_all_rows(inducing, rows, left_out, options, &mut report, compute)?
         };
         if options.inputs.is_none() && best.loss() >= (1.0 - GAIN) * physics_loss {
             return Ok(Self::without(report, mean_square));
@@ -216,10 +216,10 @@ impl Learned {
     /// This process, or one that has seen all rows through inducing points if that gains as much on parts left out as a process
     /// must on the physics; unless rows are few for the points, or the options say which.
     ///
-    /// - `inducing`: `[inducing, inputs]`, row-major
+    /// - `inducing`: [`inducing_points`], asked for the signal of this process if they are wanted
     pub fn or_of_all_rows(
         self,
-        inducing: &[f64],
+        inducing: impl FnOnce(&Kernel) -> Vec<f64>,
         rows: &Rows,
         left_out: &[LeftOut],
         options: &SemiParametricOptions,
@@ -231,7 +231,8 @@ impl Learned {
         if self.candidate.inference == Inference::Exact || !options.sparse.unwrap_or(!few) {
             return Ok(self);
         }
-        let seen = see_all(gp, &self.points, inducing, rows, left_out, compute)?;
+        let inducing = inducing(&gp.covariance().signal);
+        let seen = see_all(gp, &self.points, &inducing, rows, left_out, compute)?;
         let Some(SeenByAll { process, errors, evidence }) = seen else { return Ok(self) };
         let inference = Inference::Sparse { inducing: process.len() };
         let candidate = Candidate { inference, rmse: loss_of(&errors).sqrt(), ..self.candidate.clone() };
@@ -239,6 +240,11 @@ impl Learned {
         let other = Self { process, points: vec![], evidence, errors, candidate };
         Ok(if options.sparse == Some(true) || other.loss() < (1.0 - GAIN) * self.loss() { other } else { self })
     }
+}
+
+/// At most `count` points of `data` through which all of them may be seen, `[points, inputs]`, row-major.
+pub(super) fn inducing_points(signal: &Kernel, data: &Data, count: usize) -> Vec<f64> {
+    data.select(&informative_points(signal, data.x(), data.inputs(), count)).x().to_vec()
 }
 
 /// What the physics alone leaves over at a joint.

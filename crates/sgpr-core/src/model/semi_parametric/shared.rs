@@ -1,8 +1,10 @@
 //! One kernel for all joints: what they leave over is learned together, over the points at which all of them move.
 
-use super::rest::{Alone, FEWEST, Found, GAIN, Learned, LeftOut, Rest, Rows, process};
+use std::cell::OnceCell;
+
+use super::rest::{Alone, FEWEST, Found, GAIN, Learned, LeftOut, Rest, Rows, inducing_points, process};
 use super::{Inputs, SemiParametricOptions};
-use crate::gp::{Compute, Data, GaussianProcess, GpError, informative_points};
+use crate::gp::{Compute, Data, GaussianProcess, GpError, Kernel};
 use crate::progress::Progress;
 
 /// Selections that are the same for every joint.
@@ -55,12 +57,15 @@ pub(super) fn fit_shared(
         }
     }
     if let Some((_, learned)) = &mut best {
-        let signal = &learned[0].process.covariance().signal;
-        let inducing = data.select(&informative_points(signal, data.x(), data.inputs(), options.points));
+        // The same for all joints: their kernels differ by a factor.
+        let points = OnceCell::new();
+        let inducing = |signal: &Kernel| -> Vec<f64> {
+            points.get_or_init(|| inducing_points(signal, &data, options.points)).clone()
+        };
         let mut of_all = Vec::with_capacity(n);
         for (joint, own) in std::mem::take(learned).into_iter().enumerate() {
             let (rows, left_out, report) = (&rows[joint], &left_out[joint], &mut alone[joint].report);
-            of_all.push(own.or_of_all_rows(inducing.x(), rows, left_out, options, report, compute)?);
+            of_all.push(own.or_of_all_rows(inducing, rows, left_out, options, report, compute)?);
         }
         *learned = of_all;
     }

@@ -9,7 +9,7 @@ import typer
 from .. import Comparison, Model, SemiParametricModel, __version__
 from .. import compare as compare_with
 from ..report.numbers import counted, percent, significant
-from ..report.rest import INPUTS, RestPage, points_of
+from ..report.rest import INPUTS, RestPage, fewer_rows_were_better, points_of
 from . import describe
 from .console import Output, to_json
 from .effects import DEFAULT_EFFECTS, checked_effects
@@ -132,6 +132,8 @@ def learn(
             folder.write("report.html", result.page(data).html())
         folder.write("learned.json", to_json(data))
     show(result, data, output)
+    for said in filter(None, map(fewer_rows_were_better, data["joints"])):
+        output.warning(said)
     output.line(f"results: {folder.path}")
     output.result(data)
 

@@ -115,6 +115,7 @@ def learned_section(joints: Sequence[Mapping[str, Any]], units: Mapping[str, str
         if joint["candidates"]
     ]
     parts = [note, table("What was learned", columns, rows, text_columns=(0, 1, 4, 5))]
+    parts += [paragraph(said) for said in map(fewer_rows_were_better, joints) if said]
     if tried:
         parts += [
             element("h3", "All that was tried"),
@@ -132,6 +133,17 @@ def points_of(joint: Mapping[str, Any]) -> str:
     """Points of a joint's process, and how many of the rows it has seen."""
     how = {"subset": "{points} of {rows} rows", "sparse": "{points}, for all {rows} rows"}
     return how.get(joint["inference"], "{points}").format(**joint)
+
+
+def fewer_rows_were_better(joint: Mapping[str, Any]) -> str | None:
+    """Says where all rows are seen, as was asked for, though some of them predicted parts left out better."""
+    errors = {tried["inference"]: tried["rmse"] for tried in joint["candidates"] if tried["inputs"] == joint["inputs"]}
+    if joint["inference"] != "sparse" or errors.get("subset", errors["sparse"]) >= errors["sparse"]:
+        return None
+    return (
+        f"{joint['joint']}: all rows are seen, as asked for; the most informative ones alone predict parts left out "
+        f"better (error {significant(errors['subset'])}, not {significant(errors['sparse'])})"
+    )
 
 
 def coverage_section(rows: Sequence[Mapping[str, Any]]) -> tuple[Html, dict[str, Any]]:

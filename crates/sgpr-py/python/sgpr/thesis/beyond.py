@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import OnlineModel, Simulation, Trajectory, simulate
+from .. import Model, OnlineModel, Robot, Simulation, Trajectory, simulate
 from . import published
-from .experiments import IDENTIFIED, INTERNAL, SEMI_PARAMETRIC, Arm, Tell, Thesis
+from .experiments import IDENTIFIED, IDENTIFIED_ALL, INTERNAL, SEMI_PARAMETRIC, Arm, Known, Tell, Thesis
 from .models import ALL_EFFECTS, parametric
 
 Array = NDArray[np.float64]
@@ -18,6 +18,12 @@ LAWS: dict[str, tuple[str, tuple[float, float]]] = {
     "computed torque": ("computed_torque", (100.0, 20.0)),
     "joint impedance": ("impedance", published.TEST_GAINS),
 }
+
+# What the parameters of the thesis say of the links, and nothing of friction.
+LINKS_ALONE = "identified, links alone"
+
+# Of a motion, to see the inertia at.
+POSITIONS = 50
 
 PICK_UP_SECONDS = 4.0
 PAYLOAD_SECONDS = 10.0
@@ -35,16 +41,49 @@ HELD = np.array([2.0, 0.04, -0.06, 0.30, 0.06, 0.001, 0.055, -0.006, 0.009, 0.01
 def control_laws(thesis: Thesis, tell: Tell) -> None:
     """The models of case 1 in laws that ask them at the measured state."""
     settings = thesis.settings
-    rows = []
+    rows, inertias = [], []
     for arm in thesis.arms.values():
         tell(f"{arm.name}: computed torque and joint impedance")
         motion = arm.test_motions(settings)[0]
+        models = {
+            model: thesis.models[arm.name][model] for model in (INTERNAL, IDENTIFIED, SEMI_PARAMETRIC, IDENTIFIED_ALL)
+        }
+        models[LINKS_ALONE] = links_of(arm, models[IDENTIFIED])
         for label, (controller, gains) in LAWS.items():
-            for model in (INTERNAL, IDENTIFIED, SEMI_PARAMETRIC):
-                known = thesis.models[arm.name][model]
+            for model, known in models.items():
                 run = arm.follow(motion, gains, [known], settings.test_seconds, controller)
                 rows.append({"robot": arm.name, "law": label, "model": model, "rmse": run.tracking_rmse})
+        shares = {model: inertia(known, motion) / true_inertia(arm, motion) for model, known in models.items()}
+        inertias += [{"robot": arm.name, "model": model, "share": share} for model, share in shares.items()]
     thesis.data["control_laws"] = rows
+    thesis.data["inertias"] = inertias
+
+
+def inertia(known: Known, motion: Trajectory) -> Array:
+    """Torque of each joint per acceleration of that joint alone, the mean along a motion, kg·m²."""
+    q, _, _ = motion.at(np.linspace(0.0, motion.duration, POSITIONS))
+    dof, still = q.shape[1], np.zeros_like(q)
+
+    def torque(acceleration: Array) -> Array:
+        of = known.inverse_dynamics if isinstance(known, Robot) else known.predict
+        values: Array = of(q, still, acceleration)
+        return values
+
+    at_rest = torque(still)
+    units = [np.tile(unit, (len(q), 1)) for unit in np.eye(dof)]
+    return np.array([(torque(unit) - at_rest)[:, joint].mean() for joint, unit in enumerate(units)])
+
+
+def true_inertia(arm: Arm, motion: Trajectory) -> Array:
+    """The same of the machine: links and rotors."""
+    return inertia(arm.robot, motion) + np.array([drive.rotor_inertia for drive in arm.drives])
+
+
+def links_of(arm: Arm, model: Known) -> Robot:
+    """The robot with the identified parameters of its links."""
+    assert isinstance(model, Model), "identified"
+    parameters = np.asarray(model.all_parameters)[: len(arm.robot.standard_parameters)]
+    return arm.robot.with_standard_parameters(parameters)
 
 
 @dataclass

@@ -377,6 +377,10 @@ def excitation_study(thesis: Thesis, tell: Tell) -> None:
             SEMI_PARAMETRIC_ALL: semi_parametric(arm.robot, training, ALL_EFFECTS, settings.process, **GP_ON_FRICTION),
         }
         errors: dict[str, list[Array]] = {}
+        with_term: dict[str, float] = {}
+        for effect in ALL_EFFECTS[len(FRICTION) :]:
+            one_more = parametric(arm.robot, training, (*FRICTION, effect))
+            with_term[effect] = sum_of_errors(arm, one_more, tests, settings)
         for label, each in known.items():
             for k, motion in enumerate(tests):
                 run = arm.follow(motion, published.TEST_GAINS, [each], settings.test_seconds)
@@ -392,10 +396,17 @@ def excitation_study(thesis: Thesis, tell: Tell) -> None:
                 "errors": {label: np.mean(each, axis=0) for label, each in errors.items()},
                 "errors_of_tests": errors,
                 "friction": friction_error(arm, model),
+                "with_term": with_term,
             }
         )
     thesis.data["table_5_8"] = rows
     other_series(thesis, logs, tests, tell)
+
+
+def sum_of_errors(arm: Arm, known: Known, tests: Sequence[Trajectory], settings: Settings) -> float:
+    """Sum over joints of the position error at test gains, the mean of all tests, rad."""
+    runs = [arm.follow(motion, published.TEST_GAINS, [known], settings.test_seconds) for motion in tests]
+    return float(np.mean([run.tracking_rmse for run in runs], axis=0).sum())
 
 
 def high_frequency(arm: Arm, seed: int) -> Trajectory:
@@ -428,10 +439,7 @@ def other_series(thesis: Thesis, logs: dict[str, Recording], tests: Sequence[Tra
                 SEMI_PARAMETRIC: semi_parametric(arm.robot, training, FRICTION, settings.process, **GP_ON_FRICTION),
                 IDENTIFIED_ALL: parametric(arm.robot, training, ALL_EFFECTS),
             }
-            sums = {}
-            for label, each in known.items():
-                runs = [arm.follow(motion, published.TEST_GAINS, [each], settings.test_seconds) for motion in tests]
-                sums[label] = float(np.mean([run.tracking_rmse for run in runs], axis=0).sum())
+            sums = {label: sum_of_errors(arm, each, tests, settings) for label, each in known.items()}
             rows.append({"motion": name, "seed": seed, "sums": sums})
     thesis.data["other_series"] = rows
 

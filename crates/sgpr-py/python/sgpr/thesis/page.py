@@ -20,6 +20,9 @@ from .experiments import IDENTIFIED, INTERNAL, SEMI_PARAMETRIC, Thesis
 # Tracking is drawn for the models of the thesis, errors for all.
 DRAWN = (INTERNAL, IDENTIFIED, SEMI_PARAMETRIC)
 
+WANTED = "wanted"
+WANTED_LINE = {"color": "#222222", "dash": "dot"}
+
 SHOWN_SAMPLES = 400
 HEIGHT = 300
 LEGEND_BELOW = {"orientation": "h", "x": 0, "xanchor": "left", "y": -0.15, "yanchor": "top"}
@@ -64,7 +67,7 @@ class Figures:
                     "name": name,
                     "x": rounded(time[::step]),
                     "y": rounded(values[::step]),
-                    "line": {"width": 1.5, **line_of(index)},
+                    "line": {"width": 1.5, **(WANTED_LINE if name == WANTED else line_of(index))},
                 }
             )
         settings: dict[str, Any] = {"xaxis": axis("time [s]"), "yaxis": axis(unit)}
@@ -74,7 +77,7 @@ class Figures:
         return self._add(label, data, **settings, **({"margin": MANY_NAMES} if len(curves) > 4 else {}))
 
     def bars(self, label: str, unit: str, names: Sequence[str], groups: dict[str, ArrayLike]) -> Html:
-        """A plot of grouped bars."""
+        """A plot of grouped bars; errors differ by a factor of a thousand."""
         data = [
             {
                 "type": "bar",
@@ -87,7 +90,7 @@ class Figures:
         ]
         # More than four names need two rows, which the tool bar would cover above the plot.
         below = {"legend": LEGEND_BELOW, "margin": {"l": 60, "r": 16, "t": 36, "b": 80}} if len(groups) > 4 else {}
-        return self._add(label, data, yaxis=axis(unit), barmode="group", **below)
+        return self._add(label, data, yaxis=axis(unit, type="log", dtick=1), barmode="group", **below)
 
     def _add(self, label: str, data: list[dict[str, Any]], height: int = HEIGHT, **settings: Any) -> Html:
         place = f"figure-{len(self.plots) + 1}"
@@ -129,8 +132,9 @@ def _quantities(motion: Trajectory) -> list[tuple[str, str, Any]]:
 
 def _tracking(figures: Figures, label: str, runs: dict[str, Simulation], joint: int) -> Html:
     first = next(iter(runs.values()))
-    curves = {"wanted": (first.t, first.q_wanted[:, joint])}
-    curves |= {name: (run.t, run.q[:, joint]) for name, run in runs.items()}
+    curves = {name: (run.t, run.q[:, joint]) for name, run in runs.items()}
+    # Over the others, which it would vanish under where they follow well.
+    curves[WANTED] = (first.t, first.q_wanted[:, joint])
     return figures.lines(f"{label}, joint {joint + 1}", "position [rad]", curves)
 
 
