@@ -212,7 +212,7 @@ def _study(thesis: Thesis) -> Iterable[str]:
         "What the high-frequency series changes, sum of errors. In rows 3 and 7 of the thesis it makes the models "
         "worse, which the thesis puts down to over-fitting. It turns the joints all the time. At a turn dry friction "
         "jumps, a sample at 60 Hz stands on either side of the jump, and the filters spread the error over a period "
-        "of the cut-off; below 0.05 rad/s stiction and the Stribeck slope rule. No model here describes that. Such "
+        "of the cut-off; below 0.05 rad/s stiction and the Stribeck slope rule. No model here describes that. Slow "
         "rows are left out of all logs, and what outliers remain are weighed down."
     )
     changes, hurt = [], {label: [] for label in labels}
@@ -235,11 +235,11 @@ def _study(thesis: Thesis) -> Iterable[str]:
     yield from _other_series(thesis, table)
     better = [row["motion"] for row in table if _sum(row, SEMI_PARAMETRIC) < _sum(row, IDENTIFIED)]
     yield _text(
-        f"The sum of *{SEMI_PARAMETRIC}* is below that of *{IDENTIFIED}* in {len(better)} of {len(table)} rows. At "
-        "single joints where it is not, a constant torque is what it gets wrong: dry friction differs by direction, "
-        "by up to 3 N·m. In a log of ten seconds the process may take a constant torque for errors that last for a "
-        "while, for up to five seconds, which it leaves out of predictions and its standard deviation holds. A second "
-        "log that moves the joint tells the two apart."
+        f"The sum of *{SEMI_PARAMETRIC}* is below that of *{IDENTIFIED}* in {len(better)} of {len(table)} rows. Its "
+        "processes know no outliers: rows in which dry friction turns between two samples, which the series is full "
+        "of, count in full, and a process may take them for errors that last for a while, which predictions leave out. "
+        "Rows within a period of the cut-off of a turn can be left out (`turn_margin=1.0`): the series then hurts less, "
+        "but some processes take a constant torque of a log of ten seconds for such errors, and case 1 gets worse."
     )
 
 
