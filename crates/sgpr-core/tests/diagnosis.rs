@@ -250,6 +250,25 @@ fn an_effect_of_the_users_own_takes_part() {
     assert!((finding.parameters[0].value - 0.5).abs() < 0.05);
 }
 
+/// The same log with the clock started anew.
+fn restarted(log: &Recording) -> Recording {
+    let stamps = log.time().iter().map(|stamp| stamp - log.time()[0]).collect();
+    let names = log.joint_names().to_vec();
+    let torque = log.torque().map(<[f64]>::to_vec);
+    Recording::new(log.source(), names, stamps, log.position().to_vec(), None, torque, vec![]).unwrap()
+}
+
+#[test]
+fn logs_without_a_common_clock_do() {
+    let terms = [hidden("stribeck_friction", 1, &[0.1], &[1.0]), hidden("asymmetric_viscous_friction", 0, &[], &[0.3])];
+    let (train, test) = logs(&terms);
+    let train: Vec<Recording> = train.iter().map(restarted).collect();
+    let diagnosis = diagnose(&identified(&train), &train, &test, &DiagnosisOptions::default(), &()).unwrap();
+    let mut found: Vec<&str> = diagnosis.findings.iter().map(|finding| finding.effect.as_str()).collect();
+    found.sort_unstable();
+    assert_eq!(found, ["asymmetric_viscous_friction", "stribeck_friction"]);
+}
+
 /// A contact with hundreds of times the evidence is right to one percent only, but not there most of the time.
 #[test]
 fn a_weak_effect_is_found_beside_a_strong_contact() {

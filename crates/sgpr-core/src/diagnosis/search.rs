@@ -915,14 +915,15 @@ impl<'a> Search<'a> {
             return tried;
         }
         let least = if windows.is_empty() { elsewhere } else { elsewhere.max(EVIDENCE) };
+        // Logs without a common clock have no times, and no windows.
+        let is_there = |row: (usize, usize)| {
+            windows.iter().any(|[first, last]| (*first..*last).contains(&self.problem.time_of(row)))
+        };
         let outside = |column: &Column| -> Column {
-            let row = |joint: usize, row: usize, value: f64| {
-                let time = self.problem.time_of(self.problem.rows[joint][row]);
-                if windows.iter().any(|[first, last]| (*first..*last).contains(&time)) { 0.0 } else { value }
+            let of_joint = |(rows, x): (&Vec<(usize, usize)>, &Vec<f64>)| {
+                rows.iter().zip(x).map(|(row, x)| if is_there(*row) { 0.0 } else { *x }).collect()
             };
-            let of_joint =
-                |(joint, x): (usize, &Vec<f64>)| x.iter().enumerate().map(|(k, x)| row(joint, k, *x)).collect();
-            column.iter().enumerate().map(of_joint).collect()
+            self.problem.rows.iter().zip(column).map(of_joint).collect()
         };
         tried.retain(|candidate| {
             let with = self.white_with(fitted, (basis, white), candidate);
