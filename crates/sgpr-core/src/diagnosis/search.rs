@@ -882,8 +882,8 @@ impl<'a> Search<'a> {
     }
 
     /// Candidates with evidence that is not tiny beside what was found before at the same joint: a form that is right to
-    /// one percent leaves so much, and it would be taken for an effect of its own. Beside a load that comes or a contact,
-    /// which are strong and known when they are there, only what they are not there for counts.
+    /// one percent leaves so much, and it would be taken for an effect of its own. Beside a contact, which is strong and
+    /// short, only that counts which is explained while it is not there.
     fn worth_it(
         &self,
         fitted: &Fitted,
@@ -897,24 +897,26 @@ impl<'a> Search<'a> {
         const ELSEWHERE: f64 = 0.0001;
         let given = fitted.terms().len() - accepted.len();
         let news = || accepted.iter().zip(&fitted.terms()[given..]).filter(|(_, t)| t.effect.refines().is_none());
-        let lasting = || news().filter(|(_, term)| window_of_arm(term).is_none());
         let windows: Vec<[f64; 2]> = news().filter_map(|(_, term)| window_of_arm(term)).collect();
-        let tiny = |joint: usize| {
-            let left = |(step, term): (&Accepted, &Term)| {
+        // Per joint what is tiny there, and what is tiny of all joints together, beside some terms.
+        let tiny_beside = |terms: &[(&Accepted, &Term)]| -> (Vec<f64>, f64) {
+            let left = |joint: usize, (step, term): &(&Accepted, &Term)| {
                 if term.is_transform() {
                     return TRANSFORM * step.first_by_joint[joint];
                 }
+                // A load that comes or goes changes friction at all joints a little, wrists far from most of its torque.
                 let arm = term.effect.reach() == Reach::All;
                 SHARE * if arm { step.first_score } else { step.first_by_joint[joint] }
             };
-            lasting().map(left).fold(0.0, f64::max)
+            let at = |joint: usize| terms.iter().map(|term| left(joint, term)).fold(0.0, f64::max);
+            let elsewhere = terms.iter().map(|(step, _)| ELSEWHERE * step.first_score).fold(0.0, f64::max);
+            ((0..self.problem.dof()).map(at).collect(), elsewhere)
         };
-        let tiny: Vec<f64> = (0..self.problem.dof()).map(tiny).collect();
-        let elsewhere = lasting().map(|(step, _)| ELSEWHERE * step.first_score).fold(0.0, f64::max);
-        if elsewhere == 0.0 && windows.is_empty() {
+        let beside_all = tiny_beside(&news().collect::<Vec<_>>());
+        if beside_all.1 == 0.0 {
             return tried;
         }
-        let least = if windows.is_empty() { elsewhere } else { elsewhere.max(EVIDENCE) };
+        let beside_lasting = tiny_beside(&news().filter(|(_, t)| window_of_arm(t).is_none()).collect::<Vec<_>>());
         // Logs without a common clock have no times, and no windows.
         let is_there = |row: (usize, usize)| {
             windows.iter().any(|[first, last]| (*first..*last).contains(&self.problem.time_of(row)))
@@ -927,11 +929,17 @@ impl<'a> Search<'a> {
         };
         tried.retain(|candidate| {
             let with = self.white_with(fitted, (basis, white), candidate);
-            let falls_outside = falls(&outside(white), &outside(&with));
-            let inside = falls(white, &with).iter().sum::<f64>() - falls_outside.iter().sum::<f64>();
-            let beside: f64 =
-                falls_outside.iter().zip(&tiny).filter(|(fall, tiny)| fall < tiny).map(|(fall, _)| fall).sum();
-            candidate.score - inside - beside > least
+            let all = falls(white, &with);
+            // What depends on time may be the contact in another form.
+            let apart = !windows.is_empty() && !candidate.term.effect.about().depends_on_time;
+            let (falls, (tiny, elsewhere)) = if apart {
+                (falls(&outside(white), &outside(&with)), &beside_lasting)
+            } else {
+                (all.clone(), &beside_all)
+            };
+            let inside = all.iter().sum::<f64>() - falls.iter().sum::<f64>();
+            let beside: f64 = falls.iter().zip(tiny).filter(|(fall, tiny)| fall < tiny).map(|(fall, _)| fall).sum();
+            candidate.score - inside - beside > if apart { elsewhere.max(EVIDENCE) } else { *elsewhere }
         });
         tried
     }
@@ -1145,13 +1153,12 @@ fn is_limit(term: &Term) -> bool {
     term.site.joint().is_some_and(|joint| term.effect.limit(term.site, &term.constants, joint).is_some())
 }
 
-/// When a load that comes, or a contact of the arm, is there, s, with the time over which filters carry its ends.
+/// When a contact of the arm is there, s, with the time over which filters carry its ends.
 fn window_of_arm(term: &Term) -> Option<[f64; 2]> {
     const MARGIN_S: f64 = 0.5;
     let times = term.effect.constants().iter().zip(&term.constants).filter(|(c, _)| c.scale == Scale::Time);
     let mut times = times.map(|(_, time)| *time).filter(|_| term.effect.reach() == Reach::All);
-    let first = times.next()?;
-    Some([first - MARGIN_S, times.next().unwrap_or(f64::INFINITY) + MARGIN_S])
+    Some([times.next()? - MARGIN_S, times.next()? + MARGIN_S])
 }
 
 /// Half the fall of chi-squared per joint from one whitened residual to another.
