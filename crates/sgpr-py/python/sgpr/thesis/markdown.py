@@ -238,8 +238,8 @@ def _study(thesis: Thesis) -> Iterable[str]:
         f"The sum of *{SEMI_PARAMETRIC}* is below that of *{IDENTIFIED}* in {len(better)} of {len(table)} rows. Its "
         "processes know no outliers: rows in which dry friction turns between two samples, which the series is full "
         "of, count in full, and a process may take them for errors that last for a while, which predictions leave out. "
-        "Rows within a period of the cut-off of a turn can be left out (`turn_margin=1.0`): the series then hurts less, "
-        "but some processes take a constant torque of a log of ten seconds for such errors, and case 1 gets worse."
+        "Rows within a period of the cut-off of a turn can be left out (`turn_margin=1.0`): the series then hurts "
+        "less, but some processes take a constant torque of a log of ten seconds for such errors; case 1 gets worse."
     )
 
 
