@@ -6,9 +6,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyIndexError, PyKeyError, PyTypeError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::{IntoPyDict, PyBytes, PyDict};
 use sgpr_core::diagnosis::parameters_of;
-use sgpr_core::identification::ParameterSet;
+use sgpr_core::identification::{KeptOut, ParameterSet};
 use sgpr_core::model::{self as core, BaseParameter, Term, TorqueModel};
 use sgpr_core::motion::Processing as CoreProcessing;
 
@@ -304,33 +304,18 @@ impl Model {
         dict.set_item("active", &certificate.active)?;
         dict.set_item("cost", certificate.cost)?;
         dict.set_item("seconds", certificate.seconds)?;
-        let mut prices = Vec::new();
-        for price in &certificate.prices {
-            let dict = PyDict::new(py);
-            dict.set_item("limit", &price.limit)?;
-            dict.set_item("share", price.share)?;
-            prices.push(dict);
-        }
-        dict.set_item("prices", prices)?;
+        let prices = certificate.prices.iter().map(|price| of_limit(py, &price.limit, ("share", price.share)));
+        dict.set_item("prices", prices.collect::<PyResult<Vec<_>>>()?)?;
         dict.set_item("residual_percent", certificate.residual_percent)?;
-        let mut stages = Vec::new();
-        for stage in &certificate.stages {
-            let dict = PyDict::new(py);
-            dict.set_item("limit", &stage.limit)?;
-            dict.set_item("residual_percent", stage.residual_percent)?;
-            stages.push(dict);
-        }
-        dict.set_item("stages", stages)?;
-        let kept_out = match certificate.kept_out {
-            Some(errors) => {
-                let dict = PyDict::new(py);
-                dict.set_item("unconstrained_percent", errors.unconstrained_percent)?;
-                dict.set_item("consistent_percent", errors.consistent_percent)?;
-                Some(dict)
-            }
-            None => None,
-        };
-        dict.set_item("kept_out", kept_out)?;
+        let stages = certificate.stages.iter();
+        let stages = stages.map(|stage| of_limit(py, &stage.limit, ("residual_percent", stage.residual_percent)));
+        dict.set_item("stages", stages.collect::<PyResult<Vec<_>>>()?)?;
+        let kept_out = certificate.kept_out.map(|errors| {
+            let KeptOut { unconstrained_percent, consistent_percent } = errors;
+            let named = [("unconstrained_percent", unconstrained_percent), ("consistent_percent", consistent_percent)];
+            named.into_py_dict(py)
+        });
+        dict.set_item("kept_out", kept_out.transpose()?)?;
         dict.set_item("prior_deviation", certificate.prior_deviation)?;
         Ok(Some(dict))
     }
@@ -426,6 +411,14 @@ impl Model {
         }
         text
     }
+}
+
+/// A limit and what a certificate says of it.
+fn of_limit<'py>(py: Python<'py>, limit: &str, (name, value): (&str, f64)) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("limit", limit)?;
+    dict.set_item(name, value)?;
+    Ok(dict)
 }
 
 /// Reads a model file. Safe with files from strangers: nothing in them is run. A model with an effect of your own is

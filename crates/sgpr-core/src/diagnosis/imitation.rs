@@ -21,6 +21,9 @@ const WORSE: f64 = 1.05;
 /// ... and close less than this share of what it closes: the right effect in a somewhat different form closes more.
 const CLOSED: f64 = 0.9;
 
+/// Effects at one joint after which the rival is asked while others are still looked for.
+const MANY: usize = 3;
+
 /// `outcome` without the effects at joints where a smooth function of the state does better than all of them.
 pub(super) fn without_imitations(search: &Search<'_>, mut outcome: Outcome) -> Result<Outcome, Interrupted> {
     let of_arm = joint_of_arm(search, &outcome);
@@ -35,9 +38,6 @@ pub(super) fn without_imitations(search: &Search<'_>, mut outcome: Outcome) -> R
     }
     Ok(outcome)
 }
-
-/// Effects at one joint after which the rival is asked while others are still looked for.
-const MANY: usize = 3;
 
 /// The joint of the last accepted term, and the fit and its accepted terms without the effects there, if there are many
 /// and they imitate.

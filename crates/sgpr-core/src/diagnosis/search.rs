@@ -762,23 +762,26 @@ impl<'a> Search<'a> {
                 fitted = self.on_rows_without(&closed, &bare);
             }
             if self.is_quieter(&fitted) {
-                self.noise = self.noise_of_largest(&fitted)?;
-                self.rows = self.noise.rows(&self.problem);
-                fitted = solve_like(&self.problem, &fitted, fitted.terms(), &self.noise);
+                fitted = self.with_noise_anew(&fitted)?;
             }
             self.progress.step(STAGE, fitted.terms().len().min(MOST_TERMS), MOST_TERMS)?;
         }
         let (mut fitted, accepted) = self.backward(fitted, accepted)?;
         if closed.contains(&true) {
-            fitted = self.on_rows_without(&vec![false; closed.len()], &fitted);
-            self.noise = self.noise_of_largest(&fitted)?;
-            self.rows = self.noise.rows(&self.problem);
-            fitted = solve_like(&self.problem, &fitted, fitted.terms(), &self.noise);
+            let on_all_rows = self.on_rows_without(&vec![false; closed.len()], &fitted);
+            fitted = self.with_noise_anew(&on_all_rows)?;
         }
         let start = solve(&self.problem, &start.model, start.terms(), &self.noise);
         self.progress.step(STAGE, MOST_TERMS, MOST_TERMS)?;
         let [held_out_before, held_out] = [&start, &fitted].map(|fit| self.held_out(fit));
         Ok(Outcome { start, fitted, accepted, ranking: ranking.unwrap_or_default(), held_out_before, held_out })
+    }
+
+    /// The fit with the noise that the largest model leaves beside it.
+    fn with_noise_anew(&mut self, fitted: &Fitted) -> Result<Fitted, Interrupted> {
+        self.noise = self.noise_of_largest(fitted)?;
+        self.rows = self.noise.rows(&self.problem);
+        Ok(solve_like(&self.problem, fitted, fitted.terms(), &self.noise))
     }
 
     /// The fit on the rows of all joints but the closed ones.
