@@ -83,5 +83,5 @@ pub(crate) fn select_joints<'a>(
         return Ok(Cow::Borrowed(recordings));
     }
     let names: Vec<String> = robot.joint_names().map(String::from).collect();
-    recordings.iter().map(|recording| recording.select(&names)).collect::<Result<_, _>>().map(Cow::Owned)
+    recordings.iter().map(|recording| recording.of_robot(&names)).collect::<Result<_, _>>().map(Cow::Owned)
 }

@@ -1,6 +1,7 @@
 //! Parts of a recording: some of its joints, some of its samples.
 
 use std::borrow::Cow;
+use std::fmt::Display;
 use std::ops::Range;
 
 use super::{Channel, Recording, RecordingError, require_joint_list, seconds};
@@ -35,6 +36,35 @@ impl Recording {
             torque: self.torque.as_deref().map(pick),
             ..self.clone()
         })
+    }
+
+    /// The joints `names` of a robot. A log that only numbers as many joints (`joint_1`, ..., what a reader makes of
+    /// `q_1`) is taken by the numbers that the names end in, else in the order of its numbers.
+    ///
+    /// # Errors
+    /// Those of [`Recording::select`].
+    pub(crate) fn of_robot(&self, names: &[String]) -> Result<Self, RecordingError> {
+        let Some(numbers) = self.numbers().filter(|numbers| numbers.len() == names.len()) else {
+            return self.select(names);
+        };
+        if names.iter().any(|name| self.joint_names.contains(name)) {
+            return self.select(names);
+        }
+        let sorted = |mut numbers: Vec<u32>| {
+            numbers.sort_unstable();
+            numbers
+        };
+        let in_order = sorted(numbers);
+        let own: Option<Vec<u32>> = names.iter().map(|name| ending_number(name)).collect();
+        let wanted = own.filter(|own| sorted(own.clone()) == in_order).unwrap_or(in_order);
+        let called: Vec<String> = wanted.into_iter().map(numbered).collect();
+        Ok(Self { joint_names: names.to_vec(), ..self.select(&called)? })
+    }
+
+    /// The numbers of the joints if they have no other names.
+    fn numbers(&self) -> Option<Vec<u32>> {
+        let number = |name: &String| ending_number(name).filter(|number| *name == numbered(*number));
+        self.joint_names.iter().map(number).collect()
     }
 
     /// The samples `range`.
@@ -104,6 +134,17 @@ pub(crate) fn stretches(recording: &Recording, factor: f64) -> impl Iterator<Ite
     recording.stretches(recording.sample_rate_hz().map_or(f64::INFINITY, |rate| factor / rate))
 }
 
+/// What a joint is called that a log only numbers.
+pub(super) fn numbered(number: impl Display) -> String {
+    format!("joint_{number}")
+}
+
+/// The number that a name ends in.
+pub(super) fn ending_number(name: &str) -> Option<u32> {
+    let stem = name.trim_end_matches(|letter: char| letter.is_ascii_digit());
+    name[stem.len()..].parse().ok()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -130,6 +171,26 @@ mod tests {
         assert_eq!(message, "test: there is no joint `c`; the joints are `a`, `b`");
         let message = recording().select(&["a", "a"]).expect_err("double").to_string();
         assert_eq!(message, "test: the joint `a` occurs twice");
+    }
+
+    #[test]
+    fn numbered_joints_are_those_of_the_robot() {
+        let names = |names: [&str; 2]| names.map(String::from);
+        let logged = |own| Recording { joint_names: names(own).to_vec(), ..recording() };
+        let first = |log: &Recording, wanted| {
+            let chosen = log.of_robot(&names(wanted)).expect("as many");
+            assert_eq!(chosen.joint_names(), wanted);
+            chosen.position()[..2].to_vec()
+        };
+        let log = logged(["joint_2", "joint_1"]);
+        assert_eq!(first(&log, ["arm_joint1", "arm_joint2"]), [1.0, 0.0], "by number");
+        assert_eq!(first(&log, ["shoulder", "elbow"]), [1.0, 0.0], "in order");
+        assert_eq!(first(&log, ["joint_2", "joint_1"]), [0.0, 1.0], "by name");
+        assert_eq!(first(&logged(["joint_0", "joint_1"]), ["j1", "j2"]), [0.0, 1.0], "counted from zero");
+        for (own, wanted) in [(["a", "b"], ["c", "d"]), (["joint_1", "joint_2"], ["joint_1", "joint_3"])] {
+            assert!(logged(own).of_robot(&names(wanted)).is_err(), "{own:?} {wanted:?}");
+        }
+        assert!(logged(["joint_1", "joint_2"]).of_robot(&["j1".into()]).is_err(), "not as many");
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::header::{self, Label, Meaning, Quantity};
 use super::mapping::Source;
 use super::{Columns, ReadOptions};
 use crate::recording::RecordingError;
+use crate::recording::part::{ending_number, numbered};
 
 /// The columns of a log and the joints they are for.
 pub(super) struct JointColumns<'a> {
@@ -72,14 +73,14 @@ impl<'a> JointColumns<'a> {
             Columns::Pattern(_) => 1,
         };
         // With none of the columns there, the search for the first one says so.
-        (1..=count.max(1)).map(|number| format!("joint_{number}")).collect()
+        (1..=count.max(1)).map(numbered).collect()
     }
 
     /// The joints as the position columns call them.
     fn joints_of_header(&self) -> Result<Vec<String>, RecordingError> {
         let numbers = self.numbers(Quantity::Position);
         if !numbers.is_empty() {
-            return Ok(numbers.iter().map(|number| format!("joint_{number}")).collect());
+            return Ok(numbers.iter().copied().map(numbered).collect());
         }
         let mut names: Vec<String> = Vec::new();
         let mut unnamed = false;
@@ -141,7 +142,7 @@ impl<'a> JointColumns<'a> {
 
     /// The number of each joint: the one its name ends in, else its place; `None` if there are too few numbers.
     fn choose(&self, numbers: &[u32], quantity: Quantity) -> Result<Option<Vec<u32>>, RecordingError> {
-        let own: Vec<u32> = self.joints.iter().filter_map(|joint| ending(joint)).collect();
+        let own: Vec<u32> = self.joints.iter().filter_map(|joint| ending_number(joint)).collect();
         let wanted = self.joints.len();
         let from_zero = numbers.first() == Some(&0) && !own.contains(&0);
         if self.given && from_zero && numbers.len() > wanted {
@@ -163,12 +164,6 @@ impl<'a> JointColumns<'a> {
         }
         Ok((self.given && numbers.len() >= wanted).then(|| numbers[..wanted].to_vec()))
     }
-}
-
-/// The number a joint name ends in.
-pub(super) fn ending(joint: &str) -> Option<u32> {
-    let stem = joint.trim_end_matches(|letter: char| letter.is_ascii_digit());
-    joint[stem.len()..].parse().ok()
 }
 
 /// The column of one joint.

@@ -1,9 +1,10 @@
 //! Which column is the time, and which belong to which joint.
 
 use super::header::{self, Label, Quantity};
-use super::joints::{JointColumns, ending, expand};
+use super::joints::{JointColumns, expand};
 use super::{Columns, ReadOptions};
 use crate::recording::names::quoted;
+use crate::recording::part::ending_number;
 use crate::recording::{RecordingError, TimeUnit};
 
 /// Where the time comes from.
@@ -180,7 +181,7 @@ impl Mapper<'_> {
     fn note_on_numbers(&self, position: &[usize]) -> Option<String> {
         let JointColumns { columns, joints, meanings, .. } = self.table;
         let by_number = position.iter().zip(joints).any(|(&index, joint)| match &meanings[index] {
-            Some(meaning) => matches!(meaning.label, Label::Number(number) if Some(number) != ending(joint)),
+            Some(meaning) => matches!(meaning.label, Label::Number(number) if Some(number) != ending_number(joint)),
             None => false,
         });
         let names: Vec<String> = position.iter().map(|&index| columns[index].clone()).collect();

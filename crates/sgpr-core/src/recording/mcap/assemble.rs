@@ -8,6 +8,7 @@ use super::collect::{Collector, JointState, Series, TopicLog};
 use super::message::MOST_JOINTS;
 use super::scan::Topic;
 use crate::recording::names::quoted;
+use crate::recording::part::numbered;
 use crate::recording::resample::Place;
 use crate::recording::statistics::median;
 use crate::recording::{Channel, GAP_FACTOR, Recording, RecordingError, seconds};
@@ -98,7 +99,7 @@ impl TopicLog {
         match &set.names {
             Some(names) => names.clone(),
             None if set.count == wanted.len() => wanted.to_vec(),
-            None => (1..=set.count).map(|number| format!("joint_{number}")).collect(),
+            None => (1..=set.count).map(numbered).collect(),
         }
     }
 
