@@ -1,7 +1,7 @@
 """Logs of arms that MuJoCo moves in closed loop, each with a hidden effect: cases for the diagnosis that share no code
 with sgpr. Friction is MuJoCo's own and really sticks; the controller is PD with a feed-forward that is off.
 
-Usage: python mujoco_cases.py DIRECTORY [--seed 1] [--count 24] [--only EFFECT]     (pip install mujoco numpy sgpr)
+Usage: python mujoco_cases.py DIRECTORY [--seed 1] [--count N] [--only EFFECT] [--pairs] (pip install mujoco numpy sgpr)
 then   cargo run --release --example evaluate_diagnosis -- DIRECTORY
 
 Writes one folder for each case (robot.urdf: the guess, three training logs, test.csv, case.json) and answers/NAME.json
@@ -9,6 +9,7 @@ with the noise, the error of a model without the effect and of one whose logs ha
 """
 
 import argparse
+import dataclasses
 import json
 import pathlib
 import tempfile
@@ -16,7 +17,6 @@ import xml.etree.ElementTree as ElementTree
 
 import mujoco
 import numpy as np
-
 import sgpr
 
 URDFS = pathlib.Path(__file__).resolve().parents[2] / "data" / "reference" / "urdf"
@@ -25,9 +25,8 @@ BASE = ["viscous_friction", "coulomb_friction", "rotor_inertia"]
 STEP = 0.0005
 SECONDS = 20.0
 
-#: Effect and what it may do, as shares of the rigid-body torque of its joint.
 EFFECTS = [
-    "",
+    "none",
     "viscous_friction",
     "coulomb_friction",
     "rotor_inertia",
@@ -101,7 +100,8 @@ def compiled(tree):
         '<x><link name="held"><inertial><mass value="1e-6"/>'
         '<inertia ixx="1e-9" ixy="0" ixz="0" iyy="1e-9" iyz="0" izz="1e-9"/></inertial></link>'
         f'<joint name="hold" type="fixed"><parent link="{last}"/><child link="held"/></joint>'
-        f'<mujoco><compiler fusestatic="false" balanceinertia="true" boundmass="1e-7" boundinertia="1e-10"/></mujoco></x>'
+        '<mujoco><compiler fusestatic="false" balanceinertia="true" boundmass="1e-7" boundinertia="1e-10"/></mujoco>'
+        "</x>"
     )
     copy.extend(list(extra))
     with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
@@ -132,94 +132,79 @@ class Motion:
         return q, (k * (self.a * c - self.b * s)).sum(0), (-(k**2) * (self.a * s + self.b * c)).sum(0)
 
 
-class Arm:
-    """Truth: inertias, drives and the hidden effect (none if its name is empty)."""
+@dataclasses.dataclass
+class Hidden:
+    """An effect, where it acts, and what it may do."""
 
-    def __init__(self, tree, effect, joint, random, sizes):
-        self.model = compiled(tree)
-        n = self.model.nv
-        tau, speed, acceleration = sizes
-        self.viscous = random.uniform(0.05, 0.2, n) * tau / speed
-        self.coulomb = random.uniform(0.05, 0.25, n) * tau
-        self.rotor = random.uniform(0.05, 0.3, n) * tau / acceleration
-        self.effect, self.joint = effect, joint
-        self.size = random.uniform(0.1, 0.3) * tau[joint]
-        self.speed = speed[joint]
-        self.draw = random.uniform(0, 1, 8)
-        for k, values in enumerate([self.viscous, self.coulomb, self.rotor]):
-            if effect == BASE[k]:
-                own = values[joint] * 2
-                values[:] = 0
-                values[joint] = own
-        self.load = tau.copy()
-        self.heaviest = tau.max()
-        self.other = joint - 1 if joint else 1
-        self.span = None
+    effect: str
+    joint: int
+    other: int
+    size: float  # N·m or N
+    speed: float  # of the joint, root mean square
+    place: tuple[float, float]  # a middle and a width within its positions
+    order: float
+    mass: float
+    push: float  # N
+    draw: np.ndarray
 
-    def set_up(self, model):
-        model.dof_damping[:], model.dof_frictionloss[:], model.dof_armature[:] = self.viscous, self.coulomb, self.rotor
-        if self.effect == "base_tilt":
-            roll, pitch = 0.03 + 0.05 * self.draw[:2]
-            turn = np.array([[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]])
-            turn = turn @ np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
-            model.opt.gravity[:] = turn.T @ np.array([0, 0, -9.81])
-        mujoco.mj_setConst(model, mujoco.MjData(model))
-
-    def act(self, model, data, t):
-        """Before a step: what the effect changes."""
-        j, a, draw = self.joint, self.size, self.draw
-        q, v = data.qpos[j], data.qvel[j]
-        extra, loss = 0.0, self.coulomb[j]
+    def torque(self, model, data, t):
+        """Torque that it takes from the motor besides friction; a load or a contact acts by itself."""
+        a, draw, q, v = self.size, self.draw, data.qpos[self.joint], data.qvel[self.joint]
+        neighbour = data.qvel[self.other]
         match self.effect:
             case "cable_stiffness":
-                extra = a * (q - (draw[0] - 0.5))
+                return a * (q - (draw[0] - 0.5))
             case "torque_offset":
-                extra = a
+                return a
             case "torque_ripple":
-                extra = 0.4 * a * np.sin(self.order * q + 6.28 * draw[0])
+                return 0.4 * a * np.sin(self.order * q + 6.28 * draw[0])
             case "quadratic_viscous_friction":
-                extra = 1.5 * a * v * abs(v) / self.speed**2
+                return 1.5 * a * v * abs(v) / self.speed**2
             case "asymmetric_viscous_friction":
-                extra = a * abs(v) / self.speed
+                return a * abs(v) / self.speed
+            case "torque_offset_drift":
+                return a * t / 40
+            case "wrist_coupling":
+                return a * (0.5 * neighbour / self.speed + 0.4 * np.tanh(neighbour / 0.01 / self.speed))
+            case "unknown_cross":
+                return 1.5 * a * neighbour * np.cos(q) / self.speed
+            case "payload_change" if t > 24 + 12 * draw[0]:
+                held = model.body("held").id
+                model.body_mass[held] = self.mass
+                model.body_ipos[held] = (0.03 * draw[1], -0.03 * draw[2], 0.05 + 0.05 * draw[3])
+                model.body_inertia[held] = 1e-3 * self.mass
+            case "external_contact" if 0 < t - 22 - 10 * draw[0] < 3 + 4 * draw[1]:
+                last, force = model.jnt_bodyid[-1], self.push * (2 * draw[2:5] - 1)
+                mujoco.mj_applyFT(model, data, force, np.zeros(3), data.xpos[last], last, data.qfrc_applied)
+        return 0.0
+
+    def dry(self, model, data, t):
+        """Dry friction that it adds."""
+        a, draw, q, v = self.size, self.draw, data.qpos[self.joint], data.qvel[self.joint]
+        match self.effect:
             case "stribeck_friction":
-                loss += 1.5 * a * np.exp(-((v / (self.speed * (0.08 + 0.12 * draw[0]))) ** 2))
+                return 1.5 * a * np.exp(-((v / (self.speed * (0.08 + 0.12 * draw[0]))) ** 2))
             case "load_dependent_friction":
                 inertial = np.zeros(model.nv)
                 mujoco.mj_mulM(model, data, inertial, data.qacc)
-                loss += (0.1 + 0.1 * draw[0]) * abs(inertial[j] + data.qfrc_bias[j] - self.rotor[j] * data.qacc[j])
+                rotor = model.dof_armature[self.joint] * data.qacc[self.joint]
+                return (0.1 + 0.1 * draw[0]) * abs(inertial[self.joint] + data.qfrc_bias[self.joint] - rotor)
             case "position_dependent_friction":
-                loss += 1.5 * a * np.exp(-0.5 * ((q - self.centre) / self.width) ** 2)
+                middle, width = self.place
+                return 1.5 * a * np.exp(-0.5 * ((q - middle) / width) ** 2)
             case "friction_warmup":
-                fade = np.exp(-t / (15 + 20 * draw[0]))
-                loss += 0.6 * a * fade
-                model.dof_damping[j] = self.viscous[j] + a * fade / self.speed
+                return 0.6 * a * np.exp(-t / (15 + 20 * draw[0]))
             case "friction_step":
-                loss += a * (t > 24 + 12 * draw[0])
-            case "torque_offset_drift":
-                extra = a * t / 40
-            case "wrist_coupling":
-                speed = data.qvel[self.other]
-                extra = a * (0.5 * speed / self.speed + 0.4 * np.tanh(speed / 0.01 / self.speed))
-            case "unknown_cross":
-                extra = 1.5 * a * data.qvel[self.other] * np.cos(q) / self.speed
-            case "payload_change":
-                held = model.body("held").id
-                if t > 24 + 12 * draw[0] and model.body_mass[held] < 1e-3:
-                    model.body_mass[held] = self.mass
-                    model.body_ipos[held] = (0.03 * draw[1], -0.03 * draw[2], 0.05 + 0.05 * draw[3])
-                    model.body_inertia[held] = 1e-3 * self.mass
-            case "external_contact":
-                start = 22 + 10 * draw[0]
-                push = np.zeros(model.nv)
-                if start < t < start + 3 + 4 * draw[1]:
-                    last = model.jnt_bodyid[-1]
-                    force = self.force * (2 * draw[2:5] - 1)
-                    mujoco.mj_applyFT(model, data, force, np.zeros(3), data.xpos[last], last, push)
-                data.qfrc_applied += push
-        model.dof_frictionloss[j] = loss
-        data.qfrc_applied[j] -= extra
+                return a * (t > 24 + 12 * draw[0])
+        return 0.0
+
+    def viscous(self, t):
+        """Viscous friction that it adds."""
+        warms_up = self.effect == "friction_warmup"
+        return self.size / self.speed * np.exp(-t / (15 + 20 * self.draw[0])) if warms_up else 0.0
 
     def measured(self, tau):
+        """What the log shows of the torques of the motors."""
         if self.effect == "torque_gain_error":
             tau[:, self.joint] *= 1 + (0.15 + 0.15 * self.draw[0]) * np.sign(self.draw[1] - 0.5)
         if self.effect == "torque_delay":
@@ -228,36 +213,74 @@ class Arm:
         return tau
 
 
+@dataclasses.dataclass
+class Arm:
+    """Truth: inertias, drives (viscous, dry, rotor) and what is hidden."""
+
+    model: mujoco.MjModel
+    drives: list[np.ndarray]
+    hidden: list[Hidden]
+
+    def __post_init__(self):
+        model = self.model
+        model.dof_damping[:], model.dof_frictionloss[:], model.dof_armature[:] = self.drives
+        for tilt in (h.draw for h in self.hidden if h.effect == "base_tilt"):
+            roll, pitch = 0.03 + 0.05 * tilt[:2]
+            turn = np.array([[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]])
+            turn = turn @ np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
+            model.opt.gravity[:] = turn.T @ np.array([0, 0, -9.81])
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+
+    def step(self, data, tau, t):
+        data.qfrc_applied[:] = tau
+        loss, damping = self.drives[1].copy(), self.drives[0].copy()
+        for hidden in self.hidden:
+            data.qfrc_applied[hidden.joint] -= hidden.torque(self.model, data, t)
+            loss[hidden.joint] += hidden.dry(self.model, data, t)
+            damping[hidden.joint] += hidden.viscous(t)
+        self.model.dof_frictionloss[:], self.model.dof_damping[:] = loss, damping
+        mujoco.mj_step(self.model, data)
+
+
 def follow(arm, feed_forward, motion, start, gains, friction_share):
-    """One log at every step: q, dq and torque of the motors."""
-    model = arm.model
-    data, rigid = mujoco.MjData(model), mujoco.MjData(feed_forward)
+    """One log at every step: q, dq and torque of the motors; None if the arm does not follow."""
+    data, rigid = mujoco.MjData(arm.model), mujoco.MjData(feed_forward)
     data.qpos[:], data.qvel[:], _ = motion.at(start)
     log = []
     for k in range(int(SECONDS / STEP)):
         t = start + k * STEP
         rigid.qpos[:], rigid.qvel[:], rigid.qacc[:] = q, dq, _ = motion.at(t)
         mujoco.mj_inverse(feed_forward, rigid)
-        tau = rigid.qfrc_inverse + friction_share * (arm.viscous * dq + arm.coulomb * np.tanh(dq / 0.05))
+        tau = rigid.qfrc_inverse + friction_share * (arm.drives[0] * dq + arm.drives[1] * np.tanh(dq / 0.05))
         tau += gains[0] * (q - data.qpos) + gains[1] * (dq - data.qvel)
-        log.append(np.concatenate([data.qpos, data.qvel, tau]))
-        data.qfrc_applied[:] = tau
-        arm.act(model, data, t)
-        mujoco.mj_step(model, data)
-    log = np.array(log)
-    n = model.nv
-    if not np.all(np.abs(log[:, :n] - [motion.at(start + k * STEP)[0] for k in range(len(log))]) < 0.4):
-        return None
-    return log[:, :n], log[:, n : 2 * n], arm.measured(log[:, 2 * n :])
+        if not np.all(np.abs(q - data.qpos) < 0.4):
+            return None
+        log.append([data.qpos.copy(), data.qvel.copy(), tau])
+        arm.step(data, tau, t)
+    q, dq, tau = (np.array(values) for values in zip(*log, strict=True))
+    for hidden in arm.hidden:
+        tau = hidden.measured(tau)
+    return q, dq, tau
 
 
 def rms(x):
     return np.sqrt(np.mean(np.square(x), axis=0))
 
 
-def attempt(effect, seed):
+@dataclasses.dataclass
+class Case:
+    kind: str
+    guess: ElementTree.Element
+    hidden: list[Hidden]
+    rate: int
+    noise: np.ndarray
+    logs: list[list[np.ndarray]]  # with what is hidden, and without
+
+
+def attempt(effects, seed):
     random = np.random.default_rng(seed)
-    kinds = [r for r in ROBOTS if not (r in ("two_link", "scara") and effect in ("base_tilt", "payload_change"))]
+    flat = {"base_tilt", "payload_change"} & set(effects)
+    kinds = [kind for kind in ROBOTS if not (kind in ("two_link", "scara") and (flat or len(effects) > 1))]
     kind = kinds[random.integers(len(kinds))]
     original = ElementTree.parse(URDFS / f"{kind}.urdf").getroot()
     truth = scaled(perturbed(original, random, 0.3), random)
@@ -270,52 +293,58 @@ def attempt(effect, seed):
         data.qpos[:], data.qvel[:], data.qacc[:] = motions[0].at(t)
         mujoco.mj_inverse(model, data)
         mujoco.mj_fullM(model, data, inertia)
-        rows.append(np.concatenate([data.qfrc_inverse, data.qvel, data.qacc, np.diag(inertia)]))
-    tau, speed, acceleration, inertia = np.split(rms(rows), 4)
+        rows.append(np.concatenate([data.qfrc_inverse, data.qvel, data.qacc, np.diag(inertia), data.qpos]))
+    tau, speed, acceleration, inertia, _ = np.split(rms(rows), 5)
     tau = np.maximum(tau, 0.02 * tau.max())
-    joint = int(random.integers(n))
-    effects = [effect, ""] if effect else [""]
-    state = random.bit_generator.state
-    arms = []
-    for name in effects:
-        random.bit_generator.state = state
-        arm = Arm(truth, name, joint, random, (tau, speed, acceleration))
-        if name == "" and effect in BASE:
-            arm.viscous, arm.coulomb, arm.rotor = (v.copy() for v in (arms[0].viscous, arms[0].coulomb, arms[0].rotor))
-            [arm.viscous, arm.coulomb, arm.rotor][BASE.index(effect)][:] = 0
-        arms.append(arm)
-    positions = np.array([motions[0].at(t)[0][joint] for t in np.arange(0, SECONDS, 0.05)])
-    mean, spread = positions.mean(), positions.std()
-    order = float(random.integers(8, 40))
-    scale = inertia + arms[-1].rotor
-    bandwidth = 2 * np.pi * random.uniform(3, 6)
-    gains = (scale * bandwidth**2, scale * 2 * bandwidth)
-    share = random.uniform(0.3, 0.9)
+    positions = np.array(rows)[:, -n:]
+    drives = [
+        random.uniform(0.05, 0.2, n) * tau / speed,
+        random.uniform(0.05, 0.25, n) * tau,
+        random.uniform(0.05, 0.3, n) * tau / acceleration,
+    ]
+    hidden = []
+    for effect, joint in zip(effects, random.permutation(n), strict=False):
+        hidden.append(
+            Hidden(
+                effect,
+                int(joint),
+                other=int(joint - 1 if joint else 1),
+                size=random.uniform(0.1, 0.3) * tau[joint],
+                speed=speed[joint],
+                place=(positions[:, joint].mean() + 0.5 * positions[:, joint].std(), 0.5 * positions[:, joint].std()),
+                order=float(random.integers(8, 40)),
+                mass=0.3 * tau.max() / 9.81 * random.uniform(0.7, 1.7),
+                push=0.4 * tau.max(),
+                draw=random.uniform(0, 1, 8),
+            )
+        )
+        if effect in BASE:
+            own = drives[BASE.index(effect)]
+            own[np.arange(n) != joint] = 0
+            own[joint] *= 2
+    bare = [np.zeros(n) if name in effects else own for name, own in zip(BASE, drives, strict=True)]
+    stiff, bandwidth = inertia + drives[2], 2 * np.pi * random.uniform(3, 6)
+    gains, share = (stiff * bandwidth**2, stiff * 2 * bandwidth), random.uniform(0.3, 0.9)
     rate = [100, 125, 200, 250, 500][random.integers(5)]
-    every = round(1 / rate / STEP)
     noise = tau * np.exp(random.uniform(np.log(0.003), np.log(0.02), n))
     noise_seed = int(random.integers(2**31))
-    mass = 0.15 * tau.max() / 9.81 / 0.5
     logs = []
-    for arm in arms:
-        arm.order, arm.centre, arm.width = order, mean + 0.5 * spread, 0.5 * spread
-        arm.mass, arm.force = mass * (0.7 + arm.draw[4]), 0.4 * tau.max()
-        arm.set_up(arm.model)
+    for arm in [Arm(compiled(truth), drives, hidden), Arm(compiled(truth), bare, [])][: 2 if effects else 1]:
         random = np.random.default_rng(noise_seed)
         mine = []
         for index, motion in enumerate(motions):
             log = follow(arm, guessed, motion, index * SECONDS, gains, share)
             if log is None:
                 return None
-            q, dq, tau_now = (x[::every] for x in log)
-            step = 2 * np.pi / 2**18
-            q = np.round((q + 0.2 * step * random.normal(size=q.shape)) / step) * step
-            dq = dq + 2e-3 * random.normal(size=dq.shape)
-            tau_now = tau_now + noise * random.normal(size=q.shape)
+            q, dq, torque = (values[:: round(1 / rate / STEP)] for values in log)
+            resolution = 2 * np.pi / 2**18
+            q = np.round(q / resolution + 0.2 * random.normal(size=q.shape)) * resolution
+            dq = dq + 2e-3 * random.normal(size=q.shape)
+            torque = torque + noise * random.normal(size=q.shape)
             t = index * SECONDS + np.arange(len(q)) / rate
-            mine.append(np.column_stack([t, q, dq, tau_now]))
+            mine.append(np.column_stack([t, q, dq, torque]))
         logs.append(mine)
-    return kind, guess, joint, rate, noise, arms[0], logs
+    return Case(kind, guess, hidden, rate, noise, logs)
 
 
 def as_logged(comparison):
@@ -324,28 +353,26 @@ def as_logged(comparison):
     return rms(np.vstack([log.measured - log.predicted for log in logs])).tolist()
 
 
-def write(directory, name, effect, case):
-    kind, guess, joint, rate, noise, arm, logs = case
+def write(directory, name, case):
     folder = directory / name
     folder.mkdir(parents=True, exist_ok=True)
-    ElementTree.ElementTree(guess).write(folder / "robot.urdf")
-    robot = sgpr.Robot.from_urdf(str(folder / "robot.urdf"))
+    ElementTree.ElementTree(case.guess).write(folder / "robot.urdf")
+    robot = sgpr.Robot.from_urdf(folder / "robot.urdf")
     joints = list(robot.joint_names)
     header = ",".join(["t"] + [f"{x}_{j}" for x in ("q", "dq", "tau") for j in joints])
     files = ["train_1.csv", "train_2.csv", "train_3.csv", "test.csv"]
-    known = [b for b in BASE if b != effect]
+    known = [effect for effect in BASE if effect not in [h.effect for h in case.hidden]]
     errors = []
-    for which, mine in list(enumerate(logs))[::-1]:
+    for mine in case.logs[::-1]:
         for file, log in zip(files, mine, strict=True):
             np.savetxt(folder / file, log, delimiter=",", header=header, comments="", fmt="%.7g")
-        read = [sgpr.read(folder / file, joints=joints) for file in files]
-        model = sgpr.identify(robot, read[:3], effects=known)
-        model = model[0] if isinstance(model, tuple) else model
-        errors.append(as_logged(sgpr.compare(model, read[3:])))
-    info = {"name": name, "robot": "robot.urdf", "joints": joints, "rate_hz": rate, "model_effects": known}
+        logs = [sgpr.read(folder / file, joints=joints) for file in files]
+        model = sgpr.identify(robot, logs[:3], effects=known)
+        errors.append(as_logged(sgpr.compare(model, logs[3:])))
+    info = {"name": name, "robot": "robot.urdf", "joints": joints, "rate_hz": case.rate, "model_effects": known}
     (folder / "case.json").write_text(json.dumps({**info, "train": files[:3], "test": files[3:]}, indent=1))
-    hidden = [{"effect": effect, **({} if effect in WHOLE_ARM else {"joint": joint})}] if effect else []
-    answer = {"name": name, "robot": kind, "hidden": hidden, "noise_rmse": noise.tolist()}
+    hidden = [{"effect": h.effect, **({} if h.effect in WHOLE_ARM else {"joint": h.joint})} for h in case.hidden]
+    answer = {"name": name, "robot": case.kind, "hidden": hidden, "noise_rmse": case.noise.tolist()}
     answer |= {"base_rmse": errors[-1], "oracle_rmse": errors[0]}
     (directory / "answers").mkdir(exist_ok=True)
     (directory / "answers" / f"{name}.json").write_text(json.dumps(answer, indent=1))
@@ -355,20 +382,26 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("directory", type=pathlib.Path)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--count", type=int, default=len(EFFECTS))
-    parser.add_argument("--only", choices=EFFECTS)
+    parser.add_argument("--count", type=int, help="cases (default: each effect, or pair, once)")
+    parser.add_argument("--only", help="this effect (nothing: `none`)")
+    parser.add_argument("--pairs", action="store_true", help="two effects in each case")
     options = parser.parse_args()
-    for k in range(options.count):
-        effect = EFFECTS[k % len(EFFECTS)] if options.only is None else options.only
-        for again in range(20):
-            case = attempt(effect, [options.seed, k, again])
-            if case is not None:
-                break
-        else:
-            raise SystemExit(f"{effect}: no arm follows")
-        name = f"mujoco{options.seed}_{k:02d}"
-        write(options.directory, name, effect, case)
-        print(name, case[0], effect or "nothing", f"joint {case[2] + 1}", flush=True)
+    kinds = [options.only] if options.only else list(EFFECTS)
+    for k in range(options.count or len(kinds)):
+        effects = [kinds[k % len(kinds)]]
+        if options.pairs:
+            effects = [
+                EFFECTS[1 + (7 * k + options.seed) % (len(EFFECTS) - 2)],
+                EFFECTS[1 + (11 * k + 5) % (len(EFFECTS) - 2)],
+            ]
+        effects = [effect for effect in dict.fromkeys(effects) if effect != "none"]
+        cases = (attempt(effects, [options.seed, k, again]) for again in range(20))
+        case = next((case for case in cases if case is not None), None)
+        if case is None:
+            raise SystemExit(f"{effects}: no arm follows")
+        name = f"mujoco{options.seed}{'p' * options.pairs}_{k:02d}"
+        write(options.directory, name, case)
+        print(name, case.kind, [(h.effect, h.joint + 1) for h in case.hidden], flush=True)
 
 
 if __name__ == "__main__":

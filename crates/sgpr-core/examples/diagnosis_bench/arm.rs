@@ -84,6 +84,25 @@ impl Motion {
         Self { joints, pulse }
     }
 
+    /// Motions in which each joint swings about one position with one frequency, from another phase each time.
+    pub fn swinging(n: usize, random: &mut Random, count: usize) -> Vec<Self> {
+        const HARMONICS: usize = 5;
+        let pulse = std::f64::consts::TAU / random.between(9.0, 16.0);
+        let own: Vec<(f64, f64, usize)> = (0..n)
+            .map(|_| (random.between(-0.8, 0.8), random.between(0.3, 0.9), 1 + random.below(HARMONICS)))
+            .collect();
+        let motion = |random: &mut Random| {
+            let joint = |(centre, size, harmonic): &(f64, f64, usize), random: &mut Random| {
+                let (s, c) = random.between(0.0, std::f64::consts::TAU).sin_cos();
+                let mut harmonics = vec![[0.0; 2]; HARMONICS];
+                harmonics[harmonic - 1] = [s, c].map(|x| size * x / (*harmonic as f64).sqrt());
+                (*centre, harmonics)
+            };
+            Self { joints: own.iter().map(|own| joint(own, random)).collect(), pulse }
+        };
+        (0..count).map(|_| motion(random)).collect()
+    }
+
     /// Position, velocity, acceleration of each joint at a time.
     pub fn at(&self, time: f64) -> [Vec<f64>; 3] {
         let mut result = [vec![], vec![], vec![]];

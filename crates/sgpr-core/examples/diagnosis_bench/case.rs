@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use sgpr_core::dynamics::Samples;
 use sgpr_core::effects::{Site, by_name};
+use sgpr_core::excitation::TrajectorySamples;
 use sgpr_core::model::{Term, TorqueModel, Trajectory};
 use sgpr_core::recording::Recording;
 use sgpr_core::robot::Robot;
@@ -61,6 +62,33 @@ pub const CLOSED: [&str; 8] = [
     "coulomb_friction",
 ];
 
+/// How an arm moves in its logs.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Style {
+    /// Exactly as told, along series of five harmonics.
+    Exact,
+    /// Under a controller, with friction that sticks.
+    Closed,
+    /// Exactly, but each joint with one frequency all the time, and what is hidden is small: effects look alike.
+    Swinging,
+}
+
+/// Effects that look alike where each joint moves with one frequency.
+pub const AMBIGUOUS: [&str; 12] = [
+    "viscous_friction",
+    "coulomb_friction",
+    "rotor_inertia",
+    "cable_stiffness",
+    "quadratic_viscous_friction",
+    "stribeck_friction",
+    "load_dependent_friction",
+    "position_dependent_friction",
+    "nonlinear_viscous_friction",
+    "cable_hysteresis",
+    "asymmetric_viscous_friction",
+    "torque_offset",
+];
+
 pub struct Case {
     pub name: String,
     pub guess: Robot,
@@ -74,6 +102,55 @@ pub struct Case {
     pub hidden: Vec<(String, Option<usize>)>,
     /// If there are several: training and test logs with each of them alone, none for those of the base model.
     pub alone: Vec<Option<[Vec<Recording>; 2]>>,
+    truth: Truth,
+    sensors: Sensors,
+}
+
+impl Case {
+    /// The log of a motion that begins at a time, s.
+    pub fn record(&self, motion: TrajectorySamples, start: f64) -> Recording {
+        let rate = 1.0 / (motion.time[1] - motion.time[0]);
+        let motion = [motion.q, motion.dq, motion.ddq];
+        let tau = torque(&self.truth, &motion, rate, start);
+        let [q, dq, _] = motion;
+        self.sensors.log("next experiment".into(), [q, dq, tau], &self.truth, rate, start, &mut Random(start.to_bits()))
+    }
+}
+
+/// What the logs have of a motion and its torque.
+struct Sensors {
+    names: Vec<String>,
+    /// Standard deviation of the torque, per joint.
+    noise: Vec<f64>,
+    /// Of the encoders, rad.
+    resolution: f64,
+}
+
+impl Sensors {
+    fn log(
+        &self,
+        source: String,
+        [q, dq, mut tau]: [Vec<f64>; 3],
+        truth: &Truth,
+        rate: f64,
+        start: f64,
+        random: &mut Random,
+    ) -> Recording {
+        let (n, resolution) = (self.names.len(), self.resolution);
+        for (k, tau) in tau.iter_mut().enumerate() {
+            *tau += self.noise[k % n] * random.normal();
+        }
+        if let Some(limit) = truth.terms.iter().find(|t| t.effect.name() == "torque_saturation") {
+            let joint = limit.site.joint().expect("at a joint");
+            let own = tau.iter_mut().skip(joint).step_by(n);
+            own.for_each(|tau| *tau = tau.clamp(-limit.constants[0], limit.constants[0]));
+        }
+        let q: Vec<f64> =
+            q.iter().map(|q| ((q + 0.2 * resolution * random.normal()) / resolution).round() * resolution).collect();
+        let dq: Vec<f64> = dq.iter().map(|dq| dq + 2e-3 * random.normal()).collect();
+        let time = (0..q.len() / n).map(|k| ((start + k as f64 / rate) * 1e9).round() as i64).collect();
+        Recording::new(source, self.names.clone(), time, q, Some(dq), Some(tau), vec![]).expect("whole arrays")
+    }
 }
 
 struct Truth {
@@ -87,21 +164,25 @@ struct Truth {
 
 /// Case number `seed` of a kind: the effects hidden in it, `[]` for none. Draws under which the arm runs away are left
 /// out.
-pub fn make(seed: u64, effects: &[&str], closed: bool) -> Case {
-    let draws = (0..).map(|k| attempt(seed + 10_000_000 * k, effects, closed));
+pub fn make(seed: u64, effects: &[&str], style: Style) -> Case {
+    let draws = (0..).map(|k| attempt(seed + 10_000_000 * k, effects, style));
     draws.flatten().next().expect("an arm that follows")
 }
 
-fn attempt(seed: u64, effects: &[&str], closed: bool) -> Option<Case> {
+fn attempt(seed: u64, effects: &[&str], style: Style) -> Option<Case> {
     /// Farthest that an arm may be from what it is told, rad.
     const FARTHEST: f64 = 0.3;
     let mut random = Random(seed.wrapping_mul(0x5851_F42D_4C95_7F2D) ^ 0xD1A6);
     let robot = arm(&mut random);
     let n = robot.dof();
+    let closed = style == Style::Closed;
     let every = [2usize, 4, 8, 16][random.below(4)].max(if closed { 4 } else { 2 });
     let rate = 1.0 / (STEP * every as f64);
     let slow = random.between(3.0, 6.0);
-    let motions: Vec<Motion> = [1.0, 1.0, slow, 1.0].iter().map(|s| Motion::new(n, &mut random, *s)).collect();
+    let motions: Vec<Motion> = match style {
+        Style::Swinging => Motion::swinging(n, &mut random, 4),
+        _ => [1.0, 1.0, slow, 1.0].iter().map(|s| Motion::new(n, &mut random, *s)).collect(),
+    };
     let samples = (SECONDS * rate) as usize;
 
     // Torques of the rigid body set the sizes.
@@ -116,6 +197,16 @@ fn attempt(seed: u64, effects: &[&str], closed: bool) -> Option<Case> {
         base[2].push(random.between(0.05, 0.3) * size[j] / acceleration[j]);
     }
     let noise: Vec<f64> = size.iter().map(|s| s * random.logarithmic(0.003, 0.03)).collect();
+    // Effects are a few times as large as this.
+    let seen: Vec<f64> = noise.iter().map(|noise| noise * if style == Style::Swinging { 0.6 } else { 1.0 }).collect();
+    if style == Style::Swinging {
+        for j in 0..n {
+            let weak = seen[j] * random.logarithmic(1.0, 6.0);
+            for (values, size) in base.iter_mut().zip([speed[j], 1.0, acceleration[j]]) {
+                values[j] = weak / size;
+            }
+        }
+    }
     let mut truth = Truth { robot: robot.clone(), base, terms: vec![], unknown: None };
     let mut known: Vec<String> = BASE.map(String::from).to_vec();
     let mut hidden = Vec::new();
@@ -126,7 +217,7 @@ fn attempt(seed: u64, effects: &[&str], closed: bool) -> Option<Case> {
             joint = random.below(n);
         }
         used.push(joint);
-        let wish = Wish { effect, joint, size: &size, noise: &noise, motion: &motion, rate };
+        let wish = Wish { effect, joint, size: &size, noise: &seen, motion: &motion, rate };
         hide(&mut truth, &wish, &mut known, &mut hidden, &mut random);
     }
     let mut bare = Truth { robot, base: truth.base.clone(), terms: vec![], unknown: None };
@@ -135,12 +226,14 @@ fn attempt(seed: u64, effects: &[&str], closed: bool) -> Option<Case> {
     }
     let guess = perturbed(&bare.robot, &mut random);
     let (seed_noise, resolution) = (random.0, TAU / f64::from(1u32 << (17 + random.below(4))));
+    let names: Vec<String> = guess.joint_names().map(String::from).collect();
+    let sensors = Sensors { names, noise, resolution };
     let record = |truth: &Truth| -> Option<Vec<Recording>> {
         let mut random = Random(seed_noise);
         let mut logs = Vec::new();
         for (index, motion) in motions.iter().enumerate() {
             let start = index as f64 * SECONDS;
-            let [q, dq, mut tau] = if closed {
+            let [q, dq, tau] = if closed {
                 let plant = Plant {
                     robot: &truth.robot,
                     viscous: &truth.base[0],
@@ -161,24 +254,7 @@ fn attempt(seed: u64, effects: &[&str], closed: bool) -> Option<Case> {
                 let [q, dq, _] = motion;
                 [q, dq, tau]
             };
-            let length = tau.len() / n;
-            for (k, tau) in tau.iter_mut().enumerate() {
-                *tau += noise[k % n] * random.normal();
-            }
-            if let Some(limit) = truth.terms.iter().find(|t| t.effect.name() == "torque_saturation") {
-                let joint = limit.site.joint().expect("at a joint");
-                let own = tau.iter_mut().skip(joint).step_by(n);
-                own.for_each(|tau| *tau = tau.clamp(-limit.constants[0], limit.constants[0]));
-            }
-            let q: Vec<f64> = q
-                .iter()
-                .map(|q| ((q + 0.2 * resolution * random.normal()) / resolution).round() * resolution)
-                .collect();
-            let dq: Vec<f64> = dq.iter().map(|dq| dq + 2e-3 * random.normal()).collect();
-            let time = (0..length).map(|k| ((start + k as f64 / rate) * 1e9).round() as i64).collect();
-            let names = guess.joint_names().map(String::from).collect();
-            let source = format!("log {index}");
-            logs.push(Recording::new(source, names, time, q, Some(dq), Some(tau), vec![]).expect("whole arrays"));
+            logs.push(sensors.log(format!("log {index}"), [q, dq, tau], truth, rate, start, &mut random));
         }
         Some(logs)
     };
@@ -208,7 +284,7 @@ fn attempt(seed: u64, effects: &[&str], closed: bool) -> Option<Case> {
         });
     }
     let name = format!("{}{seed}", if closed { "closed " } else { "" });
-    Some(Case { name, guess, known, train, test, twin_train, twin_test, hidden, alone })
+    Some(Case { name, guess, known, train, test, twin_train, twin_test, hidden, alone, truth, sensors })
 }
 
 fn sampled(motion: &Motion, rate: f64, samples: usize) -> [Vec<f64>; 3] {

@@ -1,7 +1,7 @@
 //! Measures the diagnosis on random arms with random hidden effects, noise and rates, half of them under a controller
 //! with friction that sticks:
 //!
-//! `cargo run --release --example diagnosis_bench -- [--seed 1] [--rounds 1] [--only exact|closed|null|pairs|unknown|forms] [--effect NAME]
+//! `cargo run --release --example diagnosis_bench -- [--seed 1] [--rounds 1] [--only exact|closed|null|pairs|unknown|forms|next] [--effect NAME]
 //! [--case SEED]`
 
 mod arm;
@@ -12,7 +12,7 @@ mod law;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use case::{CLOSED, Case, SINGLES, make};
+use case::{AMBIGUOUS, CLOSED, Case, SINGLES, Style, make};
 use law::{FORMS, UNKNOWN};
 use sgpr_core::diagnosis::{Diagnosis, DiagnosisOptions, Verdict, diagnose};
 use sgpr_core::model::{IdentifyOptions, TorqueModel, compare, identify};
@@ -38,7 +38,7 @@ fn main() -> Result<(), Failure> {
                 if !chosen(seed(0, index)) {
                     continue;
                 }
-                totals.take(&make(seed(0, index), &[name], false))?;
+                totals.take(&make(seed(0, index), &[name], Style::Exact))?;
             }
         }
         if wanted("pairs") {
@@ -47,13 +47,13 @@ fn main() -> Result<(), Failure> {
                 let count = SINGLES.len() - 1;
                 let pair = [SINGLES[(7 * k + 3) % count], SINGLES[(11 * k + 8) % count]];
                 if pair[0] != pair[1] && chosen(seed(1, index)) {
-                    totals.take(&make(seed(1, index), &pair, false))?;
+                    totals.take(&make(seed(1, index), &pair, Style::Exact))?;
                 }
             }
         }
         if wanted("null") {
             for index in (0..6).filter(|index| chosen(seed(2, *index))) {
-                totals.take(&make(seed(2, index), &[], index % 2 == 1))?;
+                totals.take(&make(seed(2, index), &[], if index % 2 == 1 { Style::Closed } else { Style::Exact }))?;
             }
         }
         if wanted("closed") {
@@ -61,17 +61,24 @@ fn main() -> Result<(), Failure> {
                 if !chosen(seed(3, index)) {
                     continue;
                 }
-                totals.take(&make(seed(3, index), &[name], true))?;
+                totals.take(&make(seed(3, index), &[name], Style::Closed))?;
             }
         }
         if wanted("unknown") {
             for (index, law) in UNKNOWN.iter().enumerate().filter(|(index, _)| chosen(seed(4, *index))) {
-                totals.take(&make(seed(4, index), &[law.name], false))?;
+                totals.take(&make(seed(4, index), &[law.name], Style::Exact))?;
             }
         }
         if wanted("forms") {
             for (index, law) in FORMS.iter().enumerate().filter(|(index, _)| chosen(seed(5, *index))) {
-                totals.take(&make(seed(5, index), &[law.name], false))?;
+                totals.take(&make(seed(5, index), &[law.name], Style::Exact))?;
+            }
+        }
+        if only == "next" {
+            for (index, name) in AMBIGUOUS.iter().enumerate().filter(|(_, name)| effect.is_none_or(|e| e == **name)) {
+                if chosen(seed(6, index)) {
+                    totals.take_next(&make(seed(6, index), &[name], Style::Swinging))?;
+                }
             }
         }
     }
@@ -89,6 +96,8 @@ struct Totals {
     nulls: [usize; 2],
     /// Outside of the catalogue: said so, all.
     unknown: [usize; 2],
+    /// Where another motion was proposed: first finding right without it, with it, all.
+    next: [usize; 3],
     cases: usize,
     false_findings: usize,
     closures: Vec<f64>,
@@ -102,6 +111,16 @@ struct Totals {
 /// One answer for both: a constant cannot be told from it while the joint moves.
 fn plain(effect: &str) -> String {
     effect.replace("asymmetric_coulomb_friction", "torque_offset").replace("cogging_torque", "torque_ripple")
+}
+
+/// The first finding, and whether it is what is hidden.
+fn first(case: &Case, diagnosis: &Diagnosis) -> (String, bool) {
+    let names: Vec<&str> = case.guess.joint_names().collect();
+    let Some(found) = diagnosis.findings.first() else { return ("nothing".into(), false) };
+    let (effect, joint) = &case.hidden[0];
+    let joint = joint.map(|j| names[j]).into_iter();
+    let right = plain(&found.effect) == plain(effect) && joint.eq(found.joints.iter().map(String::as_str));
+    (format!("{} {}", found.effect, found.joints.join(" ")), right)
 }
 
 impl Totals {
@@ -131,6 +150,34 @@ impl Totals {
         let detectable = worse(&before);
         let closure = (excess(&before) - excess(&after)) / excess(&before).max(1e-9);
         self.score(case, &diagnosis, detectable, &visible, closure, seconds);
+        Ok(())
+    }
+
+    /// Records what the diagnosis proposes to record, and asks again.
+    fn take_next(&mut self, case: &Case) -> Result<(), Failure> {
+        let options = IdentifyOptions { effects: case.known.clone(), ..Default::default() };
+        let asked = |train: &[Recording]| -> Result<Diagnosis, Failure> {
+            let (model, _) = identify(&case.guess, train, &options, &())?;
+            Ok(diagnose(&model, train, &case.test, &DiagnosisOptions::default(), &())?)
+        };
+        let before = asked(&case.train)?;
+        let Some(motion) = before.next_motion() else {
+            println!("  {} {:?}: {}, no motion", case.name, case.hidden, first(case, &before).0);
+            return Ok(());
+        };
+        let end = case.train.last().and_then(|log| log.time().last()).map_or(0.0, |t| *t as f64 * 1e-9);
+        let all = [&case.train[..], &[case.record(motion, end + 60.0)]].concat();
+        let after = asked(&all)?;
+        let [(was, was_right), (is, is_right)] = [first(case, &before), first(case, &after)];
+        for (count, right) in self.next.iter_mut().zip([was_right, is_right, true]) {
+            *count += usize::from(right);
+        }
+        let mark = if is_right { '+' } else { '-' };
+        println!("{mark} {} {:?}: {was}, then {is}; {} left", case.name, case.hidden, after.next_experiment.len());
+        for one in &before.next_experiment {
+            let (now, then) = (one.separation_now, one.separation_expected);
+            println!("    {}: {now:.0} to {then:.0}, {}", one.about.join(", "), one.experiment);
+        }
         Ok(())
     }
 
@@ -220,6 +267,8 @@ impl Totals {
         println!("two at once, visible ones found: {}", share(self.together));
         println!("nothing hidden and nothing said: {}", share(self.nulls));
         println!("outside of the catalogue and said so: {}", share(self.unknown));
+        let [was, is, all] = self.next;
+        println!("with a motion proposed, first finding right before and after it: {was}/{all}, {is}/{all}");
         println!("false findings per case: {:.2}", self.false_findings as f64 / self.cases.max(1) as f64);
         let quantile = |values: &mut Vec<f64>, p: f64| {
             values.sort_by(f64::total_cmp);

@@ -75,6 +75,8 @@ pub(super) struct Problem {
     pub fold: Vec<Vec<usize>>,
     /// Per joint: largest torque of the logs, if the torque stays at it.
     pub limits: Vec<Option<f64>>,
+    /// How long after a rest the logged torque may still be that of the rest, s; rows there are left out.
+    pub after_rest: f64,
     /// Per joint: how long before a reversal it may stick, s; rows there are left out.
     holds: Vec<f64>,
     /// Per joint: whether its rows are left out.
@@ -143,6 +145,7 @@ impl Problem {
             run: vec![vec![]; n],
             fold: vec![vec![]; n],
             limits: (0..n).map(|joint| flat_top(&stretches, joint)).collect(),
+            after_rest: 0.0,
             holds: vec![0.0; n],
             closed: vec![false; n],
             y: vec![vec![]; n],
@@ -179,6 +182,7 @@ impl Problem {
             for joint in (0..n).filter(|joint| !self.closed[*joint]) {
                 let mut run = 0;
                 let smear = 0.5 * stretch.decimation as f64 * ROWS_PER_CUTOFF / motion.rate_hz;
+                let late = (self.after_rest * motion.rate_hz).ceil() as usize;
                 let mut sticks = sticking(motion, joint, self.top_speed(joint), smear);
                 if let Some(limit) = self.limits[joint] {
                     let tau = motion.tau.as_deref().unwrap_or_default();
@@ -192,6 +196,11 @@ impl Problem {
                     let margin = (smear * motion.rate_hz).ceil() as usize;
                     for k in (0..motion.len()).filter(|&k| wait[k] < self.holds[joint]) {
                         sticks[k.saturating_sub(margin)..(k + margin).min(motion.len())].fill(true);
+                    }
+                }
+                for k in (0..motion.len().saturating_sub(1)).rev().filter(|_| late > 0) {
+                    if sticks[k] && !sticks[k + 1] {
+                        sticks[k..(k + late).min(motion.len())].fill(true);
                     }
                 }
                 for sample in (0..motion.len()).step_by(stretch.decimation) {
@@ -216,6 +225,14 @@ impl Problem {
         self.lay_out_rows();
         self.fill_torque()?;
         self.wide.as_mut().map_or(Ok(()), |wide| wide.leave_out_holds(holds))
+    }
+
+    /// Leaves the rows out for so long after each rest, s.
+    pub fn leave_out_after_rests(&mut self, seconds: f64) -> Result<(), DiagnosisError> {
+        self.after_rest = seconds;
+        self.lay_out_rows();
+        self.fill_torque()?;
+        self.wide.as_mut().map_or(Ok(()), |wide| wide.leave_out_after_rests(seconds))
     }
 
     /// Leaves all rows of some joints out, and only of these.

@@ -126,6 +126,9 @@ const NEARLY: f64 = 0.005;
 /// Most candidates that are fitted with the whole model in a step.
 const MOST_TRIED: usize = 4;
 
+/// Share of the best score from which on a candidate may turn out to be the best.
+const CLOSE: f64 = 0.3;
+
 const STAGE: &str = "look for effects";
 
 /// Resolution of the grid of times, s.
@@ -401,7 +404,9 @@ impl<'a> Search<'a> {
             .filter(|(_, constant)| constant.unit == "Hz")
             .any(|((k, value), _)| *value > 0.98 * self.bounds(&term, k)[1]);
         let contact_like = term.effect.name() == "payload_change" || term.effect.name() == "external_contact";
-        Candidate { impossible: (first_negative && !contact_like) || out_of_bounds || at_edge, term, gain, score }
+        let implausible = !term.is_transform() && !term.effect.is_plausible(&gain.coefficients);
+        let impossible = (first_negative && !contact_like) || implausible || out_of_bounds || at_edge;
+        Candidate { impossible, term, gain, score }
     }
 
     /// Every effect at every site at every point of its grid; those that begin or end at a time are left out.
@@ -739,6 +744,10 @@ impl<'a> Search<'a> {
                 continue;
             }
             let candidates = self.rank(&fitted, &basis, &white)?;
+            if let Some(later) = self.without_late_rests(&fitted, &candidates)? {
+                fitted = later;
+                continue;
+            }
             let tried = self.refined(&fitted, (&basis, &white), &candidates)?;
             let tried = self.worth_it(&fitted, (&basis, &white), &accepted, tried);
             if let Some((next, steps)) = self.finer_forms(&fitted, (&basis, &white), &candidates, &tried)? {
@@ -766,6 +775,7 @@ impl<'a> Search<'a> {
             }
             self.progress.step(STAGE, fitted.terms().len().min(MOST_TERMS), MOST_TERMS)?;
         }
+        fitted = self.with_likelier_transforms(fitted, &mut accepted);
         let (mut fitted, accepted) = self.backward(fitted, accepted)?;
         if closed.contains(&true) {
             let on_all_rows = self.on_rows_without(&vec![false; closed.len()], &fitted);
@@ -781,7 +791,8 @@ impl<'a> Search<'a> {
     fn with_noise_anew(&mut self, fitted: &Fitted) -> Result<Fitted, Interrupted> {
         self.noise = self.noise_of_largest(fitted)?;
         self.rows = self.noise.rows(&self.problem);
-        Ok(solve_like(&self.problem, fitted, fitted.terms(), &self.noise))
+        let next = solve_like(&self.problem, fitted, fitted.terms(), &self.noise);
+        Ok(refine_transforms(&self.problem, next, &self.noise))
     }
 
     /// The fit on the rows of all joints but the closed ones.
@@ -852,11 +863,29 @@ impl<'a> Search<'a> {
         if holds.is_empty() || self.problem.leave_out_holds(&holds).is_err() {
             return Ok(None);
         }
+        self.on_other_rows(fitted).map(Some)
+    }
+
+    /// The fit without the moments after rests whose torque, that of the rest, a delay may carry there, if one is among
+    /// the best candidates: a lag that rounds steps would look better.
+    fn without_late_rests(&mut self, fitted: &Fitted, ranking: &[Candidate]) -> Result<Option<Fitted>, Interrupted> {
+        /// Of the time that the tangent promises, which is too short for steps.
+        const FARTHER: f64 = 3.0;
+        let possible = || ranking.iter().filter(|c| !c.impossible && c.score > EVIDENCE);
+        let best = possible().map(|c| c.score).fold(0.0, f64::max);
+        let close = possible().filter(|c| c.score > CLOSE * best);
+        let seconds = FARTHER * close.filter_map(delay).fold(0.0, f64::max);
+        if self.problem.after_rest > 0.0 || seconds == 0.0 || self.problem.leave_out_after_rests(seconds).is_err() {
+            return Ok(None);
+        }
+        self.on_other_rows(fitted).map(Some)
+    }
+
+    /// The fit on rows that were chosen anew, with the noise there.
+    fn on_other_rows(&mut self, fitted: &Fitted) -> Result<Fitted, Interrupted> {
         self.cache.clear();
         let again = solve(&self.problem, &fitted.model, fitted.terms(), &self.noise);
-        self.noise = self.noise_of_largest(&again)?;
-        self.rows = self.noise.rows(&self.problem);
-        Ok(Some(solve(&self.problem, &fitted.model, fitted.terms(), &self.noise)))
+        self.with_noise_anew(&again)
     }
 
     /// The best candidates, at most two sites of an effect, their constants refined, best first.
@@ -1013,7 +1042,7 @@ impl<'a> Search<'a> {
         let without = self.errors(fitted);
         // One with much evidence that matters nowhere, in a moment of the log, must not hide the others.
         while let Some(best) = worthy.first() {
-            let close = worthy.iter().take_while(|c| c.score > 0.3 * best.score).count().min(MOST_TRIED);
+            let close = worthy.iter().take_while(|c| c.score > CLOSE * best.score).count().min(MOST_TRIED);
             let (some, rest) = worthy.split_at(close);
             if let Some(step) = self.best_of(fitted, &without, some, tried)? {
                 return Ok(Some(step));
@@ -1062,6 +1091,47 @@ impl<'a> Search<'a> {
             return Ok(Some((trial, accepted)));
         }
         Ok(None)
+    }
+
+    /// The fit with another transform of the same kind in the place of one that explains less, or no more and comes later
+    /// in the catalogue: which of them it is may show only when all others are there.
+    fn with_likelier_transforms(&self, mut fitted: Fitted, accepted: &mut [Accepted]) -> Fitted {
+        let robot = self.problem.nominal.robot();
+        let given = fitted.terms().len() - accepted.len();
+        let place = |effect: &dyn Effect| self.catalogue.iter().position(|own| own.name() == effect.name());
+        let units = |effect: &dyn Effect| effect.constants().iter().map(|c| c.unit).collect::<Vec<_>>();
+        for (k, step) in accepted.iter_mut().enumerate() {
+            let own = fitted.terms()[given + k].clone();
+            let alike = |effect: &&Arc<dyn Effect>| {
+                own.is_transform()
+                    && effect.entry() == Entry::Transform
+                    && own.effect.about().confusable.contains(&effect.name())
+                    && units(effect.as_ref()) == units(own.effect.as_ref())
+                    && effect.sites(robot).contains(&own.site)
+                    && self.wanted(effect.as_ref())
+            };
+            for effect in self.catalogue.iter().filter(alike) {
+                let mut terms = fitted.terms().to_vec();
+                terms[given + k] = Term::new(effect.clone(), own.site, own.constants.clone());
+                let other = self.refit(&fitted, terms);
+                let margin = NEARLY * step.first_score;
+                let asked = if place(effect.as_ref()) < place(own.effect.as_ref()) { -margin } else { margin };
+                if 0.5 * (fitted.chi2 - other.chi2) > asked {
+                    let mut rest = fitted.terms().to_vec();
+                    rest.remove(given + k);
+                    let bare = self.refit(&fitted, rest);
+                    let rivals =
+                        [vec![(step.effect.clone(), own.site, self.score_of(&bare, &fitted))], step.rivals.clone()];
+                    let (score, errors) = (self.score_of(&bare, &other), [self.errors(&bare), self.errors(&other)]);
+                    let term = &other.terms()[given + k];
+                    let next = Accepted::new(term, score, [&bare, &other], (&errors[0], &errors[1]));
+                    *step = Accepted { rivals: rivals.concat(), ..next };
+                    fitted = other;
+                    break;
+                }
+            }
+        }
+        fitted
     }
 
     /// Takes terms out again that the others make superfluous.
@@ -1154,6 +1224,14 @@ impl HeldOut {
 /// Whether a term cuts the torque. Rows at the limit are no equations: it shows in the torque as logged.
 fn is_limit(term: &Term) -> bool {
     term.site.joint().is_some_and(|joint| term.effect.limit(term.site, &term.constants, joint).is_some())
+}
+
+/// How much later the whole torque is logged if a candidate is right, s; `None` if it does not say so.
+fn delay(candidate: &Candidate) -> Option<f64> {
+    let term = &candidate.term;
+    let [constant] = term.effect.constants() else { return None };
+    let late = term.is_transform() && term.site == Site::Arm && constant.unit == "s";
+    late.then(|| candidate.gain.coefficients[0])
 }
 
 /// When a contact of the arm is there, s, with the time over which filters carry its ends.

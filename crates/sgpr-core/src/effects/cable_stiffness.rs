@@ -35,6 +35,12 @@ impl Effect for CableStiffness {
         &PARAMETERS
     }
 
+    /// A hose pulls back. What pushes away looks like it where noise of the acceleration makes the inertia too small, and
+    /// a spring that does so is a balancer.
+    fn is_plausible(&self, coefficients: &[f64]) -> bool {
+        coefficients[0] >= 0.0
+    }
+
     fn columns(&self, joint: usize, state: &JointState<'_>, out: &mut [f64]) {
         out[0] = state.q[joint];
         out[1] = 1.0;

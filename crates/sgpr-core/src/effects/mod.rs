@@ -168,6 +168,12 @@ pub trait Effect: Send + Sync + Debug {
         None
     }
 
+    /// Whether linear parameters of these values may be the effect. A diagnosis proposes no others; a model that is told of
+    /// the effect may have them.
+    fn is_plausible(&self, _coefficients: &[f64]) -> bool {
+        true
+    }
+
     /// Whether the columns depend on the torque of the model, and change as it is refitted.
     fn follows_torque(&self) -> bool {
         false

@@ -10,11 +10,13 @@
 mod path;
 mod plan;
 
+use std::cmp::Ordering;
+
 use path::JointLimits;
 use plan::{Plan, Room, holds, joined, plans};
 
 use super::answer::{Finding, NextExperiment};
-use super::basis::{Basis, INVISIBLE, gain};
+use super::basis::{Basis, INVISIBLE, gain, rms};
 use super::fit::Fitted;
 use super::problem::{Column, Problem};
 use super::search::{Candidate, Search};
@@ -29,6 +31,9 @@ const REACH: f64 = 12.0;
 
 /// A motion is proposed if it promises so much more.
 const WORTH: f64 = 3.0;
+
+/// Two hypotheses of which one is so much likelier are told apart.
+const ENOUGH: f64 = 2.0 * REACH;
 
 /// Most findings for which a motion is planned, and most imitations of each.
 const MOST: usize = 3;
@@ -98,15 +103,17 @@ fn of_finding(
         .cloned()
         .collect();
     let judge = Judge::new(search, fitted, term, joint);
+    let effect = finding.effect.as_str();
     let known = term.effect.about().confusable;
-    let named = |c: &&Candidate| {
-        let effect = c.term.effect.name();
-        let same_place = c.term.site == term.site;
-        let near = finding.confusable_with.iter().any(|other| other == effect) || known.contains(&effect);
-        near && same_place && effect != finding.effect && !c.impossible && c.score > 0.0
+    let own_score = ranking.iter().find(|c| c.term.is_like(term)).map_or(f64::INFINITY, |own| own.score);
+    let near = |c: &&Candidate| {
+        let name = c.term.effect.name();
+        let said = finding.confusable_with.iter().any(|other| other == name) || known.contains(&name);
+        let equal = (c.score - own_score).abs() < REACH;
+        (said || equal) && c.term.site == term.site && name != effect && !c.impossible && c.score > 0.0
     };
-    let estimated = ranking.iter().filter(named).map(as_estimated);
-    let mut rivals: Vec<(Term, f64)> =
+    let estimated = ranking.iter().filter(near).map(|candidate| judge.rival(candidate));
+    let mut rivals: Vec<(Rival, f64)> =
         estimated.map(|rival| (rival.clone(), judge.now(&rival))).filter(|(_, now)| *now < REACH).collect();
     rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
     rivals.truncate(MOST);
@@ -115,25 +122,24 @@ fn of_finding(
         return Some(experiment(aliases, plan, [0.0, 0.0]));
     }
     let now = rivals[0].1;
-    let imitations: Vec<Term> = rivals.iter().map(|(rival, _)| rival.clone()).collect();
-    let mut best: Option<(f64, Plan)> = None;
-    for plan in plans(room, joint, name) {
-        // The least certain of the pairs is what counts.
-        let expected = judge.with(&imitations, &plan);
-        let better = |(most, old): &(f64, Plan)| {
-            // Motions that ask for less are preferred as long as they decide.
-            let decided = *most > 2.0 * REACH;
-            let asks_more = plan.loaded || plan.later > 0.0;
-            let old_asks_more = old.loaded || old.later > 0.0;
-            if decided && asks_more && !old_asks_more { false } else { expected > *most }
+    let imitations: Vec<Rival> = rivals.iter().map(|(rival, _)| rival.clone()).collect();
+    // The least certain of the pairs is what counts.
+    let judged = plans(room, joint, name).into_iter().map(|plan| (judge.with(&imitations, &plan), plan));
+    let best = judged.max_by(|(a, one), (b, other)| {
+        let worth = |expected: &Expected, plan: &Plan| {
+            let decides = expected.separation.min(ENOUGH);
+            // Motions that ask for less are preferred as long as they decide, and of those the ones that show the
+            // finding best.
+            let decided = decides == ENOUGH;
+            let asks = f64::from(plan.loaded || plan.later > 0.0);
+            [decides, if decided { -asks } else { 0.0 }, if decided { expected.shown } else { 0.0 }]
         };
-        if best.as_ref().is_none_or(better) {
-            best = Some((expected, plan));
-        }
-    }
-    let (expected, plan) = best.filter(|(expected, _)| *expected > now + WORTH)?;
-    let about = rivals.iter().map(|(rival, _)| rival.effect.name().to_string()).chain(aliases).collect();
-    Some(experiment(about, plan, [now, expected]))
+        let pairs = worth(a, one).into_iter().zip(worth(b, other));
+        pairs.map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
+    });
+    let (Expected { separation, .. }, plan) = best.filter(|(expected, _)| expected.separation > now + WORTH)?;
+    let about = rivals.iter().map(|(rival, _)| rival.term.effect.name().to_string()).chain(aliases).collect();
+    Some(experiment(about, plan, [now, separation]))
 }
 
 /// The term of a candidate; a transform with the constants that its tangents promise.
@@ -145,6 +151,22 @@ fn as_estimated(candidate: &Candidate) -> Term {
         term.constants = moved.collect();
     }
     term
+}
+
+/// What might be there in the place of a finding.
+#[derive(Clone)]
+struct Rival {
+    term: Term,
+    /// Whether it contains the finding as a special case: no motion speaks against it if the finding is right.
+    contains: bool,
+}
+
+/// What a motion promises.
+struct Expected {
+    /// Log of the Bayes factor.
+    separation: f64,
+    /// Root mean square of the finding's torque along it, in standard deviations of the noise.
+    shown: f64,
 }
 
 /// Judges motions for one term by one joint's equation.
@@ -184,26 +206,68 @@ impl<'a> Judge<'a> {
         Self { problem, fitted, term, joint, level, rows, weight: (every as f64).sqrt(), logs: (brought, columns) }
     }
 
+    /// A candidate with what the logs say of its size. Parts that they do not show are as large as the noise.
+    fn rival(&self, candidate: &Candidate) -> Rival {
+        let mut term = as_estimated(candidate);
+        if term.is_transform() {
+            return Rival { term, contains: false };
+        }
+        let columns = self.columns_in_logs(&term);
+        let [raw, brought] = [&columns[..], &[self.logs.0.clone()]]
+            .map(|all| -> Vec<Column> { all.iter().map(|column| self.scaled(column)).collect() });
+        let power = |column: &Column| column[0].iter().map(|x| x * x).sum::<f64>();
+        let explained = gain(&Basis::new(&[]), &brought[0], &raw, 1e-9).chi2;
+        let contains = power(&brought[0]) - explained < 1e-6 * power(&brought[0]);
+        for (k, coefficient) in term.coefficients.iter_mut().enumerate() {
+            let given = candidate.gain.coefficients.get(k).copied().unwrap_or_default();
+            let as_noise = (self.rows.len() as f64 * self.weight.powi(2) / power(&raw[k]).max(1e-300)).sqrt();
+            *coefficient = if given == 0.0 { as_noise } else { given };
+        }
+        Rival { term, contains }
+    }
+
     /// Log of the Bayes factor that the logs alone give against an imitation.
-    fn now(&self, rival: &Term) -> f64 {
-        let (basis, rest) = self.projected(&self.logs.0, &self.logs.1);
-        let left = |rival: &Term| self.left((&basis, &rest), &self.columns_in_logs(rival));
-        variants(rival).iter().map(left).fold(f64::INFINITY, f64::min)
+    fn now(&self, rival: &Rival) -> f64 {
+        let columns = |term: &Term| self.columns_in_logs(term);
+        self.separation((&self.logs.0, &self.logs.1), rival, &columns)
     }
 
     /// The same to be expected of logs and motion together, for the imitation that is hardest to tell.
-    fn with(&self, rivals: &[Term], plan: &Plan) -> f64 {
-        let Some(drawn) = self.drawn(plan) else { return 0.0 };
+    fn with(&self, rivals: &[Rival], plan: &Plan) -> Expected {
+        let Some(drawn) = self.drawn(plan) else { return Expected { separation: 0.0, shown: 0.0 } };
         let joined = |logs: &[f64], plan: &[f64]| -> Vec<f64> { logs.iter().chain(plan).copied().collect() };
         let brought = joined(&self.logs.0, &drawn.brought);
         let columns: Vec<Vec<f64>> = self.logs.1.iter().zip(&drawn.columns).map(|(a, b)| joined(a, b)).collect();
-        let (basis, rest) = self.projected(&brought, &columns);
-        let left = |rival: &Term| {
-            let (logs, plan) = (self.columns_in_logs(rival), drawn.columns_of(self, rival));
-            let both: Vec<Vec<f64>> = logs.iter().zip(&plan).map(|(a, b)| joined(a, b)).collect();
-            self.left((&basis, &rest), &both)
+        let both = |term: &Term| -> Vec<Vec<f64>> {
+            let (logs, plan) = (self.columns_in_logs(term), drawn.columns_of(self, term));
+            logs.iter().zip(&plan).map(|(a, b)| joined(a, b)).collect()
         };
-        rivals.iter().flat_map(variants).map(|rival| left(&rival)).fold(f64::INFINITY, f64::min)
+        let separation = |rival: &Rival| self.separation((&brought, &columns), rival, &both);
+        Expected {
+            separation: rivals.iter().map(separation).fold(f64::INFINITY, f64::min),
+            shown: rms(&drawn.brought) / self.level,
+        }
+    }
+
+    /// What a rival, its parameters free, leaves of the finding's torque; if it contains the finding, what the finding
+    /// leaves of the rival's.
+    fn separation(
+        &self,
+        (brought, columns): (&[f64], &[Vec<f64>]),
+        rival: &Rival,
+        columns_of: &dyn Fn(&Term) -> Vec<Vec<f64>>,
+    ) -> f64 {
+        if rival.contains {
+            let mut torque = vec![0.0; brought.len()];
+            for (column, factor) in columns_of(&rival.term).iter().zip(&rival.term.coefficients) {
+                torque.iter_mut().zip(column).for_each(|(torque, x)| *torque += factor * x);
+            }
+            let (basis, rest) = self.projected(&torque, columns);
+            return self.left((&basis, &rest), &columns_of(self.term));
+        }
+        let (basis, rest) = self.projected(brought, columns);
+        let left = |term: &Term| self.left((&basis, &rest), &columns_of(term));
+        variants(&rival.term).iter().map(left).fold(f64::INFINITY, f64::min)
     }
 
     /// Values in standard deviations of the noise; a row of the logs stands for several.
