@@ -213,3 +213,35 @@ fn the_proposed_motion_tells_dry_friction_from_viscous() {
         assert!(again.next_experiment.is_empty(), "{:?}", again.next_experiment);
     }
 }
+
+#[test]
+fn the_proposed_motion_shows_a_spring_behind_an_offset() {
+    // Joint 2 swings with one frequency: a spring looks like a rotor's inertia, which the model has, and an offset.
+    let swing = waves(14.0, [&[(0.7, 1.1, 0.3), (0.3, 2.9, 1.0)], &[(0.5, 3.0, 0.5)]]);
+    let known = ["viscous_friction", "coulomb_friction", "rotor_inertia"];
+    let mut spring = Term::new(by_name("cable_stiffness").unwrap(), Site::Joint(1), vec![]);
+    spring.coefficients = vec![0.9, 0.3];
+    let terms = [spring];
+    let train = [log(FRICTION, &terms, &swing, 0.0, 3)];
+    let diagnosis = diagnosed(&train, &known, &["torque_offset", "cable_stiffness"]);
+    assert_eq!(diagnosis.findings[0].effect, "torque_offset", "{:?}", diagnosis.findings);
+    let [next] = &diagnosis.next_experiment[..] else { panic!("{:?}", diagnosis.findings) };
+    assert!(next.about.contains(&"cable_stiffness".into()) && next.separation_now < 12.0, "{next:?}");
+    assert!(next.separation_expected > 24.0, "{next:?}");
+
+    let motion = diagnosis.next_motion().unwrap();
+    let recorded = log(FRICTION, &terms, &[motion.q, motion.dq, motion.ddq], 60.0, 9);
+    let again = diagnosed(&[&train[..], &[recorded]].concat(), &known, &["torque_offset", "cable_stiffness"]);
+    let [finding] = &again.findings[..] else { panic!("{:?}", again.findings) };
+    assert_eq!(finding.effect, "cable_stiffness");
+    let k = finding.parameters[0].value;
+    assert!((k - 0.9).abs() < 0.09, "{k}");
+}
+
+#[test]
+fn a_hose_does_not_push_away() {
+    let mut spring = Term::new(by_name("cable_stiffness").unwrap(), Site::Joint(1), vec![]);
+    spring.coefficients = vec![-0.9, 0.3];
+    let diagnosis = diagnosed(&logs(&[spring]), &BASE, &["cable_stiffness", "spring_balancer"]);
+    assert_eq!(diagnosis.findings[0].effect, "spring_balancer", "{:?}", diagnosis.findings);
+}
