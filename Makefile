@@ -8,7 +8,7 @@ SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-core/src crates/sgpr-l
 	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name Cargo.toml) \
 	crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
 
-.PHONY: build demo demo-real estimators test test-rust test-python browser lint bench diagnosis-bench peers fuzz clean thesis
+.PHONY: build demo demo-real estimators test test-rust test-python browser lint bench diagnosis-bench diagnosis-mujoco peers fuzz clean thesis
 
 build: $(VENV)/.built
 
@@ -83,6 +83,12 @@ bench:
 ## The diagnosis on random arms with hidden effects: how often it is right (docs/diagnosis.md).
 diagnosis-bench:
 	cargo run --locked --release --package sgpr-core --example diagnosis_bench -- --seed 1 --rounds 1
+
+## The same on arms that MuJoCo moves in closed loop, one case for each effect.
+diagnosis-mujoco: build
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check mujoco
+	$(BIN)/python benches/peers/mujoco_cases.py $(OUT)/mujoco_cases
+	cargo run --locked --release --package sgpr-core --example evaluate_diagnosis -- $(OUT)/mujoco_cases
 
 ## Against Pinocchio's C++ and Python interfaces, and a simulation step against MuJoCo's, each pair in one run.
 peers: build

@@ -126,9 +126,6 @@ const NEARLY: f64 = 0.005;
 /// Most candidates that are fitted with the whole model in a step.
 const MOST_TRIED: usize = 4;
 
-/// Share of the best score from which on a candidate may turn out to be the best.
-const CLOSE: f64 = 0.3;
-
 const STAGE: &str = "look for effects";
 
 /// Resolution of the grid of times, s.
@@ -744,10 +741,6 @@ impl<'a> Search<'a> {
                 continue;
             }
             let candidates = self.rank(&fitted, &basis, &white)?;
-            if let Some(later) = self.without_late_rests(&fitted, &candidates)? {
-                fitted = later;
-                continue;
-            }
             let tried = self.refined(&fitted, (&basis, &white), &candidates)?;
             let tried = self.worth_it(&fitted, (&basis, &white), &accepted, tried);
             if let Some((next, steps)) = self.finer_forms(&fitted, (&basis, &white), &candidates, &tried)? {
@@ -764,6 +757,9 @@ impl<'a> Search<'a> {
             accepted.push(step);
             if transform {
                 self.cache.clear();
+            }
+            if let Some(later) = self.without_late_rests(&fitted)? {
+                fitted = later;
             }
             if let Some((joint, bare, others)) = without_many_imitations(self, &fitted, &accepted) {
                 closed[joint] = true;
@@ -866,16 +862,13 @@ impl<'a> Search<'a> {
         self.on_other_rows(fitted).map(Some)
     }
 
-    /// The fit without the moments after rests whose torque, that of the rest, a delay may carry there, if one is among
-    /// the best candidates: a lag that rounds steps would look better.
-    fn without_late_rests(&mut self, fitted: &Fitted, ranking: &[Candidate]) -> Result<Option<Fitted>, Interrupted> {
-        /// Of the time that the tangent promises, which is too short for steps.
-        const FARTHER: f64 = 3.0;
-        let possible = || ranking.iter().filter(|c| !c.impossible && c.score > EVIDENCE);
-        let best = possible().map(|c| c.score).fold(0.0, f64::max);
-        let close = possible().filter(|c| c.score > CLOSE * best);
-        let seconds = FARTHER * close.filter_map(delay).fold(0.0, f64::max);
-        if self.problem.after_rest > 0.0 || seconds == 0.0 || self.problem.leave_out_after_rests(seconds).is_err() {
+    /// The fit without the moments after rests into which a delay, if it is the last term, carries the torque of the rest:
+    /// a lag that rounds steps would look better.
+    fn without_late_rests(&mut self, fitted: &Fitted) -> Result<Option<Fitted>, Interrupted> {
+        /// Of the delay, which other effects may hide in part.
+        const FARTHER: f64 = 2.0;
+        let seconds = FARTHER * fitted.terms().last().and_then(delay).unwrap_or_default();
+        if seconds <= self.problem.after_rest || self.problem.leave_out_after_rests(seconds).is_err() {
             return Ok(None);
         }
         self.on_other_rows(fitted).map(Some)
@@ -1042,7 +1035,7 @@ impl<'a> Search<'a> {
         let without = self.errors(fitted);
         // One with much evidence that matters nowhere, in a moment of the log, must not hide the others.
         while let Some(best) = worthy.first() {
-            let close = worthy.iter().take_while(|c| c.score > CLOSE * best.score).count().min(MOST_TRIED);
+            let close = worthy.iter().take_while(|c| c.score > 0.3 * best.score).count().min(MOST_TRIED);
             let (some, rest) = worthy.split_at(close);
             if let Some(step) = self.best_of(fitted, &without, some, tried)? {
                 return Ok(Some(step));
@@ -1112,7 +1105,8 @@ impl<'a> Search<'a> {
             };
             for effect in self.catalogue.iter().filter(alike) {
                 let mut terms = fitted.terms().to_vec();
-                terms[given + k] = Term::new(effect.clone(), own.site, own.constants.clone());
+                let within = own.constants.iter().zip(effect.constants()).map(|(value, c)| value.clamp(c.low, c.high));
+                terms[given + k] = Term::new(effect.clone(), own.site, within.collect());
                 let other = self.refit(&fitted, terms);
                 let margin = NEARLY * step.first_score;
                 let asked = if place(effect.as_ref()) < place(own.effect.as_ref()) { -margin } else { margin };
@@ -1226,12 +1220,11 @@ fn is_limit(term: &Term) -> bool {
     term.site.joint().is_some_and(|joint| term.effect.limit(term.site, &term.constants, joint).is_some())
 }
 
-/// How much later the whole torque is logged if a candidate is right, s; `None` if it does not say so.
-fn delay(candidate: &Candidate) -> Option<f64> {
-    let term = &candidate.term;
+/// How much later than the motion a term says that the whole torque is logged, s; `None` if it says nothing of it.
+fn delay(term: &Term) -> Option<f64> {
     let [constant] = term.effect.constants() else { return None };
     let late = term.is_transform() && term.site == Site::Arm && constant.unit == "s";
-    late.then(|| candidate.gain.coefficients[0])
+    late.then(|| term.constants[0])
 }
 
 /// When a contact of the arm is there, s, with the time over which filters carry its ends.
