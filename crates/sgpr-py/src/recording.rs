@@ -452,6 +452,7 @@ fn kind_name(kind: IssueKind) -> &'static str {
         IssueKind::IrregularSampling => "irregular_sampling",
         IssueKind::UnlikelyRate => "unlikely_rate",
         IssueKind::StillJoint => "still_joint",
+        IssueKind::PositionJump => "position_jump",
         IssueKind::PositionInDegrees => "position_in_degrees",
         IssueKind::VelocityMismatch => "velocity_mismatch",
         IssueKind::VelocityLag => "velocity_lag",
