@@ -301,6 +301,30 @@ fn logs_that_cannot_be_used_are_refused_with_advice() {
 }
 
 #[test]
+fn a_joint_without_measured_torque_is_named() {
+    let silent = |log: &Recording| {
+        let mut torque = log.torque().expect("logged").to_vec();
+        torque.iter_mut().skip(2).step_by(6).for_each(|tau| *tau = 0.0);
+        let (joints, time) = (log.joint_names().to_vec(), log.time().to_vec());
+        let velocity = log.velocity().map(<[f64]>::to_vec);
+        Recording::new("log", joints, time, log.position().to_vec(), velocity, Some(torque), vec![]).expect("fits")
+    };
+    let train = train();
+    let all_silent: Vec<Recording> = train.iter().map(silent).collect();
+    let error = identify(&robot(), &all_silent, &options(), &()).expect_err("no torque");
+    assert!(matches!(&error, IdentifyError::NoTorque { joint } if joint == "joint_3"), "{error}");
+    assert!(error.to_string().contains("`joint_3` is zero in every sample"), "{error}");
+    identify(&robot(), &[silent(&train[0]), train[1].clone()], &options(), &()).expect("one log has it");
+}
+
+#[test]
+fn nothing_is_compared_with_nothing() {
+    let (model, _) = identify(&robot(), &train()[..1], &options(), &()).expect("good logs");
+    let error = compare(&model, &[], None).expect_err("no log");
+    assert!(matches!(error, IdentifyError::Motion(MotionError::NoRecording)), "{error}");
+}
+
+#[test]
 fn a_joint_that_never_moves_is_named() {
     let (robot, log) = (robot(), read("train_1"));
     let mut q = log.position().to_vec();

@@ -415,8 +415,19 @@ fn numbers_that_cannot_be_are_named() {
     assert_says(&placed("<origin xyz=\"0 0 nan\"/>"), &["arm.urdf", "`to_one`", "not a finite number"]);
     assert_says(&placed("<origin rpy=\"0 inf 0\"/>"), &["arm.urdf", "`to_one`", "not a finite number"]);
     assert_says(&placed("<dynamics damping=\"nan\"/>"), &["arm.urdf", "`to_one`", "not a finite number"]);
-    assert_says(&placed("<origin xyz=\"0 0\"/>"), &["arm.urdf", "not a URDF"]);
-    assert_says(&placed("<origin xyz=\"0 0 up\"/>"), &["arm.urdf", "not a URDF"]);
+    let says =
+        |more: &str, parts: &[&str]| assert_says(&placed(more), &[&["arm.urdf: not a URDF: line 1, "], parts].concat());
+    says("<origin xyz=\"0 0\"/>", &["joint `to_one`", "the origin has xyz=\"0 0\", expected 3 numbers"]);
+    says("<origin xyz=\"0 0 up\"/>", &["joint `to_one`", "the origin has xyz=\"0 0 up\", expected 3 numbers"]);
+    says(
+        "<limit velocity=\"1\" effort=\"0,4\"/>",
+        &["joint `to_one`", "the limit has effort=\"0,4\", expected a number"],
+    );
+    says("<limit effort=\"4\"/>", &["joint `to_one`", "the limit lacks velocity, expected a number"]);
+    let text = message("<link name=\"base\"/>\n<link name=\"one\"><inertial>\n<mass/></inertial></link>");
+    assert_says(&text, &["arm.urdf", "line 3, link `one`: the mass lacks value, expected a number"]);
+    let text = message("<link name=\"one\"><inertial>\n<mass value=\"1\"/></inertial></link>");
+    assert_says(&text, &["arm.urdf", "line 2, link `one`: the inertial lacks its inertia"]);
 }
 
 #[test]
@@ -427,12 +438,15 @@ fn files_of_another_kind() {
     for text in ["", "joint,position\n1,2\n", "{\"robot\": 1}", "<robot name=\"x\"", "\u{0}\u{1}\u{2}"] {
         assert_says(&message(text), &["arm.urdf: not a URDF"]);
     }
-    assert_says(&message("<mujoco><worldbody/></mujoco>"), &["arm.urdf"]);
+    assert_says(
+        &message("<mujoco><worldbody/></mujoco>"),
+        &["arm.urdf: not a URDF: the outermost element is <mujoco>, expected <robot>"],
+    );
     let xacro = "<robot name=\"x\" xmlns:xacro=\"http://ros.org/wiki/xacro\"><xacro:include filename=\"a\"/></robot>";
     assert_says(&message(xacro), &["arm.urdf", "xacro file", "xacro arm.urdf > robot.urdf"]);
     assert_says(&message("<robot name=\"x\"><link name=\"${prefix}base\"/></robot>"), &["expand it first"]);
     // A link without name is not a link.
-    assert_says(&message("<robot name=\"x\"><link/></robot>"), &["arm.urdf: not a URDF", "name"]);
+    assert_says(&message("<robot name=\"x\">\n<link/></robot>"), &["arm.urdf: not a URDF: line 2: a link has no name"]);
 }
 
 #[test]

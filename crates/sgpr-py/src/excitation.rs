@@ -697,17 +697,8 @@ impl<'py> Keywords<'py> {
             }
             None => None,
         };
-        let known = match (&position, &velocity) {
-            (Some(position), Some(velocity)) => {
-                MotionLimits { position: position.clone(), velocity: velocity.clone(), acceleration, torque: None }
-            }
-            _ => MotionLimits::of_robot(robot, &acceleration).map_err(IntoPyErr::into_py_err)?,
-        };
-        Ok(MotionLimits {
-            position: position.unwrap_or(known.position),
-            velocity: velocity.unwrap_or(known.velocity),
-            acceleration: known.acceleration,
-            torque: torque.or(known.torque),
-        })
+        let known = MotionLimits::of_robot_or(robot, &acceleration, position, velocity);
+        let known = known.map_err(IntoPyErr::into_py_err)?;
+        Ok(MotionLimits { torque: torque.or(known.torque), ..known })
     }
 }

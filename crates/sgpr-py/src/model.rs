@@ -398,7 +398,11 @@ impl Model {
 
     fn __repr__(&self) -> String {
         let model = &self.inner;
-        let effects = self.effects();
+        let mut effects = self.effects();
+        effects.extend(model.terms().iter().map(|term| match term.site.joint() {
+            Some(joint) => format!("{} at {}", term.effect.name(), model.robot().joints()[joint].name),
+            None => term.effect.name().to_string(),
+        }));
         let effects = if effects.is_empty() { "no effects".into() } else { effects.join(", ") };
         let mut text = format!(
             "Model of '{}', {} joints, {} base parameters\n  {effects}",
@@ -716,9 +720,13 @@ impl Predictor {
         q: &Bound<'py, PyAny>,
         dq: &Bound<'py, PyAny>,
         ddq: &Bound<'py, PyAny>,
-        out: Option<Bound<'py, PyArray1<f64>>>,
+        out: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let py = q.py();
+        let of_numbers = |out: Bound<'py, PyAny>| {
+            out.cast_into::<PyArray1<f64>>().map_err(|_| PyTypeError::new_err("out: expected an array (n,) of float64"))
+        };
+        let out = out.map(of_numbers).transpose()?;
         let one = |name, value| Numbers::new(name, value)?.shaped(&[self.dof])?.finite();
         let (q, dq, ddq) = (one("q", q)?, one("dq", dq)?, one("ddq", ddq)?);
         let mut predictor = self.inner.lock().unwrap_or_else(PoisonError::into_inner);

@@ -15,7 +15,13 @@ use sgpr_core::recording::{self as core, Channel, IssueKind, RecordingError, Rep
 use crate::convert::{Numbers, array, choice, items, kind_of, positive, texts, unknown, view};
 use crate::errors::{IntoPyErr, invalid};
 
+type Any<'py> = Bound<'py, PyAny>;
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
+type Times<'py> = Bound<'py, PyArrayDyn<i64>>;
+type Motion<'py> = (Times<'py>, Array<'py>, Option<Array<'py>>, Option<Array<'py>>, Vec<String>, Bound<'py, PyDict>);
+type Given<'py> = (Any<'py>, Any<'py>, Option<Any<'py>>, Option<Any<'py>>, Any<'py>, Any<'py>);
+/// What builds a recording again: its arrays, and where it comes from.
+type Parts<'py> = (Motion<'py>, (String, Vec<String>));
 
 /// One trajectory as it was logged. Samples are rows, joints are columns; SI units; time in integer nanoseconds.
 ///
@@ -348,6 +354,20 @@ impl Recording {
         py.detach(write).map_err(IntoPyErr::into_py_err)
     }
 
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Parts<'py>)> {
+        let (time, q) = (Self::time_ns(slf)?, Self::q(slf)?);
+        let motion = (time, q, Self::dq(slf)?, Self::tau(slf)?, slf.get().joint_names(), Self::channels(slf)?);
+        let origin = (slf.get().source().into(), slf.get().notes());
+        Ok((slf.get_type().getattr("_from_parts")?, (motion, origin)))
+    }
+
+    #[staticmethod]
+    fn _from_parts(motion: Given<'_>, origin: (String, Vec<String>)) -> PyResult<Self> {
+        let ((t, q, dq, tau, joint_names, channels), (source, notes)) = (motion, origin);
+        let made = Self::new(&t, &q, dq.as_ref(), tau.as_ref(), Some(&joint_names), Some(&channels), &source)?;
+        Ok(notes.into_iter().fold(made.inner, core::Recording::with_note).into())
+    }
+
     fn __repr__(&self) -> String {
         let log = &self.inner;
         let has = |logged: bool, name| if logged { name } else { "" };
@@ -452,6 +472,7 @@ fn kind_name(kind: IssueKind) -> &'static str {
         IssueKind::IrregularSampling => "irregular_sampling",
         IssueKind::UnlikelyRate => "unlikely_rate",
         IssueKind::StillJoint => "still_joint",
+        IssueKind::PositionJump => "position_jump",
         IssueKind::PositionInDegrees => "position_in_degrees",
         IssueKind::VelocityMismatch => "velocity_mismatch",
         IssueKind::VelocityLag => "velocity_lag",

@@ -1,5 +1,6 @@
 """Wrong use is 2, bad data is 1, and each has one clear message and no traceback."""
 
+import errno
 import importlib.metadata
 import os
 import signal
@@ -11,7 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sgpr
+import typer
 from cli_support import DEMO_ROBOT, DEMO_TEST, DEMO_TRAIN, RECORDINGS, run, write_log
+from sgpr.cli.errors import guarded
+from sgpr.cli.output_folder import OutputFolder
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +38,13 @@ WRONG_USE = {
     "same logs": (["identify", "--robot", "two_link", "--train", "LOG", "--test", "LOG", "--out", "OUT"], "--test"),
     "not a pair": (["info", "LOG", "--columns", "q_1"], "KEY=VALUE"),
     "unknown key": (["info", "LOG", "--units", "angle=deg"], "position"),
+    "no folder": (["identify", "--robot", "two_link", "--train", "LOG", "--out", ""], "empty"),
+    "over its log": (["predict", "two_link", "LOG", "--out", "LOG"], "would be overwritten"),
+    "over its motion": (["simulate", "two_link", "LOG", "--out", "LOG"], "would be overwritten"),
+    "half a pair": (
+        ["excite", "--robot", "two_link", "--max-acceleration", "5", "--out", "OUT", "--position-range", "1"],
+        "two each",
+    ),
     "not a rate": (["compare", "two_link", "LOG", "--resample", "fast"], "median"),
     "mcap alone": (["identify", "--robot", "two_link", "--train", "LOG", "--out", "OUT", "--mcap", "x.mcap"], "--test"),
 }
@@ -94,6 +105,57 @@ def test_log_without_torque(tmp_path: Path) -> None:
     assert "torque" in message_of_bad_data("compare", "two_link", path)
 
 
+def test_torque_that_was_not_measured(tmp_path: Path) -> None:
+    def silent(table: np.ndarray) -> np.ndarray:
+        table[:, 4] = 0.0
+        return table
+
+    path = write_log(tmp_path / "log.csv", 1, silent)
+    options = ("--robot", "two_link", "--train", path)
+    for command in ("identify", "diagnose", "learn"):
+        message = message_of_bad_data(command, *options, "--out", tmp_path / "out")
+        assert "`joint_2` is zero in every sample" in message
+        assert "`--joints`" in message
+    assert run("compare", "two_link", path).code == 0
+
+    def braked(table: np.ndarray) -> np.ndarray:
+        table[:, 2] = 0.3 + 1e-5 * (np.arange(len(table)) % 3)
+        return silent(table)
+
+    path = write_log(tmp_path / "braked.csv", 1, braked)
+    found = run("identify", "--robot", "two_link", "--train", path, "--out", tmp_path / "out", "--no-report")
+    assert found.code == 0, found.err
+
+
+def test_a_rate_beside_a_time_is_told(log: str) -> None:
+    assert f"{log}: the time is counted by the rate given, not taken from `t`" in run(
+        "compare", "two_link", log, "--rate", "100"
+    ).err.replace("\n", " ")
+
+
+def test_positions_that_are_wrapped_are_told(tmp_path: Path) -> None:
+    def wrapped(table: np.ndarray) -> np.ndarray:
+        table[:, 1] = (table[:, 1] + 2.0 * np.pi - 0.1) % (2.0 * np.pi)
+        return table
+
+    path = write_log(tmp_path / "log.csv", 1, wrapped)
+    options = ("--robot", "two_link", "--train", path, "--out", tmp_path / "out", "--no-report")
+    assert "warning: `joint_1_position` jumps by a full turn" in run("identify", *options).err
+
+
+def test_a_panic_is_one_message(capsys: pytest.CaptureFixture[str]) -> None:
+    class PanicException(BaseException):
+        """As the compiled half raises it."""
+
+    def command() -> None:
+        raise PanicException("a matrix")
+
+    with pytest.raises(typer.Exit) as stop:
+        guarded(command)()
+    assert stop.value.exit_code == 1
+    assert capsys.readouterr().err == "sgpr: this should not happen, please report it: PanicException: a matrix\n"
+
+
 def test_truncated_mcap() -> None:
     message = message_of_bad_data("info", RECORDINGS / "truncated_zstd.mcap")
     assert "recover" in message
@@ -104,6 +166,18 @@ def test_folder_that_cannot_be_written(log: str, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     message = message_of_bad_data("identify", "--robot", "two_link", "--train", log, "--out", tmp_path / "file" / "out")
     assert "file" in message
+    message = message_of_bad_data("identify", "--robot", "two_link", "--train", log, "--out", tmp_path / "file")
+    assert message.endswith("file: this is no folder, and results need one\n")
+
+
+@pytest.mark.parametrize(("of_file", "named"), [(True, "results/table.csv"), (False, "results")])
+def test_a_full_disk_is_named(of_file: bool, named: str, tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="No space") as failure, OutputFolder(str(tmp_path / "results")) as folder:
+        written = folder.file("table.csv")
+        written.write_text("a")
+        raise OSError(errno.ENOSPC, "No space left on device", *([str(written)] if of_file else []))
+    assert failure.value.filename == str(tmp_path / named)
+    assert not list((tmp_path / "results").iterdir())
 
 
 def test_file_that_is_no_model(log: str, tmp_path: Path) -> None:

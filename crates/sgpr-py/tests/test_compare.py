@@ -100,5 +100,6 @@ def test_what_cannot_be_compared(demo_model: sgpr.Model, demo_robot: sgpr.Robot,
     two = sgpr.Recording(demo_test.time_ns, demo_test.q[:, :2], tau=demo_test.tau[:, :2])
     with pytest.raises(sgpr.SgprError, match="processing: it is for 6 joints, the model has 2"):
         sgpr.compare(sgpr.robots.two_link(), [two], processing=demo_model)
-    with pytest.raises(sgpr.IdentificationError, match="no recording was given"):
-        sgpr.compare(demo_robot, [])
+    for nothing in (demo_robot, demo_model):
+        with pytest.raises(sgpr.IdentificationError, match="no recording was given"):
+            sgpr.compare(nothing, [])

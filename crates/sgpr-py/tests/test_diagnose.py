@@ -65,6 +65,7 @@ def test_what_was_found_can_be_added(
     model: sgpr.Model, diagnosis: sgpr.Diagnosis, logs: list[sgpr.Recording], tmp_path: Path
 ) -> None:
     better = model.add(diagnosis.findings[0])
+    assert "viscous_friction, coulomb_friction, cable_stiffness at joint_1" in repr(better)
     before, after = sgpr.compare(model, logs[2:]), sgpr.compare(better, logs[2:])
     assert after.rmse[0] < 0.25 * before.rmse[0]
     assert after.rmse[0] < NOISE
@@ -119,6 +120,23 @@ def test_progress_can_stop_it(model: sgpr.Model, logs: list[sgpr.Recording]) -> 
 
     with pytest.raises(KeyboardInterrupt):
         sgpr.diagnose(model, logs[:2], progress=stop)
+
+
+@pytest.mark.parametrize("still", [0, 1])
+def test_a_joint_that_stands_still(logs: list[sgpr.Recording], still: int) -> None:
+    robot = sgpr.robots.two_link()
+    held = []
+    for log in logs[:2]:
+        assert log.tau is not None
+        q, tau = log.q.copy(), log.tau.copy()
+        q[:, still] = 0.3
+        tau[:, still] = robot.gravity_torque(q)[:, still]
+        held.append(sgpr.Recording(log.time_ns, q, None, tau, joint_names=robot.joint_names))
+    model = sgpr.identify(robot, held, effects=["viscous_friction", "coulomb_friction"])
+    found = sgpr.diagnose(model, held)
+    moving = robot.joint_names[1 - still]
+    friction = [one for one in found.detectable if one["effect"] == "stribeck_friction"]
+    assert [one["joints"] for one in friction] == [[moving]]
 
 
 def test_wrong_arguments(model: sgpr.Model, logs: list[sgpr.Recording]) -> None:

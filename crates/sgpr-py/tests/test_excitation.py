@@ -127,6 +127,26 @@ URDF = """<robot name="arm"><link name="base"/>
 BOX = '<box size="0.5 0.08 0.06"/>'
 
 
+def test_limits_that_the_robot_lacks_are_given_one_by_one(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    options: dict[str, Any] = {"max_acceleration": [6.0] * 2, "terms": 3, "starts": 1, "max_evaluations": 40}
+    text = URDF.format(shape=BOX)
+    path.write_text(text.replace('velocity="2"', 'velocity="0"'))
+    robot = sgpr.Robot.from_urdf(path)
+    with pytest.raises(sgpr.ExcitationError, match=r"`j1` has no limit of its speed: give one \(`max_velocity`\)"):
+        sgpr.excite(robot, [], **options)
+    assert sgpr.excite(robot, [], max_velocity=[1.0, 2.0], **options).peaks["velocity"][0] <= 1.0 + 1e-9
+    path.write_text(text.replace("revolute", "continuous").replace('effort="90"', 'effort="16"'))
+    robot = sgpr.Robot.from_urdf(path)
+    with pytest.raises(sgpr.ExcitationError, match=r"`j1` has no limit of its position: give one \(`position_range`\)"):
+        sgpr.excite(robot, [], **options)
+    # The torque limits of the file hold all the same.
+    given = {"position_range": [[-0.5, 0.5]] * 2, "max_velocity": [2.0, 2.0]}
+    peaks = sgpr.excite(robot, [], **given, **options).peaks
+    assert np.abs(peaks["position"]).max() <= 0.5 + 1e-9
+    assert np.max(peaks["torque"]) <= 16.0 + 1e-9
+
+
 def test_links_are_the_shapes_of_the_file(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
     path.write_text(URDF.format(shape=BOX))

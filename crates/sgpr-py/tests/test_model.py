@@ -213,7 +213,7 @@ def test_outputs_that_cannot_be_written(demo_model: sgpr.Model) -> None:
     with pytest.raises(sgpr.SgprError, match="out: "):
         predictor.torque(zero, zero, zero, out=locked)
     for wrong in (np.zeros(6, np.float32), np.zeros((1, 6)), [0.0] * 6):
-        with pytest.raises(TypeError):
+        with pytest.raises(TypeError, match=r"out: expected an array \(n,\) of float64"):
             predictor.torque(zero, zero, zero, out=wrong)  # type: ignore[arg-type]
     with pytest.raises(sgpr.SgprError, match=r"q\[2\] is NaN"):
         predictor.torque([0, 0, np.nan, 0, 0, 0], zero, zero)  # type: ignore[arg-type]

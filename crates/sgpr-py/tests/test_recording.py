@@ -1,7 +1,9 @@
 """Recordings: made of arrays, checked, repaired, written; CSV and MCAP files."""
 
+import copy
 import gzip
 import json
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +50,20 @@ def test_a_recording_keeps_a_copy() -> None:
     rec = sgpr.Recording([0, 1, 2], q)
     q[:] = 5
     assert np.all(rec.q == 1)
+
+
+def test_a_recording_travels_to_other_processes(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("t,q_1,tau_1,temperature,comment\n0.5,1,2,20,a\n0.6,1.5,nan,21,b\n")
+    rec = sgpr.read(path)
+    assert rec.notes == ["skipped columns of text: `comment`"]
+    for again in (pickle.loads(pickle.dumps(rec)), copy.copy(rec), copy.deepcopy(rec)):
+        assert (again.source, again.joint_names, again.notes) == (rec.source, rec.joint_names, rec.notes)
+        assert np.array_equal(again.time_ns, rec.time_ns)
+        assert np.array_equal(again.q, rec.q)
+        assert again.dq is None
+        assert np.array_equal(again.tau, rec.tau, equal_nan=True)
+        assert np.array_equal(again.channels["temperature"], rec.channels["temperature"])
 
 
 def test_times_of_every_kind() -> None:

@@ -118,7 +118,9 @@ fn projected(search: &Search<'_>, basis: &Basis, term: &Term, columns: &[Column]
 fn one(search: &Search<'_>, subject: &Projected, all: &[Projected], left: &[f64]) -> Option<Detectable> {
     let term = &subject.term;
     let robot = search.problem.nominal.robot();
-    let whole = subject.white.first().map_or(0.0, |column| dot(column, column));
+    // An effect has no columns where its joint stands still.
+    let first = subject.white.first()?;
+    let whole = dot(first, first);
     let length = subject.product(0, subject, 0);
     let visible = (length / whole).max(0.0).sqrt();
     if !(whole > 0.0 && visible > invisible(term)) {

@@ -26,12 +26,14 @@ pub enum ExcitationError {
         found: usize,
     },
     /// A limit that the motion needs is not known.
-    #[error("joint `{joint}` has no limit of its {quantity}: give one")]
+    #[error("joint `{joint}` has no limit of its {quantity}: give one (`{option}`)")]
     NoLimit {
         /// Joint.
         joint: String,
-        /// Position, speed or acceleration.
+        /// Position or speed.
         quantity: &'static str,
+        /// What gives it.
+        option: &'static str,
     },
     /// A limit that leaves no room.
     #[error("the {quantity} limit of joint `{joint}` is {value}: a limit is finite and above zero")]

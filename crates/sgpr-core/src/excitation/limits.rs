@@ -1,7 +1,7 @@
 //! What a motion has to keep within.
 
 use super::ExcitationError;
-use crate::robot::Robot;
+use crate::robot::{Joint, Robot};
 
 /// Limits of a motion; every list `[n]`.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,15 +24,34 @@ impl MotionLimits {
     /// # Errors
     /// If the robot is silent about a position or speed limit, or a limit leaves no room.
     pub fn of_robot(robot: &Robot, acceleration: &[f64]) -> Result<Self, ExcitationError> {
-        let missing = |joint: &str, quantity| ExcitationError::NoLimit { joint: joint.into(), quantity };
-        let mut limits = Self { position: vec![], velocity: vec![], acceleration: acceleration.to_vec(), torque: None };
-        for joint in robot.joints() {
-            limits.position.push(joint.limits.position.ok_or_else(|| missing(&joint.name, "position"))?);
-            limits.velocity.push(joint.limits.velocity.ok_or_else(|| missing(&joint.name, "speed"))?);
-        }
+        Self::of_robot_or(robot, acceleration, None, None)
+    }
+
+    /// As [`Self::of_robot`], with these limits of positions and speeds in the place of the robot's.
+    ///
+    /// # Errors
+    /// As [`Self::of_robot`].
+    pub fn of_robot_or(
+        robot: &Robot,
+        acceleration: &[f64],
+        position: Option<Vec<[f64; 2]>>,
+        velocity: Option<Vec<f64>>,
+    ) -> Result<Self, ExcitationError> {
+        let missing = |joint: &Joint, quantity, option| {
+            let joint = joint.name.clone();
+            ExcitationError::NoLimit { joint, quantity, option }
+        };
+        let joints = || robot.joints().iter();
+        let positions = || joints().map(|j| j.limits.position.ok_or_else(|| missing(j, "position", "position_range")));
+        let speeds = || joints().map(|j| j.limits.velocity.ok_or_else(|| missing(j, "speed", "max_velocity")));
         // A file that writes zero effort means that it does not know.
         let known = |effort: f64| (effort > 0.0).then_some(effort);
-        limits.torque = robot.joints().iter().map(|joint| joint.limits.effort.and_then(known)).collect();
+        let limits = Self {
+            position: position.map_or_else(|| positions().collect(), Ok)?,
+            velocity: velocity.map_or_else(|| speeds().collect(), Ok)?,
+            acceleration: acceleration.to_vec(),
+            torque: joints().map(|joint| joint.limits.effort.and_then(known)).collect(),
+        };
         limits.require_valid(robot)?;
         Ok(limits)
     }

@@ -101,8 +101,9 @@ impl fmt::Display for Finding {
             }
             Self::Outliers { joint, count, worst, deviations } => write!(
                 f,
-                "{count} torques of {joint} lie far off the model, the farthest by {deviations:.0} standard deviations \
-                 (log {}, sample {}): look there, or use a robust method (irls)",
+                "{count} {} far off the model, the farthest by {deviations:.0} standard deviations (log {}, sample {}): \
+                 look there, or use a robust method (irls)",
+                if *count == 1 { format!("torque of {joint} lies") } else { format!("torques of {joint} lie") },
                 worst.0 + 1,
                 worst.1
             ),

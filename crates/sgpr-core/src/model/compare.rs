@@ -5,7 +5,7 @@ use super::experiment::{band_filter, select_joints, torque_of};
 use super::identify::{IdentifyError, motions};
 use crate::dynamics::{Workspace, gravity_torque};
 use crate::identification::Row;
-use crate::motion::{Motion, Processing};
+use crate::motion::{Motion, MotionError, Processing};
 use crate::recording::Recording;
 
 /// How well a model predicts the torque of some logs.
@@ -101,6 +101,9 @@ pub(super) fn compare_by<E: From<IdentifyError>>(
     recordings: &[Recording],
     processing: Option<&Processing>,
 ) -> Result<Comparison, E> {
+    if recordings.is_empty() {
+        return Err(IdentifyError::from(MotionError::NoRecording).into());
+    }
     let recordings = select_joints(model.robot(), recordings).map_err(IdentifyError::from)?;
     let chosen;
     let processing = match processing.or(model.processing()) {

@@ -16,7 +16,7 @@ use crate::identification::{
 };
 use crate::motion::{Conditioning, Motion, MotionError, Processing};
 use crate::progress::{Interrupted, Progress};
-use crate::recording::{Recording, RecordingError};
+use crate::recording::{Recording, RecordingError, is_still};
 use crate::robot::Robot;
 use crate::signal::{CutoffChoice, SignalError};
 
@@ -108,6 +108,15 @@ pub enum IdentifyError {
     /// A log cannot be turned into motion.
     #[error(transparent)]
     Motion(#[from] MotionError),
+    /// A joint that moves without any torque.
+    #[error(
+        "the torque of `{joint}` is zero in every sample although the joint moves, so it was not measured: give the \
+         column that holds it, or leave the joint out (`joints`)"
+    )]
+    NoTorque {
+        /// Joint.
+        joint: String,
+    },
     /// The parameters cannot be estimated.
     #[error(transparent)]
     Identification(#[from] IdentificationError),
@@ -214,6 +223,7 @@ pub fn identify(
     progress: &dyn Progress,
 ) -> Result<(TorqueModel, IdentificationReport), IdentifyError> {
     let recordings = select_joints(robot, recordings)?;
+    require_torque(robot, &recordings)?;
     let (processing, cutoff_choices) = Processing::choose(&recordings, &options.conditioning)?;
     let (model, Outcome { estimate, essential, notes }) =
         fit(robot, &recordings, options, &processing, Given::default(), progress)?;
@@ -425,6 +435,17 @@ fn fit(
     model.processing = Some(processing.clone());
     model.provenance.logs = recordings.iter().map(|recording| recording.source().to_string()).collect();
     Ok((model, Outcome { estimate, essential, notes }))
+}
+
+/// Zeros in the place of a torque would be believed more than any measurement, as they have no noise.
+pub(super) fn require_torque(robot: &Robot, recordings: &[Recording]) -> Result<(), IdentifyError> {
+    let is_zero = |log: &Recording, joint| {
+        log.torque().is_some_and(|tau| tau.iter().skip(joint).step_by(robot.dof()).all(|tau| *tau == 0.0))
+    };
+    let unmeasured = (0..robot.dof()).find(|&joint| {
+        recordings.iter().any(|log| !is_still(log, joint)) && recordings.iter().all(|log| is_zero(log, joint))
+    });
+    unmeasured.map_or(Ok(()), |joint| Err(IdentifyError::NoTorque { joint: robot.joints()[joint].name.clone() }))
 }
 
 /// Motions of the instruments, sample by sample those of the recordings.

@@ -1,7 +1,7 @@
 //! Payloads and drive gains from recordings with and without a load.
 
 use super::experiment::{Experiment, select_joints};
-use super::identify::{IdentifyError, IdentifyOptions};
+use super::identify::{IdentifyError, IdentifyOptions, require_torque};
 use super::torque_model::nominal_parameters;
 use crate::identification::{
     self as estimation, BaseParameters, DriveGains, Equations, GainOptions, JointFactor, ParameterSet, Payload,
@@ -83,6 +83,7 @@ impl Pair {
         let mut experiments = Vec::new();
         let mut factors = Vec::new();
         for (index, recordings) in [&unloaded[..], &loaded[..]].into_iter().enumerate() {
+            require_torque(robot, recordings)?;
             progress.step("observe", index, 2)?;
             let experiment = Experiment::new(recordings, &processing)?;
             factors.push(Equations::new(robot, &set, &base, experiment.trajectories(&[], &[])?).factors()?);

@@ -121,9 +121,7 @@ pub enum RecordingError {
         text: String,
     },
     /// A time stamp that cannot be one.
-    #[error(
-        "{path}:{line}: column `{column}`: `{text}` is not a time in {unit} (64 bits of nanoseconds reach 292 years)"
-    )]
+    #[error("{path}:{line}: column `{column}`: `{text}` is not a time in {unit}{}", why_no_time(text))]
     NotATime {
         /// File.
         path: String,
@@ -392,4 +390,13 @@ pub enum RecordingError {
         /// Time stamp, ns.
         nanoseconds: i64,
     },
+}
+
+/// What may be wrong with a cell that holds no time.
+fn why_no_time(text: &str) -> &'static str {
+    match text.parse::<f64>() {
+        Ok(_) => " (64 bits of nanoseconds reach 292 years)",
+        Err(_) if text.is_empty() => "",
+        Err(_) => "; if this is a row of units, take it out",
+    }
 }

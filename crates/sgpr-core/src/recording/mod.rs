@@ -23,6 +23,7 @@ use tempfile::NamedTempFile;
 
 pub use channel::Channel;
 pub use error::RecordingError;
+pub(crate) use inspect::is_still;
 pub use inspect::{Issue, IssueKind, Severity, inspect};
 pub(crate) use part::stretches;
 pub use part::{GAP_FACTOR, split_at_gaps};

@@ -9,6 +9,7 @@ mod dh;
 mod error;
 mod ready_made;
 mod urdf;
+mod urdf_fault;
 mod write;
 
 use serde::{Deserialize, Serialize};

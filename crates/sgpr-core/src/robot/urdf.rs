@@ -5,6 +5,7 @@ use std::path::Path;
 
 use urdf_rs::JointType;
 
+use super::urdf_fault::{first_fault, line_at};
 use super::{Frame, Joint, JointKind, Limits, Robot, RobotError, STANDARD_GRAVITY};
 use crate::spatial::{LinkInertia, Matrix3, Pose, Vector3};
 
@@ -57,7 +58,10 @@ impl Robot {
         if bytes > LARGEST_FILE {
             return Err(RobotError::TooLarge { path: name, bytes, limit: LARGEST_FILE });
         }
-        let text = std::fs::read_to_string(path).map_err(unreadable)?;
+        let text = String::from_utf8(std::fs::read(path).map_err(unreadable)?).map_err(|_| RobotError::Malformed {
+            path: name.clone(),
+            message: "it is not text in UTF-8; save it as that if it is a robot description".into(),
+        })?;
         Self::from_urdf_text(&text, &name, options)
     }
 
@@ -70,8 +74,10 @@ impl Robot {
             return Err(RobotError::Xacro { path: origin.into() });
         }
         let malformed = |message: String| RobotError::Malformed { path: origin.into(), message };
-        require_shallow(text).map_err(malformed)?;
-        let urdf = urdf_rs::read_from_string(text).map_err(|error| malformed(error.to_string()))?;
+        require_robot(text).map_err(malformed)?;
+        let urdf = urdf_rs::read_from_string(text).map_err(|error| {
+            malformed(first_fault(text).unwrap_or_else(|| error.to_string().replace("custom: ", "")))
+        })?;
         let build = || {
             let tree = Tree::new(&urdf)?;
             tree.merge(&tree.choose(options)?, options)
@@ -271,14 +277,18 @@ impl<'a> Tree<'a> {
     }
 }
 
-/// Refuses what is no XML, or nested deeper than [`DEEPEST_ELEMENT`].
-fn require_shallow(text: &str) -> Result<(), String> {
+/// Refuses what is no XML, begins with another element than a robot, or is nested deeper than [`DEEPEST_ELEMENT`].
+fn require_robot(text: &str) -> Result<(), String> {
     use quick_xml::events::Event;
     let mut reader = quick_xml::Reader::from_str(text);
     let mut depth = 0;
-    let line = |position: u64| 1 + text.bytes().take(position as usize).filter(|byte| *byte == b'\n').count();
+    let line = |position: u64| line_at(text, position);
     loop {
         match reader.read_event() {
+            Ok(Event::Start(element) | Event::Empty(element)) if depth == 0 && element.name().as_ref() != b"robot" => {
+                let found = String::from_utf8_lossy(element.name().as_ref()).into_owned();
+                return Err(format!("the outermost element is <{found}>, expected <robot>"));
+            }
             Ok(Event::Start(_)) => depth += 1,
             Ok(Event::End(_)) => depth -= 1,
             Ok(Event::Eof) => return Ok(()),

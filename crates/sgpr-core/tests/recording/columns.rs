@@ -104,6 +104,14 @@ fn joints_by_name_without_being_told() {
 }
 
 #[test]
+fn a_joint_called_like_a_unit() {
+    let log = read_csv("t,turn_position,lift_position,turn_torque,lift_torque\n0,1,2,3,4\n");
+    assert_eq!(log.joint_names(), ["turn", "lift"]);
+    assert_eq!(log.position(), [1.0, 2.0]);
+    assert_eq!(log.torque(), Some(&[3.0, 4.0][..]));
+}
+
+#[test]
 fn joints_by_number_in_order() {
     let options = wanting(&["shoulder_pan_joint", "elbow_joint"]);
     let log = read_csv_with("t,q1,q2,q3\n0,1,2,3\n", &options).expect("readable");

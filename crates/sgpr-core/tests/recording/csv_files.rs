@@ -47,6 +47,10 @@ fn a_log_without_time() {
     let options = ReadOptions { sample_rate_hz: Some(300.0), ..ReadOptions::default() };
     let log = read_csv_with("q1\n0\n1\n2\n3\n", &options).expect("readable");
     assert_eq!(log.time(), [0, 3_333_333, 6_666_667, 10_000_000]);
+    assert_eq!(log.notes(), [""; 0]);
+    let log = read_csv_with("t,q1\n0,0\n7,1\n", &options).expect("readable");
+    assert_eq!(log.time(), [0, 3_333_333]);
+    assert_eq!(log.notes(), ["the time is counted by the rate given, not taken from `t`"]);
     let options = ReadOptions { sample_rate_hz: Some(-1.0), ..ReadOptions::default() };
     assert_eq!(
         message(read_csv_with("q1\n0\n", &options)),
@@ -96,7 +100,9 @@ fn text_among_numbers() {
     assert_eq!(csv_error("t,q1,x\n0,1,2\n\n1,1,abc\n"), "log.csv:4: column `x`: `abc` is not a number");
     let error = csv_error("t,q1\nnow,1\n");
     assert!(error.starts_with("log.csv:2: column `t`: `now` is not a time in s"), "{error}");
-    assert!(csv_error("t,q1\n,1\n").starts_with("log.csv:2: column `t`: `` is not a time in s"));
+    assert_eq!(csv_error("t,q1\n,1\n"), "log.csv:2: column `t`: `` is not a time in s");
+    let error = csv_error("t,q1\ns,rad\n0,1\n");
+    assert_eq!(error, "log.csv:2: column `t`: `s` is not a time in s; if this is a row of units, take it out");
 }
 
 #[test]

@@ -85,7 +85,7 @@ fn time_that_runs_backwards() {
     let issues = log.issues();
     assert_eq!(kinds(&issues), [IssueKind::TimeBackwards]);
     assert_eq!((issues[0].severity, issues[0].time, issues[0].count), (Severity::Error, Some(7.0), 1));
-    assert!(issues[0].message.starts_with("the time runs backwards 1 times, first by 10.000 ms at sample 701: sort"));
+    assert!(issues[0].message.starts_with("the time runs backwards 1 time, first by 10.000 ms at sample 701: sort"));
 }
 
 #[test]
@@ -132,7 +132,7 @@ fn long_steps() {
     assert_eq!((gap.count, gap.time), (1, Some(10.5)));
     assert!(
         gap.message
-            .starts_with("1 gaps, the longest of 510.000 ms (a gap is a step longer than 5 median steps of 10.000 ms)")
+            .starts_with("1 gap, the longest of 510.000 ms (a gap is a step longer than 5 median steps of 10.000 ms)")
     );
 }
 
@@ -148,7 +148,27 @@ fn irregular_steps() {
 #[test]
 fn a_time_in_the_wrong_unit() {
     let log = Log::with_time((0..2000).map(|k| k * 10_000 * 1000 * MS).collect());
-    assert!(kinds(&log.issues()).contains(&IssueKind::UnlikelyRate));
+    let issues = log.issues();
+    let issue = issues.iter().find(|issue| issue.kind == IssueKind::UnlikelyRate).expect("hours from sample to sample");
+    assert_eq!(issue.message, "the median step is 10000 s: if the log is not that slow, give the unit of the time");
+}
+
+#[test]
+fn a_position_that_is_wrapped_to_a_turn() {
+    let mut log = Log::new();
+    log.position.iter_mut().step_by(2).for_each(|q| *q -= if *q > 0.8 { std::f64::consts::TAU } else { 0.0 });
+    let issues = log.issues();
+    let issue = issues.iter().find(|issue| issue.kind == IssueKind::PositionJump).expect("it jumps");
+    assert_eq!((issue.severity, issue.channel.as_deref()), (Severity::Warning, Some("a_position")));
+    assert!(issue.message.starts_with("`a_position` jumps by a full turn "), "{}", issue.message);
+    assert!(issue.message.ends_with(" after the start: unwrap it before it is used"), "{}", issue.message);
+    let mut log = Log::new();
+    log.position.iter_mut().skip(2001).step_by(2).for_each(|q| *q += 1.0);
+    let issues = log.issues();
+    let issue = issues.iter().find(|issue| issue.kind == IssueKind::PositionJump).expect("it jumps");
+    assert_eq!((issue.channel.as_deref(), issue.count), (Some("b_position"), 1));
+    assert!(issue.message.contains("jumps 1 time, first by 0.985 rad"), "{}", issue.message);
+    assert!(issue.message.contains("within 10.000 ms 10.000 s after the start"), "{}", issue.message);
 }
 
 #[test]
@@ -157,7 +177,7 @@ fn a_joint_that_does_not_move() {
     log.position.iter_mut().skip(1).step_by(2).for_each(|q| *q = 0.7);
     let issue = log.issue();
     assert_eq!((issue.kind, issue.channel.as_deref()), (IssueKind::StillJoint, Some("b_position")));
-    assert!(issue.message.starts_with("1 of 2 joints move less than 0.002 rad (m): `b`"));
+    assert!(issue.message.starts_with("1 of 2 joints moves less than 0.002 rad (m): `b`"));
     log.position.fill(0.0);
     assert!(log.issues()[0].message.starts_with("the arm stands still"));
 }

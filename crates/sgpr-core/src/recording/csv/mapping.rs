@@ -47,6 +47,7 @@ impl Mapping {
         let position = mapper.find(Quantity::Position)?.ok_or_else(|| table.no_positions())?;
         let velocity = mapper.find(Quantity::Velocity)?;
         let mut notes: Vec<String> = mapper.note_on_numbers(&position).into_iter().collect();
+        notes.extend(note_on_unused_time(columns, &clock));
         let torque = match &options.torque_constants {
             Some(constants) => {
                 if table.of(Quantity::Torque).next().is_some() {
@@ -103,6 +104,12 @@ fn clock(path: &str, columns: &[String], options: &ReadOptions) -> Result<Clock,
         Some(index) => Ok(Clock::Column { index, unit: unit(&columns[index]) }),
         None => Err(RecordingError::NoTime { path: path.into(), columns: columns.to_vec() }),
     }
+}
+
+/// A rate given for a log that has a time of its own.
+fn note_on_unused_time(columns: &[String], clock: &Clock) -> Option<String> {
+    let name = columns.iter().find(|name| header::time_unit(name).is_some())?;
+    matches!(clock, Clock::Rate(_)).then(|| format!("the time is counted by the rate given, not taken from `{name}`"))
 }
 
 /// The two columns of a ROS time stamp, if both are there.

@@ -108,9 +108,11 @@ impl<'a> Words<'a> {
         readings
     }
 
-    /// A unit of `quantity` at the end or at `after`, the longest first, with its factor.
+    /// A unit of `quantity` at `after`, or behind it at the end, the longest first, with its factor. What stands before
+    /// the quantity is no unit: a joint may be called `turn`.
     fn unit(&self, quantity: Quantity, after: usize) -> Option<(Range<usize>, f64)> {
         let at_end = [2, 1].into_iter().filter_map(|length| Some(self.len().checked_sub(length)?..self.len()));
+        let at_end = at_end.filter(|place| place.start >= after);
         let behind = [2, 1].map(|length| after..after + length).into_iter().filter(|place| place.end <= self.len());
         at_end.chain(behind).find_map(|place| {
             let spelled: Vec<&str> = place.clone().map(|word| self.text(word)).collect();

@@ -5,6 +5,7 @@ mod time;
 mod values;
 
 use super::Recording;
+pub(crate) use values::is_still;
 pub(super) use values::{is_finite_row, repeated_samples};
 
 /// Something found in a recording.
@@ -44,6 +45,8 @@ pub enum IssueKind {
     UnlikelyRate,
     /// A joint that does not move.
     StillJoint,
+    /// A position that jumps from one sample to the next, as one that is wrapped to a turn does.
+    PositionJump,
     /// Positions that look like degrees.
     PositionInDegrees,
     /// A velocity that is not the derivative of the position.
@@ -73,6 +76,8 @@ pub enum Severity {
 /// - a gap is a step longer than [`GAP_FACTOR`](super::GAP_FACTOR) median steps;
 /// - sampling is irregular if more than 1 % of the steps are off the median by more than 10 %;
 /// - a joint stands still if it moves less than 0.002 rad (m);
+/// - a position jumps if it changes by more than 0.5 rad (m), at more than 50 rad/s (m/s) and by more than ten times what
+///   nine of ten samples change by;
 /// - velocity and position are compared over stretches of at least ten samples and 0.1 s: the change of the position
 ///   against the integral of the velocity, which tells units and sign apart from noise;
 /// - the lag of the velocity is where its cross-correlation with the derivative of the position is largest.
@@ -98,6 +103,11 @@ pub fn inspect(recording: &Recording) -> Vec<Issue> {
 fn percent(part: usize, whole: usize) -> String {
     let share = 100.0 * part as f64 / whole.max(1) as f64;
     if share >= 10.0 { format!("{share:.0} %") } else { format!("{share:.2} %") }
+}
+
+/// "1 gap", "2 gaps", for messages.
+fn counted(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
 /// Milliseconds, for messages.

@@ -1,7 +1,7 @@
 //! Issues of position and velocity together.
 
 use super::values::column;
-use super::{Issue, IssueKind, Severity, milliseconds};
+use super::{Issue, IssueKind, Severity, counted, milliseconds};
 use crate::recording::resample::resample;
 use crate::recording::statistics::{self, rms};
 use crate::recording::{GAP_FACTOR, Recording};
@@ -14,6 +14,12 @@ const STRETCH_SAMPLES: usize = 10;
 const ENOUGH_MOTION: f64 = 0.02;
 /// No arm joint turns further than this between its limits, rad.
 const WIDEST_RANGE: f64 = 4.0 * std::f64::consts::PI;
+/// Least change from one sample to the next that is a jump, rad (m).
+const JUMP: f64 = 0.5;
+/// No arm joint is as fast, rad/s (m/s).
+const JUMP_SPEED: f64 = 50.0;
+/// A jump is this many times what nine of ten samples change by.
+const JUMP_FACTOR: f64 = 10.0;
 /// Largest lag that is looked for, s.
 const LARGEST_LAG: f64 = 0.05;
 /// Most samples for the cross-correlation.
@@ -30,6 +36,7 @@ pub(super) fn issues(recording: &Recording) -> Vec<Issue> {
         !suspected.contains(&position)
     }));
     issues.extend(lag(&clean, &ratios));
+    issues.extend((0..clean.dof()).filter_map(|joint| jumps(&clean, joint)));
     issues
 }
 
@@ -44,6 +51,35 @@ fn without_faults(recording: &Recording) -> Recording {
         }
     }
     recording.pick(keep.iter().copied())
+}
+
+/// Positions that no joint can have one after the other.
+fn jumps(recording: &Recording, joint: usize) -> Option<Issue> {
+    let q: Vec<f64> = column(recording.position(), recording.dof(), joint).collect();
+    let changes: Vec<f64> = q.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+    if changes.is_empty() {
+        return None;
+    }
+    let steps = recording.steps();
+    let usual = statistics::quantile(&mut changes.clone(), 0.9);
+    let found: Vec<usize> =
+        (0..changes.len()).filter(|&k| changes[k] > JUMP.max(JUMP_SPEED * steps[k]).max(JUMP_FACTOR * usual)).collect();
+    let first = *found.first()?;
+    let is_turn = |change: f64| (change - std::f64::consts::TAU).abs() < JUMP;
+    let name = format!("{}_position", recording.joint_names()[joint]);
+    let (often, at) = (counted(found.len(), "time"), recording.time_seconds()[first + 1]);
+    let message = if found.iter().all(|&k| is_turn(changes[k])) {
+        format!("`{name}` jumps by a full turn {often}, first {at:.3} s after the start: unwrap it before it is used")
+    } else {
+        format!(
+            "`{name}` jumps {often}, first by {:.3} rad (m) within {} {at:.3} s after the start: repair the log, or cut \
+             it there",
+            changes[first],
+            milliseconds(steps[first]),
+        )
+    };
+    let (kind, severity) = (IssueKind::PositionJump, Severity::Warning);
+    Some(Issue { kind, severity, time: Some(at), channel: Some(name), count: found.len(), message })
 }
 
 /// The change of a position against the integral of its velocity.

@@ -1,6 +1,6 @@
 //! Issues of the time stamps.
 
-use super::{Issue, IssueKind, Severity, milliseconds, percent};
+use super::{Issue, IssueKind, Severity, counted, milliseconds, percent};
 use crate::recording::statistics::{median, quantile};
 use crate::recording::{GAP_FACTOR, Recording};
 
@@ -35,8 +35,8 @@ impl Log {
         let found = self.where_step(|step| step < 0.0);
         let first = *found.first()?;
         let message = format!(
-            "the time runs backwards {} times, first by {} at sample {}: sort the samples, or cut the log there if it was restarted",
-            found.len(),
+            "the time runs backwards {}, first by {} at sample {}: sort the samples, or cut the log there if it was restarted",
+            counted(found.len(), "time"),
             milliseconds(-self.steps[first]),
             first + 1,
         );
@@ -46,8 +46,9 @@ impl Log {
     fn duplicates(&self) -> Option<Issue> {
         let found = self.where_step(|step| step == 0.0);
         let message = format!(
-            "{} samples have the stamp of the one before: drop the duplicates, or check the resolution of the time",
-            found.len()
+            "{} {} the stamp of the one before: drop the duplicates, or check the resolution of the time",
+            counted(found.len(), "sample"),
+            if found.len() == 1 { "has" } else { "have" },
         );
         self.issue(IssueKind::DuplicateStamps, Severity::Error, &found, message)
     }
@@ -57,8 +58,8 @@ impl Log {
         let found = self.where_step(|step| step > GAP_FACTOR * usual);
         let longest = found.iter().map(|&index| self.steps[index]).fold(0.0, f64::max);
         let message = format!(
-            "{} gaps, the longest of {} (a gap is a step longer than {GAP_FACTOR} median steps of {}): cut the log there, nothing may be filtered or differentiated across",
-            found.len(),
+            "{}, the longest of {} (a gap is a step longer than {GAP_FACTOR} median steps of {}): cut the log there, nothing may be filtered or differentiated across",
+            counted(found.len(), "gap"),
             milliseconds(longest),
             milliseconds(usual),
         );
@@ -92,7 +93,7 @@ impl Log {
             return None;
         }
         let message = format!(
-            "the median step is {usual:e} s: if the log is not that {}, give the unit of the time",
+            "the median step is {usual} s: if the log is not that {}, give the unit of the time",
             if usual < LIKELY_PERIOD[0] { "fast" } else { "slow" }
         );
         let (kind, severity) = (IssueKind::UnlikelyRate, Severity::Warning);

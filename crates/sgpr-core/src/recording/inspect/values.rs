@@ -1,6 +1,6 @@
 //! Issues of the values, sample by sample.
 
-use super::{Issue, IssueKind, Severity, percent};
+use super::{Issue, IssueKind, Severity, counted, percent};
 use crate::recording::names::quoted;
 use crate::recording::{Recording, seconds, statistics};
 
@@ -51,7 +51,8 @@ fn not_finite(recording: &Recording) -> Vec<Issue> {
             severity,
             time: Some(seconds(recording.time()[0], recording.time()[at])),
             message: format!(
-                "`{name}` is missing or not finite in {count} samples ({}), first in sample {at}: drop these samples",
+                "`{name}` is missing or not finite in {} ({}), first in sample {at}: drop these samples",
+                counted(count, "sample"),
                 percent(count, recording.len()),
             ),
             channel: Some(name),
@@ -91,9 +92,10 @@ fn repeated(recording: &Recording) -> Option<Issue> {
         channel: None,
         count: found.len(),
         message: format!(
-            "{} samples ({}) repeat all values of the one before under a new stamp while the arm moves: drop them before differentiating",
-            found.len(),
+            "{} ({}) {} all values of the one before under a new stamp while the arm moves: drop them before differentiating",
+            counted(found.len(), "sample"),
             percent(found.len(), recording.len()),
+            if found.len() == 1 { "repeats" } else { "repeat" },
         ),
     })
 }
@@ -133,7 +135,8 @@ impl<'a> Motion<'a> {
     }
 }
 
-fn is_still(recording: &Recording, joint: usize) -> bool {
+/// Whether a joint stands still, as far as an encoder can tell.
+pub(crate) fn is_still(recording: &Recording, joint: usize) -> bool {
     let range = statistics::range(column(recording.position(), recording.dof(), joint));
     range.is_some_and(|[low, high]| high - low < STILL_RANGE)
 }
@@ -150,9 +153,11 @@ fn still_joints(recording: &Recording) -> Option<Issue> {
         format!("the arm stands still: no joint moves more than {STILL_RANGE} rad (m)")
     } else {
         format!(
-            "{} of {n} joints move less than {STILL_RANGE} rad (m): {}; what depends on their motion cannot be identified from this log",
+            "{} of {n} joints {} less than {STILL_RANGE} rad (m): {}; what depends on {} motion cannot be identified from this log",
             still.len(),
+            if still.len() == 1 { "moves" } else { "move" },
             quoted(&still),
+            if still.len() == 1 { "its" } else { "their" },
         )
     };
     let (kind, severity, count) = (IssueKind::StillJoint, Severity::Warning, still.len());
@@ -178,8 +183,11 @@ fn clipped(recording: &Recording) -> Vec<Issue> {
             severity: Severity::Note,
             time: Some(seconds(recording.time()[0], recording.time()[first])),
             message: format!(
-                "`{name}` stays at its extreme ({low} or {high}) for {count} samples in {} stretches while the joint moves: it may be clipped by a limit of drive or logger; leave these stretches out",
-                runs.len(),
+                "`{name}` stays at its extreme ({low} or {high}) for {count} samples in {} while the joint moves: it may be clipped by a limit of drive or logger; leave these stretches out",
+                match runs.len() {
+                    1 => "1 stretch".into(),
+                    several => format!("{several} stretches"),
+                },
             ),
             channel: Some(name),
             count,

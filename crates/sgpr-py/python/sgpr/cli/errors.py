@@ -14,6 +14,8 @@ from .console import print_error
 BAD_DATA = 1
 LIMITS_NOT_MET = 1
 STOPPED = 130
+PANIC = "PanicException"
+"""What a broken assertion of the compiled half is called; it is no `Exception`."""
 
 
 # What messages of the library call it -> what it is called here.
@@ -31,6 +33,8 @@ OPTIONS = {
     r"`rows`": "`--rows`",
     r"`clock`": "`--clock`",
     r"`speed_limit`": "`--speed-limit`",
+    r"`position_range`": "`--position-range`",
+    r"`max_velocity`": "`--max-velocity`",
 }
 
 
@@ -71,7 +75,9 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
             print_error(_of_system(error))
         except (BadData, SgprError) as error:
             print_error(_of_command_line(str(error)))
-        except Exception as error:
+        except BaseException as error:
+            if not (isinstance(error, Exception) or type(error).__name__ == PANIC):
+                raise
             print_error(f"this should not happen, please report it: {type(error).__name__}: {error}")
         raise typer.Exit(BAD_DATA)
 

@@ -57,6 +57,15 @@ def excite(
     terms: Annotated[int, typer.Option("--terms", help="Harmonics of the series.")] = 4,
     duration: Annotated[float, typer.Option("--duration", metavar="S", help="Of splines and points.")] = 10.0,
     points: Annotated[int, typer.Option("--points", help="Control points of a spline, or points.")] = 12,
+    position_range: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--position-range",
+            metavar="LOW HIGH...",
+            help="Per joint, or one pair for all, rad (m).",
+            show_default="robot file",
+        ),
+    ] = None,
     max_velocity: Annotated[
         list[float] | None,
         typer.Option("--max-velocity", metavar="V...", help="Per joint, or one for all.", show_default="robot file"),
@@ -120,6 +129,7 @@ def excite(
         "duration": duration,
         "points": points,
         "max_acceleration": per_joint(max_acceleration, loaded, "--max-acceleration"),
+        "position_range": pair_per_joint(position_range, loaded, "--position-range"),
         "max_velocity": per_joint(max_velocity, loaded, "--max-velocity"),
         "max_torque": per_joint(max_torque, loaded, "--max-torque"),
         "floor": floor,
@@ -158,6 +168,18 @@ def per_joint(values: list[float] | None, robot: Robot, option: str) -> list[flo
     if len(values) != robot.dof:
         raise wrong_use(f"got {len(values)} numbers for {robot.dof} joints", option)
     return values
+
+
+def pair_per_joint(values: list[float] | None, robot: Robot, option: str) -> list[list[float]] | None:
+    """Two numbers per joint; a single pair counts for all."""
+    if values is None:
+        return None
+    pairs = [values[k : k + 2] for k in range(0, len(values), 2)]
+    if len(values) == 2:
+        return pairs * robot.dof
+    if len(values) != 2 * robot.dof:
+        raise wrong_use(f"got {len(values)} numbers for {robot.dof} joints, which need two each", option)
+    return pairs
 
 
 def to_dict(found: Excitation, settings: dict[str, Any]) -> dict[str, Any]:

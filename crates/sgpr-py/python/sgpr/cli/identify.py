@@ -37,7 +37,7 @@ from .screening import excitation, outside, saturated
 from .versions import versions
 
 FIT = "Identification"
-WRONG_UNIT = ("position_in_degrees", "velocity_mismatch")
+WRONG_POSITION = ("position_in_degrees", "position_jump", "velocity_mismatch")
 """Kinds of findings after which no result can be believed."""
 
 
@@ -479,7 +479,7 @@ def show(result: Result, data: dict[str, Any], output: Output) -> None:
         )
     findings = [found for log in data["logs"] for found in log["issues"] if found["severity"] != "note"]
     # A wrong unit spoils all of the above, so it is said here, once for all logs.
-    units = [found for found in findings if found["kind"] in WRONG_UNIT]
+    units = [found for found in findings if found["kind"] in WRONG_POSITION]
     for text in dict.fromkeys(found["message"] for found in units):
         output.warning(text)
     if len(findings) > len(units):

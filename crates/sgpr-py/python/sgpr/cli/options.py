@@ -4,6 +4,7 @@ import dataclasses
 import functools
 import inspect
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
@@ -29,6 +30,13 @@ def check_unseen(train: Sequence[str], test: Sequence[str] | None) -> None:
     both = sorted(set(train) & set(test or ()))
     if both:
         raise wrong_use(f"{', '.join(both)}: a log that trains the model cannot test it", "--test")
+
+
+def check_not_input(out: str, inputs: Sequence[str]) -> None:
+    """Refuses to write over what is read."""
+    place = Path(out)
+    if place.exists() and any(Path(given).exists() and place.samefile(given) for given in inputs):
+        raise wrong_use(f"{out} is read by this command and would be overwritten", "--out")
 
 
 def with_option_groups(command: Callable[..., Any]) -> Callable[..., Any]:

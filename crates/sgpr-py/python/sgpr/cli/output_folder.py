@@ -1,8 +1,11 @@
 """Results that appear all together: files are written beside their place and renamed at the end."""
 
+import errno
 import os
 from pathlib import Path
 from types import TracebackType
+
+from .errors import wrong_use
 
 
 class OutputFolder:
@@ -10,7 +13,11 @@ class OutputFolder:
 
     def __init__(self, path: str) -> None:
         """Makes the folder and finds out now whether it can be written to, not after an hour of work."""
+        if not path:
+            raise wrong_use("the name of the folder is empty", "--out")
         self.path = Path(path)
+        if self.path.exists() and not self.path.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, "this is no folder, and results need one", path)
         self.path.mkdir(parents=True, exist_ok=True)
         self._waiting: dict[Path, Path] = {}
         probe = self._beside(self.path / "probe")
@@ -38,6 +45,13 @@ class OutputFolder:
                 os.replace(written, place)
             else:
                 written.unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.errno is not None:
+            raise OSError(error.errno, error.strerror, str(self._meant(error.filename))) from error
+
+    def _meant(self, name: str | None) -> Path:
+        """The file that the user knows in the place of the one beside it; the folder if the system names none."""
+        places = {str(written): place for place, written in self._waiting.items()}
+        return self.path if name is None else places.get(name, Path(name))
 
     @staticmethod
     def _beside(place: Path) -> Path:

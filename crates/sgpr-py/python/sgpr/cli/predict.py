@@ -13,6 +13,7 @@ from ..report.numbers import counted
 from .console import Output
 from .errors import wrong_use
 from .inputs import load_any_model
+from .options import check_not_input
 from .output_folder import OutputFolder
 from .predictions import INTERVAL, STD, Pieces, beside, predictions, spread_of, write_table, write_topics
 from .reading import ReadingOptions, read_log
@@ -50,6 +51,7 @@ def predict(
     """
     if not out.endswith(SUFFIXES):
         raise wrong_use(f"`{out}`: the name must end in {', '.join(SUFFIXES)}", "--out")
+    check_not_input(out, [model, file])
     place = Path(out).absolute()
     loaded = load_any_model(model, joints)
     names = loaded.robot.joint_names
@@ -73,8 +75,8 @@ def predict(
             write_topics(written, [row], names, PREDICTED, with_measured=measured)
         else:
             write_table(written, [row], names, columns, with_file=False, with_measured=measured)
-    for action in log.actions:
-        output.note(f"{file}: {action}")
+    for said in [*log.raw.notes, *log.actions]:
+        output.note(f"{file}: {said}")
     if row.left_out:
         output.warning(
             f"{counted(row.left_out, 'sample')} of {file} without prediction: see the notes on repairs and gaps"

@@ -182,8 +182,8 @@ def read_logs(paths: Sequence[str], options: ReadingOptions, joints: Sequence[st
                 progress("read", index, len(paths))
             logs.append(read_log(path, options, joints))
     for log in logs:
-        for action in log.actions:
-            output.note(f"{log.path}: {action}")
+        for said in [*log.raw.notes, *log.actions]:
+            output.note(f"{log.path}: {said}")
     return logs
 
 

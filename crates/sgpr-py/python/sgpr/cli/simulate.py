@@ -15,6 +15,7 @@ from .console import Output
 from .errors import BadData, one_of, wrong_use
 from .excite import per_joint
 from .inputs import kind_of, load_model
+from .options import check_not_input
 from .output_folder import OutputFolder
 from .reading import ReadingOptions, read_log
 from .robots import READY_MADE, load_robot
@@ -81,6 +82,7 @@ def simulate(
         if not value > 0.0:
             raise wrong_use("must be greater than zero", option)
     one_of(controller, CONTROLLERS, "--controller", "controller")
+    check_not_input(out, [arm, motion, *([model] if model else [])])
     truth = load_model(arm, joints) if kind_of(arm) == "model" else load_robot(arm, joints)
     robot = getattr(truth, "robot", truth)
     drives = DRIVES[arm]() if arm in READY_MADE and not Path(arm).exists() else None

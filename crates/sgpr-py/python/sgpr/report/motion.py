@@ -18,7 +18,8 @@ SHOWN_SAMPLES = 500
 # Criteria that are logarithms already.
 LOGARITHMS = ("d_optimality", "hadamard")
 # What holds where a setting was not given; one that is not here does not act then.
-WITHOUT = {"max_velocity": "as in the robot", "max_torque": "as in the robot", "start": "zero or mid-range"}
+ROBOT = "as in the robot"
+WITHOUT = {"position_range": ROBOT, "max_velocity": ROBOT, "max_torque": ROBOT, "start": "zero or mid-range"}
 QUANTITIES = (("position", "position [{0}]"), ("velocity", "speed [{0}/s]"), ("acceleration", "acceleration [{0}/s²]"))
 
 
@@ -62,7 +63,7 @@ class MotionPage:
         text = (
             f"{value}{report['rank']} of "
             f"{counted(report['base_parameters'], kind_of_parameters(report))} are excited, condition number "
-            f"{significant(report['condition'])}. The motion uses {100 * self.found.utilisation:.3f} % of its tightest "
+            f"{significant(report['condition'])}. The motion uses {100 * self.found.utilisation:.4g} % of its tightest "
             "limit, between samples too."
         )
         stopped = "The search was stopped: this is the best motion that it had found."

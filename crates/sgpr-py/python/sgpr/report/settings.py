@@ -28,6 +28,7 @@ NAMES = {
     "speed_limit": "runs away above [rad/s, m/s]",
     "position_resolution": "encoder step [rad, m]",
     "torque_noise": "noise of the torque [N·m, N]",
+    "position_range": "positions, lowest and highest [rad, m]",
     "max_velocity": "highest speed [rad/s, m/s]",
     "max_acceleration": "highest acceleration [rad/s², m/s²]",
     "max_torque": "highest torque [N·m, N]",
