@@ -371,7 +371,10 @@ impl<T: Element> WithSimd for Predict<'_, T> {
         let mut tiles = Tiles { plan, weights, query, work, mean, keep };
         match points {
             Kept::Full(points) => tiles.add(simd, points, points.count()),
-            Kept::Compact(points) => tiles.add(simd, points, points.count()),
+            Kept::Compact(points) => {
+                points.set_query(tiles.query);
+                tiles.add(simd, points, points.count());
+            }
         }
         match variance {
             _ if !with_variance => 0.0,

@@ -6,6 +6,7 @@
 
 mod exponential;
 mod lanes;
+mod pair_products;
 mod real;
 mod transpose;
 mod trigonometry;
@@ -13,6 +14,7 @@ mod trigonometry;
 pub(crate) use exponential::{exp_f32, exp_f64, fused};
 pub use lanes::Lanes;
 pub(crate) use lanes::MAX_LANES;
+pub(crate) use pair_products::{pair, pair_products};
 pub use real::{Fused, Real};
 pub(crate) use transpose::Transpose;
 pub(crate) use trigonometry::{cos_in_place, sin_cos_slice};

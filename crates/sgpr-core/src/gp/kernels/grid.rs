@@ -4,23 +4,33 @@ use std::ops::Range;
 
 use pulp::Simd;
 
-use super::{Element, Features, Plan, TILE};
+use super::{Element, Features, Plan, Query};
+use crate::simd::{pair, pair_products};
 
 /// Points in the coordinates of a plan, tile by tile.
 pub(crate) trait Points<T: Element> {
     /// Squared distances, in the coordinates `columns`, of the points of a tile (start, length) to the query `c`.
+    ///
+    /// - `work`: two tiles
     fn squared_distances<S: Simd>(
         &self,
         simd: S,
         columns: Range<usize>,
         tile: (usize, usize),
         c: &[T],
+        work: &mut [Vec<u32>; 2],
         squares: &mut [T],
     );
 }
 
-/// Largest number of steps from the middle of the grid.
+/// Largest number of steps from the middle of the grid, and largest digit.
 const LARGEST: f64 = 32_767.0;
+
+/// Largest sum of digits over columns, so that no sum of products leaves 32 bits.
+const LARGEST_SUM: f64 = 65_000.0;
+
+/// Step of an input that is the same at all points: so small that no digits are spent on it.
+const NO_RANGE: f64 = 1e-100;
 
 /// Middle and step of the grid of every input.
 #[derive(Clone, Debug)]
@@ -37,7 +47,7 @@ impl Grid {
             column.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)))
         };
         let ranges: Vec<(f64, f64)> = (0..inputs).map(range).collect();
-        let step = |(low, high): &(f64, f64)| if high > low { (high - low) / (2.0 * LARGEST) } else { 1.0 };
+        let step = |(low, high): &(f64, f64)| if high > low { (high - low) / (2.0 * LARGEST) } else { NO_RANGE };
         Self {
             middle: ranges.iter().map(|(low, high)| 0.5 * (low + high)).collect(),
             step: ranges.iter().map(step).collect(),
@@ -60,35 +70,149 @@ impl Grid {
     }
 }
 
+/// Points whose coordinates lie together; a divisor of a tile.
+const GROUP: usize = 64;
+
+/// Registers of points that share what is read of the query.
+const REGISTERS: usize = 4;
+
 /// Points of a grid.
+///
+/// |x - c|² = |x|² + |c|² - 2 x·c, where x is in steps and c is split into digits: sums of products of integers of 16 bits.
 #[derive(Clone, Debug)]
 pub(crate) struct GridPoints<T> {
-    /// A tile after the other: its columns, each [`TILE`] long, in steps.
-    steps: Vec<i16>,
-    /// Coordinate of a step, per column.
-    scales: Vec<T>,
+    leaves: Vec<GridLeaf<T>>,
     count: usize,
+}
+
+/// Points as one leaf of the kernel sees them, and the query.
+#[derive(Clone, Debug)]
+struct GridLeaf<T> {
+    columns: Range<usize>,
+    /// A group of points after the other, of two columns in one word: `[pairs, GROUP]`.
+    steps: Vec<u32>,
+    /// Coordinate of a step, per column.
+    scales: Vec<f64>,
+    /// |x|², per point.
+    norms: Vec<T>,
+    query: Digits,
+}
+
+/// Coordinates of a query, each times that of a step: the first digit times its unit plus the second times its own.
+#[derive(Clone, Debug)]
+struct Digits {
+    /// Of two columns in one word, `[pairs]`.
+    words: Vec<[u32; 2]>,
+    units: [f64; 2],
+    /// |c|², so that it goes with the rounded products.
+    norm: f64,
 }
 
 impl<T: Element> GridPoints<T> {
     /// The points `x` in the coordinates of `plan`, which is centred on the grid; none if an input is periodic.
     pub fn new(plan: &Plan, grid: &Grid, x: &[f64], inputs: usize) -> Option<Self> {
         let columns = plan.straight_columns()?;
-        let count = x.len() / inputs;
-        let mut steps = vec![0; count.div_ceil(TILE) * columns.len() * TILE];
-        for (k, point) in x.chunks_exact(inputs).enumerate() {
-            let tile = &mut steps[k / TILE * columns.len() * TILE..];
-            for (c, (input, _)) in columns.iter().enumerate() {
-                tile[c * TILE + k % TILE] = grid.steps(*input, point[*input]) as i16;
-            }
-        }
-        let scales = columns.iter().map(|(input, factor)| T::from_f64(grid.step[*input] * factor)).collect();
-        Some(Self { steps, scales, count })
+        let leaf = |range: Range<usize>| GridLeaf::new(&columns[range.clone()], range, grid, x, inputs);
+        Some(Self { leaves: plan.leaf_columns().map(leaf).collect(), count: x.len() / inputs })
     }
 
     /// Number of points.
     pub fn count(&self) -> usize {
         self.count
+    }
+
+    /// Takes the point whose distances are asked for next.
+    #[inline(always)]
+    pub fn set_query(&mut self, query: &Query<T>) {
+        for leaf in &mut self.leaves {
+            leaf.query.set(&leaf.scales, query.coordinates(&leaf.columns));
+        }
+    }
+}
+
+impl<T: Element> GridLeaf<T> {
+    /// - `inputs_and_factors`: of the columns
+    fn new(inputs_and_factors: &[(usize, f64)], columns: Range<usize>, grid: &Grid, x: &[f64], inputs: usize) -> Self {
+        let pairs = columns.len().div_ceil(2);
+        let scales: Vec<f64> = inputs_and_factors.iter().map(|(input, factor)| grid.step[*input] * factor).collect();
+        let padded = (x.len() / inputs).next_multiple_of(GROUP);
+        let (mut steps, mut norms) = (vec![0; padded * pairs], vec![T::default(); padded]);
+        for (k, point) in x.chunks_exact(inputs).enumerate() {
+            let own: Vec<f64> = inputs_and_factors.iter().map(|(input, _)| grid.steps(*input, point[*input])).collect();
+            norms[k] = T::from_f64(own.iter().zip(&scales).map(|(steps, scale)| (steps * scale).powi(2)).sum());
+            let group = &mut steps[k / GROUP * pairs * GROUP..];
+            for (p, two) in own.chunks(2).enumerate() {
+                group[p * GROUP + k % GROUP] = pair([two[0] as i16, two.get(1).map_or(0, |steps| *steps as i16)]);
+            }
+        }
+        let query = Digits { words: vec![[0; 2]; pairs], units: [0.0; 2], norm: 0.0 };
+        Self { columns, steps, scales, norms, query }
+    }
+}
+
+impl Digits {
+    /// Rounds the products of the query with a step to what their digits say, by less than a billionth of the sum of their sizes
+    /// over as many as 18 columns.
+    #[inline(always)]
+    fn set<T: Element>(&mut self, scales: &[f64], query: &[T]) {
+        let product = |k: usize| query[k].to_f64() * scales[k];
+        let sizes = (0..scales.len()).map(|k| product(k).abs());
+        let (total, largest) = sizes.fold((0.0, 0.0), |(sum, max), size| (sum + size, f64::max(max, size)));
+        let unit = (total / LARGEST_SUM).max(largest / LARGEST).max(f64::MIN_POSITIVE);
+        let parts = (LARGEST_SUM / (2 * self.words.len()) as f64).min(LARGEST);
+        self.units = [unit, unit / parts];
+        self.norm = 0.0;
+        for (pair_index, words) in self.words.iter_mut().enumerate() {
+            let mut digits = [[0; 2]; 2];
+            for column in 0..2.min(scales.len() - 2 * pair_index) {
+                let k = 2 * pair_index + column;
+                let exact = product(k) / unit;
+                let first = exact.round_ties_even();
+                let second = ((exact - first) * parts).round_ties_even();
+                (digits[0][column], digits[1][column]) = (first as i16, second as i16);
+                // Corrects the error of the product for points close to the query, or on the side of it if it is outside.
+                let (c, error) = (query[k].to_f64(), unit * (first + second / parts - exact));
+                self.norm += c * c + 2.0 * (c / scales[k]).clamp(-LARGEST, LARGEST) * error;
+            }
+            *words = digits.map(pair);
+        }
+    }
+}
+
+impl<T: Element> GridLeaf<T> {
+    #[inline(always)]
+    fn squared_distances<S: Simd>(&self, simd: S, tile: (usize, usize), work: &mut [Vec<u32>; 2], squares: &mut [T]) {
+        self.products(simd, tile, work);
+        let [norm, first, second] = [self.query.norm, -2.0 * self.query.units[0], -2.0 * self.query.units[1]];
+        let norms = &self.norms[tile.0..tile.0 + tile.1];
+        T::squares_from_products(simd, norms, T::from_f64(norm), work, [first, second].map(T::from_f64), squares);
+    }
+
+    /// Sums over columns of steps times each digit of the query, for the points of a tile.
+    #[inline(always)]
+    fn products<S: Simd>(&self, simd: S, (start, length): (usize, usize), products: &mut [Vec<u32>; 2]) {
+        let (height, wide) = (self.query.words.len() * GROUP, REGISTERS * S::U32_LANES);
+        for group in 0..length.div_ceil(GROUP) {
+            let x = &self.steps[(start / GROUP + group) * height..][..height];
+            for first in (0..GROUP).step_by(wide) {
+                let mut sums = [[simd.splat_u32s(0); REGISTERS]; 2];
+                for (x, words) in x.chunks_exact(GROUP).zip(&self.query.words) {
+                    let x = S::as_simd_u32s(&x[first..first + wide]).0;
+                    let x = x.first_chunk::<REGISTERS>().expect("as many as were cut out");
+                    for k in 0..2 {
+                        let digit = simd.splat_u32s(words[k]);
+                        for position in 0..REGISTERS {
+                            let product = pair_products(simd, x[position], digit);
+                            sums[k][position] = simd.add_u32s(sums[k][position], product);
+                        }
+                    }
+                }
+                for k in 0..2 {
+                    let out = S::as_mut_simd_u32s(&mut products[k][group * GROUP + first..][..wide]).0;
+                    *out.first_chunk_mut::<REGISTERS>().expect("as many as were cut out") = sums[k];
+                }
+            }
+        }
     }
 }
 
@@ -98,15 +222,13 @@ impl<T: Element> Points<T> for GridPoints<T> {
         &self,
         simd: S,
         columns: Range<usize>,
-        (start, length): (usize, usize),
-        c: &[T],
+        tile: (usize, usize),
+        _: &[T],
+        work: &mut [Vec<u32>; 2],
         squares: &mut [T],
     ) {
-        squares.fill(T::default());
-        let tile = &self.steps[start * self.scales.len()..];
-        for (column, c) in columns.zip(c) {
-            T::add_grid_squares(simd, &tile[column * TILE..][..length], self.scales[column], *c, squares);
-        }
+        let leaf = self.leaves.iter().find(|leaf| leaf.columns == columns).expect("columns of a leaf");
+        leaf.squared_distances(simd, tile, work, squares);
     }
 }
 
@@ -118,9 +240,82 @@ impl<T: Element> Points<T> for Features<T> {
         columns: Range<usize>,
         (start, _): (usize, usize),
         c: &[T],
+        _: &mut [Vec<u32>; 2],
         squares: &mut [T],
     ) {
         let (x, stride) = self.columns_from(columns.start, start);
         T::squared_distances(simd, x, stride, c, squares);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gp::Kernel;
+    use crate::gp::kernels::{Shape, TILE, tiles};
+    use pulp::{Arch, Scalar, WithSimd};
+
+    struct Distances<'a, T>(&'a GridPoints<T>, Range<usize>);
+
+    impl<T: Element> WithSimd for Distances<'_, T> {
+        type Output = Vec<f64>;
+
+        fn with_simd<S: Simd>(self, simd: S) -> Vec<f64> {
+            let Self(points, columns) = self;
+            let mut work = [vec![0; TILE], vec![0; TILE]];
+            let mut all = vec![];
+            for tile in tiles(0, points.count()) {
+                let mut squares = vec![T::default(); tile.1];
+                points.squared_distances(simd, columns.clone(), tile, &[], &mut work, &mut squares);
+                all.extend(squares.iter().map(|square| square.to_f64()));
+            }
+            all
+        }
+    }
+
+    /// Largest error of a squared distance, as a share of the squares of point and query.
+    fn largest_error<T: Element>() -> f64 {
+        const COUNT: usize = 300;
+        let wave = |k: usize, m: usize| (0.37 * k as f64 * (1.0 + m as f64) + m as f64).sin();
+        let x: Vec<f64> =
+            (0..COUNT).flat_map(|k| [5.0 * wave(k, 0) + 7.0, 0.1 * wave(k, 1), wave(k, 2), 3.0]).collect();
+        let wide = Kernel::ard(Shape::SquaredExponential, &[2.0, 0.03, 1.5]).on(&[0, 1, 2]);
+        let narrow = Kernel::isotropic(Shape::Matern52, 2, 0.5).on(&[2, 3]);
+        let grid = Grid::of(&x, 4);
+        let plan = Plan::new(&wide.plus(narrow)).centred(grid.middle());
+        let mut points: GridPoints<T> = GridPoints::new(&plan, &grid, &x, 4).expect("no circle");
+        let mut largest: f64 = 0.0;
+        for query in [[7.0, 0.0, 0.0, 3.0], [4.2, 0.07, -0.9, 3.0], [400.0, -0.2, 30.0, 4.0]] {
+            let mut c = plan.query();
+            plan.set_query(&query, &mut c);
+            points.set_query(&c);
+            for columns in plan.leaf_columns() {
+                let portable = Scalar::new().vectorize(Distances(&points, columns.clone()));
+                let fast = Arch::new().dispatch(Distances(&points, columns.clone()));
+                for (k, point) in x.chunks_exact(4).enumerate() {
+                    let (mut square, mut of_point, mut of_query): (f64, f64, f64) = (0.0, 0.0, 0.0);
+                    for (input, factor) in &plan.straight_columns().expect("no circle")[columns.clone()] {
+                        let from_middle = |x: f64| factor * (x - grid.middle()[*input]);
+                        let (x, c) = (from_middle(grid.nearest(*input, point[*input])), from_middle(query[*input]));
+                        square += (x - c).powi(2);
+                        of_point += x * x;
+                        of_query += c * c;
+                    }
+                    let scale = 1e-3 + of_query + of_point;
+                    for found in [portable[k], fast[k]] {
+                        assert!(found >= 0.0);
+                        largest = largest.max((found - square).abs() / scale);
+                    }
+                }
+            }
+        }
+        largest
+    }
+
+    #[test]
+    fn distances_on_the_grid_are_those_of_its_points() {
+        let (double, single) = (largest_error::<f64>(), largest_error::<f32>());
+        assert!(double < 1e-7, "{double:e}");
+        assert!(single < 1e-6, "{single:e}");
     }
 }

@@ -88,6 +88,8 @@ pub(crate) struct Work<T> {
     squares: Vec<T>,
     slopes: Vec<T>,
     products: Vec<T>,
+    /// Products with each digit of the query, where points are on a grid.
+    integers: [Vec<u32>; 2],
 }
 
 /// Points are padded to a multiple of this, the lanes of the widest register.
@@ -125,6 +127,13 @@ impl<T: Element> Features<T> {
     }
 }
 
+impl<T> Query<T> {
+    /// Some of its coordinates.
+    pub fn coordinates(&self, columns: &Range<usize>) -> &[T] {
+        &self.0[columns.clone()]
+    }
+}
+
 impl Plan {
     pub fn new(kernel: &Kernel) -> Self {
         let mut plan =
@@ -143,6 +152,11 @@ impl Plan {
     /// Input and factor of every coordinate; none if an input is periodic.
     pub fn straight_columns(&self) -> Option<Vec<(usize, f64)>> {
         self.columns.iter().map(|column| column.wave.is_none().then_some((column.input, column.factor))).collect()
+    }
+
+    /// The coordinates of each leaf.
+    pub fn leaf_columns(&self) -> impl Iterator<Item = Range<usize>> {
+        self.leaves.iter().map(|leaf| leaf.columns.clone())
     }
 
     /// k(x, x).
@@ -235,6 +249,7 @@ impl Plan {
             squares: tiles(self.leaves.len()),
             slopes: tiles(self.leaves.len()),
             products: tiles(1),
+            integers: [vec![0; TILE], vec![0; TILE]],
         }
     }
 
@@ -257,8 +272,8 @@ impl Plan {
                     let tile = leaf * TILE..leaf * TILE + length;
                     let Leaf { shape, columns, .. } = &self.leaves[*leaf];
                     let squares = &mut work.squares[tile.clone()];
-                    let c = &query.0[columns.clone()];
-                    points.squared_distances(simd, columns.clone(), (start, length), c, squares);
+                    let c = query.coordinates(columns);
+                    points.squared_distances(simd, columns.clone(), (start, length), c, &mut work.integers, squares);
                     T::shape::<S, SLOPES>(simd, *shape, squares, out, &mut work.slopes[tile]);
                 }
                 Node::Scaled { variance, child: index, .. } => {

@@ -29,8 +29,15 @@ pub(crate) trait Element: Copy + Default + Send + Sync + std::fmt::Debug + bytem
         r2: &mut [Self],
     );
 
-    /// r2 += (scale * steps - c)².
-    fn add_grid_squares<S: Simd>(simd: S, steps: &[i16], scale: Self, c: Self, r2: &mut [Self]);
+    /// norms + norm + sum over digits of units * products, no less than zero; the products are integers with a sign.
+    fn squares_from_products<S: Simd>(
+        simd: S,
+        norms: &[Self],
+        norm: Self,
+        products: &[Vec<u32>; 2],
+        units: [Self; 2],
+        r2: &mut [Self],
+    );
 
     /// As many times as there are `K` kernels: sum over columns of weight (x - c)², for as many points as a row of `r2` uses.
     /// The squared differences are shared.
@@ -135,10 +142,18 @@ macro_rules! element {
             }
 
             #[inline(always)]
-            fn add_grid_squares<S: Simd>(_: S, steps: &[i16], scale: Self, c: Self, r2: &mut [Self]) {
-                for (r2, steps) in r2.iter_mut().zip(steps) {
-                    let difference = fused!(S, $float, Self::from(*steps), scale, -c);
-                    *r2 = fused!(S, $float, difference, difference, *r2);
+            fn squares_from_products<S: Simd>(
+                _: S,
+                norms: &[Self],
+                norm: Self,
+                [first, second]: &[Vec<u32>; 2],
+                units: [Self; 2],
+                r2: &mut [Self],
+            ) {
+                for (((r2, norms), first), second) in r2.iter_mut().zip(norms).zip(first).zip(second) {
+                    let sum = fused!(S, $float, units[0], first.cast_signed() as $float, *norms + norm);
+                    let sum = fused!(S, $float, units[1], second.cast_signed() as $float, sum);
+                    *r2 = if sum < 0.0 { 0.0 } else { sum };
                 }
             }
 
