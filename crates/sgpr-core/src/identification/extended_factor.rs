@@ -66,10 +66,11 @@ impl<'a> ExtendedFactor<'a> {
     }
 }
 
-/// Noise of a factor with parameters of its own: what is left is no disagreement with other joints. Infinite at rest.
+/// Noise of a factor with parameters of its own: what is left is no disagreement with other joints. Infinite at rest, and
+/// where a brake leaves no torque at all.
 pub(super) fn own_noise(factor: &JointFactor) -> f64 {
     let last = factor.factor.ncols() - 1;
     let torque = factor.factor.col(last).norm_l2();
     let left = factor.factor[(last, last)].abs().max(1e-6 * torque).max(f64::MIN_POSITIVE);
-    if factor.resting { f64::INFINITY } else { left / (factor.rows.max(1) as f64).sqrt() }
+    if factor.resting || torque == 0.0 { f64::INFINITY } else { left / (factor.rows.max(1) as f64).sqrt() }
 }
