@@ -213,11 +213,11 @@ impl<'a> Judge<'a> {
             return Rival { term, contains: false };
         }
         let columns = self.columns_in_logs(&term);
-        let [raw, brought] = [&columns[..], &[self.logs.0.clone()]]
-            .map(|all| -> Vec<Column> { all.iter().map(|column| self.scaled(column)).collect() });
+        let raw: Vec<Column> = columns.iter().map(|column| self.scaled(column)).collect();
+        let brought = self.scaled(&self.logs.0);
         let power = |column: &Column| column[0].iter().map(|x| x * x).sum::<f64>();
-        let explained = gain(&Basis::new(&[]), &brought[0], &raw, 1e-9).chi2;
-        let contains = power(&brought[0]) - explained < 1e-6 * power(&brought[0]);
+        let explained = gain(&Basis::new(&[]), &brought, &raw, 1e-9).chi2;
+        let contains = power(&brought) - explained < 1e-6 * power(&brought);
         for (k, coefficient) in term.coefficients.iter_mut().enumerate() {
             let given = candidate.gain.coefficients.get(k).copied().unwrap_or_default();
             let as_noise = (self.rows.len() as f64 * self.weight.powi(2) / power(&raw[k]).max(1e-300)).sqrt();
