@@ -113,6 +113,12 @@ fn plain(effect: &str) -> String {
     effect.replace("asymmetric_coulomb_friction", "torque_offset").replace("cogging_torque", "torque_ripple")
 }
 
+/// The model of the user of a case.
+fn identified(case: &Case, logs: &[Recording]) -> Result<TorqueModel, Failure> {
+    let options = IdentifyOptions { effects: case.known.clone(), ..Default::default() };
+    Ok(identify(&case.guess, logs, &options, &())?.0)
+}
+
 /// The first finding, and whether it is what is hidden.
 fn first(case: &Case, diagnosis: &Diagnosis) -> (String, bool) {
     let names: Vec<&str> = case.guess.joint_names().collect();
@@ -125,10 +131,7 @@ fn first(case: &Case, diagnosis: &Diagnosis) -> (String, bool) {
 
 impl Totals {
     fn take(&mut self, case: &Case) -> Result<(), Failure> {
-        let fit = |logs: &[Recording]| -> Result<TorqueModel, Failure> {
-            let options = IdentifyOptions { effects: case.known.clone(), ..Default::default() };
-            Ok(identify(&case.guess, logs, &options, &())?.0)
-        };
+        let fit = |logs: &[Recording]| identified(case, logs);
         let model = fit(&case.train)?;
         let clock = Instant::now();
         let diagnosis = diagnose(&model, &case.train, &case.test, &DiagnosisOptions::default(), &())?;
@@ -155,10 +158,8 @@ impl Totals {
 
     /// Records what the diagnosis proposes to record, and asks again.
     fn take_next(&mut self, case: &Case) -> Result<(), Failure> {
-        let options = IdentifyOptions { effects: case.known.clone(), ..Default::default() };
         let asked = |train: &[Recording]| -> Result<Diagnosis, Failure> {
-            let (model, _) = identify(&case.guess, train, &options, &())?;
-            Ok(diagnose(&model, train, &case.test, &DiagnosisOptions::default(), &())?)
+            Ok(diagnose(&identified(case, train)?, train, &case.test, &DiagnosisOptions::default(), &())?)
         };
         let before = asked(&case.train)?;
         let Some(motion) = before.next_motion() else {

@@ -221,26 +221,25 @@ impl Problem {
 
     /// Leaves the rows of a joint out in which it may stick before it reverses.
     pub fn leave_out_holds(&mut self, holds: &[(usize, f64)]) -> Result<(), DiagnosisError> {
-        holds.iter().for_each(|(joint, seconds)| self.holds[*joint] = *seconds);
-        self.lay_out_rows();
-        self.fill_torque()?;
-        self.wide.as_mut().map_or(Ok(()), |wide| wide.leave_out_holds(holds))
+        self.choose_rows(&|problem| holds.iter().for_each(|(joint, seconds)| problem.holds[*joint] = *seconds))
     }
 
     /// Leaves the rows out for so long after each rest, s.
     pub fn leave_out_after_rests(&mut self, seconds: f64) -> Result<(), DiagnosisError> {
-        self.after_rest = seconds;
-        self.lay_out_rows();
-        self.fill_torque()?;
-        self.wide.as_mut().map_or(Ok(()), |wide| wide.leave_out_after_rests(seconds))
+        self.choose_rows(&|problem| problem.after_rest = seconds)
     }
 
     /// Leaves all rows of some joints out, and only of these.
     pub fn leave_out_joints(&mut self, closed: &[bool]) -> Result<(), DiagnosisError> {
-        self.closed = closed.to_vec();
+        self.choose_rows(&|problem| problem.closed = closed.to_vec())
+    }
+
+    /// The rows anew by another rule, in the wide equations, too.
+    fn choose_rows(&mut self, change: &dyn Fn(&mut Self)) -> Result<(), DiagnosisError> {
+        change(self);
         self.lay_out_rows();
         self.fill_torque()?;
-        self.wide.as_mut().map_or(Ok(()), |wide| wide.leave_out_joints(closed))
+        self.wide.as_mut().map_or(Ok(()), |wide| wide.choose_rows(change))
     }
 
     /// Whether rows of a joint were left out by [`Self::leave_out_holds`].

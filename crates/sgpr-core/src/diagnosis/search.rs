@@ -1089,43 +1089,51 @@ impl<'a> Search<'a> {
     /// The fit with another transform of the same kind in the place of one that explains less, or no more and comes later
     /// in the catalogue: which of them it is may show only when all others are there.
     fn with_likelier_transforms(&self, mut fitted: Fitted, accepted: &mut [Accepted]) -> Fitted {
-        let robot = self.problem.nominal.robot();
         let given = fitted.terms().len() - accepted.len();
-        let place = |effect: &dyn Effect| self.catalogue.iter().position(|own| own.name() == effect.name());
-        let units = |effect: &dyn Effect| effect.constants().iter().map(|c| c.unit).collect::<Vec<_>>();
+        let place = |term: &Term| self.catalogue.iter().position(|own| own.name() == term.effect.name());
         for (k, step) in accepted.iter_mut().enumerate() {
             let own = fitted.terms()[given + k].clone();
-            let alike = |effect: &&Arc<dyn Effect>| {
-                own.is_transform()
-                    && effect.entry() == Entry::Transform
-                    && own.effect.about().confusable.contains(&effect.name())
-                    && units(effect.as_ref()) == units(own.effect.as_ref())
-                    && effect.sites(robot).contains(&own.site)
-                    && self.wanted(effect.as_ref())
-            };
-            for effect in self.catalogue.iter().filter(alike) {
+            let others = self.transforms_like(&own).into_iter().map(|term| {
                 let mut terms = fitted.terms().to_vec();
-                let within = own.constants.iter().zip(effect.constants()).map(|(value, c)| value.clamp(c.low, c.high));
-                terms[given + k] = Term::new(effect.clone(), own.site, within.collect());
-                let other = self.refit(&fitted, terms);
-                let margin = NEARLY * step.first_score;
-                let asked = if place(effect.as_ref()) < place(own.effect.as_ref()) { -margin } else { margin };
-                if 0.5 * (fitted.chi2 - other.chi2) > asked {
-                    let mut rest = fitted.terms().to_vec();
-                    rest.remove(given + k);
-                    let bare = self.refit(&fitted, rest);
-                    let rivals =
-                        [vec![(step.effect.clone(), own.site, self.score_of(&bare, &fitted))], step.rivals.clone()];
-                    let (score, errors) = (self.score_of(&bare, &other), [self.errors(&bare), self.errors(&other)]);
-                    let term = &other.terms()[given + k];
-                    let next = Accepted::new(term, score, [&bare, &other], (&errors[0], &errors[1]));
-                    *step = Accepted { rivals: rivals.concat(), ..next };
-                    fitted = other;
-                    break;
-                }
-            }
+                terms[given + k] = term;
+                self.refit(&fitted, terms)
+            });
+            let margin = NEARLY * step.first_score;
+            let likelier = |other: &Fitted| {
+                let comes_first = place(&other.terms()[given + k]) < place(&own);
+                0.5 * (fitted.chi2 - other.chi2) > if comes_first { -margin } else { margin }
+            };
+            let Some(other) = others.into_iter().find(likelier) else { continue };
+            let mut rest = fitted.terms().to_vec();
+            rest.remove(given + k);
+            let bare = self.refit(&fitted, rest);
+            let mut rivals = vec![(step.effect.clone(), own.site, self.score_of(&bare, &fitted))];
+            rivals.append(&mut step.rivals);
+            let (term, score) = (&other.terms()[given + k], self.score_of(&bare, &other));
+            let next = Accepted::new(term, score, [&bare, &other], (&self.errors(&bare), &self.errors(&other)));
+            *step = Accepted { rivals, ..next };
+            fitted = other;
         }
         fitted
+    }
+
+    /// Other transforms that are confused with one, with constants of the same units: they begin at its values.
+    fn transforms_like(&self, own: &Term) -> Vec<Term> {
+        let robot = self.problem.nominal.robot();
+        let units = |effect: &dyn Effect| effect.constants().iter().map(|c| c.unit).collect::<Vec<_>>();
+        let alike = |effect: &&Arc<dyn Effect>| {
+            own.is_transform()
+                && effect.entry() == Entry::Transform
+                && own.effect.about().confusable.contains(&effect.name())
+                && units(effect.as_ref()) == units(own.effect.as_ref())
+                && effect.sites(robot).contains(&own.site)
+                && self.wanted(effect.as_ref())
+        };
+        let begun = |effect: &Arc<dyn Effect>| {
+            let values = own.constants.iter().zip(effect.constants());
+            Term::new(effect.clone(), own.site, values.map(|(value, c)| value.clamp(c.low, c.high)).collect())
+        };
+        self.catalogue.iter().filter(alike).map(begun).collect()
     }
 
     /// Takes terms out again that the others make superfluous.

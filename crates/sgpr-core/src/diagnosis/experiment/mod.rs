@@ -16,7 +16,7 @@ use path::JointLimits;
 use plan::{Plan, Room, holds, joined, plans};
 
 use super::answer::{Finding, NextExperiment};
-use super::basis::{Basis, INVISIBLE, gain, rms};
+use super::basis::{Basis, INVISIBLE, dot, gain, rms};
 use super::fit::Fitted;
 use super::problem::{Column, Problem};
 use super::search::{Candidate, Search};
@@ -112,9 +112,13 @@ fn of_finding(
         let equal = (c.score - own_score).abs() < REACH;
         (said || equal) && c.term.site == term.site && name != effect && !c.impossible && c.score > 0.0
     };
-    let estimated = ranking.iter().filter(near).map(|candidate| judge.rival(candidate));
-    let mut rivals: Vec<(Rival, f64)> =
-        estimated.map(|rival| (rival.clone(), judge.now(&rival))).filter(|(_, now)| *now < REACH).collect();
+    let basis = judge.basis(&judge.logs.1);
+    let estimated = ranking.iter().filter(near).map(|candidate| {
+        let rival = judge.rival(candidate);
+        let now = judge.now(&basis, &rival);
+        (rival, now)
+    });
+    let mut rivals: Vec<(Rival, f64)> = estimated.filter(|(_, now)| *now < REACH).collect();
     rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
     rivals.truncate(MOST);
     if rivals.is_empty() {
@@ -134,8 +138,7 @@ fn of_finding(
             let asks = f64::from(plan.loaded || plan.later > 0.0);
             [decides, if decided { -asks } else { 0.0 }, if decided { expected.shown } else { 0.0 }]
         };
-        let pairs = worth(a, one).into_iter().zip(worth(b, other));
-        pairs.map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
+        worth(a, one).partial_cmp(&worth(b, other)).unwrap_or(Ordering::Equal)
     });
     let (Expected { separation, .. }, plan) = best.filter(|(expected, _)| expected.separation > now + WORTH)?;
     let about = rivals.iter().map(|(rival, _)| rival.term.effect.name().to_string()).chain(aliases).collect();
@@ -215,21 +218,20 @@ impl<'a> Judge<'a> {
         let columns = self.columns_in_logs(&term);
         let raw: Vec<Column> = columns.iter().map(|column| self.scaled(column)).collect();
         let brought = self.scaled(&self.logs.0);
-        let power = |column: &Column| column[0].iter().map(|x| x * x).sum::<f64>();
-        let explained = gain(&Basis::new(&[]), &brought, &raw, 1e-9).chi2;
-        let contains = power(&brought) - explained < 1e-6 * power(&brought);
+        let power = dot(&brought, &brought);
+        let contains = power - gain(&Basis::new(&[]), &brought, &raw, 1e-9).chi2 < 1e-6 * power;
         for (k, coefficient) in term.coefficients.iter_mut().enumerate() {
             let given = candidate.gain.coefficients.get(k).copied().unwrap_or_default();
-            let as_noise = (self.rows.len() as f64 * self.weight.powi(2) / power(&raw[k]).max(1e-300)).sqrt();
-            *coefficient = if given == 0.0 { as_noise } else { given };
+            *coefficient = if given == 0.0 { self.level / rms(&columns[k]).max(1e-150) } else { given };
         }
         Rival { term, contains }
     }
 
     /// Log of the Bayes factor that the logs alone give against an imitation.
-    fn now(&self, rival: &Rival) -> f64 {
-        let columns = |term: &Term| self.columns_in_logs(term);
-        self.separation((&self.logs.0, &self.logs.1), rival, &columns)
+    ///
+    /// - `basis`: of the rest of the model in the logs
+    fn now(&self, basis: &Basis, rival: &Rival) -> f64 {
+        self.separation(basis, &self.logs.0, rival, &|term| self.columns_in_logs(term))
     }
 
     /// The same to be expected of logs and motion together, for the imitation that is hardest to tell.
@@ -242,7 +244,8 @@ impl<'a> Judge<'a> {
             let (logs, plan) = (self.columns_in_logs(term), drawn.columns_of(self, term));
             logs.iter().zip(&plan).map(|(a, b)| joined(a, b)).collect()
         };
-        let separation = |rival: &Rival| self.separation((&brought, &columns), rival, &both);
+        let basis = self.basis(&columns);
+        let separation = |rival: &Rival| self.separation(&basis, &brought, rival, &both);
         Expected {
             separation: rivals.iter().map(separation).fold(f64::INFINITY, f64::min),
             shown: rms(&drawn.brought) / self.level,
@@ -253,7 +256,8 @@ impl<'a> Judge<'a> {
     /// leaves of the rival's.
     fn separation(
         &self,
-        (brought, columns): (&[f64], &[Vec<f64>]),
+        basis: &Basis,
+        brought: &[f64],
         rival: &Rival,
         columns_of: &dyn Fn(&Term) -> Vec<Vec<f64>>,
     ) -> f64 {
@@ -262,11 +266,10 @@ impl<'a> Judge<'a> {
             for (column, factor) in columns_of(&rival.term).iter().zip(&rival.term.coefficients) {
                 torque.iter_mut().zip(column).for_each(|(torque, x)| *torque += factor * x);
             }
-            let (basis, rest) = self.projected(&torque, columns);
-            return self.left((&basis, &rest), &columns_of(self.term));
+            return self.left(basis, &self.rest(basis, &torque), &columns_of(self.term));
         }
-        let (basis, rest) = self.projected(brought, columns);
-        let left = |term: &Term| self.left((&basis, &rest), &columns_of(term));
+        let rest = self.rest(basis, brought);
+        let left = |term: &Term| self.left(basis, &rest, &columns_of(term));
         variants(&rival.term).iter().map(left).fold(f64::INFINITY, f64::min)
     }
 
@@ -276,21 +279,23 @@ impl<'a> Judge<'a> {
         vec![values.iter().enumerate().map(|(k, x)| factor(k) * x).collect()]
     }
 
-    /// The columns of the rest of the model, orthonormal, and what they leave of a torque.
-    fn projected(&self, torque: &[f64], columns: &[Vec<f64>]) -> (Basis, Column) {
-        let all: Vec<Column> = columns.iter().map(|column| self.scaled(column)).collect();
-        let mut rest = self.scaled(torque);
-        let basis = Basis::new(&all);
-        basis.project_out(&mut rest);
-        basis.project_out(&mut rest);
-        (basis, rest)
+    /// Columns made orthonormal.
+    fn basis(&self, columns: &[Vec<f64>]) -> Basis {
+        Basis::new(&columns.iter().map(|column| self.scaled(column)).collect::<Vec<Column>>())
     }
 
-    /// Half of chi-squared of what the columns of an imitation leave in addition.
-    fn left(&self, (basis, rest): (&Basis, &Column), rival: &[Vec<f64>]) -> f64 {
+    /// What a basis leaves of a torque.
+    fn rest(&self, basis: &Basis, torque: &[f64]) -> Column {
+        let mut rest = self.scaled(torque);
+        basis.project_out(&mut rest);
+        basis.project_out(&mut rest);
+        rest
+    }
+
+    /// Half of chi-squared of what the columns of an imitation leave of it in addition.
+    fn left(&self, basis: &Basis, rest: &Column, rival: &[Vec<f64>]) -> f64 {
         let columns: Vec<Column> = rival.iter().map(|column| self.scaled(column)).collect();
-        let explained = gain(basis, rest, &columns, INVISIBLE).chi2;
-        0.5 * (rest[0].iter().map(|x| x * x).sum::<f64>() - explained).max(0.0)
+        0.5 * (dot(rest, rest) - gain(basis, rest, &columns, INVISIBLE).chi2).max(0.0)
     }
 
     fn columns_in_logs(&self, rival: &Term) -> Vec<Vec<f64>> {

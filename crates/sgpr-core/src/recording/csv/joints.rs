@@ -80,7 +80,7 @@ impl<'a> JointColumns<'a> {
     fn joints_of_header(&self) -> Result<Vec<String>, RecordingError> {
         let numbers = self.numbers(Quantity::Position);
         if !numbers.is_empty() {
-            return Ok(numbers.iter().copied().map(numbered).collect());
+            return Ok(numbers.into_iter().map(numbered).collect());
         }
         let mut names: Vec<String> = Vec::new();
         let mut unnamed = false;

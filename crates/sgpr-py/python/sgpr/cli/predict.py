@@ -75,8 +75,7 @@ def predict(
             write_topics(written, [row], names, PREDICTED, with_measured=measured)
         else:
             write_table(written, [row], names, columns, with_file=False, with_measured=measured)
-    for said in [*log.raw.notes, *log.actions]:
-        output.note(f"{file}: {said}")
+    log.tell(output)
     if row.left_out:
         output.warning(
             f"{counted(row.left_out, 'sample')} of {file} without prediction: see the notes on repairs and gaps"

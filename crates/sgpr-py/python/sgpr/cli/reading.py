@@ -160,6 +160,11 @@ class Log:
     actions: list[str]
     is_resampled: bool = False
 
+    def tell(self, output: Output) -> None:
+        """Says what was assumed of the log, and what was done to it."""
+        for said in [*self.raw.notes, *self.actions]:
+            output.note(f"{self.path}: {said}")
+
 
 def read_log(path: str, options: ReadingOptions, joints: Sequence[str] | None) -> Log:
     """Reads and repairs one log."""
@@ -182,8 +187,7 @@ def read_logs(paths: Sequence[str], options: ReadingOptions, joints: Sequence[st
                 progress("read", index, len(paths))
             logs.append(read_log(path, options, joints))
     for log in logs:
-        for said in [*log.raw.notes, *log.actions]:
-            output.note(f"{log.path}: {said}")
+        log.tell(output)
     return logs
 
 
