@@ -144,6 +144,34 @@ fn a_delay_of_less_than_a_sample_is_said_where_it_matters() {
 }
 
 #[test]
+fn a_change_between_two_logs_may_be_anywhere_between_them() {
+    let step = [hidden("friction_step", 1, &[33.0], &[0.3, 0.4])];
+    let train = [log(&step, 0, 20.0), log(&step, 2, 20.0)];
+    let diagnosis =
+        diagnose(&identified(&train), &train, &[log(&step, 3, 20.0)], &DiagnosisOptions::default(), &()).unwrap();
+    let finding = &diagnosis.findings[0];
+    assert_eq!(finding.effect, "friction_step");
+    let time = finding.parameters.iter().find(|p| p.name == "joint_2.t0").unwrap();
+    assert!((time.value - 30.0).abs() < 0.5 && (time.std.unwrap() - 5.0).abs() < 0.3, "{time:?}");
+}
+
+#[test]
+fn a_spring_that_pushes_away_is_said_where_it_matters_much() {
+    let found = |stiffness: f64| -> Vec<(String, f64)> {
+        let (train, test) = logs(&[hidden("cable_stiffness", 1, &[], &[stiffness, 0.0])]);
+        let diagnosis = diagnose(&identified(&train), &train, &test, &DiagnosisOptions::default(), &()).unwrap();
+        diagnosis.findings.iter().map(|f| (f.effect.clone(), f.parameters[0].value)).collect()
+    };
+    let strong = found(-40.0 * NOISE);
+    assert_eq!(strong.iter().map(|(effect, _)| effect.as_str()).collect::<Vec<_>>(), ["cable_stiffness"]);
+    assert!((strong[0].1 / (-40.0 * NOISE) - 1.0).abs() < 0.1, "{strong:?}");
+    // So little is a finding only where the hose pulls back: what pushes may be noise of the acceleration.
+    let is_hose = |(effect, _): &(String, f64)| effect == "cable_stiffness";
+    assert!(found(0.8 * NOISE).iter().all(is_hose) && !found(0.8 * NOISE).is_empty());
+    assert!(!found(-0.8 * NOISE).iter().any(is_hose), "{:?}", found(-0.8 * NOISE));
+}
+
+#[test]
 fn nothing_hidden_is_nothing_found_and_the_same_bytes_twice() {
     let (train, test) = logs(&[]);
     let model = identified(&train);

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use sgpr_core::dynamics::Samples;
-use sgpr_core::effects::{Site, by_name};
+use sgpr_core::effects::{Scale, Site, by_name};
 use sgpr_core::excitation::TrajectorySamples;
 use sgpr_core::model::{Term, TorqueModel, Trajectory};
 use sgpr_core::recording::Recording;
@@ -107,6 +107,16 @@ pub struct Case {
 }
 
 impl Case {
+    /// Constants and linear parameters of what is hidden.
+    pub fn parameters(&self) -> Vec<f64> {
+        let of_base = |(effect, joint): &(String, Option<usize>)| {
+            let index = BASE.iter().position(|base| base == effect)?;
+            Some(self.truth.base[index][(*joint)?])
+        };
+        let of_terms = self.truth.terms.iter().flat_map(|term| term.constants.iter().chain(&term.coefficients));
+        self.hidden.iter().filter_map(of_base).chain(of_terms.copied()).collect()
+    }
+
     /// The log of a motion that begins at a time, s.
     pub fn record(&self, motion: TrajectorySamples, start: f64) -> Recording {
         let rate = 1.0 / (motion.time[1] - motion.time[0]);
@@ -122,6 +132,8 @@ struct Sensors {
     names: Vec<String>,
     /// Standard deviation of the torque, per joint.
     noise: Vec<f64>,
+    /// Correlation of the noise of the torque from one sample to the next.
+    memory: f64,
     /// Of the encoders, rad.
     resolution: f64,
 }
@@ -137,8 +149,13 @@ impl Sensors {
         random: &mut Random,
     ) -> Recording {
         let (n, resolution) = (self.names.len(), self.resolution);
-        for (k, tau) in tau.iter_mut().enumerate() {
-            *tau += self.noise[k % n] * random.normal();
+        let mut off = vec![0.0; n];
+        for (k, tau) in tau.chunks_exact_mut(n).enumerate() {
+            let fresh = if k == 0 { 1.0 } else { (1.0 - self.memory.powi(2)).sqrt() };
+            for ((tau, off), noise) in tau.iter_mut().zip(&mut off).zip(&self.noise) {
+                *off = self.memory * *off + fresh * noise * random.normal();
+                *tau += *off;
+            }
         }
         if let Some(limit) = truth.terms.iter().find(|t| t.effect.name() == "torque_saturation") {
             let joint = limit.site.joint().expect("at a joint");
@@ -164,12 +181,14 @@ struct Truth {
 
 /// Case number `seed` of a kind: the effects hidden in it, `[]` for none. Draws under which the arm runs away are left
 /// out.
-pub fn make(seed: u64, effects: &[&str], style: Style) -> Case {
-    let draws = (0..).map(|k| attempt(seed + 10_000_000 * k, effects, style));
+///
+/// - `rough`: the noise of the torque has a memory (0.9 from sample to sample), and encoders have steps of 0.1 mrad
+pub fn make(seed: u64, effects: &[&str], style: Style, rough: bool) -> Case {
+    let draws = (0..).map(|k| attempt(seed + 10_000_000 * k, effects, style, rough));
     draws.flatten().next().expect("an arm that follows")
 }
 
-fn attempt(seed: u64, effects: &[&str], style: Style) -> Option<Case> {
+fn attempt(seed: u64, effects: &[&str], style: Style, rough: bool) -> Option<Case> {
     /// Farthest that an arm may be from what it is told, rad.
     const FARTHEST: f64 = 0.3;
     let mut random = Random(seed.wrapping_mul(0x5851_F42D_4C95_7F2D) ^ 0xD1A6);
@@ -212,8 +231,10 @@ fn attempt(seed: u64, effects: &[&str], style: Style) -> Option<Case> {
     let mut hidden = Vec::new();
     let mut used = vec![];
     for effect in effects {
+        // The rotor of the first joint turns with its link.
+        let is_hidden = |joint| used.contains(&joint) || (*effect == "rotor_inertia" && joint == 0);
         let mut joint = random.below(n);
-        while used.contains(&joint) {
+        while is_hidden(joint) {
             joint = random.below(n);
         }
         used.push(joint);
@@ -227,7 +248,8 @@ fn attempt(seed: u64, effects: &[&str], style: Style) -> Option<Case> {
     let guess = perturbed(&bare.robot, &mut random);
     let (seed_noise, resolution) = (random.0, TAU / f64::from(1u32 << (17 + random.below(4))));
     let names: Vec<String> = guess.joint_names().map(String::from).collect();
-    let sensors = Sensors { names, noise, resolution };
+    let (memory, resolution) = if rough { (0.9, 1e-4) } else { (0.0, resolution) };
+    let sensors = Sensors { names, noise, memory, resolution };
     let record = |truth: &Truth| -> Option<Vec<Recording>> {
         let mut random = Random(seed_noise);
         let mut logs = Vec::new();
@@ -457,6 +479,9 @@ fn scale(term: &mut Term, truth: &Truth, motion: &[Vec<f64>; 3], rate: f64, nois
         return;
     }
     let n = truth.robot.dof();
+    // What begins at a moment has begun.
+    let begins = term.effect.constants().iter().any(|constant| constant.scale == Scale::Time);
+    let start = if begins { 50.0 } else { 10.0 };
     // Each column first as large as any other: parameters have different units.
     for k in 0..term.coefficients.len() {
         let mut single = term.clone();
@@ -464,7 +489,7 @@ fn scale(term: &mut Term, truth: &Truth, motion: &[Vec<f64>; 3], rate: f64, nois
         let joint = term.site.joint().unwrap_or(0);
         let [with, without] = [vec![single], vec![]].map(|terms| {
             let truth = Truth { robot: truth.robot.clone(), base: truth.base.clone(), terms, unknown: None };
-            torque(&truth, motion, rate, 10.0)
+            torque(&truth, motion, rate, start)
         });
         let squares: f64 = with.iter().zip(&without).skip(joint).step_by(n).map(|(a, b)| (a - b).powi(2)).sum();
         let rms = (squares / (with.len() / n) as f64).sqrt().max(1e-9);

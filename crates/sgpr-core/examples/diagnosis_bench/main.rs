@@ -1,8 +1,10 @@
 //! Measures the diagnosis on random arms with random hidden effects, noise and rates, half of them under a controller
 //! with friction that sticks:
 //!
-//! `cargo run --release --example diagnosis_bench -- [--seed 1] [--rounds 1] [--only exact|closed|null|pairs|unknown|forms|next] [--effect NAME]
-//! [--case SEED]`
+//! `cargo run --release --example diagnosis_bench -- [--seed 1] [--rounds 1] [--only exact|closed|null|pairs|unknown|forms|next]
+//! [--effect NAME] [--case SEED] [--rough]`
+//!
+//! With `--rough` the noise of the torque has a memory and encoders have steps of 0.1 mrad.
 
 mod arm;
 mod case;
@@ -20,6 +22,33 @@ use sgpr_core::recording::Recording;
 
 type Failure = Box<dyn std::error::Error>;
 
+/// Kinds of cases, and how many there are in a round.
+const KINDS: [(&str, usize); 7] = [
+    ("exact", SINGLES.len()),
+    ("pairs", 10),
+    ("null", 6),
+    ("closed", CLOSED.len()),
+    ("unknown", UNKNOWN.len()),
+    ("forms", FORMS.len()),
+    ("next", AMBIGUOUS.len()),
+];
+
+/// What is hidden in a case, and how its arm moves.
+fn hidden(kind: &str, index: usize, seed: u64) -> (Vec<&'static str>, Style) {
+    match kind {
+        "exact" => (vec![SINGLES[index]], Style::Exact),
+        "pairs" => {
+            let (k, count) = (seed as usize, SINGLES.len() - 1);
+            (vec![SINGLES[(7 * k + 3) % count], SINGLES[(11 * k + 8) % count]], Style::Exact)
+        }
+        "null" => (vec![], if index % 2 == 1 { Style::Closed } else { Style::Exact }),
+        "closed" => (vec![CLOSED[index]], Style::Closed),
+        "unknown" => (vec![UNKNOWN[index].name], Style::Exact),
+        "forms" => (vec![FORMS[index].name], Style::Exact),
+        _ => (vec![AMBIGUOUS[index]], Style::Swinging),
+    }
+}
+
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let value = |name: &str| arguments.iter().position(|a| a == name).and_then(|k| arguments.get(k + 1));
@@ -28,57 +57,23 @@ fn main() -> Result<(), Failure> {
     let only = value("--only").map_or("", String::as_str);
     let effect = value("--effect").map(String::as_str);
     let case: Option<u64> = value("--case").map(|text| text.parse()).transpose()?;
-    let wanted = |kind: &str| only.is_empty() || only == kind;
-    let chosen = |seed: u64| case.is_none_or(|case| case == seed);
+    let rough = arguments.iter().any(|argument| argument == "--rough");
     let mut totals = Totals::default();
     for round in 0..rounds {
-        let seed = |kind: u64, index: usize| first + 1000 * round + 100_000 * kind + index as u64;
-        if wanted("exact") {
-            for (index, name) in SINGLES.iter().enumerate().filter(|(_, name)| effect.is_none_or(|e| e == **name)) {
-                if !chosen(seed(0, index)) {
+        for (kind, (name, count)) in (0..).zip(KINDS) {
+            if name != only && (!only.is_empty() || name == "next") {
+                continue;
+            }
+            for index in 0..count {
+                let seed = first + 1000 * round + 100_000 * kind + index as u64;
+                let (effects, style) = hidden(name, index, seed);
+                let repeated = effects.len() == 2 && effects[0] == effects[1];
+                let wanted = case.is_none_or(|case| case == seed) && effect.is_none_or(|e| effects.contains(&e));
+                if repeated || !wanted {
                     continue;
                 }
-                totals.take(&make(seed(0, index), &[name], Style::Exact))?;
-            }
-        }
-        if wanted("pairs") {
-            for index in 0..10usize {
-                let k = seed(1, index) as usize;
-                let count = SINGLES.len() - 1;
-                let pair = [SINGLES[(7 * k + 3) % count], SINGLES[(11 * k + 8) % count]];
-                if pair[0] != pair[1] && chosen(seed(1, index)) {
-                    totals.take(&make(seed(1, index), &pair, Style::Exact))?;
-                }
-            }
-        }
-        if wanted("null") {
-            for index in (0..6).filter(|index| chosen(seed(2, *index))) {
-                totals.take(&make(seed(2, index), &[], if index % 2 == 1 { Style::Closed } else { Style::Exact }))?;
-            }
-        }
-        if wanted("closed") {
-            for (index, name) in CLOSED.iter().enumerate().filter(|(_, name)| effect.is_none_or(|e| e == **name)) {
-                if !chosen(seed(3, index)) {
-                    continue;
-                }
-                totals.take(&make(seed(3, index), &[name], Style::Closed))?;
-            }
-        }
-        if wanted("unknown") {
-            for (index, law) in UNKNOWN.iter().enumerate().filter(|(index, _)| chosen(seed(4, *index))) {
-                totals.take(&make(seed(4, index), &[law.name], Style::Exact))?;
-            }
-        }
-        if wanted("forms") {
-            for (index, law) in FORMS.iter().enumerate().filter(|(index, _)| chosen(seed(5, *index))) {
-                totals.take(&make(seed(5, index), &[law.name], Style::Exact))?;
-            }
-        }
-        if only == "next" {
-            for (index, name) in AMBIGUOUS.iter().enumerate().filter(|(_, name)| effect.is_none_or(|e| e == **name)) {
-                if chosen(seed(6, index)) {
-                    totals.take_next(&make(seed(6, index), &[name], Style::Swinging))?;
-                }
+                let case = make(seed, &effects, style, rough);
+                if name == "next" { totals.take_next(&case)? } else { totals.take(&case)? }
             }
         }
     }
@@ -88,8 +83,13 @@ fn main() -> Result<(), Failure> {
 
 #[derive(Default)]
 struct Totals {
-    /// Detectable single effects: right effect first, right effect and joint first, all.
-    singles: [usize; 3],
+    /// Detectable single effects: right effect first, right effect and joint first, among the first three, with others
+    /// that are not there, all.
+    singles: [usize; 5],
+    /// Parameters of effects that are found, alone and first: within a tenth or two standard deviations, all.
+    parameters: [usize; 2],
+    /// Single effects that are too weak to be seen: silent, all.
+    weak: [usize; 2],
     /// Effects hidden together: found, all.
     together: [usize; 2],
     /// Nothing hidden: silent, all.
@@ -127,6 +127,19 @@ fn first(case: &Case, diagnosis: &Diagnosis) -> (String, bool) {
     let joint = joint.map(|j| names[j]).into_iter();
     let right = plain(&found.effect) == plain(effect) && joint.eq(found.joints.iter().map(String::as_str));
     (format!("{} {}", found.effect, found.joints.join(" ")), right)
+}
+
+/// Parameters of the only effect that is hidden, if it is found first: within a tenth or two standard deviations, all.
+fn parameters(case: &Case, diagnosis: &Diagnosis) -> [usize; 2] {
+    let Some(found) = diagnosis.findings.first().filter(|found| found.effect == case.hidden[0].0) else {
+        return [0; 2];
+    };
+    let truth = case.parameters();
+    let close = found.parameters.iter().zip(&truth).filter(|(found, truth)| {
+        let off = (found.value - **truth).abs();
+        off <= (0.1 * truth.abs()).max(2.0 * found.std.unwrap_or_default())
+    });
+    [close.count(), truth.len()]
 }
 
 impl Totals {
@@ -227,7 +240,12 @@ impl Totals {
                 let effect = first.is_some_and(|f| f.0 == truth[0].0);
                 self.singles[0] += usize::from(effect);
                 self.singles[1] += usize::from(first.is_some_and(right));
-                self.singles[2] += 1;
+                self.singles[2] += usize::from(found.iter().take(3).any(right));
+                self.singles[3] += usize::from(wrong > 0);
+                self.singles[4] += 1;
+                let [close, all] = parameters(case, diagnosis);
+                self.parameters[0] += close;
+                self.parameters[1] += all;
                 mark = if first.is_some_and(right) { '+' } else { '-' };
                 let row = self.confusion.entry(truth[0].0.clone()).or_default();
                 *row.entry(first.map_or("nothing".into(), |f| f.0.clone())).or_default() += 1;
@@ -239,6 +257,9 @@ impl Totals {
                 mark = if hits == wanted().count() { '+' } else { '-' };
             }
             self.closures.push(closure);
+        } else if truth.len() == 1 {
+            self.weak[0] += usize::from(found.is_empty());
+            self.weak[1] += 1;
         }
         let place = |joint: &Option<&str>| joint.map_or("", |j| j.trim_start_matches("joint")).to_string();
         let hidden: Vec<String> = truth.iter().map(|(effect, joint)| format!("{effect}{}", place(joint))).collect();
@@ -263,8 +284,13 @@ impl Totals {
 
     fn print(&mut self) {
         let share = |[part, all]: [usize; 2]| format!("{part}/{all}");
-        println!("\nsingle effects, right effect first: {}", share([self.singles[0], self.singles[2]]));
-        println!("single effects, right effect and joint first: {}", share([self.singles[1], self.singles[2]]));
+        let [effect, joint, among, more, all] = self.singles;
+        println!("\nsingle effects, right effect first: {}", share([effect, all]));
+        println!("single effects, right effect and joint first: {}", share([joint, all]));
+        println!("single effects, right effect and joint among the first three: {}", share([among, all]));
+        println!("single effects with findings too many: {}", share([more, all]));
+        println!("parameters within a tenth or two standard deviations: {}", share(self.parameters));
+        println!("single effects that lower no error by a twentieth, and nothing said: {}", share(self.weak));
         println!("two at once, visible ones found: {}", share(self.together));
         println!("nothing hidden and nothing said: {}", share(self.nulls));
         println!("outside of the catalogue and said so: {}", share(self.unknown));
@@ -275,8 +301,8 @@ impl Totals {
             values.sort_by(f64::total_cmp);
             values.get(((values.len() as f64 - 1.0) * p).round() as usize).copied().unwrap_or(f64::NAN)
         };
-        let [tenth, median] = [0.1, 0.5].map(|p| quantile(&mut self.closures, p));
-        println!("share of the error closed: median {median:.3}, 10 % below {tenth:.3}");
+        let [least, tenth, median] = [0.0, 0.1, 0.5].map(|p| quantile(&mut self.closures, p));
+        println!("share of the error closed: median {median:.3}, 10 % below {tenth:.3}, least {least:.3}");
         let [median, worst] = [0.5, 1.0].map(|p| quantile(&mut self.seconds, p));
         println!("seconds: median {median:.1}, worst {worst:.1}");
         let count = self.calibration.len().max(1) as f64;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::DiagnosisError;
-use super::basis::{Basis, INVISIBLE_TANGENT, Noise, gain, gain_of, rms};
+use super::basis::{Basis, INVISIBLE, INVISIBLE_TANGENT, Noise, gain, gain_of, rms};
 use super::problem::{Column, FOLDS, Problem};
 use crate::effects::Scale;
 use crate::linalg::dot_in_lanes;
@@ -65,6 +65,13 @@ pub(super) fn solve_like(problem: &Problem, like: &Fitted, terms: &[Term], noise
     let base = like.columns[..problem.base.rank()].to_vec();
     let basis = if like.noise == *noise { like.basis.of_first(base.len()) } else { base_basis(problem, &base, noise) };
     solve_with(problem, model, rigid, (base, basis), like.target.clone(), noise)
+}
+
+/// The fit without a term.
+pub(super) fn without(problem: &Problem, fitted: &Fitted, k: usize, noise: &Noise) -> Fitted {
+    let mut others = fitted.terms().to_vec();
+    others.remove(k);
+    solve_like(problem, fitted, &others, noise)
 }
 
 fn solve_with(
@@ -207,13 +214,62 @@ pub(super) fn with_deviations(problem: &Problem, fitted: &Fitted, noise: &Noise)
             at += 1;
         });
     }
-    for term in &mut terms {
-        term.constant_deviations.iter_mut().for_each(|d| {
-            *d = finite(deviations[at]);
+    for (k, term) in terms.iter_mut().enumerate() {
+        let effect = term.effect.clone();
+        for (index, constant) in effect.constants().iter().enumerate() {
+            term.constant_deviations[index] = finite(deviations[at]);
             at += 1;
-        });
+            // Chi-squared changes in steps with a time, and not at all while nothing moves: tangents know nothing of that.
+            if constant.scale == Scale::Time {
+                let [low, high] = interval(problem, fitted, noise, (k, index));
+                term.constant_deviations[index] = 0.25 * (high - low);
+                if high - low > UNSURE_S {
+                    term.constants[index] = 0.5 * (low + high);
+                }
+            }
+        }
     }
     terms
+}
+
+/// Of a longer interval of two deviations to both sides the middle is said, s.
+const UNSURE_S: f64 = 1.0;
+
+/// The interval of two deviations to both sides of a time of a term, s: chi-squared is within four of the fit's.
+fn interval(problem: &Problem, fitted: &Fitted, noise: &Noise, (k, index): (usize, usize)) -> [f64; 2] {
+    /// How well its ends are looked for, s.
+    const RESOLUTION_S: f64 = 0.02;
+    let term = &fitted.terms()[k];
+    let own = term.constants[index];
+    let without = without(problem, fitted, k, noise);
+    let explained = |time: f64| {
+        let mut term = term.clone();
+        term.constants[index] = time;
+        let columns = problem.term_columns(&without.model, &without.rigid, &[&term]).swap_remove(0);
+        let white: Vec<Column> = columns.iter().map(|column| noise.whiten(problem, column)).collect();
+        gain(&without.basis, &without.white, &white, INVISIBLE).chi2
+    };
+    let most = explained(own);
+    let other_times = || term.effect.constants().iter().zip(&term.constants).filter(|(c, _)| c.scale == Scale::Time);
+    let [start, end] = problem.time_span();
+    let low = other_times().map(|(_, time)| *time).filter(|time| *time < own).fold(start, f64::max);
+    let high = other_times().map(|(_, time)| *time).filter(|time| *time > own).fold(end, f64::min);
+    [low, high].map(|end| {
+        let within = |share: f64| explained(own + share * (end - own)) > most - 4.0;
+        let resolution = RESOLUTION_S / (end - own).abs().max(RESOLUTION_S);
+        let mut reached = 0.0;
+        let mut beyond = resolution;
+        while beyond < 1.0 && within(beyond) {
+            reached = beyond;
+            beyond *= 2.0;
+        }
+        beyond = beyond.min(1.0);
+        while beyond - reached > resolution {
+            let middle = 0.5 * (reached + beyond);
+            *(if within(middle) { &mut reached } else { &mut beyond }) = middle;
+        }
+        own + reached.max(0.5 * resolution) * (end - own)
+    })
 }
 
 /// Root mean square errors of one joint, N·m (N): of all logs together, then of each.

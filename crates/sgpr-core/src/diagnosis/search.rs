@@ -6,7 +6,9 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::basis::{Basis, Gain, INVISIBLE, Noise, Rest, gain, gain_of, invisible, rms};
-use super::fit::{ByLog, Extra, Fitted, beyond, held_out, refine_transforms, solve, solve_like, tangent, usual_error};
+use super::fit::{
+    ByLog, Extra, Fitted, beyond, held_out, refine_transforms, solve, solve_like, tangent, usual_error, without,
+};
 use super::imitation::without_many_imitations;
 use super::problem::{Column, Problem};
 use super::unknown::{self, Group};
@@ -97,7 +99,8 @@ fn is_silent(term: &Term, step: &Accepted, period: f64) -> bool {
 /// Torque and position of one row may be taken at moments that are this share of a period apart ...
 const WITHIN_A_SAMPLE: f64 = 0.6;
 
-/// ... which goes without saying as long as no joint's error falls by more than this share of what is left.
+/// ... which goes without saying as long as no joint's error falls by more than this share of what is left. So much is also
+/// asked of an effect with parameters that it does not have by nature.
 const LITTLE: f64 = 0.2;
 
 /// Whether the base parameters take an effect up whatever the motion.
@@ -110,6 +113,23 @@ pub(super) const EVIDENCE: f64 = 8.0;
 
 /// Smallest fall of the held-out error on some joint, as a share of what is left.
 pub(super) const MATERIAL: f64 = 0.025;
+
+/// The same for a term, whose parameters were fitted.
+fn asked_of(term: &Term) -> f64 {
+    match term {
+        _ if term.effect.refines().is_some() => 0.0,
+        _ if term.effect.is_plausible(&term.coefficients) => MATERIAL,
+        _ => LITTLE,
+    }
+}
+
+/// Whether what begins and ends lasts long enough to be something else than one wrong moment of the log.
+fn lasts(term: &Term, constants: &[f64]) -> bool {
+    const SHORTEST_S: f64 = 0.2;
+    let all = term.effect.constants().iter().zip(constants);
+    let times: Vec<f64> = all.filter(|(c, _)| c.scale == Scale::Time).map(|(_, time)| *time).collect();
+    times.windows(2).all(|pair| pair[1] - pair[0] >= SHORTEST_S)
+}
 
 /// Most terms that are looked for.
 const MOST_TERMS: usize = 16;
@@ -308,12 +328,17 @@ impl<'a> Search<'a> {
                 if there(effect.name()) || !effect.refines().is_none_or(refines) {
                     continue;
                 }
-                let grids: Vec<Vec<f64>> = (0..constants.len()).map(|k| self.grid(effect.as_ref(), site, k)).collect();
-                let points = effects::points_of(&grids);
-                terms.extend(points.into_iter().map(|point| Term::new(effect.clone(), site, point)));
+                let points = self.points(effect.as_ref(), site).into_iter();
+                terms.extend(points.map(|point| Term::new(effect.clone(), site, point)));
             }
         }
         terms
+    }
+
+    /// Constants to start from.
+    fn points(&self, effect: &dyn Effect, site: Site) -> Vec<Vec<f64>> {
+        let grids: Vec<Vec<f64>> = (0..effect.constants().len()).map(|k| self.grid(effect, site, k)).collect();
+        effects::points_of(&grids)
     }
 
     /// Values of a constant to start from, in its unit.
@@ -401,8 +426,7 @@ impl<'a> Search<'a> {
             .filter(|(_, constant)| constant.unit == "Hz")
             .any(|((k, value), _)| *value > 0.98 * self.bounds(&term, k)[1]);
         let contact_like = term.effect.name() == "payload_change" || term.effect.name() == "external_contact";
-        let implausible = !term.is_transform() && !term.effect.is_plausible(&gain.coefficients);
-        let impossible = (first_negative && !contact_like) || implausible || out_of_bounds || at_edge;
+        let impossible = (first_negative && !contact_like) || out_of_bounds || at_edge;
         Candidate { impossible, term, gain, score }
     }
 
@@ -599,19 +623,28 @@ impl<'a> Search<'a> {
         sums
     }
 
+    /// A term with other constants, the rest of the model refitted linearly.
+    fn with_constants(
+        &self,
+        fitted: &Fitted,
+        (basis, white): (&Basis, &Column),
+        term: &Term,
+        constants: &[f64],
+    ) -> Candidate {
+        let term = Term::new(term.effect.clone(), term.site, constants.to_vec());
+        let columns = self.problem.term_columns(&fitted.model, &fitted.rigid, &[&term]).swap_remove(0);
+        let columns: Vec<Column> = columns.iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
+        let gain = gain(basis, white, &columns, INVISIBLE);
+        self.candidate(term, gain, constants.len())
+    }
+
     /// The constants of a term searched coordinate by coordinate, the rest of the model refitted linearly.
     pub fn refine(&self, fitted: &Fitted, (basis, white): (&Basis, &Column), candidate: &Candidate) -> Candidate {
         let term = &candidate.term;
         if term.is_transform() || term.constants.is_empty() {
             return candidate.clone();
         }
-        let evaluate = |constants: &[f64]| {
-            let term = Term::new(term.effect.clone(), term.site, constants.to_vec());
-            let columns = self.problem.term_columns(&fitted.model, &fitted.rigid, &[&term]).swap_remove(0);
-            let columns: Vec<Column> = columns.iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
-            let gain = gain(basis, white, &columns, INVISIBLE);
-            self.candidate(term, gain, constants.len())
-        };
+        let evaluate = |constants: &[f64]| self.with_constants(fitted, (basis, white), term, constants);
         let mut best = evaluate(&candidate.term.constants);
         let count = term.constants.len();
         // Between two logs there are no rows, and all times are equal there: steps must reach the other side.
@@ -621,7 +654,7 @@ impl<'a> Search<'a> {
             for step in (-FARTHEST_JUMP..=FARTHEST_JUMP).filter(|step| *step != 0) {
                 let mut constants = start.clone();
                 constants[k] = (constants[k] + f64::from(step) * TIME_STEP).clamp(low, high);
-                let next = Some(evaluate(&constants)).filter(|_| count == 1 || constants[0] < constants[1]);
+                let next = Some(evaluate(&constants)).filter(|_| lasts(term, &constants));
                 best = next.filter(|next| next.gain.chi2 > best.gain.chi2).unwrap_or(best);
             }
         }
@@ -649,11 +682,7 @@ impl<'a> Search<'a> {
                     let value = constants[k];
                     let step = direction * steps[k];
                     constants[k] = if logarithmic(k) { value * step.exp() } else { value + step }.clamp(low, high);
-                    if constants[k] == value
-                        || (count == 2
-                            && constants[0] >= constants[1]
-                            && term.effect.constants()[1].scale == Scale::Time)
-                    {
+                    if constants[k] == value || !lasts(term, &constants) {
                         continue;
                     }
                     let next = evaluate(&constants);
@@ -692,6 +721,34 @@ impl<'a> Search<'a> {
         refine_transforms(&self.problem, next, &self.noise)
     }
 
+    /// The fit with the constants of those terms looked for anew that a removed one at their joint is confused with: it may
+    /// have stood for them while they described only what it left.
+    fn with_imitated(&self, mut fitted: Fitted, removed: &Term) -> Fitted {
+        let confused = |term: &Term| {
+            let says = |a: &Term, b: &Term| a.effect.about().confusable.contains(&b.effect.name());
+            term.site == removed.site && !term.is_transform() && (says(term, removed) || says(removed, term))
+        };
+        for k in 0..fitted.terms().len() {
+            let term = fitted.terms()[k].clone();
+            let points = self.points(term.effect.as_ref(), term.site);
+            if points.len() < 2 || !confused(&term) {
+                continue;
+            }
+            let without = without(&self.problem, &fitted, k, &self.noise);
+            let residual = (without.basis.as_ref(), &without.white);
+            let at = |point: Vec<f64>| self.with_constants(&without, residual, &term, &point);
+            let candidates: Vec<Candidate> = points.into_iter().map(at).filter(|c| !c.impossible).collect();
+            let Some(best) = candidates.iter().max_by(|a, b| a.score.total_cmp(&b.score)) else { continue };
+            let mut terms = fitted.terms().to_vec();
+            terms[k].constants = self.refine(&without, residual, best).term.constants;
+            let next = self.refit(&fitted, terms);
+            if next.chi2 < fitted.chi2 {
+                fitted = next;
+            }
+        }
+        fitted
+    }
+
     /// Every term's constants once more, the others given.
     pub fn polish(&self, fitted: Fitted) -> Fitted {
         let mut fitted = fitted;
@@ -700,9 +757,7 @@ impl<'a> Search<'a> {
             if term.is_transform() || term.constants.is_empty() {
                 continue;
             }
-            let mut others = fitted.terms().to_vec();
-            others.remove(k);
-            let without = solve_like(&self.problem, &fitted, &others, &self.noise);
+            let without = without(&self.problem, &fitted, k, &self.noise);
             let candidate = Candidate { term, gain: Gain::default(), score: 0.0, impossible: false };
             let refined = self.refine(&without, (&without.basis, &without.white), &candidate);
             let mut terms = fitted.terms().to_vec();
@@ -1073,7 +1128,8 @@ impl<'a> Search<'a> {
         let trials = equal.into_iter().chain(others);
         for (candidate, trial, score) in trials.filter(|(_, _, score)| *score >= EVIDENCE) {
             let with = self.errors(&trial);
-            if without.largest_fall_to(&with, &candidate.term) < MATERIAL {
+            let fitted_term = trial.terms().last().unwrap_or(&candidate.term);
+            if without.largest_fall_to(&with, fitted_term) < asked_of(fitted_term) {
                 continue;
             }
             let own = candidate.term.effect.name();
@@ -1148,8 +1204,8 @@ impl<'a> Search<'a> {
             self.progress.step("check each effect again", 0, 1)?;
             let without = |k: usize| {
                 let mut others = fitted.terms().to_vec();
-                others.remove(given + k);
-                self.refit(&fitted, others)
+                let removed = others.remove(given + k);
+                self.with_imitated(self.refit(&fitted, others), &removed)
             };
             let fits: Vec<Fitted> = (0..accepted.len()).into_par_iter().map(without).collect();
             self.progress.step("check each effect again", 1, 1)?;
@@ -1160,12 +1216,12 @@ impl<'a> Search<'a> {
                 step.without = errors.total();
                 step.effect_size = errors.largest_fall_to(&with, &fitted.terms()[given + k]);
                 let size = step.effect_size;
-                let material = if fitted.terms()[given + k].effect.refines().is_some() { 0.0 } else { MATERIAL };
-                let limit = is_limit(&fitted.terms()[given + k]);
-                if limit {
+                let term = &fitted.terms()[given + k];
+                if is_limit(term) {
                     step.score = step.first_score;
                 }
-                if (step.score < EVIDENCE || size < material) && weakest.as_ref().is_none_or(|(s, ..)| size < *s) {
+                if (step.score < EVIDENCE || size < asked_of(term)) && weakest.as_ref().is_none_or(|(s, ..)| size < *s)
+                {
                     weakest = Some((size, k, without));
                 }
             }

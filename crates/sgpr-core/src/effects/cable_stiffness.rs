@@ -35,8 +35,7 @@ impl Effect for CableStiffness {
         &PARAMETERS
     }
 
-    /// A hose pulls back. What pushes away looks like it where noise of the acceleration makes the inertia too small, and
-    /// a spring that does so is a balancer.
+    /// A hose pulls back. What pushes away a little may be noise of the acceleration, which makes the inertia too small.
     fn is_plausible(&self, coefficients: &[f64]) -> bool {
         coefficients[0] >= 0.0
     }

@@ -168,8 +168,8 @@ pub trait Effect: Send + Sync + Debug {
         None
     }
 
-    /// Whether linear parameters of these values may be the effect. A diagnosis proposes no others; a model that is told of
-    /// the effect may have them.
+    /// Whether linear parameters of these values are what the effect has by nature. A diagnosis proposes others only where
+    /// they matter much; a model that is told of the effect may have them.
     fn is_plausible(&self, _coefficients: &[f64]) -> bool {
         true
     }

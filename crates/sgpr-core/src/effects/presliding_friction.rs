@@ -12,7 +12,7 @@ pub(super) struct PreslidingFriction;
 const PARAMETERS: [EffectParameter; 1] = [EffectParameter::positive("Fc", "N·m", "N")];
 
 const CONSTANTS: [Constant; 1] =
-    [Constant::logarithmic("zs", ["rad", "m"], [3e-4, 0.05], &[1e-3, 2.5e-3, 6e-3, 1.5e-2, 3.5e-2])];
+    [Constant::logarithmic("zs", ["rad", "m"], [3e-4, 0.045], &[1e-3, 2.5e-3, 6e-3, 1.5e-2, 3.5e-2])];
 
 impl Effect for PreslidingFriction {
     fn name(&self) -> &str {
