@@ -69,11 +69,17 @@ class Choice:
         """The effect to add and the cross-validated error with it."""
         candidates = []
         for name in (f"{kind}@{joint}" for kind in KINDS for joint in self.robot.joint_names):
-            if name not in effects:
+            if name in effects:
+                continue
+            try:
                 model = self.model(self.train, [*effects, name], True)
-                candidates.append((sgpr.compare(model, self.train).relative_error_percent, name))
+            except sgpr.IdentificationError as refused:
+                # A spring of two ends belongs to joints that turn; what logs cannot show, they cannot choose.
+                print(f"{name}: {refused}", file=sys.stderr)
+                continue
+            candidates.append((sgpr.compare(model, self.train).relative_error_percent, name))
         best = sorted(candidates)[:JUDGED]
-        found = min((self.cross_validated([*effects, name]), name) for _, name in best)
+        found = min(((self.cross_validated([*effects, name]), name) for _, name in best), default=(math.inf, ""))
         return found if found[0] < WORTH * error else None
 
 

@@ -5,9 +5,9 @@ mod common;
 
 use common::{data, largest_difference};
 use sgpr_core::dynamics::Samples;
-use sgpr_core::identification::Method;
+use sgpr_core::identification::{Finding, Method};
 use sgpr_core::model::{
-    IdentifyError, IdentifyOptions, Predictor, Start, TorqueModel, compare, cutoff_influence, identify,
+    IdentifyError, IdentifyOptions, Predictor, Start, TorqueModel, compare, cutoff_influence, identify, screen,
 };
 use sgpr_core::motion::{MotionError, TorqueBand, average_periods};
 use sgpr_core::recording::{Recording, csv};
@@ -315,6 +315,56 @@ fn a_joint_without_measured_torque_is_named() {
     assert!(matches!(&error, IdentifyError::NoTorque { joint } if joint == "joint_3"), "{error}");
     assert!(error.to_string().contains("`joint_3` is zero in every sample"), "{error}");
     identify(&robot(), &[silent(&train[0]), train[1].clone()], &options(), &()).expect("one log has it");
+}
+
+/// What is found in the first log after its positions and torques were changed; torques come some samples late.
+fn found_in(change: impl Fn(usize, &mut f64, &mut f64), late: isize) -> Vec<Finding> {
+    let (robot, log) = (robot(), read("train_1"));
+    let (mut q, tau) = (log.position().to_vec(), log.torque().expect("logged"));
+    let samples = log.len() as isize;
+    let from = |k: usize| (k as isize - late).clamp(0, samples - 1) as usize;
+    let mut tau: Vec<f64> = (0..log.len()).flat_map(|k| tau[6 * from(k)..6 * from(k) + 6].to_vec()).collect();
+    q.iter_mut().zip(&mut tau).enumerate().for_each(|(index, (q, tau))| change(index % 6, q, tau));
+    let (joints, time) = (log.joint_names().to_vec(), log.time().to_vec());
+    let log = Recording::new("log", joints, time, q, None, Some(tau), vec![]).expect("fits");
+    let (model, _) = identify(&robot, std::slice::from_ref(&log), &options(), &()).expect("good logs");
+    screen(&model, &[log]).expect("good logs").into_iter().filter(|f| !matches!(f, Finding::Outliers { .. })).collect()
+}
+
+#[test]
+fn mistakes_in_logs_are_named_and_good_logs_pass() {
+    assert_eq!(found_in(|_, _, _| {}, 0), []);
+    let names = |joints: &[usize]| joints.iter().map(|joint| format!("joint_{joint}")).collect::<Vec<_>>();
+    for wrong in [&[3][..], &[2, 3], &[1], &[2, 4, 6], &[1, 2, 3, 5]] {
+        let found = found_in(|joint, _, tau| *tau *= if wrong.contains(&(joint + 1)) { -1.0 } else { 1.0 }, 0);
+        let negated: Vec<Finding> = names(wrong).into_iter().map(|joint| Finding::Negated { joint }).collect();
+        assert_eq!(found, negated);
+    }
+    for (wrong, right) in [(0.2, 5.0), (1000.0, 0.001)] {
+        let found = found_in(|joint, _, tau| *tau *= if joint == 1 { wrong } else { 1.0 }, 0);
+        let [Finding::Scaled { joint, factor }] = &found[..] else { panic!("{found:?}") };
+        assert!(joint == "joint_2" && (factor / right - 1.0_f64).abs() < 0.1, "{found:?}");
+    }
+    // A position with the wrong sign is another arm.
+    let found = found_in(|joint, q, _| *q *= if joint == 2 { -1.0 } else { 1.0 }, 0);
+    assert!(matches!(&found[..], [Finding::Contradiction { ratio, .. }] if *ratio > 5.0), "{found:?}");
+    for (samples, seconds) in [(3, 0.012), (-3, -0.012), (10, 0.040)] {
+        let found = found_in(|_, _, _| {}, samples);
+        let [Finding::AllLate { seconds: named, .. }] = found[..] else { panic!("{found:?}") };
+        assert!((named - seconds).abs() < 0.003, "{named} {seconds}");
+    }
+}
+
+#[test]
+fn torques_in_another_unit_than_the_robot_file_are_named() {
+    let (robot, log) = (robot(), read("train_1"));
+    let tau = log.torque().expect("logged").iter().map(|tau| 1000.0 * tau).collect();
+    let (joints, time) = (log.joint_names().to_vec(), log.time().to_vec());
+    let log = Recording::new("log", joints, time, log.position().to_vec(), None, Some(tau), vec![]).expect("fits");
+    let (_, report) = identify(&robot, &[log], &options(), &()).expect("good logs");
+    assert!(report.warnings.iter().any(|text| text.contains("times what the masses")), "{:?}", report.warnings);
+    let (_, report) = identify(&robot, &train(), &options(), &()).expect("good logs");
+    assert!(!report.warnings.iter().any(|text| text.contains("times what the masses")), "{:?}", report.warnings);
 }
 
 #[test]

@@ -345,10 +345,21 @@ fn mimicking_joints_stand_unless_they_are_asked_for() {
         "<joint name=\"to_two\" type=\"revolute\">",
         "<joint name=\"to_two\" type=\"revolute\"><mimic joint=\"to_one\"/>",
     );
-    assert_eq!(read(&body).dof(), 1);
+    let arm = read(&body);
+    assert_eq!(arm.dof(), 1);
+    let warnings = arm.warnings();
+    assert_says(&warnings[0], &["`to_two` mimics `to_one`", "position 0", "`locked`", "`joints`"]);
+    let text = serde_json::to_string(&arm).expect("plain data");
+    assert_eq!(serde_json::from_str::<Robot>(&text).expect("the same robot").warnings(), warnings);
     let joints = Some(vec!["to_one".into(), "to_two".into()]);
     let both = read_with(&body, &UrdfOptions { joints, ..UrdfOptions::default() }).expect("valid");
     assert_eq!(both.dof(), 2);
+    // Who says where it stands, or which joints move, knows.
+    let locked = UrdfOptions { locked: [("to_two".to_string(), 0.3)].into(), ..UrdfOptions::default() };
+    let one = UrdfOptions { joints: Some(vec!["to_one".into()]), ..UrdfOptions::default() };
+    for silent in [both, read_with(&body, &locked).expect("valid"), read_with(&body, &one).expect("valid")] {
+        assert!(!silent.warnings().iter().any(|text| text.contains("mimics")));
+    }
 }
 
 #[test]

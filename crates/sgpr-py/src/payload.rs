@@ -135,6 +135,23 @@ fn link_of(robot: &Robot, link: Option<&str>) -> PyResult<usize> {
     }
 }
 
+/// Refuses options of `identify` that would change nothing.
+fn without(options: Option<&Bound<'_, PyDict>>, meaningless: &[&str]) -> PyResult<()> {
+    for (key, value) in options.into_iter().flatten() {
+        let key: String = key.extract()?;
+        if meaningless.contains(&key.as_str()) && !value.is_none() {
+            return Err(invalid(format!("{key}: has no meaning here; all logs are taken at once, by one method")));
+        }
+    }
+    Ok(())
+}
+
+/// Options of `identify` that say how its parameters are estimated.
+const ESTIMATION: [&str; 8] = ["method", "noise", "essential", "uncertainty", "start", "instruments", "kp", "kd"];
+
+/// Options of `identify` that say which bodies links may be.
+const BODIES: [&str; 3] = ["prior", "prior_deviation", "bounds"];
+
 /// Identifies a payload from recordings without and with it.
 ///
 /// Arm and payload are estimated from all recordings together, so the covariance of the payload knows what is not known
@@ -152,7 +169,7 @@ fn link_of(robot: &Robot, link: Option<&str>) -> PyResult<usize> {
 /// consistent : bool, default True
 ///     Whether the payload is to be a body.
 /// **options
-///     `effects` and conditioning as in `identify`.
+///     `effects` and conditioning as in `identify`; what says how its parameters are estimated is refused.
 ///
 /// Returns
 /// -------
@@ -178,6 +195,8 @@ pub fn identify_payload(
     consistent: bool,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Payload> {
+    without(options, &ESTIMATION)?;
+    without(options, &BODIES)?;
     let Arguments { options, progress } = Arguments::new(robot.get(), options)?;
     let (unloaded, loaded) = (recordings(unloaded)?, recordings(loaded)?);
     let index = link_of(robot.get(), link)?;
@@ -241,6 +260,7 @@ pub fn identify_drive_gains(
     lowest: Option<&Bound<'_, PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<DriveGains> {
+    without(options, &ESTIMATION)?;
     let Arguments { mut options, progress } = Arguments::new(robot.get(), options)?;
     let (unloaded, loaded) = (recordings(unloaded)?, recordings(loaded)?);
     let index = link_of(robot.get(), link)?;

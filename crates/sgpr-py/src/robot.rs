@@ -51,7 +51,8 @@ impl Robot {
     /// path : str or os.PathLike
     ///     The file; expand xacro files first.
     /// joints : list of str, optional
-    ///     Joints that move, base to tip; all movable ones by default. The others are locked.
+    ///     Joints that move, base to tip; by default all movable ones that mimic no other (`warnings` names those that do).
+    ///     The others are locked.
     /// locked : dict of str to float, optional
     ///     Position of locked joints, rad (m); zero for those not named.
     /// gravity : array of shape (3,), default (0, 0, -9.81)
@@ -232,7 +233,8 @@ impl Robot {
         self.inner.standard_parameter_names()
     }
 
-    /// What a careful reader would want to know: links without mass at the tip, inertias that no body can have.
+    /// What a careful reader would want to know: joints that mimic others and stand here, links without mass at the tip,
+    /// inertias that no body can have.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.inner.warnings()

@@ -258,3 +258,47 @@ def test_other_estimators_by_command(options: list[str], logs: list[str], tmp_pa
 )
 def test_other_estimators_that_are_not(options: list[str], logs: list[str], tmp_path: Path) -> None:
     assert identify(logs, tmp_path / "out", *options).code == 2
+
+
+def test_instruments_and_controllers_by_command(tmp_path: Path) -> None:
+    t = np.arange(0.0, 20.0, 1e-3)
+    q = np.stack([0.6 * np.sin(1.1 * t) + 0.3 * np.sin(2.9 * t), 0.5 * np.sin(1.7 * t + 1) + 0.3 * np.sin(3.7 * t)], 1)
+    dq = np.gradient(q, 1e-3, axis=0)
+    robot = sgpr.robots.two_link()
+    gains: dict[str, list[float]] = {"kp": [400.0, 300.0], "kd": [40.0, 30.0]}
+    reference = (1000.0, q, dq, np.gradient(dq, 1e-3, axis=0))
+    found = sgpr.simulate(robot, reference, controller="pd", record_period=5e-3, **gains)
+    time = (found.t * 1e9).round().astype(np.int64)
+    log, wanted = tmp_path / "log.mcap", tmp_path / "reference.mcap"
+    names = robot.joint_names
+    sgpr.Recording(time, found.q, None, found.tau, joint_names=names, source="log").save(log)
+    sgpr.Recording(time, found.q_wanted, None, None, joint_names=names, source="reference").save(wanted)
+    base = ["identify", "--robot", "two_link", "--train", log, "--effects", "none", "--cutoff", 20, "--no-report"]
+    controller = ["--kp", 400, 300, "--kd", 40, 30]
+    expected = robot.base_parameters().matrix @ robot.standard_parameters
+    for options in (["--method", "iv"], ["--method", "iv", *controller], ["--method", "output_error", *controller]):
+        done = run(*base, *options, "--instruments", wanted, "--out", tmp_path / "out", "--json")
+        assert done.code == 0, done.err
+        data = json.loads(done.out)
+        assert data["fit"]["method"] == options[1]
+        assert np.abs(np.array([p["value"] for p in data["parameters"]]) - expected).max() < 0.02
+        # Without its instruments a method is no method, and they belong to no other.
+        assert run(*base, *options, "--out", tmp_path / "none").code == 2
+        assert run(*base, *options, "--instruments", wanted, "--method", "wls", "--out", tmp_path / "none").code == 2
+    half = ["--method", "output_error", "--instruments", wanted, "--kp", 400, 300]
+    assert run(*base, *half, "--out", tmp_path / "none").code == 2
+
+
+def test_the_report_says_what_was_left_out_and_why(tmp_path: Path) -> None:
+    base = ["identify", "--robot", DEMO_ROBOT, "--train", DEMO_TRAIN[0], "--essential"]
+    done = run(*base, "--out", tmp_path)
+    assert done.code == 0, done.err
+    page = (tmp_path / "report.html").read_text()
+    data = json.loads((tmp_path / "identification.json").read_text())
+    dropped = data["essential"]["dropped"]
+    assert dropped
+    section = page.split("Parameters left out</h2>")[1].split("</section>")[0]
+    for index, rise in zip(dropped, data["essential"]["rise"], strict=True):
+        assert data["parameters"][index]["name"] in section
+        assert significant(rise, 3) in section
+    assert done.out.count("left out") == len(dropped)

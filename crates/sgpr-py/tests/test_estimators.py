@@ -126,6 +126,9 @@ def test_mistakes_in_logs_are_named(demo_robot: sgpr.Robot, demo_logs: list[sgpr
     assert "negated" not in warnings([1.0] * 6)
     assert f"torque of {names[2]} looks negated" in warnings([1.0, 1.0, -1.0, 1.0, 1.0, 1.0])
     assert "all torques look negated" in warnings([-1.0] * 6)
+    both = warnings([1.0, -1.0, -1.0, 1.0, 1.0, 1.0])
+    assert all(f"torque of {name} looks negated" in both for name in names[1:3]) and both.count("negated") == 2
+    assert "times what the masses of the robot file need" in warnings([1000.0] * 6)
     assert f"torque of {names[1]} is in another unit" in warnings([1.0, 1000.0, 1.0, 1.0, 1.0, 1.0])
 
 
@@ -158,3 +161,52 @@ def test_regrouping_rules_are_formulas() -> None:
     assert rules[0].startswith("Iyy(j): Ixx(j-1) + 1, Iyy(j-1) + cos(alpha)^2")
     with pytest.raises(sgpr.SgprError):
         sgpr.regroupings([{"angle": 1.0}])
+
+
+class ClosedLoop:
+    """The two-link arm behind its reference under a PD controller, without noise, and its controller."""
+
+    kp, kd = [400.0, 300.0], [40.0, 30.0]
+
+    def __init__(self) -> None:
+        self.robot = sgpr.robots.two_link()
+        t = np.arange(0.0, 20.0, 1e-3)
+        q, dq, ddq = (np.zeros((len(t), 2)) for _ in range(3))
+        for joint in range(2):
+            for h in range(1, 5):
+                a, w, phase = 0.7 / h, 0.9 * h + 0.17 * joint, 1.7 * h * (joint + 1)
+                q[:, joint] += a * np.sin(w * t + phase)
+                dq[:, joint] += a * w * np.cos(w * t + phase)
+                ddq[:, joint] -= a * w * w * np.sin(w * t + phase)
+        controller: dict[str, Any] = {"controller": "pd", "kp": self.kp, "kd": self.kd}
+        found = sgpr.simulate(self.robot, (1000.0, q, dq, ddq), **controller, record_period=5e-3)
+        time = (found.t * 1e9).round().astype(np.int64)
+        names = self.robot.joint_names
+        self.log = sgpr.Recording(time, found.q, None, found.tau, joint_names=names, source="log")
+        self.reference = sgpr.Recording(time, found.q_wanted, None, None, joint_names=names, source="reference")
+
+
+@pytest.fixture(scope="module")
+def closed_loop() -> ClosedLoop:
+    return ClosedLoop()
+
+
+@pytest.mark.parametrize(
+    "method", ["ols", "wls", "irls", "ridge:10", "tls", "rls", "iv", "iv simulated", "output_error"]
+)
+def test_all_estimators_find_the_arm_behind_its_controller(method: str, closed_loop: ClosedLoop) -> None:
+    name, _, simulated = method.partition(" ")
+    options: dict[str, Any] = {}
+    if name in ("iv", "output_error"):
+        options["instruments"] = [closed_loop.reference]
+    if name == "output_error" or simulated:
+        options |= {"kp": closed_loop.kp, "kd": closed_loop.kd}
+    robot, effects = closed_loop.robot, ["viscous_friction"]
+    model = sgpr.identify(robot, [closed_loop.log], effects=effects, method=name, cutoff_hz=20.0, **options)
+    expected = robot.base_parameters(effects).matrix @ np.append(robot.standard_parameters, [0.0, 0.0])
+    found = np.array([parameter.value for parameter in model.parameters])
+    # What is left are errors of the derivatives; output error takes none, and integrates coarsely.
+    assert np.abs(found - expected).max() < 0.01
+    assert model.fit is not None and model.fit["method"] == name.partition(":")[0]
+    assert all(parameter.standard_deviation is not None for parameter in model.parameters)
+    assert model.report is not None and len(model.report.singular_values) == len(found)

@@ -79,5 +79,24 @@ def test_the_command_says_what_hangs_on_the_arm(tmp_path: Path) -> None:
     assert (gains > 0.95 - 1e-5).all()
     for extra in (["--estimator", "least_squares"], ["--known", "m=2", "--estimator", "guess"]):
         assert run(*arguments, *extra).code == 2
+    # What would change nothing is refused, and what holds without a word is what holds in Python.
+    for extra in (["--prior", "entropic"], ["--bounds", files[0]], ["--method", "ols"]):
+        assert run(*arguments, *extra).code == 2
+    robot = sgpr.robots.puma560()
+    without, with_it = ([sgpr.read(file)] for file in files)
+    for options, expected in (
+        ([], {}),
+        (["--consistent"], {"consistent": True}),
+        (["--no-consistent"], {"consistent": False}),
+    ):
+        found = run(*arguments, *options, "--json")
+        assert found.code == 0, found.err
+        payload = sgpr.identify_payload(robot, without, with_it, effects=["coulomb_friction"], **expected)
+        values = [p["value"] for p in json.loads(found.out)["parameters"]]
+        assert np.array_equal(values, payload.parameters)
+    with pytest.raises(sgpr.SgprError, match="method"):
+        sgpr.identify_payload(robot, without, with_it, method="ols")
+    with pytest.raises(sgpr.SgprError, match="bounds"):
+        sgpr.identify_payload(robot, without, with_it, bounds={})
     for extra in (["--known", "m"], ["--link", "elbow"], ["--loaded", files[0]]):
         assert run(*arguments, *extra).code == 2

@@ -1,10 +1,12 @@
 """Robots from files and tables."""
 
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
 import sgpr
+from cli_support import run
 from conftest import DATA, Reference
 
 PENDULUM = """<robot name="pendulum"><link name="base"/><link name="rod"><inertial><origin xyz="0 0 -0.5"/>
@@ -152,3 +154,24 @@ def test_files_that_are_no_robots() -> None:
         sgpr.Robot.from_urdf_text(PENDULUM, ["elbow"])
     with pytest.raises(TypeError, match="joints: got a str"):
         sgpr.Robot.from_urdf_text(PENDULUM, "hinge")
+
+
+def test_a_joint_that_mimics_another_is_told(tmp_path: Path) -> None:
+    body = '<mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+    limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+    link = '<link name="{}"><inertial>' + body + "</inertial></link>"
+    joint = '<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/>' + limit + "{}</joint>"
+    path = tmp_path / "hand.urdf"
+    path.write_text(
+        '<robot name="hand">'
+        + "".join(link.format(name) for name in ("palm", "left", "right"))
+        + joint.format("finger", "palm", "left", "")
+        + joint.format("follower", "palm", "right", '<mimic joint="finger"/>')
+        + "</robot>"
+    )
+    robot = sgpr.Robot.from_urdf(path)
+    assert robot.joint_names == ["finger"]
+    assert any("`follower` mimics `finger`" in text for text in robot.warnings)
+    both = sgpr.Robot.from_urdf(path, ["finger", "follower"])
+    assert not any("mimics" in text for text in both.warnings)
+    assert "follower" in run("info", path).out.replace("\n", " ")

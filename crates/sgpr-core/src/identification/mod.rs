@@ -50,4 +50,4 @@ pub use observation::{Equation, Equations, JointFactor, Observation, Row, Trajec
 pub use parameter_set::{EffectColumn, ParameterSet, TrajectoryColumn};
 pub use payload::{Payload, PayloadOptions, identify_payload};
 pub use recursive::RecursiveLeastSquares;
-pub use screening::{Finding, screen_factors, screen_rows};
+pub use screening::{Finding, screen_delays, screen_factors, screen_rows, screen_scale};

@@ -11,8 +11,8 @@ use crate::effects::UnknownEffect;
 use crate::identification::{
     BaseParameters, ClosedLoop, Consistency, Costs, Equations, Essential, Estimate, Finding, IdentificationError,
     JointFactor, KeptOut, LeastSquares, Method, Observation, ParameterSet, Row, Series, Trajectory, block_bootstrap,
-    essential_parameters, estimate, hac_covariance, residual_norm, rows_per_independent_row, screen_factors,
-    screen_rows, torque_sizes, weakest_good_deviation,
+    essential_parameters, estimate, hac_covariance, residual_norm, rows_per_independent_row, screen_delays,
+    screen_factors, screen_rows, screen_scale, torque_sizes, weakest_good_deviation,
 };
 use crate::motion::{Conditioning, Motion, MotionError, Processing};
 use crate::progress::{Interrupted, Progress};
@@ -132,7 +132,7 @@ pub enum IdentifyError {
         reason: String,
     },
     /// An effect at a joint that cannot have it.
-    #[error("`{effect}` cannot be at `{joint}`: {}", if known.is_empty() { "it is of the whole arm".into() } else { format!("it can be at {}", known.join(", ")) })]
+    #[error("`{effect}` cannot be at `{joint}`: {}", if known.is_empty() { "it is of the whole arm, or of joints that this robot lacks".into() } else { format!("it can be at {}", known.join(", ")) })]
     NoSite {
         /// Effect.
         effect: String,
@@ -351,6 +351,9 @@ fn fit(
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
     let mut notes: Vec<String> = estimate.notes.drain(..).collect();
     notes.extend(screen_factors(&set, &base, &joints, &factors, &estimate).iter().map(ToString::to_string));
+    if options.start == Start::RobotFile {
+        notes.extend(screen_scale(&nominal, &factors).map(|finding| finding.to_string()));
+    }
     let mut essential = None;
     if options.essential {
         let found = self::essential(robot, &set, &base, equations.trajectories(), &factors, &estimate)?;
@@ -646,6 +649,11 @@ pub fn screen(model: &TorqueModel, recordings: &[Recording]) -> Result<Vec<Findi
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
     let mut findings = screen_factors(set, base, &joints, &factors, &estimate);
     findings.extend(screen_rows(&mut equations, &joints, &experiment.rates_hz(), &factors, &estimate)?);
+    // Dry friction near turns looks like a torque at another time.
+    let calm = Processing { turn_margin: processing.turn_margin.max(1.0), ..processing.clone() };
+    let calm = Experiment::new(&recordings, &calm)?;
+    let equations = Equations::new(robot, set, base, calm.trajectories_with(&[], &[], Some(&columns))?);
+    findings.extend(screen_delays(&equations, &joints, &calm.rates_hz())?);
     Ok(findings)
 }
 

@@ -12,6 +12,8 @@ pub(super) struct RobotDescription {
     gravity: [f64; 3],
     joints: Vec<JointDescription>,
     frames: Vec<FrameDescription>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    notes: Vec<String>,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -75,6 +77,7 @@ impl From<Robot> for RobotDescription {
             gravity: robot.gravity().to_array(),
             joints: robot.joints().iter().zip(robot.links()).map(joint).collect(),
             frames: robot.frames().iter().map(frame).collect(),
+            notes: robot.notes,
         }
     }
 }
@@ -83,7 +86,7 @@ impl TryFrom<RobotDescription> for Robot {
     type Error = RobotError;
 
     fn try_from(description: RobotDescription) -> Result<Self, RobotError> {
-        let RobotDescription { name, gravity, joints, frames } = description;
+        let RobotDescription { name, gravity, joints, frames, notes } = description;
         let links = joints.iter().map(|joint| LinkInertia::from_standard_parameters(&joint.link)).collect();
         let joints = joints.into_iter().map(|joint| Joint {
             name: joint.name,
@@ -97,6 +100,6 @@ impl TryFrom<RobotDescription> for Robot {
         });
         let frames =
             frames.into_iter().map(|frame| Frame { name: frame.name, joint: frame.joint, pose: frame.pose.into() });
-        Self::new(name, joints.collect(), links, frames.collect(), gravity.into())
+        Ok(Self::new(name, joints.collect(), links, frames.collect(), gravity.into())?.with_notes(notes))
     }
 }

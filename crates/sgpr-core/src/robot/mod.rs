@@ -124,6 +124,8 @@ pub struct Robot {
     links: Vec<LinkInertia>,
     frames: Vec<Frame>,
     gravity: Vector3<f64>,
+    /// What was assumed when the robot was read.
+    notes: Vec<String>,
     /// For each joint the joints between base and it, itself last.
     paths: Vec<Vec<usize>>,
     /// Blocks `joint * n + link` of the regressor that are always zero.
@@ -237,7 +239,7 @@ impl Robot {
         let turns = joints.iter().map(Turn::of).collect();
         let n = joints.len();
         let zero_blocks = (0..n * n).filter(|block| !paths[block % n].contains(&(block / n))).collect();
-        Ok(Self { name, joints, links, frames, gravity, paths, zero_blocks, turns })
+        Ok(Self { name, joints, links, frames, gravity, notes: Vec::new(), paths, zero_blocks, turns })
     }
 
     /// Name of the robot.
@@ -323,6 +325,11 @@ impl Robot {
             .collect()
     }
 
+    fn with_notes(mut self, notes: Vec<String>) -> Self {
+        self.notes = notes;
+        self
+    }
+
     /// The same kinematics with other inertias. Any values are allowed, also identified ones that no single body has.
     ///
     /// # Panics
@@ -355,10 +362,10 @@ impl Robot {
         &self.turns
     }
 
-    /// What a careful reader would want to know about this robot: links without mass at the tip, inertias that no body
-    /// can have.
+    /// What a careful reader would want to know about this robot: joints that the file lets follow others and that stand
+    /// here, links without mass at the tip, inertias that no body can have.
     pub fn warnings(&self) -> Vec<String> {
-        let mut warnings = Vec::new();
+        let mut warnings = self.notes.clone();
         for (index, (joint, link)) in self.joints.iter().zip(&self.links).enumerate() {
             let is_leaf = !self.joints.iter().any(|other| other.parent == Some(index));
             if is_leaf && link.mass == 0.0 {

@@ -37,7 +37,8 @@ impl Robot {
     ///
     /// Links behind fixed or locked joints are merged into the link that carries them, with their inertia; what is
     /// rigidly attached to the base does not count. Every URDF link becomes a [`Frame`]. `<dynamics>` is kept in the
-    /// joint and does not enter the rigid-body dynamics.
+    /// joint and does not enter the rigid-body dynamics. A joint that mimics another is locked unless `joints` names it, and
+    /// [`Robot::warnings`] says so.
     ///
     /// # Errors
     /// If the file is not a URDF, is not a tree, has joints of unsupported type or numbers that cannot be, or if
@@ -273,7 +274,27 @@ impl<'a> Tree<'a> {
                 movable: movable.map(|joint| joint.name.clone()).collect(),
             });
         }
-        Robot::new(self.urdf.name.clone(), joints, links, frames, options.gravity)
+        let robot = Robot::new(self.urdf.name.clone(), joints, links, frames, options.gravity)?;
+        Ok(robot.with_notes(self.standing_mimics(options)))
+    }
+
+    /// Sentences on joints that follow others in the file and stand in the model, although nobody said that they should.
+    fn standing_mimics(&self, options: &UrdfOptions) -> Vec<String> {
+        if options.joints.is_some() {
+            return Vec::new();
+        }
+        let unasked = self.joints().filter(|joint| !options.locked.contains_key(&joint.name));
+        let followers = unasked.filter_map(|joint| Some((joint, joint.mimic.as_ref()?)));
+        followers
+            .map(|(joint, leader)| {
+                format!(
+                    "`{}` mimics `{}` and is no joint of this model: its links are fixed at position 0, so what their own \
+                     motion adds to the torque is missing. Give the position where it stands (`locked`), or name the \
+                     joints that move (`joints`), it among them, if the logs have it",
+                    joint.name, leader.joint
+                )
+            })
+            .collect()
     }
 }
 

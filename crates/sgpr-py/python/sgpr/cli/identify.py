@@ -1,6 +1,5 @@
 """`sgpr identify`: the main job, from a robot and logs to a torque model and a report on it."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,9 +15,9 @@ from ..report.identification import IdentificationPage
 from ..report.numbers import counted, percent
 from . import describe
 from .console import Output, to_json
-from .effects import DEFAULT_EFFECTS, checked_effects
 from .error_table import show_errors
-from .errors import BadData, one_of, wrong_use
+from .errors import wrong_use
+from .fit_options import BodyOptions, EquationOptions, IdentificationOptions
 from .info import show_certificate, show_parameters, show_terms
 from .options import Gravity, Joints, NoReport, OutFolder, check_unseen
 from .output_folder import OutputFolder
@@ -36,247 +35,8 @@ from .robots import load_robot
 from .screening import excitation, outside, saturated
 from .versions import versions
 
-FIT = "Identification"
 WRONG_POSITION = ("position_in_degrees", "position_jump", "velocity_mismatch")
 """Kinds of findings after which no result can be believed."""
-
-
-@dataclass(frozen=True)
-class IdentificationOptions:
-    """How to identify."""
-
-    effects: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--effects",
-            metavar="EFFECT...",
-            help="Effects beside the rigid body, at all joints or as EFFECT@JOINT at one, or `none`.",
-            show_default=" ".join(DEFAULT_EFFECTS),
-            rich_help_panel=FIT,
-        ),
-    ] = None
-    method: Annotated[
-        str,
-        typer.Option(
-            "--method",
-            metavar="METHOD",
-            help="Ordinary or weighted least squares (ols, wls), against outliers (irls, irls:THRESHOLD), drawn to the "
-            "robot file (ridge, ridge:DEVIATION), total (tls, tls:NOISE), recursive (rls, rls:FORGETTING).",
-            rich_help_panel=FIT,
-        ),
-    ] = "wls"
-    consistent: Annotated[
-        bool,
-        typer.Option(
-            "--consistent",
-            help="Every link a body, friction and rotors not negative; also writes robot.urdf and robot.xml (MJCF).",
-            rich_help_panel=FIT,
-        ),
-    ] = False
-    prior: Annotated[
-        str | None,
-        typer.Option(
-            "--prior",
-            metavar="entropic|euclidean",
-            help="With --consistent: how the distance to the robot file is measured where the data are silent.",
-            show_default="entropic",
-            rich_help_panel=FIT,
-        ),
-    ] = None
-    prior_deviation: Annotated[
-        str | None,
-        typer.Option(
-            "--prior-deviation",
-            metavar="SHARE|auto",
-            help="With --consistent: relative standard deviation of the robot file's values; auto: the data choose.",
-            show_default="30",
-            rich_help_panel=FIT,
-        ),
-    ] = None
-    bounds: Annotated[
-        str | None,
-        typer.Option(
-            "--bounds",
-            metavar="FILE",
-            help='With --consistent: limits in JSON, {"joint_2": {"mass": [1, 5], "box": [[...], [...]]}, '
-            '"total_mass": [20, 30], "joint_2.Fv": [0, null]}.',
-            rich_help_panel=FIT,
-        ),
-    ] = None
-    essential: Annotated[
-        bool,
-        typer.Option("--essential", help="Leave out what the data do not support.", rich_help_panel=FIT),
-    ] = False
-    uncertainty: Annotated[
-        str,
-        typer.Option(
-            "--uncertainty",
-            metavar="memory|hac|bootstrap",
-            help="Where standard deviations come from: the memory of each joint's residual, residuals correlated over "
-            "time and joints, or blocks of the logs drawn again (bootstrap:REPLICATES).",
-            rich_help_panel=FIT,
-        ),
-    ] = "memory"
-    start: Annotated[
-        str,
-        typer.Option(
-            "--start",
-            metavar="robot_file|zero",
-            help="What parameters that the motion does not excite keep: the robot file's values; or zero, if the "
-            "torque in the logs is what an internal model leaves over.",
-            rich_help_panel=FIT,
-        ),
-    ] = "robot_file"
-    cutoff: Annotated[
-        float | None,
-        typer.Option(
-            "--cutoff",
-            metavar="HZ",
-            help="Low-pass of the positions.",
-            show_default="from spectra",
-            rich_help_panel=FIT,
-        ),
-    ] = None
-    order: Annotated[int, typer.Option("--order", help="Order of the low-pass.", rich_help_panel=FIT)] = 4
-    differentiation: Annotated[
-        str,
-        typer.Option(
-            "--differentiation",
-            help="central, central:4, savitzky_golay:WINDOW:DEGREE.",
-            rich_help_panel=FIT,
-        ),
-    ] = "central"
-    torque_band: Annotated[
-        str,
-        typer.Option(
-            "--torque-band",
-            metavar="HZ|position|full",
-            help="Low-pass of both sides of the equation: as the positions, none (full), or a cut-off.",
-            rich_help_panel=FIT,
-        ),
-    ] = "position"
-    decimation: Annotated[
-        int | None,
-        typer.Option(
-            "--decimation", help="Take every so many rows.", show_default="from the cut-off", rich_help_panel=FIT
-        ),
-    ] = None
-    standstill_speed: Annotated[
-        float | None,
-        typer.Option(
-            "--standstill-speed",
-            metavar="SPEED",
-            help="Slower joints count as standing, rad/s.",
-            show_default="from the noise",
-            rich_help_panel=FIT,
-        ),
-    ] = None
-    turn_margin: Annotated[
-        float,
-        typer.Option(
-            "--turn-margin",
-            metavar="PERIODS",
-            help="Periods of the cut-off about each turn of a joint in which its rows do not count.",
-            rich_help_panel=FIT,
-        ),
-    ] = 0.0
-
-    def arguments(self) -> dict[str, Any]:
-        """What `sgpr.identify` takes."""
-        for value, option in ((self.cutoff, "--cutoff"), (self.standstill_speed, "--standstill-speed")):
-            if value is not None and not value > 0.0:
-                raise wrong_use("must be greater than zero", option)
-        for count, option in ((self.order, "--order"), (self.decimation, "--decimation")):
-            if count is not None and count < 1:
-                raise wrong_use("must be at least 1", option)
-        if not 0.0 <= self.turn_margin < float("inf"):
-            raise wrong_use("must be zero or more", "--turn-margin")
-        return {
-            "effects": checked_effects(DEFAULT_EFFECTS if self.effects is None else self.effects),
-            "method": self._method(),
-            **self._consistency(),
-            "essential": self.essential,
-            "uncertainty": self._uncertainty(),
-            "start": one_of(self.start, ("robot_file", "zero"), "--start", "start"),
-            "cutoff_hz": self.cutoff,
-            "filter_order": self.order,
-            "differentiation": self.differentiation,
-            "torque_band": self._band(),
-            "decimation": self.decimation,
-            "standstill_speed": self.standstill_speed,
-            "turn_margin": self.turn_margin,
-        }
-
-    def _method(self) -> str:
-        name, _, setting = self.method.partition(":")
-        one_of(name, ("ols", "wls", "irls", "ridge", "tls", "rls"), "--method", "method")
-        if setting and (name in ("ols", "wls") or not _is_number(setting)):
-            raise wrong_use(f"`{self.method}`: expected ols, wls, or irls, ridge, tls, rls with a number", "--method")
-        return self.method
-
-    def _uncertainty(self) -> str:
-        name, _, count = self.uncertainty.partition(":")
-        one_of(name, ("memory", "hac", "bootstrap"), "--uncertainty", "source of standard deviations")
-        if count and not (name == "bootstrap" and count.isdigit() and 2 <= int(count) <= MOST_REPLICATES):
-            raise wrong_use(f"`{self.uncertainty}`: only bootstrap has a number, from 2 on", "--uncertainty")
-        return self.uncertainty
-
-    def _consistency(self) -> dict[str, Any]:
-        given = (("--prior", self.prior), ("--prior-deviation", self.prior_deviation), ("--bounds", self.bounds))
-        for option, value in given:
-            if value is not None and not self.consistent:
-                raise wrong_use("belongs to --consistent", option)
-        if self.consistent and self.essential:
-            raise wrong_use("parameters that are left out make no body: choose one of the two", "--consistent")
-        if self.prior is not None:
-            one_of(self.prior, ("entropic", "euclidean"), "--prior", "distance")
-        return {
-            "consistent": self.consistent,
-            "prior": self.prior,
-            "prior_deviation": self._prior_deviation(),
-            "bounds": None if self.bounds is None else _read_bounds(self.bounds),
-        }
-
-    def _prior_deviation(self) -> float | str | None:
-        if self.prior_deviation is None or self.prior_deviation == "auto":
-            return self.prior_deviation
-        if not _is_number(self.prior_deviation) or not float(self.prior_deviation) > 0.0:
-            raise wrong_use(f"`{self.prior_deviation}`: expected a number above zero, or auto", "--prior-deviation")
-        return float(self.prior_deviation)
-
-    def _band(self) -> float | str:
-        if self.torque_band in ("position", "full"):
-            return self.torque_band
-        try:
-            hz = float(self.torque_band)
-        except ValueError:
-            hz = 0.0
-        if not hz > 0.0:
-            raise wrong_use(
-                f"`{self.torque_band}` is neither a cut-off in Hz nor `position` or `full`", "--torque-band"
-            )
-        return hz
-
-
-MOST_REPLICATES = 100_000
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _read_bounds(path: str) -> dict[str, Any]:
-    try:
-        bounds = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise BadData(f"{path}: no JSON: {error}") from error
-    if not isinstance(bounds, dict):
-        raise BadData(f"{path}: expected an object of limits by joint or parameter")
-    return bounds
 
 
 def identify(
@@ -286,6 +46,8 @@ def identify(
     train: Annotated[list[str], typer.Option("--train", metavar="FILE...", help="Logs to identify from.")],
     out: OutFolder,
     fit: IdentificationOptions,
+    bodies: BodyOptions,
+    equations: EquationOptions,
     reading: ReadingOptions,
     output: Output,
     test: Annotated[
@@ -306,7 +68,9 @@ def identify(
     Writes to DIR: model.sgpr, report.html, identification.json and, with test logs, predictions.csv; with --consistent
     also the robot with the inertias found, robot.xml (MJCF) and, from a URDF, robot.urdf.
     """
-    options = fit.arguments()
+    options = {**equations.arguments(), **fit.arguments(), **bodies.arguments()}
+    if options["consistent"] and options["essential"]:
+        raise wrong_use("parameters that are left out make no body: choose one of the two", "--consistent")
     if mcap is not None and not test:
         raise wrong_use("is written for test logs: name them with --test", "--mcap")
     check_unseen(train, test)
@@ -314,18 +78,20 @@ def identify(
     loaded = load_robot(robot, joints, gravity)
     train_logs = read_logs(train, reading, loaded.joint_names, output)
     test_logs = read_logs(test or [], reading, loaded.joint_names, output)
-    result = run(loaded, train_logs, test_logs, options, output)
+    instruments = stretches(read_logs(fit.instruments or [], reading, loaded.joint_names, output))
+    result = run(loaded, train_logs, test_logs, {**options, "instruments": instruments}, output)
     settings = {
         "robot": robot,
         "joints": joints,
         "gravity": loaded.gravity,
         **options,
+        **({"instruments": fit.instruments} if fit.instruments else {}),
         "reading": reading.to_dict(),
     }
     data = result.to_dict(settings)
     with folder:
         result.model.save(folder.file("model.sgpr"))
-        if fit.consistent:
+        if options["consistent"]:
             folder.write("robot.xml", result.model.to_mjcf())
             if Path(robot).suffix.lower() == ".urdf":
                 result.model.write_urdf(robot, folder.file("robot.urdf"))

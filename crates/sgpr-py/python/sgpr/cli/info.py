@@ -7,6 +7,7 @@ import typer
 
 from ..report.certificate import kept_out
 from ..report.numbers import MISSING, counted, percent, readable, relative_deviation, significant, with_deviation
+from ..report.parameters import left_out
 from ..report.rest import points_of
 from . import describe
 from .console import Output
@@ -200,6 +201,8 @@ def show_parameters(parameters: Sequence[dict[str, Any]], output: Output) -> Non
         if p["determined"] is False:
             deviation = "not excited"
         relative = relative_deviation(p["relative_standard_deviation_percent"]) if p["determined"] else MISSING
+        if left_out(p):
+            value, deviation, relative = "0", "left out", MISSING
         rows.append([p["name"], value, deviation, relative, significant(p["nominal"], 4), p["unit"]])
     columns = ["base parameter", "value", "std. deviation", "%", "nominal", "unit"]
     output.table(columns, rows, text_columns=(0, 5))

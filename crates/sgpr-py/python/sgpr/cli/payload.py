@@ -8,7 +8,7 @@ from .. import __version__, identify_drive_gains, identify_payload
 from ..report.numbers import percent, significant, with_deviation
 from .console import Output, to_json
 from .errors import one_of, wrong_use
-from .identify import IdentificationOptions
+from .fit_options import BodyOptions, EquationOptions
 from .options import Gravity, Joints
 from .output_folder import OutputFolder
 from .reading import ReadingOptions, read_logs, stretches
@@ -21,7 +21,8 @@ def payload(
     ],
     unloaded: Annotated[list[str], typer.Option("--unloaded", metavar="FILE...", help="Logs without the payload.")],
     loaded: Annotated[list[str], typer.Option("--loaded", metavar="FILE...", help="Logs with the payload.")],
-    fit: IdentificationOptions,
+    bodies: BodyOptions,
+    equations: EquationOptions,
     reading: ReadingOptions,
     output: Output,
     link: Annotated[
@@ -63,13 +64,13 @@ def payload(
     gravity: Gravity = None,
     out: Annotated[str | None, typer.Option("--out", metavar="DIR", help="Folder for payload.json.")] = None,
 ) -> None:
-    """Identifies a payload from logs with it and without it; or, with --known, the gains of the drives."""
-    options = fit.arguments()
-    # The payload is a body unless the user says otherwise through Python; the arm need not be, but can for its gains.
-    bodies = ("consistent", "prior", "prior_deviation", "bounds")
-    for key in ("method", "essential", "uncertainty", "start", *(() if known else bodies)):
-        options.pop(key)
+    """Identifies a payload from logs with it and without it; or, with --known, the gains of the drives.
+
+    A payload is held to a body unless --no-consistent is given; with --known and --consistent the links are bodies too.
+    """
+    options = equations.arguments()
     if known:
+        options.update(bodies.arguments())
         options["estimator"] = one_of(
             estimator or "maximum_likelihood",
             ("maximum_likelihood", "total_least_squares", "least_squares"),
@@ -77,12 +78,16 @@ def payload(
             "estimator",
         )
         options["lowest"] = lowest_gains
-    elif estimator or lowest_gains:
-        raise wrong_use("belongs to --known", "--estimator" if estimator else "--lowest-gains")
+    else:
+        given = [("--estimator", estimator), ("--lowest-gains", lowest_gains), *bodies.given()]
+        for option, value in given:
+            if value is not None:
+                raise wrong_use("belongs to --known", option)
+        options["consistent"] = bodies.arguments(default=True)["consistent"]
     both = sorted(set(unloaded) & set(loaded))
     if both:
         raise wrong_use(f"{', '.join(both)}: a log is with the payload or without it", "--loaded")
-    given = _known(known or [])
+    payload_of = _known(known or [])
     arm = load_robot(robot, joints, gravity)
     if link is not None and link not in arm.joint_names:
         raise wrong_use(f"`{link}`: the joints are {', '.join(arm.joint_names)}", "--link")
@@ -99,9 +104,11 @@ def payload(
         "library_version": __version__,
     }
     with output.progress() as progress:
-        if given:
-            gains = identify_drive_gains(arm, without, with_it, payload=given, link=link, progress=progress, **options)
-            data["known"] = given
+        if payload_of:
+            gains = identify_drive_gains(
+                arm, without, with_it, payload=payload_of, link=link, progress=progress, **options
+            )
+            data["known"] = payload_of
             data["gains"] = gains.gains
             data["standard_deviations"] = gains.standard_deviations
         else:
@@ -121,7 +128,7 @@ def payload(
     if folder:
         with folder:
             folder.write("payload.json", to_json(data))
-    if given:
+    if payload_of:
         show_gains(data, output)
     else:
         show_payload(data, output)

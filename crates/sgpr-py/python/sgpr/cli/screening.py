@@ -16,6 +16,7 @@ GOOD, POOR = 100.0, 500.0
 """Condition numbers, columns scaled: optimised excitations reach 50 to 100."""
 
 AT_LIMIT = 0.995
+MILLI = 1e-3
 FEW, MOST = 0.001, 0.5
 
 
@@ -57,12 +58,19 @@ def saturated(robot: Robot, stretches: Sequence[Recording]) -> list[str]:
     for k, name in enumerate(robot.joint_names):
         limit = float(robot.limits["effort"][k])
         torque = np.concatenate([np.abs(part.tau[:, k]) for part in stretches if part.tau is not None])
-        share = float(np.mean(torque >= AT_LIMIT * limit)) if len(torque) and limit > 0.0 else 0.0
+        if not len(torque) or limit <= 0.0:
+            continue
+        share, as_milli = (float(np.mean(given >= AT_LIMIT * limit)) for given in (torque, MILLI * torque))
         if share > FEW:
+            unit = robot.torque_units[k]
+            check = (
+                f"read as m{unit} it is inside; give the unit of the torque"
+                if share > MOST and as_milli <= FEW
+                else "what the drive could not give is not in the model; leave these times out, or move slower"
+            )
             texts.append(
-                f"the torque of {name} is at or above its limit of {significant(limit)} {robot.torque_units[k]} in "
-                f"{percent(100.0 * share)} % of the samples: what the drive could not give is not in the model; leave "
-                "these times out, or move slower"
+                f"the torque of {name} is at or above its limit of {significant(limit)} {unit} in "
+                f"{percent(100.0 * share)} % of the samples: {check}"
             )
     return texts
 

@@ -7,6 +7,7 @@ from typing import Any
 from .. import Comparison, LogResidual, Model
 from .certificate import certificate_section
 from .errors import errors_section, verdict
+from .essential import essential_section
 from .excitation import excitation_section
 from .logs import logs_section
 from .markup import Html, Section, element, items, join, paragraph, prose
@@ -62,6 +63,11 @@ class IdentificationPage:
             Section("errors", f"Errors on {on}", errors),
             Section("torque", f"Measured and predicted torque, {on}", torque),
             Section("parameters", "Parameters", parameters_section(data["parameters"], data["terms"])),
+            *(
+                [Section("essential", "Parameters left out", essential_section(data["essential"], names_of(data)))]
+                if data["essential"]
+                else []
+            ),
             *(
                 [Section("certificate", "Links as bodies", certificate_section(data["certificate"]))]
                 if data["certificate"]
@@ -119,3 +125,8 @@ class IdentificationPage:
             "Provenance": {"logs": model.logs, "history": model.history},
             "Versions": data["versions"],
         }
+
+
+def names_of(data: dict[str, Any]) -> list[str]:
+    """Names of the base parameters."""
+    return [parameter["name"] for parameter in data["parameters"]]

@@ -50,7 +50,7 @@ def _terms(terms: Sequence[dict[str, Any]]) -> Html:
 
 def certainty_plot(parameters: Sequence[dict[str, Any]]) -> tuple[Html, dict[str, Any]]:
     """How well each parameter is determined: its relative standard deviation."""
-    known = [p for p in parameters if p["determined"] is not None]
+    known = [p for p in parameters if p["determined"] is not None and not left_out(p)]
     if not known:
         return Html(""), {}
     names = [p["name"] for p in known]
@@ -98,11 +98,18 @@ def certainty_plot(parameters: Sequence[dict[str, Any]]) -> tuple[Html, dict[str
     return body, {PLOT: figure}
 
 
+def left_out(p: dict[str, Any]) -> bool:
+    """Whether the parameter is zero because the data do not support it."""
+    return p["standard_deviation"] == 0.0
+
+
 def _row(p: dict[str, Any]) -> list[object]:
     value, deviation = with_deviation(p["value"], p["standard_deviation"])
     relative: object = relative_deviation(p["relative_standard_deviation_percent"])
     style = "number"
-    if p["determined"] is False:
+    if left_out(p):
+        value, deviation, relative = "0", "left out", MISSING
+    elif p["determined"] is False:
         deviation, relative, style = "not excited", MISSING, "number bad"
     elif p["determined"] and (p["relative_standard_deviation_percent"] or 0.0) > POOR:
         relative = Cell(str(relative), "bad number")

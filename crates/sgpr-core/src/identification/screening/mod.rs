@@ -3,16 +3,18 @@
 //! A rigid arm is a strong test of its log: all joints share the same bodies. A torque of the wrong sign or unit, or one
 //! that is late, breaks what the other joints say, and the break tells which.
 
-use std::collections::HashMap;
-use std::collections::hash_map::Entry;
+mod delays;
+
 use std::fmt;
 
 use faer::Mat;
 
+pub use delays::screen_delays;
+
 use super::estimate::Groups;
 use super::extended_factor::{ExtendedFactor, own_noise};
 use super::least_squares::{Directions, Solution, stack};
-use super::{BaseParameters, Equations, Estimate, IdentificationError, JointFactor, ParameterSet, Trajectory};
+use super::{BaseParameters, Equations, Estimate, IdentificationError, JointFactor, ParameterSet};
 
 /// Something suspicious in the data of an identification.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,7 +34,26 @@ pub enum Finding {
         /// What it must be multiplied by.
         factor: f64,
     },
-    /// Torque and motion of a joint are not simultaneous.
+    /// The torque of a joint does not fit the bodies that it shares with the others.
+    Contradiction {
+        /// Name of the joint.
+        joint: String,
+        /// Its residual, as a multiple of what parameters of its own would leave.
+        ratio: f64,
+    },
+    /// All torques are far from what the robot file's masses need.
+    AllScaled {
+        /// What they are of it.
+        factor: f64,
+    },
+    /// The torques of all joints and the motion are not simultaneous.
+    AllLate {
+        /// By how much the torques come after the motion that they belong to, s; negative if before.
+        seconds: f64,
+        /// Share by which the residual falls if that is undone.
+        gain: f64,
+    },
+    /// Torque and motion of a joint are not simultaneous, and those of the others are, or less so.
     Late {
         /// Name of the joint.
         joint: String,
@@ -89,20 +110,36 @@ impl fmt::Display for Finding {
                 "the torque of {joint} is in another unit or has another gain than the others: times {factor:.3} it agrees \
                  with them"
             ),
-            Self::Late { joint, seconds, gain } => {
-                let (by, side) = (1e3 * seconds.abs(), if *seconds > 0.0 { "after" } else { "before" });
-                write!(
-                    f,
-                    "the torque of {joint} comes {by:.1} ms {side} its motion; shifted, its residual would be {:.0} % \
-                     smaller. Joints that differ among each other have no common delay: friction that lags behind a \
-                     reversal, a spring or an elastic joint looks the same",
-                    100.0 * gain
-                )
-            }
+            Self::Contradiction { joint, ratio } => write!(
+                f,
+                "the torque of {joint} does not fit one arm: its residual is {ratio:.1} times what parameters of its own would \
+                 leave. Check the order of the joints, signs, zeros and units of positions and torques, and the lengths of the \
+                 robot file; or the model lacks something large there, such as a spring"
+            ),
+            Self::AllScaled { factor } => write!(
+                f,
+                "the torques are {} times what the masses of the robot file need: check their unit (mN·m, currents without \
+                 their torque constants, the motor's side of a gear), or the masses",
+                if *factor < 1.0 { format!("{factor:.2e}") } else { format!("{factor:.0}") }
+            ),
+            Self::AllLate { seconds, gain } => write!(
+                f,
+                "the torques come {} their motion; shifted, the residual would be {:.0} % smaller. Give the torque the time \
+                 at which it was measured, or shift it; a drive that lags looks the same",
+                by(*seconds),
+                100.0 * gain
+            ),
+            Self::Late { joint, seconds, gain } => write!(
+                f,
+                "the torque of {joint} comes {} its motion, which is not so at the other joints; shifted, its residual would \
+                 be {:.0} % smaller. Friction that lags behind a reversal, a spring or an elastic joint looks the same",
+                by(*seconds),
+                100.0 * gain
+            ),
             Self::Outliers { joint, count, worst, deviations } => write!(
                 f,
                 "{count} {} far off the model, the farthest by {deviations:.0} standard deviations (log {}, sample {}): \
-                 look there, or use a robust method (irls)",
+                 look there, or use a robust method (irls); turns of a joint that sticks look the same",
                 if *count == 1 { format!("torque of {joint} lies") } else { format!("torques of {joint} lie") },
                 worst.0 + 1,
                 worst.1
@@ -127,12 +164,20 @@ impl fmt::Display for Finding {
     }
 }
 
+/// `12.0 ms after`
+fn by(seconds: f64) -> String {
+    format!("{:.1} ms {}", 1e3 * seconds.abs(), if seconds > 0.0 { "after" } else { "before" })
+}
+
 /// A direction is weak below this share of the strongest, columns of unit length: condition numbers of 50 to 100 are
 /// what optimised excitations reach.
 const WEAK: f64 = 1.0 / 500.0;
 
 /// Joints that see the same arm leave at most this many times the residual that each leaves with parameters of its own.
 const DISAGREEMENT: f64 = 2.0;
+
+/// The same of a joint that is wrong in some way: missing effects of real arms reach 2.5.
+const CONTRADICTION: f64 = 3.5;
 
 /// What the factors alone tell: signs, units, weak directions. Costs nothing against collecting them.
 pub fn screen_factors(
@@ -142,13 +187,42 @@ pub fn screen_factors(
     factors: &[JointFactor],
     estimate: &Estimate,
 ) -> Vec<Finding> {
-    let disagree = factors.iter().zip(&estimate.noise).any(|(factor, noise)| *noise > DISAGREEMENT * own_noise(factor));
-    let mut findings = if disagree { wrong_torques(set, base, joints, factors) } else { Vec::new() };
+    let ratios = factors.iter().zip(&estimate.noise).map(|(factor, noise)| (factor.joint, noise / own_noise(factor)));
+    let worst = ratios.max_by(|a, b| a.1.total_cmp(&b.1));
+    let (joint, ratio) = worst.unwrap_or((0, 0.0));
+    let mut findings = if ratio > DISAGREEMENT { wrong_torques(set, base, joints, factors) } else { Vec::new() };
     if findings.is_empty() && friction_drives(set, base, &estimate.values, &estimate.standard_deviations()) {
-        findings.push(Finding::AllNegated);
+        findings = driven(set, base, joints, factors);
+    }
+    if findings.is_empty() && ratio > CONTRADICTION {
+        findings.push(Finding::Contradiction { joint: joints[joint].clone(), ratio });
     }
     findings.extend(weak_direction(base.names(), joints, estimate));
     findings
+}
+
+/// Whether all torques are far from those of the robot file, as they are in another unit. Nothing is said where they are
+/// no multiple of the file at all.
+///
+/// - `nominal`: base parameters of the robot file, `[rank]`
+pub fn screen_scale(nominal: &[f64], factors: &[JointFactor]) -> Option<Finding> {
+    // Robot files are wrong by less, and torques in another unit by more.
+    const FACTOR: f64 = 5.0;
+    const ALIKE: f64 = 0.7;
+    let (mut file, mut along, mut log) = (0.0, 0.0, 0.0);
+    for factor in factors.iter().filter(|factor| !factor.resting) {
+        let extended = ExtendedFactor::new(factor);
+        let expected = extended.combined(|base| nominal[base]);
+        let measured = extended.torque();
+        for (expected, measured) in expected.iter().zip(&measured) {
+            file += expected * expected;
+            along += expected * measured;
+            log += measured * measured;
+        }
+    }
+    let factor = along / file;
+    let alike = along > ALIKE * (file * log).sqrt();
+    (alike && !(1.0 / FACTOR..FACTOR).contains(&factor)).then_some(Finding::AllScaled { factor })
 }
 
 /// Signs and units, joint by joint: the factor on a joint's torque with which it agrees best with the other joints.
@@ -164,24 +238,33 @@ fn wrong_torques(
     let mut factors = factors.to_vec();
     let mut noise: Vec<f64> = factors.iter().map(own_noise).collect();
     let mut corrections = vec![1.0; joints.len()];
-    for _ in 0..joints.len() {
-        let now = residual(&stack(&factors, rank, &noise));
-        let candidates = (0..joints.len()).map(|joint| Candidate::new(joint, &factors, &noise, rank));
-        let Some(best) = candidates.min_by(|a, b| a.residual.total_cmp(&b.residual)) else { break };
-        let Candidate { joint, factor, deviation, residual: after } = best;
-        let suspicious = !(0.3..3.0).contains(&factor) && corrections[joint] == 1.0;
-        // A joint whose torque may as well be zero agrees with everything.
-        let known = factor.abs() > 10.0 * deviation * (after / total_rows(&factors)).sqrt();
-        if !(suspicious && known && now > BETTER * after) {
-            break;
-        }
-        let correction = if (-3.0..-0.3).contains(&factor) { -1.0 } else { factor };
-        corrections[joint] = correction;
-        for (factor, noise) in factors.iter_mut().zip(&mut noise).filter(|(factor, _)| factor.joint == joint) {
+    let mut correct = |joint: usize, correction: f64, factors: &mut [JointFactor], noise: &mut [f64]| {
+        corrections[joint] *= correction;
+        for (factor, noise) in factors.iter_mut().zip(noise).filter(|(factor, _)| factor.joint == joint) {
             let last = factor.factor.ncols() - 1;
             factor.factor.col_mut(last).iter_mut().for_each(|value| *value *= correction);
             *noise *= correction.abs();
         }
+    };
+    for joint in negated(set, base, &factors, &noise) {
+        correct(joint, -1.0, &mut factors, &mut noise);
+    }
+    let mut corrected = vec![false; joints.len()];
+    for _ in 0..joints.len() {
+        let now = residual(&stack(&factors, rank, &noise));
+        let rows = total_rows(&factors);
+        let wrong = |candidate: &Candidate| {
+            let Candidate { joint, factor, deviation, residual: after } = *candidate;
+            let suspicious = !(0.6..1.7).contains(&factor) && !corrected[joint];
+            // A joint whose torque may as well be zero agrees with everything.
+            let known = factor.abs() > 10.0 * deviation * (after / rows).sqrt();
+            suspicious && known && now > BETTER * after
+        };
+        let candidates = (0..joints.len()).map(|joint| Candidate::new(joint, &factors, &noise, rank)).filter(wrong);
+        let Some(best) = candidates.min_by(|a, b| a.residual.total_cmp(&b.residual)) else { break };
+        let Candidate { joint, factor, .. } = best;
+        corrected[joint] = true;
+        correct(joint, if (-1.7..-0.6).contains(&factor) { -1.0 } else { factor }, &mut factors, &mut noise);
     }
     // What agrees is known up to a common sign: friction must brake.
     let system = stack(&factors, rank, &noise);
@@ -197,6 +280,69 @@ fn wrong_torques(
         factor => Some(Finding::Scaled { joint: joint.clone(), factor }),
     };
     joints.iter().zip(corrections).filter_map(finding).collect()
+}
+
+/// Joints whose torques agree with the others with the other sign, any number of them at once.
+///
+/// With a column for each joint's torque the squared residual is a quadratic form in the factors on the torques, so that
+/// all signs can be tried. Among those that are about as good, friction decides, which must brake, then their number.
+fn negated(set: &ParameterSet, base: &BaseParameters, factors: &[JointFactor], noise: &[f64]) -> Vec<usize> {
+    // More joints than any arm has.
+    const MOST: usize = 12;
+    // Residual ratios by which signs must be better than none, and within which they are as good as others.
+    const BETTER: f64 = 2.0;
+    const AS_GOOD: f64 = 1.25;
+    let (rank, joints) = (base.rank(), set.dof());
+    if joints > MOST {
+        return Vec::new();
+    }
+    let extended: Vec<JointFactor> = factors
+        .iter()
+        .map(|factor| {
+            let mut extended = ExtendedFactor::new(factor);
+            extended.keep(1.0);
+            extended.add(rank + factor.joint, extended.torque());
+            extended.finish(&vec![0.0; factor.factor.nrows()])
+        })
+        .collect();
+    let system = stack(&extended, rank + joints, noise);
+    let sign = |signs: usize, joint: usize| if signs >> joint & 1 == 1 { -1.0 } else { 1.0 };
+    let squares = |signs: usize| -> f64 {
+        let row = |row: usize| (row..joints).map(|k| system[(rank + row, rank + k)] * sign(signs, k)).sum::<f64>();
+        (0..joints).map(|k| row(k).powi(2)).sum()
+    };
+    let all: Vec<(f64, usize)> = (0..1_usize << joints).map(|signs| (squares(signs), signs)).collect();
+    let least = all.iter().map(|(squares, _)| *squares).fold(f64::INFINITY, f64::min);
+    if squares(0) <= BETTER * least {
+        return Vec::new();
+    }
+    let mut brakes = vec![0.0; joints];
+    factors.iter().for_each(|factor| brakes[factor.joint] += friction_sign(set, base, factor));
+    let braking = |signs: usize| (0..joints).map(|joint| sign(signs, joint) * brakes[joint]).sum::<f64>();
+    let good = all.iter().filter(|(squares, _)| *squares <= AS_GOOD * least).map(|(_, signs)| *signs);
+    let best = good.max_by(|&a, &b| braking(a).total_cmp(&braking(b)).then(b.count_ones().cmp(&a.count_ones())));
+    let signs = best.unwrap_or(0);
+    (0..joints).filter(|joint| signs >> joint & 1 == 1).collect()
+}
+
+/// Whether friction and rotor of a joint, found from its own rows alone, are what they can be (1) or negative (-1), beyond
+/// doubt; 0 if neither.
+fn friction_sign(set: &ParameterSet, base: &BaseParameters, factor: &JointFactor) -> f64 {
+    const SURE: f64 = 5.0;
+    if factor.resting {
+        return 0.0;
+    }
+    let system = stack(std::slice::from_ref(factor), base.rank(), &[1.0]);
+    let Solution { values, inverse, .. } = Solution::new(&system, &vec![0.0; base.rank()]);
+    let unit = residual(&system) / factor.rows.max(1) as f64;
+    let own = base.independent().iter().enumerate().filter(|&(_, &parameter)| {
+        parameter >= set.inertial()
+            && set.is_non_negative(parameter)
+            && set.effect_columns().get(parameter - set.inertial()).is_some_and(|column| column.joint == factor.joint)
+    });
+    let sure = own.filter(|&(k, _)| values[k].abs() > SURE * (unit * inverse[(k, k)]).sqrt());
+    let sum: f64 = sure.map(|(k, _)| values[k].signum()).sum();
+    if sum == 0.0 { 0.0 } else { sum.signum() }
 }
 
 /// A factor on one joint's torque.
@@ -250,6 +396,17 @@ fn with_free_torque(factor: &JointFactor, joint: usize, rank: usize) -> JointFac
     extended.finish(&vec![0.0; factor.factor.nrows()])
 }
 
+/// The joints that friction would drive, where most are so: all, or those that their own rows name.
+fn driven(set: &ParameterSet, base: &BaseParameters, joints: &[String], factors: &[JointFactor]) -> Vec<Finding> {
+    let signs: Vec<(usize, f64)> =
+        factors.iter().map(|factor| (factor.joint, friction_sign(set, base, factor))).collect();
+    if !signs.iter().any(|(_, sign)| *sign > 0.0) {
+        return vec![Finding::AllNegated];
+    }
+    let negative = signs.iter().filter(|(_, sign)| *sign < 0.0);
+    negative.map(|(joint, _)| Finding::Negated { joint: joints[*joint].clone() }).collect()
+}
+
 /// Whether most of the parameters that cannot be negative are, beyond doubt.
 fn friction_drives(set: &ParameterSet, base: &BaseParameters, values: &[f64], deviations: &[f64]) -> bool {
     const SURE: f64 = 5.0;
@@ -290,8 +447,7 @@ fn weak_direction(names: &[String], joints: &[String], estimate: &Estimate) -> O
     Some(Finding::Weak { combination, share: weakest.relative_singular_value, joints: moving })
 }
 
-/// What only the rows tell: torques that are late, rows far off, times on which everything hangs. Goes through the data
-/// four times, and more often where torques are late by more than ten milliseconds.
+/// What only the rows tell: rows far off, times on which everything hangs. Goes through the data once.
 ///
 /// - `joints`: names
 /// - `rates_hz`: sampling rate of each trajectory
@@ -299,142 +455,6 @@ fn weak_direction(names: &[String], joints: &[String], estimate: &Estimate) -> O
 /// # Errors
 /// As [`Equations::for_each`].
 pub fn screen_rows(
-    equations: &mut Equations<'_>,
-    joints: &[String],
-    rates_hz: &[f64],
-    factors: &[JointFactor],
-    estimate: &Estimate,
-) -> Result<Vec<Finding>, IdentificationError> {
-    let mut findings = late_torques(equations, joints, rates_hz)?;
-    findings.extend(far_rows(equations, joints, rates_hz, factors, estimate)?);
-    Ok(findings)
-}
-
-/// Shift of each joint's torque with which its own rows fit best: the vertex of the parabola through the residuals at
-/// three shifts.
-fn late_torques(
-    equations: &Equations<'_>,
-    joints: &[String],
-    rates_hz: &[f64],
-) -> Result<Vec<Finding>, IdentificationError> {
-    // Shares of the residual that are worth a message, and shifts that a sample clock explains.
-    const GAIN: f64 = 0.05;
-    const SAMPLES: f64 = 0.5;
-    let rate = rates_hz.iter().copied().fold(f64::INFINITY, f64::min);
-    let n = joints.len();
-    let residuals = |shift: isize| -> Result<Vec<f64>, IdentificationError> {
-        let moved: Vec<Vec<f64>> =
-            equations.trajectories().iter().map(|trajectory| shifted(trajectory.tau, n, shift)).collect();
-        let trajectories = equations.trajectories().iter().zip(&moved);
-        let trajectories = trajectories.map(|(trajectory, tau)| Trajectory { tau, ..*trajectory }).collect();
-        let others = Equations::new(equations.robot(), equations.parameter_set(), equations.base(), trajectories);
-        let mut squares = vec![0.0; n];
-        for factor in others.factors()?.iter().filter(|factor| !factor.resting) {
-            let last = factor.factor.ncols() - 1;
-            squares[factor.joint] = factor.factor[(last, last)].powi(2);
-        }
-        Ok(squares)
-    };
-    // Ten milliseconds, or a few samples where they are farther apart.
-    let coarse = (0.01 * rate).round().max(2.0) as isize;
-    let mut known: HashMap<isize, Vec<f64>> = HashMap::new();
-    let mut residual = |joint: usize, shift: isize| -> Result<f64, IdentificationError> {
-        if let Entry::Vacant(place) = known.entry(shift) {
-            place.insert(residuals(shift)?);
-        }
-        Ok(known[&shift][joint])
-    };
-    let mut findings = Vec::new();
-    for joint in 0..n {
-        let here = residual(joint, 0)?;
-        let centre = least_shift(coarse, &mut |shift| residual(joint, shift))?;
-        let mut around = |step: isize| -> Result<[f64; 3], IdentificationError> {
-            Ok([residual(joint, centre - step)?, residual(joint, centre)?, residual(joint, centre + step)?])
-        };
-        let Some(first) = Shift::new(centre, coarse, around(coarse)?)
-            .filter(|fit| fit.gain(here) > GAIN && fit.samples.abs() > SAMPLES)
-        else {
-            continue;
-        };
-        // The residual is no parabola far from its minimum: once more close to it.
-        let (centre, fine) = (first.samples.round() as isize, (coarse / 4).max(1));
-        let around = [residual(joint, centre - fine)?, residual(joint, centre)?, residual(joint, centre + fine)?];
-        let fit = Shift::new(centre, fine, around).unwrap_or(first);
-        let gain = 1.0 - (fit.least / here).clamp(0.0, 1.0).sqrt();
-        if fit.samples.abs() > SAMPLES && gain > 0.5 * GAIN {
-            findings.push(Finding::Late { joint: joints[joint].clone(), seconds: fit.samples / rate, gain });
-        }
-    }
-    Ok(findings)
-}
-
-/// The shift, in steps of about `coarse`, with the least residual: outwards in doubled steps as long as it falls, then back
-/// in halved ones.
-fn least_shift(
-    coarse: isize,
-    residual: &mut impl FnMut(isize) -> Result<f64, IdentificationError>,
-) -> Result<isize, IdentificationError> {
-    const DOUBLINGS: u32 = 5;
-    let (mut centre, mut least) = (0, residual(0)?);
-    for reach in (0..DOUBLINGS).map(|doubling| coarse << doubling) {
-        let before = centre;
-        for shift in [-reach, reach] {
-            let found = residual(shift)?;
-            if found < least {
-                (centre, least) = (shift, found);
-            }
-        }
-        if centre == before {
-            break;
-        }
-    }
-    let mut step = centre.abs() / 2;
-    while step >= coarse {
-        for shift in [centre - step, centre + step] {
-            let found = residual(shift)?;
-            if found < least {
-                (centre, least) = (shift, found);
-            }
-        }
-        step /= 2;
-    }
-    Ok(centre)
-}
-
-/// Vertex of a parabola through the squared residuals at three shifts.
-#[derive(Clone, Copy, Debug)]
-struct Shift {
-    /// Positive where later torques fit the motion better.
-    samples: f64,
-    /// Squared residual there.
-    least: f64,
-}
-
-impl Shift {
-    fn new(centre: isize, step: isize, [before, here, after]: [f64; 3]) -> Option<Self> {
-        let curvature = before + after - 2.0 * here;
-        (curvature > 0.0 && here > 0.0).then(|| {
-            // Beyond the three points nothing is known.
-            let shift = (0.5 * (before - after) / curvature).clamp(-2.0, 2.0);
-            let least = here - 0.5 * (before - after) * shift + 0.5 * curvature * shift * shift;
-            Self { samples: centre as f64 + shift * step as f64, least }
-        })
-    }
-
-    /// Share of the squared residual that the shift saves.
-    fn gain(&self, here: f64) -> f64 {
-        1.0 - self.least / here
-    }
-}
-
-/// The torque of `shift` samples later, the ends repeated.
-fn shifted(tau: &[f64], n: usize, shift: isize) -> Vec<f64> {
-    let samples = tau.len() / n;
-    let from = |k: usize| (k as isize + shift).clamp(0, samples as isize - 1) as usize;
-    (0..samples).flat_map(|k| tau[from(k) * n..(from(k) + 1) * n].iter().copied()).collect()
-}
-
-fn far_rows(
     equations: &mut Equations<'_>,
     joints: &[String],
     rates_hz: &[f64],
