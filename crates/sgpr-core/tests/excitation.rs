@@ -180,6 +180,8 @@ fn torque_limits_are_kept_and_cost_excitation() {
     options.limits.torque = Some(limits.clone());
     let found = case.optimise(&options);
     assert!(found.utilisation <= 1.0 && found.value > free.value);
+    assert!(free.tightest.contains("joint `") && !free.tightest.starts_with("torque"), "{}", free.tightest);
+    assert!(found.tightest.starts_with("torque of joint `"), "{}", found.tightest);
     let model = sgpr_core::model::TorqueModel::with_parameters(&case.robot, &FRICTION, parameters).expect("effects");
     let samples = found.trajectory.samples(2000.0, 10.0);
     let motion = sgpr_core::dynamics::Samples { q: &samples.q, dq: &samples.dq, ddq: &samples.ddq };
@@ -203,6 +205,7 @@ fn the_arm_stays_clear_of_its_surroundings() {
     options.surroundings = Some(cell);
     let found = case.optimise(&options);
     assert!(found.utilisation <= 1.0 && found.value.is_finite());
+    println!("tightest: {}", found.tightest);
 
     // Lowest point and tool speed, by kinematics alone.
     let mut ws = Workspace::new(&case.robot);
