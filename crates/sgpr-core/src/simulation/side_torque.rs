@@ -107,13 +107,16 @@ impl SideTorque for Terms {
     }
 }
 
+/// What acts on an arm beside its rigid body.
+pub type DrivesAndSideTorques = (Vec<Drive>, Vec<Box<dyn SideTorque>>);
+
 /// Drives and side torques that together are all effects of a model, those at single sites included. Stribeck friction is
 /// treated as that of a [`Drive`]. The clock of the session starts with the simulation.
 ///
 /// # Errors
 /// If the torque of an effect is none of present motion and time: it has a memory, changes robot, motion or torque, or
 /// follows the acceleration as an inertia does. For those write a [`SideTorque`].
-pub fn drives_from_model(model: &TorqueModel) -> Result<(Vec<Drive>, Vec<Box<dyn SideTorque>>), SimulationError> {
+pub fn drives_from_model(model: &TorqueModel) -> Result<DrivesAndSideTorques, SimulationError> {
     let (mut drives, side) = drives_from_parameters(model.parameter_set(), model.parameters());
     let mut side: Vec<_> = side.into_iter().collect();
     let mut terms = Vec::new();
