@@ -180,6 +180,8 @@ fn torque_limits_are_kept_and_cost_excitation() {
     options.limits.torque = Some(limits.clone());
     let found = case.optimise(&options);
     assert!(found.utilisation <= 1.0 && found.value > free.value);
+    assert!(free.tightest.contains("joint `") && !free.tightest.starts_with("torque"), "{}", free.tightest);
+    assert!(found.tightest.contains("joint `"), "{}", found.tightest);
     let model = sgpr_core::model::TorqueModel::with_parameters(&case.robot, &FRICTION, parameters).expect("effects");
     let samples = found.trajectory.samples(2000.0, 10.0);
     let motion = sgpr_core::dynamics::Samples { q: &samples.q, dq: &samples.dq, ddq: &samples.ddq };

@@ -5,8 +5,9 @@ mod common;
 
 use common::{ROBOTS, Reference as ReferenceValues, data, largest_difference};
 use sgpr_core::dynamics::{Workspace, gravity_torque, kinetic_energy, potential_energy};
-use sgpr_core::effects::sgn;
+use sgpr_core::effects::{Site, by_name, sgn};
 use sgpr_core::identification::ParameterSet;
+use sgpr_core::model::{Term, TorqueModel};
 use sgpr_core::robot::{Robot, puma560, two_link};
 use sgpr_core::simulation::*;
 use sgpr_core::spatial::Vector3;
@@ -383,6 +384,54 @@ fn effects_of_the_library_become_drives_and_side_torques() {
     );
     let tau = predictor.torque(&[0.1, 0.2], &[0.5, -0.4], simulator.ddq());
     assert!(largest_difference(tau, &[20.0, 5.0]) < 1e-12, "{tau:?}");
+}
+
+#[test]
+fn effects_at_single_joints_act_or_are_refused() {
+    let robot = two_link();
+    let names = ["viscous_friction", "coulomb_friction", "rotor_inertia"];
+    let mut parameters = robot.standard_parameters();
+    parameters.extend([0.8, 0.6, 1.0, 0.9, 0.3, 0.2]);
+    let model = TorqueModel::with_parameters(&robot, &names, parameters).expect("known effects");
+    let term = |name: &str, site: Site, coefficients: &[f64]| {
+        let effect = by_name(name).expect("of the library");
+        let constants = effect.constants().iter().map(|constant| constant.grid[0]).collect();
+        let mut term = Term::new(effect, site, constants);
+        assert_eq!(term.coefficients.len(), coefficients.len(), "{name}");
+        term.coefficients = coefficients.to_vec();
+        term
+    };
+    let with = |terms: Vec<Term>| model.clone().with_terms(terms, Some(0));
+    let known = with(vec![
+        term("stribeck_friction", Site::Joint(0), &[0.7]),
+        term("nonlinear_viscous_friction", Site::Joint(1), &[0.4]),
+        term("load_dependent_friction", Site::Joint(1), &[0.02]),
+    ]);
+    let (drives, side) = drives_from_model(&known).expect("of motion and time alone");
+    assert_eq!(drives[0].static_friction, [1.7; 2]);
+    let mut simulator = arm(&robot, &drives, Integrator::RungeKutta4, 1e-4);
+    simulator = side.into_iter().fold(simulator, Simulator::with_side_torque);
+    simulator.set_state(&[0.1, 0.2], &[0.03, -0.4]).expect("finite");
+    // Twice, so that the load is that of the acceleration.
+    for _ in 0..2 {
+        let (q, dq) = (simulator.q().to_vec(), simulator.dq().to_vec());
+        simulator.step(&[20.0, 5.0]).expect("stable");
+        let samples = sgpr_core::dynamics::Samples { q: &q, dq: &dq, ddq: simulator.ddq() };
+        let tau = known.predict(samples);
+        let plain = with(vec![]).predict(samples);
+        assert!(
+            largest_difference(&tau, &[20.0, 5.0]) < 0.1 * largest_difference(&plain, &[20.0, 5.0]),
+            "{tau:?} {plain:?}"
+        );
+    }
+    for (name, site, coefficients, reason) in [
+        ("presliding_friction", Site::Joint(0), &[1.0][..], "hidden state"),
+        ("encoder_offset", Site::Joint(0), &[], "changes robot, motion or torque"),
+        ("payload", Site::Arm, &[50.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 9.0], "as an inertia does"),
+    ] {
+        let refused = drives_from_model(&with(vec![term(name, site, coefficients)])).expect_err("cannot be followed");
+        assert!(refused.to_string().contains(name) && refused.to_string().contains(reason), "{refused}");
+    }
 }
 
 #[test]

@@ -291,6 +291,7 @@ impl Trajectory {
 #[pyclass(module = "sgpr", frozen)]
 pub struct Excitation {
     inner: core::Excitation,
+    criterion: Criterion,
     nominal: Option<NominalEffects>,
     robot: CoreRobot,
 }
@@ -301,6 +302,12 @@ impl Excitation {
     #[getter]
     fn trajectory(&self) -> Trajectory {
         Trajectory { inner: self.inner.trajectory.clone(), robot: self.robot.clone() }
+    }
+
+    /// What was made small, by its name in `excite`.
+    #[getter]
+    fn criterion(&self) -> &'static str {
+        self.criterion.name()
     }
 
     /// Value of the criterion, not smoothed.
@@ -331,6 +338,12 @@ impl Excitation {
     #[getter]
     fn utilisation(&self) -> f64 {
         self.inner.utilisation
+    }
+
+    /// That limit, by name: what would have to be relaxed for a larger motion.
+    #[getter]
+    fn tightest(&self) -> &str {
+        &self.inner.tightest
     }
 
     /// How the searches went, (evaluations, 3): number of the search, evaluation in it, smoothed value.
@@ -480,7 +493,7 @@ pub fn excite(
         options.nominal = nominal(&robot, &set, &base, options.parameters.as_deref(), terms, duration);
         core::optimise(&robot, &set, &base, &options, &Once { progress, stopped: Mutex::new(false) })
     })?;
-    Ok(Excitation { inner: found, nominal: options.nominal, robot })
+    Ok(Excitation { inner: found, criterion: options.criterion, nominal: options.nominal, robot })
 }
 
 /// The effects that enter by columns of the present joint motion, and the terms of the others: those of the model, or with

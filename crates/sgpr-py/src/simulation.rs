@@ -11,7 +11,7 @@ use sgpr_core::robot::Robot as CoreRobot;
 use sgpr_core::simulation::{
     self as core, ComputedTorque, Controller, Experiment, FeedForward, Gains, Integrator, InverseDynamics,
     JointImpedance, Measurement, Pd, PickUp, Reference, RigidBody, SampledReference, Scheduled, Sensors, Setpoint,
-    Simulator, StandStill, VelocitySensor, drives_from_parameters,
+    Simulator, StandStill, VelocitySensor, drives_from_model,
 };
 
 use crate::convert::{Numbers, array, choice, positive, view};
@@ -259,7 +259,9 @@ impl Simulation {
 /// Parameters
 /// ----------
 /// robot : Robot or Model
-///     The arm. A model brings its effects; `drives` is then not given.
+///     The arm. A model brings its effects; `drives` is then not given. Effects at single sites act as they depend on
+///     the present motion and on time; those with a hidden state, and those that change robot, motion or torque, are
+///     refused by name.
 /// reference : Trajectory, array of shape (n,), or (rate_hz, q, dq, ddq)
 ///     The wanted motion: at every time, standing still, or samples of shape (N, n) that are interpolated.
 /// duration : float, optional
@@ -430,22 +432,19 @@ fn simulator(
     let (arm, drives, side) = if let Ok(robot) = robot.cast::<Robot>() {
         let robot = robot.get().inner.clone();
         let drives = given.unwrap_or_else(|| vec![core::Drive::default(); robot.dof()]);
-        (robot, drives, None)
+        (robot, drives, vec![])
     } else if let Ok(model) = robot.cast::<Model>() {
         if given.is_some() {
             return Err(invalid("drives: the model brings its own effects; give its `identified_robot` instead"));
         }
         let model = &model.get().inner;
-        let (drives, side) = drives_from_parameters(model.parameter_set(), model.parameters());
+        let (drives, side) = drives_from_model(model).map_err(IntoPyErr::into_py_err)?;
         (model.identified_robot().clone(), drives, side)
     } else {
         return Err(wrong_type("robot", robot, "a Robot or Model"));
     };
     let simulator = Simulator::new(&arm, &drives, integrator, step).map_err(IntoPyErr::into_py_err)?;
-    Ok(match side {
-        Some(torque) => simulator.with_side_torque(torque),
-        None => simulator,
-    })
+    Ok(side.into_iter().fold(simulator, Simulator::with_side_torque))
 }
 
 type Wanted = (Box<dyn Reference>, Option<f64>);

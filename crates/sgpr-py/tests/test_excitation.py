@@ -52,6 +52,9 @@ def test_torque_limits() -> None:
     limit = 0.7 * free.peaks["torque"]
     found = sgpr.excite(ROBOT, [], start=start, max_torque=limit, **QUICK)
     assert (found.peaks["torque"] <= limit + 1e-6).all()
+    assert free.tightest.split()[0] in ("position", "speed", "acceleration") and "`joint_" in free.tightest
+    share = found.peaks["torque"] / limit
+    assert found.tightest == f"torque of joint `joint_{1 + int(share.argmax())}`" and share.max() > 0.999
 
 
 def test_surroundings() -> None:
@@ -224,3 +227,24 @@ def test_parameters_that_no_motion_tells_apart_are_named() -> None:
     report = sgpr.Trajectory.random(ROBOT, terms=4, **LIMITS).excitation(["payload"])
     assert len(report["hidden"]) == 10 and report["nominal"] == {}
     assert report["rank"] == report["base_parameters"]
+
+
+def test_a_page_shows_motion_and_search(tmp_path: Path) -> None:
+    found = sgpr.excite(ROBOT, criterion="sum_of_conditions", **QUICK)
+    assert found.criterion == "sum_of_conditions"
+    sgpr.save_report(found, ROBOT, tmp_path / "motion.html")
+    page = (tmp_path / "motion.html").read_text()
+    for text in (
+        "position-plot",
+        "acceleration-plot",
+        "search-plot",
+        "best sum_of_conditions",
+        found.tightest,
+        "Versions",
+    ):
+        assert text in page
+    assert [path.name for path in tmp_path.iterdir()] == ["motion.html"]
+    with pytest.raises(sgpr.SgprError, match="robot: its joints are joint_1, joint_2, joint_3"):
+        sgpr.save_report(found, sgpr.robots.puma560(), tmp_path / "motion.html")
+    with pytest.raises(FileNotFoundError, match=r"none.motion\.html"):
+        sgpr.save_report(found, ROBOT, tmp_path / "none" / "motion.html")

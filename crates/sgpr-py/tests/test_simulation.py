@@ -1,5 +1,6 @@
 """Simulated experiments."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -105,3 +106,33 @@ def test_bad_arguments(case: str) -> None:
 def test_a_position_has_no_duration() -> None:
     with pytest.raises(sgpr.SgprError, match="duration"):
         sgpr.simulate(ROBOT, [0.0, 0.0])
+
+
+def test_a_page_shows_tracking(tmp_path: Path) -> None:
+    robot = sgpr.robots.two_link()
+    run = sgpr.simulate(robot, [0.3, -0.2], duration=0.5, drives=sgpr.robots.two_link_drives())
+    sgpr.save_report(run, robot, tmp_path / "tracking.html")
+    page = (tmp_path / "tracking.html").read_text()
+    for text in ("Position minus wanted position", "error-plot", "friction-plot", "joint_2", "Versions"):
+        assert text in page
+
+
+def test_effects_at_single_joints_act_or_are_refused() -> None:
+    motion = sgpr.Trajectory.random(ROBOT, terms=3, max_acceleration=[2.0, 2.0], random_state=5)
+    logs = [sgpr.simulate(ROBOT, motion, drives=DRIVES, kp=300.0, kd=10.0).recording()]
+    common = ["viscous_friction", "coulomb_friction", "rotor_inertia"]
+    plain = sgpr.identify(ROBOT, logs, effects=common)
+    model = sgpr.identify(
+        ROBOT, logs, effects=[*common, "stribeck_friction@joint_1", "position_dependent_friction@joint_2"]
+    )
+    assert len(model.terms) == 2
+    run = sgpr.simulate(model, motion, model=model, kp=300.0, kd=10.0)
+    # The torque that the model says for the motion that it made; where a joint sticks, none.
+    moves = np.abs(run.dq) > 0.05
+    error = np.abs(run.tau - model.predict(run.q, run.dq, run.ddq))[moves]
+    assert np.sqrt(np.mean(error**2)) < 1e-2
+    without = np.abs(run.tau - plain.predict(run.q, run.dq, run.ddq))[moves]
+    assert np.sqrt(np.mean(without**2)) > 10.0 * np.sqrt(np.mean(error**2))
+    lagging = sgpr.identify(ROBOT, logs, effects=[*common, "transmission_hysteresis@joint_1"])
+    with pytest.raises(sgpr.SimulationError, match=r"the effect `transmission_hysteresis` .*: it has a hidden state"):
+        sgpr.simulate(lagging, motion)

@@ -1,6 +1,7 @@
 """The experiments of the thesis in their short version."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -124,6 +125,18 @@ def test_page_and_tables(out: Path) -> None:
         assert f"Figure {figure}" in page, figure
     text = (out / "thesis.md").read_text()
     assert text.count("| cond(W_fe) |") >= 3 and "Largest deviation" in text
+
+
+def test_bars_have_lengths_and_numbers_at_their_axis(out: Path) -> None:
+    found = re.search(r'id="payload">(.*?)</script>', (out / "report.html").read_text(), re.DOTALL)
+    assert found is not None
+    figures = json.loads(found[1])["figures"].values()
+    bars = [figure for figure in figures if figure["data"][0]["type"] == "bar"]
+    assert len(bars) >= 13
+    for figure in bars:
+        low, high = figure["layout"]["yaxis"]["range"]
+        sizes = np.log10([size for group in figure["data"] for size in group["y"]])
+        assert low <= sizes.min() and sizes.max() <= high and high >= low + 1
 
 
 def test_wrong_use(tmp_path: Path) -> None:

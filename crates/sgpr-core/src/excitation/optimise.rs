@@ -105,6 +105,8 @@ pub struct Excitation {
     pub peaks: Peaks,
     /// The largest share of a limit that is used, one or less.
     pub utilisation: f64,
+    /// That limit: what would have to be relaxed for a larger motion.
+    pub tightest: String,
     /// How the searches went, by search and evaluation.
     pub history: Vec<Step>,
     /// Value of the criterion that each search ended with; infinite if it was not begun.
@@ -222,7 +224,7 @@ pub fn random_motion(
     let motion = random_variables(&mut Noise::new(seed), robot.dof(), &free, basis);
     let motion = trajectory(basis, &free, start, &motion);
     let set = ParameterSet::new(robot, &[] as &[&str]).expect("no effects");
-    let used = peaks(robot, &set, &robot.standard_parameters(), &motion).motion_utilisation(limits, Some(start));
+    let used = peaks(robot, &set, &robot.standard_parameters(), &motion).motion_utilisation(limits, start);
     Ok(motion.scaled(WITHIN / used))
 }
 
@@ -469,7 +471,7 @@ impl<'a> Search<'a> {
     fn scaled(&self, motion: Trajectory, all: Option<()>) -> (Trajectory, f64) {
         let limits = &self.options.limits;
         let of = |motion: &Trajectory| peaks(self.robot, self.set, &self.parameters, motion);
-        let mut factor = WITHIN / of(&motion).motion_utilisation(limits, Some(&self.start)).max(1e-12);
+        let mut factor = WITHIN / of(&motion).motion_utilisation(limits, &self.start).max(1e-12);
         if all.is_none() || (limits.torque.is_none() && self.checker().is_none()) {
             return (motion.scaled(factor), factor);
         }
@@ -497,6 +499,18 @@ impl<'a> Search<'a> {
         self.shares_of_surroundings(motion).into_iter().fold(used, f64::max)
     }
 
+    /// The limit of which a motion uses the largest share.
+    fn tightest(&self, motion: &Trajectory, peaks: &Peaks) -> String {
+        let of_joints = peaks.shares(&self.options.limits).into_iter().map(|(quantity, joint, share)| {
+            (share, format!("{quantity} of joint `{}`", self.robot.joints()[joint].name))
+        });
+        let names = self.checker();
+        let around = self.shares_of_surroundings(motion).into_iter().enumerate();
+        let around = around.filter_map(|(index, share)| Some((share, names.as_ref()?.name(index))));
+        let most = of_joints.chain(around).max_by(|a, b| a.0.total_cmp(&b.0));
+        most.map(|(_, limit)| limit).expect("a robot has joints")
+    }
+
     /// How much of each limit of the surroundings a motion uses at most, over continuous time.
     fn shares_of_surroundings(&self, motion: &Trajectory) -> Vec<f64> {
         let Some(mut checker) = self.checker() else { return vec![] };
@@ -519,22 +533,7 @@ impl<'a> Search<'a> {
         if room >= STILL {
             return None;
         }
-        let none: &[f64] = &[];
-        let torque = limits.torque.as_deref().unwrap_or(none);
-        let of_joints = [
-            ("speed", &peaks.velocity, &limits.velocity[..]),
-            ("acceleration", &peaks.acceleration, &limits.acceleration[..]),
-            ("torque", &peaks.torque, torque),
-        ];
-        let of_joints = of_joints.into_iter().flat_map(|(quantity, peaks, limits)| {
-            let joints = self.robot.joint_names().zip(peaks).zip(limits);
-            joints.map(move |((joint, peak), limit)| (peak / limit, format!("{quantity} of joint `{joint}`")))
-        });
-        let names = self.checker();
-        let around = self.shares_of_surroundings(motion).into_iter().enumerate();
-        let around = around.filter_map(|(index, share)| Some((share, names.as_ref()?.name(index))));
-        let (_, limit) = of_joints.chain(around).max_by(|a, b| a.0.total_cmp(&b.0))?;
-        Some(ExcitationError::NoRoom { limit, room })
+        Some(ExcitationError::NoRoom { limit: self.tightest(motion, &peaks), room })
     }
 
     /// The criterion of a motion on a dense grid, with the true sign function.
@@ -571,6 +570,7 @@ impl<'a> Search<'a> {
         let peaks = peaks(self.robot, self.set, &self.parameters, &best.trajectory);
         Ok(Excitation {
             utilisation: self.utilisation(&best.trajectory),
+            tightest: self.tightest(&best.trajectory, &peaks),
             value: best.value,
             trajectory: best.trajectory,
             report,

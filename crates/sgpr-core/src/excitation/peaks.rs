@@ -60,26 +60,35 @@ pub fn peaks(robot: &Robot, set: &ParameterSet, parameters: &[f64], trajectory: 
 impl Peaks {
     /// The largest share of a limit that the motion uses; one or less if it keeps within all of them.
     pub fn utilisation(&self, limits: &MotionLimits) -> f64 {
-        let mut most = self.motion_utilisation(limits, None);
-        for (peak, limit) in self.torque.iter().zip(limits.torque.iter().flatten()) {
-            most = most.max(peak / limit);
-        }
-        most
+        self.shares(limits).into_iter().map(|(_, _, share)| share).fold(0.0, f64::max)
     }
 
-    /// The same without torque; about `start`, so that a motion scaled by its inverse keeps within the limits.
-    pub(super) fn motion_utilisation(&self, limits: &MotionLimits, start: Option<&[f64]>) -> f64 {
-        let mut most = 0.0f64;
+    /// The share of every limit of every joint: quantity, joint, share.
+    pub(super) fn shares(&self, limits: &MotionLimits) -> Vec<(&'static str, usize, f64)> {
+        let torque = limits.torque.as_deref().unwrap_or_default();
+        let mut shares = Vec::new();
         for joint in 0..self.velocity.len() {
+            let [least, largest] = self.position[joint];
+            let position = limits.position_share(joint, largest).max(-limits.position_share(joint, least));
+            shares.push(("position", joint, position));
+        }
+        for (quantity, peaks, limits) in [
+            ("speed", &self.velocity, &limits.velocity[..]),
+            ("acceleration", &self.acceleration, &limits.acceleration),
+            ("torque", &self.torque, torque),
+        ] {
+            shares.extend(peaks.iter().zip(limits).enumerate().map(|(k, (peak, limit))| (quantity, k, peak / limit)));
+        }
+        shares
+    }
+
+    /// The largest share of a limit other than torque, about `start`, so that a motion scaled by its inverse keeps within
+    /// these limits.
+    pub(super) fn motion_utilisation(&self, limits: &MotionLimits, start: &[f64]) -> f64 {
+        let mut most = 0.0f64;
+        for (joint, &q) in start.iter().enumerate() {
             let ([low, high], [least, largest]) = (limits.position[joint], self.position[joint]);
-            let shares = match start {
-                Some(start) => {
-                    let q = start[joint];
-                    [(largest - q) / (high - q), (q - least) / (q - low)]
-                }
-                None => [limits.position_share(joint, largest), -limits.position_share(joint, least)],
-            };
-            let [up, down] = shares;
+            let [up, down] = [(largest - q) / (high - q), (q - least) / (q - low)];
             let [speed, acceleration] =
                 [self.velocity[joint] / limits.velocity[joint], self.acceleration[joint] / limits.acceleration[joint]];
             most = most.max(up).max(down).max(speed).max(acceleration);

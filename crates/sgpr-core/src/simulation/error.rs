@@ -69,6 +69,14 @@ pub enum SimulationError {
         /// The value.
         value: f64,
     },
+    /// An effect of a model that the simulator cannot compute step by step.
+    #[error("the simulator cannot follow the effect `{name}` of the model: {reason}")]
+    Effect {
+        /// Effect.
+        name: String,
+        /// Why.
+        reason: &'static str,
+    },
     /// The listener stopped the work.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),

@@ -25,6 +25,6 @@ pub(crate) use reference::quintic;
 pub use reference::{Reference, SampledReference, StandStill};
 pub(crate) use sensors::Noise;
 pub use sensors::{Sensors, VelocitySensor};
-pub use side_torque::{SideTorque, drives_from_parameters};
+pub use side_torque::{DrivesAndSideTorques, SideTorque, drives_from_model, drives_from_parameters};
 pub use simulate::{Experiment, SimulationRecord, simulate};
 pub use simulator::{Integrator, SPEED_LIMIT, Simulator};

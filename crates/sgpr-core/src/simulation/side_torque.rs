@@ -2,9 +2,11 @@
 
 use std::fmt::Debug;
 
-use super::Drive;
-use crate::effects::JointState;
+use super::{Drive, SimulationError};
+use crate::dynamics::Samples;
+use crate::effects::{Entry, JointState};
 use crate::identification::ParameterSet;
+use crate::model::{Term, TorqueModel, Trajectory};
 
 /// A torque that the drives have to overcome beside the rigid body and the friction of the [`Drive`]s: a spring, a
 /// ripple, an effect with a memory.
@@ -56,4 +58,93 @@ pub fn drives_from_parameters(set: &ParameterSet, parameters: &[f64]) -> (Vec<Dr
     let others = rest[set.inertial()..].iter().any(|value| *value != 0.0);
     let side = others.then(|| Box::new(Effects { set: set.clone(), parameters: rest }) as Box<dyn SideTorque>);
     (drives, side)
+}
+
+/// Effects of a model at single sites.
+#[derive(Debug)]
+struct Terms {
+    with: TorqueModel,
+    without: TorqueModel,
+}
+
+impl Terms {
+    fn new(model: &TorqueModel, terms: Vec<Term>) -> Self {
+        let with = |terms| model.clone().with_terms(terms, Some(0));
+        Self { with: with(terms), without: with(vec![]) }
+    }
+
+    /// Torque of the terms alone, `[n]`.
+    fn torque(&self, time: f64, q: &[f64], dq: &[f64], ddq: &[f64]) -> Vec<f64> {
+        let samples = Samples { q, dq, ddq };
+        let time = [time];
+        let trajectory = Trajectory { samples, rate_hz: f64::NAN, time: &time, channels: &[] };
+        let without = self.without.predict(samples);
+        self.with.predict_trajectory(&trajectory).iter().zip(without).map(|(with, without)| with - without).collect()
+    }
+
+    /// Whether an acceleration of this joint in the step before changes the torque by a large share of what it takes:
+    /// the next step would overshoot.
+    fn overshoots(&self, joint: usize) -> bool {
+        let n = self.with.robot().dof();
+        let moving = vec![0.1; n];
+        let at = |acceleration: f64| {
+            let mut ddq = vec![0.0; n];
+            ddq[joint] = acceleration;
+            let all = self.without.predict(Samples { q: &moving, dq: &moving, ddq: &ddq });
+            (self.torque(0.0, &moving, &moving, &ddq)[joint], all[joint])
+        };
+        let ((own, all), (own_at_one, all_at_one)) = (at(0.0), at(1.0));
+        (own_at_one - own).abs() > LARGEST_SHARE * (all_at_one - all).abs()
+    }
+}
+
+/// Of the inertia at a joint: what an explicit torque may have of an inertia itself.
+const LARGEST_SHARE: f64 = 0.5;
+
+impl SideTorque for Terms {
+    fn add(&mut self, time: f64, _: f64, q: &[f64], dq: &[f64], ddq: &[f64], tau: &mut [f64]) {
+        tau.iter_mut().zip(self.torque(time, q, dq, ddq)).for_each(|(tau, own)| *tau += own);
+    }
+}
+
+/// What acts on an arm beside its rigid body.
+pub type DrivesAndSideTorques = (Vec<Drive>, Vec<Box<dyn SideTorque>>);
+
+/// Drives and side torques that together are all effects of a model, those at single sites included. Stribeck friction is
+/// treated as that of a [`Drive`]. The clock of the session starts with the simulation.
+///
+/// # Errors
+/// If the torque of an effect is none of present motion and time: it has a memory, changes robot, motion or torque, or
+/// follows the acceleration as an inertia does. For those write a [`SideTorque`].
+pub fn drives_from_model(model: &TorqueModel) -> Result<DrivesAndSideTorques, SimulationError> {
+    let (mut drives, side) = drives_from_parameters(model.parameter_set(), model.parameters());
+    let mut side: Vec<_> = side.into_iter().collect();
+    let mut terms = Vec::new();
+    for term in model.terms() {
+        let refuse = |reason| Err(SimulationError::Effect { name: term.effect.name().into(), reason });
+        match term.effect.entry() {
+            Entry::Transform => return refuse("it changes robot, motion or torque"),
+            _ if term.effect.has_memory() => return refuse("it has a hidden state"),
+            Entry::Gate => return refuse("it is found by checks of a log"),
+            _ if term.effect.name() == "temperature_dependent_friction" => return refuse("it needs a temperature"),
+            Entry::State | Entry::Trajectory => {}
+        }
+        if let (Some(joint), "stribeck_friction") = (term.site.joint(), term.effect.name()) {
+            let drive = &mut drives[joint];
+            if drive.stribeck_velocity == 0.0 && term.coefficients[0] >= 0.0 {
+                drive.static_friction = drive.coulomb_friction.map(|size| size + term.coefficients[0]);
+                drive.stribeck_velocity = term.constants[0];
+                continue;
+            }
+        }
+        let alone = Terms::new(model, vec![term.clone()]);
+        if (0..drives.len()).any(|joint| alone.overshoots(joint)) {
+            return refuse("it follows the acceleration as an inertia does; give the arm that inertia instead");
+        }
+        terms.push(term.clone());
+    }
+    if !terms.is_empty() {
+        side.push(Box::new(Terms::new(model, terms)));
+    }
+    Ok((drives, side))
 }

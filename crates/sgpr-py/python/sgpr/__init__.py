@@ -70,6 +70,7 @@ from ._sgpr import (
 from .gaussian_process import GaussianProcess
 from .loading import load
 from .reading import read
+from .reporting import save_report
 from .semi_parametric import SemiParametricModel
 
 __all__ = [
@@ -130,6 +131,7 @@ __all__ = [
     "regroupings",
     "residual_structure",
     "robots",
+    "save_report",
     "screen",
     "simulate",
     "write_mcap",

@@ -10,6 +10,7 @@ from .. import Comparison, Model, SemiParametricModel, __version__, residual_str
 from .. import compare as compare_with
 from ..report.comparison import ComparisonPage
 from ..report.numbers import percent, significant
+from ..report.versions import versions
 from . import describe
 from .console import Output, to_json
 from .error_table import show_errors
@@ -19,7 +20,6 @@ from .limits import limits_of, verdicts
 from .output_folder import OutputFolder
 from .predictions import residuals_by_log
 from .reading import ReadingOptions, read_logs, stretches
-from .versions import versions
 
 
 def compare(

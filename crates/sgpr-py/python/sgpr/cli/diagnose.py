@@ -14,6 +14,7 @@ from .. import effects as registry
 from .. import identify as identify_from
 from ..report.diagnosis import DiagnosisPage
 from ..report.numbers import counted, percent, significant, with_deviation
+from ..report.versions import versions
 from . import describe
 from .console import Output, to_json
 from .effects import DEFAULT_EFFECTS, checked_effects
@@ -25,7 +26,6 @@ from .output_folder import OutputFolder
 from .predictions import AFTER, BEFORE, left_out, predictions, residuals_by_log, write_before_and_after
 from .reading import Log, ReadingOptions, read_logs, stretches
 from .robots import load_robot
-from .versions import versions
 
 NEXT_EXPERIMENT = "next_experiment.csv"
 

@@ -9,13 +9,14 @@ from .. import Excitation, Robot, __version__
 from .. import excite as excite_robot
 from ..report.motion import MotionPage, kind_of_parameters
 from ..report.numbers import significant
+from ..report.versions import versions
 from .console import Output, to_json
 from .effects import checked_effects
 from .errors import one_of, wrong_use
+from .inputs import load_model
 from .options import Gravity, OutFolder
 from .output_folder import OutputFolder
 from .robots import is_urdf, load_robot
-from .versions import versions
 
 DEFAULT_EFFECTS = ("viscous_friction", "coulomb_friction")
 CRITERIA = (
@@ -55,6 +56,15 @@ def excite(
     basis: Annotated[str, typer.Option("--basis", help="fourier, b_spline or point_to_point.")] = "fourier",
     fundamental: Annotated[float, typer.Option("--fundamental", metavar="HZ", help="One over the period.")] = 0.1,
     terms: Annotated[int, typer.Option("--terms", help="Harmonics of the series.")] = 4,
+    harmonics: Annotated[
+        list[int] | None,
+        typer.Option(
+            "--harmonics",
+            metavar="FIRST LAST",
+            help="Instead: these, as of a high-frequency series.",
+            show_default=False,
+        ),
+    ] = None,
     duration: Annotated[float, typer.Option("--duration", metavar="S", help="Of splines and points.")] = 10.0,
     points: Annotated[int, typer.Option("--points", help="Control points of a spline, or points.")] = 12,
     position_range: Annotated[
@@ -77,6 +87,15 @@ def excite(
     floor: Annotated[
         float | None, typer.Option("--floor", metavar="Z", help="Height that links stay above, m.")
     ] = None,
+    box: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--box",
+            metavar="X Y Z X Y Z...",
+            help="Lowest and highest corner of every box that links stay out of, base axes, m.",
+            show_default=False,
+        ),
+    ] = None,
     self_collision: Annotated[
         bool, typer.Option("--self-collision", help="Keep links that are no neighbours apart.")
     ] = False,
@@ -93,6 +112,24 @@ def excite(
     start: Annotated[
         list[float] | None,
         typer.Option("--start", metavar="Q...", help="Position at both ends.", show_default="zero or mid-range"),
+    ] = None,
+    noise: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--torque-noise",
+            metavar="S...",
+            help="Standard deviations of the torque, which weigh the joints, N·m (N).",
+            show_default="all alike",
+        ),
+    ] = None,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            "--model",
+            metavar="MODEL",
+            help="Saved model that torque limits are checked with, friction included; its effects are excited.",
+            show_default="rigid body of the robot file",
+        ),
     ] = None,
     starts: Annotated[int, typer.Option("--starts", help="Searches from different random motions.")] = 6,
     evaluations: Annotated[int, typer.Option("--evaluations", help="Evaluations per search.")] = 1500,
@@ -116,7 +153,9 @@ def excite(
         raise wrong_use("must be greater than zero", "--rate")
     if seed < 0:
         raise wrong_use("must not be negative", "--seed")
-    chosen = checked_effects(DEFAULT_EFFECTS if effects is None else effects)
+    known = None if model is None else load_model(model, joints)
+    usual = DEFAULT_EFFECTS if known is None else known.effects
+    chosen = checked_effects(usual if effects is None else effects)
     one_of(criterion, CRITERIA, "--criterion", "criterion")
     one_of(basis, BASES, "--basis", "basis")
     folder = OutputFolder(out)
@@ -126,6 +165,7 @@ def excite(
         "basis": basis,
         "fundamental_hz": fundamental,
         "terms": terms,
+        "harmonics": first_and_last(harmonics),
         "duration": duration,
         "points": points,
         "max_acceleration": per_joint(max_acceleration, loaded, "--max-acceleration"),
@@ -133,22 +173,24 @@ def excite(
         "max_velocity": per_joint(max_velocity, loaded, "--max-velocity"),
         "max_torque": per_joint(max_torque, loaded, "--max-torque"),
         "floor": floor,
+        "boxes": corners(box),
         "self_collision": self_collision,
         "link_radius": link_radius,
         # Only where something must be kept clear of.
         "link_shapes": robot
-        if link_radius is None and (floor is not None or self_collision) and is_urdf(robot)
+        if link_radius is None and (floor is not None or box or self_collision) and is_urdf(robot)
         else None,
         "clearance": clearance,
         "max_tip_speed": max_tip_speed,
         "start": per_joint(start, loaded, "--start"),
+        "noise": per_joint(noise, loaded, "--torque-noise"),
         "starts": starts,
         "max_evaluations": evaluations,
         "random_state": seed,
     }
     with output.progress() as progress:
-        found = excite_robot(loaded, chosen, progress=progress, **options)
-    data = to_dict(found, {"robot": robot, "effects": chosen, "rate_hz": rate, **options})
+        found = excite_robot(loaded, chosen, model=known, progress=progress, **options)
+    data = to_dict(found, {"robot": robot, "model": model, "effects": chosen, "rate_hz": rate, **options})
     with folder:
         found.trajectory.save_csv(folder.file("trajectory.csv"), rate)
         found.trajectory.save_mcap(folder.file("trajectory.mcap"), rate)
@@ -182,6 +224,24 @@ def pair_per_joint(values: list[float] | None, robot: Robot, option: str) -> lis
     return pairs
 
 
+def first_and_last(values: list[int] | None) -> tuple[int, int] | None:
+    """The harmonics of a series."""
+    if values is None:
+        return None
+    if len(values) != 2:
+        raise wrong_use(f"got {len(values)} numbers, expected the first and the last harmonic", "--harmonics")
+    return values[0], values[1]
+
+
+def corners(values: list[float] | None) -> list[tuple[list[float], list[float]]] | None:
+    """Lowest and highest corner of each box."""
+    if values is None:
+        return None
+    if len(values) % 6 != 0:
+        raise wrong_use(f"got {len(values)} numbers, a box has six: its lowest and its highest corner", "--box")
+    return [(values[k : k + 3], values[k + 3 : k + 6]) for k in range(0, len(values), 6)]
+
+
 def to_dict(found: Excitation, settings: dict[str, Any]) -> dict[str, Any]:
     """All figures."""
     trajectory = found.trajectory
@@ -189,12 +249,13 @@ def to_dict(found: Excitation, settings: dict[str, Any]) -> dict[str, Any]:
         "command": "excite",
         "settings": settings,
         "status": found.status,
-        "criterion": settings["criterion"],
+        "criterion": found.criterion,
         "value": found.value,
         "values": found.values,
         "report": found.report,
         "peaks": found.peaks,
         "utilisation": found.utilisation,
+        "tightest": found.tightest,
         "joints": trajectory.joint_names,
         "duration_s": trajectory.duration,
         "start": trajectory.start,
@@ -220,4 +281,4 @@ def show(found: Excitation, robot: Robot, data: dict[str, Any], output: Output) 
     output.table(["joint", "lowest", "highest", "speed", "acceleration", "unit"], rows, text_columns=(0, 5))
     if hidden := report.get("hidden"):
         output.warning(f"no motion tells these from other parameters: {', '.join(hidden)}")
-    output.line(f"largest share of a limit, between samples too: {100 * found.utilisation:.4f} %")
+    output.line(f"largest share of a limit, between samples too: {100 * found.utilisation:.4f} % ({found.tightest})")

@@ -13,6 +13,7 @@ from .. import identify as identify_from
 from .. import screen as screen_with
 from ..report.identification import IdentificationPage
 from ..report.numbers import counted, percent
+from ..report.versions import versions
 from . import describe
 from .console import Output, to_json
 from .error_table import show_errors
@@ -33,7 +34,6 @@ from .predictions import (
 from .reading import Log, ReadingOptions, read_logs, stretches
 from .robots import load_robot
 from .screening import excitation, outside, saturated
-from .versions import versions
 
 WRONG_POSITION = ("position_in_degrees", "position_jump", "velocity_mismatch")
 """Kinds of findings after which no result can be believed."""

@@ -10,6 +10,7 @@ from .. import Comparison, Model, SemiParametricModel, __version__
 from .. import compare as compare_with
 from ..report.numbers import counted, percent, significant
 from ..report.rest import INPUTS, RestPage, fewer_rows_were_better, points_of
+from ..report.versions import versions
 from . import describe
 from .console import Output, to_json
 from .effects import DEFAULT_EFFECTS, checked_effects
@@ -21,7 +22,6 @@ from .output_folder import OutputFolder
 from .predictions import AFTER, BEFORE, INTERVAL, STD, left_out, predictions, residuals_by_log, spread_of, write_table
 from .reading import Log, ReadingOptions, read_logs, stretches
 from .robots import load_robot
-from .versions import versions
 
 KERNELS = ("squared_exponential", "exponential", "matern32", "matern52", "rational_quadratic")
 MEANS = ("physics", "joint")

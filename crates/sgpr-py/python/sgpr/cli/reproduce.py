@@ -7,12 +7,12 @@ import typer
 
 from .. import __version__
 from ..report.numbers import significant
+from ..report.versions import versions
 from ..thesis import Settings, html, markdown
 from ..thesis import run as run_thesis
 from .console import Output, to_json
 from .errors import one_of
 from .output_folder import OutputFolder
-from .versions import versions
 
 WORKS = ("thesis",)
 

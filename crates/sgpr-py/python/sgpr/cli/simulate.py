@@ -10,6 +10,7 @@ from .. import Recording, __version__
 from .. import simulate as simulate_arm
 from ..report.numbers import significant
 from ..report.tracking import TrackingPage
+from ..report.versions import versions
 from ..robots import puma560_drives, two_link_drives
 from .console import Output
 from .errors import BadData, one_of, wrong_use
@@ -19,7 +20,6 @@ from .options import check_not_input
 from .output_folder import OutputFolder
 from .reading import ReadingOptions, read_log
 from .robots import READY_MADE, load_robot
-from .versions import versions
 
 CONTROLLERS = ("feed_forward", "computed_torque", "impedance", "pd")
 DRIVES = {"puma560": puma560_drives, "two_link": two_link_drives}

@@ -17,6 +17,7 @@ from .settings import settings_section
 SHOWN_SAMPLES = 500
 # Criteria that are logarithms already.
 LOGARITHMS = ("d_optimality", "hadamard")
+DECADE = 10.0
 # What holds where a setting was not given; one that is not here does not act then.
 ROBOT = "as in the robot"
 WITHOUT = {"position_range": ROBOT, "max_velocity": ROBOT, "max_torque": ROBOT, "start": "zero or mid-range"}
@@ -27,7 +28,7 @@ QUANTITIES = (("position", "position [{0}]"), ("velocity", "speed [{0}/s]"), ("a
 class MotionPage:
     """All that the page shows.
 
-    - `data`: the figures, as in excitation.json
+    - `data`: "versions", and "settings" if they are known, as in excitation.json
     """
 
     robot: Robot
@@ -38,7 +39,8 @@ class MotionPage:
         """The file."""
         motion, plots = self._motion()
         search, more = self._search()
-        settings = {"Asked for": self._asked_for(), "Versions": self.data["versions"]}
+        asked = {"Asked for": self._asked_for()} if "settings" in self.data else {}
+        settings = {**asked, "Versions": self.data["versions"]}
         sections = [
             Section("motion", "Motion", motion),
             Section("limits", "Largest values", self._limits()),
@@ -52,19 +54,20 @@ class MotionPage:
     def _asked_for(self) -> dict[str, Any]:
         """Settings that this motion has, with what stands for those that were not given."""
         settings = self.data["settings"]
-        others = ("duration", "points") if settings["basis"] == "fourier" else ("fundamental_hz", "terms")
+        others = ["duration", "points"] if settings["basis"] == "fourier" else ["fundamental_hz", "terms", "harmonics"]
+        others += ["terms"] if settings["harmonics"] is not None else []
         texts = {name: WITHOUT.get(name) if value is None else value for name, value in settings.items()}
         return {name: value for name, value in texts.items() if value is not None and name not in others}
 
     def _lead(self) -> Html:
         report = self.found.report
-        criterion = self.data["criterion"]
+        criterion = self.found.criterion
         value = "" if criterion == "condition" else f"Criterion {criterion}: {significant(self.found.value)}. "
         text = (
             f"{value}{report['rank']} of "
             f"{counted(report['base_parameters'], kind_of_parameters(report))} are excited, condition number "
             f"{significant(report['condition'])}. The motion uses {100 * self.found.utilisation:.4g} % of its tightest "
-            "limit, between samples too."
+            f"limit, between samples too: {self.found.tightest}."
         )
         stopped = "The search was stopped: this is the best motion that it had found."
         return join([paragraph(text), *([paragraph(stopped)] if self.found.status == "interrupted" else [])])
@@ -131,9 +134,11 @@ class MotionPage:
     def _search(self) -> tuple[Html, dict[str, Any]]:
         history = self.found.history
         lines = []
+        drawn = []
         for number in np.unique(history[:, 0]):
             own = history[history[:, 0] == number]
             best = np.minimum.accumulate(own[:, 2])
+            drawn.append(best)
             lines.append(
                 {
                     "type": "scatter",
@@ -144,22 +149,27 @@ class MotionPage:
                     "line": {"width": 1.5, **line_of(int(number))},
                 }
             )
-        label = f"best {self.data['criterion']}, smoothed"
+        label = f"best {self.found.criterion}, smoothed"
         figure = {
             "data": lines,
-            "layout": layout(xaxis=axis("evaluation"), yaxis=self._search_axis(label, history[:, 2])),
+            "layout": layout(xaxis=axis("evaluation"), yaxis=self._search_axis(label, np.concatenate(drawn))),
         }
         ends = [[f"search {k + 1}", significant(value)] for k, value in enumerate(self.found.values)]
         body = join([plot("search-plot", 320, label), table("Where the searches ended", ["search", "value"], ends)])
         return body, {"search-plot": figure}
 
     def _search_axis(self, label: str, values: NDArray[np.float64]) -> dict[str, Any]:
-        """Logarithmic for condition numbers; with ticks between the decades where there are few of these."""
-        if self.data["criterion"] in LOGARITHMS or values.min() <= 0.0:
+        """Logarithmic for condition numbers that fall by a decade or more, with ticks between decades if these are few.
+
+        - `values`: what is drawn
+        """
+        values = values[np.isfinite(values)]
+        low, high = (values.min(), values.max()) if len(values) else (1.0, 1.0)
+        if self.found.criterion in LOGARITHMS or low <= 0.0 or high < DECADE * low:
             return axis(label)
-        if values.max() > 100.0 * values.min():
+        if high > DECADE**2 * low:
             return log_axis(label)
-        return axis(label, type="log", **even_ticks(values.min(), values.max()))
+        return axis(label, type="log", **even_ticks(low, high))
 
 
 def even_ticks(low: float, high: float) -> dict[str, Any]:

@@ -23,7 +23,7 @@ WITHOUT = {"model": "rigid body of the arm", "position_resolution": "exact", "to
 class TrackingPage:
     """All that the page shows.
 
-    - `data`: the figures, as `--json` prints them
+    - `data`: the figures, as `--json` prints them; empty if what was asked for is not known
     """
 
     robot: Robot
@@ -86,4 +86,4 @@ class TrackingPage:
         left_out = ("command", "joints", "samples", "tracking_rmse", "library_version")
         asked = {name: value for name, value in self.data.items() if name not in left_out}
         asked = {name: WITHOUT[name] if value is None else value for name, value in asked.items()}
-        return {"Asked for": asked, "Versions": self.versions}
+        return {**({"Asked for": asked} if asked else {}), "Versions": self.versions}

@@ -90,12 +90,20 @@ class Figures:
         ]
         # More than four names need two rows, which the tool bar would cover above the plot.
         below = {"legend": LEGEND_BELOW, "margin": {"l": 60, "r": 16, "t": 36, "b": 80}} if len(groups) > 4 else {}
-        return self._add(label, data, yaxis=axis(unit, type="log", dtick=1), barmode="group", **below)
+        return self._add(
+            label, data, yaxis=axis(unit, type="log", dtick=1, range=_decades(data)), barmode="group", **below
+        )
 
     def _add(self, label: str, data: list[dict[str, Any]], height: int = HEIGHT, **settings: Any) -> Html:
         place = f"figure-{len(self.plots) + 1}"
         self.plots[place] = {"data": data, "layout": layout(**settings)}
         return join([element("h3", label), plot(place, height, label)])
+
+
+def _decades(bars: Sequence[dict[str, Any]]) -> list[int]:
+    """Whole decades around all bars, so that the lowest has a length and there are two numbers at the axis."""
+    sizes = np.log10([size for bar in bars for size in bar["y"] if size])
+    return [int(np.floor(sizes.min())), int(np.floor(sizes.max())) + 1]
 
 
 def _differentiation(thesis: Thesis, figures: Figures) -> Html:

@@ -1,0 +1,50 @@
+"""Pages with plots of what Python holds."""
+
+import os
+from pathlib import Path
+
+from ._sgpr import Excitation, Robot, SgprError, Simulation
+
+
+def save_report(result: Excitation | Simulation, robot: Robot, path: str | os.PathLike[str]) -> None:
+    """Writes a page with plots, complete or not there.
+
+    Of a motion that was found: position, speed and acceleration, the largest values, what it reveals, and the criterion
+    over the evaluations. Of a simulated experiment: wanted positions, tracking error, torque and friction.
+
+    Parameters
+    ----------
+    result : Excitation or Simulation
+    robot : Robot
+        The arm of the result.
+    path : path
+        Of the HTML file, which needs no other.
+
+    Examples
+    --------
+    >>> robot = sgpr.robots.two_link()
+    >>> found = sgpr.excite(robot, terms=3, max_acceleration=[2, 2], starts=1, max_evaluations=50)
+    >>> sgpr.save_report(found, robot, "motion.html")
+    >>> sgpr.save_report(sgpr.simulate(robot, found.trajectory), robot, "tracking.html")
+    """
+    # Not needed by those who draw nothing.
+    from .report.motion import MotionPage
+    from .report.tracking import TrackingPage
+    from .report.versions import versions
+
+    names = result.trajectory.joint_names if isinstance(result, Excitation) else result.joint_names
+    if names != robot.joint_names:
+        raise SgprError(f"robot: its joints are {', '.join(robot.joint_names)}, those of the result {', '.join(names)}")
+    if isinstance(result, Excitation):
+        text = MotionPage(robot, result, {"versions": versions()}).html()
+    else:
+        text = TrackingPage(robot, result, {}, versions()).html()
+    place = Path(path)
+    beside = place.with_name(f".{os.getpid()}-{place.name}")
+    try:
+        beside.write_text(text, encoding="utf-8", newline="\n")
+        os.replace(beside, place)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(place)) from error
+    finally:
+        beside.unlink(missing_ok=True)
