@@ -7,7 +7,7 @@ use common::{ROBOTS, Reference as ReferenceValues, data, largest_difference};
 use sgpr_core::dynamics::{Workspace, gravity_torque, kinetic_energy, potential_energy};
 use sgpr_core::effects::{Site, by_name, sgn};
 use sgpr_core::identification::ParameterSet;
-use sgpr_core::model::{Term, TorqueModel};
+use sgpr_core::model::{Term, TorqueModel, Trajectory};
 use sgpr_core::robot::{Robot, puma560, two_link};
 use sgpr_core::simulation::*;
 use sgpr_core::spatial::Vector3;
@@ -425,13 +425,46 @@ fn effects_at_single_joints_act_or_are_refused() {
         );
     }
     for (name, site, coefficients, reason) in [
-        ("presliding_friction", Site::Joint(0), &[1.0][..], "hidden state"),
+        ("transmission_hysteresis", Site::Joint(0), &[1.0][..], "hidden state"),
         ("encoder_offset", Site::Joint(0), &[], "changes robot, motion or torque"),
         ("payload", Site::Arm, &[50.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 9.0], "as an inertia does"),
     ] {
         let refused = drives_from_model(&with(vec![term(name, site, coefficients)])).expect_err("cannot be followed");
         assert!(refused.to_string().contains(name) && refused.to_string().contains(reason), "{refused}");
     }
+}
+
+#[test]
+fn effects_with_a_loop_over_the_position_keep_their_state() {
+    let robot = two_link();
+    let model = TorqueModel::with_parameters(&robot, &[] as &[&str], robot.standard_parameters()).expect("valid");
+    let of_joint = |name: &str, joint: usize, distance: f64| {
+        let mut term = Term::new(by_name(name).expect("of the library"), Site::Joint(joint), vec![distance]);
+        term.coefficients = vec![2.0];
+        term
+    };
+    let terms = vec![of_joint("presliding_friction", 0, 0.01), of_joint("cable_hysteresis", 1, 0.2)];
+    let known = model.clone().with_terms(terms, Some(0));
+    let (drives, side) = drives_from_model(&known).expect("loops over the position");
+    let mut simulator = arm(&robot, &drives, Integrator::SemiImplicitEuler, 1e-4);
+    simulator = side.into_iter().fold(simulator, Simulator::with_side_torque);
+    let (mut q, mut dq, mut ddq, mut time, mut applied) = (vec![], vec![], vec![], vec![], vec![]);
+    for k in 0..30_000 {
+        let t = 1e-4 * f64::from(k);
+        let tau = [8.0 * (5.0 * t).sin(), 5.0 * (7.0 * t).cos()];
+        q.extend_from_slice(simulator.q());
+        dq.extend_from_slice(simulator.dq());
+        time.push(t);
+        simulator.step(&tau).expect("stable");
+        ddq.extend_from_slice(simulator.ddq());
+        applied.extend(tau);
+    }
+    let samples = sgpr_core::dynamics::Samples { q: &q, dq: &dq, ddq: &ddq };
+    let trajectory = Trajectory { samples, rate_hz: 1e4, time: &time, channels: &[] };
+    let missed = |model: &TorqueModel| largest_difference(&model.predict_trajectory(&trajectory), &applied);
+    let reverses = dq.chunks_exact(2).zip(dq[2..].chunks_exact(2)).filter(|(a, b)| a[0] * b[0] < 0.0).count();
+    assert!(reverses > 3, "{reverses}");
+    assert!(missed(&model) > 1.9 && missed(&known) < 0.02, "{} {}", missed(&model), missed(&known));
 }
 
 #[test]

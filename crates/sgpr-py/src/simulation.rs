@@ -260,8 +260,8 @@ impl Simulation {
 /// ----------
 /// robot : Robot or Model
 ///     The arm. A model brings its effects; `drives` is then not given. Effects at single sites act as they depend on
-///     the present motion and on time; those with a hidden state, and those that change robot, motion or torque, are
-///     refused by name.
+///     the present motion and on time, and Dahl elements of a position (presliding friction, cables) carry their state;
+///     those with another hidden state, and those that change robot, motion or torque, are refused by name.
 /// reference : Trajectory, array of shape (n,), or (rate_hz, q, dq, ddq)
 ///     The wanted motion: at every time, standing still, or samples of shape (N, n) that are interpolated.
 /// duration : float, optional

@@ -119,21 +119,37 @@ pub(super) fn harmonic(context: &Context<'_>, site: Site, order: f64, out: &mut 
     }
 }
 
-/// Output of a Dahl element driven by `input`: z follows the sign of the input's direction, dz = (s - z) |dx| / scale,
-/// stepped exactly for pieces of one direction. Starts at zero.
+/// A Dahl element: z follows the direction of what it runs over within a distance, stepped exactly for pieces of one
+/// direction. Starts at zero.
 ///
 /// Source: P. Dahl, A solid friction model, Aerospace Corp. TOR-0158(3107-18)-1 (1968).
-pub(super) fn dahl(input: impl Iterator<Item = f64>, scale: f64, out: &mut [f64]) {
-    let (mut z, mut last) = (0.0, None);
-    for (x, out) in input.zip(out) {
-        let step: f64 = x - last.unwrap_or(x);
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Dahl {
+    distance: f64,
+    z: f64,
+    last: Option<f64>,
+}
+
+impl Dahl {
+    pub(crate) fn new(distance: f64) -> Self {
+        Self { distance, z: 0.0, last: None }
+    }
+
+    /// z at the next value.
+    pub(crate) fn next(&mut self, x: f64) -> f64 {
+        let step = x - self.last.replace(x).unwrap_or(x);
         let direction = super::sgn(step);
         if direction != 0.0 {
-            z = direction + (z - direction) * (-step.abs() / scale).exp();
+            self.z = direction + (self.z - direction) * (-step.abs() / self.distance).exp();
         }
-        *out = z;
-        last = Some(x);
+        self.z
     }
+}
+
+/// z of a Dahl element along its input.
+pub(super) fn dahl(input: impl Iterator<Item = f64>, distance: f64, out: &mut [f64]) {
+    let mut element = Dahl::new(distance);
+    input.zip(out).for_each(|(x, out)| *out = element.next(x));
 }
 
 /// One after the time `edge`, zero before it; the sample in whose period the edge falls gets its share.

@@ -62,6 +62,7 @@ use std::fmt::Debug;
 use std::sync::Arc;
 
 pub use about::{About, Class};
+pub(crate) use context::Dahl;
 pub use context::{Context, LinkMotion};
 use serde::{Deserialize, Serialize};
 
@@ -165,6 +166,12 @@ pub trait Effect: Send + Sync + Debug {
 
     /// The effect of which this one is only a finer form: it is fitted beside it, and not a finding of its own.
     fn refines(&self) -> Option<&str> {
+        None
+    }
+
+    /// The distance within which the only column is built up, if that is a Dahl element of the joint's own position: a
+    /// simulator carries its state from step to step.
+    fn dahl_distance(&self, _constants: &[f64]) -> Option<f64> {
         None
     }
 

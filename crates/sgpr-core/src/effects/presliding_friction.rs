@@ -52,6 +52,10 @@ impl Effect for PreslidingFriction {
         true
     }
 
+    fn dahl_distance(&self, constants: &[f64]) -> Option<f64> {
+        Some(constants[0])
+    }
+
     fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
         let joint = site.joint().expect("at a joint");
         dahl(context.of_joint(context.q, joint), constants[0], &mut out[0]);

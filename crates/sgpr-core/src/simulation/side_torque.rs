@@ -4,7 +4,7 @@ use std::fmt::Debug;
 
 use super::{Drive, SimulationError};
 use crate::dynamics::Samples;
-use crate::effects::{Entry, JointState};
+use crate::effects::{Dahl, Entry, JointState};
 use crate::identification::ParameterSet;
 use crate::model::{Term, TorqueModel, Trajectory};
 
@@ -107,21 +107,35 @@ impl SideTorque for Terms {
     }
 }
 
+/// Friction and cables with a Dahl element of the joint's position: joint, torque of the full element, state.
+#[derive(Debug)]
+struct Dahls(Vec<(usize, f64, Dahl)>);
+
+impl SideTorque for Dahls {
+    fn add(&mut self, _: f64, _: f64, q: &[f64], _: &[f64], _: &[f64], tau: &mut [f64]) {
+        self.0.iter_mut().for_each(|(joint, size, element)| tau[*joint] += *size * element.next(q[*joint]));
+    }
+}
+
 /// What acts on an arm beside its rigid body.
 pub type DrivesAndSideTorques = (Vec<Drive>, Vec<Box<dyn SideTorque>>);
 
 /// Drives and side torques that together are all effects of a model, those at single sites included. Stribeck friction is
-/// treated as that of a [`Drive`]. The clock of the session starts with the simulation.
+/// treated as that of a [`Drive`]; Dahl elements of a position carry their state. The clock of the session starts with the simulation.
 ///
 /// # Errors
-/// If the torque of an effect is none of present motion and time: it has a memory, changes robot, motion or torque, or
-/// follows the acceleration as an inertia does. For those write a [`SideTorque`].
+/// If the torque of an effect is none of present motion and time, and no Dahl element: it has another memory, changes robot,
+/// motion or torque, or follows the acceleration as an inertia does. For those write a [`SideTorque`].
 pub fn drives_from_model(model: &TorqueModel) -> Result<DrivesAndSideTorques, SimulationError> {
     let (mut drives, side) = drives_from_parameters(model.parameter_set(), model.parameters());
     let mut side: Vec<_> = side.into_iter().collect();
-    let mut terms = Vec::new();
+    let (mut terms, mut dahls) = (Vec::new(), Vec::new());
     for term in model.terms() {
         let refuse = |reason| Err(SimulationError::Effect { name: term.effect.name().into(), reason });
+        if let (Some(joint), Some(distance)) = (term.site.joint(), term.effect.dahl_distance(&term.constants)) {
+            dahls.push((joint, term.coefficients[0], Dahl::new(distance)));
+            continue;
+        }
         match term.effect.entry() {
             Entry::Transform => return refuse("it changes robot, motion or torque"),
             _ if term.effect.has_memory() => return refuse("it has a hidden state"),
@@ -142,6 +156,9 @@ pub fn drives_from_model(model: &TorqueModel) -> Result<DrivesAndSideTorques, Si
             return refuse("it follows the acceleration as an inertia does; give the arm that inertia instead");
         }
         terms.push(term.clone());
+    }
+    if !dahls.is_empty() {
+        side.push(Box::new(Dahls(dahls)));
     }
     if !terms.is_empty() {
         side.push(Box::new(Terms::new(model, terms)));
