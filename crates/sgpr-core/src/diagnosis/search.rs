@@ -99,8 +99,7 @@ fn is_silent(term: &Term, step: &Accepted, period: f64) -> bool {
 /// Torque and position of one row may be taken at moments that are this share of a period apart ...
 const WITHIN_A_SAMPLE: f64 = 0.6;
 
-/// ... which goes without saying as long as no joint's error falls by more than this share of what is left. So much is also
-/// asked of an effect with parameters that it does not have by nature.
+/// ... which goes without saying as long as no joint's error falls by more than this share of what is left.
 const LITTLE: f64 = 0.2;
 
 /// Whether the base parameters take an effect up whatever the motion.
@@ -114,12 +113,13 @@ pub(super) const EVIDENCE: f64 = 8.0;
 /// Smallest fall of the held-out error on some joint, as a share of what is left.
 pub(super) const MATERIAL: f64 = 0.025;
 
-/// The same for a term, whose parameters were fitted.
+/// The same for a term, whose parameters were fitted: more for one with parameters that it does not have by nature.
 fn asked_of(term: &Term) -> f64 {
+    const IMPLAUSIBLE: f64 = 0.06;
     match term {
         _ if term.effect.refines().is_some() => 0.0,
         _ if term.effect.is_plausible(&term.coefficients) => MATERIAL,
-        _ => LITTLE,
+        _ => IMPLAUSIBLE,
     }
 }
 
