@@ -237,11 +237,3 @@ fn the_proposed_motion_shows_a_spring_behind_an_offset() {
     let k = finding.parameters[0].value;
     assert!((k - 0.9).abs() < 0.09, "{k}");
 }
-
-#[test]
-fn a_hose_does_not_push_away() {
-    let mut spring = Term::new(by_name("cable_stiffness").unwrap(), Site::Joint(1), vec![]);
-    spring.coefficients = vec![-0.9, 0.3];
-    let diagnosis = diagnosed(&logs(&[spring]), &BASE, &["cable_stiffness", "spring_balancer"]);
-    assert_eq!(diagnosis.findings[0].effect, "spring_balancer", "{:?}", diagnosis.findings);
-}
