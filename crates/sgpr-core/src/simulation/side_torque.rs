@@ -121,7 +121,8 @@ impl SideTorque for Dahls {
 pub type DrivesAndSideTorques = (Vec<Drive>, Vec<Box<dyn SideTorque>>);
 
 /// Drives and side torques that together are all effects of a model, those at single sites included. Stribeck friction is
-/// treated as that of a [`Drive`]; Dahl elements of a position carry their state. The clock of the session starts with the simulation.
+/// treated as that of a [`Drive`]; Dahl elements of a position carry their state. The clock of the session starts with the
+/// simulation.
 ///
 /// # Errors
 /// If the torque of an effect is none of present motion and time, and no Dahl element: it has another memory, changes robot,
