@@ -174,6 +174,25 @@ impl Basis {
         shares
     }
 
+    /// Per column its shares along the basis. Where all columns begin or end with zeros nothing is computed.
+    pub fn shares(&self, columns: &[Column]) -> Vec<Vec<f64>> {
+        let mut shares = vec![Vec::with_capacity(self.q.len()); columns.len()];
+        let spans = spans(columns);
+        let part = |column: &'_ Column, joint: usize| -> std::ops::Range<usize> {
+            if column[joint].is_empty() { 0..0 } else { spans[joint].clone() }
+        };
+        for q in &self.q {
+            for (shares, column) in shares.iter_mut().zip(columns) {
+                let along = |joint: usize| {
+                    let rows = part(column, joint);
+                    q[joint].get(rows.clone()).map_or(0.0, |q| dot_in_lanes(q, &column[joint][rows]))
+                };
+                shares.push((0..column.len()).map(along).sum());
+            }
+        }
+        shares
+    }
+
     /// Coefficients of the columns that `y` is made of, zero for dependent ones.
     pub fn solve(&self, y: &Column) -> Vec<f64> {
         let mut along: Vec<f64> = self.q.iter().map(|q| dot(q, y)).collect();
@@ -258,7 +277,7 @@ pub(super) fn invisible(term: &Term) -> f64 {
 /// length left are left out.
 pub(super) fn gain(basis: &Basis, residual: &Column, columns: &[Column], tolerance: f64) -> Gain {
     let k = columns.len();
-    let shares: Vec<Vec<f64>> = columns.iter().map(|column| basis.q.iter().map(|q| dot(q, column)).collect()).collect();
+    let shares = basis.shares(columns);
     let entry = |a: usize, b: usize| {
         dot(&columns[a], &columns[b]) - shares[a].iter().zip(&shares[b]).map(|(x, y)| x * y).sum::<f64>()
     };
@@ -303,6 +322,17 @@ pub(super) fn gain_of(gram: &[f64], b: &[f64], lengths: &[f64], tolerance: f64) 
     }
     let chi2 = forward.iter().map(|x| x * x).sum();
     Gain { chi2, coefficients, visible, rank: kept.iter().filter(|kept| **kept).count() }
+}
+
+/// Per joint the rows outside of which all columns are zero.
+fn spans(columns: &[Column]) -> Vec<std::ops::Range<usize>> {
+    let of_joint = |joint: usize| {
+        let own = || columns.iter().map(move |column| &column[joint]).filter(|rows| !rows.is_empty());
+        let first = own().filter_map(|rows| rows.iter().position(|x| *x != 0.0)).min();
+        let last = own().filter_map(|rows| rows.iter().rposition(|x| *x != 0.0)).max();
+        first.zip(last).map_or(0..0, |(first, last)| first..last + 1)
+    };
+    (0..columns.first().map_or(0, Vec::len)).map(of_joint).collect()
 }
 
 pub(super) fn dot(a: &Column, b: &Column) -> f64 {

@@ -56,6 +56,10 @@ struct Projected {
     term: Term,
     white: Vec<Column>,
     shares: Vec<Vec<f64>>,
+    /// Products of the columns less what the basis holds of them, row-major.
+    gram: Vec<f64>,
+    /// Squared lengths of the columns.
+    lengths: Vec<f64>,
     /// Root mean square per joint of the first column, not whitened.
     size: Vec<f64>,
 }
@@ -67,12 +71,9 @@ impl Projected {
 
     /// Share of the first column of `other` in the plane of the columns, and the rank of these.
     fn holds(&self, other: &Self) -> (f64, usize) {
-        let k = self.white.len();
-        let gram: Vec<f64> = (0..k * k).map(|i| self.product(i / k, self, i % k)).collect();
-        let along: Vec<f64> = (0..k).map(|i| self.product(i, other, 0)).collect();
-        let lengths: Vec<f64> = self.white.iter().map(|column| dot(column, column)).collect();
-        let gain = gain_of(&gram, &along, &lengths, invisible(&self.term));
-        (gain.chi2 / other.product(0, other, 0), gain.rank)
+        let along: Vec<f64> = (0..self.white.len()).map(|i| self.product(i, other, 0)).collect();
+        let gain = gain_of(&self.gram, &along, &self.lengths, invisible(&self.term));
+        (gain.chi2 / other.gram[0], gain.rank)
     }
 
     fn constants(&self) -> usize {
@@ -110,9 +111,12 @@ pub(super) fn detectable(
 
 fn projected(search: &Search<'_>, basis: &Basis, term: &Term, columns: &[Column]) -> Projected {
     let white: Vec<Column> = columns.iter().map(|column| search.noise.whiten(&search.problem, column)).collect();
-    let shares = white.iter().map(|column| basis.q.iter().map(|q| dot(q, column)).collect()).collect();
+    let shares = basis.shares(&white);
+    let lengths = white.iter().map(|column| dot(column, column)).collect();
     let size = columns.first().map_or(vec![], |column| column.iter().map(|own| rms(own)).collect());
-    Projected { term: term.clone(), white, shares, size }
+    let k = white.len();
+    let own = Projected { term: term.clone(), white, shares, gram: vec![], lengths, size };
+    Projected { gram: (0..k * k).map(|i| own.product(i / k, &own, i % k)).collect(), ..own }
 }
 
 fn one(search: &Search<'_>, subject: &Projected, all: &[Projected], left: &[f64]) -> Option<Detectable> {
@@ -121,7 +125,7 @@ fn one(search: &Search<'_>, subject: &Projected, all: &[Projected], left: &[f64]
     // An effect has no columns where its joint stands still.
     let first = subject.white.first()?;
     let whole = dot(first, first);
-    let length = subject.product(0, subject, 0);
+    let length = subject.gram[0];
     let visible = (length / whole).max(0.0).sqrt();
     if !(whole > 0.0 && visible > invisible(term)) {
         return None;

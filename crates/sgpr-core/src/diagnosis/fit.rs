@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use super::DiagnosisError;
 use super::basis::{Basis, INVISIBLE, INVISIBLE_TANGENT, Noise, gain, gain_of, rms};
 use super::problem::{Column, FOLDS, Problem};
@@ -33,6 +35,12 @@ pub(super) struct Fitted {
 impl Fitted {
     pub fn terms(&self) -> &[Term] {
         self.model.terms()
+    }
+
+    /// Term and index of every constant.
+    pub fn constants(&self) -> impl Iterator<Item = (usize, usize)> {
+        let terms = self.terms().iter().enumerate();
+        terms.flat_map(|(k, term)| (0..term.constants.len()).map(move |index| (k, index)))
     }
 }
 
@@ -83,7 +91,7 @@ fn solve_with(
     noise: &Noise,
 ) -> Fitted {
     let terms: Vec<Term> = model.terms().to_vec();
-    let of_terms = problem.term_columns(&model, &rigid, &terms.iter().collect::<Vec<_>>());
+    let of_terms: Vec<Vec<Column>> = terms.par_iter().map(|term| problem.term_columns(&model, &rigid, term)).collect();
     for column in of_terms.into_iter().flatten() {
         basis.push(&noise.whiten(problem, &column));
         columns.push(column);
@@ -129,17 +137,30 @@ fn solve_with(
 }
 
 /// Tangent of the predicted torque by constant `index` of term `term`, in the band.
-pub(super) fn tangent(problem: &Problem, model: &TorqueModel, term: usize, index: usize) -> Column {
+pub(super) fn tangent(
+    problem: &Problem,
+    (model, rigid): (&TorqueModel, &[Rigid]),
+    (term, index): (usize, usize),
+) -> Column {
     let constant = &model.terms()[term].effect.constants()[index];
     let value = model.terms()[term].constants[index];
     let step = constant.difference_step(value);
+    let [low, high] = [(value - step).max(constant.low), (value + step).min(constant.high)];
+    if !model.terms()[term].is_transform() {
+        return problem.slope(model, rigid, &model.terms()[term], index, [low, high]);
+    }
     let with = |value: f64| {
         let mut terms = model.terms().to_vec();
         terms[term].constants[index] = value;
         model.clone().with_terms(terms, problem.clock)
     };
-    let [low, high] = [(value - step).max(constant.low), (value + step).min(constant.high)];
     problem.difference([&with(low), &with(high)], high - low)
+}
+
+/// Tangents of some constants, term and index, whitened.
+pub(super) fn tangents(problem: &Problem, fitted: &Fitted, noise: &Noise, constants: &[(usize, usize)]) -> Vec<Column> {
+    let white = |at: &(usize, usize)| noise.whiten(problem, &tangent(problem, (&fitted.model, &fitted.rigid), *at));
+    constants.par_iter().map(white).collect()
 }
 
 /// Largest number of steps for the constants of transforms.
@@ -151,20 +172,13 @@ const SMALL_STEP: f64 = 1.0;
 /// Gauss-Newton steps for the constants of all transforms, which move base columns and torque.
 pub(super) fn refine_transforms(problem: &Problem, mut fitted: Fitted, noise: &Noise) -> Fitted {
     for _ in 0..STEPS {
-        let wanted: Vec<(usize, usize)> = fitted
-            .terms()
-            .iter()
-            .enumerate()
-            .flat_map(|(k, term)| (0..term.constants.len()).map(move |index| (k, index)))
-            .filter(|&(k, index)| matches!(fitted.terms()[k].effect.constants()[index].scale, Scale::Neutral { .. }))
-            .collect();
+        let scale = |(k, index): (usize, usize)| fitted.terms()[k].effect.constants()[index].scale;
+        let wanted: Vec<(usize, usize)> =
+            fitted.constants().filter(|at| matches!(scale(*at), Scale::Neutral { .. })).collect();
         if wanted.is_empty() {
             return fitted;
         }
-        let tangents: Vec<Column> = wanted
-            .iter()
-            .map(|&(k, index)| noise.whiten(problem, &tangent(problem, &fitted.model, k, index)))
-            .collect();
+        let tangents = tangents(problem, &fitted, noise, &wanted);
         let gain = gain(&fitted.basis, &fitted.white, &tangents, INVISIBLE_TANGENT);
         if gain.chi2 < SMALL_STEP {
             return fitted;
@@ -196,15 +210,19 @@ pub(super) fn refine_transforms(problem: &Problem, mut fitted: Fitted, noise: &N
 pub(super) fn with_deviations(problem: &Problem, fitted: &Fitted, noise: &Noise) -> Vec<Term> {
     let mut basis = Basis::clone(&fitted.basis);
     let mut terms = fitted.terms().to_vec();
-    for (k, term) in fitted.terms().iter().enumerate() {
-        for index in 0..term.constants.len() {
-            if term.effect.constants()[index].scale != Scale::Torque || !term.is_transform() {
-                basis.push(&noise.whiten(problem, &tangent(problem, &fitted.model, k, index)));
-            } else {
-                basis.push(&vec![vec![]; problem.dof()]);
-            }
+    let white = |(k, index): (usize, usize)| {
+        let term = &terms[k];
+        if term.is_transform() && term.effect.constants()[index].scale == Scale::Torque {
+            return vec![vec![]; problem.dof()];
         }
-    }
+        noise.whiten(problem, &tangent(problem, (&fitted.model, &fitted.rigid), (k, index)))
+    };
+    let constants: Vec<(usize, usize)> = fitted.constants().collect();
+    let tangents: Vec<Column> = constants.par_iter().map(|at| white(*at)).collect();
+    tangents.iter().for_each(|tangent| basis.push(tangent));
+    let is_time = |(k, index): &(usize, usize)| terms[*k].effect.constants()[*index].scale == Scale::Time;
+    let times: Vec<(usize, usize)> = constants.into_iter().filter(is_time).collect();
+    let intervals: Vec<[f64; 2]> = times.par_iter().map(|at| interval(problem, fitted, noise, *at)).collect();
     let deviations = basis.deviations();
     let finite = |d: f64| if d.is_finite() { d } else { 0.0 };
     let mut at = problem.base.rank();
@@ -214,19 +232,17 @@ pub(super) fn with_deviations(problem: &Problem, fitted: &Fitted, noise: &Noise)
             at += 1;
         });
     }
-    for (k, term) in terms.iter_mut().enumerate() {
-        let effect = term.effect.clone();
-        for (index, constant) in effect.constants().iter().enumerate() {
-            term.constant_deviations[index] = finite(deviations[at]);
+    for term in &mut terms {
+        term.constant_deviations.iter_mut().for_each(|d| {
+            *d = finite(deviations[at]);
             at += 1;
-            // Chi-squared changes in steps with a time, and not at all while nothing moves: tangents know nothing of that.
-            if constant.scale == Scale::Time {
-                let [low, high] = interval(problem, fitted, noise, (k, index));
-                term.constant_deviations[index] = 0.25 * (high - low);
-                if high - low > UNSURE_S {
-                    term.constants[index] = 0.5 * (low + high);
-                }
-            }
+        });
+    }
+    // Chi-squared changes in steps with a time, and not at all while nothing moves: tangents know nothing of that.
+    for ((k, index), [low, high]) in times.into_iter().zip(intervals) {
+        terms[k].constant_deviations[index] = 0.25 * (high - low);
+        if high - low > UNSURE_S {
+            terms[k].constants[index] = 0.5 * (low + high);
         }
     }
     terms
@@ -245,7 +261,7 @@ fn interval(problem: &Problem, fitted: &Fitted, noise: &Noise, (k, index): (usiz
     let explained = |time: f64| {
         let mut term = term.clone();
         term.constants[index] = time;
-        let columns = problem.term_columns(&without.model, &without.rigid, &[&term]).swap_remove(0);
+        let columns = problem.term_columns(&without.model, &without.rigid, &term);
         let white: Vec<Column> = columns.iter().map(|column| noise.whiten(problem, column)).collect();
         gain(&without.basis, &without.white, &white, INVISIBLE).chi2
     };

@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use super::basis::{INVISIBLE, Noise, gain};
 use super::fit::{Extra, Fitted, held_out};
-use super::problem::{Column, FOLDS, Problem, Stretch};
+use super::problem::{Column, FOLDS, Problem};
 use crate::effects::sgn;
 use crate::linalg::{dot_in_lanes, solve_general};
 
@@ -235,10 +235,9 @@ struct Chosen<'a> {
 /// Columns of products in the band.
 fn raw(problem: &Problem, fitted: &Fitted, joint: usize, products: &[Product]) -> Vec<Column> {
     let n = problem.dof();
-    let index = |stretch: &Stretch| problem.stretches.iter().position(|own| std::ptr::eq(own, stretch));
     problem.feature_columns(joint, products.len(), |stretch, k, row| {
-        let load = &fitted.rigid[index(stretch).expect("one of the stretches")].torque;
-        let motion = &stretch.motion;
+        let load = &fitted.rigid[stretch].torque;
+        let motion = &problem.stretches[stretch].motion;
         for (out, product) in row.iter_mut().zip(products) {
             let value = |(factor, j): &(Factor, usize)| {
                 let at = k * n + j;

@@ -138,7 +138,10 @@ pub fn add(model: &TorqueModel, findings: &[&Finding], train: &[Recording]) -> R
     let fitted = search.polish(refitted);
     let history = findings.iter().map(|finding| report::sentence(finding));
     let certificate = model.fit().and_then(|fit| fit.consistency.as_ref());
-    let Some(certificate) = certificate else { return Ok(report::finished(&search, model, &fitted, history)) };
+    let Some(certificate) = certificate else {
+        let terms = fit::with_deviations(&search.problem, &fitted, &search.noise);
+        return Ok(report::finished(&search, model, &fitted, terms, history));
+    };
     let given = Given { terms: fitted.terms().to_vec(), clock: search.problem.clock };
     let mut again = identify_again(model, given, &certificate.consistency(), train)?;
     again.provenance.history.extend(history);

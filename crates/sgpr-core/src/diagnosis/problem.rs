@@ -1,5 +1,7 @@
 //! The logs as equations: rows of every joint, columns of the model and of candidates, all through one filter.
 
+use rayon::prelude::*;
+
 use super::DiagnosisError;
 use super::basis::rms;
 use super::fit::{ByLog, LogSums};
@@ -91,6 +93,8 @@ pub(super) struct Problem {
     pub clock: Option<i64>,
     /// Cut-off of the equations, Hz.
     pub band_hz: f64,
+    /// Per joint: what the logs show of it.
+    ranges: Vec<JointRanges>,
 }
 
 impl Problem {
@@ -154,6 +158,7 @@ impl Problem {
             stretches,
             clock,
             band_hz: quiet.unwrap_or(BAND_HZ),
+            ranges: vec![],
         };
         problem.lay_out_rows();
         problem.fill_torque()?;
@@ -251,16 +256,15 @@ impl Problem {
     /// lacks if the joint sticks there, while the filtered position still creeps to a stop.
     pub fn approach_column(&self, joint: usize, seconds: f64) -> Column {
         let n = self.dof();
-        let mut out = vec![vec![vec![]; n]];
-        for (index, stretch) in self.stretches.iter().enumerate() {
-            let motion = &stretch.motion;
+        let of_stretch = |index: usize, out: &mut [Column]| {
+            let motion = &self.stretches[index].motion;
             let wait = until_reversal(motion, joint);
             let mut values: Vec<f64> = (0..motion.len())
                 .map(|k| if wait[k] < seconds { -sgn(motion.dq[k * n + joint]) } else { 0.0 })
                 .collect();
-            self.append(&self.nominal, (index, joint), &mut values, &mut out);
-        }
-        out.swap_remove(0)
+            self.append(&self.nominal, (index, joint), &mut values, out);
+        };
+        self.by_stretch(1, of_stretch).swap_remove(0)
     }
 
     /// Speed that a joint stays below for 95 % of the time, rad/s (m/s).
@@ -285,6 +289,7 @@ impl Problem {
             }
         }
         self.y = y;
+        self.ranges = (0..n).map(|joint| self.ranges_of(joint)).collect();
         Ok(())
     }
 
@@ -300,8 +305,8 @@ impl Problem {
     pub fn logged_errors(&self, model: &TorqueModel) -> Vec<ByLog> {
         let n = self.dof();
         let mut sums: Vec<LogSums> = (0..n).map(|_| LogSums::new(self)).collect();
-        for (index, motion) in self.logged.iter().enumerate() {
-            let predicted = model.predict_motion(motion);
+        let predicted: Vec<Vec<f64>> = self.logged.par_iter().map(|motion| model.predict_motion(motion)).collect();
+        for (index, (motion, predicted)) in self.logged.iter().zip(predicted).enumerate() {
             let measured = motion.tau.as_deref().unwrap_or_default();
             let rows = predicted.iter().zip(measured).zip(&motion.use_as).enumerate();
             for (k, ((predicted, measured), _)) in rows.filter(|(_, (_, used))| **used == Row::Moving) {
@@ -318,29 +323,68 @@ impl Problem {
 
     /// Per stretch: the rigid body as `model` has it.
     pub fn rigid(&self, model: &TorqueModel) -> Vec<Rigid> {
-        self.stretches.iter().map(|stretch| model.rigid(&stretch.trajectory())).collect()
+        self.stretches.par_iter().map(|stretch| model.rigid(&stretch.trajectory())).collect()
     }
 
     /// Per stretch: what effects may depend on.
-    pub fn with_contexts(&self, model: &TorqueModel, rigid: &[Rigid], mut run: impl FnMut(usize, &Context<'_>)) {
-        for (index, (stretch, rigid)) in self.stretches.iter().zip(rigid).enumerate() {
-            run(index, &model.context(&stretch.trajectory(), rigid));
+    pub fn contexts<'c>(&'c self, model: &TorqueModel, rigid: &'c [Rigid]) -> Vec<Context<'c>> {
+        let stretches = self.stretches.iter().zip(rigid);
+        stretches.map(|(stretch, rigid)| model.context(&stretch.trajectory(), rigid)).collect()
+    }
+
+    /// Columns to which `of_stretch` appends the rows of one stretch, on all cores.
+    fn by_stretch(&self, width: usize, of_stretch: impl Fn(usize, &mut [Column]) + Sync) -> Vec<Column> {
+        let none = || vec![vec![vec![]; self.dof()]; width];
+        let rows = |index: usize| {
+            let mut rows = none();
+            of_stretch(index, &mut rows);
+            rows
+        };
+        let parts: Vec<Vec<Column>> = (0..self.stretches.len()).into_par_iter().map(rows).collect();
+        let mut parts = parts.into_iter();
+        let mut columns = parts.next().unwrap_or_else(none);
+        for part in parts {
+            let pairs = columns.iter_mut().flatten().zip(part.into_iter().flatten());
+            pairs.for_each(|(column, rows)| column.extend(rows));
         }
+        columns
     }
 
     /// Filters full-rate columns of a joint, `[samples, width]` row-major, and appends their rows to `out`.
-    fn append(&self, model: &TorqueModel, at: (usize, usize), values: &mut [f64], out: &mut [Column]) {
-        let (index, joint) = at;
+    fn append(&self, model: &TorqueModel, (index, joint): (usize, usize), values: &mut [f64], out: &mut [Column]) {
         let width = out.len();
         let stretch = &self.stretches[index];
-        for term in model.terms().iter().filter(|term| term.is_transform()) {
-            term.effect.transmit(term.site, &term.constants, joint, stretch.motion.rate_hz, values, width);
-        }
-        stretch.filter.apply(values, width).expect("a stretch is longer than the filter");
-        for (_, sample) in self.rows[joint].iter().filter(|(stretch, _)| *stretch == index) {
-            for (column, value) in out.iter_mut().zip(&values[sample * width..]) {
-                column[joint].push(*value);
+        if values.iter().any(|value| *value != 0.0) {
+            for term in model.terms().iter().filter(|term| term.is_transform()) {
+                term.effect.transmit(term.site, &term.constants, joint, stretch.motion.rate_hz, values, width);
             }
+            stretch.filter.apply(values, width).expect("a stretch is longer than the filter");
+        }
+        self.pick(index, joint, |sample, k| values[sample * width + k], out);
+    }
+
+    /// The same of all joints, `[samples, joints, width]`: the filter takes them together.
+    fn append_all(&self, model: &TorqueModel, index: usize, values: &mut [f64], out: &mut [Column]) {
+        let (n, width) = (self.dof(), out.len());
+        if model.terms().iter().any(Term::is_transform) {
+            for joint in 0..n {
+                let rows = values.chunks_exact(n * width).flat_map(|row| &row[joint * width..][..width]);
+                self.append(model, (index, joint), &mut rows.copied().collect::<Vec<f64>>(), out);
+            }
+            return;
+        }
+        if values.iter().any(|value| *value != 0.0) {
+            self.stretches[index].filter.apply(values, n * width).expect("a stretch is longer than the filter");
+        }
+        (0..n).for_each(|joint| self.pick(index, joint, |sample, k| values[(sample * n + joint) * width + k], out));
+    }
+
+    /// Appends the rows that a joint has in a stretch to `out`, value (sample, column).
+    fn pick(&self, index: usize, joint: usize, value: impl Fn(usize, usize) -> f64, out: &mut [Column]) {
+        let rows = &self.rows[joint];
+        let own = rows.partition_point(|row| row.0 < index)..rows.partition_point(|row| row.0 <= index);
+        for (k, column) in out.iter_mut().enumerate() {
+            column[joint].extend(rows[own.clone()].iter().map(|(_, sample)| value(*sample, k)));
         }
     }
 
@@ -349,8 +393,8 @@ impl Problem {
         let n = self.dof();
         let robot = model.robot();
         let inertial = self.set.inertial();
-        let mut columns = vec![vec![vec![]; n]; base.rank()];
-        for (index, (stretch, rigid)) in self.stretches.iter().zip(rigid).enumerate() {
+        let of_stretch = |index: usize, columns: &mut [Column]| {
+            let (stretch, rigid) = (&self.stretches[index], &rigid[index]);
             let samples = stretch.motion.len();
             let trajectory = stretch.trajectory();
             let links = rigid.motion.as_ref();
@@ -412,76 +456,80 @@ impl Problem {
                 }
                 let mut out: Vec<Column> = of_joint[joint].iter().map(|_| vec![vec![]; n]).collect();
                 self.append(model, (index, joint), &mut tables[joint], &mut out);
-                for (own, out) in of_joint[joint].iter().zip(&out) {
-                    columns[*own][joint].extend_from_slice(&out[joint]);
+                for (own, out) in of_joint[joint].iter().zip(&mut out) {
+                    columns[*own][joint].append(&mut out[joint]);
                 }
             }
-        }
-        columns
+        };
+        self.by_stretch(base.rank(), of_stretch)
     }
 
     /// The torque less that of the model's parameters as they were, under the transforms of `model`.
     pub fn target(&self, model: &TorqueModel, rigid: &[Rigid]) -> Column {
-        let n = self.dof();
-        let mut known = vec![vec![vec![]; n]];
-        for (index, (stretch, rigid)) in self.stretches.iter().zip(rigid).enumerate() {
-            let torque = self.nominal.torque_under(rigid, &stretch.trajectory());
-            for joint in 0..n {
-                let mut own: Vec<f64> = torque.iter().skip(joint).step_by(n).copied().collect();
-                self.append(model, (index, joint), &mut own, &mut known);
-            }
-        }
-        let known = known.swap_remove(0);
+        let of_stretch = |index: usize, out: &mut [Column]| {
+            let mut torque = self.nominal.torque_under(&rigid[index], &self.stretches[index].trajectory());
+            self.append_all(model, index, &mut torque, out);
+        };
+        let known = self.by_stretch(1, of_stretch).swap_remove(0);
         self.y.iter().zip(known).map(|(y, known)| y.iter().zip(known).map(|(y, k)| y - k).collect()).collect()
     }
 
-    /// Columns of the linear parameters of terms that enter by columns.
-    pub fn term_columns(&self, model: &TorqueModel, rigid: &[Rigid], terms: &[&Term]) -> Vec<Vec<Column>> {
+    /// Columns of the linear parameters of a term that enters by columns.
+    pub fn term_columns(&self, model: &TorqueModel, rigid: &[Rigid], term: &Term) -> Vec<Column> {
         let n = self.dof();
-        let mut result: Vec<Vec<Column>> =
-            terms.iter().map(|term| vec![vec![vec![]; n]; term.effect.parameters().len()]).collect();
-        self.with_contexts(model, rigid, |index, context| {
-            for (term, result) in terms.iter().zip(&mut result) {
-                let columns = term.columns(context);
-                if columns.is_empty() {
-                    continue;
+        let contexts = self.contexts(model, rigid);
+        let of_stretch = |index: usize, out: &mut [Column]| {
+            let context = &contexts[index];
+            let columns = term.columns(context);
+            match term.effect.reach() {
+                Reach::Own => {
+                    let joint = term.site.joint().expect("it reaches its own joint");
+                    self.append(model, (index, joint), &mut interleaved(&columns, context.len()), out);
                 }
-                match term.effect.reach() {
-                    Reach::Own => {
-                        let joint = term.site.joint().expect("it reaches its own joint");
-                        let mut table = interleaved(&columns, |column, k| column[k], context.len());
-                        self.append(model, (index, joint), &mut table, result);
-                    }
-                    Reach::All => {
-                        for joint in 0..n {
-                            let mut table = interleaved(&columns, |column, k| column[k * n + joint], context.len());
-                            self.append(model, (index, joint), &mut table, result);
-                        }
-                    }
+                Reach::All => self.append_all(model, index, &mut interleaved(&columns, n * context.len()), out),
+            }
+        };
+        match term.effect.parameters().len() {
+            0 => vec![],
+            width => self.by_stretch(width, of_stretch),
+        }
+    }
+
+    /// Slope of the torque of a term that enters by columns over one of its constants, between two values of it.
+    pub fn slope(
+        &self,
+        model: &TorqueModel,
+        rigid: &[Rigid],
+        term: &Term,
+        index: usize,
+        [low, high]: [f64; 2],
+    ) -> Column {
+        let columns = [low, high].map(|value| {
+            let mut term = term.clone();
+            term.constants[index] = value;
+            self.term_columns(model, rigid, &term)
+        });
+        let mut slope = vec![vec![]; self.dof()];
+        for (sign, columns) in [-1.0, 1.0].into_iter().zip(columns) {
+            for (column, factor) in columns.iter().zip(&term.coefficients) {
+                let factor = sign * factor / (high - low);
+                for (slope, rows) in slope.iter_mut().zip(column) {
+                    slope.resize(rows.len(), 0.0);
+                    slope.iter_mut().zip(rows).for_each(|(slope, x): (&mut f64, _)| *slope += factor * x);
                 }
             }
-        });
-        result
+        }
+        slope
     }
 
     /// A column from the torque difference of two models, per unit.
     pub fn difference(&self, models: [&TorqueModel; 2], per: f64) -> Column {
-        let n = self.dof();
-        let mut out = vec![vec![vec![]; n]];
-        for (index, stretch) in self.stretches.iter().enumerate() {
-            let [a, b] = models.map(|model| model.predict_trajectory(&stretch.trajectory()));
-            for joint in 0..n {
-                let pairs = a.iter().zip(&b).skip(joint).step_by(n);
-                let mut values: Vec<f64> = pairs.map(|(a, b)| (b - a) / per).collect();
-                if values.iter().all(|value| *value == 0.0) {
-                    let rows = self.rows[joint].iter().filter(|(stretch, _)| *stretch == index).count();
-                    out[0][joint].extend(std::iter::repeat_n(0.0, rows));
-                    continue;
-                }
-                self.append(&self.nominal, (index, joint), &mut values, &mut out);
-            }
-        }
-        out.swap_remove(0)
+        let of_stretch = |index: usize, out: &mut [Column]| {
+            let [a, b] = models.map(|model| model.predict_trajectory(&self.stretches[index].trajectory()));
+            let mut values: Vec<f64> = a.iter().zip(&b).map(|(a, b)| (b - a) / per).collect();
+            self.append_all(&self.nominal, index, &mut values, out);
+        };
+        self.by_stretch(1, of_stretch).swap_remove(0)
     }
 
     /// Columns that take up what is wrong with sgn(dq) near reversals, two per joint with dry friction.
@@ -492,32 +540,30 @@ impl Problem {
         joint: usize,
         widths: [f64; 2],
     ) -> Vec<Column> {
-        let mut out = vec![vec![vec![]; self.dof()]; 2];
-        self.with_contexts(model, rigid, |index, context| {
+        let contexts = self.contexts(model, rigid);
+        let of_stretch = |index: usize, out: &mut [Column]| {
             let shape = |dq: f64, width: f64| sgn(dq) * (-(dq / width).abs()).exp();
             let both = |dq: f64| widths.map(|width| shape(dq, width));
+            let context = &contexts[index];
             let mut table: Vec<f64> = context.of_joint(context.dq, joint).flat_map(both).collect();
-            self.append(model, (index, joint), &mut table, &mut out);
-        });
-        out
+            self.append(model, (index, joint), &mut table, out);
+        };
+        self.by_stretch(2, of_stretch)
     }
 
-    /// Columns of any function of a sample at one joint.
+    /// Columns of any function of a sample, given by its stretch and its index there, at one joint.
     pub fn feature_columns(
         &self,
         joint: usize,
         width: usize,
-        mut features: impl FnMut(&Stretch, usize, &mut [f64]),
+        features: impl Fn(usize, usize, &mut [f64]) + Sync,
     ) -> Vec<Column> {
-        let mut out = vec![vec![vec![]; self.dof()]; width];
-        for (index, stretch) in self.stretches.iter().enumerate() {
-            let mut table = vec![0.0; stretch.motion.len() * width];
-            for (k, row) in table.chunks_exact_mut(width).enumerate() {
-                features(stretch, k, row);
-            }
-            self.append(&self.nominal, (index, joint), &mut table, &mut out);
-        }
-        out
+        let of_stretch = |index: usize, out: &mut [Column]| {
+            let mut table = vec![0.0; self.stretches[index].motion.len() * width];
+            table.chunks_exact_mut(width).enumerate().for_each(|(k, row)| features(index, k, row));
+            self.append(&self.nominal, (index, joint), &mut table, out);
+        };
+        self.by_stretch(width, of_stretch)
     }
 
     /// Lowest and highest value of a joint's positions.
@@ -528,7 +574,11 @@ impl Problem {
     }
 
     /// What the logs show of a joint.
-    pub fn ranges(&self, joint: usize) -> JointRanges {
+    pub fn ranges(&self, joint: usize) -> &JointRanges {
+        &self.ranges[joint]
+    }
+
+    fn ranges_of(&self, joint: usize) -> JointRanges {
         let torque = &self.y[joint];
         JointRanges {
             position: self.range(joint),
@@ -698,6 +748,7 @@ fn generic(robot: &crate::robot::Robot) -> crate::robot::Robot {
         .with_gravity(gravity + Vector3::new(size, 0.7 * size, 0.3 * size))
 }
 
-fn interleaved(columns: &[Vec<f64>], at: impl Fn(&[f64], usize) -> f64, samples: usize) -> Vec<f64> {
-    (0..samples).flat_map(|k| columns.iter().map(|column| at(column, k)).collect::<Vec<_>>()).collect()
+/// Columns side by side, row-major.
+fn interleaved(columns: &[Vec<f64>], rows: usize) -> Vec<f64> {
+    (0..rows).flat_map(|k| columns.iter().map(move |column| column[k])).collect()
 }

@@ -39,13 +39,14 @@ pub(super) fn report(
         unknown_size: left.iter().map(|l| l.effect_size).fold(0.0, f64::max),
     };
     let unexplained = features.is_unexplained();
-    let mut findings = findings(search, outcome, &features);
+    let terms = with_deviations(&search.problem, &outcome.fitted, &search.noise);
+    let mut findings = findings(search, outcome, &terms, &features);
     let candidates = candidates(search, &findings, outcome);
     let not_testable = not_testable(search, start, &outcome.ranking);
     if unexplained {
         findings.clear();
     }
-    let after = without_harm(search, model, outcome, &mut findings);
+    let after = without_harm(search, model, outcome, &terms, &mut findings);
     let last = if findings.is_empty() { start } else { &outcome.fitted };
     let structure = structure::structure_of_fit(&search.problem, start);
     let of_last =
@@ -108,6 +109,7 @@ fn without_harm(
     search: &Search<'_>,
     model: &TorqueModel,
     outcome: &Outcome,
+    terms: &[Term],
     findings: &mut Vec<Finding>,
 ) -> TorqueModel {
     const HARM: f64 = 1.05;
@@ -116,6 +118,7 @@ fn without_harm(
     }
     let before = search.problem.logged_error(model);
     let mut fitted = outcome.fitted.clone();
+    let mut terms = terms.to_vec();
     // Findings that are not in the model.
     let mut apart: Vec<String> = Vec::new();
     loop {
@@ -123,7 +126,7 @@ fn without_harm(
         if inside().next().is_none() {
             return model.clone();
         }
-        let after = finished(search, model, &fitted, inside().map(sentence));
+        let after = finished(search, model, &fitted, terms, inside().map(sentence));
         let now = search.problem.logged_error(&after);
         let change: ByName<'_> = model
             .robot()
@@ -152,6 +155,7 @@ fn without_harm(
             }
             let rest = fitted.terms().iter().filter(|term| !at_worse(term)).cloned().collect();
             fitted = search.refit(&fitted, rest);
+            terms = with_deviations(&search.problem, &fitted, &search.noise);
             continue;
         };
         let out = findings[weakest].terms.clone();
@@ -165,18 +169,19 @@ fn without_harm(
         let same = |term: &Term| out.iter().any(|own| own.is_like(term));
         let rest = fitted.terms().iter().filter(|term| !same(term)).cloned().collect();
         fitted = search.refit(&fitted, rest);
+        terms = with_deviations(&search.problem, &fitted, &search.noise);
     }
 }
 
-/// The fitted model with its statistics, history and logs.
+/// The fitted model with its statistics, history and logs; `terms` are its own with their standard deviations.
 pub(super) fn finished(
     search: &Search<'_>,
     model: &TorqueModel,
     fitted: &Fitted,
+    terms: Vec<Term>,
     history: impl Iterator<Item = String>,
 ) -> TorqueModel {
     let problem = &search.problem;
-    let terms = with_deviations(problem, fitted, &search.noise);
     let own = fitted.model.base();
     let columns = problem.base_columns(own, &fitted.model, &fitted.rigid);
     let of_terms = fitted.columns[problem.base.rank()..].iter();
@@ -232,9 +237,13 @@ fn largest_fall(before: &ByJoint, after: &ByJoint) -> Option<(String, f64, f64)>
     falls.max_by(|x, y| (x.2 / x.1).total_cmp(&(y.2 / y.1)).reverse())
 }
 
-fn findings(search: &Search<'_>, outcome: &Outcome, features: &calibration::VerdictFeatures) -> Vec<Finding> {
+fn findings(
+    search: &Search<'_>,
+    outcome: &Outcome,
+    terms: &[Term],
+    features: &calibration::VerdictFeatures,
+) -> Vec<Finding> {
     let robot = search.problem.nominal.robot();
-    let terms = with_deviations(&search.problem, &outcome.fitted, &search.noise);
     let mut findings: Vec<Finding> = Vec::new();
     for (index, accepted) in outcome.news(search) {
         let finding = finding(search, terms[index].clone(), accepted, &outcome.held_out, features);

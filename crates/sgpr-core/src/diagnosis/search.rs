@@ -7,7 +7,8 @@ use rayon::prelude::*;
 
 use super::basis::{Basis, Gain, INVISIBLE, Noise, Rest, gain, gain_of, invisible, rms};
 use super::fit::{
-    ByLog, Extra, Fitted, beyond, held_out, refine_transforms, solve, solve_like, tangent, usual_error, without,
+    ByLog, Extra, Fitted, beyond, held_out, refine_transforms, solve, solve_like, tangent, tangents, usual_error,
+    without,
 };
 use super::imitation::without_many_imitations;
 use super::problem::{Column, Problem};
@@ -304,11 +305,8 @@ impl<'a> Search<'a> {
 
     /// Why the logs cannot show an effect.
     pub fn not_testable(&self, fitted: &Fitted, effect: &dyn Effect) -> Option<String> {
-        let mut reason = None;
-        self.problem.with_contexts(&fitted.model, &fitted.rigid, |_, context| {
-            reason = reason.take().or_else(|| effect.not_testable(context));
-        });
-        reason
+        let contexts = self.problem.contexts(&fitted.model, &fitted.rigid);
+        contexts.iter().find_map(|context| effect.not_testable(context))
     }
 
     /// One term per effect, site and point of the grid; those that need a search of their own are left out.
@@ -343,12 +341,12 @@ impl<'a> Search<'a> {
 
     /// Values of a constant to start from, in its unit.
     fn grid(&self, effect: &dyn Effect, site: Site, index: usize) -> Vec<f64> {
-        effect.constants()[index].grid_in(&self.problem.ranges(site.joint().unwrap_or_default()))
+        effect.constants()[index].grid_in(self.problem.ranges(site.joint().unwrap_or_default()))
     }
 
     /// Lowest and highest value of a constant, in its unit.
     fn bounds(&self, term: &Term, index: usize) -> [f64; 2] {
-        term.effect.constants()[index].bounds_in(&self.problem.ranges(term.site.joint().unwrap_or_default()))
+        term.effect.constants()[index].bounds_in(self.problem.ranges(term.site.joint().unwrap_or_default()))
     }
 
     /// Columns of a term in the band, tangents for a transform.
@@ -364,13 +362,13 @@ impl<'a> Search<'a> {
 
     fn columns_of(&self, fitted: &Fitted, term: &Term) -> Vec<Column> {
         if !term.is_transform() {
-            return self.problem.term_columns(&fitted.model, &fitted.rigid, &[term]).swap_remove(0);
+            return self.problem.term_columns(&fitted.model, &fitted.rigid, term);
         }
         let mut terms = fitted.terms().to_vec();
         terms.push(term.clone());
         let model = fitted.model.clone().with_terms(terms, self.problem.clock);
         let last = fitted.terms().len();
-        (0..term.constants.len()).map(|k| tangent(&self.problem, &model, last, k)).collect()
+        (0..term.constants.len()).map(|k| tangent(&self.problem, (&model, &fitted.rigid), (last, k))).collect()
     }
 
     /// Computes the columns that [`Self::raw`] will be asked for, on all cores.
@@ -400,13 +398,13 @@ impl<'a> Search<'a> {
                 columns.iter().for_each(|column| basis.push(&self.noise.whiten(problem, column)));
             }
         }
-        for (k, term) in fitted.terms().iter().enumerate() {
-            for index in 0..term.constants.len() {
-                if !(term.is_transform() && term.effect.constants()[index].scale == Scale::Torque) {
-                    basis.push(&self.noise.whiten(problem, &tangent(problem, &fitted.model, k, index)));
-                }
-            }
-        }
+        let smooth = |(k, index): &(usize, usize)| {
+            let term = &fitted.terms()[*k];
+            !(term.is_transform() && term.effect.constants()[*index].scale == Scale::Torque)
+        };
+        let constants: Vec<(usize, usize)> = fitted.constants().filter(smooth).collect();
+        let tangents = tangents(problem, fitted, &self.noise, &constants);
+        tangents.iter().for_each(|tangent| basis.push(tangent));
         let mut white = self.noise.whiten(problem, &fitted.target);
         basis.project_out(&mut white);
         basis.project_out(&mut white);
@@ -632,7 +630,7 @@ impl<'a> Search<'a> {
         constants: &[f64],
     ) -> Candidate {
         let term = Term::new(term.effect.clone(), term.site, constants.to_vec());
-        let columns = self.problem.term_columns(&fitted.model, &fitted.rigid, &[&term]).swap_remove(0);
+        let columns = self.problem.term_columns(&fitted.model, &fitted.rigid, &term);
         let columns: Vec<Column> = columns.iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
         let gain = gain(basis, white, &columns, INVISIBLE);
         self.candidate(term, gain, constants.len())
@@ -1209,10 +1207,10 @@ impl<'a> Search<'a> {
             };
             let fits: Vec<Fitted> = (0..accepted.len()).into_par_iter().map(without).collect();
             self.progress.step("check each effect again", 1, 1)?;
+            let errors: Vec<HeldOut> = fits.par_iter().map(|fit| self.errors(fit)).collect();
             let mut weakest: Option<(f64, usize, Fitted)> = None;
-            for (k, (step, without)) in accepted.iter_mut().zip(fits).enumerate() {
+            for (k, (step, (without, errors))) in accepted.iter_mut().zip(fits.into_iter().zip(errors)).enumerate() {
                 step.score = self.score_of(&without, &fitted);
-                let errors = self.errors(&without);
                 step.without = errors.total();
                 step.effect_size = errors.largest_fall_to(&with, &fitted.terms()[given + k]);
                 let size = step.effect_size;

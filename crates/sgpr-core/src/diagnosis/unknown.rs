@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::basis::{Noise, dot};
 use super::fit::{Extra, Fitted, beyond, held_out, usual_error};
-use super::problem::{Column, Problem, Stretch};
+use super::problem::{Column, Problem};
 use crate::random::Random;
 use crate::simd::cos_in_place;
 
@@ -93,27 +93,32 @@ impl Leftover {
     }
 }
 
-/// Features of a group at a joint: cosines of random combinations of the standardised variables, times the factors.
+/// Features of a group at a joint: cosines of random combinations of the standardised variables, times the factors. They
+/// are as smooth as the motion, and what the filter of the equations takes out of that is nothing.
 pub(super) fn features(problem: &Problem, joint: usize, group: &Group, length_scale: f64) -> Vec<Column> {
     let n = problem.dof();
     let Group { factors, of } = group;
     if of.contains(&Time) && problem.clock.is_none() {
         return vec![];
     }
-    let value = |stretch: &Stretch, k: usize, variable: Variable| match variable {
-        Position(j) => stretch.motion.q[k * n + j],
-        Speed(j) => stretch.motion.dq[k * n + j],
-        Time => stretch.time.get(k).copied().unwrap_or_default(),
+    let rows = &problem.rows[joint];
+    let value = |&(stretch, k): &(usize, usize), variable: Variable| {
+        let stretch = &problem.stretches[stretch];
+        match variable {
+            Position(j) => stretch.motion.q[k * n + j],
+            Speed(j) => stretch.motion.dq[k * n + j],
+            Time => stretch.time.get(k).copied().unwrap_or_default(),
+        }
     };
-    let moments: Vec<(f64, f64)> = of
-        .iter()
-        .map(|variable| {
-            let values = problem.rows[joint].iter().map(|&(s, k)| value(&problem.stretches[s], k, *variable));
-            let (sum, squares, count) = values.fold((0.0, 0.0, 0.0), |(s, q, c), x| (s + x, q + x * x, c + 1.0));
-            let mean = sum / f64::max(count, 1.0);
-            (mean, (squares / f64::max(count, 1.0) - mean * mean).max(1e-18).sqrt())
-        })
-        .collect();
+    let standardised = |variable: &Variable| -> Vec<f64> {
+        let values: Vec<f64> = rows.iter().map(|at| value(at, *variable)).collect();
+        let (sum, squares) = values.iter().fold((0.0, 0.0), |(sum, squares), x| (sum + x, squares + x * x));
+        let count = f64::max(values.len() as f64, 1.0);
+        let mean = sum / count;
+        let std = (squares / count - mean * mean).max(1e-18).sqrt();
+        values.iter().map(|x| (x - mean) / std).collect()
+    };
+    let inputs: Vec<Vec<f64>> = of.iter().map(standardised).collect();
     let mut random = Random::new(0x00D1_A905 ^ joint as u64);
     let draws: Vec<(Vec<f64>, f64)> = (0..FEATURES)
         .map(|_| {
@@ -121,18 +126,17 @@ pub(super) fn features(problem: &Problem, joint: usize, group: &Group, length_sc
             (weights, std::f64::consts::TAU * random.uniform())
         })
         .collect();
-    let mut x = vec![0.0; of.len()];
-    problem.feature_columns(joint, FEATURES, |stretch, k, row| {
-        for ((x, variable), (mean, std)) in x.iter_mut().zip(of).zip(&moments) {
-            *x = (value(stretch, k, *variable) - mean) / std;
+    let mut columns = vec![vec![vec![]; n]; FEATURES];
+    for (column, (weights, phase)) in columns.iter_mut().zip(&draws) {
+        let factor = |at: &(usize, usize)| factors.iter().map(|variable| value(at, *variable)).product::<f64>();
+        let along = |row: usize| weights.iter().zip(&inputs).map(|(w, x)| w * x[row]).sum::<f64>() + phase;
+        column[joint] = (0..rows.len()).map(along).collect();
+        cos_in_place(&mut column[joint]);
+        if !factors.is_empty() {
+            column[joint].iter_mut().zip(rows).for_each(|(out, at)| *out *= factor(at));
         }
-        for (out, (weights, phase)) in row.iter_mut().zip(&draws) {
-            *out = weights.iter().zip(&x).map(|(w, x)| w * x).sum::<f64>() + phase;
-        }
-        cos_in_place(row);
-        let factor: f64 = factors.iter().map(|variable| value(stretch, k, *variable)).product();
-        row.iter_mut().for_each(|out| *out *= factor);
-    })
+    }
+    columns
 }
 
 /// A Gaussian process on what a fit leaves at a joint.
@@ -202,7 +206,7 @@ pub(super) fn leftover(problem: &Problem, fitted: &Fitted, errors: &[f64], noise
 /// Variance of the factors of `white` at which their log evidence is greatest, and that.
 fn evidence(fitted: &Fitted, white: &[Column]) -> (f64, f64) {
     let k = white.len();
-    let shares: Vec<Vec<f64>> = white.iter().map(|c| fitted.basis.q.iter().map(|q| dot(q, c)).collect()).collect();
+    let shares = fitted.basis.shares(white);
     let gram = faer::Mat::from_fn(k, k, |a, b| {
         dot(&white[a], &white[b]) - shares[a].iter().zip(&shares[b]).map(|(x, y)| x * y).sum::<f64>()
     });

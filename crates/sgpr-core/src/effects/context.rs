@@ -179,17 +179,22 @@ pub(super) const fn of_a_link(mass: EffectParameter) -> [EffectParameter; 10] {
     ]
 }
 
-/// Columns of the ten inertial parameters of the link that `joint` carries, each sample times `weight(sample)`.
+/// Columns of the ten inertial parameters of the link that `joint` carries, each sample times `weight(sample)`, which
+/// are zero before.
 ///
 /// - `out`: ten times `[samples, n]`
 pub(super) fn link_regressor(context: &Context<'_>, joint: usize, weight: impl Fn(usize) -> f64, out: &mut [Vec<f64>]) {
     let n = context.dof();
+    let counts = |k: &usize| weight(*k) != 0.0;
+    let Some(start) = (0..context.len()).find(counts) else { return };
+    let end = (start..context.len()).rfind(counts).map_or(start, |last| last + 1);
+    let rows = n * start..n * end;
     let mut ws = BatchWorkspace::new(context.robot);
-    let samples = Samples { q: context.q, dq: context.dq, ddq: context.ddq };
+    let samples = Samples { q: &context.q[rows.clone()], dq: &context.dq[rows.clone()], ddq: &context.ddq[rows] };
     for_each_regressor_block(context.robot, &mut ws, samples, |row, link, first, count, block| {
         if link == joint {
             for (out, values) in out.iter_mut().zip(block) {
-                for (k, value) in (first..first + count).zip(values) {
+                for (k, value) in (start + first..start + first + count).zip(values) {
                     out[k * n + row] = weight(k) * value;
                 }
             }

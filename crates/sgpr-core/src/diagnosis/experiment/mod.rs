@@ -303,7 +303,7 @@ impl<'a> Judge<'a> {
             let rest = without(self.problem, self.fitted, self.term);
             vec![self.problem.difference([&rest, &with(&rest, rival, self.problem)], 1.0)]
         } else {
-            self.problem.term_columns(&self.fitted.model, &self.fitted.rigid, &[rival]).swap_remove(0)
+            self.problem.term_columns(&self.fitted.model, &self.fitted.rigid, rival)
         };
         let pick = |column: &Column| -> Vec<f64> {
             self.rows.iter().map(|&row| column[self.joint].get(row).copied().unwrap_or_default()).collect()
