@@ -95,6 +95,8 @@ pub(super) struct Problem {
     pub band_hz: f64,
     /// Per joint: what the logs show of it.
     ranges: Vec<JointRanges>,
+    /// Per joint: median change of speed over the sample in which it reverses, rad/s (m/s).
+    pub speed_steps: Vec<f64>,
 }
 
 impl Problem {
@@ -159,6 +161,7 @@ impl Problem {
             clock,
             band_hz: quiet.unwrap_or(BAND_HZ),
             ranges: vec![],
+            speed_steps: vec![],
         };
         problem.lay_out_rows();
         problem.fill_torque()?;
@@ -290,6 +293,7 @@ impl Problem {
         }
         self.y = y;
         self.ranges = (0..n).map(|joint| self.ranges_of(joint)).collect();
+        self.speed_steps = (0..n).map(|joint| self.speed_step(joint)).collect();
         Ok(())
     }
 
@@ -587,6 +591,17 @@ impl Problem {
             time: self.time_span(),
             band_hz: self.band_hz,
         }
+    }
+
+    fn speed_step(&self, joint: usize) -> f64 {
+        let n = self.dof();
+        let speeds =
+            |stretch: &Stretch| -> Vec<f64> { stretch.motion.dq.iter().skip(joint).step_by(n).copied().collect() };
+        let reverses = |pair: &[f64]| (pair[0] * pair[1] < 0.0).then(|| (pair[1] - pair[0]).abs());
+        let steps = |stretch: &Stretch| -> Vec<f64> { speeds(stretch).windows(2).filter_map(reverses).collect() };
+        let mut steps: Vec<f64> = self.stretches.iter().flat_map(steps).collect();
+        steps.sort_by(f64::total_cmp);
+        steps.get(steps.len() / 2).copied().unwrap_or_default()
     }
 
     /// First and last time of the session, s.

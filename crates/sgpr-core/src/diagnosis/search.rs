@@ -13,7 +13,7 @@ use super::fit::{
 use super::imitation::without_many_imitations;
 use super::problem::{Column, Problem};
 use super::unknown::{self, Group};
-use crate::effects::{self, Effect, Entry, Reach, Scale, Site};
+use crate::effects::{self, Constant, Effect, Entry, Reach, Scale, Site};
 use crate::linalg::dot_in_lanes;
 use crate::model::Term;
 use crate::progress::{Interrupted, Progress};
@@ -315,7 +315,7 @@ impl<'a> Search<'a> {
         let mut terms = Vec::new();
         for effect in self.catalogue.iter().filter(|effect| self.wanted(effect.as_ref())) {
             let constants = effect.constants();
-            let special = |c: &crate::effects::Constant| matches!(c.scale, Scale::Time | Scale::Order);
+            let special = |c: &Constant| matches!(c.scale, Scale::Time | Scale::Order);
             let limit = effect.entry() == Entry::Transform && constants.iter().any(|c| c.scale == Scale::Torque);
             if limit || constants.iter().any(special) || self.not_testable(fitted, effect.as_ref()).is_some() {
                 continue;
@@ -341,12 +341,22 @@ impl<'a> Search<'a> {
 
     /// Values of a constant to start from, in its unit.
     fn grid(&self, effect: &dyn Effect, site: Site, index: usize) -> Vec<f64> {
-        effect.constants()[index].grid_in(self.problem.ranges(site.joint().unwrap_or_default()))
+        let joint = site.joint().unwrap_or_default();
+        let constant = &effect.constants()[index];
+        let mut grid = constant.grid_in(self.problem.ranges(joint));
+        if is_width_of_reversal(effect, constant) {
+            grid.retain(|width| *width >= self.problem.speed_steps[joint]);
+        }
+        grid
     }
 
     /// Lowest and highest value of a constant, in its unit.
     fn bounds(&self, term: &Term, index: usize) -> [f64; 2] {
-        term.effect.constants()[index].bounds_in(self.problem.ranges(term.site.joint().unwrap_or_default()))
+        let joint = term.site.joint().unwrap_or_default();
+        let constant = &term.effect.constants()[index];
+        let [low, high] = constant.bounds_in(self.problem.ranges(joint));
+        let resolved = is_width_of_reversal(term.effect.as_ref(), constant);
+        [if resolved { self.problem.speed_steps[joint].clamp(low, high) } else { low }, high]
     }
 
     /// Columns of a term in the band, tangents for a transform.
@@ -1275,6 +1285,12 @@ impl HeldOut {
         });
         falls.fold(f64::NEG_INFINITY, f64::max)
     }
+}
+
+/// Whether a constant is the range of speeds over which friction changes sign. One that the joint crosses within a sample
+/// cannot be told from none: it would hedge between the signs of a few samples.
+fn is_width_of_reversal(effect: &dyn Effect, constant: &Constant) -> bool {
+    effect.refines().is_some() && constant.unit == "rad/s"
 }
 
 /// Whether a term cuts the torque. Rows at the limit are no equations: it shows in the torque as logged.
