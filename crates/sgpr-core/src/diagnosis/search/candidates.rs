@@ -1,0 +1,187 @@
+//! What is looked for, and its columns.
+
+use rayon::prelude::*;
+
+use super::super::basis::Gain;
+use super::super::fit::{Fitted, tangent};
+use super::super::problem::Column;
+use super::Search;
+use crate::effects::{self, Constant, Effect, Entry, Scale, Site};
+use crate::model::Term;
+use crate::progress::Interrupted;
+use crate::signal::power_by_order;
+
+/// An effect at a site, and how much of the leftover it explains.
+#[derive(Clone, Debug)]
+pub(in super::super) struct Candidate {
+    pub term: Term,
+    pub gain: Gain,
+    /// Log of the Bayes factor with a unit-information prior, multiplicity taken off.
+    pub score: f64,
+    /// Why it is out of the question, if it is.
+    pub impossible: bool,
+}
+
+/// Whether the base parameters take an effect up whatever the motion.
+pub(in super::super) fn is_absorbed(effect: &dyn Effect) -> bool {
+    ["payload", "link_inertia_error"].contains(&effect.name())
+}
+
+/// Whether a constant is the range of speeds over which friction changes sign. One that the joint crosses within a sample
+/// cannot be told from none: it would hedge between the signs of a few samples.
+pub(super) fn is_width_of_reversal(effect: &dyn Effect, constant: &Constant) -> bool {
+    effect.refines().is_some() && constant.unit == "rad/s"
+}
+
+/// What a term is remembered by.
+pub(super) fn key_of(term: &Term) -> (String, Site, Vec<u64>) {
+    (term.effect.name().to_string(), term.site, term.constants.iter().map(|c| c.to_bits()).collect())
+}
+
+impl Search<'_> {
+    /// Whether an effect is looked for.
+    pub(super) fn wanted(&self, effect: &dyn Effect) -> bool {
+        let about = effect.about();
+        let absent = !self.has_everywhere(effect) && !is_absorbed(effect);
+        effect.entry() != Entry::Gate && about.alias_of.is_none() && absent
+    }
+
+    /// Whether the model has an effect at every joint.
+    pub fn has_everywhere(&self, effect: &dyn Effect) -> bool {
+        effect.entry() == Entry::State && self.known.iter().any(|known| known == effect.name())
+    }
+
+    /// Why the logs cannot show an effect.
+    pub fn not_testable(&self, fitted: &Fitted, effect: &dyn Effect) -> Option<String> {
+        let contexts = self.problem.contexts(&fitted.model, &fitted.rigid);
+        contexts.iter().find_map(|context| effect.not_testable(context))
+    }
+
+    /// One term per effect, site and point of the grid; those that need a search of their own are left out.
+    pub(super) fn terms_to_try(&self, fitted: &Fitted) -> Vec<Term> {
+        let robot = self.problem.nominal.robot();
+        let mut terms = Vec::new();
+        for effect in self.catalogue.iter().filter(|effect| self.wanted(effect.as_ref())) {
+            let constants = effect.constants();
+            let special = |c: &Constant| matches!(c.scale, Scale::Time | Scale::Order);
+            let limit = effect.entry() == Entry::Transform && constants.iter().any(|c| c.scale == Scale::Torque);
+            if limit || constants.iter().any(special) || self.not_testable(fitted, effect.as_ref()).is_some() {
+                continue;
+            }
+            for site in effect.sites(robot) {
+                let there = |name: &str| fitted.terms().iter().any(|t| t.effect.name() == name && t.site == site);
+                let refines = |name: &str| self.known.iter().any(|known| known == name) || there(name);
+                if there(effect.name()) || !effect.refines().is_none_or(refines) {
+                    continue;
+                }
+                let points = self.points(effect.as_ref(), site).into_iter();
+                terms.extend(points.map(|point| Term::new(effect.clone(), site, point)));
+            }
+        }
+        terms
+    }
+
+    /// Constants to start from.
+    pub(super) fn points(&self, effect: &dyn Effect, site: Site) -> Vec<Vec<f64>> {
+        let grids: Vec<Vec<f64>> = (0..effect.constants().len()).map(|k| self.grid(effect, site, k)).collect();
+        effects::points_of(&grids)
+    }
+
+    /// Values of a constant to start from, in its unit.
+    pub(super) fn grid(&self, effect: &dyn Effect, site: Site, index: usize) -> Vec<f64> {
+        let joint = site.joint().unwrap_or_default();
+        let constant = &effect.constants()[index];
+        let mut grid = constant.grid_in(self.problem.ranges(joint));
+        if is_width_of_reversal(effect, constant) {
+            grid.retain(|width| *width >= self.problem.speed_steps[joint]);
+        }
+        grid
+    }
+
+    /// Lowest and highest value of a constant, in its unit.
+    pub(super) fn bounds(&self, term: &Term, index: usize) -> [f64; 2] {
+        let joint = term.site.joint().unwrap_or_default();
+        let constant = &term.effect.constants()[index];
+        let [low, high] = constant.bounds_in(self.problem.ranges(joint));
+        let resolved = is_width_of_reversal(term.effect.as_ref(), constant);
+        [if resolved { self.problem.speed_steps[joint].clamp(low, high) } else { low }, high]
+    }
+
+    /// Effects with an order: the peaks of a periodogram of the residual over the position.
+    pub(super) fn orders_to_try(&self, fitted: &Fitted) -> Vec<Term> {
+        const LOWEST: usize = 4;
+        const HIGHEST: usize = 200;
+        let n = self.problem.dof();
+        let mut terms = Vec::new();
+        for joint in 0..n {
+            let q = |&(stretch, sample): &(usize, usize)| self.problem.stretches[stretch].motion.q[sample * n + joint];
+            let samples = self.problem.rows[joint].iter().map(q).zip(fitted.residual[joint].iter().copied());
+            let power = power_by_order(samples, LOWEST - 1..=HIGHEST + 1);
+            let at = |order: usize| power[order + 1 - LOWEST];
+            let mut peaks: Vec<usize> =
+                (LOWEST..=HIGHEST).filter(|&order| at(order) >= at(order - 1) && at(order) >= at(order + 1)).collect();
+            peaks.sort_by(|&a, &b| at(b).total_cmp(&at(a)));
+            for effect in self.catalogue.iter().filter(|e| self.wanted(e.as_ref())) {
+                let constants = effect.constants();
+                if constants.len() == 1 && constants[0].scale == Scale::Order {
+                    let order = |order: &usize| Term::new(effect.clone(), Site::Joint(joint), vec![*order as f64]);
+                    terms.extend(peaks.iter().take(3).map(order));
+                }
+            }
+        }
+        terms.retain(|term| {
+            !fitted.terms().iter().any(|t| {
+                t.effect.name() == term.effect.name()
+                    && t.site == term.site
+                    && (t.constants[0] - term.constants[0]).abs() < 1.5
+            })
+        });
+        terms
+    }
+
+    /// Every effect at every site at every point of its grid; those that begin or end at a time are left out.
+    pub fn terms_of_ranking(&self, fitted: &Fitted) -> Vec<Term> {
+        self.terms_to_try(fitted).into_iter().chain(self.orders_to_try(fitted)).collect()
+    }
+
+    /// Columns of a term in the band, tangents for a transform.
+    pub(super) fn raw(&mut self, fitted: &Fitted, term: &Term) -> Vec<Column> {
+        let key = key_of(term);
+        if let Some(columns) = self.cache.get(&key) {
+            return columns.clone();
+        }
+        let columns = self.columns_of(fitted, term);
+        self.cache.insert(key, columns.clone());
+        columns
+    }
+
+    pub(super) fn columns_of(&self, fitted: &Fitted, term: &Term) -> Vec<Column> {
+        if !term.is_transform() {
+            return self.problem.term_columns(&fitted.model, &fitted.rigid, term);
+        }
+        let mut terms = fitted.terms().to_vec();
+        terms.push(term.clone());
+        let model = fitted.model.clone().with_terms(terms, self.problem.clock);
+        let last = fitted.terms().len();
+        (0..term.constants.len()).map(|k| tangent(&self.problem, (&model, &fitted.rigid), (last, k))).collect()
+    }
+
+    /// Computes the columns that [`Self::raw`] will be asked for, on all cores.
+    pub(super) fn prepare(&mut self, fitted: &Fitted, terms: &[Term]) -> Result<(), Interrupted> {
+        const AT_ONCE: usize = 24;
+        let missing: Vec<&Term> = terms.iter().filter(|term| !self.cache.contains_key(&key_of(term))).collect();
+        for (index, some) in missing.chunks(AT_ONCE).enumerate() {
+            self.progress.step("columns of effects", AT_ONCE * index, missing.len())?;
+            let columns: Vec<_> = some.par_iter().map(|term| self.columns_of(fitted, term)).collect();
+            self.cache.extend(some.iter().map(|term| key_of(term)).zip(columns));
+        }
+        self.progress.step("columns of effects", missing.len(), missing.len())
+    }
+
+    /// The columns of terms in the band, tangents for a transform, which are not remembered any more.
+    pub fn take_columns(&mut self, fitted: &Fitted, terms: &[Term]) -> Result<Vec<Vec<Column>>, Interrupted> {
+        self.prepare(fitted, terms)?;
+        let take = |term: &Term| self.cache.remove(&key_of(term)).unwrap_or_default();
+        Ok(terms.iter().map(take).collect())
+    }
+}

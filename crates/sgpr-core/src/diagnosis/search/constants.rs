@@ -1,0 +1,201 @@
+//! Constants of effects, refined, and all parameters with them.
+
+use rayon::prelude::*;
+
+use super::super::basis::{Basis, Gain, INVISIBLE, gain};
+use super::super::fit::{Fitted, refine_transforms, solve_like, without};
+use super::super::problem::Column;
+use super::Search;
+use super::candidates::Candidate;
+use super::times::TIME_STEP;
+use crate::effects::Scale;
+use crate::model::Term;
+use crate::progress::Interrupted;
+
+/// Whether what begins and ends lasts long enough to be something else than one wrong moment of the log.
+pub(super) fn lasts(term: &Term, constants: &[f64]) -> bool {
+    const SHORTEST_S: f64 = 0.2;
+    let all = term.effect.constants().iter().zip(constants);
+    let times: Vec<f64> = all.filter(|(c, _)| c.scale == Scale::Time).map(|(_, time)| *time).collect();
+    times.windows(2).all(|pair| pair[1] - pair[0] >= SHORTEST_S)
+}
+
+/// Most candidates whose constants are refined in a step.
+pub(super) const MOST_REFINED: usize = 8;
+
+/// Farthest step of a time before it is refined, in steps of the grid.
+pub(super) const FARTHEST_JUMP: i32 = 8;
+
+impl Search<'_> {
+    /// A term with other constants, the rest of the model refitted linearly.
+    pub(super) fn with_constants(
+        &self,
+        fitted: &Fitted,
+        (basis, white): (&Basis, &Column),
+        term: &Term,
+        constants: &[f64],
+    ) -> Candidate {
+        let term = Term::new(term.effect.clone(), term.site, constants.to_vec());
+        let columns = self.problem.term_columns(&fitted.model, &fitted.rigid, &term);
+        let columns: Vec<Column> = columns.iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
+        let gain = gain(basis, white, &columns, INVISIBLE);
+        self.candidate(term, gain, constants.len())
+    }
+
+    /// The constants of a term searched coordinate by coordinate, the rest of the model refitted linearly.
+    pub fn refine(&self, fitted: &Fitted, (basis, white): (&Basis, &Column), candidate: &Candidate) -> Candidate {
+        let term = &candidate.term;
+        if term.is_transform() || term.constants.is_empty() {
+            return candidate.clone();
+        }
+        let evaluate = |constants: &[f64]| self.with_constants(fitted, (basis, white), term, constants);
+        let mut best = evaluate(&candidate.term.constants);
+        let count = term.constants.len();
+        // Between two logs there are no rows, and all times are equal there: steps must reach the other side.
+        for k in (0..count).filter(|k| term.effect.constants()[*k].scale == Scale::Time) {
+            let [low, high] = self.bounds(term, k);
+            let start = best.term.constants.clone();
+            for step in (-FARTHEST_JUMP..=FARTHEST_JUMP).filter(|step| *step != 0) {
+                let mut constants = start.clone();
+                constants[k] = (constants[k] + f64::from(step) * TIME_STEP).clamp(low, high);
+                let next = Some(evaluate(&constants)).filter(|_| lasts(term, &constants));
+                best = next.filter(|next| next.gain.chi2 > best.gain.chi2).unwrap_or(best);
+            }
+        }
+        let mut steps: Vec<f64> = (0..count)
+            .map(|k| match term.effect.constants()[k].scale {
+                Scale::Logarithmic => 0.5,
+                Scale::Linear(step) => step,
+                Scale::Position => 0.06 * (self.bounds(term, k)[1] - self.bounds(term, k)[0]),
+                Scale::PositionWidth | Scale::Torque => 0.4 * term.constants[k],
+                Scale::Time => 0.5 * TIME_STEP,
+                Scale::Order => 0.3,
+                Scale::Neutral { step } => step,
+            })
+            .collect();
+        // A step in the torque that is a few samples off leaves a spike.
+        let exact = |k: usize| if term.effect.constants()[k].scale == Scale::Time { 0.002 } else { 0.03 };
+        let smallest: Vec<f64> = steps.iter().enumerate().map(|(k, step)| exact(k) * step).collect();
+        let logarithmic = |k: usize| term.effect.constants()[k].scale == Scale::Logarithmic;
+        for _ in 0..40 {
+            let mut moved = false;
+            for k in 0..count {
+                let [low, high] = self.bounds(term, k);
+                for direction in [1.0, -1.0] {
+                    let mut constants = best.term.constants.clone();
+                    let value = constants[k];
+                    let step = direction * steps[k];
+                    constants[k] = if logarithmic(k) { value * step.exp() } else { value + step }.clamp(low, high);
+                    if constants[k] == value || !lasts(term, &constants) {
+                        continue;
+                    }
+                    let next = evaluate(&constants);
+                    if !next.impossible && (best.impossible || next.gain.chi2 > best.gain.chi2 + 0.02) {
+                        best = next;
+                        moved = true;
+                        break;
+                    }
+                }
+            }
+            if !moved {
+                steps.iter_mut().for_each(|step| *step *= 0.45);
+                if steps.iter().zip(&smallest).all(|(step, smallest)| step < smallest) {
+                    break;
+                }
+            }
+        }
+        best
+    }
+
+    /// The best candidates, at most two sites of an effect, their constants refined, best first.
+    pub(super) fn refined(
+        &self,
+        fitted: &Fitted,
+        residual: (&Basis, &Column),
+        candidates: &[Candidate],
+    ) -> Result<Vec<Candidate>, Interrupted> {
+        let mut chosen: Vec<&Candidate> = Vec::new();
+        let mut names: Vec<&str> = Vec::new();
+        let own = |c: &&Candidate| !c.impossible && c.score > 0.0 && c.term.effect.refines().is_none();
+        for candidate in candidates.iter().filter(own) {
+            let name = candidate.term.effect.name();
+            if chosen.len() < MOST_REFINED && names.iter().filter(|other| **other == name).count() < 2 {
+                names.push(name);
+                chosen.push(candidate);
+            }
+        }
+        self.progress.step("refine constants", 0, 1)?;
+        let refine = |candidate: &&Candidate| self.refine(fitted, residual, candidate);
+        let mut tried: Vec<Candidate> = chosen.par_iter().map(refine).collect();
+        self.progress.step("refine constants", 1, 1)?;
+        tried.sort_by(|a, b| b.score.total_cmp(&a.score));
+        Ok(tried)
+    }
+
+    /// The fit with one more term, all constants refined.
+    pub fn with_term(&self, fitted: &Fitted, term: Term) -> Fitted {
+        let mut terms = fitted.terms().to_vec();
+        terms.push(term);
+        self.refit(fitted, terms)
+    }
+
+    pub fn refit(&self, like: &Fitted, terms: Vec<Term>) -> Fitted {
+        let mut next = solve_like(&self.problem, like, &terms, &self.noise);
+        // Columns that follow the torque of the model are those of the fit before.
+        if terms.iter().any(|term| term.effect.follows_torque()) {
+            for _ in 0..2 {
+                next = solve_like(&self.problem, &next, &terms, &self.noise);
+            }
+        }
+        refine_transforms(&self.problem, next, &self.noise)
+    }
+
+    /// The fit with the constants of those terms looked for anew that a removed one at their joint is confused with: it may
+    /// have stood for them while they described only what it left.
+    pub(super) fn with_imitated(&self, mut fitted: Fitted, removed: &Term) -> Fitted {
+        let confused = |term: &Term| {
+            let says = |a: &Term, b: &Term| a.effect.about().confusable.contains(&b.effect.name());
+            term.site == removed.site && !term.is_transform() && (says(term, removed) || says(removed, term))
+        };
+        for k in 0..fitted.terms().len() {
+            let term = fitted.terms()[k].clone();
+            let points = self.points(term.effect.as_ref(), term.site);
+            if points.len() < 2 || !confused(&term) {
+                continue;
+            }
+            let without = without(&self.problem, &fitted, k, &self.noise);
+            let residual = (without.basis.as_ref(), &without.white);
+            let at = |point: Vec<f64>| self.with_constants(&without, residual, &term, &point);
+            let candidates: Vec<Candidate> = points.into_iter().map(at).filter(|c| !c.impossible).collect();
+            let Some(best) = candidates.iter().max_by(|a, b| a.score.total_cmp(&b.score)) else { continue };
+            let mut terms = fitted.terms().to_vec();
+            terms[k].constants = self.refine(&without, residual, best).term.constants;
+            let next = self.refit(&fitted, terms);
+            if next.chi2 < fitted.chi2 {
+                fitted = next;
+            }
+        }
+        fitted
+    }
+
+    /// Every term's constants once more, the others given.
+    pub fn polish(&self, fitted: Fitted) -> Fitted {
+        let mut fitted = fitted;
+        for k in 0..fitted.terms().len() {
+            let term = fitted.terms()[k].clone();
+            if term.is_transform() || term.constants.is_empty() {
+                continue;
+            }
+            let without = without(&self.problem, &fitted, k, &self.noise);
+            let candidate = Candidate { term, gain: Gain::default(), score: 0.0, impossible: false };
+            let refined = self.refine(&without, (&without.basis, &without.white), &candidate);
+            let mut terms = fitted.terms().to_vec();
+            terms[k].constants = refined.term.constants;
+            let next = solve_like(&self.problem, &fitted, &terms, &self.noise);
+            if next.chi2 < fitted.chi2 {
+                fitted = next;
+            }
+        }
+        refine_transforms(&self.problem, fitted, &self.noise)
+    }
+}

@@ -1,0 +1,279 @@
+//! Steps forward: what has evidence and matters is added.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::super::basis::Basis;
+use super::super::fit::{Fitted, solve_like};
+use super::super::problem::Column;
+use super::candidates::Candidate;
+use super::held_out::HeldOut;
+use super::{Accepted, EVIDENCE, MATERIAL, Search};
+use crate::effects::{Effect, Reach, Scale, Site};
+use crate::linalg::dot_in_lanes;
+use crate::model::Term;
+use crate::progress::Interrupted;
+
+/// The same for a term, whose parameters were fitted: more for one with parameters that it does not have by nature.
+pub(super) fn asked_of(term: &Term) -> f64 {
+    const IMPLAUSIBLE: f64 = 0.06;
+    match term {
+        _ if term.effect.refines().is_some() => 0.0,
+        _ if term.effect.is_plausible(&term.coefficients) => MATERIAL,
+        _ => IMPLAUSIBLE,
+    }
+}
+
+/// Growth of a joint's error that speaks against a finer form.
+pub(super) const HARM: f64 = 1.02;
+
+/// Scores that differ by less than this share are equal.
+pub(super) const NEARLY: f64 = 0.005;
+
+/// Most candidates that are fitted with the whole model in a step.
+pub(super) const MOST_TRIED: usize = 4;
+
+/// Whether a term cuts the torque. Rows at the limit are no equations: it shows in the torque as logged.
+pub(super) fn is_limit(term: &Term) -> bool {
+    term.site.joint().is_some_and(|joint| term.effect.limit(term.site, &term.constants, joint).is_some())
+}
+
+/// When a contact of the arm is there, s, with the time over which filters carry its ends.
+pub(super) fn window_of_arm(term: &Term) -> Option<[f64; 2]> {
+    const MARGIN_S: f64 = 0.5;
+    let times = term.effect.constants().iter().zip(&term.constants).filter(|(c, _)| c.scale == Scale::Time);
+    let mut times = times.map(|(_, time)| *time).filter(|_| term.effect.reach() == Reach::All);
+    Some([times.next()? - MARGIN_S, times.next()? + MARGIN_S])
+}
+
+/// Half the fall of chi-squared per joint from one whitened residual to another.
+pub(super) fn falls(before: &Column, after: &Column) -> Vec<f64> {
+    before
+        .iter()
+        .zip(after)
+        .map(|(before, after)| 0.5 * (dot_in_lanes(before, before) - dot_in_lanes(after, after)))
+        .collect()
+}
+
+impl Search<'_> {
+    /// The fit with the limits at which the logged torque stays, one after the other.
+    pub(super) fn limits(&self, fitted: &Fitted) -> Vec<(Fitted, Accepted)> {
+        let mut steps: Vec<(Fitted, Accepted)> = Vec::new();
+        let probe = |effect: &Arc<dyn Effect>, joint: usize, limit: f64| {
+            let constants = effect.constants();
+            let wanted = constants.len() == 1 && constants[0].scale == Scale::Torque && self.wanted(effect.as_ref());
+            let term = wanted.then(|| Term::new(effect.clone(), Site::Joint(joint), vec![limit]));
+            term.filter(is_limit)
+        };
+        for (joint, limit) in self.problem.limits.iter().enumerate() {
+            let Some(limit) = *limit else { continue };
+            let Some(term) = self.catalogue.iter().find_map(|effect| probe(effect, joint, limit)) else { continue };
+            let before = steps.last().map_or(fitted, |(fitted, _)| fitted);
+            if before.terms().iter().any(|t| is_limit(t) && t.site == term.site) {
+                continue;
+            }
+            let next =
+                solve_like(&self.problem, before, &[before.terms(), std::slice::from_ref(&term)].concat(), &self.noise);
+            let (without, with) = (self.errors(before), self.errors(&next));
+            if without.largest_fall_to(&with, &term) < MATERIAL {
+                continue;
+            }
+            let fall = without.total()[joint].powi(2) - with.total()[joint].powi(2);
+            let score = 0.5 * self.problem.rows[joint].len() as f64 * fall / self.noise.level[joint].powi(2);
+            let accepted = Accepted::new(&term, score, [before, &next], (&without, &with));
+            steps.push((next, accepted));
+        }
+        steps
+    }
+
+    /// Candidates with evidence that is not tiny beside what was found before at the same joint: a form that is right to
+    /// one percent leaves so much, and it would be taken for an effect of its own. Beside a contact, which is strong and
+    /// short, only that counts which is explained while it is not there.
+    pub(super) fn worth_it(
+        &self,
+        fitted: &Fitted,
+        (basis, white): (&Basis, &Column),
+        accepted: &[Accepted],
+        mut tried: Vec<Candidate>,
+    ) -> Vec<Candidate> {
+        const SHARE: f64 = 0.01;
+        const TRANSFORM: f64 = 0.001;
+        /// What an effect at one joint may leave at others, which the parameters of the links tie to it.
+        const ELSEWHERE: f64 = 0.0001;
+        let given = fitted.terms().len() - accepted.len();
+        let news = || accepted.iter().zip(&fitted.terms()[given..]).filter(|(_, t)| t.effect.refines().is_none());
+        let windows: Vec<[f64; 2]> = news().filter_map(|(_, term)| window_of_arm(term)).collect();
+        // Per joint what is tiny there, and what is tiny of all joints together, beside some terms.
+        let tiny_beside = |terms: &[(&Accepted, &Term)]| -> (Vec<f64>, f64) {
+            let left = |joint: usize, (step, term): &(&Accepted, &Term)| {
+                if term.is_transform() {
+                    return TRANSFORM * step.first_by_joint[joint];
+                }
+                // A load that comes or goes changes friction at all joints a little, wrists far from most of its torque.
+                let arm = term.effect.reach() == Reach::All;
+                SHARE * if arm { step.first_score } else { step.first_by_joint[joint] }
+            };
+            let at = |joint: usize| terms.iter().map(|term| left(joint, term)).fold(0.0, f64::max);
+            let elsewhere = terms.iter().map(|(step, _)| ELSEWHERE * step.first_score).fold(0.0, f64::max);
+            ((0..self.problem.dof()).map(at).collect(), elsewhere)
+        };
+        let beside_all = tiny_beside(&news().collect::<Vec<_>>());
+        if beside_all.1 == 0.0 {
+            return tried;
+        }
+        let beside_lasting = tiny_beside(&news().filter(|(_, t)| window_of_arm(t).is_none()).collect::<Vec<_>>());
+        // Logs without a common clock have no times, and no windows.
+        let is_there = |row: (usize, usize)| {
+            windows.iter().any(|[first, last]| (*first..*last).contains(&self.problem.time_of(row)))
+        };
+        let outside = |column: &Column| -> Column {
+            let of_joint = |(rows, x): (&Vec<(usize, usize)>, &Vec<f64>)| {
+                rows.iter().zip(x).map(|(row, x)| if is_there(*row) { 0.0 } else { *x }).collect()
+            };
+            self.problem.rows.iter().zip(column).map(of_joint).collect()
+        };
+        tried.retain(|candidate| {
+            let with = self.white_with(fitted, (basis, white), candidate);
+            let all = falls(white, &with);
+            // What depends on time may be the contact in another form.
+            let apart = !windows.is_empty() && !candidate.term.effect.about().depends_on_time;
+            let (falls, (tiny, elsewhere)) = if apart {
+                (falls(&outside(white), &outside(&with)), &beside_lasting)
+            } else {
+                (all.clone(), &beside_all)
+            };
+            let inside = all.iter().sum::<f64>() - falls.iter().sum::<f64>();
+            let beside: f64 = falls.iter().zip(tiny).filter(|(fall, tiny)| fall < tiny).map(|(fall, _)| fall).sum();
+            candidate.score - inside - beside > if apart { elsewhere.max(EVIDENCE) } else { *elsewhere }
+        });
+        tried
+    }
+
+    /// What a candidate leaves of the whitened residual.
+    pub(super) fn white_with(
+        &self,
+        fitted: &Fitted,
+        (basis, white): (&Basis, &Column),
+        candidate: &Candidate,
+    ) -> Column {
+        let mut with = white.clone();
+        for (column, factor) in self.columns_of(fitted, &candidate.term).iter().zip(&candidate.gain.coefficients) {
+            for (with, x) in with.iter_mut().zip(&self.noise.whiten(&self.problem, column)) {
+                with.iter_mut().zip(x).for_each(|(with, x)| *with -= factor * x);
+            }
+        }
+        basis.project_out(&mut with);
+        with
+    }
+
+    /// The fit with finer forms of effects that the model has, at all joints where no other effect of the joint does
+    /// better, if there are any.
+    pub(super) fn finer_forms(
+        &mut self,
+        fitted: &Fitted,
+        residual: (&Basis, &Column),
+        candidates: &[Candidate],
+        tried: &[Candidate],
+    ) -> Result<Option<(Fitted, Vec<Accepted>)>, Interrupted> {
+        let finer = |c: &&Candidate| c.term.effect.refines().is_some() && !c.impossible && c.score > EVIDENCE;
+        let finer: Vec<&Candidate> = candidates.iter().filter(finer).collect();
+        self.progress.step("refine constants", 0, 1)?;
+        let refine = |candidate: &&Candidate| self.refine(fitted, residual, candidate);
+        let mut found: Vec<Candidate> = finer.par_iter().map(refine).collect();
+        self.progress.step("refine constants", 1, 1)?;
+        found.retain(|refined| {
+            let rival = |c: &&Candidate| {
+                let own = c.term.site == refined.term.site && c.term.effect.reach() == Reach::Own;
+                own && !c.impossible && c.term.effect.refines().is_none()
+            };
+            let all = candidates.iter().chain(tried);
+            let best = all.filter(rival).map(|c| c.score).fold(f64::NEG_INFINITY, f64::max);
+            !refined.impossible && refined.score > EVIDENCE && refined.score > best
+        });
+        let without = self.errors(fitted);
+        let (next, with) = loop {
+            if found.is_empty() {
+                return Ok(None);
+            }
+            let mut terms = fitted.terms().to_vec();
+            terms.extend(found.iter().map(|c| c.term.clone()));
+            let next = self.refit(fitted, terms);
+            let with = self.errors(&next);
+            // Whitened rows near reversals may like a form that the torque as logged does not.
+            let (before, after) = (without.total(), with.total());
+            let harms = |c: &Candidate| c.term.site.joint().is_some_and(|joint| after[joint] > HARM * before[joint]);
+            let count = found.len();
+            found.retain(|candidate| !harms(candidate));
+            if found.len() == count {
+                break (next, with);
+            }
+        };
+        let accepted = |c: Candidate| Accepted::new(&c.term, c.score, [fitted, &next], (&without, &with));
+        let steps = found.into_iter().map(accepted).collect();
+        Ok(Some((next, steps)))
+    }
+
+    /// The fit with the best of the candidates that has evidence and matters, if there is one.
+    pub(super) fn next_term(
+        &mut self,
+        fitted: &Fitted,
+        tried: &[Candidate],
+    ) -> Result<Option<(Fitted, Accepted)>, Interrupted> {
+        let mut worthy: &[&Candidate] =
+            &tried.iter().filter(|c| !c.impossible && c.score > EVIDENCE).collect::<Vec<&Candidate>>();
+        let without = self.errors(fitted);
+        // One with much evidence that matters nowhere, in a moment of the log, must not hide the others.
+        while let Some(best) = worthy.first() {
+            let close = worthy.iter().take_while(|c| c.score > 0.3 * best.score).count().min(MOST_TRIED);
+            let (some, rest) = worthy.split_at(close);
+            if let Some(step) = self.best_of(fitted, &without, some, tried)? {
+                return Ok(Some(step));
+            }
+            worthy = rest;
+        }
+        Ok(None)
+    }
+
+    /// The fit with the best of some candidates that has evidence and matters, if there is one.
+    pub(super) fn best_of(
+        &self,
+        fitted: &Fitted,
+        without: &HeldOut,
+        worthy: &[&Candidate],
+        tried: &[Candidate],
+    ) -> Result<Option<(Fitted, Accepted)>, Interrupted> {
+        // Transforms are judged by what they do exactly: tangents flatter and wrong them.
+        self.progress.step("try effects", 0, 1)?;
+        let with = |candidate: &&Candidate| self.with_term(fitted, candidate.term.clone());
+        let fits: Vec<Fitted> = worthy.par_iter().map(with).collect();
+        self.progress.step("try effects", 1, 1)?;
+        let scored = worthy.iter().zip(fits).map(|(candidate, trial)| {
+            let score = self.score_of(fitted, &trial);
+            (*candidate, trial, score)
+        });
+        let mut trials: Vec<(&Candidate, Fitted, f64)> = scored.collect();
+        trials.sort_by(|a, b| b.2.total_cmp(&a.2));
+        // Of effects that do equally well the plainest comes first: forms with more freedom imitate it.
+        let best = trials.first().map_or(0.0, |(_, _, score)| *score);
+        let freedom = |c: &Candidate| c.term.constants.len() + c.term.coefficients.len();
+        let (mut equal, others): (Vec<_>, Vec<_>) =
+            trials.into_iter().partition(|(_, _, score)| *score > best - NEARLY * best.abs());
+        equal.sort_by_key(|(candidate, ..)| freedom(candidate));
+        let trials = equal.into_iter().chain(others);
+        for (candidate, trial, score) in trials.filter(|(_, _, score)| *score >= EVIDENCE) {
+            let with = self.errors(&trial);
+            let fitted_term = trial.terms().last().unwrap_or(&candidate.term);
+            if without.largest_fall_to(&with, fitted_term) < asked_of(fitted_term) {
+                continue;
+            }
+            let own = candidate.term.effect.name();
+            let rivals = tried.iter().filter(|c| c.term.effect.name() != own);
+            let rivals = rivals.map(|c| (c.term.effect.name().into(), c.term.site, c.score)).collect();
+            let accepted =
+                Accepted { rivals, ..Accepted::new(&candidate.term, score, [fitted, &trial], (without, &with)) };
+            return Ok(Some((trial, accepted)));
+        }
+        Ok(None)
+    }
+}

@@ -1,0 +1,54 @@
+//! Errors on blocks that were left out.
+
+use super::super::fit::{ByLog, Extra, Fitted, beyond, held_out, usual_error};
+use super::Search;
+use super::forward::is_limit;
+use crate::model::Term;
+
+/// Errors per joint on blocks that were left out, in the band and beyond it.
+#[derive(Clone, Debug)]
+pub(super) struct HeldOut {
+    in_band: Vec<ByLog>,
+    beyond: Vec<ByLog>,
+}
+
+impl HeldOut {
+    /// Of all logs together, per joint, N·m (N).
+    pub(super) fn total(&self) -> Vec<f64> {
+        self.in_band.iter().zip(&self.beyond).map(|(own, beyond)| own[0].hypot(beyond[0])).collect()
+    }
+
+    /// Largest fall on a joint with one more term, as a share of what is left, in all logs or in one: an effect of fast
+    /// motion matters although there are slow logs beside. A transform that differentiates positions once more carries
+    /// their noise into the torque beyond the band, one that smooths takes it out: neither speaks for or against its
+    /// being there.
+    pub(super) fn largest_fall_to(&self, after: &Self, term: &Term) -> f64 {
+        let flat = |errors: &[ByLog]| -> Vec<f64> { errors.iter().flatten().copied().collect() };
+        let [own, beyond] = [flat(&self.in_band), flat(&self.beyond)];
+        let [own_after, beyond_after] = [flat(&after.in_band), flat(&after.beyond)];
+        let filters = term.is_transform() && !is_limit(term);
+        let falls = (0..own.len()).map(|k| {
+            let least = beyond[k].min(beyond_after[k]);
+            let [beyond, beyond_after] = if filters { [least; 2] } else { [beyond[k], beyond_after[k]] };
+            own[k].hypot(beyond) / own_after[k].hypot(beyond_after).max(1e-12) - 1.0
+        });
+        falls.fold(f64::NEG_INFINITY, f64::max)
+    }
+}
+
+impl Search<'_> {
+    /// Error per joint on blocks that were left out, N·m (N).
+    pub fn held_out(&self, fitted: &Fitted) -> Vec<f64> {
+        self.errors(fitted).total()
+    }
+
+    /// Error per joint in the band on a usual block that was left out, N·m (N).
+    pub fn usual_error(&self, fitted: &Fitted) -> Vec<f64> {
+        usual_error(&self.problem, fitted, &Extra::default(), &self.noise)
+    }
+
+    pub(super) fn errors(&self, fitted: &Fitted) -> HeldOut {
+        let in_band = held_out(&self.problem, fitted, &Extra::default(), &self.noise);
+        HeldOut { in_band, beyond: beyond(&self.problem, fitted) }
+    }
+}

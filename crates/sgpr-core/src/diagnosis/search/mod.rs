@@ -1,0 +1,237 @@
+//! Which effects: forward steps with joint refit, then backward ones.
+
+mod backward;
+mod candidates;
+mod constants;
+mod forward;
+mod held_out;
+mod noise;
+mod ranking;
+mod rows;
+mod times;
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use super::basis::Noise;
+use super::fit::{Fitted, solve, solve_like};
+use super::imitation::without_many_imitations;
+use super::problem::{Column, Problem};
+use crate::effects::{Effect, Site};
+use crate::model::Term;
+use crate::progress::{Interrupted, Progress};
+pub(super) use candidates::{Candidate, is_absorbed};
+use forward::falls;
+use held_out::HeldOut;
+
+/// A term that was accepted.
+#[derive(Clone, Debug)]
+pub(super) struct Accepted {
+    pub effect: String,
+    pub site: Site,
+    pub score: f64,
+    /// The same when it was added, others not yet there.
+    pub first_score: f64,
+    /// Of that, what each joint's rows brought.
+    first_by_joint: Vec<f64>,
+    /// Largest fall of the held-out error on a joint, as a share of what is left.
+    pub effect_size: f64,
+    /// Rivals at this step: effect and score.
+    pub rivals: Vec<(String, Site, f64)>,
+    /// Held-out error per joint right after it was added, N·m (N).
+    pub with: Vec<f64>,
+    /// Held-out error per joint of the whole model without it, N·m (N).
+    pub without: Vec<f64>,
+}
+
+impl Accepted {
+    /// The last term of `fits`, which are without and with it, and the errors of both.
+    fn new(term: &Term, score: f64, fits: [&Fitted; 2], (without, with): (&HeldOut, &HeldOut)) -> Self {
+        Self {
+            effect: term.effect.name().into(),
+            site: term.site,
+            score,
+            first_score: score,
+            first_by_joint: falls(&fits[0].white, &fits[1].white),
+            effect_size: without.largest_fall_to(with, term),
+            rivals: vec![],
+            with: with.total(),
+            without: without.total(),
+        }
+    }
+}
+
+/// What a search came to.
+pub(super) struct Outcome {
+    /// The model as it was, on the rows that count.
+    pub start: Fitted,
+    pub fitted: Fitted,
+    /// The last terms of the fit, in their order.
+    pub accepted: Vec<Accepted>,
+    /// All candidates against the model as it was.
+    pub ranking: Vec<Candidate>,
+    /// Held-out error per joint of the model as it was, N·m (N) ...
+    pub held_out_before: Vec<f64>,
+    /// ... and of the fit.
+    pub held_out: Vec<f64>,
+}
+
+impl Outcome {
+    /// [`Search::news`] of it.
+    pub fn news(&self, search: &Search<'_>) -> impl Iterator<Item = (usize, &Accepted)> {
+        search.news(&self.fitted, &self.accepted)
+    }
+}
+
+/// Whether a term is part of what the model has already, or shorter than the time between two samples and of little
+/// effect.
+fn is_silent(term: &Term, step: &Accepted, period: f64) -> bool {
+    let times = term.is_transform() && term.effect.constants().iter().all(|c| c.unit == "s");
+    let within = || term.constants.iter().all(|c| c.abs() < WITHIN_A_SAMPLE * period) && step.effect_size < LITTLE;
+    term.effect.refines().is_some() || (times && within())
+}
+
+/// Torque and position of one row may be taken at moments that are this share of a period apart ...
+const WITHIN_A_SAMPLE: f64 = 0.6;
+
+/// ... which goes without saying as long as no joint's error falls by more than this share of what is left.
+const LITTLE: f64 = 0.2;
+
+/// Scores below this are no evidence.
+pub(super) const EVIDENCE: f64 = 8.0;
+
+/// Smallest fall of the held-out error on some joint, as a share of what is left.
+pub(super) const MATERIAL: f64 = 0.025;
+
+/// Most terms that are looked for.
+const MOST_TERMS: usize = 16;
+
+const STAGE: &str = "look for effects";
+
+pub(super) struct Search<'a> {
+    pub problem: Problem,
+    pub catalogue: &'a [Arc<dyn Effect>],
+    /// Names of effects that the model has everywhere.
+    pub known: Vec<String>,
+    pub noise: Noise,
+    pub units: f64,
+    pub rows: f64,
+    cache: HashMap<(String, Site, Vec<u64>), Vec<Column>>,
+    progress: &'a dyn Progress,
+}
+
+impl<'a> Search<'a> {
+    pub fn new(
+        problem: Problem,
+        catalogue: &'a [Arc<dyn Effect>],
+        known: Vec<String>,
+        progress: &'a dyn Progress,
+    ) -> Self {
+        let noise = Noise::white(&problem.y);
+        let robot = problem.nominal.robot();
+        let units: usize = catalogue.iter().map(|effect| effect.sites(robot).len()).sum();
+        let rows = problem.rows.iter().map(Vec::len).sum::<usize>() as f64;
+        Self { problem, catalogue, known, noise, units: units as f64, rows, cache: HashMap::new(), progress }
+    }
+
+    /// The accepted terms with their indices in the fit and what the search knows of them, those that refine an effect of
+    /// the model or align clocks within a sample left out.
+    pub fn news<'f>(
+        &self,
+        fitted: &'f Fitted,
+        accepted: &'f [Accepted],
+    ) -> impl Iterator<Item = (usize, &'f Accepted)> + use<'f> {
+        let given = fitted.terms().len() - accepted.len();
+        let period = self.problem.stretches.iter().map(|s| 1.0 / s.motion.rate_hz).fold(0.0, f64::max);
+        let steps = accepted.iter().enumerate().map(move |(k, accepted)| (given + k, accepted));
+        steps.filter(move |(k, step)| !is_silent(&fitted.terms()[*k], step, period))
+    }
+
+    /// The model as it is; noise from what the largest model leaves.
+    pub fn start(&mut self) -> Result<Fitted, Interrupted> {
+        self.progress.step("fit the model", 0, 4)?;
+        let problem = &self.problem;
+        let given = problem.given.clone();
+        let mut plain = solve(problem, &problem.nominal, &given, &self.noise);
+        for k in 0..2 {
+            self.progress.step("fit the model", k + 1, 4)?;
+            self.noise = Noise::white(&plain.residual);
+            plain = solve_like(problem, &plain, &given, &self.noise);
+        }
+        self.progress.step("fit the model", 3, 4)?;
+        self.noise = self.noise_of_largest(&plain)?;
+        self.rows = self.noise.rows(&self.problem);
+        let fitted = solve_like(&self.problem, &plain, &given, &self.noise);
+        let fitted = if given.is_empty() { fitted } else { self.polish(fitted) };
+        self.progress.step("fit the model", 4, 4)?;
+        Ok(fitted)
+    }
+
+    /// Forward steps with joint refit, then backward ones.
+    pub fn run(&mut self, start: &Fitted) -> Result<Outcome, Interrupted> {
+        let mut fitted = start.clone();
+        let mut accepted: Vec<Accepted> = Vec::new();
+        let mut ranking = None;
+        // Joints where a smooth function of the state does better than many effects: their rows would mislead.
+        let mut closed = vec![false; self.problem.dof()];
+        self.progress.step(STAGE, 0, MOST_TERMS)?;
+        for (next, step) in self.limits(&fitted) {
+            fitted = next;
+            accepted.push(step);
+        }
+        while fitted.terms().len() < MOST_TERMS {
+            let (basis, white) = self.with_nuisances(&fitted);
+            if let Some(released) = self.without_holds(&fitted, (&basis, &white))? {
+                fitted = released;
+                continue;
+            }
+            let candidates = self.rank(&fitted, &basis, &white)?;
+            let tried = self.refined(&fitted, (&basis, &white), &candidates)?;
+            let tried = self.worth_it(&fitted, (&basis, &white), &accepted, tried);
+            if let Some((next, steps)) = self.finer_forms(&fitted, (&basis, &white), &candidates, &tried)? {
+                fitted = next;
+                accepted.extend(steps);
+                continue;
+            }
+            ranking.get_or_insert(candidates);
+            let Some((next, step)) = self.next_term(&fitted, &tried)? else {
+                break;
+            };
+            let transform = next.terms().last().is_some_and(Term::is_transform);
+            fitted = if next.terms().len() > 1 { self.polish(next) } else { next };
+            accepted.push(step);
+            if transform {
+                self.cache.clear();
+            }
+            if let Some(later) = self.without_late_rests(&fitted)? {
+                fitted = later;
+            }
+            if let Some((joint, bare, others)) = without_many_imitations(self, &fitted, &accepted) {
+                closed[joint] = true;
+                accepted = others;
+                fitted = self.on_rows_without(&closed, &bare);
+            }
+            if self.is_quieter(&fitted) {
+                fitted = self.with_noise_anew(&fitted)?;
+            }
+            self.progress.step(STAGE, fitted.terms().len().min(MOST_TERMS), MOST_TERMS)?;
+        }
+        fitted = self.with_likelier_transforms(fitted, &mut accepted);
+        let (mut fitted, accepted) = self.backward(fitted, accepted)?;
+        if closed.contains(&true) {
+            let on_all_rows = self.on_rows_without(&vec![false; closed.len()], &fitted);
+            fitted = self.with_noise_anew(&on_all_rows)?;
+        }
+        let start = solve(&self.problem, &start.model, start.terms(), &self.noise);
+        self.progress.step(STAGE, MOST_TERMS, MOST_TERMS)?;
+        let [held_out_before, held_out] = [&start, &fitted].map(|fit| self.held_out(fit));
+        Ok(Outcome { start, fitted, accepted, ranking: ranking.unwrap_or_default(), held_out_before, held_out })
+    }
+
+    /// Score of going from one fit to a larger one.
+    pub fn score_of(&self, small: &Fitted, large: &Fitted) -> f64 {
+        let constants = |f: &Fitted| f.terms().iter().map(|t| t.constants.len()).sum::<usize>();
+        let size = (large.basis.q.len() + constants(large)) as f64 - (small.basis.q.len() + constants(small)) as f64;
+        0.5 * (small.chi2 - large.chi2) - 0.5 * size * self.rows.max(2.0).ln() - self.units.ln()
+    }
+}

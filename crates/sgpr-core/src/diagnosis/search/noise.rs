@@ -1,0 +1,102 @@
+//! Noise of the torque: what the largest model leaves.
+
+use std::collections::HashSet;
+
+use rayon::prelude::*;
+
+use super::super::basis::{Basis, Noise, Rest, rms};
+use super::super::fit::{Fitted, refine_transforms, solve_like};
+use super::super::problem::Column;
+use super::super::unknown::{self, Group};
+use super::Search;
+use super::candidates::key_of;
+use crate::effects::{Reach, Site};
+use crate::model::Term;
+use crate::progress::Interrupted;
+
+impl Search<'_> {
+    /// Noise as what the candidates at their default constants and random features of the state leave.
+    pub(super) fn noise_of_largest(&mut self, fitted: &Fitted) -> Result<Noise, Interrupted> {
+        let n = self.problem.dof();
+        let mut seen = HashSet::new();
+        let mut terms = self.terms_to_try(fitted);
+        terms.retain(|t| t.effect.reach() == Reach::Own && seen.insert((t.effect.name().to_string(), t.site)));
+        self.prepare(fitted, &terms)?;
+        let of_joint = |joint: usize| {
+            let own = terms.iter().filter(|term| term.site == Site::Joint(joint));
+            let mut columns: Vec<Column> = own.flat_map(|term| self.cache[&key_of(term)].iter().cloned()).collect();
+            columns.extend(unknown::features(&self.problem, joint, &Group::whole(joint, n), 0.8));
+            let only = |column: &Column| -> Column {
+                (0..n).map(|j| if j == joint { column[j].clone() } else { vec![] }).collect()
+            };
+            let base = fitted.columns.iter().map(only);
+            let all: Vec<Column> = base.chain(columns).filter(|column| !column[joint].is_empty()).collect();
+            self.left_by(joint, &all, &fitted.residual[joint])
+        };
+        let left: Vec<Rest> = (0..n).into_par_iter().map(of_joint).collect();
+        Ok(Noise::of(&self.problem, &left))
+    }
+
+    /// Whether the last term of a fit corrects the geometry, a tilt, a zero, a length, and less than the noise is left at
+    /// a joint: the largest model at the start could not know of it and took it for noise.
+    pub(super) fn is_quieter(&self, fitted: &Fitted) -> bool {
+        const QUIETER: f64 = 0.95;
+        let geometric = |term: &Term| {
+            term.is_transform() && term.effect.constants().iter().all(|constant| ["rad", "m"].contains(&constant.unit))
+        };
+        fitted.terms().last().is_some_and(geometric)
+            && fitted.residual.iter().zip(&self.noise.level).any(|(r, level)| !r.is_empty() && rms(r) < QUIETER * level)
+    }
+
+    /// What columns leave of a joint's residual. Seconds with far more of it than others hold what begins and ends, a
+    /// contact or a load: they are no noise, are left out of a second fit and marked.
+    pub(super) fn left_by(&self, joint: usize, columns: &[Column], residual: &[f64]) -> Rest {
+        const LOUD: f64 = 4.0;
+        let rows = &self.problem.rows[joint];
+        let second = |row: usize| {
+            let (stretch, sample) = rows[row];
+            (stretch, (sample as f64 / self.problem.stretches[stretch].motion.rate_hz) as usize)
+        };
+        let (mut left, mut used, mut calm) = (residual.to_vec(), 0, vec![true; residual.len()]);
+        for _ in 0..3 {
+            let masked = |values: &[f64]| -> Vec<f64> {
+                values.iter().zip(calm.iter()).map(|(x, calm)| if *calm { *x } else { 0.0 }).collect()
+            };
+            let column = |values: Vec<f64>| -> Column {
+                let mut column = vec![vec![]; self.problem.dof()];
+                column[joint] = values;
+                column
+            };
+            let some: Vec<Column> = columns.iter().map(|c| column(masked(&c[joint]))).collect();
+            let basis = Basis::new(&some);
+            used = basis.q.len();
+            let factors = basis.solve(&column(masked(residual)));
+            left = residual.to_vec();
+            for (c, factor) in columns.iter().zip(&factors).filter(|(_, factor)| **factor != 0.0) {
+                left.iter_mut().zip(&c[joint]).for_each(|(left, c)| *left -= factor * c);
+            }
+            let mut energies: Vec<((usize, usize), f64, f64)> = Vec::new();
+            for (row, value) in left.iter().enumerate() {
+                match energies.last_mut().filter(|(key, ..)| *key == second(row)) {
+                    Some((_, sum, count)) => (*sum, *count) = (*sum + value * value, *count + 1.0),
+                    None => energies.push((second(row), value * value, 1.0)),
+                }
+            }
+            let mut sorted: Vec<f64> = energies.iter().map(|(_, sum, count)| sum / count).collect();
+            sorted.sort_by(f64::total_cmp);
+            let Some(median) = sorted.get(sorted.len() / 2) else { break };
+            let loud: Vec<(usize, usize)> =
+                energies.iter().filter(|(_, sum, count)| sum / count > LOUD * median).map(|(key, ..)| *key).collect();
+            (0..rows.len()).for_each(|row| calm[row] = loud.binary_search(&second(row)).is_err());
+        }
+        Rest { residual: left, used, calm }
+    }
+
+    /// The fit with the noise that the largest model leaves beside it.
+    pub(super) fn with_noise_anew(&mut self, fitted: &Fitted) -> Result<Fitted, Interrupted> {
+        self.noise = self.noise_of_largest(fitted)?;
+        self.rows = self.noise.rows(&self.problem);
+        let next = solve_like(&self.problem, fitted, fitted.terms(), &self.noise);
+        Ok(refine_transforms(&self.problem, next, &self.noise))
+    }
+}

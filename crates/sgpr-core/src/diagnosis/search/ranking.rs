@@ -1,0 +1,106 @@
+//! How much of the leftover each candidate explains.
+
+use std::collections::HashMap;
+
+use rayon::prelude::*;
+
+use super::super::basis::{Basis, Gain, gain, invisible};
+use super::super::fit::{Fitted, tangents};
+use super::super::problem::Column;
+use super::Search;
+use super::candidates::{Candidate, key_of};
+use crate::effects::{Scale, Site};
+use crate::model::Term;
+use crate::progress::Interrupted;
+
+impl Search<'_> {
+    /// The columns of the fit and those that take up what constants of the model may be wrong by.
+    pub fn with_nuisances(&self, fitted: &Fitted) -> (Basis, Column) {
+        let mut basis = Basis::clone(&fitted.basis);
+        let problem = &self.problem;
+        for joint in 0..problem.dof() {
+            let has = |name: &str| {
+                self.known.iter().any(|known| known == name)
+                    || fitted.terms().iter().any(|t| t.effect.name() == name && t.site == Site::Joint(joint))
+            };
+            if has("coulomb_friction") {
+                let width = fitted.model.processing().map_or(0.003, |p| p.standstill_speed[joint]).clamp(0.002, 0.01);
+                let columns = problem.reversal_columns(&fitted.model, &fitted.rigid, joint, [width, 3.0 * width]);
+                columns.iter().for_each(|column| basis.push(&self.noise.whiten(problem, column)));
+            }
+        }
+        let smooth = |(k, index): &(usize, usize)| {
+            let term = &fitted.terms()[*k];
+            !(term.is_transform() && term.effect.constants()[*index].scale == Scale::Torque)
+        };
+        let constants: Vec<(usize, usize)> = fitted.constants().filter(smooth).collect();
+        let tangents = tangents(problem, fitted, &self.noise, &constants);
+        tangents.iter().for_each(|tangent| basis.push(tangent));
+        let mut white = self.noise.whiten(problem, &fitted.target);
+        basis.project_out(&mut white);
+        basis.project_out(&mut white);
+        (basis, white)
+    }
+
+    pub(super) fn candidate(&self, term: Term, gain: Gain, constants: usize) -> Candidate {
+        let size = (gain.rank + constants) as f64;
+        let score = 0.5 * gain.chi2 - 0.5 * size * self.rows.max(2.0).ln() - self.units.ln();
+        let score = if gain.visible < invisible(&term) { f64::NEG_INFINITY } else { score };
+        let signs = term.effect.parameters().iter().zip(&gain.coefficients);
+        let first_negative = signs.take(1).any(|(parameter, value)| parameter.non_negative && *value < 0.0);
+        let out_of_bounds = term.is_transform()
+            && term.effect.constants().iter().zip(&gain.coefficients).any(|(c, x)| c.low > -1e-3 * c.high && *x < 0.0);
+        let resonances = term.constants.iter().enumerate().zip(term.effect.constants());
+        let at_edge = resonances
+            .filter(|(_, constant)| constant.unit == "Hz")
+            .any(|((k, value), _)| *value > 0.98 * self.bounds(&term, k)[1]);
+        let contact_like = term.effect.name() == "payload_change" || term.effect.name() == "external_contact";
+        let impossible = (first_negative && !contact_like) || out_of_bounds || at_edge;
+        Candidate { impossible, term, gain, score }
+    }
+
+    /// Every effect at every site at its best point of the grid, best first.
+    pub(super) fn rank(
+        &mut self,
+        fitted: &Fitted,
+        basis: &Basis,
+        white: &Column,
+    ) -> Result<Vec<Candidate>, Interrupted> {
+        let mut best: HashMap<(String, Site), Candidate> = HashMap::new();
+        let keep = |best: &mut HashMap<(String, Site), Candidate>, candidate: Candidate| {
+            let key = (candidate.term.effect.name().to_string(), candidate.term.site);
+            match best.get(&key) {
+                Some(old) if (old.impossible, -old.score) <= (candidate.impossible, -candidate.score) => {}
+                _ => {
+                    best.insert(key, candidate);
+                }
+            }
+        };
+        let terms = self.terms_of_ranking(fitted);
+        let count = terms.len();
+        self.prepare(fitted, &terms)?;
+        self.progress.step("rank effects", 0, count)?;
+        let scored = |term: &Term| {
+            let columns = &self.cache[&key_of(term)];
+            let white_columns: Vec<Column> = columns.iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
+            let gain = gain(basis, white, &white_columns, invisible(term));
+            let constants = if term.is_transform() { 0 } else { term.constants.len() };
+            self.candidate(term.clone(), gain, constants)
+        };
+        let candidates: Vec<Candidate> = terms.par_iter().map(scored).collect();
+        candidates.into_iter().for_each(|candidate| keep(&mut best, candidate));
+        for candidate in self.scan_times(fitted, basis, white) {
+            keep(&mut best, candidate);
+        }
+        let mut all: Vec<Candidate> = best.into_values().collect();
+        all.sort_by(|a, b| {
+            let key = |c: &Candidate| (c.term.effect.name().to_string(), c.term.site);
+            (a.impossible, -a.score)
+                .partial_cmp(&(b.impossible, -b.score))
+                .unwrap_or(std::cmp::Ordering::Equal)
+                .then_with(|| key(a).cmp(&key(b)))
+        });
+        self.progress.step("rank effects", count, count)?;
+        Ok(all)
+    }
+}

@@ -1,0 +1,137 @@
+//! Effects that begin, or begin and end, at a time.
+
+use std::sync::Arc;
+
+use super::super::basis::{Basis, Gain, gain_of};
+use super::super::fit::Fitted;
+use super::super::problem::Column;
+use super::Search;
+use super::candidates::Candidate;
+use crate::effects::{Effect, Scale};
+use crate::linalg::dot_in_lanes;
+use crate::model::Term;
+
+/// Resolution of the grid of times, s.
+pub(super) const TIME_STEP: f64 = 0.5;
+
+/// Gain from the sums of a window of time.
+pub(super) fn switched_gain(sum: &[f64], k: usize, r: usize) -> Gain {
+    let share = |a: usize, b: usize| -> f64 {
+        let row = |a: usize| &sum[k * k + a * r..][..r];
+        row(a).iter().zip(row(b)).map(|(x, y)| x * y).sum()
+    };
+    let gram: Vec<f64> = (0..k * k).map(|i| sum[i] - share(i / k, i % k)).collect();
+    let lengths: Vec<f64> = (0..k).map(|a| sum[a * k + a]).collect();
+    gain_of(&gram, &sum[k * k + k * r..], &lengths, 0.03)
+}
+
+impl Search<'_> {
+    /// Effects that begin, or begin and end, at a time: sums over blocks of time give every change point.
+    pub(super) fn scan_times(&mut self, fitted: &Fitted, basis: &Basis, white: &Column) -> Vec<Candidate> {
+        let mut found = Vec::new();
+        let robot = self.problem.nominal.robot().clone();
+        let [start, end] = self.problem.time_span();
+        if end <= start {
+            return found;
+        }
+        let bins = ((end - start) / TIME_STEP).ceil() as usize + 1;
+        let wanted: Vec<Arc<dyn Effect>> =
+            self.catalogue.iter().filter(|effect| self.wanted(effect.as_ref())).cloned().collect();
+        for effect in &wanted {
+            let times = effect.constants().iter().filter(|c| c.scale == Scale::Time).count();
+            if times == 0 {
+                continue;
+            }
+            if self.not_testable(fitted, effect.as_ref()).is_some() {
+                continue;
+            }
+            for site in effect.sites(&robot) {
+                if times == 1 && fitted.terms().iter().any(|t| t.effect.name() == effect.name() && t.site == site) {
+                    continue;
+                }
+                let always = [f64::NEG_INFINITY, f64::INFINITY];
+                let whole = Term::new(effect.clone(), site, always[..times].to_vec());
+                let columns: Vec<Column> =
+                    self.raw(fitted, &whole).iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
+                let sums = self.sums_over_time(basis, white, &columns, start, bins);
+                let mut best: Option<(f64, Vec<f64>, Gain)> = None;
+                let k = columns.len();
+                let mut consider = |first: usize, last: usize, constants: Vec<f64>| {
+                    let sum: Vec<f64> = sums[last].iter().zip(&sums[first]).map(|(b, a)| b - a).collect();
+                    let gain = switched_gain(&sum, k, basis.q.len());
+                    if best.as_ref().is_none_or(|(chi2, ..)| gain.chi2 > *chi2) {
+                        best = Some((gain.chi2, constants, gain));
+                    }
+                };
+                let time = |bin: usize| start + bin as f64 * TIME_STEP;
+                if times == 1 {
+                    (2..bins - 2).for_each(|first| consider(first, bins, vec![time(first)]));
+                } else {
+                    for first in 1..bins - 2 {
+                        // A contact lasts at most a quarter of the session: longer ones are changes of payload.
+                        let longest = (first + (bins / 4).max(4)).min(bins - 1);
+                        (first + 1..longest).for_each(|last| consider(first, last, vec![time(first), time(last)]));
+                    }
+                }
+                if let Some((_, constants, gain)) = best {
+                    let term = Term::new(effect.clone(), site, constants);
+                    found.push(self.candidate(term, gain, times));
+                }
+            }
+        }
+        found
+    }
+
+    /// Running sums over the time of the session: per bin [ZᵀZ, ZᵀQ, Zᵀy], one entry more than bins.
+    pub(super) fn sums_over_time(
+        &self,
+        basis: &Basis,
+        white: &Column,
+        columns: &[Column],
+        start: f64,
+        bins: usize,
+    ) -> Vec<Vec<f64>> {
+        let (k, r) = (columns.len(), basis.q.len());
+        let width = k * k + k * r + k;
+        let mut sums = vec![vec![0.0; width]; bins + 1];
+        for joint in 0..self.problem.dof() {
+            if columns.iter().all(|column| column[joint].is_empty()) {
+                continue;
+            }
+            let rows = &self.problem.rows[joint];
+            let bin = |row: usize| {
+                let time = self.problem.time_of(rows[row]);
+                (((time - start) / TIME_STEP) as usize).min(bins - 1)
+            };
+            let mut first = 0;
+            while first < rows.len() {
+                let here = bin(first);
+                let mut last = first;
+                while last < rows.len() && bin(last) == here && rows[last].0 == rows[first].0 {
+                    last += 1;
+                }
+                let sum = &mut sums[here + 1];
+                let part = |column: &Column| column[joint].get(first..last).unwrap_or(&[]).to_vec();
+                let z: Vec<Vec<f64>> = columns.iter().map(part).collect();
+                for a in 0..k {
+                    for b in 0..k {
+                        sum[a * k + b] += dot_in_lanes(&z[a], &z[b]);
+                    }
+                    for (b, q) in basis.q.iter().enumerate() {
+                        if let Some(q) = q[joint].get(first..last) {
+                            sum[k * k + a * r + b] += dot_in_lanes(&z[a], q);
+                        }
+                    }
+                    sum[k * k + k * r + a] += dot_in_lanes(&z[a], &white[joint][first..last]);
+                }
+                first = last;
+            }
+        }
+        for bin in 1..=bins {
+            for entry in 0..width {
+                sums[bin][entry] += sums[bin - 1][entry];
+            }
+        }
+        sums
+    }
+}
