@@ -63,23 +63,28 @@ impl WithSimd for Assemble<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { plan, points, diagonal, first, mut columns } = self;
-        let (mut query, mut work) = (plan.query(), plan.work());
-        for (k, column) in columns.as_mut().col_iter_mut().enumerate() {
-            let j = first + k;
-            let column = column.try_as_col_major_mut().expect("column-major").as_slice_mut();
-            points.point(j, &mut query);
-            for (start, length) in points.tiles_from(j) {
-                let values = plan.values::<_, S, false>(simd, points, (start, length), &query, &mut work);
-                let end = (start + length).min(column.len());
+        let queries = points.queries(plan, first, columns.ncols());
+        let mut work = plan.work();
+        for (start, length) in points.tiles_from(first) {
+            let end = (start + length).min(columns.nrows());
+            for (k, query) in queries.iter().enumerate().filter(|(k, _)| first + k < end) {
+                let values = plan.values::<_, S, false>(simd, points, (start, length), query, &mut work);
+                let column = columns.as_mut().col_mut(k).try_as_col_major_mut().expect("column-major").as_slice_mut();
                 column[start..end].copy_from_slice(&values[..end - start]);
             }
-            column[j] = plan.variance() + diagonal;
+        }
+        for k in 0..columns.ncols() {
+            columns[(first + k, k)] = plan.variance() + diagonal;
         }
     }
 }
 
 /// Columns of an inverse that exist at a time.
 const PANEL: usize = 512;
+
+const FULL: BlockStructure = BlockStructure::Rectangular;
+const LOWER: BlockStructure = BlockStructure::TriangularLower;
+const UPPER: BlockStructure = BlockStructure::TriangularUpper;
 
 /// Room for [`likelihood_gradient`].
 pub(super) fn panel(n: usize) -> Mat<f64> {
@@ -129,16 +134,23 @@ pub(super) fn likelihood_gradient(
     (gradient, trace)
 }
 
-/// The first columns of L⁻ᵀ L⁻¹, of which the lower triangle counts.
+/// The first columns of L⁻ᵀ L⁻¹, of which the lower triangle counts: a sum over blocks of rows of L⁻¹.
 fn inverse_columns(inverse_factor: MatRef<'_, f64>, mut out: MatMut<'_, f64>, par: Par) {
-    let width = out.ncols();
-    let (top, _, side, rest) = inverse_factor.split_at(width, width);
-    let (mut first, mut below) = out.rb_mut().split_at_row_mut(width);
-    let (upper, lower, rectangular) =
-        (BlockStructure::TriangularUpper, BlockStructure::TriangularLower, BlockStructure::Rectangular);
-    matmul(first.rb_mut(), lower, Accum::Replace, top.transpose(), upper, top, lower, 1.0, par);
-    matmul(first.rb_mut(), lower, Accum::Add, side.transpose(), rectangular, side, rectangular, 1.0, par);
-    matmul(below.rb_mut(), rectangular, Accum::Replace, rest.transpose(), upper, side, rectangular, 1.0, par);
+    let (n, width) = (inverse_factor.nrows(), out.ncols());
+    let top = inverse_factor.submatrix(0, 0, width, width);
+    matmul(out.rb_mut().subrows_mut(0, width), LOWER, Accum::Replace, top.transpose(), UPPER, top, LOWER, 1.0, par);
+    let block = block(n - width, par);
+    for start in (width..n).step_by(block) {
+        let height = block.min(n - start);
+        let (left, diagonal) = inverse_factor.submatrix(start, 0, height, start + height).split_at_col(start);
+        let (right, left) = left.split_at_col(width);
+        let (above, rest) = out.rb_mut().split_at_row_mut(start);
+        let (first, above) = above.split_at_row_mut(width);
+        matmul(first, LOWER, Accum::Add, right.transpose(), FULL, right, FULL, 1.0, par);
+        add_product(above, left.transpose(), right, 1.0, par);
+        let here = rest.split_at_row_mut(height).0;
+        matmul(here, FULL, Accum::Replace, diagonal.transpose(), UPPER, right, FULL, 1.0, par);
+    }
 }
 
 struct LikelihoodGradient<'a> {
@@ -158,32 +170,31 @@ impl WithSimd for LikelihoodGradient<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Vec<f64> {
         let Self { plan, points, alpha, start: above, first, columns } = self;
-        let (mut query, mut work) = (plan.query(), plan.work());
+        let queries = points.queries(plan, first, columns.ncols());
+        let mut work = plan.work();
         let mut gradient = vec![0.0; plan.theta_len()];
         let mut weights = [0.0; TILE];
         let outputs = alpha.len() as f64;
-        for (k, column) in columns.col_iter().enumerate() {
-            let j = first + k;
-            let column = column.try_as_col_major().expect("column-major").as_slice();
-            points.point(j, &mut query);
-            for (start, length) in points.tiles_from(j) {
-                let end = (start + length).min(above + column.len());
-                let weights = &mut weights[..length];
-                weights
-                    .iter_mut()
-                    .zip(&column[start - above..end - above])
-                    .for_each(|(w, inverse)| *w = -outputs * *inverse);
+        for (start, length) in points.tiles_from(first) {
+            let end = (start + length).min(above + columns.nrows());
+            let weights = &mut weights[..length];
+            for (k, query) in queries.iter().enumerate().filter(|(k, _)| first + k < end) {
+                let j = first + k;
+                let column = columns.col(k).try_as_col_major().expect("column-major").as_slice();
+                let inverse = &column[start - above..end - above];
+                weights.iter_mut().zip(inverse).for_each(|(w, inverse)| *w = -outputs * *inverse);
                 for alpha in alpha {
                     let own = alpha[j];
                     weights.iter_mut().zip(&alpha[start..end]).for_each(|(w, alpha)| *w += own * alpha);
                 }
                 weights[end - start..].fill(0.0);
+                // Above the diagonal nothing counts.
                 if start <= j {
                     weights[..j - start].fill(0.0);
                     weights[j - start] *= 0.5;
                 }
-                plan.values::<_, S, true>(simd, points, (start, length), &query, &mut work);
-                plan.gradient(simd, points, (start, length), &query, weights, &mut work, &mut gradient, None);
+                plan.values::<_, S, true>(simd, points, (start, length), query, &mut work);
+                plan.gradient(simd, points, (start, length), query, weights, &mut work, &mut gradient, None);
             }
         }
         gradient
@@ -214,10 +225,55 @@ pub(super) fn assemble_and_factor(
 }
 
 /// L in the lower triangle of `matrix`; false if it is not positive definite.
-pub(super) fn factor(matrix: MatMut<'_, f64>, par: Par) -> bool {
+///
+/// Column by column of blocks, each less the products of what is to its left: sums as long as they can be, for a product of few
+/// columns waits for memory.
+pub(super) fn factor(mut matrix: MatMut<'_, f64>, par: Par) -> bool {
+    let n = matrix.nrows();
+    let block = block(n, par);
+    let mut copy = Mat::zeros(if block < n { block } else { 0 }, block);
+    for start in (0..n).step_by(block) {
+        let width = block.min(n - start);
+        let (_, _, left, columns) = matrix.rb_mut().split_at_mut(start, start);
+        let (left, columns) = (left.rb(), columns.split_at_col_mut(width).0);
+        let (mut diagonal, mut below) = columns.split_at_row_mut(width);
+        for first in (0..start).step_by(block) {
+            let (beside, left) = left.subcols(first, block).split_at_row(width);
+            // Transposed in memory: rows that are read across the columns of a large matrix cost a tenth.
+            let mut transposed = copy.as_mut().subcols_mut(0, width);
+            transposed.copy_from(beside.transpose());
+            matmul(diagonal.rb_mut(), LOWER, Accum::Add, beside, FULL, transposed.rb(), FULL, -1.0, par);
+            add_product(below.rb_mut(), left, transposed.rb(), -1.0, par);
+        }
+        if !factor_block(diagonal.rb_mut(), par) {
+            return false;
+        }
+        solve_lower_triangular_in_place(diagonal.rb(), below.transpose_mut(), par);
+    }
+    true
+}
+
+/// The same for a block.
+fn factor_block(matrix: MatMut<'_, f64>, par: Par) -> bool {
     let n = matrix.nrows();
     let mut buffer = MemBuffer::new(llt::cholesky_in_place_scratch::<f64>(n, par, Default::default()));
     llt::cholesky_in_place(matrix, Default::default(), par, MemStack::new(&mut buffer), Default::default()).is_ok()
+}
+
+/// Rows and columns of the blocks in which triangular matrices are treated: what one core keeps in its cache; several share
+/// work better if there is much of it.
+fn block(n: usize, par: Par) -> usize {
+    if matches!(par, Par::Seq) { PANEL } else { n.max(1) }
+}
+
+/// out += factor * a b, a block of rows after the other.
+fn add_product(mut out: MatMut<'_, f64>, a: MatRef<'_, f64>, b: MatRef<'_, f64>, factor: f64, par: Par) {
+    let rows = out.nrows();
+    for start in (0..rows).step_by(PANEL) {
+        let height = PANEL.min(rows - start);
+        let out = out.rb_mut().subrows_mut(start, height);
+        faer::linalg::matmul::matmul(out, Accum::Add, a.subrows(start, height), b, factor, par);
+    }
 }
 
 /// L⁻¹ in the lower triangle of `out`.
@@ -225,46 +281,92 @@ pub(super) fn invert_factor(factor: MatRef<'_, f64>, out: MatMut<'_, f64>, par: 
     invert_lower_triangular(out, factor, par);
 }
 
-/// The same in place of L; `panel` as for [`likelihood_gradient`].
+/// The same in place of L, `panel` as for [`likelihood_gradient`]: the columns of a block of the identity by forward substitution.
 pub(super) fn invert_in_place(mut lower: MatMut<'_, f64>, panel: &mut Mat<f64>, par: Par) {
     let n = lower.nrows();
-    if n <= PANEL {
-        let copy = panel.as_mut().submatrix_mut(0, 0, n, n);
-        invert_lower_triangular(copy, lower.rb(), par);
-        for column in 0..n {
-            let inverse = panel.col_as_slice(column);
-            lower.rb_mut().col_mut(column).try_as_col_major_mut().expect("column-major").as_slice_mut()[column..]
-                .copy_from_slice(&inverse[column..n]);
+    for start in (0..n).step_by(PANEL) {
+        let width = PANEL.min(n - start);
+        let (mut diagonal, _, mut side, rest) = lower.rb_mut().split_at_mut(start, start).3.split_at_mut(width, width);
+        let rest = rest.rb();
+        let mut copy = panel.as_mut().submatrix_mut(0, 0, width, width);
+        invert_lower_triangular(copy.rb_mut(), diagonal.rb(), par);
+        diagonal.copy_from_triangular_lower(copy.rb());
+        // [A 0; B C]⁻¹ = [A⁻¹ 0; -C⁻¹ B A⁻¹ C⁻¹]
+        let rows = side.nrows();
+        let mut copy = panel.as_mut().submatrix_mut(0, 0, rows, width);
+        copy.copy_from(side.rb());
+        matmul(side.rb_mut(), FULL, Accum::Replace, copy.rb(), FULL, diagonal.rb(), LOWER, -1.0, par);
+        if matches!(par, Par::Seq) {
+            substitute(rest, side);
+        } else {
+            let share = width.div_ceil(par.degree());
+            side.par_col_chunks_mut(share).for_each(|columns| substitute(rest, columns));
         }
-        return;
     }
-    // [A 0; B C]⁻¹ = [A⁻¹ 0; -C⁻¹ B A⁻¹ C⁻¹]
-    let middle = (n / 2).next_multiple_of(PANEL);
-    let (mut first, _, mut side, mut last) = lower.split_at_mut(middle, middle);
-    invert_in_place(first.rb_mut(), panel, par);
-    let (rectangular, triangular) = (BlockStructure::Rectangular, BlockStructure::TriangularLower);
-    for start in (0..n - middle).step_by(PANEL) {
-        let rows = side.rb_mut().subrows_mut(start, PANEL.min(n - middle - start));
-        // Transposed, for a panel is tall.
-        let mut copy = panel.as_mut().submatrix_mut(0, 0, middle, rows.nrows());
-        copy.copy_from(rows.rb().transpose());
-        matmul(rows, rectangular, Accum::Replace, copy.transpose(), rectangular, first.rb(), triangular, -1.0, par);
+}
+
+/// L⁻¹ times `columns`, in place.
+fn substitute(lower: MatRef<'_, f64>, mut columns: MatMut<'_, f64>) {
+    let n = lower.nrows();
+    for start in (0..n).step_by(PANEL) {
+        let height = PANEL.min(n - start);
+        let (diagonal, left) = lower.submatrix(start, start, n - start, height).split_at_row(height);
+        let (mut solved, below) = columns.rb_mut().split_at_row_mut(start).1.split_at_row_mut(height);
+        solve_lower_triangular_in_place(diagonal, solved.rb_mut(), Par::Seq);
+        add_product(below, left, solved.rb(), -1.0, Par::Seq);
     }
-    solve_lower_triangular_in_place(last.rb(), side, par);
-    invert_in_place(last.rb_mut(), panel, par);
 }
 
 /// Lower triangle of (L Lᵀ)⁻¹ = L⁻ᵀ L⁻¹ from L⁻¹.
 pub(super) fn inverse_from(inverse_factor: MatRef<'_, f64>, out: MatMut<'_, f64>, par: Par) {
-    matmul(
-        out,
-        BlockStructure::TriangularLower,
-        Accum::Replace,
-        inverse_factor.transpose(),
-        BlockStructure::TriangularUpper,
-        inverse_factor,
-        BlockStructure::TriangularLower,
-        1.0,
-        par,
-    );
+    matmul(out, LOWER, Accum::Replace, inverse_factor.transpose(), UPPER, inverse_factor, LOWER, 1.0, par);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A covariance of points on a line, of two whole blocks and a part of one.
+    fn covariance_matrix(n: usize) -> Mat<f64> {
+        Mat::from_fn(n, n, |i, j| (-((i as f64 - j as f64) / 40.0).powi(2)).exp() + if i == j { 0.1 } else { 0.0 })
+    }
+
+    fn lower(matrix: &Mat<f64>) -> Mat<f64> {
+        Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, j| if i >= j { matrix[(i, j)] } else { 0.0 })
+    }
+
+    #[test]
+    fn factor_and_inverse_in_blocks_are_those_of_the_matrix() {
+        let n = 2 * PANEL + 77;
+        let (covariance, identity) = (covariance_matrix(n), Mat::<f64>::identity(n, n));
+        for par in [Par::Seq, Par::rayon(2)] {
+            let mut matrix = covariance.clone();
+            assert!(factor(matrix.as_mut(), par));
+            let root = lower(&matrix);
+            assert!((&root * root.transpose() - &covariance).norm_max() < 1e-13);
+
+            let mut panel = panel(n);
+            invert_in_place(matrix.as_mut(), &mut panel, par);
+            let inverse_root = lower(&matrix);
+            assert!((&root * &inverse_root - &identity).norm_max() < 1e-13);
+
+            for start in (0..n).step_by(PANEL) {
+                let width = PANEL.min(n - start);
+                let rest = matrix.as_ref().submatrix(start, start, n - start, n - start);
+                inverse_columns(rest, panel.as_mut().submatrix_mut(0, 0, n - start, width), par);
+                let expected = inverse_root.transpose() * inverse_root.subcols(start, width);
+                let difference = |i: usize, k: usize| (panel[(i - start, k)] - expected[(i, k)]).abs();
+                assert!((0..width).all(|k| (start + k..n).all(|i| difference(i, k) < 1e-12)));
+            }
+        }
+    }
+
+    #[test]
+    fn a_matrix_that_is_not_positive_definite_is_found_in_every_block() {
+        for wrong in [3, PANEL + 3, 2 * PANEL + 3] {
+            let mut matrix = covariance_matrix(2 * PANEL + 77);
+            matrix[(wrong, wrong)] = -1.0;
+            assert!(!factor(matrix.as_mut(), Par::Seq));
+        }
+    }
 }

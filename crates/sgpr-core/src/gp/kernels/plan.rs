@@ -112,6 +112,16 @@ impl<T: Element> Features<T> {
         tiles(first, self.count)
     }
 
+    /// The points `first..first + count`, each on its own.
+    pub fn queries(&self, plan: &Plan, first: usize, count: usize) -> Vec<Query<T>> {
+        let query = |index: usize| {
+            let mut query = plan.query();
+            self.point(index, &mut query);
+            query
+        };
+        (first..first + count).map(query).collect()
+    }
+
     /// The columns from one on, each from the point `start` on, and how far they lie apart.
     #[inline(always)]
     pub fn columns_from(&self, column: usize, start: usize) -> (&[T], usize) {
