@@ -20,8 +20,8 @@ from real_robots import DATASETS, EFFECTS, find_dataset, robot_and_logs
 
 STANDING: dict[str, dict[str, Any]] = {"told apart": {}, "all motion": {"standstill_speed": 1e-9}}
 HEADER = """\
-| robot | joints that stand | parts kept out: unconstrained | consistent | test logs: unconstrained | consistent | loss \
-| reference |
+| robot | joints that stand | parts kept out: unconstrained | consistent | test logs: unconstrained | consistent \
+| loss | reference |
 |---|---|---:|---:|---:|---:|---:|---:|"""
 
 Logs = list[sgpr.Recording]
