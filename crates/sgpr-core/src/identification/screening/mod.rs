@@ -408,8 +408,10 @@ fn wrong_gain(base: &BaseParameters, joints: &[String], factors: &[JointFactor],
     // Healthy logs of real arms give gains of 0.85 to 1.27 where they are known, and any with four deviations where not.
     const WRONG: f64 = 1.5;
     const SURE: f64 = 8.0;
-    // Share of the squared residual that the right gain saves.
+    // Share of the squared residual that the right gain saves, and what is left as a multiple of what each joint leaves with
+    // parameters of its own.
     const BETTER: f64 = 0.1;
+    const AGREEMENT: f64 = 1.5;
     let noise: Vec<f64> = factors.iter().map(noise_alone).collect();
     let now = residual(&stack(factors, base.rank(), &noise));
     let rows = total_rows(factors);
@@ -419,7 +421,7 @@ fn wrong_gain(base: &BaseParameters, joints: &[String], factors: &[JointFactor],
         let deviation = (2.0 * variance * gain.residual / gain.curvature).sqrt();
         let certain = gain.logarithm.abs() > WRONG.ln() && gain.logarithm.abs() > SURE * deviation;
         // Joints that contradict each other afterwards, too, have something else, such as springs.
-        let agrees = gain.residual < DISAGREEMENT.powi(2) * rows;
+        let agrees = gain.residual < AGREEMENT.powi(2) * rows;
         (certain && agrees && gain.residual < (1.0 - BETTER) * now).then_some((joint, gain))
     });
     let (joint, gain) = found.min_by(|a, b| a.1.residual.total_cmp(&b.1.residual))?;
