@@ -32,11 +32,11 @@ pub(super) fn estimate(
     let mut held = nominal.to_vec();
     let mut last_diverged = None;
     for iteration in 1..=MOST_ITERATIONS {
-        let (values, simulated, diverged) = simulate_toward(equations, &held, best.values)?;
+        let Held { values, motions, diverged } = simulate_toward(equations, &held, best.values)?;
         last_diverged = diverged.map(|trajectory| (iteration, trajectory)).or(last_diverged);
         best.values = values;
         held.clone_from(&best.values);
-        let trajectories = equations.trajectories().iter().zip(&simulated);
+        let trajectories = equations.trajectories().iter().zip(&motions);
         let trajectories =
             trajectories.map(|(trajectory, motion)| Trajectory { samples: motion.samples(), ..*trajectory });
         let model =
@@ -64,13 +64,17 @@ pub(super) fn estimate(
     Ok(best)
 }
 
-/// The trajectories of the farthest arm that its controller holds on the way from `held` to `values`, halved from the far
-/// end, with its base parameters, and the trajectory that diverged beyond.
-fn simulate_toward(
-    equations: &Equations<'_>,
-    held: &[f64],
-    mut values: Vec<f64>,
-) -> Result<(Vec<f64>, Vec<SimulatedMotion>, Option<usize>), IdentificationError> {
+/// An arm that its controller holds.
+struct Held {
+    /// Its base parameters.
+    values: Vec<f64>,
+    motions: Vec<SimulatedMotion>,
+    /// The trajectory that diverged with parameters farther away.
+    diverged: Option<usize>,
+}
+
+/// The farthest arm that its controller holds on the way from `held` to `values`, halved from the far end.
+fn simulate_toward(equations: &Equations<'_>, held: &[f64], mut values: Vec<f64>) -> Result<Held, IdentificationError> {
     let mut diverged = None;
     for _ in 0..HALVINGS {
         match simulate(equations, &values) {
@@ -78,10 +82,10 @@ fn simulate_toward(
                 diverged = Some(trajectory);
                 values.iter_mut().zip(held).for_each(|(value, held)| *value = 0.5 * (*value + held));
             }
-            result => return Ok((values, result?, diverged)),
+            result => return Ok(Held { values, motions: result?, diverged }),
         }
     }
-    Ok((held.to_vec(), simulate(equations, held)?, diverged))
+    Ok(Held { values: held.to_vec(), motions: simulate(equations, held)?, diverged })
 }
 
 /// The trajectories as the arm with these base parameters runs them.
@@ -127,11 +131,12 @@ mod tests {
         // An arm of negative inertia, which runs away.
         let wild: Vec<f64> = held.iter().map(|value| -0.2 * value).collect();
         assert!(matches!(simulate(&equations, &wild), Err(IdentificationError::Diverged { trajectory: 0 })));
-        let (values, motions, diverged) = simulate_toward(&equations, &held, wild.clone()).expect("the held arm");
+        let Held { values, motions, diverged } =
+            simulate_toward(&equations, &held, wild.clone()).expect("the held arm");
         assert_eq!((motions.len(), diverged), (1, Some(0)));
         let share = (values[0] - held[0]) / (wild[0] - held[0]);
         assert!(share > 0.0 && share <= 0.5, "{share}");
-        let (values, _, diverged) = simulate_toward(&equations, &held, held.clone()).expect("the held arm");
+        let Held { values, diverged, .. } = simulate_toward(&equations, &held, held.clone()).expect("the held arm");
         assert_eq!((values, diverged), (held, None));
     }
 }
