@@ -69,21 +69,27 @@ def kept_out(logs: dict[str, Any], effects: list[str], consistent: bool) -> floa
     """Root mean square of the errors on fifths of the training logs, each predicted from the other four, %."""
     processing = sgpr.identify(logs["robot"], logs["train"], effects=effects).processing
     assert processing is not None
-    shortest = 8.0 / processing.cutoff_hz
     squares = []
+    for known, new in fifths(logs["train"], shortest=8.0 / processing.cutoff_hz):
+        options = {"effects": effects, "consistent": consistent, "cutoff_hz": processing.cutoff_hz}
+        model = sgpr.identify(logs["robot"], known, **options)
+        squares.append(sgpr.compare(model, new).relative_error_percent ** 2)
+    return float(np.sqrt(np.mean(squares)))
+
+
+def fifths(logs: list[sgpr.Recording], shortest: float) -> list[tuple[list[sgpr.Recording], list[sgpr.Recording]]]:
+    """Four fifths of each log, stretches of less than `shortest` seconds left out, and the fifth that is kept out."""
+    parts = []
     for part in range(FIFTHS):
-        ends = [(log, part * len(log) // FIFTHS, (part + 1) * len(log) // FIFTHS) for log in logs["train"]]
+        ends = [(log, part * len(log) // FIFTHS, (part + 1) * len(log) // FIFTHS) for log in logs]
         known = [
             log.slice(*rows)
             for log, low, high in ends
             for rows in ((0, low), (high, len(log)))
             if rows[1] - rows[0] > shortest * log.sample_rate_hz
         ]
-        options = {"effects": effects, "consistent": consistent, "cutoff_hz": processing.cutoff_hz}
-        model = sgpr.identify(logs["robot"], known, **options)
-        new = [log.slice(low, high) for log, low, high in ends]
-        squares.append(sgpr.compare(model, new).relative_error_percent ** 2)
-    return float(np.sqrt(np.mean(squares)))
+        parts.append((known, [log.slice(low, high) for log, low, high in ends]))
+    return parts
 
 
 def novelty(train: list[sgpr.Recording], test: list[sgpr.Recording]) -> float:

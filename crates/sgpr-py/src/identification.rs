@@ -37,6 +37,42 @@ pub fn recordings(given: &Bound<'_, PyAny>) -> PyResult<Vec<logs::Recording>> {
     Ok(recordings)
 }
 
+/// Share of its moving time in which a recording repeats paths of known ones.
+///
+/// An error on a log that repeats motions of the training tells how well a model repeats what it was fitted to, with all
+/// that it lacks, and not how it predicts.
+///
+/// Parameters
+/// ----------
+/// known : list of Recording
+/// new : Recording
+///
+/// Returns
+/// -------
+/// float or None
+///     0 to 1; None if `new` never moves for a second or `known` is empty. Paths of a second are compared. Logs of real robots with motions of
+///     their own reach a third, since arms start at the same pose.
+///
+/// Raises
+/// ------
+/// ValueError
+///     If the recordings have different numbers of joints.
+///
+/// Examples
+/// --------
+/// >>> log = sgpr.read("train.csv.gz")
+/// >>> sgpr.repeated_share([log], log)
+/// 1.0
+#[pyfunction]
+pub fn repeated_share(known: &Bound<'_, PyAny>, new: &Bound<'_, Recording>) -> PyResult<Option<f64>> {
+    let (known, new) = (recordings(known)?, &new.get().inner);
+    if let Some(other) = known.iter().find(|log| log.dof() != new.dof()) {
+        let (found, expected) = (other.dof(), new.dof());
+        return Err(invalid(format!("known: got a recording of {found} joints, expected {expected}")));
+    }
+    Ok(logs::repeated_share(&known, new))
+}
+
 const OPTIONS: [&str; 21] = [
     "effects",
     "method",

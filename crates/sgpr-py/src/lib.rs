@@ -37,7 +37,7 @@ mod _sgpr {
     use crate::gp::{FittedProcess, Kernel, ProcessPredictor, fit_process, restore_process};
     #[pymodule_export]
     use crate::identification::{
-        CutoffChoice, CutoffInfluence, IdentificationReport, cutoff_influence, effects, identify,
+        CutoffChoice, CutoffInfluence, IdentificationReport, cutoff_influence, effects, identify, repeated_share,
     };
     #[pymodule_export]
     use crate::model::{Model, Parameter, Parameters, Predictor, Processing, load};

@@ -140,6 +140,22 @@ def test_failure_leaves_the_folder_as_it_was(logs: list[str], tmp_path: Path) ->
     assert (tmp_path / "predictions.csv").read_text() == "old"
 
 
+def test_a_test_log_that_repeats_the_training_is_named(finished: Run, logs: list[str], tmp_path: Path) -> None:
+    assert json.loads((finished[1] / "identification.json").read_text())["repeated_motions"] == []
+    again = write_log(tmp_path / "again.csv", 1, lambda table: table[100:])
+    out = tmp_path / "out"
+    found = run("identify", "--robot", "two_link", "--train", *logs[:2], "--test", logs[2], again, "--out", out)
+    assert found.code == 0
+    (text,) = json.loads((out / "identification.json").read_text())["repeated_motions"]
+    assert text.startswith(f"{again} repeats motions of the training logs for 100 %")
+    assert "repeats motions" in " ".join(found.err.split()) + " ".join(found.out.split())
+    assert "repeats motions of the training logs" in (out / "report.html").read_text()
+    # The model knows which logs trained it.
+    found = run("compare", out / "model.sgpr", logs[2], again, "--json", "--out", tmp_path / "compared")
+    assert json.loads(found.out)["repeated_motions"] == [text]
+    assert "repeats motions of the training logs" in (tmp_path / "compared" / "report.html").read_text()
+
+
 def test_without_test_logs_the_training_logs_are_shown_as_such(logs: list[str], tmp_path: Path) -> None:
     found = run("identify", "--robot", "two_link", "--train", *logs[:2], "--out", tmp_path)
     assert found.code == 0

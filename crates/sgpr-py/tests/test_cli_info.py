@@ -36,6 +36,13 @@ def test_formulas_of_base_parameters() -> None:
     assert [p["formula"] for p in data["base_parameters"]] == sgpr.robots.two_link().base_parameters().formulas
 
 
+def test_gravity_of_an_arm_that_is_mounted_otherwise() -> None:
+    # In the plane of the motion gravity reveals first moments; across it only inertias are left.
+    for gravity, count in (("0 -9.81 0", 6), ("0 0 -9.81", 4)):
+        [data] = json.loads(run("info", "two_link", "--gravity", *gravity.split(), "--json").out)
+        assert len(data["base_parameters"]) == count
+
+
 def test_screening_against_the_robot(tmp_path: Path) -> None:
     arguments = ("--robot", "two_link", "--effects", "viscous_friction", "coulomb_friction", "--json")
     [data] = json.loads(run("info", write_log(tmp_path / "log.csv", 1), *arguments).out)

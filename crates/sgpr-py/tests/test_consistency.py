@@ -61,6 +61,7 @@ def test_limits_have_prices_and_the_data_choose_the_pull(
     assert model.report is not None
     (text,) = (text for text in model.report.warnings if "consistency costs" in text)
     assert name in text and "they cost where the motion is new, too" in text
+    assert f"Check what you set: {dearest['limit']}." in text
     model.save(tmp_path / "model.sgpr")
     assert sgpr.load(tmp_path / "model.sgpr").certificate == model.certificate
     chosen = sgpr.identify(demo_robot, demo_logs[:1], consistent=True, prior_deviation="auto")
@@ -68,6 +69,20 @@ def test_limits_have_prices_and_the_data_choose_the_pull(
     assert chosen.certificate["prior_deviation"] in (1.0, 3.0, 10.0, 30.0, 100.0)
     assert chosen.report is not None
     assert any("error by relative deviation" in text for text in chosen.report.warnings)
+
+
+def test_logs_without_noise_are_solved(demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording]) -> None:
+    # Torques that a model gives for the motion as it is processed: nothing is left but rounding.
+    truth = sgpr.identify(demo_robot, demo_logs, consistent=True)
+    exact = []
+    for log in demo_logs:
+        (motion,) = sgpr.compare(truth, [log]).logs
+        tau = truth.predict(motion.q, motion.dq, motion.ddq)
+        exact.append(sgpr.Recording(log.time_ns, log.q, log.dq, tau, joint_names=log.joint_names, source=log.source))
+    assert truth.processing is not None
+    model = sgpr.identify(demo_robot, exact, consistent=True, cutoff_hz=truth.processing.cutoff_hz)
+    values, expected = (np.array([p.value for p in each.parameters]) for each in (model, truth))
+    assert np.abs(values - expected).max() < 1e-5 * np.abs(expected).max()
 
 
 def test_limits_are_kept_and_contradictions_named(demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording]) -> None:

@@ -358,3 +358,13 @@ def test_channels_and_notes_of_mcap(data: Path) -> None:
     assert all(values.shape == (len(rec),) for values in rec.channels.values())
     assert rec.notes
     json.dumps(rec.notes)
+
+
+def test_a_test_log_with_the_motion_of_the_training_is_found(
+    demo_logs: list[sgpr.Recording], demo_test: sgpr.Recording, log: sgpr.Recording
+) -> None:
+    again = demo_logs[0].slice(1000, 4000)
+    assert sgpr.repeated_share(demo_logs, again) == 1.0
+    assert sgpr.repeated_share(demo_logs, demo_test) == 0.0
+    with pytest.raises(ValueError, match="joints"):
+        sgpr.repeated_share(demo_logs, log)

@@ -236,10 +236,15 @@ impl LeastSquares {
                 weights = factors.iter().zip(&used).map(of_joint).collect();
             }
             _ => {
+                let mut least = vec![0.0; factors.len()];
                 for _ in 0..MOST_ITERATIONS {
                     iterations += 1;
                     let noise = floored(&residual(&weights), factors);
-                    let noise = noise.iter().zip(&used).map(|(noise, used)| ignored(*noise, used)).collect();
+                    if iterations == 1 {
+                        least = least_noise(&noise, factors);
+                    }
+                    let noise = noise.iter().zip(&least).map(|(noise, least)| noise.max(*least));
+                    let noise = noise.zip(&used).map(|(noise, used)| ignored(noise, used)).collect();
                     let before = std::mem::replace(&mut weights, noise);
                     let change = |((new, old), used): ((&f64, &f64), &bool)| {
                         if *used { (new / old - 1.0).abs() } else { 0.0 }
@@ -305,6 +310,8 @@ impl Estimate {
         let unknowns = values.len();
         let freedom = degrees_of_freedom(factors, unknowns);
         let noise = floored(&residual_noise(factors, values, &freedom), factors);
+        let least = least_noise(&self.weights, factors);
+        let noise: Vec<f64> = noise.iter().zip(&least).map(|(noise, least)| noise.max(*least)).collect();
         let used = |(noise, weight): (&f64, &f64)| if weight.is_finite() { *noise } else { f64::INFINITY };
         let weights: Vec<f64> = noise.iter().zip(&self.weights).map(used).collect();
         let unit = unit_noise(factors, &weights, &noise, &freedom, correlation);
@@ -358,6 +365,15 @@ pub(super) fn floored(noise: &[f64], factors: &[JointFactor]) -> Vec<f64> {
     let size = |joint: &JointFactor| torque_norm(joint).max(1e-6 * joint.factor.norm_max());
     let torque = |joint: &JointFactor| size(joint) / (joint.rows.max(1) as f64).sqrt();
     noise.iter().zip(factors).map(|(noise, joint)| noise.max(1e-10 * torque(joint)).max(f64::MIN_POSITIVE)).collect()
+}
+
+/// Noise below which factors with few rows do not come: parameters can follow so few rows exactly, and the closer they do
+/// the more the rows would weigh. Zero for the others.
+pub(super) fn least_noise(noise: &[f64], factors: &[JointFactor]) -> Vec<f64> {
+    const ROWS_PER_COLUMN: usize = 2;
+    let few = |factor: &JointFactor| factor.rows < ROWS_PER_COLUMN * factor.columns.len();
+    let least = |(noise, factor): (&f64, &JointFactor)| if few(factor) && noise.is_finite() { *noise } else { 0.0 };
+    noise.iter().zip(factors).map(least).collect()
 }
 
 /// Solution of a triangular system by back substitution; `None` if a direction may be undetermined.

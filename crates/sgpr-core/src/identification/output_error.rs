@@ -11,6 +11,9 @@ use super::{Equations, Estimate, IdentificationError, LeastSquares, Method, Traj
 
 const MOST_ITERATIONS: usize = 50;
 
+/// Times that a step is halved before it is given up.
+const HALVINGS: usize = 6;
+
 /// A step shorter than this, in standard deviations, moves nothing that could be told from noise ...
 const SMALL_STEP: f64 = 1e-3;
 
@@ -25,13 +28,15 @@ pub(super) fn estimate(
 ) -> Result<Estimate, IdentificationError> {
     let least_squares = LeastSquares { method: Method::Wls, correlation: correlation.map(<[f64]>::to_vec) };
     let mut best = start;
+    // Noise can make of an estimate an arm that no controller holds: steps end before it, the first one from the robot file.
+    let mut held = nominal.to_vec();
+    let mut last_diverged = None;
     for iteration in 1..=MOST_ITERATIONS {
-        let simulated = match simulate(equations, &best.values) {
-            // Noise can make of the first estimate an arm that no controller holds: the robot file is better than that.
-            Err(IdentificationError::Diverged { .. }) if iteration == 1 => simulate(equations, nominal)?,
-            result => result?,
-        };
-        let trajectories = equations.trajectories().iter().zip(&simulated);
+        let Held { values, motions, diverged } = simulate_toward(equations, &held, best.values)?;
+        last_diverged = diverged.map(|trajectory| (iteration, trajectory)).or(last_diverged);
+        best.values = values;
+        held.clone_from(&best.values);
+        let trajectories = equations.trajectories().iter().zip(&motions);
         let trajectories =
             trajectories.map(|(trajectory, motion)| Trajectory { samples: motion.samples(), ..*trajectory });
         let model =
@@ -48,8 +53,39 @@ pub(super) fn estimate(
             return Ok(best);
         }
     }
+    match last_diverged {
+        // Where steps end early to the last nothing is found.
+        Some((iteration, trajectory)) if 2 * iteration > MOST_ITERATIONS => {
+            return Err(IdentificationError::Diverged { trajectory });
+        }
+        _ => {}
+    }
     best.notes.push(format!("simulation and least squares did not agree after {MOST_ITERATIONS} rounds"));
     Ok(best)
+}
+
+/// An arm that its controller holds.
+struct Held {
+    /// Its base parameters.
+    values: Vec<f64>,
+    motions: Vec<SimulatedMotion>,
+    /// The trajectory that diverged with parameters farther away.
+    diverged: Option<usize>,
+}
+
+/// The farthest arm that its controller holds on the way from `held` to `values`, halved from the far end.
+fn simulate_toward(equations: &Equations<'_>, held: &[f64], mut values: Vec<f64>) -> Result<Held, IdentificationError> {
+    let mut diverged = None;
+    for _ in 0..HALVINGS {
+        match simulate(equations, &values) {
+            Err(IdentificationError::Diverged { trajectory }) => {
+                diverged = Some(trajectory);
+                values.iter_mut().zip(held).for_each(|(value, held)| *value = 0.5 * (*value + held));
+            }
+            result => return Ok(Held { values, motions: result?, diverged }),
+        }
+    }
+    Ok(Held { values: held.to_vec(), motions: simulate(equations, held)?, diverged })
 }
 
 /// The trajectories as the arm with these base parameters runs them.
@@ -66,4 +102,41 @@ pub(super) fn simulate(equations: &Equations<'_>, base: &[f64]) -> Result<Vec<Si
         motion.ok_or(IdentificationError::Diverged { trajectory: index })
     };
     equations.trajectories().iter().enumerate().map(run).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{BaseParameters, ClosedLoop, ParameterSet};
+    use super::*;
+    use crate::dynamics::Samples;
+    use crate::robot::two_link;
+
+    #[test]
+    fn steps_end_where_a_controller_still_holds_the_arm() {
+        let robot = two_link();
+        let set = ParameterSet::new(&robot, &["viscous_friction"]).expect("a known effect");
+        let base = BaseParameters::new(&robot, &set);
+        let wave = |phase: f64| (0..400).map(|k| 0.5 * (0.02 * k as f64 + phase).sin()).collect::<Vec<_>>();
+        let (q, dq, ddq) = (wave(0.0), wave(1.6), wave(3.1));
+        let samples = Samples { q: &q, dq: &dq, ddq: &ddq };
+        let (kp, kd) = ([400.0, 300.0], [40.0, 30.0]);
+        let closed_loop =
+            ClosedLoop { reference: samples, feed_forward: None, kp: &kp, kd: &kd, rate_hz: 100.0, steps: 10 };
+        let tau = vec![0.0; q.len()];
+        let trajectory = Trajectory { closed_loop: Some(&closed_loop), ..Trajectory::new(samples, &tau) };
+        let equations = Equations::new(&robot, &set, &base, vec![trajectory]);
+        let mut parameters = robot.standard_parameters();
+        parameters.resize(set.len(), 0.5);
+        let held = base.combine(&parameters);
+        // An arm of negative inertia, which runs away.
+        let wild: Vec<f64> = held.iter().map(|value| -0.2 * value).collect();
+        assert!(matches!(simulate(&equations, &wild), Err(IdentificationError::Diverged { trajectory: 0 })));
+        let Held { values, motions, diverged } =
+            simulate_toward(&equations, &held, wild.clone()).expect("the held arm");
+        assert_eq!((motions.len(), diverged), (1, Some(0)));
+        let share = (values[0] - held[0]) / (wild[0] - held[0]);
+        assert!(share > 0.0 && share <= 0.5, "{share}");
+        let Held { values, diverged, .. } = simulate_toward(&equations, &held, held.clone()).expect("the held arm");
+        assert_eq!((values, diverged), (held, None));
+    }
 }

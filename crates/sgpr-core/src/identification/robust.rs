@@ -9,7 +9,7 @@ use faer::Mat;
 
 use super::autocorrelation::Memory;
 use super::estimate::Groups;
-use super::least_squares::{Solution, floored, stack, weighted_gram};
+use super::least_squares::{Solution, floored, least_noise, stack, weighted_gram};
 use super::{Equation, Equations, Estimate, IdentificationError, JointFactor};
 use crate::linalg::TriangularFactor;
 
@@ -43,7 +43,8 @@ pub(super) fn estimate(
     let used: Vec<bool> = start.weights.iter().map(|weight| weight.is_finite()).collect();
     let ones: Vec<f64> = used.iter().map(|used| if *used { 1.0 } else { f64::INFINITY }).collect();
     let mut values = start.values.clone();
-    let mut scales = Scales::new(equations, factors, &group, &values)?;
+    let least = least_noise(&start.weights, factors);
+    let mut scales = Scales::new(equations, factors, &group, &values, &least)?;
     let mut system;
     loop {
         start.iterations += 1;
@@ -62,7 +63,7 @@ pub(super) fn estimate(
         let next = Solution::new(&system, nominal).values;
         let step = length_in_deviations(&system, &next, &values);
         values = next;
-        let before = std::mem::replace(&mut scales, Scales::new(equations, factors, &group, &values)?);
+        let before = std::mem::replace(&mut scales, Scales::new(equations, factors, &group, &values, &least)?);
         if (step < SMALL_STEP && scales.change_since(&before, &used) < SMALL_STEP) || start.iterations > MOST_ITERATIONS
         {
             break;
@@ -145,6 +146,7 @@ impl Scales {
         factors: &[JointFactor],
         group: &Groups,
         values: &[f64],
+        least: &[f64],
     ) -> Result<Self, IdentificationError> {
         let trajectories = equations.trajectories().len();
         let mut sizes = vec![vec![Vec::new(); trajectories]; factors.len()];
@@ -153,6 +155,7 @@ impl Scales {
         })?;
         let all: Vec<f64> = sizes.iter().map(|of_logs| scale(&mut of_logs.concat())).collect();
         let all = floored(&all, factors);
+        let all: Vec<f64> = all.iter().zip(least).map(|(scale, least)| scale.max(*least)).collect();
         let own = sizes.iter_mut().zip(&all).map(|(of_logs, &all)| {
             let own = of_logs.iter_mut().map(|sizes| match sizes.len() {
                 0..FEWEST_ROWS => all,

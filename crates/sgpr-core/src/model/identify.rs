@@ -160,7 +160,7 @@ pub enum IdentifyError {
     /// Instruments of other motions.
     #[error(
         "the instruments hold {found} stretches of {samples:?} samples, the recordings {expected} of {wanted:?}: they are \
-         the same motion at the same times"
+         the same motion at the same times; bring both to one rate and one span (resample, trim)"
     )]
     Instruments {
         /// Stretches in the instruments.
@@ -580,12 +580,16 @@ fn cost_note(costs: &Costs, kept_out: Option<KeptOut>, joint: &str) -> Option<St
             }
         )
     });
+    let given = match &costs.given[..] {
+        [] => String::new(),
+        limits => format!(" Check what you set: {}.", limits.join(", ")),
+    };
     (!stages.is_empty()).then(|| {
         format!(
             "consistency costs more than noise explains: the weighted residual is {:.1} % larger than without limits, most at \
-             {joint}. Limits left out one after the other, and what is left of that: {}. Such limits are not wrong: look \
-             there for an effect that the model lacks (a cable, a spring, a sensor), which inertias that no body has and \
-             negative friction imitate{}",
+             {joint}. Limits left out one after the other, and what is left of that: {}.{given} Limits of \
+             physics are not wrong: look there for an effect that the model lacks (a cable, a spring, a sensor), which inertias \
+             that no body has and negative friction imitate{}",
             costs.residual_percent,
             stages.join("; "),
             kept_out.unwrap_or_default()

@@ -109,7 +109,7 @@ impl Certificate {
         consistency: Consistency,
     ) -> Self {
         let ConsistentParameters { links, active, cost, seconds, .. } = consistent;
-        let Costs { residual_percent, prices, stages } = costs;
+        let Costs { residual_percent, prices, stages, .. } = costs;
         let Consistency { prior: Prior { distance, relative_deviation }, bounds } = consistency;
         let prior_deviation = Some(relative_deviation);
         Self {

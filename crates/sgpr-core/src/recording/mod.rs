@@ -12,6 +12,7 @@ pub mod mcap;
 mod names;
 mod part;
 mod repair;
+mod repetition;
 mod resample;
 mod statistics;
 mod units;
@@ -28,6 +29,7 @@ pub use inspect::{Issue, IssueKind, Severity, inspect};
 pub(crate) use part::stretches;
 pub use part::{GAP_FACTOR, split_at_gaps};
 pub use repair::{Repair, Resample, repair};
+pub use repetition::repeated_share;
 pub use units::{PositionUnit, TimeUnit, TorqueUnit, Units, VelocityUnit};
 
 /// Largest amount of unpacked data that readers take unless told otherwise.

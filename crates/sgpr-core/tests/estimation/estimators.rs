@@ -2,7 +2,7 @@
 //! some.
 
 use sgpr_core::identification::{
-    Equations, Estimate, JointFactor, Method, SimulatedMotion, estimate, residual_correlation,
+    Equations, Estimate, JointFactor, Method, Row, SimulatedMotion, Trajectory, estimate, residual_correlation,
 };
 
 use crate::arm::{Experiment, largest_difference, trajectory};
@@ -33,6 +33,28 @@ fn without_noise_all_agree() {
         assert!(error < 1e-9, "{}: {error:e}", method.name());
         assert_eq!(estimate.covariance.nrows(), expected.len());
         assert!(estimate.standard_deviations().iter().all(|deviation| *deviation < 1e-3), "{}", method.name());
+    }
+}
+
+#[test]
+fn a_few_rows_at_rest_do_not_take_over() {
+    let experiment = Experiment::new(2000);
+    let motion = experiment.run(&experiment.truth);
+    let mut noise = Noise(5);
+    let mut tau: Vec<f64> = motion.tau.iter().map(|tau| tau + 0.2 * noise.normal()).collect();
+    let mut rows = vec![Row::Moving; tau.len()];
+    for k in [100, 101, 900, 901, 1500] {
+        // Held by dry friction, with any torque.
+        rows[2 * k] = Row::Resting;
+        tau[2 * k] += 3.0;
+    }
+    let trajectory = Trajectory { use_as: Some(&rows), ..trajectory(&motion, &tau) };
+    for method in [Method::Wls, Method::HUBER] {
+        let mut equations = Equations::new(&experiment.robot, &experiment.set, &experiment.base, vec![trajectory]);
+        let factors = equations.factors().expect("good data");
+        let found = estimate(&method, &mut equations, &factors, &experiment.nominal(), None).expect("good data");
+        let error = largest_difference(&found.values, &experiment.expected());
+        assert!(error < 0.1, "{}: {error}", method.name());
     }
 }
 

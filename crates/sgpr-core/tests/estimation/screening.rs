@@ -55,6 +55,17 @@ fn a_torque_in_another_unit_is_named_with_its_factor() {
 }
 
 #[test]
+fn a_gain_that_is_off_by_two_is_named() {
+    for gain in [0.5, 2.0] {
+        let found = findings(|_, joint, tau| if joint == 0 { gain * tau } else { tau }, [0, 0]);
+        let Some(Finding::Scaled { joint, factor }) = found.first() else { panic!("{gain}: {found:?}") };
+        // What is certain is the ratio of the two.
+        let ratio = if joint == "joint_1" { factor * gain } else { factor / gain };
+        assert!((ratio - 1.0).abs() < 0.1, "{gain}: {found:?}");
+    }
+}
+
+#[test]
 fn a_late_torque_is_named_with_its_delay() {
     for samples in [4, 11, 26] {
         let found = findings(|_, _, tau| tau, [0, samples]);

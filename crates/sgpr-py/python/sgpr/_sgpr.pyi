@@ -72,6 +72,7 @@ __all__ = [
     "read_mcap",
     "register_effect",
     "regroupings",
+    "repeated_share",
     "residual_structure",
     "restore_process",
     "screen",
@@ -599,6 +600,7 @@ def identify_drive_gains(
     lowest: ArrayLike | None = None,
     **options: Any,
 ) -> DriveGains: ...
+def repeated_share(known: Sequence[Recording], new: Recording) -> float | None: ...
 def screen(model: Model, recordings: Sequence[Recording]) -> list[str]: ...
 def regroupings(rows: Sequence[Mapping[str, Any]]) -> list[list[str]]: ...
 

@@ -80,6 +80,8 @@ mod open_interval {
 #[derive(Clone, Debug)]
 pub(super) struct Bound {
     pub name: String,
+    /// Whether the user set it; others are physics.
+    pub given: bool,
     rows: Rows,
 }
 
@@ -91,7 +93,7 @@ enum Rows {
 
 impl Bound {
     fn linear(name: String, rows: Vec<Affine>) -> Self {
-        Self { name, rows: Rows::NonNegative(rows) }
+        Self { name, given: true, rows: Rows::NonNegative(rows) }
     }
 
     pub fn require(&self, program: &mut Program) {
@@ -130,7 +132,8 @@ pub(super) fn collect(
     let parameter = |index: usize| Affine::variable(index, scale[index]);
     let mut all = Vec::new();
     for index in (set.inertial()..set.len()).filter(|index| set.is_non_negative(*index)) {
-        all.push(Bound::linear(format!("{} >= 0", set.names()[index]), vec![Affine::variable(index, 1.0)]));
+        let bound = Bound::linear(format!("{} >= 0", set.names()[index]), vec![Affine::variable(index, 1.0)]);
+        all.push(Bound { given: false, ..bound });
     }
     for link in &bounds.links {
         let joint = link.joint.as_str();
@@ -227,7 +230,7 @@ impl Region {
                 }
                 let [x, y, z] = centre;
                 let name = format!("{name} in the ellipsoid around ({x}, {y}, {z}) m");
-                bounds.push(Bound { name, rows: Rows::Ball(rows) });
+                bounds.push(Bound { name, given: true, rows: Rows::Ball(rows) });
             }
         }
         Ok(bounds)

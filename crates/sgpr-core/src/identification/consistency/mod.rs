@@ -133,7 +133,8 @@ impl Consistency {
     /// The consistent parameters nearest to the data.
     ///
     /// - `whitened`: `[rank + 1, rank + 1]`, the triangular factor of [W tau] in units of its noise, as in
-    ///   [`Estimate::whitened`](super::Estimate::whitened)
+    ///   [`Estimate::whitened`](super::Estimate::whitened). Data without noise may be given: they count as if they had a
+    ///   noise that the solver can resolve
     /// - `nominal`: all parameters of the set, those of the robot file
     /// - `torque`: size of the torque per joint, N·m (N), `[n]`; parameters of effects are expected to be of that order
     ///
@@ -196,7 +197,8 @@ struct Task<'a> {
     robot: &'a Robot,
     set: &'a ParameterSet,
     base: &'a BaseParameters,
-    whitened: &'a Mat<f64>,
+    /// Triangular factor of [W tau] in units of its noise, or of what the solver resolves.
+    whitened: Mat<f64>,
     nominal: &'a [f64],
     /// Of the links.
     sizes: Vec<LinkSize>,
@@ -220,7 +222,7 @@ impl<'a> Task<'a> {
         robot: &'a Robot,
         set: &'a ParameterSet,
         base: &'a BaseParameters,
-        whitened: &'a Mat<f64>,
+        whitened: &Mat<f64>,
         nominal: &'a [f64],
         torque: &[f64],
     ) -> Result<Self, IdentificationError> {
@@ -231,6 +233,7 @@ impl<'a> Task<'a> {
         let scale = parameter_scales(set, nominal, torque);
         let bounds = bounds::collect(bounds, robot, set, &scale)
             .map_err(|BadBound { bound, reason }| IdentificationError::BadBound { bound, reason })?;
+        let whitened = resolved(whitened);
         Ok(Self { robot, set, base, whitened, nominal, sizes, scale, bounds })
     }
 
@@ -239,7 +242,7 @@ impl<'a> Task<'a> {
         let mut program = Program::default();
         let x = program.variables(self.set.len());
         debug_assert_eq!(x, 0, "parameters come first");
-        add_data(&mut program, self.base, self.whitened, &self.scale);
+        add_data(&mut program, self.base, &self.whitened, &self.scale);
         let notes = prior.add_to(&mut program, self.robot, self.set, self.nominal, &self.sizes, &self.scale);
         let links = (0..self.robot.dof()).filter(|link| !without.contains(&Limit::Body(*link)));
         links.for_each(|link| require_body(&mut program, link * PARAMETERS_PER_LINK));
@@ -285,7 +288,7 @@ impl<'a> Task<'a> {
         let at_border = links.iter().filter(|link| link.relative_eigenvalue < 10.0 * MARGIN);
         active.extend(at_border.map(|link| format!("the link of `{}` is a body of positive density", link.joint)));
         Ok(ConsistentParameters {
-            cost: added_residual(self.whitened, &estimate),
+            cost: added_residual(&self.whitened, &estimate),
             base: estimate,
             parameters,
             links,
@@ -379,6 +382,14 @@ pub(super) fn nearest_body(
         Status::Infeasible => Err(IdentificationError::Unsolved { reason: "no body".into() }),
         Status::Failed(reason) => Err(IdentificationError::Unsolved { reason }),
     }
+}
+
+/// Data without noise would be known to more digits than the solver has: torques of at most so many standard deviations,
+/// all rows together.
+fn resolved(whitened: &Mat<f64>) -> Mat<f64> {
+    const MOST: f64 = 1e7;
+    let torque = whitened.col(whitened.ncols() - 1).norm_l2();
+    faer::Scale((MOST / torque).min(1.0)) * whitened
 }
 
 /// 1/2 |R B x - rho|²: in extra variables for the residual, because squaring R would square its condition number.

@@ -20,6 +20,8 @@ pub struct Costs {
     pub prices: Vec<Price>,
     /// Limits left out one after the other, each time the one that is then the dearest.
     pub stages: Vec<Stage>,
+    /// Those of the stages' limits that the user set, and not physics.
+    pub given: Vec<String>,
 }
 
 /// What one limit costs.
@@ -69,7 +71,7 @@ impl Consistency {
         let task = Task::new(&self.bounds, robot, set, base, whitened, nominal, torque)?;
         let prior = Prior { distance: Distance::Euclidean, ..self.prior };
         let Some(all) = task.relaxed(prior, &[]).filter(|all| all.added >= 1.0) else { return Ok(Costs::default()) };
-        let least = whitened[(base.rank(), base.rank())].powi(2);
+        let least = task.whitened[(base.rank(), base.rank())].powi(2);
         let percent = |added: f64| 100.0 * ((1.0 + added / least.max(f64::MIN_POSITIVE)).sqrt() - 1.0);
         let mut costs = Costs { residual_percent: percent(all.added), ..Costs::default() };
         let mut without: Vec<Limit> = Vec::new();
@@ -89,6 +91,9 @@ impl Consistency {
                 break;
             }
             let (limit, next) = relaxed.swap_remove(0);
+            if matches!(limit, Limit::Bound(index) if task.bounds[index].given) {
+                costs.given.push(task.name(limit));
+            }
             costs.stages.push(Stage { limit: task.name(limit), residual_percent: percent(next.added) });
             without.push(limit);
             now = next;
@@ -110,7 +115,7 @@ impl Task<'_> {
     fn relaxed(&self, prior: Prior, without: &[Limit]) -> Option<Relaxed> {
         let outcome = self.program(prior, without).0.solve();
         let base = self.base.combine(&self.parameters(&outcome.x));
-        let added = added_residual(self.whitened, &base).powi(2) * base.len() as f64;
+        let added = added_residual(&self.whitened, &base).powi(2) * base.len() as f64;
         (outcome.status == Status::Solved).then_some(Relaxed { x: outcome.x, added })
     }
 

@@ -13,7 +13,7 @@ pub use delays::screen_delays;
 
 use super::estimate::Groups;
 use super::extended_factor::{ExtendedFactor, own_noise};
-use super::least_squares::{Directions, Solution, stack};
+use super::least_squares::{Directions, Solution, stack, torque_norm};
 use super::{BaseParameters, Equations, Estimate, IdentificationError, JointFactor, ParameterSet};
 
 /// Something suspicious in the data of an identification.
@@ -176,8 +176,10 @@ const WEAK: f64 = 1.0 / 500.0;
 /// Joints that see the same arm leave at most this many times the residual that each leaves with parameters of its own.
 const DISAGREEMENT: f64 = 2.0;
 
-/// The same of a joint that is wrong in some way: missing effects of real arms reach 2.5.
+/// The same of a joint that is wrong in some way: missing effects of real arms reach 2.5. And its residual as a share of its
+/// torque, as a sensor that is off by a thousandth contradicts the others, too, where they are good.
 const CONTRADICTION: f64 = 3.5;
+const WORTH_A_MESSAGE: f64 = 0.03;
 
 /// What the factors alone tell: signs, units, weak directions. Costs nothing against collecting them.
 pub fn screen_factors(
@@ -187,18 +189,30 @@ pub fn screen_factors(
     factors: &[JointFactor],
     estimate: &Estimate,
 ) -> Vec<Finding> {
-    let ratios = factors.iter().zip(&estimate.noise).map(|(factor, noise)| (factor.joint, noise / own_noise(factor)));
+    let ratios =
+        factors.iter().zip(&estimate.noise).map(|(factor, noise)| (factor, noise / noise_alone(factor), *noise));
     let worst = ratios.max_by(|a, b| a.1.total_cmp(&b.1));
-    let (joint, ratio) = worst.unwrap_or((0, 0.0));
+    let (joint, ratio, share) = worst.map_or((0, 0.0, 0.0), |(factor, ratio, noise)| {
+        (factor.joint, ratio, noise * (factor.rows as f64).sqrt() / torque_norm(factor))
+    });
     let mut findings = if ratio > DISAGREEMENT { wrong_torques(set, base, joints, factors) } else { Vec::new() };
+    if findings.is_empty() {
+        findings.extend(wrong_gain(base, joints, factors, estimate.unit));
+    }
     if findings.is_empty() && friction_drives(set, base, &estimate.values, &estimate.standard_deviations()) {
         findings = driven(set, base, joints, factors);
     }
-    if findings.is_empty() && ratio > CONTRADICTION {
+    if findings.is_empty() && ratio > CONTRADICTION && share > WORTH_A_MESSAGE {
         findings.push(Finding::Contradiction { joint: joints[joint].clone(), ratio });
     }
     findings.extend(weak_direction(base.names(), joints, estimate));
     findings
+}
+
+/// Noise of a factor with parameters of its own; infinite where these can follow its few rows.
+fn noise_alone(factor: &JointFactor) -> f64 {
+    const ROWS_PER_COLUMN: usize = 2;
+    if factor.rows < ROWS_PER_COLUMN * factor.columns.len() { f64::INFINITY } else { own_noise(factor) }
 }
 
 /// Whether all torques are far from those of the robot file, as they are in another unit. Nothing is said where they are
@@ -236,7 +250,7 @@ fn wrong_torques(
     const BETTER: f64 = 2.0;
     let rank = base.rank();
     let mut factors = factors.to_vec();
-    let mut noise: Vec<f64> = factors.iter().map(own_noise).collect();
+    let mut noise: Vec<f64> = factors.iter().map(noise_alone).collect();
     let mut corrections = vec![1.0; joints.len()];
     let mut correct = |joint: usize, correction: f64, factors: &mut [JointFactor], noise: &mut [f64]| {
         corrections[joint] *= correction;
@@ -382,6 +396,95 @@ fn residual(system: &Mat<f64>) -> f64 {
 
 fn total_rows(factors: &[JointFactor]) -> f64 {
     factors.iter().filter(|factor| !factor.resting).map(|factor| factor.rows as f64).sum::<f64>().max(1.0)
+}
+
+/// The joint whose torque has another gain than the others, as far as it shares bodies with them.
+///
+/// Friction, rotor and what only this joint moves take any gain up; what it shares with others does not. The squared
+/// residual over the gain says how well it is known.
+///
+/// - `unit`: standard deviation of a weighted row, memory included
+fn wrong_gain(base: &BaseParameters, joints: &[String], factors: &[JointFactor], unit: f64) -> Option<Finding> {
+    // Healthy logs of real arms give gains of 0.85 to 1.27 where they are known, and any with four deviations where not.
+    const WRONG: f64 = 1.5;
+    const SURE: f64 = 8.0;
+    // Share of the squared residual that the right gain saves, and what is left as a multiple of what each joint leaves with
+    // parameters of its own.
+    const BETTER: f64 = 0.1;
+    const AGREEMENT: f64 = 1.5;
+    let noise: Vec<f64> = factors.iter().map(noise_alone).collect();
+    let now = residual(&stack(factors, base.rank(), &noise));
+    let rows = total_rows(factors);
+    let variance = unit.powi(2).max(1.0) / rows;
+    let found = (0..joints.len()).filter_map(|joint| {
+        let gain = Gain::search(&mut |logarithm| with_gain(joint, logarithm, factors, &noise, base.rank()))?;
+        let deviation = (2.0 * variance * gain.residual / gain.curvature).sqrt();
+        let certain = gain.logarithm.abs() > WRONG.ln() && gain.logarithm.abs() > SURE * deviation;
+        // Joints that contradict each other afterwards, too, have something else, such as springs.
+        let agrees = gain.residual < AGREEMENT.powi(2) * rows;
+        (certain && agrees && gain.residual < (1.0 - BETTER) * now).then_some((joint, gain))
+    });
+    let (joint, gain) = found.min_by(|a, b| a.1.residual.total_cmp(&b.1.residual))?;
+    Some(Finding::Scaled { joint: joints[joint].clone(), factor: (-gain.logarithm).exp() })
+}
+
+/// Squared residual with a joint's torque, and its noise, divided by a gain.
+fn with_gain(joint: usize, logarithm: f64, factors: &[JointFactor], noise: &[f64], rank: usize) -> f64 {
+    let (mut factors, mut noise) = (factors.to_vec(), noise.to_vec());
+    for (factor, noise) in factors.iter_mut().zip(&mut noise).filter(|(factor, _)| factor.joint == joint) {
+        let last = factor.factor.ncols() - 1;
+        factor.factor.col_mut(last).iter_mut().for_each(|value| *value *= (-logarithm).exp());
+        *noise *= (-logarithm).exp();
+    }
+    residual(&stack(&factors, rank, &noise))
+}
+
+/// The least of a squared residual over the logarithm of a gain.
+#[derive(Clone, Copy, Debug)]
+struct Gain {
+    logarithm: f64,
+    residual: f64,
+    curvature: f64,
+}
+
+impl Gain {
+    /// None close to one, and if the residual falls without end.
+    fn search(residual: &mut impl FnMut(f64) -> f64) -> Option<Self> {
+        const STEP: f64 = 0.4;
+        const STEPS: usize = 8;
+        let [before, here, after] = [-STEP, 0.0, STEP].map(&mut *residual);
+        let direction = if before < here.min(after) { -STEP } else { STEP };
+        let mut least = before.min(after);
+        if here <= least {
+            return None;
+        }
+        let mut steps = 1;
+        loop {
+            if steps == STEPS {
+                return None;
+            }
+            let next = residual(direction * (steps + 1) as f64);
+            if next >= least {
+                break;
+            }
+            (steps, least) = (steps + 1, next);
+        }
+        // Parabolas ever closer to the least.
+        let mut centre = direction * steps as f64;
+        let mut found = None;
+        for step in [STEP, 0.5 * STEP, 0.1 * STEP] {
+            let [before, here, after] = [centre - step, centre, centre + step].map(&mut *residual);
+            let curvature = (before + after - 2.0 * here) / step.powi(2);
+            if curvature <= 0.0 {
+                return None;
+            }
+            let shift = (0.5 * (before - after) / (step * curvature)).clamp(-step, step);
+            centre += shift;
+            let residual = here - 0.5 * curvature * shift.powi(2);
+            found = Some(Self { logarithm: centre, residual, curvature });
+        }
+        found
+    }
 }
 
 /// W base - scale tau = 0 for the joint, as it was for the others.

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import Comparison, Model, SemiParametricModel, __version__, residual_structure
+from .. import Comparison, Model, SemiParametricModel, SgprError, __version__, residual_structure
 from .. import compare as compare_with
 from ..report.comparison import ComparisonPage
 from ..report.numbers import percent, significant
@@ -14,12 +14,13 @@ from ..report.versions import versions
 from . import describe
 from .console import Output, to_json
 from .error_table import show_errors
-from .errors import LIMITS_NOT_MET
+from .errors import LIMITS_NOT_MET, BadData
 from .inputs import load_any_model
 from .limits import limits_of, verdicts
 from .output_folder import OutputFolder
 from .predictions import residuals_by_log
-from .reading import ReadingOptions, read_logs, stretches
+from .reading import Log, ReadingOptions, read_log, read_logs, stretches
+from .screening import repeated
 
 
 def compare(
@@ -79,6 +80,10 @@ def compare(
     trained_on = [log.path for log in logs if _same_file(log.path, physics[model].logs)]
     for path in trained_on:
         output.warning(f"{path} trained the model: no proof of what it can do elsewhere")
+    unseen = [log for log in logs if log.path not in trained_on]
+    repeating = repeated(_training_logs(physics[model], reading), unseen)
+    for text in repeating:
+        output.warning(text)
     labels = _labels(list(found))
     judged = verdicts(wanted, found[model])
     failed = [verdict for verdict in judged if verdict["verdict"] == "fail"]
@@ -92,6 +97,7 @@ def compare(
         "structure": residual_structure(physics[model], found[model]),
         "comparison_against": describe.comparison(found[next(iter(found))]) if against is not None else None,
         "trained_on": trained_on,
+        "repeated_motions": repeating,
         "limits": judged,
         "verdict": None if not judged else "fail" if failed else "pass",
         "versions": versions(),
@@ -126,6 +132,17 @@ def _physics(model: Model | SemiParametricModel) -> Model:
 
 def _same_file(path: str, others: Sequence[str]) -> bool:
     return Path(path).resolve() in (Path(other).resolve() for other in others)
+
+
+def _training_logs(model: Model, reading: ReadingOptions) -> list[Log]:
+    """The logs that trained a model, those that are still where they were and can be read as the compared ones."""
+    logs = []
+    for path in dict.fromkeys(model.logs):
+        try:
+            logs.append(read_log(path, reading, model.robot.joint_names))
+        except (SgprError, BadData, OSError):
+            continue
+    return logs
 
 
 def _labels(names: Sequence[str]) -> dict[str, str]:

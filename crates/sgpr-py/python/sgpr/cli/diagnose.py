@@ -26,6 +26,7 @@ from .output_folder import OutputFolder
 from .predictions import AFTER, BEFORE, left_out, predictions, residuals_by_log, write_before_and_after
 from .reading import Log, ReadingOptions, read_logs, stretches
 from .robots import load_robot
+from .screening import repeated
 
 NEXT_EXPERIMENT = "next_experiment.csv"
 
@@ -100,6 +101,7 @@ def diagnose(
         "look_for": wanted,
         "reading": reading.to_dict(),
     }
+    data["repeated_motions"] = repeated(train_logs, test_logs)
     with folder:
         result.after.save(folder.file("model.sgpr")) if apply else result.before.save(folder.file("model.sgpr"))
         if test_logs:
@@ -115,6 +117,8 @@ def diagnose(
             folder.write("report.html", result.page(data).html())
         folder.write("diagnosis.json", to_json(data))
     show(result, data, output)
+    for text in data["repeated_motions"]:
+        output.warning(text)
     output.line(f"results: {folder.path}")
     output.result(data)
 

@@ -33,7 +33,7 @@ from .predictions import (
 )
 from .reading import Log, ReadingOptions, read_logs, stretches
 from .robots import load_robot
-from .screening import excitation, outside, saturated
+from .screening import excitation, outside, repeated, saturated
 
 WRONG_POSITION = ("position_in_degrees", "position_jump", "velocity_mismatch")
 """Kinds of findings after which no result can be believed."""
@@ -121,6 +121,7 @@ class Result:
     influence: list[CutoffInfluence]
     influence_errors: list[dict[str, Any]]
     findings: list[str]
+    repeated: list[str]
 
     @property
     def judged(self) -> list[Log]:
@@ -164,7 +165,8 @@ class Result:
             "certificate": self.model.certificate,
             "screening": self.screening(),
             "essential": report.essential,
-            "warnings": [*report.warnings, *self.findings],
+            "warnings": [*self.repeated, *report.warnings, *self.findings],
+            "repeated_motions": self.repeated,
             "logs": [
                 *(describe.repaired_log(log, "train") for log in self.train),
                 *(describe.repaired_log(log, "test") for log in self.test),
@@ -210,6 +212,7 @@ def run(robot: Robot, train: Sequence[Log], test: Sequence[Log], options: dict[s
         after=compare_with(model, judged),
         influence=influence,
         findings=_findings(model, training),
+        repeated=repeated(train, test),
         influence_errors=[
             describe.comparison(compare_with(other.model, judged, processing=model)) for other in influence
         ],

@@ -13,6 +13,7 @@ from . import describe
 from .console import Output
 from .effects import checked_effects
 from .inputs import kind_of, load_any_model
+from .options import Gravity
 from .reading import ReadingOptions, expand_patterns
 from .robots import load_robot
 from .screening import screened
@@ -48,15 +49,16 @@ def info(
     joints: Annotated[
         list[str] | None, typer.Option("--joints", metavar="JOINT...", help="Look at these joints only.")
     ] = None,
+    gravity: Gravity = None,
 ) -> None:
     """Shows what robots, logs and saved models hold, and what is wrong with them."""
     chosen = checked_effects(effects or [])
-    arm = None if robot is None else load_robot(robot, joints)
+    arm = None if robot is None else load_robot(robot, joints, gravity)
     results = []
     for path in expand_patterns(files):
         match kind_of(path):
             case "robot":
-                data = describe.robot(load_robot(path, joints), path, chosen)
+                data = describe.robot(load_robot(path, joints, gravity), path, chosen)
                 show_robot(data, output, formulas=base_parameters)
             case "model":
                 data = describe.any_model(load_any_model(path), path)

@@ -22,6 +22,7 @@ from .output_folder import OutputFolder
 from .predictions import AFTER, BEFORE, INTERVAL, STD, left_out, predictions, residuals_by_log, spread_of, write_table
 from .reading import Log, ReadingOptions, read_logs, stretches
 from .robots import load_robot
+from .screening import repeated
 
 KERNELS = ("squared_exponential", "exponential", "matern32", "matern52", "rational_quadratic")
 MEANS = ("physics", "joint")
@@ -120,6 +121,7 @@ def learn(
         **settings,
         "reading": reading.to_dict(),
     }
+    data["repeated_motions"] = repeated(train_logs, test_logs)
     with folder:
         model.save(folder.file("model.sgpr"))
         if test_logs:
@@ -132,7 +134,8 @@ def learn(
             folder.write("report.html", result.page(data).html())
         folder.write("learned.json", to_json(data))
     show(result, data, output)
-    for said in filter(None, map(fewer_rows_were_better, data["joints"])):
+    fewer = filter(None, map(fewer_rows_were_better, data["joints"]))
+    for said in [*fewer, *data["repeated_motions"]]:
         output.warning(said)
     output.line(f"results: {folder.path}")
     output.result(data)

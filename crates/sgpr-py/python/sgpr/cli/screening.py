@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from .. import Recording, Robot, SgprError
+from .. import Recording, Robot, SgprError, repeated_share
 from .. import identify as identify_from
 from .. import screen as screen_with
 from ..report.numbers import counted, percent, significant
 from .effects import DEFAULT_EFFECTS, checked_effects
-from .reading import ReadingOptions, read_log
+from .reading import Log, ReadingOptions, read_log, stretches
 
 GOOD, POOR = 100.0, 500.0
 """Condition numbers, columns scaled: optimised excitations reach 50 to 100."""
@@ -18,6 +18,9 @@ GOOD, POOR = 100.0, 500.0
 AT_LIMIT = 0.995
 MILLI = 1e-3
 FEW, MOST = 0.001, 0.5
+
+REPEATED = 0.5
+"""Share of a test log: motions of their own reach a third, as arms start at the same pose."""
 
 
 def screened(robot: Robot, path: str, reading: ReadingOptions, effects: list[str] | None) -> dict[str, Any]:
@@ -98,5 +101,20 @@ def outside(robot: Robot, stretches: Sequence[Recording]) -> list[str]:
             texts.append(
                 f"the position of {name} is outside its limits of {significant(low)} to {significant(high)} {unit} in "
                 f"{percent(100.0 * share)} % of the samples: {check}"
+            )
+    return texts
+
+
+def repeated(train: Sequence[Log], test: Sequence[Log]) -> list[str]:
+    """Test logs with the motion of training logs."""
+    training = stretches(train)
+    texts = []
+    for log in test:
+        found = [share for part in log.stretches if (share := repeated_share(training, part)) is not None]
+        if found and max(found) > REPEATED:
+            texts.append(
+                f"{log.path} repeats motions of the training logs for {percent(100.0 * max(found))} % of the time it "
+                "moves: its error says how well the model repeats what it was fitted to, not how it predicts a new "
+                "motion. Test with another motion"
             )
     return texts

@@ -59,6 +59,7 @@ class ComparisonPage:
             count = counted(len(limits), "limit")
             more.append(f"{failed} of {count} not met." if failed else f"All {count} met.")
         more += [f"{log} trained the model: no proof of what it can do elsewhere." for log in self.data["trained_on"]]
+        more += [f"{text}." for text in self.data["repeated_motions"]]
         return verdict(
             self.comparisons[names[0]] if len(names) > 1 else None,
             self.comparisons[names[-1]],

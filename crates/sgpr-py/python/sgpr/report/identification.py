@@ -90,8 +90,9 @@ class IdentificationPage:
             self._verdict(len(judged), before, unseen=unseen),
             paragraph(facts, "soft"),
         ]
-        if report.warnings:
-            lead += [element("h2", "Please note"), items(map(prose, report.warnings))]
+        notes = [*data["repeated_motions"], *report.warnings]
+        if notes:
+            lead += [element("h2", "Please note"), items(map(prose, notes))]
         payload = {
             "figures": {**error_plots, **excitation_plots, **signal_plots},
             "switches": switches,
