@@ -160,6 +160,8 @@ fn a_spring_that_pushes_away_is_said_where_it_matters_much() {
     let found = |stiffness: f64| -> Vec<(String, f64)> {
         let (train, test) = logs(&[hidden("cable_stiffness", 1, &[], &[stiffness, 0.0])]);
         let diagnosis = diagnose(&identified(&train), &train, &test, &DiagnosisOptions::default(), &()).unwrap();
+        let says_so = |evidence: &str| evidence.contains("opposite of what such a part has") == (stiffness < 0.0);
+        assert!(diagnosis.findings.iter().all(|f| says_so(&f.evidence)), "{:?}", diagnosis.findings);
         diagnosis.findings.iter().map(|f| (f.effect.clone(), f.parameters[0].value)).collect()
     };
     let strong = found(-40.0 * NOISE);

@@ -24,12 +24,18 @@ fn logistic(x: f64) -> f64 {
     1.0 / (1.0 + (-x).exp())
 }
 
-/// Probability that an accepted term is there.
-pub(super) fn probability(accepted: &Accepted, rival: f64, verdict: &VerdictFeatures) -> f64 {
+/// Probability that an accepted term is there; `rival` is the score of the effect that explains next to as much, `strongest`
+/// that of the finding with most evidence. Little evidence, and less than a tenth of the strongest's, is what is left by
+/// forms that are not quite right.
+pub(super) fn probability(accepted: &Accepted, rival: f64, strongest: f64, verdict: &VerdictFeatures) -> f64 {
+    const MUCH: f64 = 100.0;
+    const SMALL: f64 = 0.1;
     let lead = ((accepted.first_score - rival) / accepted.first_score.max(1.0)).clamp(0.0, 1.0);
     let size = (accepted.effect_size / 0.05).ln().clamp(-3.0, 3.0);
     let left = verdict.unknown / (verdict.unknown + verdict.known).max(1.0);
-    logistic(1.2 + 3.0 * lead + 0.8 * size - 4.0 * left).clamp(0.01, 0.99)
+    let little = (accepted.first_score.max(1.0) / MUCH).ln().min(0.0);
+    let beside = (accepted.score.max(1.0) / (SMALL * strongest)).log10().min(0.0);
+    logistic(1.2 + 3.0 * lead + 0.8 * size - 4.0 * left + 0.5 * (little + beside)).clamp(0.01, 0.99)
 }
 
 /// Probability that nothing material is missing.

@@ -245,8 +245,14 @@ fn findings(
 ) -> Vec<Finding> {
     let robot = search.problem.nominal.robot();
     let mut findings: Vec<Finding> = Vec::new();
+    let strongest = outcome.news(search).map(|(_, accepted)| accepted.score).fold(1.0, f64::max);
+    let probability = |accepted: &Accepted| {
+        let rival = accepted.rivals.iter().map(|(_, _, score)| *score).fold(0.0, f64::max);
+        calibration::probability(accepted, rival, strongest, features)
+    };
     for (index, accepted) in outcome.news(search) {
-        let finding = finding(search, terms[index].clone(), accepted, &outcome.held_out, features);
+        let probability = probability(accepted);
+        let finding = finding(search, terms[index].clone(), accepted, &outcome.held_out, probability);
         match findings.iter_mut().find(|f| f.effect == finding.effect && !f.joints.is_empty()) {
             Some(same) => merge(same, finding),
             None => findings.push(finding),
@@ -273,16 +279,9 @@ fn merge(same: &mut Finding, other: Finding) {
     same.rmse_after.extend(other.rmse_after);
 }
 
-fn finding(
-    search: &Search<'_>,
-    term: Term,
-    accepted: &Accepted,
-    after: &[f64],
-    features: &calibration::VerdictFeatures,
-) -> Finding {
+fn finding(search: &Search<'_>, term: Term, accepted: &Accepted, after: &[f64], probability: f64) -> Finding {
     let robot = search.problem.nominal.robot();
     let about = term.effect.about();
-    let rival = accepted.rivals.iter().map(|(_, _, score)| *score).fold(0.0, f64::max);
     let close = accepted.rivals.iter().filter(|(_, _, score)| *score > CONFUSABLE * accepted.first_score);
     let mut confusable: Vec<String> = close.map(|(name, ..)| name.clone()).collect();
     let name = term.effect.name();
@@ -300,7 +299,7 @@ fn finding(
     Finding {
         effect: name.into(),
         joints: joints.iter().map(|joint| robot.joints()[*joint].name.clone()).collect(),
-        probability: calibration::probability(accepted, rival, features),
+        probability,
         score: accepted.score,
         parameters: parameters_of(&term, robot),
         rmse_before: by_joint(&accepted.without),
@@ -316,16 +315,19 @@ fn evidence(finding: &Finding, robot: &Robot) -> String {
     let about = finding.terms[0].effect.about();
     let signature = if about.signature.is_empty() { String::new() } else { format!(" ({})", about.signature) };
     let summary = finding.terms[0].effect.summary().trim_end_matches('.');
+    let usual = finding.terms.iter().all(|term| term.effect.is_plausible(&term.coefficients));
+    let sign =
+        if usual { "" } else { "; its sign is the opposite of what such a part has: look for what else acts so" };
     match largest_fall(&finding.rmse_before, &finding.rmse_after) {
         Some((joint, before, after)) => {
             let of_name = robot.joints().iter().find(|one| one.name == joint);
             let unit = of_name.map_or("N·m", |one| one.kind.torque_unit());
             format!(
                 "{summary}{signature}: with it the error of {joint} on blocks of time that no fit has seen falls from \
-                 {before:.4} to {after:.4} {unit}"
+                 {before:.4} to {after:.4} {unit}{sign}"
             )
         }
-        None => format!("{summary}{signature}"),
+        None => format!("{summary}{signature}{sign}"),
     }
 }
 
