@@ -1,7 +1,8 @@
 //! From scores to probabilities.
 
 use super::answer::Finding;
-use super::search::{Accepted, Candidate};
+use super::search::{Accepted, Candidate, Outcome, Search};
+use super::unknown::Leftover;
 
 /// What decides between known and unknown.
 #[derive(Clone, Copy, Debug)]
@@ -14,6 +15,14 @@ pub(super) struct VerdictFeatures {
 }
 
 impl VerdictFeatures {
+    pub fn of(outcome: &Outcome, left: &[Leftover]) -> Self {
+        Self {
+            known: 0.5 * (outcome.start.chi2 - outcome.fitted.chi2),
+            unknown: left.iter().map(|l| l.evidence.max(0.0)).sum(),
+            unknown_size: left.iter().map(|l| l.effect_size).fold(0.0, f64::max),
+        }
+    }
+
     /// More is left that matters than known effects explain.
     pub fn is_unexplained(&self) -> bool {
         self.unknown > 12.0 && self.unknown_size > 0.05 && self.unknown > 0.5 * self.known
@@ -24,12 +33,23 @@ fn logistic(x: f64) -> f64 {
     1.0 / (1.0 + (-x).exp())
 }
 
-/// Probability that an accepted term is there; `rival` is the score of the effect that explains next to as much, `strongest`
-/// that of the finding with most evidence. Little evidence, and less than a tenth of the strongest's, is what is left by
-/// forms that are not quite right.
-pub(super) fn probability(accepted: &Accepted, rival: f64, strongest: f64, verdict: &VerdictFeatures) -> f64 {
+/// Index of every term that was found, what the search knows of it, and the probability that it is there.
+pub(super) fn probabilities<'o>(
+    search: &Search<'_>,
+    outcome: &'o Outcome,
+    verdict: &VerdictFeatures,
+) -> Vec<(usize, &'o Accepted, f64)> {
+    let strongest = outcome.news(search).map(|(_, accepted)| accepted.score).fold(1.0, f64::max);
+    let found = outcome.news(search);
+    found.map(|(index, accepted)| (index, accepted, probability(accepted, strongest, verdict))).collect()
+}
+
+/// Probability that an accepted term is there; `strongest` is the score of the finding with most evidence. Little evidence,
+/// and less than a tenth of the strongest's, is what is left by forms that are not quite right.
+fn probability(accepted: &Accepted, strongest: f64, verdict: &VerdictFeatures) -> f64 {
     const MUCH: f64 = 100.0;
     const SMALL: f64 = 0.1;
+    let rival = accepted.rivals.iter().map(|(_, _, score)| *score).fold(0.0, f64::max);
     let lead = ((accepted.first_score - rival) / accepted.first_score.max(1.0)).clamp(0.0, 1.0);
     let size = (accepted.effect_size / 0.05).ln().clamp(-3.0, 3.0);
     let left = verdict.unknown / (verdict.unknown + verdict.known).max(1.0);

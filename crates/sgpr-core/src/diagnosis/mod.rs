@@ -37,7 +37,8 @@ use crate::motion::{MotionError, Processing};
 use crate::progress::{Interrupted, Progress};
 use crate::recording::{Recording, RecordingError};
 use problem::Problem;
-use search::Search;
+use search::{Outcome, Search};
+use unknown::Leftover;
 
 /// What to look for.
 #[derive(Clone, Debug)]
@@ -115,10 +116,27 @@ pub fn diagnose(
     let outcome = search.run(&start)?;
     progress.step("look at what is left", 0, 1)?;
     let outcome = imitation::without_imitations(&search, outcome)?;
-    let left = unknown::leftover(&search.problem, &outcome.fitted, &outcome.held_out, &search.noise);
+    let (outcome, left) = believed(&search, outcome);
     let diagnosis = report::report(&mut search, model, &outcome, &left, test)?;
     progress.step("look at what is left", 1, 1)?;
     Ok(diagnosis)
+}
+
+/// What is more probably there than not, and what is left beside it.
+fn believed(search: &Search<'_>, outcome: Outcome) -> (Outcome, Vec<Leftover>) {
+    const EVEN: f64 = 0.5;
+    let leftover =
+        |outcome: &Outcome| unknown::leftover(&search.problem, &outcome.fitted, &outcome.held_out, &search.noise);
+    let left = leftover(&outcome);
+    let features = calibration::VerdictFeatures::of(&outcome, &left);
+    let all = calibration::probabilities(search, &outcome, &features);
+    let doubtful: Vec<usize> = all.into_iter().filter(|(.., p)| *p < EVEN).map(|(index, ..)| index).collect();
+    if doubtful.is_empty() || features.is_unexplained() {
+        return (outcome, left);
+    }
+    let outcome = outcome.without(search, &doubtful);
+    let left = leftover(&outcome);
+    (outcome, left)
 }
 
 /// `model` with the effects of `findings` on top, all parameters refitted to `train`. A model that was identified under

@@ -33,11 +33,7 @@ pub(super) fn report(
     test: &[Recording],
 ) -> Result<Diagnosis, DiagnosisError> {
     let start = &outcome.start;
-    let features = calibration::VerdictFeatures {
-        known: 0.5 * (start.chi2 - outcome.fitted.chi2),
-        unknown: left.iter().map(|l| l.evidence.max(0.0)).sum(),
-        unknown_size: left.iter().map(|l| l.effect_size).fold(0.0, f64::max),
-    };
+    let features = calibration::VerdictFeatures::of(outcome, left);
     let unexplained = features.is_unexplained();
     let terms = with_deviations(&search.problem, &outcome.fitted, &search.noise);
     let mut findings = findings(search, outcome, &terms, &features);
@@ -245,13 +241,7 @@ fn findings(
 ) -> Vec<Finding> {
     let robot = search.problem.nominal.robot();
     let mut findings: Vec<Finding> = Vec::new();
-    let strongest = outcome.news(search).map(|(_, accepted)| accepted.score).fold(1.0, f64::max);
-    let probability = |accepted: &Accepted| {
-        let rival = accepted.rivals.iter().map(|(_, _, score)| *score).fold(0.0, f64::max);
-        calibration::probability(accepted, rival, strongest, features)
-    };
-    for (index, accepted) in outcome.news(search) {
-        let probability = probability(accepted);
+    for (index, accepted, probability) in calibration::probabilities(search, outcome, features) {
         let finding = finding(search, terms[index].clone(), accepted, &outcome.held_out, probability);
         match findings.iter_mut().find(|f| f.effect == finding.effect && !f.joints.is_empty()) {
             Some(same) => merge(same, finding),

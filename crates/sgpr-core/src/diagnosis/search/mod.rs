@@ -77,6 +77,17 @@ pub(super) struct Outcome {
 }
 
 impl Outcome {
+    /// The same without the terms at some indices of the fit.
+    pub fn without(mut self, search: &Search<'_>, out: &[usize]) -> Self {
+        let given = self.fitted.terms().len() - self.accepted.len();
+        let stays = |k: &usize| !out.contains(k);
+        let terms = (0..self.fitted.terms().len()).filter(stays).map(|k| self.fitted.terms()[k].clone()).collect();
+        self.accepted = (given..).zip(self.accepted).filter(|(k, _)| stays(k)).map(|(_, step)| step).collect();
+        self.fitted = search.polish(search.refit(&self.fitted, terms));
+        self.held_out = search.held_out(&self.fitted);
+        self
+    }
+
     /// [`Search::news`] of it.
     pub fn news(&self, search: &Search<'_>) -> impl Iterator<Item = (usize, &Accepted)> {
         search.news(&self.fitted, &self.accepted)
