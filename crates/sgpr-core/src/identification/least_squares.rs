@@ -370,7 +370,7 @@ pub(super) fn floored(noise: &[f64], factors: &[JointFactor]) -> Vec<f64> {
 /// Noise below which factors with few rows do not come: parameters can follow so few rows exactly, and the closer they do
 /// the more the rows would weigh. Zero for the others.
 pub(super) fn least_noise(noise: &[f64], factors: &[JointFactor]) -> Vec<f64> {
-    const ROWS_PER_COLUMN: usize = 2;
+    const ROWS_PER_COLUMN: usize = 1;
     let few = |factor: &JointFactor| factor.rows < ROWS_PER_COLUMN * factor.columns.len();
     let least = |(noise, factor): (&f64, &JointFactor)| if few(factor) && noise.is_finite() { *noise } else { 0.0 };
     noise.iter().zip(factors).map(least).collect()
