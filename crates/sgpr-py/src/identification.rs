@@ -50,8 +50,8 @@ pub fn recordings(given: &Bound<'_, PyAny>) -> PyResult<Vec<logs::Recording>> {
 /// Returns
 /// -------
 /// float or None
-///     0 to 1; None if `new` never moves for a second or `known` is empty. Paths of a second are compared. Logs of real robots with motions of
-///     their own reach a third, since arms start at the same pose.
+///     0 to 1; None if `new` never moves for a second or `known` is empty. Paths of a second are compared. Logs of real
+///     robots with motions of their own reach a third, since arms start at the same pose.
 ///
 /// Raises
 /// ------

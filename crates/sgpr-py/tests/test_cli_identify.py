@@ -154,6 +154,12 @@ def test_a_test_log_that_repeats_the_training_is_named(finished: Run, logs: list
     found = run("compare", out / "model.sgpr", logs[2], again, "--json", "--out", tmp_path / "compared")
     assert json.loads(found.out)["repeated_motions"] == [text]
     assert "repeats motions of the training logs" in (tmp_path / "compared" / "report.html").read_text()
+    for command in (("diagnose", "--look-for", "stribeck_friction"), ("learn", "--points", "100")):
+        out = tmp_path / command[0]
+        found = run(*command, "--robot", "two_link", "--train", *logs[:2], "--test", again, "--out", out)
+        assert found.code == 0, found.err
+        assert "repeats motions" in " ".join(found.err.split())
+        assert "repeats motions of the training logs" in (out / "report.html").read_text()
 
 
 def test_without_test_logs_the_training_logs_are_shown_as_such(logs: list[str], tmp_path: Path) -> None:

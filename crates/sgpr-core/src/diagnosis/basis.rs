@@ -178,19 +178,24 @@ impl Basis {
     pub fn shares(&self, columns: &[Column]) -> Vec<Vec<f64>> {
         let mut shares = vec![Vec::with_capacity(self.q.len()); columns.len()];
         let spans = spans(columns);
-        let part = |column: &'_ Column, joint: usize| -> std::ops::Range<usize> {
-            if column[joint].is_empty() { 0..0 } else { spans[joint].clone() }
-        };
         for q in &self.q {
             for (shares, column) in shares.iter_mut().zip(columns) {
-                let along = |joint: usize| {
-                    let rows = part(column, joint);
-                    q[joint].get(rows.clone()).map_or(0.0, |q| dot_in_lanes(q, &column[joint][rows]))
+                let along = |((q, own), rows): ((&Vec<f64>, &Vec<f64>), &std::ops::Range<usize>)| {
+                    let both = q.get(rows.clone()).zip(own.get(rows.clone()));
+                    both.map_or(0.0, |(q, own)| dot_in_lanes(q, own))
                 };
-                shares.push((0..column.len()).map(along).sum());
+                shares.push(q.iter().zip(column).zip(&spans).map(along).sum());
             }
         }
         shares
+    }
+
+    /// Products of columns with each other less what the basis holds of them, row-major.
+    pub fn gram(&self, columns: &[Column]) -> Vec<f64> {
+        let shares = self.shares(columns);
+        let entry = |a: usize, b: usize| dot(&columns[a], &columns[b]) - dot_in_lanes(&shares[a], &shares[b]);
+        let k = columns.len();
+        (0..k * k).map(|i| entry(i / k, i % k)).collect()
     }
 
     /// Coefficients of the columns that `y` is made of, zero for dependent ones.
@@ -276,15 +281,9 @@ pub(super) fn invisible(term: &Term) -> f64 {
 /// Gain of whitened columns on a residual that is orthogonal to `basis`. Columns with less than `tolerance` of their
 /// length left are left out.
 pub(super) fn gain(basis: &Basis, residual: &Column, columns: &[Column], tolerance: f64) -> Gain {
-    let k = columns.len();
-    let shares = basis.shares(columns);
-    let entry = |a: usize, b: usize| {
-        dot(&columns[a], &columns[b]) - shares[a].iter().zip(&shares[b]).map(|(x, y)| x * y).sum::<f64>()
-    };
     let lengths: Vec<f64> = columns.iter().map(|column| dot(column, column)).collect();
-    let gram: Vec<f64> = (0..k * k).map(|i| entry(i / k, i % k)).collect();
     let b: Vec<f64> = columns.iter().map(|column| dot(column, residual)).collect();
-    gain_of(&gram, &b, &lengths, tolerance)
+    gain_of(&basis.gram(columns), &b, &lengths, tolerance)
 }
 
 /// The same from projected products: Gram matrix, product with the residual, squared lengths before projection.

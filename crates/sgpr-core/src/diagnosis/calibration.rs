@@ -15,6 +15,7 @@ pub(super) struct VerdictFeatures {
 }
 
 impl VerdictFeatures {
+    /// Of a search and of what it leaves at each joint.
     pub fn of(outcome: &Outcome, left: &[Leftover]) -> Self {
         Self {
             known: 0.5 * (outcome.start.chi2 - outcome.fitted.chi2),

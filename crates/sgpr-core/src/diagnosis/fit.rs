@@ -157,9 +157,17 @@ pub(super) fn tangent(
     problem.difference([&with(low), &with(high)], high - low)
 }
 
-/// Tangents of some constants, term and index, whitened.
+/// Tangents of some constants, term and index, whitened; empty for a limit of torque, which is not smooth.
 pub(super) fn tangents(problem: &Problem, fitted: &Fitted, noise: &Noise, constants: &[(usize, usize)]) -> Vec<Column> {
-    let white = |at: &(usize, usize)| noise.whiten(problem, &tangent(problem, (&fitted.model, &fitted.rigid), *at));
+    let is_limit = |term: &Term, index: usize| {
+        term.is_transform() && term.effect.constants()[index].scale == Scale::Torque
+    };
+    let white = |&(k, index): &(usize, usize)| {
+        if is_limit(&fitted.terms()[k], index) {
+            return vec![vec![]; problem.dof()];
+        }
+        noise.whiten(problem, &tangent(problem, (&fitted.model, &fitted.rigid), (k, index)))
+    };
     constants.par_iter().map(white).collect()
 }
 
@@ -210,16 +218,8 @@ pub(super) fn refine_transforms(problem: &Problem, mut fitted: Fitted, noise: &N
 pub(super) fn with_deviations(problem: &Problem, fitted: &Fitted, noise: &Noise) -> Vec<Term> {
     let mut basis = Basis::clone(&fitted.basis);
     let mut terms = fitted.terms().to_vec();
-    let white = |(k, index): (usize, usize)| {
-        let term = &terms[k];
-        if term.is_transform() && term.effect.constants()[index].scale == Scale::Torque {
-            return vec![vec![]; problem.dof()];
-        }
-        noise.whiten(problem, &tangent(problem, (&fitted.model, &fitted.rigid), (k, index)))
-    };
     let constants: Vec<(usize, usize)> = fitted.constants().collect();
-    let tangents: Vec<Column> = constants.par_iter().map(|at| white(*at)).collect();
-    tangents.iter().for_each(|tangent| basis.push(tangent));
+    tangents(problem, fitted, noise, &constants).iter().for_each(|tangent| basis.push(tangent));
     let is_time = |(k, index): &(usize, usize)| terms[*k].effect.constants()[*index].scale == Scale::Time;
     let times: Vec<(usize, usize)> = constants.into_iter().filter(is_time).collect();
     let intervals: Vec<[f64; 2]> = times.par_iter().map(|at| interval(problem, fitted, noise, *at)).collect();

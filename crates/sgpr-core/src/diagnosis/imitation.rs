@@ -6,10 +6,9 @@
 //! fitted to; imitations together do not.
 
 use super::fit::{Fitted, errors_elsewhere};
-use super::search::{Accepted, EVIDENCE, Outcome, Search};
+use super::search::{Accepted, EVIDENCE, Outcome, Search, others, without};
 use super::unknown::Smooth;
 use crate::effects::Site;
-use crate::model::Term;
 use crate::progress::Interrupted;
 
 /// The Gaussian process has so many times the evidence of imitations ...
@@ -60,13 +59,6 @@ fn is_at(site: Site, joint: usize) -> bool {
     matches!(site, Site::Joint(own) | Site::Pair(own, _) if own == joint)
 }
 
-/// Accepted terms of a fit but those at some indices.
-fn others(mut accepted: Vec<Accepted>, fitted: &Fitted, out: &[usize]) -> Vec<Accepted> {
-    let mut index = fitted.terms().len() - accepted.len()..;
-    accepted.retain(|_| !index.next().is_some_and(|k| out.contains(&k)));
-    accepted
-}
-
 /// The fit without the terms at the indices `out`, if a smooth function of the state of `joint` does better than they.
 fn without_imitated(search: &Search<'_>, fitted: &Fitted, out: &[usize], joint: usize) -> Option<Fitted> {
     if out.is_empty() {
@@ -103,9 +95,4 @@ fn joint_of_arm(search: &Search<'_>, outcome: &Outcome) -> Option<usize> {
         bare.white.iter().zip(&outcome.fitted.white).map(|(bare, fitted)| energy(bare) - energy(fitted)).collect();
     let all: f64 = falls.iter().sum();
     falls.iter().position(|fall| *fall > 0.5 * all)
-}
-
-/// Terms but those at some indices.
-fn without(terms: &[Term], out: &[usize]) -> Vec<Term> {
-    (0..terms.len()).filter(|k| !out.contains(k)).map(|k| terms[k].clone()).collect()
 }

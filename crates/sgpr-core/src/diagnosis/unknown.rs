@@ -206,10 +206,8 @@ pub(super) fn leftover(problem: &Problem, fitted: &Fitted, errors: &[f64], noise
 /// Variance of the factors of `white` at which their log evidence is greatest, and that.
 fn evidence(fitted: &Fitted, white: &[Column]) -> (f64, f64) {
     let k = white.len();
-    let shares = fitted.basis.shares(white);
-    let gram = faer::Mat::from_fn(k, k, |a, b| {
-        dot(&white[a], &white[b]) - shares[a].iter().zip(&shares[b]).map(|(x, y)| x * y).sum::<f64>()
-    });
+    let gram = fitted.basis.gram(white);
+    let gram = faer::Mat::from_fn(k, k, |a, b| gram[a * k + b]);
     let b: Vec<f64> = white.iter().map(|c| dot(c, &fitted.white)).collect();
     let (values, vectors) = crate::linalg::symmetric_eigen(gram.as_ref());
     let along: Vec<f64> = (0..k).map(|i| (0..k).map(|j| vectors[(j, i)] * b[j]).sum()).collect();

@@ -179,10 +179,9 @@ pub(super) const fn of_a_link(mass: EffectParameter) -> [EffectParameter; 10] {
     ]
 }
 
-/// Columns of the ten inertial parameters of the link that `joint` carries, each sample times `weight(sample)`, which
-/// are zero before.
+/// Columns of the ten inertial parameters of the link that `joint` carries, each sample times `weight(sample)`.
 ///
-/// - `out`: ten times `[samples, n]`
+/// - `out`: ten times `[samples, n]`, zero before: rows without weight and joints that do not carry the link stay as they are
 pub(super) fn link_regressor(context: &Context<'_>, joint: usize, weight: impl Fn(usize) -> f64, out: &mut [Vec<f64>]) {
     let n = context.dof();
     let counts = |k: &usize| weight(*k) != 0.0;

@@ -239,12 +239,11 @@ impl LeastSquares {
                 let mut least = vec![0.0; factors.len()];
                 for _ in 0..MOST_ITERATIONS {
                     iterations += 1;
-                    let noise = floored(&residual(&weights), factors);
+                    let noise = floored(&residual(&weights), factors, &least);
                     if iterations == 1 {
                         least = least_noise(&noise, factors);
                     }
-                    let noise = noise.iter().zip(&least).map(|(noise, least)| noise.max(*least));
-                    let noise = noise.zip(&used).map(|(noise, used)| ignored(noise, used)).collect();
+                    let noise = noise.iter().zip(&used).map(|(noise, used)| ignored(*noise, used)).collect();
                     let before = std::mem::replace(&mut weights, noise);
                     let change = |((new, old), used): ((&f64, &f64), &bool)| {
                         if *used { (new / old - 1.0).abs() } else { 0.0 }
@@ -309,9 +308,8 @@ impl Estimate {
     pub(crate) fn whitened_at(&self, factors: &[JointFactor], values: &[f64], correlation: &[f64]) -> Mat<f64> {
         let unknowns = values.len();
         let freedom = degrees_of_freedom(factors, unknowns);
-        let noise = floored(&residual_noise(factors, values, &freedom), factors);
         let least = least_noise(&self.weights, factors);
-        let noise: Vec<f64> = noise.iter().zip(&least).map(|(noise, least)| noise.max(*least)).collect();
+        let noise = floored(&residual_noise(factors, values, &freedom), factors, &least);
         let used = |(noise, weight): (&f64, &f64)| if weight.is_finite() { *noise } else { f64::INFINITY };
         let weights: Vec<f64> = noise.iter().zip(&self.weights).map(used).collect();
         let unit = unit_noise(factors, &weights, &noise, &freedom, correlation);
@@ -359,19 +357,19 @@ pub(super) fn torque_norm(factor: &JointFactor) -> f64 {
     factor.factor.col(factor.factor.ncols() - 1).norm_l2()
 }
 
-/// Noise levels that can be divided by: a joint without noise gets a trifle of its torque.
-pub(super) fn floored(noise: &[f64], factors: &[JointFactor]) -> Vec<f64> {
+/// Noise levels that can be divided by, none below `least`: a joint without noise gets a trifle of its torque.
+pub(super) fn floored(noise: &[f64], factors: &[JointFactor], least: &[f64]) -> Vec<f64> {
     // Equations whose right-hand side is but rounding are measured by their left one.
     let size = |joint: &JointFactor| torque_norm(joint).max(1e-6 * joint.factor.norm_max());
     let torque = |joint: &JointFactor| size(joint) / (joint.rows.max(1) as f64).sqrt();
-    noise.iter().zip(factors).map(|(noise, joint)| noise.max(1e-10 * torque(joint)).max(f64::MIN_POSITIVE)).collect()
+    let floors = factors.iter().zip(least).map(|(joint, least)| least.max(1e-10 * torque(joint)));
+    noise.iter().zip(floors).map(|(noise, floor)| noise.max(floor).max(f64::MIN_POSITIVE)).collect()
 }
 
-/// Noise below which factors with few rows do not come: parameters can follow so few rows exactly, and the closer they do
-/// the more the rows would weigh. Zero for the others.
+/// Noise below which factors with fewer rows than parameters do not come: these can follow the rows exactly, and the
+/// closer they do the more the rows would weigh. Zero for the others.
 pub(super) fn least_noise(noise: &[f64], factors: &[JointFactor]) -> Vec<f64> {
-    const ROWS_PER_COLUMN: usize = 1;
-    let few = |factor: &JointFactor| factor.rows < ROWS_PER_COLUMN * factor.columns.len();
+    let few = |factor: &JointFactor| factor.rows < factor.columns.len();
     let least = |(noise, factor): (&f64, &JointFactor)| if few(factor) && noise.is_finite() { *noise } else { 0.0 };
     noise.iter().zip(factors).map(least).collect()
 }

@@ -53,12 +53,11 @@ pub(super) fn estimate(
             return Ok(best);
         }
     }
-    match last_diverged {
-        // Where steps end early to the last nothing is found.
-        Some((iteration, trajectory)) if 2 * iteration > MOST_ITERATIONS => {
-            return Err(IdentificationError::Diverged { trajectory });
-        }
-        _ => {}
+    // Where steps end early to the last nothing is found.
+    if let Some((iteration, trajectory)) = last_diverged
+        && 2 * iteration > MOST_ITERATIONS
+    {
+        return Err(IdentificationError::Diverged { trajectory });
     }
     best.notes.push(format!("simulation and least squares did not agree after {MOST_ITERATIONS} rounds"));
     Ok(best)

@@ -154,8 +154,7 @@ impl Scales {
             sizes[group.index(&equation)][equation.trajectory].push(equation.residual(values).abs());
         })?;
         let all: Vec<f64> = sizes.iter().map(|of_logs| scale(&mut of_logs.concat())).collect();
-        let all = floored(&all, factors);
-        let all: Vec<f64> = all.iter().zip(least).map(|(scale, least)| scale.max(*least)).collect();
+        let all = floored(&all, factors, least);
         let own = sizes.iter_mut().zip(&all).map(|(of_logs, &all)| {
             let own = of_logs.iter_mut().map(|sizes| match sizes.len() {
                 0..FEWEST_ROWS => all,

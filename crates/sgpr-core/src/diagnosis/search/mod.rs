@@ -79,11 +79,8 @@ pub(super) struct Outcome {
 impl Outcome {
     /// The same without the terms at some indices of the fit.
     pub fn without(mut self, search: &Search<'_>, out: &[usize]) -> Self {
-        let given = self.fitted.terms().len() - self.accepted.len();
-        let stays = |k: &usize| !out.contains(k);
-        let terms = (0..self.fitted.terms().len()).filter(stays).map(|k| self.fitted.terms()[k].clone()).collect();
-        self.accepted = (given..).zip(self.accepted).filter(|(k, _)| stays(k)).map(|(_, step)| step).collect();
-        self.fitted = search.polish(search.refit(&self.fitted, terms));
+        self.accepted = others(self.accepted, &self.fitted, out);
+        self.fitted = search.polish(search.refit(&self.fitted, without(self.fitted.terms(), out)));
         self.held_out = search.held_out(&self.fitted);
         self
     }
@@ -92,6 +89,18 @@ impl Outcome {
     pub fn news(&self, search: &Search<'_>) -> impl Iterator<Item = (usize, &Accepted)> {
         search.news(&self.fitted, &self.accepted)
     }
+}
+
+/// Terms but those at some indices.
+pub(super) fn without(terms: &[Term], out: &[usize]) -> Vec<Term> {
+    (0..terms.len()).filter(|k| !out.contains(k)).map(|k| terms[k].clone()).collect()
+}
+
+/// Accepted terms of a fit but those at some indices of its terms.
+pub(super) fn others(mut accepted: Vec<Accepted>, fitted: &Fitted, out: &[usize]) -> Vec<Accepted> {
+    let mut index = fitted.terms().len() - accepted.len()..;
+    accepted.retain(|_| !index.next().is_some_and(|k| out.contains(&k)));
+    accepted
 }
 
 /// Whether a term is part of what the model has already, or shorter than the time between two samples and of little

@@ -9,7 +9,7 @@ use super::super::fit::{Fitted, tangents};
 use super::super::problem::Column;
 use super::Search;
 use super::candidates::{Candidate, key_of};
-use crate::effects::{Scale, Site};
+use crate::effects::Site;
 use crate::model::Term;
 use crate::progress::Interrupted;
 
@@ -29,13 +29,8 @@ impl Search<'_> {
                 columns.iter().for_each(|column| basis.push(&self.noise.whiten(problem, column)));
             }
         }
-        let smooth = |(k, index): &(usize, usize)| {
-            let term = &fitted.terms()[*k];
-            !(term.is_transform() && term.effect.constants()[*index].scale == Scale::Torque)
-        };
-        let constants: Vec<(usize, usize)> = fitted.constants().filter(smooth).collect();
-        let tangents = tangents(problem, fitted, &self.noise, &constants);
-        tangents.iter().for_each(|tangent| basis.push(tangent));
+        let constants: Vec<(usize, usize)> = fitted.constants().collect();
+        tangents(problem, fitted, &self.noise, &constants).iter().for_each(|tangent| basis.push(tangent));
         let mut white = self.noise.whiten(problem, &fitted.target);
         basis.project_out(&mut white);
         basis.project_out(&mut white);

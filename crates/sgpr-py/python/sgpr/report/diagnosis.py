@@ -95,6 +95,7 @@ class DiagnosisPage:
         more = [first]
         if not unseen:
             more.append("These are the logs that the model was fitted to: name others with --test to know the errors.")
+        more += [f"{text}." for text in data["repeated_motions"]]
         before = self.errors_before if names else None
         lead = verdict(before, self.errors_after, where, "before it was", more=more)
         odds = (

@@ -76,6 +76,7 @@ class RestPage:
             more.append("The search was stopped: joints that it had not reached have the physics alone.")
         if not unseen:
             more.append("These are the logs that the model was fitted to: name others with --test to know the errors.")
+        more += [f"{text}." for text in self.data["repeated_motions"]]
         where = f"On {counted(logs, 'unseen log' if unseen else 'training log')}"
         return verdict(self.errors_before, self.errors_after, where, "the physics alone leaves", more=more)
 
