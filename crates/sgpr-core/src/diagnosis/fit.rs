@@ -159,9 +159,8 @@ pub(super) fn tangent(
 
 /// Tangents of some constants, term and index, whitened; empty for a limit of torque, which is not smooth.
 pub(super) fn tangents(problem: &Problem, fitted: &Fitted, noise: &Noise, constants: &[(usize, usize)]) -> Vec<Column> {
-    let is_limit = |term: &Term, index: usize| {
-        term.is_transform() && term.effect.constants()[index].scale == Scale::Torque
-    };
+    let is_limit =
+        |term: &Term, index: usize| term.is_transform() && term.effect.constants()[index].scale == Scale::Torque;
     let white = |&(k, index): &(usize, usize)| {
         if is_limit(&fitted.terms()[k], index) {
             return vec![vec![]; problem.dof()];

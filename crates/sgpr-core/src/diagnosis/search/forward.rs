@@ -56,6 +56,9 @@ pub(super) fn falls(before: &Column, after: &Column) -> Vec<f64> {
         .collect()
 }
 
+/// A candidate, the model fitted with it, and its score.
+type Trial<'c> = (&'c Candidate, Fitted, f64);
+
 impl Search<'_> {
     /// The fit with the limits at which the logged torque stays, one after the other.
     pub(super) fn limits(&self, fitted: &Fitted) -> Vec<(Fitted, Accepted)> {
@@ -235,6 +238,22 @@ impl Search<'_> {
         Ok(None)
     }
 
+    /// Trials that do equally well, those with least freedom first: forms with more imitate them. Not so where more of it
+    /// lowers the error on blocks that were left out: what is left of that is small beside what was explained, and would
+    /// never become an effect of its own.
+    fn plainest_first<'c>(&self, mut trials: Vec<Trial<'c>>) -> Vec<Trial<'c>> {
+        if trials.len() < 2 {
+            return trials;
+        }
+        trials.sort_by_key(|(candidate, ..)| candidate.term.constants.len() + candidate.term.coefficients.len());
+        let errors: Vec<HeldOut> = trials.par_iter().map(|(_, trial, _)| self.errors(trial)).collect();
+        let beaten =
+            |k: usize| errors.iter().any(|other| errors[k].largest_fall_to(other, &trials[k].0.term) > MATERIAL);
+        let beaten: Vec<bool> = (0..trials.len()).map(beaten).collect();
+        let (worse, good): (Vec<_>, Vec<_>) = trials.into_iter().zip(beaten).partition(|(_, beaten)| *beaten);
+        good.into_iter().chain(worse).map(|(trial, _)| trial).collect()
+    }
+
     /// The fit with the best of some candidates that has evidence and matters, if there is one.
     pub(super) fn best_of(
         &self,
@@ -252,16 +271,15 @@ impl Search<'_> {
             let score = self.score_of(fitted, &trial);
             (*candidate, trial, score)
         });
-        let mut trials: Vec<(&Candidate, Fitted, f64)> = scored.collect();
+        let mut trials: Vec<Trial<'_>> = scored.collect();
         trials.sort_by(|a, b| b.2.total_cmp(&a.2));
-        // Of effects that do equally well the plainest comes first: forms with more freedom imitate it.
         let best = trials.first().map_or(0.0, |(_, _, score)| *score);
-        let freedom = |c: &Candidate| c.term.constants.len() + c.term.coefficients.len();
-        let (mut equal, others): (Vec<_>, Vec<_>) =
+        let (equal, others): (Vec<_>, Vec<_>) =
             trials.into_iter().partition(|(_, _, score)| *score > best - NEARLY * best.abs());
-        equal.sort_by_key(|(candidate, ..)| freedom(candidate));
-        let trials = equal.into_iter().chain(others);
-        for (candidate, trial, score) in trials.filter(|(_, _, score)| *score >= EVIDENCE) {
+        for (candidate, trial, score) in self.plainest_first(equal).into_iter().chain(others) {
+            if score < EVIDENCE {
+                continue;
+            }
             let with = self.errors(&trial);
             let fitted_term = trial.terms().last().unwrap_or(&candidate.term);
             if without.largest_fall_to(&with, fitted_term) < asked_of(fitted_term) {
