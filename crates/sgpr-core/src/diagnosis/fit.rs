@@ -241,14 +241,41 @@ pub(super) fn with_deviations(problem: &Problem, fitted: &Fitted, noise: &Noise)
     for ((k, index), [low, high]) in times.into_iter().zip(intervals) {
         terms[k].constant_deviations[index] = 0.25 * (high - low);
         if high - low > UNSURE_S {
-            terms[k].constants[index] = 0.5 * (low + high);
+            terms[k].constants[index] = likeliest_as_logged(problem, &fitted.model, &terms, (k, index), [low, high]);
         }
     }
     terms
 }
 
-/// Of a longer interval of two deviations to both sides the middle is said, s.
+/// Of a longer interval of two deviations to both sides the torque as logged decides, s.
 const UNSURE_S: f64 = 1.0;
+
+/// The time in an interval with which the torque as logged is predicted best, s; of times that do equally well the middle.
+/// Filters take the first and last rows of each log, and what begins there shows only in the torque as logged.
+fn likeliest_as_logged(
+    problem: &Problem,
+    model: &TorqueModel,
+    terms: &[Term],
+    (k, index): (usize, usize),
+    [low, high]: [f64; 2],
+) -> f64 {
+    const STEPS: usize = 40;
+    const EQUAL: f64 = 1e-9;
+    let time = |step: usize| low + (high - low) * step as f64 / STEPS as f64;
+    let errors = |step: usize| {
+        let mut terms = terms.to_vec();
+        terms[k].constants[index] = time(step);
+        problem.logged_error(&model.clone().with_terms(terms, problem.clock))
+    };
+    let errors: Vec<Vec<f64>> = (0..=STEPS).into_par_iter().map(errors).collect();
+    let cost = |step: usize| {
+        let shares = errors[step].iter().zip(&errors[STEPS / 2]).map(|(own, middle)| (own / middle).powi(2));
+        shares.filter(|share| share.is_finite()).sum::<f64>()
+    };
+    let least = (0..=STEPS).map(cost).fold(f64::INFINITY, f64::min);
+    let best: Vec<f64> = (0..=STEPS).filter(|step| cost(*step) <= (1.0 + EQUAL) * least).map(time).collect();
+    best.first().zip(best.last()).map_or(time(STEPS / 2), |(first, last)| 0.5 * (first + last))
+}
 
 /// The interval of two deviations to both sides of a time of a term, s: chi-squared is within four of the fit's.
 fn interval(problem: &Problem, fitted: &Fitted, noise: &Noise, (k, index): (usize, usize)) -> [f64; 2] {

@@ -186,8 +186,8 @@ pub(super) fn finished(
     // Prediction is judged by its plain error: least squares for that, each joint weighted by what is left there. Noise
     // of the derivatives counts: what the logs hardly show must not multiply it.
     let wide = problem.wide();
-    let first = solve(wide, &fitted.model, fitted.terms(), &Noise::white(&wide.y));
-    let plain = solve_like(wide, &first, fitted.terms(), &Noise::white(&first.residual));
+    let first = solve(wide, &fitted.model, &terms, &Noise::white(&wide.y));
+    let plain = solve_like(wide, &first, &terms, &Noise::white(&first.residual));
     let mut finished = plain.model.clone();
     let terms = terms.into_iter().zip(plain.terms()).map(|(mut term, plain)| {
         term.coefficients.clone_from(&plain.coefficients);

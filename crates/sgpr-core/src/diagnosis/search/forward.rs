@@ -92,7 +92,8 @@ impl Search<'_> {
 
     /// Candidates with evidence that is not tiny beside what was found before at the same joint: a form that is right to
     /// one percent leaves so much, and it would be taken for an effect of its own. Beside a contact, which is strong and
-    /// short, only that counts which is explained while it is not there.
+    /// short, only that counts which is explained while it is not there. Not tiny either is what explains most of the error
+    /// that is left on some joint: a load is strong on all of them, friction of a light wrist is not.
     pub(super) fn worth_it(
         &self,
         fitted: &Fitted,
@@ -148,9 +149,25 @@ impl Search<'_> {
             };
             let inside = all.iter().sum::<f64>() - falls.iter().sum::<f64>();
             let beside: f64 = falls.iter().zip(tiny).filter(|(fall, tiny)| fall < tiny).map(|(fall, _)| fall).sum();
-            candidate.score - inside - beside > if apart { elsewhere.max(EVIDENCE) } else { *elsewhere }
+            let asked = if apart { elsewhere.max(EVIDENCE) } else { *elsewhere };
+            candidate.score - inside - beside > asked || self.explains_most(fitted, candidate, (white, &with))
         });
         tried
+    }
+
+    /// Whether a candidate that changes the whitened residual from one to another explains most of the error that is left
+    /// on some joint.
+    fn explains_most(&self, fitted: &Fitted, candidate: &Candidate, (white, with): (&Column, &Column)) -> bool {
+        const MOST: f64 = 1.0;
+        /// With less of the whitened residual explained nothing is worth a fit.
+        const MUCH: f64 = 0.25;
+        let energy = |own: &[f64]| dot_in_lanes(own, own);
+        let explains_much = |(white, with): (&Vec<f64>, &Vec<f64>)| energy(with) < (1.0 - MUCH) * energy(white);
+        if candidate.impossible || candidate.score < EVIDENCE || !white.iter().zip(with).any(explains_much) {
+            return false;
+        }
+        let trial = self.with_term(fitted, candidate.term.clone());
+        self.errors(fitted).largest_fall_to(&self.errors(&trial), &candidate.term) > MOST
     }
 
     /// What a candidate leaves of the whitened residual.
