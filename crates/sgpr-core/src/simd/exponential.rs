@@ -1,4 +1,4 @@
-//! The exponential of a slice of numbers that are not positive, a register at a time.
+//! The exponential of numbers that are not positive, a register at a time.
 
 use pulp::Simd;
 
@@ -33,40 +33,62 @@ const TAYLOR_F64: [f64; 13] = [
 ];
 const TAYLOR_F32: [f32; 8] = [1.0 / 5_040.0, 1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0];
 
-/// `a * b + c` with the instruction where there is one; without it `mul_add` is a slow library call.
-macro_rules! fused {
-    ($simd:ty, $float:ty, $a:expr, $b:expr, $c:expr) => {
-        if <$simd>::IS_SCALAR { $a * $b + $c } else { <$float>::mul_add($a, $b, $c) }
-    };
-}
-pub(crate) use fused;
-
 macro_rules! exponential {
-    ($name:ident, $float:ty, $round:ident, $ln2:ident, $taylor:ident, $log2e:expr, $shift:expr) => {
-        /// Replaces every x <= 0 by exp(x), within two units in the last place; zero below -87.
-        ///
-        /// The loop is plain so that the compiler turns it into registers of the instruction set `S`.
+    ($name:ident, $float:ty, $bits:ty, $floats:ident, $round:ident, $ln2:ident, $taylor:ident, $log2e:expr, $shift:expr,
+     $splat:ident, $sub:ident, $mul_add:ident, $less:ident, $select:ident) => {
+        /// exp(x) of every x <= 0, within two units in the last place; zero below -87.
         #[inline(always)]
-        pub(crate) fn $name<S: Simd>(_: S, values: &mut [$float]) {
-            for value in values {
-                let x = *value;
-                let rounded = fused!(S, $float, x, $log2e, $round);
-                let power = rounded - $round;
-                let r = fused!(S, $float, -power, $ln2[0], x);
-                let r = fused!(S, $float, -power, $ln2[1], r);
-                let mut p = $taylor[0];
-                for c in &$taylor[1..] {
-                    p = fused!(S, $float, p, r, *c);
-                }
-                let scaled = <$float>::from_bits(p.to_bits().wrapping_add(rounded.to_bits() << $shift));
-                *value = if x < LOWEST as $float { 0.0 } else { scaled };
+        pub(crate) fn $name<S: Simd>(simd: S, x: S::$floats) -> S::$floats {
+            let rounded = simd.$mul_add(x, simd.$splat($log2e), simd.$splat($round));
+            let power = simd.$sub(rounded, simd.$splat($round));
+            let r = simd.$mul_add(power, simd.$splat(-$ln2[0]), x);
+            let r = simd.$mul_add(power, simd.$splat(-$ln2[1]), r);
+            let mut p = simd.$splat($taylor[0]);
+            for c in &$taylor[1..] {
+                p = simd.$mul_add(p, r, simd.$splat(*c));
             }
+            // Times a power of two, by way of the exponent.
+            let mut scaled = p;
+            let lanes = bytemuck::cast_slice_mut::<S::$floats, $bits>(std::slice::from_mut(&mut scaled));
+            let powers = bytemuck::cast_slice::<S::$floats, $bits>(std::slice::from_ref(&rounded));
+            lanes.iter_mut().zip(powers).for_each(|(p, power)| *p = p.wrapping_add(power << $shift));
+            simd.$select(simd.$less(x, simd.$splat(LOWEST as $float)), simd.$splat(0.0), scaled)
         }
     };
 }
 
-exponential!(exp_f64, f64, ROUND_F64, LN2_F64, TAYLOR_F64, std::f64::consts::LOG2_E, 52);
-exponential!(exp_f32, f32, ROUND_F32, LN2_F32, TAYLOR_F32, std::f32::consts::LOG2_E, 23);
+exponential!(
+    exp_f64,
+    f64,
+    u64,
+    f64s,
+    ROUND_F64,
+    LN2_F64,
+    TAYLOR_F64,
+    std::f64::consts::LOG2_E,
+    52,
+    splat_f64s,
+    sub_f64s,
+    mul_add_e_f64s,
+    less_than_f64s,
+    select_f64s
+);
+exponential!(
+    exp_f32,
+    f32,
+    u32,
+    f32s,
+    ROUND_F32,
+    LN2_F32,
+    TAYLOR_F32,
+    std::f32::consts::LOG2_E,
+    23,
+    splat_f32s,
+    sub_f32s,
+    mul_add_e_f32s,
+    less_than_f32s,
+    select_f32s
+);
 
 #[cfg(test)]
 mod tests {
@@ -79,8 +101,9 @@ mod tests {
         type Output = ();
 
         fn with_simd<S: Simd>(self, simd: S) {
-            exp_f64(simd, self.0);
-            exp_f32(simd, self.1);
+            let (wide, narrow) = (self.0.chunks_mut(S::F64_LANES), self.1.chunks_mut(S::F32_LANES));
+            wide.for_each(|x| simd.partial_store_f64s(x, exp_f64(simd, simd.partial_load_f64s(x))));
+            narrow.for_each(|x| simd.partial_store_f32s(x, exp_f32(simd, simd.partial_load_f32s(x))));
         }
     }
 

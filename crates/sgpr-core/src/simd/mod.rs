@@ -11,7 +11,7 @@ mod real;
 mod transpose;
 mod trigonometry;
 
-pub(crate) use exponential::{exp_f32, exp_f64, fused};
+pub(crate) use exponential::{exp_f32, exp_f64};
 pub use lanes::Lanes;
 pub(crate) use lanes::MAX_LANES;
 pub(crate) use pair_products::{pair, pair_products};
