@@ -3,7 +3,7 @@
 use pulp::Simd;
 
 use super::Shape;
-use crate::simd::{exp_f32, exp_f64};
+use crate::simd::{power_of_two_f32, power_of_two_f64};
 
 /// Points per tile; a multiple of the lanes of every register.
 pub(crate) const TILE: usize = 256;
@@ -29,6 +29,12 @@ pub(crate) trait Element: Copy + Default + Send + Sync + std::fmt::Debug + bytem
     fn store<S: Simd, const COUNT: usize>(registers: [Self::Register<S>; COUNT], slice: &mut [Self]);
 
     fn splat<S: Simd>(simd: S, value: Self) -> Self::Register<S>;
+
+    /// factor x.
+    fn times<S: Simd>(simd: S, factor: f64, x: Self::Register<S>) -> Self::Register<S>;
+
+    /// exp(factor x), where that is at most one.
+    fn decay<S: Simd>(simd: S, factor: f64, x: Self::Register<S>) -> Self::Register<S>;
 
     /// a b + c.
     fn mul_add<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>, c: Self::Register<S>)
@@ -115,7 +121,7 @@ pub(crate) trait Element: Copy + Default + Send + Sync + std::fmt::Debug + bytem
 }
 
 macro_rules! element {
-    ($float:ident, $exp:ident, $registers:ident, $as_simd:ident, $as_mut_simd:ident, $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $max:ident, $sqrt:ident, $mul_add:ident, $sum:ident) => {
+    ($float:ident, $power_of_two:ident, $registers:ident, $as_simd:ident, $as_mut_simd:ident, $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $max:ident, $sqrt:ident, $mul_add:ident, $sum:ident) => {
         impl Element for $float {
             type Register<S: Simd> = S::$registers;
 
@@ -142,6 +148,16 @@ macro_rules! element {
             #[inline(always)]
             fn splat<S: Simd>(simd: S, value: Self) -> S::$registers {
                 simd.$splat(value)
+            }
+
+            #[inline(always)]
+            fn times<S: Simd>(simd: S, factor: f64, x: S::$registers) -> S::$registers {
+                simd.$mul(simd.$splat(factor as Self), x)
+            }
+
+            #[inline(always)]
+            fn decay<S: Simd>(simd: S, factor: f64, x: S::$registers) -> S::$registers {
+                $power_of_two(simd, Self::times(simd, std::f64::consts::LOG2_E * factor, x))
             }
 
             #[inline(always)]
@@ -273,44 +289,49 @@ macro_rules! element {
 
             #[inline(always)]
             fn shape_at<S: Simd, const SLOPES: bool>(simd: S, shape: Shape, r2: S::$registers) -> [S::$registers; 2] {
-                const ROOT_3: $float = 1.732_050_807_568_877_2_f64 as $float;
-                const ROOT_5: $float = 2.236_067_977_499_79_f64 as $float;
+                const ROOT_3: f64 = 1.732_050_807_568_877_2;
+                const ROOT_5: f64 = 2.236_067_977_499_79;
                 // No reciprocal of a distance below this, where the slope meets a squared difference of zero.
                 const TINY: $float = 1e-30;
-                let times = |factor: Self, x| simd.$mul(simd.$splat(factor), x);
                 let one = simd.$splat(1.0);
                 match shape {
                     Shape::SquaredExponential => {
-                        let k = $exp(simd, times(-0.5, r2));
-                        [k, if SLOPES { times(-0.5, k) } else { k }]
+                        let k = Self::decay(simd, -0.5, r2);
+                        [k, if SLOPES { Self::times(simd, -0.5, k) } else { k }]
                     }
                     Shape::Exponential => {
-                        let k = $exp(simd, times(-1.0, simd.$sqrt(r2)));
+                        let k = Self::decay(simd, -1.0, simd.$sqrt(r2));
                         let least = simd.$splat(TINY);
-                        [k, if SLOPES { simd.$div(times(-0.5, k), simd.$sqrt(simd.$max(r2, least))) } else { k }]
+                        [
+                            k,
+                            if SLOPES {
+                                simd.$div(Self::times(simd, -0.5, k), simd.$sqrt(simd.$max(r2, least)))
+                            } else {
+                                k
+                            },
+                        ]
                     }
                     Shape::Matern32 => {
-                        let r = times(ROOT_3, simd.$sqrt(r2));
-                        let decay = $exp(simd, times(-1.0, r));
-                        let k = simd.$mul(decay, simd.$add(one, r));
-                        [k, if SLOPES { times(-1.5, decay) } else { k }]
+                        let r = simd.$sqrt(r2);
+                        let decay = Self::decay(simd, -ROOT_3, r);
+                        let k = simd.$mul(decay, simd.$add(one, Self::times(simd, ROOT_3, r)));
+                        [k, if SLOPES { Self::times(simd, -1.5, decay) } else { k }]
                     }
                     Shape::Matern52 => {
-                        let r = times(ROOT_5, simd.$sqrt(r2));
-                        let decay = $exp(simd, times(-1.0, r));
-                        let line = simd.$add(one, r);
+                        let r = simd.$sqrt(r2);
+                        let decay = Self::decay(simd, -ROOT_5, r);
+                        let line = simd.$add(one, Self::times(simd, ROOT_5, r));
                         let k = simd.$mul(decay, simd.$mul_add(simd.$splat(5.0 / 3.0), r2, line));
-                        [k, if SLOPES { simd.$mul(times(-5.0 / 6.0, decay), line) } else { k }]
+                        [k, if SLOPES { simd.$mul(Self::times(simd, -5.0 / 6.0, decay), line) } else { k }]
                     }
                     Shape::RationalQuadratic { mixture } => {
-                        let mixture = mixture as $float;
-                        let share = times(1.0 / (2.0 * mixture), r2);
+                        let share = Self::times(simd, 1.0 / (2.0 * mixture), r2);
                         let mut logarithm = share;
                         for x in bytemuck::cast_slice_mut::<S::$registers, Self>(std::slice::from_mut(&mut logarithm)) {
                             *x = x.ln_1p();
                         }
-                        let k = $exp(simd, times(-mixture, logarithm));
-                        [k, if SLOPES { simd.$div(times(-0.5, k), simd.$add(one, share)) } else { k }]
+                        let k = Self::decay(simd, -mixture, logarithm);
+                        [k, if SLOPES { simd.$div(Self::times(simd, -0.5, k), simd.$add(one, share)) } else { k }]
                     }
                 }
             }
@@ -432,7 +453,7 @@ macro_rules! element {
 
 element!(
     f64,
-    exp_f64,
+    power_of_two_f64,
     f64s,
     as_simd_f64s,
     as_mut_simd_f64s,
@@ -448,7 +469,7 @@ element!(
 );
 element!(
     f32,
-    exp_f32,
+    power_of_two_f32,
     f32s,
     as_simd_f32s,
     as_mut_simd_f32s,
