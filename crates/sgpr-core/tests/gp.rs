@@ -168,6 +168,26 @@ fn gradients_are_those_of_finite_differences() {
 }
 
 #[test]
+fn a_likelihood_in_the_memory_of_another_is_the_same() {
+    let data = |n: i32| {
+        let x = (0..n).map(|k| (0.71 * f64::from(k)).sin()).collect();
+        Data::new(x, 1, (0..n).map(|k| (0.3 * f64::from(k)).cos()).collect(), 1).expect("good data")
+    };
+    let covariance = |scale| Covariance::new(Kernel::isotropic(Shape::Matern52, 1, scale).scaled(1.0), 0.1);
+    let compute = Compute::default();
+    for first in [40, 70] {
+        let before = data(first);
+        let mut used = Likelihood::new(&before, &compute).expect("small");
+        used.value_and_gradient(&covariance(0.3)).expect("well-conditioned");
+        let data = data(70);
+        let mut again = Likelihood::with_memory(&data, &compute, Some(used.into_memory())).expect("small");
+        let expected = Likelihood::new(&data, &compute).expect("small").value_and_gradient(&covariance(0.8));
+        let expected = expected.expect("well-conditioned");
+        assert_eq!(again.value_and_gradient(&covariance(0.8)).expect("well-conditioned"), expected);
+    }
+}
+
+#[test]
 fn plain_and_vectorised_kernels_agree_and_a_period_is_one() {
     let kernel = rich_kernel();
     let data = Data::new(vec![0.3, -0.4, 0.9], 3, vec![1.0], 1).expect("one point");
