@@ -29,8 +29,9 @@ fn main() {
         GaussianProcess::fit(data(6006, 18), Covariance::new(kernel, 0.01), &Compute::default()).expect("enough memory")
     };
     let joints: Vec<GaussianProcess> = (0..6).map(of_joint).collect();
-    reading::<f64>("reading n²/2 numbers, n = 2002, Double", 2002 * 2002 / 2);
-    reading::<f32>("reading n²/2 numbers, n = 2002, Single", 2002 * 2002 / 2);
+    reading::<f64, 16>("reading n²/2 numbers, n = 2002, Double", 2002 * 2002 / 2);
+    reading::<f32, 32>("reading n²/2 numbers, n = 2002, Single", 2002 * 2002 / 2);
+    reading::<f32, 32>("reading six times 6006 points, d = 18, Single", 6 * 6006 * 18);
     for precision in [Precision::Double, Precision::Single] {
         shared("six kernels over the same points", &joints.iter().collect::<Vec<_>>(), precision, 18);
         shared("one kernel for six joints", &[&joints[0]; 6], precision, 18);
@@ -109,14 +110,15 @@ fn latency(
     );
 }
 
-/// Time to read so many numbers once, several sums at a time: what the variance from all points cannot be faster than.
-fn reading<T: Copy + Default + Into<f64> + std::ops::Add<Output = T>>(what: &str, count: usize) {
+/// Time to read so many numbers once, as many sums at a time as stay in registers: what a prediction from all of them cannot be
+/// much faster than.
+fn reading<T: Copy + Default + std::ops::Add<Output = T>, const SUMS: usize>(what: &str, count: usize) {
     let numbers = vec![T::default(); count];
     let mut times: Vec<f64> = (0..1000)
         .map(|_| {
             seconds(|| {
-                let mut sums = [T::default(); 128];
-                for block in numbers.chunks_exact(128) {
+                let mut sums = [T::default(); SUMS];
+                for block in numbers.as_chunks::<SUMS>().0 {
                     for (sum, number) in sums.iter_mut().zip(block) {
                         *sum = *sum + *number;
                     }

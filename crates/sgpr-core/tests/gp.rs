@@ -168,6 +168,26 @@ fn gradients_are_those_of_finite_differences() {
 }
 
 #[test]
+fn a_likelihood_in_the_memory_of_another_is_the_same() {
+    let data = |n: i32| {
+        let x = (0..n).map(|k| (0.71 * f64::from(k)).sin()).collect();
+        Data::new(x, 1, (0..n).map(|k| (0.3 * f64::from(k)).cos()).collect(), 1).expect("good data")
+    };
+    let covariance = |scale| Covariance::new(Kernel::isotropic(Shape::Matern52, 1, scale).scaled(1.0), 0.1);
+    let compute = Compute::default();
+    for first in [40, 70] {
+        let before = data(first);
+        let mut used = Likelihood::new(&before, &compute).expect("small");
+        used.value_and_gradient(&covariance(0.3)).expect("well-conditioned");
+        let data = data(70);
+        let mut again = Likelihood::with_memory(&data, &compute, Some(used.into_memory())).expect("small");
+        let expected = Likelihood::new(&data, &compute).expect("small").value_and_gradient(&covariance(0.8));
+        let expected = expected.expect("well-conditioned");
+        assert_eq!(again.value_and_gradient(&covariance(0.8)).expect("well-conditioned"), expected);
+    }
+}
+
+#[test]
 fn plain_and_vectorised_kernels_agree_and_a_period_is_one() {
     let kernel = rich_kernel();
     let data = Data::new(vec![0.3, -0.4, 0.9], 3, vec![1.0], 1).expect("one point");
@@ -518,6 +538,40 @@ fn a_variance_of_lower_rank_is_never_too_small_and_says_how_close_it_is() {
     assert!(before < 0.01 * 2.0 * 0.01, "{before}");
     let all = GpPredictor::new(&gp, PredictorOptions { variance_rank: None, ..Default::default() }).expect("small");
     assert_eq!((all.error(), all.variance_error()), (0.0, 0.0));
+}
+
+#[test]
+fn the_mean_alone_is_the_mean_of_any_number_of_points() {
+    let wave = |k: usize, m: usize| (0.037 * k as f64 * (1.0 + 0.37 * m as f64) + m as f64).sin();
+    let shapes = ["squared_exponential", "exponential", "matern32", "matern52", "rational_quadratic"];
+    for (shape, n) in shapes.into_iter().zip([1, 63, 64, 65, 300]).chain([("squared_exponential", 257)]) {
+        let x: Vec<f64> = (0..n).flat_map(|k| (0..3).map(move |m| 2.0 * wave(k, m) + 5.0)).collect();
+        let y = (0..n).map(|k| wave(k, 0) * wave(k, 1) + 0.1 * wave(31 * k, 2)).collect();
+        let kernel = Kernel::ard(Shape::by_name(shape).expect("a name"), &[0.9, 0.7, 1.3]).scaled(1.5);
+        let data = Data::new(x, 3, y, 1).expect("good data");
+        let gp = GaussianProcess::fit(data, Covariance::new(kernel, 0.01), &Compute::default()).expect("small");
+        let queries: Vec<f64> = (0..60).flat_map(|k| (0..3).map(move |m| 2.2 * wave(7 * k, 2 * m + 1) + 5.0)).collect();
+        let exact = gp.predict(&queries, false).expect("finite").mean;
+        for (precision, compact) in [
+            (Precision::Double, false),
+            (Precision::Single, false),
+            (Precision::Double, true),
+            (Precision::Single, true),
+        ] {
+            let options = PredictorOptions { precision, variance_rank: None, compact };
+            let mut predictor = GpPredictor::new(&gp, options).expect("small");
+            // What is stated is measured at other points; in double precision only rounding is left. Of a rough kernel the
+            // distance to a close point counts, which is the root of what rounding leaves of a difference of squares.
+            let allowed = 1e-12 + 4.0 * predictor.error();
+            assert!(allowed < if compact { 1e-2 } else { 2e-4 }, "{shape} {precision:?} {compact} {allowed}");
+            for (x, mean) in queries.chunks_exact(3).zip(&exact) {
+                let alone = predictor.mean(x)[0];
+                assert!((alone - mean).abs() < allowed, "{shape} {precision:?} {compact}: {alone} {mean} {allowed}");
+                let with_variance = predictor.mean_and_variance(x).0[0];
+                assert!((alone - with_variance).abs() < 1e-12 + predictor.error(), "{alone} {with_variance}");
+            }
+        }
+    }
 }
 
 #[test]

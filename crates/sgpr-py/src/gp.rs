@@ -6,8 +6,9 @@ use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use sgpr_core::gp::{
-    self as core, Compute, Covariance, Data, GaussianProcess, GpError, GpPredictor, Inference, Likelihood, Precision,
-    PredictorOptions, SearchOptions, SearchStatus, Shape, SparseBound, SparseGaussianProcess, SparseOptions,
+    self as core, Compute, Covariance, Data, GaussianProcess, GpError, GpPredictor, Inference, Likelihood,
+    LikelihoodMemory, Precision, PredictorOptions, SearchOptions, SearchStatus, Shape, SparseBound,
+    SparseGaussianProcess, SparseOptions,
 };
 
 use crate::convert::{Numbers, array, choice, positive, whole};
@@ -210,6 +211,8 @@ pub struct FittedProcess {
     data: Data,
     compute: Compute,
     report: Report,
+    /// Of the last likelihood; taken by one call at a time.
+    memory: Mutex<Option<LikelihoodMemory>>,
 }
 
 enum Process {
@@ -348,7 +351,7 @@ pub fn fit_process(
     };
     let ((process, mut report), stopped) = listen_and_keep(py, progress, work)?;
     report.inference = inference.name();
-    Ok((FittedProcess { process, data, compute, report }, stopped))
+    Ok((FittedProcess { process, data, compute, report, memory: Mutex::default() }, stopped))
 }
 
 /// What a predictor keeps, as the methods `predictor` are given it.
@@ -377,7 +380,7 @@ pub fn restore_process(
         None => GaussianProcess::fit(data.clone(), covariance, &compute).map(Process::Exact),
     });
     let process = process.map_err(IntoPyErr::into_py_err)?;
-    Ok(FittedProcess { process, data, compute, report: Report::default() })
+    Ok(FittedProcess { process, data, compute, report: Report::default(), memory: Mutex::default() })
 }
 
 fn word(name: &str, value: &Bound<'_, PyAny>) -> PyResult<String> {
@@ -445,12 +448,16 @@ impl FittedProcess {
         let result = py.detach(|| -> Result<(f64, Option<Vec<f64>>), GpError> {
             match &self.process {
                 Process::Exact(_) => {
-                    let mut likelihood = Likelihood::new(&self.data, &self.compute)?;
-                    if !eval_gradient {
-                        return Ok((likelihood.value(&covariance)?, None));
-                    }
-                    let (value, gradient) = likelihood.value_and_gradient(&covariance)?;
-                    Ok((value, Some(gradient)))
+                    let memory = || self.memory.lock().unwrap_or_else(PoisonError::into_inner);
+                    let kept = memory().take();
+                    let mut likelihood = Likelihood::with_memory(&self.data, &self.compute, kept)?;
+                    let result = if eval_gradient {
+                        likelihood.value_and_gradient(&covariance).map(|(value, gradient)| (value, Some(gradient)))
+                    } else {
+                        likelihood.value(&covariance).map(|value| (value, None))
+                    };
+                    *memory() = Some(likelihood.into_memory());
+                    result
                 }
                 Process::Sparse(gp) => {
                     let bound = SparseBound::new(&self.data, &self.compute);

@@ -52,6 +52,38 @@ def test_likelihood_gradient_and_optimum_are_those_of_scikit_learn(points: tuple
     assert same.score(new, peer_mean) > 0.999
 
 
+def test_likelihoods_are_computed_in_the_memory_of_the_last_one() -> None:
+    resource = pytest.importorskip("resource")
+    x = np.linspace(0, 50, 2200)[:, None]
+    gp = sgpr.GaussianProcess(sgpr.Kernel("matern32", [0]), noise_variance=0.1, optimise=False).fit(x, np.sin(x[:, 0]))
+
+    def new_pages() -> int:
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+        gp.log_marginal_likelihood(eval_gradient=True)
+        return int(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+
+    first = new_pages()
+    # A matrix of 39 MB.
+    assert new_pages() < 0.3 * max(first, 2200**2 * 8 / resource.getpagesize())
+
+
+def test_likelihoods_of_several_threads_at_once_do_not_mix(points: tuple[np.ndarray, np.ndarray]) -> None:
+    gp = sgpr.GaussianProcess(optimise=False, noise_variance=0.1).fit(*points)
+    thetas = [gp.theta_ + 0.1 * k for k in range(8)]
+    expected = [gp.log_marginal_likelihood(theta) for theta in thetas]
+    found: dict[int, list[float]] = {}
+
+    def work(k: int) -> None:
+        found[k] = [float(gp.log_marginal_likelihood(thetas[k])) for _ in range(20)]
+
+    threads = [threading.Thread(target=work, args=(k,)) for k in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(found[k] == [expected[k]] * 20 for k in range(8))
+
+
 def test_every_kernel_learns(points: tuple[np.ndarray, np.ndarray]) -> None:
     X, y = points
     for kernel in ["squared_exponential", "exponential", "matern32", "matern52", "rational_quadratic"]:

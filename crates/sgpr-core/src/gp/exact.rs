@@ -4,7 +4,7 @@ use faer::{Mat, MatMut};
 use pulp::{Arch, Simd, WithSimd};
 
 use super::data::require_finite;
-use super::kernels::{Element, Features, Plan};
+use super::kernels::{Element, Features, PADDED, Plan};
 use super::likelihood::weights_and_likelihood;
 use super::matrix::{assemble_and_factor, invert_factor, square, view, view_mut};
 use super::{Compute, Covariance, Data, GpError, Kernel};
@@ -226,10 +226,10 @@ pub(super) fn require_points(x: &[f64], inputs: usize) -> Result<(), GpError> {
     require_finite("x", x, inputs)
 }
 
-/// With zeros at its end, so that whole registers can be read.
+/// With zeros at its end, so that whole groups can be read.
 pub(super) fn padded<T: Element>(values: &[f64]) -> Vec<T> {
     let mut padded: Vec<T> = values.iter().map(|value| T::from_f64(*value)).collect();
-    padded.resize(values.len() + 32, T::default());
+    padded.resize(values.len().next_multiple_of(PADDED), T::default());
     padded
 }
 

@@ -26,10 +26,17 @@ pub struct Likelihood<'a> {
     compute: Compute,
     /// Orthonormal, `[points, rank H]`.
     terms: Option<Mat<f64>>,
+    memory: LikelihoodMemory,
+    jitter: f64,
+}
+
+/// Where a [`Likelihood`] computes, to be used again by the next one: memory that is taken anew is cleared by the system, page
+/// by page.
+#[derive(Debug)]
+pub struct LikelihoodMemory {
     /// K, L or L⁻¹.
     matrix: Mat<f64>,
     panel: Mat<f64>,
-    jitter: f64,
 }
 
 /// Share of the largest singular value below which a combination of linear terms counts as none.
@@ -51,9 +58,28 @@ impl<'a> Likelihood<'a> {
     /// # Errors
     /// If it is more than allowed.
     pub fn new(data: &'a Data, compute: &Compute) -> Result<Self, GpError> {
-        compute.check(data.len(), 1)?;
+        Self::with_memory(data, compute, None)
+    }
+
+    /// The same in memory of an earlier one, if that was for as many points.
+    ///
+    /// # Errors
+    /// As [`Likelihood::new`].
+    pub fn with_memory(data: &'a Data, compute: &Compute, memory: Option<LikelihoodMemory>) -> Result<Self, GpError> {
         let n = data.len();
-        Ok(Self { data, compute: *compute, terms: None, matrix: square(n), panel: panel(n), jitter: 0.0 })
+        let memory = match memory.filter(|memory| memory.matrix.ncols() == n) {
+            Some(memory) => memory,
+            None => {
+                compute.check(n, 1)?;
+                LikelihoodMemory { matrix: square(n), panel: panel(n) }
+            }
+        };
+        Ok(Self { data, compute: *compute, terms: None, memory, jitter: 0.0 })
+    }
+
+    /// The memory, for the next one.
+    pub fn into_memory(self) -> LikelihoodMemory {
+        self.memory
     }
 
     /// The same beside linear terms with unknown coefficients.
@@ -92,12 +118,11 @@ impl<'a> Likelihood<'a> {
     pub fn value_and_gradient(&mut self, covariance: &Covariance) -> Result<(f64, Vec<f64>), GpError> {
         let Factored { plan, alpha, value, explained } = self.factor(covariance)?;
         let par = self.compute.par();
-        invert_in_place(view_mut(&mut self.matrix), &mut self.panel, par);
+        let LikelihoodMemory { matrix, panel } = &mut self.memory;
+        invert_in_place(view_mut(matrix), panel, par);
         let points = plan.features(self.data.x(), self.data.inputs());
-        let inverse_factor = view(&self.matrix);
-        let explained = explained.as_ref();
         let (mut gradient, trace) =
-            likelihood_gradient(&plan, &points, &alpha, inverse_factor, explained, &mut self.panel, &self.compute);
+            likelihood_gradient(&plan, &points, &alpha, view(matrix), explained.as_ref(), panel, &self.compute);
         let squares: f64 = alpha.iter().flatten().map(|a| a * a).sum();
         gradient.push(0.5 * covariance.noise_variance * (squares - alpha.len() as f64 * trace));
         Ok((value, gradient))
@@ -108,19 +133,20 @@ impl<'a> Likelihood<'a> {
         self.jitter
     }
 
-    /// Leaves L in `matrix`.
+    /// Leaves L in the matrix.
     fn factor(&mut self, covariance: &Covariance) -> Result<Factored, GpError> {
         covariance.validate(self.data.inputs())?;
         let plan = Plan::new(&covariance.kernel());
         let points = plan.features(self.data.x(), self.data.inputs());
-        self.jitter = assemble_and_factor(&plan, &points, covariance.noise_variance, &mut self.matrix, &self.compute)?;
-        let (alpha, value) = weights_and_likelihood(&self.matrix, self.data, &self.compute);
+        let matrix = &mut self.memory.matrix;
+        self.jitter = assemble_and_factor(&plan, &points, covariance.noise_variance, matrix, &self.compute)?;
+        let (alpha, value) = weights_and_likelihood(matrix, self.data, &self.compute);
         let Some(terms) = &self.terms else { return Ok(Factored { plan, alpha, value, explained: None }) };
 
         let par = self.compute.par();
         let mut solved = terms.clone();
-        solve_lower_triangular_in_place(view(&self.matrix), solved.as_mut(), par);
-        solve_upper_triangular_in_place(view(&self.matrix).transpose(), solved.as_mut(), par);
+        solve_lower_triangular_in_place(view(matrix), solved.as_mut(), par);
+        solve_upper_triangular_in_place(view(matrix).transpose(), solved.as_mut(), par);
         let information = terms.transpose() * &solved;
         let root = cholesky(information.as_ref()).ok_or(GpError::NotPositiveDefinite { jitter: self.jitter })?;
         // G = K⁻¹ H R⁻¹, by columns of Gᵀ.

@@ -32,7 +32,7 @@ pub use exact::{GaussianProcess, LeaveOneOut, Prediction};
 pub(crate) use fading_noise::FadingNoise;
 pub(crate) use induced::{Evidence, InducedProcess};
 pub use kernels::{Input, Kernel, Shape, Stationary};
-pub use likelihood::Likelihood;
+pub use likelihood::{Likelihood, LikelihoodMemory};
 pub use minimise::SearchStatus;
 pub use predictor::{GpPredictor, Precision, PredictorOptions};
 pub use search::{SearchOptions, SearchReport, search};

@@ -3,7 +3,7 @@ use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_uppe
 use pulp::{Arch, Simd, WithSimd};
 
 use super::exact::{Prediction, padded};
-use super::kernels::{BLOCK, Element, Features, Grid, GridPoints, Plan, Points, Query, TILE, Work, tiles};
+use super::kernels::{BLOCK, Element, Grid, GridPoints, GroupedPoints, Plan, Points, Query, TILE, Work, weigh};
 use super::matrix::{factor, invert_factor, square, view, view_mut};
 use super::subset::partial_factor;
 use super::{Data, GaussianProcess, GpError, InducedProcess, Kernel, SparseGaussianProcess};
@@ -87,7 +87,7 @@ struct Core<T> {
 /// The points.
 #[derive(Clone, Debug)]
 enum Kept<T> {
-    Full(Features<T>),
+    Full(GroupedPoints<T>),
     Compact(GridPoints<T>),
 }
 
@@ -331,7 +331,7 @@ impl<T: Element> Core<T> {
         Self {
             points: match &parts.grid {
                 Some(of_points) => Kept::Compact(grid(of_points)),
-                None => Kept::Full(plan.features(parts.x, parts.inputs)),
+                None => Kept::Full(GroupedPoints::new(&plan, parts.x, parts.inputs)),
             },
             weights: parts.weights.iter().map(|weights| padded(weights)).collect(),
             variance: match &parts.variance {
@@ -370,10 +370,10 @@ impl<T: Element> WithSimd for Predict<'_, T> {
         let keep = if with_variance { &mut *variance } else { none };
         let mut tiles = Tiles { plan, weights, query, work, mean, keep };
         match points {
-            Kept::Full(points) => tiles.add(simd, points, points.count()),
+            Kept::Full(points) => tiles.add(simd, points),
             Kept::Compact(points) => {
                 points.set_query(tiles.query);
-                tiles.add(simd, points, points.count());
+                tiles.add(simd, points);
             }
         }
         match variance {
@@ -398,8 +398,17 @@ struct Tiles<'a, T> {
 
 impl<T: Element> Tiles<'_, T> {
     #[inline(always)]
-    fn add<S: Simd>(&mut self, simd: S, points: &impl Points<T>, count: usize) {
-        for (start, length) in tiles(0, count) {
+    fn add<S: Simd>(&mut self, simd: S, points: &impl Points<T>) {
+        if let (Some((shape, columns)), [weights], Variance::None) = (self.plan.single_leaf(), self.weights, &self.keep)
+        {
+            let c = self.query.coordinates(&columns);
+            for (tile, weights) in weights.chunks(TILE).enumerate() {
+                self.mean[0] += self.plan.variance() * weigh(simd, points, shape, tile * TILE, c, weights);
+            }
+            return;
+        }
+        let count = self.weights[0].len();
+        for (start, length) in (0..count).step_by(TILE).map(|start| (start, TILE.min(count - start))) {
             let values = self.plan.values::<T, S, false>(simd, points, (start, length), self.query, self.work);
             for (mean, weights) in self.mean.iter_mut().zip(self.weights) {
                 *mean += T::dot(simd, values, &weights[start..start + length]);

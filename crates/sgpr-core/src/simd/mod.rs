@@ -4,17 +4,17 @@
 //! ([`Lanes`]) and on any further type that brings the same operations (dual numbers). The instruction set is chosen
 //! when the program runs, by `pulp::Arch`, so one binary serves every machine.
 
-mod exponential;
 mod lanes;
 mod pair_products;
+mod power_of_two;
 mod real;
 mod transpose;
 mod trigonometry;
 
-pub(crate) use exponential::{exp_f32, exp_f64, fused};
 pub use lanes::Lanes;
 pub(crate) use lanes::MAX_LANES;
 pub(crate) use pair_products::{pair, pair_products};
+pub(crate) use power_of_two::{power_of_two_f32, power_of_two_f64};
 pub use real::{Fused, Real};
 pub(crate) use transpose::Transpose;
 pub(crate) use trigonometry::{cos_in_place, sin_cos_slice};

@@ -4,24 +4,8 @@ use std::ops::Range;
 
 use pulp::Simd;
 
-use super::{Element, Features, Plan, Query};
+use super::{Element, PADDED, Plan, Points, Query, REGISTERS, group};
 use crate::simd::{pair, pair_products};
-
-/// Points in the coordinates of a plan, tile by tile.
-pub(crate) trait Points<T: Element> {
-    /// Squared distances, in the coordinates `columns`, of the points of a tile (start, length) to the query `c`.
-    ///
-    /// - `work`: two tiles
-    fn squared_distances<S: Simd>(
-        &self,
-        simd: S,
-        columns: Range<usize>,
-        tile: (usize, usize),
-        c: &[T],
-        work: &mut [Vec<u32>; 2],
-        squares: &mut [T],
-    );
-}
 
 /// Largest number of steps from the middle of the grid, and largest digit.
 const LARGEST: f64 = 32_767.0;
@@ -70,26 +54,19 @@ impl Grid {
     }
 }
 
-/// Points whose coordinates lie together; a divisor of a tile.
-const GROUP: usize = 64;
-
-/// Registers of points that share what is read of the query.
-const REGISTERS: usize = 4;
-
 /// Points of a grid.
 ///
 /// |x - c|² = |x|² + |c|² - 2 x·c, where x is in steps and c is split into digits: sums of products of integers of 16 bits.
 #[derive(Clone, Debug)]
 pub(crate) struct GridPoints<T> {
     leaves: Vec<GridLeaf<T>>,
-    count: usize,
 }
 
 /// Points as one leaf of the kernel sees them, and the query.
 #[derive(Clone, Debug)]
 struct GridLeaf<T> {
     columns: Range<usize>,
-    /// A group of points after the other, of two columns in one word: `[pairs, GROUP]`.
+    /// A group of points after the other, of two columns in one word: `[pairs, points of a group]`.
     steps: Vec<u32>,
     /// Coordinate of a step, per column.
     scales: Vec<f64>,
@@ -113,12 +90,7 @@ impl<T: Element> GridPoints<T> {
     pub fn new(plan: &Plan, grid: &Grid, x: &[f64], inputs: usize) -> Option<Self> {
         let columns = plan.straight_columns()?;
         let leaf = |range: Range<usize>| GridLeaf::new(&columns[range.clone()], range, grid, x, inputs);
-        Some(Self { leaves: plan.leaf_columns().map(leaf).collect(), count: x.len() / inputs })
-    }
-
-    /// Number of points.
-    pub fn count(&self) -> usize {
-        self.count
+        Some(Self { leaves: plan.leaf_columns().map(leaf).collect() })
     }
 
     /// Takes the point whose distances are asked for next.
@@ -135,14 +107,15 @@ impl<T: Element> GridLeaf<T> {
     fn new(inputs_and_factors: &[(usize, f64)], columns: Range<usize>, grid: &Grid, x: &[f64], inputs: usize) -> Self {
         let pairs = columns.len().div_ceil(2);
         let scales: Vec<f64> = inputs_and_factors.iter().map(|(input, factor)| grid.step[*input] * factor).collect();
-        let padded = (x.len() / inputs).next_multiple_of(GROUP);
+        let padded = (x.len() / inputs).next_multiple_of(PADDED);
         let (mut steps, mut norms) = (vec![0; padded * pairs], vec![T::default(); padded]);
         for (k, point) in x.chunks_exact(inputs).enumerate() {
             let own: Vec<f64> = inputs_and_factors.iter().map(|(input, _)| grid.steps(*input, point[*input])).collect();
             norms[k] = T::from_f64(own.iter().zip(&scales).map(|(steps, scale)| (steps * scale).powi(2)).sum());
-            let group = &mut steps[k / GROUP * pairs * GROUP..];
+            let size = group::<T>();
+            let group = &mut steps[k / size * pairs * size..];
             for (p, two) in own.chunks(2).enumerate() {
-                group[p * GROUP + k % GROUP] = pair([two[0] as i16, two.get(1).map_or(0, |steps| *steps as i16)]);
+                group[p * size + k % size] = pair([two[0] as i16, two.get(1).map_or(0, |steps| *steps as i16)]);
             }
         }
         let query = Digits { words: vec![[0; 2]; pairs], units: [0.0; 2], norm: 0.0 };
@@ -159,19 +132,21 @@ impl Digits {
         let sizes = (0..scales.len()).map(|k| product(k).abs());
         let (total, largest) = sizes.fold((0.0, 0.0), |(sum, max), size| (sum + size, f64::max(max, size)));
         let unit = (total / LARGEST_SUM).max(largest / LARGEST).max(f64::MIN_POSITIVE);
+        let reciprocal = 1.0 / unit;
         let parts = (LARGEST_SUM / (2 * self.words.len()) as f64).min(LARGEST);
-        self.units = [unit, unit / parts];
+        let part = 1.0 / parts;
+        self.units = [unit, unit * part];
         self.norm = 0.0;
         for (pair_index, words) in self.words.iter_mut().enumerate() {
             let mut digits = [[0; 2]; 2];
             for column in 0..2.min(scales.len() - 2 * pair_index) {
                 let k = 2 * pair_index + column;
-                let exact = product(k) / unit;
+                let exact = product(k) * reciprocal;
                 let first = exact.round_ties_even();
                 let second = ((exact - first) * parts).round_ties_even();
                 (digits[0][column], digits[1][column]) = (first as i16, second as i16);
                 // Corrects the error of the product for points close to the query, or on the side of it if it is outside.
-                let (c, error) = (query[k].to_f64(), unit * (first + second / parts - exact));
+                let (c, error) = (query[k].to_f64(), unit * (first + second * part - exact));
                 self.norm += c * c + 2.0 * (c / scales[k]).clamp(-LARGEST, LARGEST) * error;
             }
             *words = digits.map(pair);
@@ -179,97 +154,74 @@ impl Digits {
     }
 }
 
-impl<T: Element> GridLeaf<T> {
+impl<T: Element> Points<T> for GridPoints<T> {
     #[inline(always)]
-    fn squared_distances<S: Simd>(&self, simd: S, tile: (usize, usize), work: &mut [Vec<u32>; 2], squares: &mut [T]) {
-        self.products(simd, tile, work);
-        let [norm, first, second] = [self.query.norm, -2.0 * self.query.units[0], -2.0 * self.query.units[1]];
-        let norms = &self.norms[tile.0..tile.0 + tile.1];
-        T::squares_from_products(simd, norms, T::from_f64(norm), work, [first, second].map(T::from_f64), squares);
-    }
-
-    /// Sums over columns of steps times each digit of the query, for the points of a tile.
-    #[inline(always)]
-    fn products<S: Simd>(&self, simd: S, (start, length): (usize, usize), products: &mut [Vec<u32>; 2]) {
-        let (height, wide) = (self.query.words.len() * GROUP, REGISTERS * S::U32_LANES);
-        for group in 0..length.div_ceil(GROUP) {
-            let x = &self.steps[(start / GROUP + group) * height..][..height];
-            for first in (0..GROUP).step_by(wide) {
-                let mut sums = [[simd.splat_u32s(0); REGISTERS]; 2];
-                for (x, words) in x.chunks_exact(GROUP).zip(&self.query.words) {
-                    let x = S::as_simd_u32s(&x[first..first + wide]).0;
-                    let x = x.first_chunk::<REGISTERS>().expect("as many as were cut out");
-                    for k in 0..2 {
-                        let digit = simd.splat_u32s(words[k]);
-                        for position in 0..REGISTERS {
-                            let product = pair_products(simd, x[position], digit);
-                            sums[k][position] = simd.add_u32s(sums[k][position], product);
-                        }
-                    }
-                }
-                for k in 0..2 {
-                    let out = S::as_mut_simd_u32s(&mut products[k][group * GROUP + first..][..wide]).0;
-                    *out.first_chunk_mut::<REGISTERS>().expect("as many as were cut out") = sums[k];
-                }
-            }
+    fn squares_at<S: Simd>(&self, simd: S, leaf: usize, start: usize, _: &[T]) -> [T::Register<S>; REGISTERS] {
+        // Of numbers of 64 bits a block has fewer than of 32 bits.
+        if size_of::<T::Register<S>>() / size_of::<T>() == S::U32_LANES {
+            self.leaves[leaf].squares_at::<S, REGISTERS>(simd, start)
+        } else {
+            self.leaves[leaf].squares_at::<S, { REGISTERS / 2 }>(simd, start)
         }
     }
 }
 
-impl<T: Element> Points<T> for GridPoints<T> {
+impl<T: Element> GridLeaf<T> {
+    /// - `COUNT`: registers of 32 bits in a block
     #[inline(always)]
-    fn squared_distances<S: Simd>(
-        &self,
-        simd: S,
-        columns: Range<usize>,
-        tile: (usize, usize),
-        _: &[T],
-        work: &mut [Vec<u32>; 2],
-        squares: &mut [T],
-    ) {
-        let leaf = self.leaves.iter().find(|leaf| leaf.columns == columns).expect("columns of a leaf");
-        leaf.squared_distances(simd, tile, work, squares);
+    fn squares_at<S: Simd, const COUNT: usize>(&self, simd: S, start: usize) -> [T::Register<S>; REGISTERS] {
+        let size = group::<T>();
+        let height = self.query.words.len() * size;
+        let group = &self.steps[start / size * height..][..height];
+        let norms = T::load::<S, REGISTERS>(&self.norms[start..]);
+        let [first, second] = self.query.units;
+        let units = [T::from_f64(-2.0 * first), T::from_f64(-2.0 * second)];
+        let products = products::<S, COUNT>(simd, group, size, start % size, &self.query.words);
+        T::squares_from_products(simd, norms, T::from_f64(self.query.norm), &products, units)
     }
 }
 
-impl<T: Element> Points<T> for Features<T> {
-    #[inline(always)]
-    fn squared_distances<S: Simd>(
-        &self,
-        simd: S,
-        columns: Range<usize>,
-        (start, _): (usize, usize),
-        c: &[T],
-        _: &mut [Vec<u32>; 2],
-        squares: &mut [T],
-    ) {
-        let (x, stride) = self.columns_from(columns.start, start);
-        T::squared_distances(simd, x, stride, c, squares);
+/// Sums over columns of steps times each digit of the query, for so many registers of a group of `size` points from `start` on.
+#[inline(always)]
+fn products<S: Simd, const COUNT: usize>(
+    simd: S,
+    group: &[u32],
+    size: usize,
+    start: usize,
+    words: &[[u32; 2]],
+) -> [[S::u32s; COUNT]; 2] {
+    let mut sums = [[simd.splat_u32s(0); COUNT]; 2];
+    for (x, words) in group.chunks_exact(size).zip(words) {
+        let x = S::as_simd_u32s(&x[start..start + COUNT * S::U32_LANES]).0;
+        let x = x.first_chunk::<COUNT>().expect("as many as were cut out");
+        for digit in 0..2 {
+            let word = simd.splat_u32s(words[digit]);
+            for position in 0..COUNT {
+                let product = pair_products(simd, x[position], word);
+                sums[digit][position] = simd.add_u32s(sums[digit][position], product);
+            }
+        }
     }
+    sums
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::gp::Kernel;
-    use crate::gp::kernels::{Shape, TILE, tiles};
+    use crate::gp::kernels::Shape;
     use pulp::{Arch, Scalar, WithSimd};
 
-    struct Distances<'a, T>(&'a GridPoints<T>, Range<usize>);
+    struct Distances<'a, T>(&'a GridPoints<T>, usize, usize);
 
     impl<T: Element> WithSimd for Distances<'_, T> {
         type Output = Vec<f64>;
 
         fn with_simd<S: Simd>(self, simd: S) -> Vec<f64> {
-            let Self(points, columns) = self;
-            let mut work = [vec![0; TILE], vec![0; TILE]];
-            let mut all = vec![];
-            for tile in tiles(0, points.count()) {
-                let mut squares = vec![T::default(); tile.1];
-                points.squared_distances(simd, columns.clone(), tile, &[], &mut work, &mut squares);
-                all.extend(squares.iter().map(|square| square.to_f64()));
-            }
-            all
+            let Self(points, leaf, count) = self;
+            let mut squares = vec![T::default(); count.next_multiple_of(PADDED)];
+            points.squared_distances(simd, leaf, 0, &[], &mut squares);
+            squares.iter().map(|square| square.to_f64()).collect()
         }
     }
 
@@ -289,9 +241,9 @@ mod tests {
             let mut c = plan.query();
             plan.set_query(&query, &mut c);
             points.set_query(&c);
-            for columns in plan.leaf_columns() {
-                let portable = Scalar::new().vectorize(Distances(&points, columns.clone()));
-                let fast = Arch::new().dispatch(Distances(&points, columns.clone()));
+            for (leaf, columns) in plan.leaf_columns().enumerate() {
+                let portable = Scalar::new().vectorize(Distances(&points, leaf, COUNT));
+                let fast = Arch::new().dispatch(Distances(&points, leaf, COUNT));
                 for (k, point) in x.chunks_exact(4).enumerate() {
                     let (mut square, mut of_point, mut of_query): (f64, f64, f64) = (0.0, 0.0, 0.0);
                     for (input, factor) in &plan.straight_columns().expect("no circle")[columns.clone()] {

@@ -1,14 +1,16 @@
 //! Covariance functions: stationary shapes over chosen inputs, scaled, added and multiplied.
 
 mod grid;
+mod groups;
 mod plan;
 mod shape;
 mod tile;
 
-pub(crate) use grid::{Grid, GridPoints, Points};
-pub(crate) use plan::{Features, Plan, Query, Work, tiles};
+pub(crate) use grid::{Grid, GridPoints};
+pub(crate) use groups::{GroupedPoints, PADDED, Points, group, weigh};
+pub(crate) use plan::{Features, Plan, Query, Work};
 pub use shape::Shape;
-pub(crate) use tile::{BLOCK, Element, TILE};
+pub(crate) use tile::{BLOCK, Element, REGISTERS, TILE};
 
 use serde::{Deserialize, Serialize};
 

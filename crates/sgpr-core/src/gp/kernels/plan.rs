@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use pulp::Simd;
 
-use super::{Element, Kernel, Points, Shape, TILE};
+use super::{Element, Kernel, Points, REGISTERS, Shape, TILE};
 
 /// A kernel ready to be evaluated.
 #[derive(Clone, Debug)]
@@ -74,6 +74,8 @@ pub(crate) struct Features<T> {
     values: Vec<T>,
     stride: usize,
     count: usize,
+    /// First column of each leaf.
+    leaves: Vec<usize>,
 }
 
 /// One point in the coordinates of a plan.
@@ -88,18 +90,10 @@ pub(crate) struct Work<T> {
     squares: Vec<T>,
     slopes: Vec<T>,
     products: Vec<T>,
-    /// Products with each digit of the query, where points are on a grid.
-    integers: [Vec<u32>; 2],
 }
 
 /// Points are padded to a multiple of this, the lanes of the widest register.
 const PADDING: usize = 16;
-
-/// Tiles (start, length) that cover the points `first..count`; lengths are padded.
-pub(crate) fn tiles(first: usize, count: usize) -> impl Iterator<Item = (usize, usize)> {
-    let (start, end) = (first / PADDING * PADDING, count.next_multiple_of(PADDING));
-    (start..end).step_by(TILE).map(move |start| (start, TILE.min(end - start)))
-}
 
 impl<T: Element> Features<T> {
     /// Number of points.
@@ -109,7 +103,8 @@ impl<T: Element> Features<T> {
 
     /// Tiles (start, length) that cover the points from `first` on; lengths are padded.
     pub fn tiles_from(&self, first: usize) -> impl Iterator<Item = (usize, usize)> + use<T> {
-        tiles(first, self.count)
+        let (start, end) = (first / PADDING * PADDING, self.count.next_multiple_of(PADDING));
+        (start..end).step_by(TILE).map(move |start| (start, TILE.min(end - start)))
     }
 
     /// The points `first..first + count`, each on its own.
@@ -122,10 +117,9 @@ impl<T: Element> Features<T> {
         (first..first + count).map(query).collect()
     }
 
-    /// The columns from one on, each from the point `start` on, and how far they lie apart.
-    #[inline(always)]
-    pub fn columns_from(&self, column: usize, start: usize) -> (&[T], usize) {
-        (&self.values[column * self.stride + start..], self.stride)
+    /// One coordinate of all points.
+    pub fn column(&self, column: usize) -> &[T] {
+        &self.values[column * self.stride..][..self.count]
     }
 
     /// Copies a point.
@@ -134,6 +128,19 @@ impl<T: Element> Features<T> {
         for (c, value) in query.0.iter_mut().enumerate() {
             *value = self.values[c * self.stride + index];
         }
+    }
+}
+
+impl<T: Element> Points<T> for Features<T> {
+    #[inline(always)]
+    fn squares_at<S: Simd>(&self, simd: S, leaf: usize, start: usize, c: &[T]) -> [T::Register<S>; REGISTERS] {
+        T::squares_at(simd, &self.values[self.leaves[leaf] * self.stride..], self.stride, start, c)
+    }
+
+    /// For single registers, too.
+    #[inline(always)]
+    fn squared_distances<S: Simd>(&self, simd: S, leaf: usize, start: usize, c: &[T], squares: &mut [T]) {
+        T::squared_distances(simd, &self.values[self.leaves[leaf] * self.stride + start..], self.stride, c, squares);
     }
 }
 
@@ -167,6 +174,14 @@ impl Plan {
     /// The coordinates of each leaf.
     pub fn leaf_columns(&self) -> impl Iterator<Item = Range<usize>> {
         self.leaves.iter().map(|leaf| leaf.columns.clone())
+    }
+
+    /// The only leaf, if there is no other: the kernel is then k(x, x) times its shape.
+    pub fn single_leaf(&self) -> Option<(Shape, Range<usize>)> {
+        match &self.leaves[..] {
+            [leaf] => Some((leaf.shape, leaf.columns.clone())),
+            _ => None,
+        }
     }
 
     /// k(x, x).
@@ -235,7 +250,7 @@ impl Plan {
                 *out = T::from_f64(column.coordinate(point));
             }
         }
-        Features { values, stride, count }
+        Features { values, stride, count, leaves: self.leaves.iter().map(|leaf| leaf.columns.start).collect() }
     }
 
     /// Room for a point.
@@ -259,7 +274,6 @@ impl Plan {
             squares: tiles(self.leaves.len()),
             slopes: tiles(self.leaves.len()),
             products: tiles(1),
-            integers: [vec![0; TILE], vec![0; TILE]],
         }
     }
 
@@ -283,7 +297,7 @@ impl Plan {
                     let Leaf { shape, columns, .. } = &self.leaves[*leaf];
                     let squares = &mut work.squares[tile.clone()];
                     let c = query.coordinates(columns);
-                    points.squared_distances(simd, columns.clone(), (start, length), c, &mut work.integers, squares);
+                    points.squared_distances(simd, *leaf, start, c, squares);
                     T::shape::<S, SLOPES>(simd, *shape, squares, out, &mut work.slopes[tile]);
                 }
                 Node::Scaled { variance, child: index, .. } => {

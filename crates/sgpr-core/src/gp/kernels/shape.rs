@@ -32,6 +32,18 @@ impl Shape {
         }
     }
 
+    /// Calls `work` with a shape that the compiler knows at each place, so that no loop in it decides about shapes.
+    #[inline(always)]
+    pub(crate) fn known<R>(self, work: impl FnOnce(Self) -> R) -> R {
+        match self {
+            Self::SquaredExponential => work(Self::SquaredExponential),
+            Self::Exponential => work(Self::Exponential),
+            Self::Matern32 => work(Self::Matern32),
+            Self::Matern52 => work(Self::Matern52),
+            Self::RationalQuadratic { mixture } => work(Self::RationalQuadratic { mixture }),
+        }
+    }
+
     /// Its name in files, tables and other languages.
     pub fn name(self) -> &'static str {
         match self {

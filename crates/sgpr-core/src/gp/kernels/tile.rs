@@ -3,41 +3,67 @@
 use pulp::Simd;
 
 use super::Shape;
-use crate::simd::{exp_f32, exp_f64, fused};
+use crate::simd::{power_of_two_f32, power_of_two_f64};
 
 /// Points per tile; a multiple of the lanes of every register.
 pub(crate) const TILE: usize = 256;
+
+/// Registers of points that share what is read of a query.
+pub(crate) const REGISTERS: usize = 4;
 
 /// Numbers of one row before those of the next in a block of four; the lanes of the widest register.
 pub(crate) const BLOCK: usize = 16;
 
 /// A number that kernels are computed in.
 pub(crate) trait Element: Copy + Default + Send + Sync + std::fmt::Debug + bytemuck::Pod + 'static {
+    /// As many numbers as the instruction set has lanes.
+    type Register<S: Simd>: Copy + bytemuck::Pod;
+
     fn from_f64(value: f64) -> Self;
     fn to_f64(self) -> f64;
+
+    /// The first registers of a slice.
+    fn load<S: Simd, const COUNT: usize>(slice: &[Self]) -> [Self::Register<S>; COUNT];
+
+    /// Writes registers to the beginning of a slice.
+    fn store<S: Simd, const COUNT: usize>(registers: [Self::Register<S>; COUNT], slice: &mut [Self]);
+
+    fn splat<S: Simd>(simd: S, value: Self) -> Self::Register<S>;
+
+    /// factor x.
+    fn times<S: Simd>(simd: S, factor: f64, x: Self::Register<S>) -> Self::Register<S>;
+
+    /// exp(factor x), where that is at most one.
+    fn decay<S: Simd>(simd: S, factor: f64, x: Self::Register<S>) -> Self::Register<S>;
+
+    /// a b + c.
+    fn mul_add<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>, c: Self::Register<S>)
+    -> Self::Register<S>;
+
+    /// Sum of all numbers.
+    fn sum<S: Simd>(simd: S, registers: [Self::Register<S>; REGISTERS]) -> f64;
 
     /// sum over columns of (x - c)², for as many points as `r2` has; column m of x starts at `m * stride`.
     fn squared_distances<S: Simd>(simd: S, x: &[Self], stride: usize, c: &[Self], r2: &mut [Self]);
 
-    /// The same for so many registers from `start` on: their sums stay in registers.
-    fn squares_at<S: Simd, const REGISTERS: usize>(
+    /// The same for so many registers from `start` on.
+    fn squares_at<S: Simd, const COUNT: usize>(
         simd: S,
         x: &[Self],
         stride: usize,
         start: usize,
         c: &[Self],
-        r2: &mut [Self],
-    );
+    ) -> [Self::Register<S>; COUNT];
 
-    /// norms + norm + sum over digits of units * products, no less than zero; the products are integers with a sign.
-    fn squares_from_products<S: Simd>(
+    /// norms + norm + sum over digits of units * products, no less than zero; the products are integers with a sign, as many
+    /// in all registers as there are norms.
+    fn squares_from_products<S: Simd, const COUNT: usize>(
         simd: S,
-        norms: &[Self],
+        norms: [Self::Register<S>; REGISTERS],
         norm: Self,
-        products: &[Vec<u32>; 2],
+        products: &[[S::u32s; COUNT]; 2],
         units: [Self; 2],
-        r2: &mut [Self],
-    );
+    ) -> [Self::Register<S>; REGISTERS];
 
     /// As many times as there are `K` kernels: sum over columns of weight (x - c)², for as many points as a row of `r2` uses.
     /// The squared differences are shared.
@@ -64,7 +90,10 @@ pub(crate) trait Element: Copy + Default + Send + Sync + std::fmt::Debug + bytem
         r2: &mut [Self],
     );
 
-    /// Values at squared distances, and their derivatives by the squared distance where `SLOPES`.
+    /// Values at squared distances, and their derivatives by the squared distance where `SLOPES` (else the values again).
+    fn shape_at<S: Simd, const SLOPES: bool>(simd: S, shape: Shape, r2: Self::Register<S>) -> [Self::Register<S>; 2];
+
+    /// The same for slices, of whole registers.
     fn shape<S: Simd, const SLOPES: bool>(simd: S, shape: Shape, r2: &[Self], k: &mut [Self], slope: &mut [Self]);
 
     /// sum of a b, in double precision from register to register.
@@ -92,8 +121,10 @@ pub(crate) trait Element: Copy + Default + Send + Sync + std::fmt::Debug + bytem
 }
 
 macro_rules! element {
-    ($float:ident, $exp:ident, $registers:ident, $as_simd:ident, $as_mut_simd:ident, $splat:ident, $add:ident, $sub:ident, $mul:ident, $mul_add:ident, $sum:ident) => {
+    ($float:ident, $power_of_two:ident, $registers:ident, $as_simd:ident, $as_mut_simd:ident, $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $max:ident, $sqrt:ident, $mul_add:ident, $sum:ident) => {
         impl Element for $float {
+            type Register<S: Simd> = S::$registers;
+
             #[inline(always)]
             fn from_f64(value: f64) -> Self {
                 value as Self
@@ -105,56 +136,101 @@ macro_rules! element {
             }
 
             #[inline(always)]
+            fn load<S: Simd, const COUNT: usize>(slice: &[Self]) -> [S::$registers; COUNT] {
+                *S::$as_simd(slice).0.first_chunk().expect("as many as are asked for")
+            }
+
+            #[inline(always)]
+            fn store<S: Simd, const COUNT: usize>(registers: [S::$registers; COUNT], slice: &mut [Self]) {
+                *S::$as_mut_simd(slice).0.first_chunk_mut().expect("room for all") = registers;
+            }
+
+            #[inline(always)]
+            fn splat<S: Simd>(simd: S, value: Self) -> S::$registers {
+                simd.$splat(value)
+            }
+
+            #[inline(always)]
+            fn times<S: Simd>(simd: S, factor: f64, x: S::$registers) -> S::$registers {
+                simd.$mul(simd.$splat(factor as Self), x)
+            }
+
+            #[inline(always)]
+            fn decay<S: Simd>(simd: S, factor: f64, x: S::$registers) -> S::$registers {
+                $power_of_two(simd, Self::times(simd, std::f64::consts::LOG2_E * factor, x))
+            }
+
+            #[inline(always)]
+            fn mul_add<S: Simd>(simd: S, a: S::$registers, b: S::$registers, c: S::$registers) -> S::$registers {
+                simd.$mul_add(a, b, c)
+            }
+
+            #[inline(always)]
+            fn sum<S: Simd>(simd: S, [a, b, c, d]: [S::$registers; REGISTERS]) -> f64 {
+                simd.$sum(simd.$add(simd.$add(a, b), simd.$add(c, d))).into()
+            }
+
+            #[inline(always)]
             fn squared_distances<S: Simd>(simd: S, x: &[Self], stride: usize, c: &[Self], r2: &mut [Self]) {
                 let lanes = size_of::<S::$registers>() / size_of::<Self>();
                 let fours = r2.len() / (4 * lanes);
-                for four in 0..fours {
-                    Self::squares_at::<S, 4>(simd, x, stride, 4 * lanes * four, c, r2);
+                for start in (0..fours).map(|four| 4 * lanes * four) {
+                    Self::store::<S, 4>(Self::squares_at(simd, x, stride, start, c), &mut r2[start..]);
                 }
-                for one in 4 * fours..r2.len() / lanes {
-                    Self::squares_at::<S, 1>(simd, x, stride, lanes * one, c, r2);
+                for start in (4 * fours..r2.len() / lanes).map(|one| lanes * one) {
+                    Self::store::<S, 1>(Self::squares_at(simd, x, stride, start, c), &mut r2[start..]);
                 }
             }
 
             #[inline(always)]
-            fn squares_at<S: Simd, const REGISTERS: usize>(
+            fn squares_at<S: Simd, const COUNT: usize>(
                 simd: S,
                 x: &[Self],
                 stride: usize,
                 start: usize,
                 c: &[Self],
-                r2: &mut [Self],
-            ) {
+            ) -> [S::$registers; COUNT] {
                 let lanes = size_of::<S::$registers>() / size_of::<Self>();
-                let end = start + REGISTERS * lanes;
-                let mut sums = [simd.$splat(0.0); REGISTERS];
+                let mut sums = [simd.$splat(0.0); COUNT];
                 for m in 0..c.len() {
-                    let column = S::$as_simd(&x[m * stride + start..m * stride + end]).0;
-                    let column = column.first_chunk::<REGISTERS>().expect("as many as were cut out");
+                    let column = Self::load::<S, COUNT>(&x[m * stride + start..][..COUNT * lanes]);
                     let c = simd.$splat(c[m]);
-                    for position in 0..REGISTERS {
+                    for position in 0..COUNT {
                         let difference = simd.$sub(column[position], c);
                         sums[position] = simd.$mul_add(difference, difference, sums[position]);
                     }
                 }
-                let out = S::$as_mut_simd(&mut r2[start..end]).0;
-                *out.first_chunk_mut::<REGISTERS>().expect("as many as were cut out") = sums;
+                sums
             }
 
             #[inline(always)]
-            fn squares_from_products<S: Simd>(
-                _: S,
-                norms: &[Self],
+            fn squares_from_products<S: Simd, const COUNT: usize>(
+                simd: S,
+                norms: [S::$registers; REGISTERS],
                 norm: Self,
-                [first, second]: &[Vec<u32>; 2],
+                products: &[[S::u32s; COUNT]; 2],
                 units: [Self; 2],
-                r2: &mut [Self],
-            ) {
-                for (((r2, norms), first), second) in r2.iter_mut().zip(norms).zip(first).zip(second) {
-                    let sum = fused!(S, $float, units[0], first.cast_signed() as $float, *norms + norm);
-                    let sum = fused!(S, $float, units[1], second.cast_signed() as $float, sum);
-                    *r2 = if sum < 0.0 { 0.0 } else { sum };
+            ) -> [S::$registers; REGISTERS] {
+                // No `map`: it is not compiled for the instruction set.
+                let mut squares = norms;
+                for square in &mut squares {
+                    *square = simd.$add(*square, simd.$splat(norm));
                 }
+                for (products, unit) in products.iter().zip(units) {
+                    let mut floats = [simd.$splat(0.0); REGISTERS];
+                    let lanes = bytemuck::cast_slice_mut::<S::$registers, Self>(&mut floats);
+                    let integers = bytemuck::cast_slice::<S::u32s, i32>(products);
+                    for (float, integer) in lanes.iter_mut().zip(integers) {
+                        *float = *integer as Self;
+                    }
+                    for position in 0..REGISTERS {
+                        squares[position] = simd.$mul_add(floats[position], simd.$splat(unit), squares[position]);
+                    }
+                }
+                for square in &mut squares {
+                    *square = simd.$max(*square, simd.$splat(0.0));
+                }
+                squares
             }
 
             #[inline(always)]
@@ -212,6 +288,55 @@ macro_rules! element {
             }
 
             #[inline(always)]
+            fn shape_at<S: Simd, const SLOPES: bool>(simd: S, shape: Shape, r2: S::$registers) -> [S::$registers; 2] {
+                const ROOT_3: f64 = 1.732_050_807_568_877_2;
+                const ROOT_5: f64 = 2.236_067_977_499_79;
+                // No reciprocal of a distance below this, where the slope meets a squared difference of zero.
+                const TINY: $float = 1e-30;
+                let one = simd.$splat(1.0);
+                match shape {
+                    Shape::SquaredExponential => {
+                        let k = Self::decay(simd, -0.5, r2);
+                        [k, if SLOPES { Self::times(simd, -0.5, k) } else { k }]
+                    }
+                    Shape::Exponential => {
+                        let k = Self::decay(simd, -1.0, simd.$sqrt(r2));
+                        let least = simd.$splat(TINY);
+                        [
+                            k,
+                            if SLOPES {
+                                simd.$div(Self::times(simd, -0.5, k), simd.$sqrt(simd.$max(r2, least)))
+                            } else {
+                                k
+                            },
+                        ]
+                    }
+                    Shape::Matern32 => {
+                        let r = simd.$sqrt(r2);
+                        let decay = Self::decay(simd, -ROOT_3, r);
+                        let k = simd.$mul(decay, simd.$add(one, Self::times(simd, ROOT_3, r)));
+                        [k, if SLOPES { Self::times(simd, -1.5, decay) } else { k }]
+                    }
+                    Shape::Matern52 => {
+                        let r = simd.$sqrt(r2);
+                        let decay = Self::decay(simd, -ROOT_5, r);
+                        let line = simd.$add(one, Self::times(simd, ROOT_5, r));
+                        let k = simd.$mul(decay, simd.$mul_add(simd.$splat(5.0 / 3.0), r2, line));
+                        [k, if SLOPES { simd.$mul(Self::times(simd, -5.0 / 6.0, decay), line) } else { k }]
+                    }
+                    Shape::RationalQuadratic { mixture } => {
+                        let share = Self::times(simd, 1.0 / (2.0 * mixture), r2);
+                        let mut logarithm = share;
+                        for x in bytemuck::cast_slice_mut::<S::$registers, Self>(std::slice::from_mut(&mut logarithm)) {
+                            *x = x.ln_1p();
+                        }
+                        let k = Self::decay(simd, -mixture, logarithm);
+                        [k, if SLOPES { simd.$div(Self::times(simd, -0.5, k), simd.$add(one, share)) } else { k }]
+                    }
+                }
+            }
+
+            #[inline(always)]
             fn shape<S: Simd, const SLOPES: bool>(
                 simd: S,
                 shape: Shape,
@@ -219,61 +344,20 @@ macro_rules! element {
                 k: &mut [Self],
                 slope: &mut [Self],
             ) {
-                const ROOT_3: $float = 1.732_050_807_568_877_2_f64 as $float;
-                const ROOT_5: $float = 2.236_067_977_499_79_f64 as $float;
-                // No reciprocal of a distance below this, where the slope meets a squared difference of zero.
-                const TINY: $float = 1e-30;
-                match shape {
-                    Shape::SquaredExponential => {
-                        k.iter_mut().zip(r2).for_each(|(k, r2)| *k = -0.5 * *r2);
-                        $exp(simd, k);
-                        if SLOPES {
-                            slope.iter_mut().zip(&*k).for_each(|(slope, k)| *slope = -0.5 * *k);
-                        }
-                    }
-                    Shape::Exponential => {
-                        k.iter_mut().zip(r2).for_each(|(k, r2)| *k = -r2.sqrt());
-                        $exp(simd, k);
-                        if SLOPES {
-                            for ((slope, k), r2) in slope.iter_mut().zip(&*k).zip(r2) {
-                                *slope = -0.5 * *k / r2.max(TINY).sqrt();
+                let (r2, k, slope) = (S::$as_simd(r2).0, S::$as_mut_simd(k).0, S::$as_mut_simd(slope).0);
+                shape.known(
+                    #[inline(always)]
+                    |shape| {
+                        let mut slopes = slope.iter_mut();
+                        for (r2, k) in r2.iter().zip(k) {
+                            let [value, derivative] = Self::shape_at::<S, SLOPES>(simd, shape, *r2);
+                            *k = value;
+                            if let (true, Some(slope)) = (SLOPES, slopes.next()) {
+                                *slope = derivative;
                             }
                         }
-                    }
-                    Shape::Matern32 => {
-                        k.iter_mut().zip(r2).for_each(|(k, r2)| *k = -(ROOT_3 * r2.sqrt()));
-                        $exp(simd, k);
-                        if SLOPES {
-                            slope.iter_mut().zip(&*k).for_each(|(slope, k)| *slope = -1.5 * *k);
-                        }
-                        k.iter_mut().zip(r2).for_each(|(k, r2)| *k *= 1.0 + ROOT_3 * r2.sqrt());
-                    }
-                    Shape::Matern52 => {
-                        k.iter_mut().zip(r2).for_each(|(k, r2)| *k = -(ROOT_5 * r2.sqrt()));
-                        $exp(simd, k);
-                        if SLOPES {
-                            for ((slope, k), r2) in slope.iter_mut().zip(&*k).zip(r2) {
-                                *slope = (-5.0 / 6.0) * *k * (1.0 + ROOT_5 * r2.sqrt());
-                            }
-                        }
-                        for (k, r2) in k.iter_mut().zip(r2) {
-                            *k *= 1.0 + ROOT_5 * r2.sqrt() + (5.0 / 3.0) * *r2;
-                        }
-                    }
-                    Shape::RationalQuadratic { mixture } => {
-                        let mixture = mixture as $float;
-                        let reciprocal = 1.0 / (2.0 * mixture);
-                        for (k, r2) in k.iter_mut().zip(r2) {
-                            *k = -mixture * (*r2 * reciprocal).ln_1p();
-                        }
-                        $exp(simd, k);
-                        if SLOPES {
-                            for ((slope, k), r2) in slope.iter_mut().zip(&*k).zip(r2) {
-                                *slope = -0.5 * *k / (1.0 + *r2 * reciprocal);
-                            }
-                        }
-                    }
-                }
+                    },
+                );
             }
 
             #[inline(always)]
@@ -369,7 +453,7 @@ macro_rules! element {
 
 element!(
     f64,
-    exp_f64,
+    power_of_two_f64,
     f64s,
     as_simd_f64s,
     as_mut_simd_f64s,
@@ -377,12 +461,15 @@ element!(
     add_f64s,
     sub_f64s,
     mul_f64s,
+    div_f64s,
+    max_f64s,
+    sqrt_f64s,
     mul_add_e_f64s,
     reduce_sum_f64s
 );
 element!(
     f32,
-    exp_f32,
+    power_of_two_f32,
     f32s,
     as_simd_f32s,
     as_mut_simd_f32s,
@@ -390,6 +477,9 @@ element!(
     add_f32s,
     sub_f32s,
     mul_f32s,
+    div_f32s,
+    max_f32s,
+    sqrt_f32s,
     mul_add_e_f32s,
     reduce_sum_f32s
 );
