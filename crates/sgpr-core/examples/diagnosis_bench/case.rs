@@ -102,11 +102,22 @@ pub struct Case {
     pub hidden: Vec<(String, Option<usize>)>,
     /// If there are several: training and test logs with each of them alone, none for those of the base model.
     pub alone: Vec<Option<[Vec<Recording>; 2]>>,
+    /// Whether a controller moves the arm: its twin moves otherwise, and sticks elsewhere.
+    pub closed: bool,
     truth: Truth,
     sensors: Sensors,
 }
 
 impl Case {
+    /// What is hidden, as terms of a model.
+    pub fn terms(&self) -> Vec<Term> {
+        let of_base = |(effect, joint): &(String, Option<usize>)| {
+            let known = BASE.contains(&effect.as_str()).then(|| by_name(effect).ok())??;
+            Some(Term::new(known, Site::Joint((*joint)?), vec![]))
+        };
+        self.hidden.iter().filter_map(of_base).chain(self.truth.terms.iter().cloned()).collect()
+    }
+
     /// Constants and linear parameters of what is hidden.
     pub fn parameters(&self) -> Vec<f64> {
         let of_base = |(effect, joint): &(String, Option<usize>)| {
@@ -306,7 +317,7 @@ fn attempt(seed: u64, effects: &[&str], style: Style, rough: bool) -> Option<Cas
         });
     }
     let name = format!("{}{seed}", if closed { "closed " } else { "" });
-    Some(Case { name, guess, known, train, test, twin_train, twin_test, hidden, alone, truth, sensors })
+    Some(Case { name, guess, known, train, test, twin_train, twin_test, hidden, alone, closed, truth, sensors })
 }
 
 fn sampled(motion: &Motion, rate: f64, samples: usize) -> [Vec<f64>; 3] {

@@ -248,7 +248,7 @@ pub(super) fn with_deviations(problem: &Problem, fitted: &Fitted, noise: &Noise)
 }
 
 /// Of a longer interval of two deviations to both sides the torque as logged decides, s.
-const UNSURE_S: f64 = 1.0;
+const UNSURE_S: f64 = 0.4;
 
 /// The time in an interval with which the torque as logged is predicted best, s; of times that do equally well the middle.
 /// Filters take the first and last rows of each log, and what begins there shows only in the torque as logged.

@@ -163,7 +163,10 @@ impl Search<'_> {
         const MUCH: f64 = 0.25;
         let energy = |own: &[f64]| dot_in_lanes(own, own);
         let explains_much = |(white, with): (&Vec<f64>, &Vec<f64>)| energy(with) < (1.0 - MUCH) * energy(white);
-        if candidate.impossible || candidate.score < EVIDENCE || !white.iter().zip(with).any(explains_much) {
+        let possible = !candidate.impossible && candidate.score > EVIDENCE;
+        // What depends on time may be a load in another form.
+        let timeless = !candidate.term.effect.about().depends_on_time;
+        if !(possible && timeless && white.iter().zip(with).any(explains_much)) {
             return false;
         }
         let trial = self.with_term(fitted, candidate.term.clone());
@@ -299,7 +302,7 @@ impl Search<'_> {
             }
             let with = self.errors(&trial);
             let fitted_term = trial.terms().last().unwrap_or(&candidate.term);
-            if without.largest_fall_to(&with, fitted_term) < asked_of(fitted_term) {
+            if without.largest_fall_to(&with, fitted_term) < asked_of(fitted_term) || without.explodes_to(&with) {
                 continue;
             }
             let own = candidate.term.effect.name();

@@ -18,6 +18,12 @@ impl HeldOut {
         self.in_band.iter().zip(&self.beyond).map(|(own, beyond)| own[0].hypot(beyond[0])).collect()
     }
 
+    /// Whether one more term makes the error of a joint many times as large: its parameters hang on a few rows.
+    pub(super) fn explodes_to(&self, after: &Self) -> bool {
+        const TIMES: f64 = 10.0;
+        self.total().iter().zip(after.total()).any(|(own, after)| after > TIMES * own)
+    }
+
     /// Largest fall on a joint with one more term, as a share of what is left, in all logs or in one: an effect of fast
     /// motion matters although there are slow logs beside. A transform that differentiates positions once more carries
     /// their noise into the torque beyond the band, one that smooths takes it out: neither speaks for or against its

@@ -10,7 +10,7 @@ use super::super::problem::Column;
 use super::super::unknown::{self, Group};
 use super::Search;
 use super::candidates::key_of;
-use crate::effects::{Reach, Scale, Site};
+use crate::effects::{Reach, Site};
 use crate::model::Term;
 use crate::progress::Interrupted;
 
@@ -37,17 +37,14 @@ impl Search<'_> {
         Ok(Noise::of(&self.problem, &left))
     }
 
-    /// Whether the last term of a fit corrects the geometry, a tilt, a zero, a length, or is a load or contact of the arm,
-    /// and less than the noise is left at a joint: the largest model at the start could not know of it and took it for
-    /// noise.
+    /// Whether the last term of a fit corrects the geometry, a tilt, a zero, a length, and less than the noise is left at
+    /// a joint: the largest model at the start could not know of it and took it for noise.
     pub(super) fn is_quieter(&self, fitted: &Fitted) -> bool {
         const QUIETER: f64 = 0.95;
         let geometric = |term: &Term| {
             term.is_transform() && term.effect.constants().iter().all(|constant| ["rad", "m"].contains(&constant.unit))
         };
-        let timed = |term: &Term| term.effect.constants().iter().any(|constant| constant.scale == Scale::Time);
-        let of_arm = |term: &Term| term.effect.reach() == Reach::All && timed(term);
-        fitted.terms().last().is_some_and(|term| geometric(term) || of_arm(term))
+        fitted.terms().last().is_some_and(geometric)
             && fitted.residual.iter().zip(&self.noise.level).any(|(r, level)| !r.is_empty() && rms(r) < QUIETER * level)
     }
 
