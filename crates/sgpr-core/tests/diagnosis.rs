@@ -1,16 +1,19 @@
 //! Diagnosis through the public interface: what was hidden is found, what is not there is not.
 #![allow(missing_docs, clippy::unwrap_used)]
 
+mod common;
+
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use common::hidden_case;
 use sgpr_core::diagnosis::{DiagnosisError, DiagnosisOptions, Verdict, add, diagnose};
 use sgpr_core::dynamics::Samples;
 use sgpr_core::effects::{Context, Effect, EffectParameter, Entry, Site, by_name, sgn};
 use sgpr_core::model::{IdentifyOptions, Term, TorqueModel, Trajectory, compare, identify};
 use sgpr_core::progress::{Interrupted, Progress};
-use sgpr_core::recording::{Recording, csv};
-use sgpr_core::robot::{Robot, UrdfOptions, puma560, two_link};
+use sgpr_core::recording::Recording;
+use sgpr_core::robot::{Robot, puma560, two_link};
 
 const RATE: f64 = 100.0;
 const BASE: [&str; 2] = ["viscous_friction", "coulomb_friction"];
@@ -167,14 +170,7 @@ fn a_change_between_two_logs_may_be_anywhere_between_them() {
 
 #[test]
 fn a_wrong_link_length_makes_no_other_joint_worse() {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/hidden_effects/dev19");
-    if !folder.is_dir() {
-        println!("skipped: no logs in {}", folder.display());
-        return;
-    }
-    let robot = Robot::from_urdf(folder.join("robot.urdf"), &UrdfOptions::default()).unwrap();
-    let read = |name: &str| csv::read(folder.join(format!("{name}.csv")), &Default::default()).unwrap();
-    let (train, test) = (["train_1", "train_2", "train_3"].map(read), [read("test")]);
+    let Some((robot, train, test)) = hidden_case("dev19") else { return };
     let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
     let (model, _) = identify(&robot, &train, &IdentifyOptions { effects, ..Default::default() }, &()).unwrap();
     let diagnosis = diagnose(&model, &train, &test, &DiagnosisOptions::default(), &()).unwrap();

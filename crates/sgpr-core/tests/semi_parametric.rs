@@ -7,7 +7,7 @@ mod noise;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use common::{data, largest_difference};
+use common::{data, hidden_case, largest_difference};
 use noise::Noise;
 use sgpr_core::diagnosis::{DiagnosisOptions, diagnose};
 use sgpr_core::dynamics::{Samples, Workspace, rnea};
@@ -368,14 +368,7 @@ fn after_a_diagnosis_the_processes_learn_the_rest() {
     // dev03: a Stribeck curve, which the diagnosis explains; dev16: a delay of the torque, a transform; dev21: something
     // that no catalogue has.
     for (case, unexplained) in [("dev03", false), ("dev16", false), ("dev21", true)] {
-        let folder = data("../../shared/data/hidden_effects").join(case);
-        if !folder.is_dir() {
-            println!("skipped: no logs in {}", folder.display());
-            return;
-        }
-        let robot = Robot::from_urdf(folder.join("robot.urdf"), &UrdfOptions::default()).expect("a robot");
-        let read = |name: &str| csv::read(folder.join(format!("{name}.csv")), &Default::default()).expect("a log");
-        let (train, test) = (["train_1", "train_2", "train_3"].map(read), [read("test")]);
+        let Some((robot, train, test)) = hidden_case(case) else { return };
         let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
         let identify_options = IdentifyOptions { effects, ..IdentifyOptions::default() };
         let (model, _) = identify(&robot, &train, &identify_options, &()).expect("good logs");

@@ -191,7 +191,6 @@ pub(super) fn finished(
     let mut finished = plain.model.clone();
     let terms = terms.into_iter().zip(plain.terms()).map(|(mut term, plain)| {
         term.coefficients.clone_from(&plain.coefficients);
-        term.constants.clone_from(&plain.constants);
         term
     });
     finished = finished.with_terms(terms.collect(), problem.clock);

@@ -4,6 +4,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use sgpr_core::recording::{Recording, csv};
 use sgpr_core::robot::{DhConvention, DhRow, Robot, UrdfOptions};
 use sgpr_core::spatial::Vector3;
 
@@ -12,6 +13,18 @@ pub const ROBOTS: [&str; 8] =
 
 pub fn data(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data").join(path)
+}
+
+/// Robot, training logs and test log of a case with a hidden effect; none, with a word about it, where the folder is not.
+pub fn hidden_case(name: &str) -> Option<(Robot, [Recording; 3], [Recording; 1])> {
+    let folder = data("../../shared/data/hidden_effects").join(name);
+    if !folder.is_dir() {
+        println!("skipped: no logs in {}", folder.display());
+        return None;
+    }
+    let robot = Robot::from_urdf(folder.join("robot.urdf"), &UrdfOptions::default()).expect("a robot");
+    let read = |name: &str| csv::read(folder.join(format!("{name}.csv")), &Default::default()).expect("a log");
+    Some((robot, ["train_1", "train_2", "train_3"].map(read), [read("test")]))
 }
 
 /// Values computed by Pinocchio, MuJoCo and the robotics toolbox (`data/reference/README.md`).

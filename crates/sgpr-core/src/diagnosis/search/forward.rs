@@ -1,5 +1,6 @@
 //! Steps forward: what has evidence and matters is added.
 
+use std::cell::LazyCell;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -58,6 +59,18 @@ pub(super) fn falls(before: &Column, after: &Column) -> Vec<f64> {
 
 /// A candidate, the model fitted with it, and its score.
 type Trial<'c> = (&'c Candidate, Fitted, f64);
+
+/// Whether a candidate that changes the whitened residual from one to another is worth a fit to see whether it explains
+/// most of an error.
+fn may_explain_most(candidate: &Candidate, white: &Column, with: &Column) -> bool {
+    const MUCH: f64 = 0.25;
+    let energy = |own: &[f64]| dot_in_lanes(own, own);
+    let explains_much = |(white, with): (&Vec<f64>, &Vec<f64>)| energy(with) < (1.0 - MUCH) * energy(white);
+    // What depends on time may be a load in another form.
+    let timeless = !candidate.term.effect.about().depends_on_time;
+    let possible = !candidate.impossible && candidate.score > EVIDENCE;
+    possible && timeless && white.iter().zip(with).any(explains_much)
+}
 
 impl Search<'_> {
     /// The fit with the limits at which the logged torque stays, one after the other.
@@ -137,6 +150,7 @@ impl Search<'_> {
             };
             self.problem.rows.iter().zip(column).map(of_joint).collect()
         };
+        let errors = LazyCell::new(|| self.errors(fitted));
         tried.retain(|candidate| {
             let with = self.white_with(fitted, (basis, white), candidate);
             let all = falls(white, &with);
@@ -150,27 +164,17 @@ impl Search<'_> {
             let inside = all.iter().sum::<f64>() - falls.iter().sum::<f64>();
             let beside: f64 = falls.iter().zip(tiny).filter(|(fall, tiny)| fall < tiny).map(|(fall, _)| fall).sum();
             let asked = if apart { elsewhere.max(EVIDENCE) } else { *elsewhere };
-            candidate.score - inside - beside > asked || self.explains_most(fitted, candidate, (white, &with))
+            candidate.score - inside - beside > asked
+                || (may_explain_most(candidate, white, &with) && self.explains_most(fitted, &errors, candidate))
         });
         tried
     }
 
-    /// Whether a candidate that changes the whitened residual from one to another explains most of the error that is left
-    /// on some joint.
-    fn explains_most(&self, fitted: &Fitted, candidate: &Candidate, (white, with): (&Column, &Column)) -> bool {
+    /// Whether a candidate explains most of the error that is left on some joint, `errors` those without it.
+    fn explains_most(&self, fitted: &Fitted, errors: &HeldOut, candidate: &Candidate) -> bool {
         const MOST: f64 = 1.0;
-        /// With less of the whitened residual explained nothing is worth a fit.
-        const MUCH: f64 = 0.25;
-        let energy = |own: &[f64]| dot_in_lanes(own, own);
-        let explains_much = |(white, with): (&Vec<f64>, &Vec<f64>)| energy(with) < (1.0 - MUCH) * energy(white);
-        let possible = !candidate.impossible && candidate.score > EVIDENCE;
-        // What depends on time may be a load in another form.
-        let timeless = !candidate.term.effect.about().depends_on_time;
-        if !(possible && timeless && white.iter().zip(with).any(explains_much)) {
-            return false;
-        }
         let trial = self.with_term(fitted, candidate.term.clone());
-        self.errors(fitted).largest_fall_to(&self.errors(&trial), &candidate.term) > MOST
+        errors.largest_fall_to(&self.errors(&trial), &candidate.term) > MOST
     }
 
     /// What a candidate leaves of the whitened residual.
@@ -258,19 +262,17 @@ impl Search<'_> {
         Ok(None)
     }
 
-    /// Trials that do equally well, those with least freedom first: forms with more imitate them. Not so where more of it
+    /// Trials that do equally well with their errors, those with least freedom first: forms with more imitate them. Not so where more of it
     /// lowers the error on blocks that were left out: what is left of that is small beside what was explained, and would
     /// never become an effect of its own.
-    fn plainest_first<'c>(&self, mut trials: Vec<Trial<'c>>) -> Vec<Trial<'c>> {
-        if trials.len() < 2 {
-            return trials;
-        }
+    fn plainest_first<'c>(&self, mut trials: Vec<Trial<'c>>) -> Vec<(Trial<'c>, HeldOut)> {
         trials.sort_by_key(|(candidate, ..)| candidate.term.constants.len() + candidate.term.coefficients.len());
         let errors: Vec<HeldOut> = trials.par_iter().map(|(_, trial, _)| self.errors(trial)).collect();
         let beaten =
             |k: usize| errors.iter().any(|other| errors[k].largest_fall_to(other, &trials[k].0.term) > MATERIAL);
         let beaten: Vec<bool> = (0..trials.len()).map(beaten).collect();
-        let (worse, good): (Vec<_>, Vec<_>) = trials.into_iter().zip(beaten).partition(|(_, beaten)| *beaten);
+        let all = trials.into_iter().zip(errors).zip(beaten);
+        let (worse, good): (Vec<_>, Vec<_>) = all.partition(|(_, beaten)| *beaten);
         good.into_iter().chain(worse).map(|(trial, _)| trial).collect()
     }
 
@@ -291,16 +293,16 @@ impl Search<'_> {
             let score = self.score_of(fitted, &trial);
             (*candidate, trial, score)
         });
-        let mut trials: Vec<Trial<'_>> = scored.collect();
+        let mut trials: Vec<Trial<'_>> = scored.filter(|(_, _, score)| *score >= EVIDENCE).collect();
         trials.sort_by(|a, b| b.2.total_cmp(&a.2));
         let best = trials.first().map_or(0.0, |(_, _, score)| *score);
         let (equal, others): (Vec<_>, Vec<_>) =
-            trials.into_iter().partition(|(_, _, score)| *score > best - NEARLY * best.abs());
-        for (candidate, trial, score) in self.plainest_first(equal).into_iter().chain(others) {
-            if score < EVIDENCE {
-                continue;
-            }
-            let with = self.errors(&trial);
+            trials.into_iter().partition(|(_, _, score)| *score > (1.0 - NEARLY) * best);
+        let others = others.into_iter().map(|trial| {
+            let errors = self.errors(&trial.1);
+            (trial, errors)
+        });
+        for ((candidate, trial, score), with) in self.plainest_first(equal).into_iter().chain(others) {
             let fitted_term = trial.terms().last().unwrap_or(&candidate.term);
             if without.largest_fall_to(&with, fitted_term) < asked_of(fitted_term) || without.explodes_to(&with) {
                 continue;
