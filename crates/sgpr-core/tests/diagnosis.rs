@@ -141,6 +141,8 @@ fn a_delay_of_less_than_a_sample_is_said_where_it_matters() {
     assert_eq!(found.findings.iter().map(|f| f.effect.as_str()).collect::<Vec<_>>(), ["torque_delay"]);
     let delay = found.findings[0].parameters[0].value;
     assert!((delay - 0.4 / RATE).abs() < 0.04 / RATE, "{delay}");
+    let found = diagnosed(0.08 / RATE);
+    assert_eq!(found.findings.iter().map(|f| f.effect.as_str()).collect::<Vec<_>>(), ["torque_delay"]);
     // Seen, but next to nothing of the error.
     let silent = diagnosed(0.02 / RATE);
     assert_eq!(silent.verdict, Verdict::NothingMissing, "{:?}", silent.findings);
@@ -154,6 +156,18 @@ fn a_spring_between_two_pins_is_not_taken_for_a_linear_one() {
     let found: Vec<(&str, &str)> =
         diagnosis.findings.iter().map(|f| (f.effect.as_str(), f.joints[0].as_str())).collect();
     assert_eq!(found, [("spring_balancer", "joint_2")]);
+}
+
+#[test]
+fn a_narrow_place_of_much_friction_is_found_as_narrow_as_it_is() {
+    let (place, width) = (0.1, 0.03);
+    let (train, test) = logs(&[hidden("position_dependent_friction", 1, &[place, width], &[1.0, 0.0, 0.0])]);
+    let diagnosis = diagnose(&identified(&train), &train, &test, &DiagnosisOptions::default(), &()).unwrap();
+    let found: Vec<&str> = diagnosis.findings.iter().map(|f| f.effect.as_str()).collect();
+    assert_eq!(found, ["position_dependent_friction"]);
+    let [qc, w] = ["joint_2.qc", "joint_2.w"]
+        .map(|name| diagnosis.findings[0].parameters.iter().find(|p| p.name == name).unwrap().value);
+    assert!((qc - place).abs() < 0.1 * width && (w / width - 1.0).abs() < 0.1, "{qc} {w}");
 }
 
 #[test]

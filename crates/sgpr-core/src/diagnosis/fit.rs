@@ -261,20 +261,27 @@ fn likeliest_as_logged(
 ) -> f64 {
     const STEPS: usize = 40;
     const EQUAL: f64 = 1e-9;
-    let time = |step: usize| low + (high - low) * step as f64 / STEPS as f64;
-    let errors = |step: usize| {
+    let reference = problem.logged_error(&model.clone().with_terms(terms.to_vec(), problem.clock));
+    let cost = |time: f64| {
         let mut terms = terms.to_vec();
-        terms[k].constants[index] = time(step);
-        problem.logged_error(&model.clone().with_terms(terms, problem.clock))
-    };
-    let errors: Vec<Vec<f64>> = (0..=STEPS).into_par_iter().map(errors).collect();
-    let cost = |step: usize| {
-        let shares = errors[step].iter().zip(&errors[STEPS / 2]).map(|(own, middle)| (own / middle).powi(2));
+        terms[k].constants[index] = time;
+        let errors = problem.logged_error(&model.clone().with_terms(terms, problem.clock));
+        let shares = errors.iter().zip(&reference).map(|(own, reference)| (own / reference).powi(2));
         shares.filter(|share| share.is_finite()).sum::<f64>()
     };
-    let least = (0..=STEPS).map(cost).fold(f64::INFINITY, f64::min);
-    let best: Vec<f64> = (0..=STEPS).filter(|step| cost(*step) <= (1.0 + EQUAL) * least).map(time).collect();
-    best.first().zip(best.last()).map_or(time(STEPS / 2), |(first, last)| 0.5 * (first + last))
+    let best_between = |low: f64, high: f64| -> [f64; 2] {
+        let time = |step: usize| low + (high - low) * step as f64 / STEPS as f64;
+        let costs: Vec<f64> = (0..=STEPS).into_par_iter().map(|step| cost(time(step))).collect();
+        let least = costs.iter().copied().fold(f64::INFINITY, f64::min);
+        let mut best = (0..=STEPS).filter(|step| costs[*step] <= (1.0 + EQUAL) * least).map(time);
+        let first = best.next().unwrap_or(low);
+        [first, best.last().unwrap_or(first)]
+    };
+    // A load that begins some samples too early or late is a spike in the torque, which its inertia would have to explain.
+    let [first, last] = best_between(low, high);
+    let step = (high - low) / STEPS as f64;
+    let [first, last] = best_between((first - step).max(low), (last + step).min(high));
+    0.5 * (first + last)
 }
 
 /// The interval of two deviations to both sides of a time of a term, s: chi-squared is within four of the fit's.

@@ -6,9 +6,10 @@
 //! fitted to; imitations together do not.
 
 use super::fit::{Fitted, errors_elsewhere};
-use super::search::{Accepted, EVIDENCE, Outcome, Search, others, without};
+use super::search::{Accepted, EVIDENCE, Outcome, Search, is_limit, others, without};
 use super::unknown::Smooth;
 use crate::effects::Site;
+use crate::model::Term;
 use crate::progress::Interrupted;
 
 /// The Gaussian process has so many times the evidence of imitations ...
@@ -28,8 +29,8 @@ pub(super) fn without_imitations(search: &Search<'_>, mut outcome: Outcome) -> R
     let of_arm = joint_of_arm(search, &outcome);
     for joint in 0..search.problem.dof() {
         let terms = outcome.fitted.terms();
-        let at_joint = |site: Site| is_at(site, joint) || (site == Site::Arm && of_arm == Some(joint));
-        let out: Vec<usize> = outcome.news(search).map(|(k, _)| k).filter(|k| at_joint(terms[*k].site)).collect();
+        let at_joint = |term: &Term| is_at(term, joint) || (term.site == Site::Arm && of_arm == Some(joint));
+        let out: Vec<usize> = outcome.news(search).map(|(k, _)| k).filter(|k| at_joint(&terms[*k])).collect();
         let Some(bare) = without_imitated(search, &outcome.fitted, &out, joint) else { continue };
         outcome.accepted = others(outcome.accepted, &outcome.fitted, &out);
         (outcome.fitted, outcome.accepted) = search.backward(bare, outcome.accepted)?;
@@ -46,7 +47,7 @@ pub(super) fn without_many_imitations(
     accepted: &[Accepted],
 ) -> Option<(usize, Fitted, Vec<Accepted>)> {
     let joint = accepted.last()?.site.joint()?;
-    let own = search.news(fitted, accepted).map(|(k, _)| k).filter(|k| is_at(fitted.terms()[*k].site, joint));
+    let own = search.news(fitted, accepted).map(|(k, _)| k).filter(|k| is_at(&fitted.terms()[*k], joint));
     let out: Vec<usize> = own.collect();
     if out.len() < MANY {
         return None;
@@ -55,8 +56,9 @@ pub(super) fn without_many_imitations(
     Some((joint, bare, others(accepted.to_vec(), fitted, &out)))
 }
 
-fn is_at(site: Site, joint: usize) -> bool {
-    matches!(site, Site::Joint(own) | Site::Pair(own, _) if own == joint)
+/// Whether a term acts at a joint and not only by cutting its torque: rows at a limit are no equations that it could explain.
+fn is_at(term: &Term, joint: usize) -> bool {
+    matches!(term.site, Site::Joint(own) | Site::Pair(own, _) if own == joint) && !is_limit(term)
 }
 
 /// The fit without the terms at the indices `out`, if a smooth function of the state of `joint` does better than they.

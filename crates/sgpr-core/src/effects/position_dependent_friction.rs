@@ -16,7 +16,7 @@ const PARAMETERS: [EffectParameter; 3] = [
 
 const CONSTANTS: [Constant; 2] = [
     Constant::new("qc", ["rad", "m"], [0.0, 1.0], Scale::Position, &[0.08, 0.2, 0.32, 0.44, 0.56, 0.68, 0.8, 0.92]),
-    Constant::new("w", ["rad", "m"], [0.02, 0.5], Scale::PositionWidth, &[0.05, 0.12]),
+    Constant::new("w", ["rad", "m"], [0.008, 0.5], Scale::PositionWidth, &[0.05, 0.12]),
 ];
 
 impl Effect for PositionDependentFriction {

@@ -91,8 +91,8 @@ impl Search<'_> {
                 if is_limit(term) {
                     step.score = step.first_score;
                 }
-                if (step.score < EVIDENCE || size < asked_of(term)) && weakest.as_ref().is_none_or(|(s, ..)| size < *s)
-                {
+                let stays = step.score >= EVIDENCE && size >= asked_of(term) && !errors.is_worse_for_arm(&with, term);
+                if !stays && weakest.as_ref().is_none_or(|(s, ..)| size < *s) {
                     weakest = Some((size, k, without));
                 }
             }

@@ -36,7 +36,7 @@ pub(super) const NEARLY: f64 = 0.005;
 pub(super) const MOST_TRIED: usize = 4;
 
 /// Whether a term cuts the torque. Rows at the limit are no equations: it shows in the torque as logged.
-pub(super) fn is_limit(term: &Term) -> bool {
+pub(in super::super) fn is_limit(term: &Term) -> bool {
     term.site.joint().is_some_and(|joint| term.effect.limit(term.site, &term.constants, joint).is_some())
 }
 
@@ -216,7 +216,8 @@ impl Search<'_> {
             };
             let all = candidates.iter().chain(tried);
             let best = all.filter(rival).map(|c| c.score).fold(f64::NEG_INFINITY, f64::max);
-            !refined.impossible && refined.score > EVIDENCE && refined.score > best
+            // A transition wider than the speeds of the log is viscous friction.
+            !refined.impossible && refined.score > EVIDENCE && (1.0 - NEARLY) * refined.score > best
         });
         let without = self.errors(fitted);
         let (next, with) = loop {
@@ -304,7 +305,8 @@ impl Search<'_> {
         });
         for ((candidate, trial, score), with) in self.plainest_first(equal).into_iter().chain(others) {
             let fitted_term = trial.terms().last().unwrap_or(&candidate.term);
-            if without.largest_fall_to(&with, fitted_term) < asked_of(fitted_term) || without.explodes_to(&with) {
+            let matters = without.largest_fall_to(&with, fitted_term) >= asked_of(fitted_term);
+            if !matters || without.explodes_to(&with) || without.is_worse_for_arm(&with, fitted_term) {
                 continue;
             }
             let own = candidate.term.effect.name();

@@ -3,7 +3,11 @@
 use super::super::fit::{ByLog, Extra, Fitted, beyond, held_out, usual_error};
 use super::Search;
 use super::forward::is_limit;
+use crate::effects::Reach;
 use crate::model::Term;
+
+/// An error of nothing, N·m (N).
+const TINY: f64 = 1e-12;
 
 /// Errors per joint on blocks that were left out, in the band and beyond it.
 #[derive(Clone, Debug)]
@@ -24,6 +28,13 @@ impl HeldOut {
         self.total().iter().zip(after.total()).any(|(own, after)| after > TIMES * own)
     }
 
+    /// Whether a load or a contact makes the errors of some joints larger by more than it makes those of others smaller.
+    pub(super) fn is_worse_for_arm(&self, after: &Self, term: &Term) -> bool {
+        let falls =
+            self.total().into_iter().zip(after.total()).map(|(own, after)| (own.max(TINY) / after.max(TINY)).ln());
+        term.effect.reach() == Reach::All && !term.is_transform() && falls.sum::<f64>() < 0.0
+    }
+
     /// Largest fall on a joint with one more term, as a share of what is left, in all logs or in one: an effect of fast
     /// motion matters although there are slow logs beside. A transform that differentiates positions once more carries
     /// their noise into the torque beyond the band, one that smooths takes it out: neither speaks for or against its
@@ -36,7 +47,7 @@ impl HeldOut {
         let falls = (0..own.len()).map(|k| {
             let least = beyond[k].min(beyond_after[k]);
             let [beyond, beyond_after] = if filters { [least; 2] } else { [beyond[k], beyond_after[k]] };
-            own[k].hypot(beyond) / own_after[k].hypot(beyond_after).max(1e-12) - 1.0
+            own[k].hypot(beyond) / own_after[k].hypot(beyond_after).max(TINY) - 1.0
         });
         falls.fold(f64::NEG_INFINITY, f64::max)
     }
@@ -56,5 +67,22 @@ impl Search<'_> {
     pub(super) fn errors(&self, fitted: &Fitted) -> HeldOut {
         let in_band = held_out(&self.problem, fitted, &Extra::default(), &self.noise);
         HeldOut { in_band, beyond: beyond(&self.problem, fitted) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::{Site, by_name};
+
+    #[test]
+    fn a_load_that_helps_one_joint_and_harms_two_is_none() {
+        let errors = |own: [f64; 3]| HeldOut { in_band: own.map(|e| vec![e]).to_vec(), beyond: vec![vec![0.0]; 3] };
+        let before = errors([1.0, 1.0, 1.0]);
+        let of = |name: &str, site: Site| Term::new(by_name(name).expect("in the library"), site, vec![5.0]);
+        let load = of("payload_change", Site::Arm);
+        assert!(before.is_worse_for_arm(&errors([0.95, 1.1, 1.1]), &load));
+        assert!(!before.is_worse_for_arm(&errors([0.95, 1.02, 1.02]), &load));
+        assert!(!before.is_worse_for_arm(&errors([0.95, 1.1, 1.1]), &of("friction_step", Site::Joint(0))));
     }
 }
