@@ -116,7 +116,7 @@ fn is_silent(term: &Term, step: &Accepted, period: f64) -> bool {
 const WITHIN_A_SAMPLE: f64 = 0.6;
 
 /// ... which goes without saying as long as no joint's error falls by more than this share of what is left.
-const LITTLE: f64 = 0.12;
+const LITTLE: f64 = 0.08;
 
 /// Scores below this are no evidence.
 pub(super) const EVIDENCE: f64 = 8.0;
