@@ -147,6 +147,30 @@ class Arm:
             position_resolution=[RESOLUTION] * self.robot.dof,
         )
 
+    def wanted(self, motion: Trajectory, seconds: float) -> tuple[Array, Array, Array]:
+        """What the motion asks for at each call of the controller: q, dq, ddq, `[calls, n]`."""
+        calls = round(seconds / self.control_period)
+        return motion.at(np.arange(calls) * self.control_period)
+
+    def needed_torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Torque of the drives that a motion needs: rigid body, rotors and friction, N·m, `[N, n]`."""
+        tau = self.robot.inverse_dynamics(q, dq, ddq)
+        for joint, drive in enumerate(self.drives):
+            speed = dq[:, joint]
+            coulomb, static = (
+                np.where(speed > 0.0, *sizes) for sizes in (drive.coulomb_friction, drive.static_friction)
+            )
+            extra = (static - coulomb) * np.exp(-((speed / drive.stribeck_velocity) ** 2))
+            tau[:, joint] += drive.rotor_inertia * ddq[:, joint] + drive.viscous_friction * speed
+            tau[:, joint] += np.sign(speed) * (coulomb + extra)
+        return tau
+
+    def torque_error(self, motion: Trajectory, known: Model | SemiParametricModel, seconds: float) -> Array:
+        """Root mean square error of a model's feed-forward along a motion, nothing followed, N·m, `[n]`."""
+        wanted = self.wanted(motion, seconds)
+        error: Array = np.sqrt(np.mean((known.predict(*wanted) - self.needed_torque(*wanted)) ** 2, axis=0))
+        return error
+
     def test_motions(self, settings: Settings) -> list[Trajectory]:
         """Motions that no model was fitted to, within `test_range`."""
         limits = self.robot.limits
@@ -370,13 +394,14 @@ def excitation_study(thesis: Thesis, tell: Tell) -> None:
         tell(f"table 5-8: {name}")
         training = [logs[part] for part in name.split(" + ")]
         model = parametric(arm.robot, training, FRICTION)
-        known: dict[str, Known] = {
+        known: dict[str, Model | SemiParametricModel] = {
             IDENTIFIED: model,
             SEMI_PARAMETRIC: semi_parametric(arm.robot, training, FRICTION, settings.process, **GP_ON_FRICTION),
             IDENTIFIED_ALL: parametric(arm.robot, training, ALL_EFFECTS),
             SEMI_PARAMETRIC_ALL: semi_parametric(arm.robot, training, ALL_EFFECTS, settings.process, **GP_ON_FRICTION),
         }
         errors: dict[str, list[Array]] = {}
+        torque_errors: dict[str, list[Array]] = {}
         with_term: dict[str, float] = {}
         for effect in ALL_EFFECTS[len(FRICTION) :]:
             one_more = parametric(arm.robot, training, (*FRICTION, effect))
@@ -386,6 +411,7 @@ def excitation_study(thesis: Thesis, tell: Tell) -> None:
                 run = arm.follow(motion, published.TEST_GAINS, [each], settings.test_seconds)
                 thesis.runs[f"table 5-8 {name} {label} test {k + 1}"] = run
                 errors.setdefault(label, []).append(run.tracking_rmse)
+                torque_errors.setdefault(label, []).append(arm.torque_error(motion, each, settings.test_seconds))
         fit = model.fit
         assert fit is not None, "just identified"
         rows.append(
@@ -395,6 +421,7 @@ def excitation_study(thesis: Thesis, tell: Tell) -> None:
                 "condition": fit["condition"],
                 "errors": {label: np.mean(each, axis=0) for label, each in errors.items()},
                 "errors_of_tests": errors,
+                "torque_errors_of_tests": torque_errors,
                 "friction": friction_error(arm, model),
                 "with_term": with_term,
             }
@@ -504,8 +531,7 @@ def _compensated(
     tracking = []
     motion = thesis.motions[f"{arm.name} condition fe"].trajectory
     for motion_name, each in {"train": motion, "test": arm.test_motions(settings)[0]}.items():
-        calls = round(settings.test_seconds / arm.control_period)
-        wanted = each.at(np.arange(calls) * arm.control_period)
+        wanted = arm.wanted(each, settings.test_seconds)
         for model_name, known in models.items():
             lacking = None
             if known is not None:
