@@ -208,8 +208,8 @@ def _study(thesis: Thesis) -> Iterable[str]:
         if by_the_loop:
             yield _text(
                 f"At {len(by_the_loop)} of the {len(lost)} joints that lose position the torque is not worse: "
-                f"{'; '.join(by_the_loop)}. Weak gains leave a joint to what the others do, and joint 1, which no "
-                "gravity pulls, sticks or breaks away."
+                f"{'; '.join(by_the_loop)}. Weak gains leave a joint to what the others do and to where dry friction "
+                "lets it stick."
             )
     yield _text(
         "What the high-frequency series changes, sum of errors. In rows 3 and 7 of the thesis it makes the models "
