@@ -320,8 +320,11 @@ impl Model {
         Ok(Some(dict))
     }
 
-    /// Writes the robot with the inertias of this model as URDF: the file `source`, from which the robot was read, with
-    /// other inertias, everything else as it was.
+    /// Writes the robot with the inertias of this model as URDF, and with its viscous and Coulomb friction as damping and
+    /// friction in `<dynamics>`: the file `source`, from which the robot was read, everything else as it was.
+    ///
+    /// URDF has no place for rotor inertia, torque offset and other effects. `<dynamics>` stays as it is where the model has
+    /// no such friction at every joint.
     ///
     /// Parameters
     /// ----------

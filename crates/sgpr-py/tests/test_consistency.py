@@ -138,6 +138,26 @@ def test_the_urdf_that_is_written_is_the_model(consistent: sgpr.Model, tmp_path:
     assert np.allclose(robot.inverse_dynamics(*motion), expected, rtol=1e-9, atol=1e-9)
 
 
+def test_friction_is_written_where_robot_files_have_a_place_for_it(consistent: sgpr.Model, tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    consistent.write_urdf(URDF, path)
+    # What reads the file has the same friction as the model: the file's own is gone.
+    nominal = sgpr.Model.nominal(sgpr.Robot.from_urdf(path))
+    assert nominal.effects == ["viscous_friction", "coulomb_friction"]
+    names = nominal.all_parameter_names
+    written = dict(zip(names, nominal.all_parameters, strict=True))
+    found = dict(zip(consistent.all_parameter_names, consistent.all_parameters, strict=True))
+    friction = [name for name in names if name.endswith((".Fv", ".Fc"))]
+    assert len(friction) == 12
+    assert max(written[name] for name in friction) > 0.1
+    assert all(written[name] == found[name] for name in friction)
+    # A second writing changes nothing.
+    consistent.write_urdf(path, tmp_path / "again.urdf")
+    assert (tmp_path / "again.urdf").read_text().count("<dynamics") == 6
+    again = sgpr.Model.nominal(sgpr.Robot.from_urdf(tmp_path / "again.urdf"))
+    assert np.allclose(again.all_parameters, nominal.all_parameters, rtol=1e-9, atol=1e-12)
+
+
 def test_pinocchio_reads_the_urdf_and_gives_our_torque(consistent: sgpr.Model, tmp_path: Path) -> None:
     pin = pytest.importorskip("pinocchio")
     path = tmp_path / "robot.urdf"

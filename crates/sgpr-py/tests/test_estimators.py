@@ -210,3 +210,81 @@ def test_all_estimators_find_the_arm_behind_its_controller(method: str, closed_l
     assert model.fit is not None and model.fit["method"] == name.partition(":")[0]
     assert all(parameter.standard_deviation is not None for parameter in model.parameters)
     assert model.report is not None and len(model.report.singular_values) == len(found)
+
+
+EXCITED = [(0.5, 0.9, 0.3), (0.4, 1.7, 2.1), (0.25, 2.6, 4.0), (0.2, 3.3, 5.2)]
+"""Amplitude, rad, circular frequency, rad/s, and phase of the waves of a reference; joints differ by a part of each."""
+
+
+def sticking_log(
+    robot: sgpr.Robot,
+    friction: list[tuple[float, float, float]],
+    gains: dict[str, list[float]],
+    step: float,
+    **options: Any,
+) -> tuple[sgpr.Recording, sgpr.Recording, np.ndarray]:
+    """Log and reference of an arm whose friction sticks, with an encoder of a given step; its base parameters.
+
+    - friction: rotor inertia, viscous and Coulomb friction of each joint
+    """
+    t = np.arange(0.0, 10.0, 1e-3)
+    q, dq, ddq = np.zeros((3, t.size, robot.dof))
+    for joint in range(robot.dof):
+        for size, rate, phase in EXCITED:
+            a, w, p = size * (1.0 - 0.07 * joint), rate * (1.0 + 0.09 * joint), phase + 1.3 * joint
+            q[:, joint] += a * np.sin(w * t + p)
+            dq[:, joint] += a * w * np.cos(w * t + p)
+            ddq[:, joint] -= a * w * w * np.sin(w * t + p)
+    # Like a robot the arm starts from rest: what a filter makes of the first samples is not where it started.
+    s = np.clip(t, 0.0, 1.0)[:, None]
+    f, df, ddf = (
+        s**3 * (10.0 - 15.0 * s + 6.0 * s**2),
+        30.0 * (s * (1.0 - s)) ** 2,
+        60.0 * s * (1.0 - s) * (1.0 - 2.0 * s),
+    )
+    q, dq, ddq = f * q, f * dq + df * q, f * ddq + 2.0 * df * dq + ddf * q
+    drives = [sgpr.Drive(rotor_inertia=i, viscous_friction=v, coulomb_friction=c) for i, v, c in friction]
+    run = sgpr.simulate(
+        robot,
+        (1000.0, q, dq, ddq),
+        controller="pd",
+        drives=drives,
+        position_resolution=np.full(robot.dof, step),
+        **gains,
+        **options,
+    )
+    time, names = (run.t * 1e9).round().astype(np.int64), robot.joint_names
+    log = sgpr.Recording(time, run.q_measured, None, run.tau_measured, joint_names=names, source="log")
+    wanted = sgpr.Recording(time, run.q_wanted, None, None, joint_names=names, source="reference")
+    rotors, viscous, coulomb = zip(*friction, strict=True)
+    truth = sgpr.Model.from_parameters(
+        robot, np.concatenate([robot.standard_parameters.ravel(), viscous, coulomb, rotors]), effects=EFFECTS
+    )
+    return log, wanted, truth.parameters.values
+
+
+TWO_LINK = ([(0.085, 0.21, 2.0), (0.087, 0.11, 0.8)], {"kp": [400.0, 300.0], "kd": [40.0, 30.0]}, [0.3, 0.3])
+
+
+@pytest.mark.parametrize("step", [1e-4, 5e-4, 1e-3])
+def test_output_error_finds_rotors_and_dry_friction_with_a_coarse_encoder(step: float) -> None:
+    robot = sgpr.robots.two_link()
+    friction, gains, noise = TWO_LINK
+    log, wanted, truth = sticking_log(robot, friction, gains, step, torque_noise=noise)
+    guess = robot.with_standard_parameters(1.1 * robot.standard_parameters)
+    for cutoff in (None, 30.0):
+        model = sgpr.identify(
+            guess, [log], effects=EFFECTS, method="output_error", instruments=[wanted], cutoff_hz=cutoff, **gains
+        )
+        assert not [text for text in model.report.warnings if "simulation" in text]
+        errors = (model.parameters.values - truth) / model.parameters.standard_deviations
+        assert np.abs(errors).max() < 3.0, dict(zip(model.parameters.names, errors.round(1), strict=True))
+
+
+def test_a_controller_that_does_not_hold_the_arm_is_named() -> None:
+    robot = sgpr.robots.two_link()
+    friction, gains, noise = TWO_LINK
+    log, wanted, _ = sticking_log(robot, friction, gains, 1e-4, torque_noise=noise)
+    wrong = {name: [-gain for gain in values] for name, values in gains.items()}
+    with pytest.raises(sgpr.IdentificationError, match="simulation of trajectory 0 diverges: check sign and unit"):
+        sgpr.identify(robot, [log], effects=EFFECTS, method="output_error", instruments=[wanted], **wrong)

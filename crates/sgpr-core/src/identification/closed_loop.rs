@@ -42,11 +42,18 @@ impl SimulatedMotion {
     }
 }
 
+/// Poses of the reference at which inertias are looked at.
+const POSES: usize = 50;
+
+/// A speed at which everything but a jump is as at rest, rad/s.
+const BARELY_MOVING: f64 = 1e-9;
+
 impl ClosedLoop<'_> {
     /// The motion of `robot` with `parameters` from a given state on, by the classical Runge-Kutta method of order four;
     /// `None` if it leaves all bounds.
     ///
-    /// Dry friction enters as its effect says, with a jump at standstill: a joint that sticks chatters about zero speed.
+    /// Effects enter as the set says. Where they jump at rest, a joint that sticks chatters about zero speed, unless the set
+    /// has slopes there: see [`Self::widths_at_rest`].
     ///
     /// - `parameters`: all of the set
     /// - `q`, `dq`: `[n]`, the state at the first sample
@@ -65,18 +72,8 @@ impl ClosedLoop<'_> {
         let count = self.reference.count(n);
         assert_eq!((parameters.len(), q.len(), dq.len()), (set.len(), n, n), "parameters and state of this robot");
         assert_eq!((self.kp.len(), self.kd.len()), (n, n), "gains of every joint");
-        let mut arm = Arm {
-            robot: robot.clone().with_standard_parameters(&parameters[..set.inertial()]),
-            ws: Workspace::new(robot),
-            set,
-            parameters,
-            zeros: vec![0.0; n],
-            ones: vec![1.0; n],
-            drag: vec![0.0; n],
-            rotor: vec![0.0; n],
-            tau: vec![0.0; n],
-        };
-        let step = 1.0 / (self.rate_hz * self.steps as f64);
+        let mut arm = Arm::new(robot, set, parameters);
+        let step = self.step();
         let mut state = [q, dq].concat();
         let mut motion = SimulatedMotion::default();
         let (mut slope, mut trial) = (vec![vec![0.0; 2 * n]; 4], vec![0.0; 2 * n]);
@@ -107,6 +104,48 @@ impl ClosedLoop<'_> {
             }
         }
         Some(motion)
+    }
+
+    /// The narrowest ranges of speed about rest over which the integration can follow effects that jump there, dry friction
+    /// above all: [`ParameterSet::with_slopes_at_rest`].
+    ///
+    /// Along a slope the speed of a joint that sticks dies out at the rate jump / (2 width · inertia). The rates of all joints
+    /// together are one per step at most, a third of what the method of Runge and Kutta bears.
+    ///
+    /// - returns `[n]`, rad/s (m/s); zero for joints without such an effect
+    ///
+    /// # Panics
+    /// If the lengths do not fit.
+    pub fn widths_at_rest(&self, robot: &Robot, set: &ParameterSet, parameters: &[f64]) -> Vec<f64> {
+        let n = robot.dof();
+        let count = self.reference.count(n);
+        let set = &set.clone().with_slopes_at_rest(vec![0.0; n]);
+        let mut arm = Arm::new(robot, set, parameters);
+        let mut widths = vec![0.0f64; n];
+        let (mut forwards, mut backwards) = (vec![0.0; n], vec![0.0; n]);
+        let (mut still, mut pushed) = (vec![0.0; n], vec![0.0; n]);
+        for sample in (0..count).step_by(count.div_ceil(POSES).max(1)) {
+            let q = &self.reference.q[sample * n..(sample + 1) * n];
+            for (tau, speed) in [(&mut forwards, BARELY_MOVING), (&mut backwards, -BARELY_MOVING)] {
+                tau.fill(0.0);
+                set.add_effect_torque(parameters, &JointState { q, dq: &vec![speed; n], ddq: &vec![0.0; n] }, tau);
+            }
+            arm.tau.fill(0.0);
+            arm.accelerate(q, &vec![0.0; n], &mut still);
+            for joint in 0..n {
+                arm.tau[joint] = 0.5 * (forwards[joint] - backwards[joint]);
+                arm.accelerate(q, &vec![0.0; n], &mut pushed);
+                arm.tau[joint] = 0.0;
+                let lost = (self.step() * (pushed[joint] - still[joint])).abs();
+                widths[joint] = widths[joint].max(n as f64 * lost);
+            }
+        }
+        widths
+    }
+
+    /// Integration step, s.
+    fn step(&self) -> f64 {
+        1.0 / (self.rate_hz * self.steps as f64)
     }
 
     /// Derivative of the state [q, dq] at a time in samples.
@@ -150,7 +189,22 @@ struct Arm<'a> {
     tau: Vec<f64>,
 }
 
-impl Arm<'_> {
+impl<'a> Arm<'a> {
+    fn new(robot: &Robot, set: &'a ParameterSet, parameters: &'a [f64]) -> Self {
+        let n = robot.dof();
+        Self {
+            robot: robot.clone().with_standard_parameters(&parameters[..set.inertial()]),
+            ws: Workspace::new(robot),
+            set,
+            parameters,
+            zeros: vec![0.0; n],
+            ones: vec![1.0; n],
+            drag: vec![0.0; n],
+            rotor: vec![0.0; n],
+            tau: vec![0.0; n],
+        }
+    }
+
     /// Effects are linear in the acceleration of their own joint: what they take at unit acceleration more than at none is
     /// a rotor inertia.
     fn accelerate(&mut self, q: &[f64], dq: &[f64], out: &mut [f64]) {

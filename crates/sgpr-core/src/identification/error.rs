@@ -92,8 +92,8 @@ pub enum IdentificationError {
     },
     /// The simulated arm runs away.
     #[error(
-        "the simulation of trajectory {trajectory} diverges: check sign and unit of the gains, take more steps per sample, \
-         or start from a better robot file"
+        "the simulation of trajectory {trajectory} diverges: check sign and unit of the gains, or start from a better robot \
+         file"
     )]
     Diverged {
         /// Trajectory, counted from zero.

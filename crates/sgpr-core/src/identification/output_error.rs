@@ -7,18 +7,26 @@
 //! robot dynamics, IEEE T-CST 21(2) (2013): DIDIM, direct and inverse dynamic identification models.
 
 use super::closed_loop::SimulatedMotion;
-use super::{Equations, Estimate, IdentificationError, LeastSquares, Method, Trajectory};
+use super::least_squares::residual_norm;
+use super::{
+    ClosedLoop, Equations, Estimate, IdentificationError, JointFactor, LeastSquares, Method, ParameterSet, Trajectory,
+};
+use crate::dynamics::Samples;
 
 const MOST_ITERATIONS: usize = 50;
 
 /// Times that a step is halved before it is given up.
-const HALVINGS: usize = 6;
+const HALVINGS: usize = 8;
 
 /// A step shorter than this, in standard deviations, moves nothing that could be told from noise ...
 const SMALL_STEP: f64 = 1e-3;
 
 /// ... and one of this share of the estimates is rounding.
 const ROUNDING: f64 = 1e-12;
+
+/// A step that no part of which makes the arm better is left alone below this length, in standard deviations: the least
+/// misfit is not where simulation and least squares agree to the last digit.
+const SETTLED: f64 = 0.5;
 
 pub(super) fn estimate(
     equations: &Equations<'_>,
@@ -27,115 +35,269 @@ pub(super) fn estimate(
     correlation: Option<&[f64]>,
 ) -> Result<Estimate, IdentificationError> {
     let least_squares = LeastSquares { method: Method::Wls, correlation: correlation.map(<[f64]>::to_vec) };
-    let mut best = start;
-    // Noise can make of an estimate an arm that no controller holds: steps end before it, the first one from the robot file.
-    let mut held = nominal.to_vec();
-    let mut last_diverged = None;
-    for iteration in 1..=MOST_ITERATIONS {
-        let Held { values, motions, diverged } = simulate_toward(equations, &held, best.values)?;
-        last_diverged = diverged.map(|trajectory| (iteration, trajectory)).or(last_diverged);
-        best.values = values;
-        held.clone_from(&best.values);
+    let mut best: Option<Found> = None;
+    for run in starts(equations, &start.values, nominal)? {
+        let found = search(equations, &least_squares, run, nominal)?;
+        let settled = found.step < SETTLED;
+        if best.as_ref().is_none_or(|best| settled || found.misfit < best.misfit) {
+            best = Some(found);
+        }
+        if settled {
+            break;
+        }
+    }
+    let Found { mut estimate, step, .. } = best.expect("one start at least");
+    if step >= SETTLED {
+        estimate.notes.push(format!(
+            "simulation and least squares do not agree: least squares on the simulated motion would move the parameters by \
+             {step:.1} of their standard deviations, and the simulated torque would fit worse; the motion of a joint that \
+             mostly stands depends on its friction more than on its torque"
+        ));
+    }
+    Ok(estimate)
+}
+
+/// Where a search ended.
+struct Found {
+    estimate: Estimate,
+    /// Step that least squares would take from there, in its largest standard deviation.
+    step: f64,
+    misfit: f64,
+}
+
+/// Simulation and least squares in turns, until they agree or no step makes the arm better.
+fn search(
+    equations: &Equations<'_>,
+    least_squares: &LeastSquares,
+    mut run: Run,
+    nominal: &[f64],
+) -> Result<Found, IdentificationError> {
+    let mut iteration = 1;
+    loop {
+        let next = least_squares.solve(&run.factors, equations.base(), nominal)?;
+        let next = Estimate { iterations: iteration, ..next };
+        let (step, misfit) = (length_of_step(&run.values, &next), run.misfit);
+        if step < SMALL_STEP {
+            return Ok(Found { estimate: next, step, misfit });
+        }
+        match run_toward(equations, &run, &next.values)? {
+            Some(better) if iteration < MOST_ITERATIONS => run = better,
+            _ => return Ok(Found { estimate: Estimate { values: run.values, ..next }, step, misfit }),
+        }
+        iteration += 1;
+    }
+}
+
+/// The arm with some parameters under its controllers.
+struct Run {
+    /// Base parameters.
+    values: Vec<f64>,
+    /// Rows of its motions beside the measured torque.
+    factors: Vec<JointFactor>,
+    /// How far its torque is from the measured one: minus the logarithm of the likelihood, each joint with its own noise.
+    misfit: f64,
+}
+
+impl Run {
+    fn new(equations: &Equations<'_>, values: Vec<f64>) -> Result<Self, IdentificationError> {
+        let (robot, base) = (equations.robot(), equations.base());
+        let set = with_slopes_at_rest(equations, &values)?;
+        let motions = simulate_with(equations, &set, &values)?;
         let trajectories = equations.trajectories().iter().zip(&motions);
         let trajectories =
             trajectories.map(|(trajectory, motion)| Trajectory { samples: motion.samples(), ..*trajectory });
-        let model =
-            Equations::new(equations.robot(), equations.parameter_set(), equations.base(), trajectories.collect());
-        let next = least_squares.solve(&model.factors()?, equations.base(), nominal)?;
-        let step = next.values.iter().zip(&best.values).map(|(new, old)| (new - old).abs());
-        let deviations = next.standard_deviations();
-        let in_deviations = step.clone().zip(&deviations).filter(|(_, deviation)| **deviation > 0.0);
-        let in_deviations = in_deviations.map(|(step, deviation)| step / deviation).fold(0.0, f64::max);
-        let size = next.values.iter().fold(0.0f64, |size, value| size.max(value.abs()));
-        let rounded = step.fold(0.0, f64::max) < ROUNDING * size;
-        best = Estimate { iterations: iteration, ..next };
-        if in_deviations < SMALL_STEP || rounded {
-            return Ok(best);
-        }
+        let factors = Equations::new(robot, &set, base, trajectories.collect()).factors()?;
+        let misfit = |factor: &JointFactor| factor.rows as f64 * residual_norm(factor, &values).ln();
+        Ok(Self { misfit: factors.iter().map(misfit).sum(), factors, values })
     }
-    // Where steps end early to the last nothing is found.
-    if let Some((iteration, trajectory)) = last_diverged
-        && 2 * iteration > MOST_ITERATIONS
-    {
-        return Err(IdentificationError::Diverged { trajectory });
-    }
-    best.notes.push(format!("simulation and least squares did not agree after {MOST_ITERATIONS} rounds"));
-    Ok(best)
 }
 
-/// An arm that its controller holds.
-struct Held {
-    /// Its base parameters.
-    values: Vec<f64>,
-    motions: Vec<SimulatedMotion>,
-    /// The trajectory that diverged with parameters farther away.
-    diverged: Option<usize>,
+/// The arms to start from that their controllers hold, the one with the smaller misfit first.
+///
+/// Least squares on a noisy log can give an arm that no controller holds, the robot file one without any friction.
+fn starts(equations: &Equations<'_>, estimate: &[f64], nominal: &[f64]) -> Result<Vec<Run>, IdentificationError> {
+    let nominal = Run::new(equations, nominal.to_vec());
+    let Some(estimate) = held(Run::new(equations, estimate.to_vec()))? else {
+        return Ok(vec![nominal?]);
+    };
+    let mut starts: Vec<Run> = held(nominal)?.into_iter().chain([estimate]).collect();
+    starts.sort_by(|a, b| a.misfit.total_cmp(&b.misfit));
+    Ok(starts)
 }
 
-/// The farthest arm that its controller holds on the way from `held` to `values`, halved from the far end.
-fn simulate_toward(equations: &Equations<'_>, held: &[f64], mut values: Vec<f64>) -> Result<Held, IdentificationError> {
-    let mut diverged = None;
-    for _ in 0..HALVINGS {
-        match simulate(equations, &values) {
-            Err(IdentificationError::Diverged { trajectory }) => {
-                diverged = Some(trajectory);
-                values.iter_mut().zip(held).for_each(|(value, held)| *value = 0.5 * (*value + held));
-            }
-            result => return Ok(Held { values, motions: result?, diverged }),
-        }
+/// A run that does not diverge.
+fn held(run: Result<Run, IdentificationError>) -> Result<Option<Run>, IdentificationError> {
+    match run {
+        Err(IdentificationError::Diverged { .. }) => Ok(None),
+        run => run.map(Some),
     }
-    Ok(Held { values: held.to_vec(), motions: simulate(equations, held)?, diverged })
+}
+
+/// The first arm with a smaller misfit on the way from `run` to `values`, halved from the far end.
+fn run_toward(equations: &Equations<'_>, run: &Run, values: &[f64]) -> Result<Option<Run>, IdentificationError> {
+    let mut trial = values.to_vec();
+    for _ in 0..=HALVINGS {
+        let next = held(Run::new(equations, trial.clone()))?;
+        if let Some(next) = next.filter(|next| next.misfit < run.misfit) {
+            return Ok(Some(next));
+        }
+        trial.iter_mut().zip(&run.values).for_each(|(value, from)| *value = 0.5 * (*value + from));
+    }
+    Ok(None)
+}
+
+/// Length of the step from `values` to an estimate, in its largest standard deviation; zero where it is rounding.
+fn length_of_step(values: &[f64], next: &Estimate) -> f64 {
+    let step: Vec<f64> = next.values.iter().zip(values).map(|(new, old)| (new - old).abs()).collect();
+    let size = next.values.iter().fold(0.0f64, |size, value| size.max(value.abs()));
+    if step.iter().copied().fold(0.0, f64::max) < ROUNDING * size {
+        return 0.0;
+    }
+    let in_deviations = step.iter().zip(next.standard_deviations()).filter(|(_, deviation)| *deviation > 0.0);
+    in_deviations.map(|(step, deviation)| step / deviation).fold(0.0, f64::max)
 }
 
 /// The trajectories as the arm with these base parameters runs them.
 pub(super) fn simulate(equations: &Equations<'_>, base: &[f64]) -> Result<Vec<SimulatedMotion>, IdentificationError> {
+    simulate_with(equations, &with_slopes_at_rest(equations, base)?, base)
+}
+
+/// The parameters with slopes that the integration of every trajectory can follow.
+fn with_slopes_at_rest(equations: &Equations<'_>, base: &[f64]) -> Result<ParameterSet, IdentificationError> {
     let (robot, set) = (equations.robot(), equations.parameter_set());
-    let mut standard = robot.standard_parameters();
-    standard.resize(set.len(), 0.0);
-    let parameters = equations.base().expand(base, &standard);
-    let n = robot.dof();
+    let parameters = all_parameters(equations, base);
+    let mut widest = vec![0.0f64; robot.dof()];
+    for (index, trajectory) in equations.trajectories().iter().enumerate() {
+        let widths = closed_loop(index, trajectory)?.widths_at_rest(robot, set, &parameters);
+        widest.iter_mut().zip(widths).for_each(|(widest, width)| *widest = widest.max(width));
+    }
+    Ok(set.clone().with_slopes_at_rest(widest))
+}
+
+fn simulate_with(
+    equations: &Equations<'_>,
+    set: &ParameterSet,
+    base: &[f64],
+) -> Result<Vec<SimulatedMotion>, IdentificationError> {
+    let parameters = all_parameters(equations, base);
+    let n = equations.robot().dof();
     let run = |(index, trajectory): (usize, &Trajectory<'_>)| {
-        let closed_loop = trajectory.closed_loop.ok_or(IdentificationError::NoController { trajectory: index })?;
-        let Trajectory { samples, .. } = trajectory;
-        let motion = closed_loop.simulate(robot, set, &parameters, &samples.q[..n], &samples.dq[..n]);
+        let Samples { q, dq, .. } = trajectory.samples;
+        let motion = closed_loop(index, trajectory)?.simulate(equations.robot(), set, &parameters, &q[..n], &dq[..n]);
         motion.ok_or(IdentificationError::Diverged { trajectory: index })
     };
     equations.trajectories().iter().enumerate().map(run).collect()
 }
 
+fn closed_loop<'a>(index: usize, trajectory: &Trajectory<'a>) -> Result<&'a ClosedLoop<'a>, IdentificationError> {
+    trajectory.closed_loop.ok_or(IdentificationError::NoController { trajectory: index })
+}
+
+/// All parameters that these base parameters make of those of the robot.
+fn all_parameters(equations: &Equations<'_>, base: &[f64]) -> Vec<f64> {
+    let mut standard = equations.robot().standard_parameters();
+    standard.resize(equations.parameter_set().len(), 0.0);
+    equations.base().expand(base, &standard)
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::{BaseParameters, ClosedLoop, ParameterSet};
+    use super::super::BaseParameters;
     use super::*;
-    use crate::dynamics::Samples;
-    use crate::robot::two_link;
+    use crate::robot::{Robot, two_link};
+
+    const RATE_HZ: f64 = 100.0;
+
+    /// A two-link arm with friction, its reference, and what is asked of it.
+    struct Case {
+        robot: Robot,
+        set: ParameterSet,
+        base: BaseParameters,
+        truth: Vec<f64>,
+        reference: [Vec<f64>; 3],
+    }
+
+    const KP: [f64; 2] = [400.0, 300.0];
+    const KD: [f64; 2] = [40.0, 30.0];
+
+    impl Case {
+        fn new() -> Self {
+            let robot = two_link();
+            let set = ParameterSet::new(&robot, &["viscous_friction", "coulomb_friction"]).expect("known effects");
+            let base = BaseParameters::new(&robot, &set);
+            let mut parameters = robot.standard_parameters();
+            parameters.extend([0.5, 0.5, 3.0, 2.0]);
+            let truth = base.combine(&parameters);
+            let wave = |phase: f64| (0..800).map(|k| 0.5 * (0.01 * k as f64 + phase).sin()).collect::<Vec<_>>();
+            Self { robot, set, base, truth, reference: [wave(0.0), wave(1.6), wave(3.1)] }
+        }
+
+        fn with<T>(&self, tau: &[f64], then: impl FnOnce(&Equations<'_>) -> T) -> T {
+            let [q, dq, ddq] = &self.reference;
+            let reference = Samples { q, dq, ddq };
+            let closed_loop =
+                ClosedLoop { reference, feed_forward: None, kp: &KP, kd: &KD, rate_hz: RATE_HZ, steps: 40 };
+            let trajectory = Trajectory { closed_loop: Some(&closed_loop), ..Trajectory::new(reference, tau) };
+            then(&Equations::new(&self.robot, &self.set, &self.base, vec![trajectory]))
+        }
+
+        /// Torque of the arm as it is.
+        fn tau(&self) -> Vec<f64> {
+            self.with(&[0.0; 800], |equations| simulate(equations, &self.truth).expect("a held arm")[0].tau.clone())
+        }
+    }
 
     #[test]
-    fn steps_end_where_a_controller_still_holds_the_arm() {
-        let robot = two_link();
-        let set = ParameterSet::new(&robot, &["viscous_friction"]).expect("a known effect");
-        let base = BaseParameters::new(&robot, &set);
-        let wave = |phase: f64| (0..400).map(|k| 0.5 * (0.02 * k as f64 + phase).sin()).collect::<Vec<_>>();
-        let (q, dq, ddq) = (wave(0.0), wave(1.6), wave(3.1));
-        let samples = Samples { q: &q, dq: &dq, ddq: &ddq };
-        let (kp, kd) = ([400.0, 300.0], [40.0, 30.0]);
-        let closed_loop =
-            ClosedLoop { reference: samples, feed_forward: None, kp: &kp, kd: &kd, rate_hz: 100.0, steps: 10 };
-        let tau = vec![0.0; q.len()];
-        let trajectory = Trajectory { closed_loop: Some(&closed_loop), ..Trajectory::new(samples, &tau) };
-        let equations = Equations::new(&robot, &set, &base, vec![trajectory]);
-        let mut parameters = robot.standard_parameters();
-        parameters.resize(set.len(), 0.5);
-        let held = base.combine(&parameters);
-        // An arm of negative inertia, which runs away.
-        let wild: Vec<f64> = held.iter().map(|value| -0.2 * value).collect();
-        assert!(matches!(simulate(&equations, &wild), Err(IdentificationError::Diverged { trajectory: 0 })));
-        let Held { values, motions, diverged } =
-            simulate_toward(&equations, &held, wild.clone()).expect("the held arm");
-        assert_eq!((motions.len(), diverged), (1, Some(0)));
-        let share = (values[0] - held[0]) / (wild[0] - held[0]);
-        assert!(share > 0.0 && share <= 0.5, "{share}");
-        let Held { values, diverged, .. } = simulate_toward(&equations, &held, held.clone()).expect("the held arm");
-        assert_eq!((values, diverged), (held, None));
+    fn a_step_ends_where_the_arm_is_better_and_a_start_where_it_is_held() {
+        let case = Case::new();
+        case.with(&case.tau(), |equations| {
+            let run = |values: &[f64]| Run::new(equations, values.to_vec());
+            // An arm of negative inertia runs away.
+            let wild: Vec<f64> = case.truth.iter().map(|value| -0.2 * value).collect();
+            assert!(matches!(run(&wild), Err(IdentificationError::Diverged { trajectory: 0 })));
+            let heavy: Vec<f64> = case.truth.iter().map(|value| 1.5 * value).collect();
+            let starts = |estimate: &[f64], nominal: &[f64]| -> Result<Vec<Vec<f64>>, _> {
+                Ok(starts(equations, estimate, nominal)?.into_iter().map(|run| run.values).collect())
+            };
+            assert_eq!(starts(&wild, &heavy).expect("one is held"), [heavy.clone()]);
+            assert_eq!(starts(&heavy, &wild).expect("one is held"), [heavy.clone()]);
+            assert_eq!(starts(&heavy, &case.truth).expect("both are held"), [case.truth.clone(), heavy.clone()]);
+            assert!(matches!(starts(&wild, &wild), Err(IdentificationError::Diverged { trajectory: 0 })));
+            // From the heavy arm toward the wild one lies the truth; from the truth nothing better.
+            let heavy = run(&heavy).expect("held");
+            let better = run_toward(equations, &heavy, &wild).expect("held").expect("better");
+            assert!(better.misfit < heavy.misfit);
+            let truth = run(&case.truth).expect("held");
+            assert!(run_toward(equations, &truth, &wild).expect("held").is_none());
+        });
+    }
+
+    #[test]
+    fn a_joint_that_sticks_creeps_and_its_rows_hold() {
+        let case = Case::new();
+        case.with(&vec![0.0; 800], |equations| {
+            let set = with_slopes_at_rest(equations, &case.truth).expect("a controller");
+            let motion = &simulate_with(equations, &set, &case.truth).expect("a held arm")[0];
+            let state = |k: usize| crate::effects::JointState {
+                q: &motion.q[2 * k..2 * k + 2],
+                dq: &motion.dq[2 * k..2 * k + 2],
+                ddq: &motion.ddq[2 * k..2 * k + 2],
+            };
+            let mut sticks = 0;
+            for k in 0..400 {
+                let mut row = [0.0; 2];
+                set.effect_row(0, &state(k), &mut row);
+                sticks += usize::from(row[1].abs() < 0.99);
+            }
+            // The speeds do not chatter: from sample to sample they have one sign but at reversals.
+            let turns = (1..400).filter(|k| motion.dq[2 * k] * motion.dq[2 * k - 2] < 0.0).count();
+            assert!(sticks > 4 && turns < 6, "{sticks} {turns}");
+            // The rows of the motion give its torque, sticking or not.
+            let found = Run::new(equations, case.truth.clone()).expect("held");
+            let factors = case.with(&motion.tau, |equations| Run::new(equations, found.values).expect("held").factors);
+            for factor in &factors {
+                assert!(residual_norm(factor, &case.truth) < 1e-9);
+            }
+        });
     }
 }

@@ -16,6 +16,8 @@ pub struct ParameterSet {
     effects: Vec<Arc<dyn Effect>>,
     columns: Vec<EffectColumn>,
     trajectory_columns: Vec<TrajectoryColumn>,
+    /// Speeds about rest within which columns are lines, `[n]`; empty where they are what the effects say.
+    widths_at_rest: Vec<f64>,
 }
 
 /// A parameter whose column does not follow from the present motion alone, but from the whole trajectory: it comes with
@@ -74,7 +76,15 @@ impl ParameterSet {
                 }
             }
         }
-        Ok(Self { dof: robot.dof(), names, units, effects, columns, trajectory_columns: vec![] })
+        Ok(Self {
+            dof: robot.dof(),
+            names,
+            units,
+            effects,
+            columns,
+            trajectory_columns: vec![],
+            widths_at_rest: vec![],
+        })
     }
 
     /// The same with parameters whose columns come with the trajectories.
@@ -83,6 +93,23 @@ impl ParameterSet {
         self.names.extend(columns.iter().map(|column| column.name.clone()));
         self.units.extend(columns.iter().map(|column| column.unit));
         self.trajectory_columns.extend(columns);
+        self
+    }
+
+    /// The same with effects that do not jump at rest: below a speed, the column of a joint is a line between what it is
+    /// at that speed in either direction.
+    ///
+    /// So dry friction, an unknown torque at rest, becomes one that grows as the joint creeps; what is linear in the speed
+    /// stays as it is.
+    ///
+    /// - `widths`: `[n]`, rad/s (m/s); zero for none
+    ///
+    /// # Panics
+    /// If there is not one per joint.
+    #[must_use]
+    pub fn with_slopes_at_rest(mut self, widths: Vec<f64>) -> Self {
+        assert_eq!(widths.len(), self.dof, "one width per joint");
+        self.widths_at_rest = widths;
         self
     }
 
@@ -155,9 +182,27 @@ impl ParameterSet {
         let mut rest = out;
         for effect in &self.effects {
             let (own, others) = rest.split_at_mut(effect.parameters().len());
-            effect.columns(joint, state, own);
+            self.columns_of(effect.as_ref(), joint, state, own);
             rest = others;
         }
+    }
+
+    /// The columns of an effect at a joint, a line about rest where a width is given.
+    fn columns_of(&self, effect: &dyn Effect, joint: usize, state: &JointState<'_>, out: &mut [f64]) {
+        let width = self.widths_at_rest.get(joint).copied().unwrap_or(0.0);
+        let speed = state.dq[joint];
+        if speed.abs() >= width {
+            return effect.columns(joint, state, out);
+        }
+        let mut dq = state.dq.to_vec();
+        let mut forwards = [0.0; MOST_PARAMETERS];
+        let forwards = &mut forwards[..out.len()];
+        dq[joint] = width;
+        effect.columns(joint, &JointState { dq: &dq, ..*state }, forwards);
+        dq[joint] = -width;
+        effect.columns(joint, &JointState { dq: &dq, ..*state }, out);
+        let share = 0.5 * (1.0 + speed / width);
+        out.iter_mut().zip(forwards).for_each(|(value, forwards)| *value += share * (*forwards - *value));
     }
 
     /// Number of effect columns of a joint.
@@ -181,7 +226,7 @@ impl ParameterSet {
         for effect in &self.effects {
             let count = effect.parameters().len();
             for (joint, tau) in tau.iter_mut().enumerate() {
-                effect.columns(joint, state, &mut values[..count]);
+                self.columns_of(effect.as_ref(), joint, state, &mut values[..count]);
                 for value in &values[..count] {
                     *tau += value * parameters[index];
                     index += 1;

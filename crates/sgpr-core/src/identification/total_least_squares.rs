@@ -53,10 +53,17 @@ pub(super) fn estimate(
         squares += (from_data + rest).powi(2);
     }
     // To first order the noise of the columns adds to that of the torque.
-    let growth = 1.0 + noise * noise * squares;
+    let of_columns = noise * squares.sqrt();
+    let growth = 1.0 + of_columns * of_columns;
     start.covariance = faer::Scale(growth) * start.covariance;
-    start
-        .notes
-        .push(format!("the noise of the columns adds {:.1} % to that of the torque", 100.0 * (growth.sqrt() - 1.0)));
+    start.notes.push(if of_columns < 1.0 {
+        format!("the noise of the columns adds {:.1} % to that of the torque", 100.0 * (growth.sqrt() - 1.0))
+    } else {
+        format!(
+            "columns with a noise of {relative_noise} of their size would leave more than the residual there is: they have \
+             {:.1e} of it at most",
+            relative_noise / of_columns
+        )
+    });
     Ok(Estimate { values, ..start })
 }

@@ -462,7 +462,12 @@ fn instruments(
         return Ok(Vec::new());
     }
     let recordings = select_joints(robot, &options.instruments)?;
-    let instruments = self::motions(&recordings, processing)?;
+    let mut instruments = Vec::new();
+    for recording in recordings.iter() {
+        let as_controlled = reference_processing(processing, recording);
+        let processing = if options.controller.is_some() { &as_controlled } else { processing };
+        instruments.extend(Motion::from_recording(recording, processing)?);
+    }
     let (samples, wanted): (Vec<usize>, Vec<usize>) =
         (instruments.iter().map(Motion::len).collect(), motions.iter().map(Motion::len).collect());
     if samples != wanted {
@@ -472,8 +477,19 @@ fn instruments(
     Ok(instruments)
 }
 
-/// Integration steps per sample of a simulated motion.
-const STEPS: usize = 10;
+/// Motion of a reference as a controller has it: without the log's filter, and slow where it is slow, since it has no noise.
+fn reference_processing(processing: &Processing, reference: &Recording) -> Processing {
+    let cutoff_hz =
+        reference.sample_rate_hz().map_or(processing.cutoff_hz, |rate| processing.cutoff_hz.max(REFERENCE_BAND * rate));
+    let standstill_speed = vec![0.0; processing.standstill_speed.len()];
+    Processing { cutoff_hz, standstill_speed, turn_margin: 0.0, ..processing.clone() }
+}
+
+/// Band of a reference as a share of its sampling rate; half of it would be all.
+const REFERENCE_BAND: f64 = 0.4;
+
+/// Longest integration step of a simulated motion, s: dry friction that changes sign within it is followed exactly enough.
+const LONGEST_STEP: f64 = 2.5e-4;
 
 fn loops<'a>(
     robot: &Robot,
@@ -495,7 +511,7 @@ fn loops<'a>(
         kp,
         kd,
         rate_hz: reference.rate_hz,
-        steps: STEPS,
+        steps: (1.0 / (reference.rate_hz * LONGEST_STEP)).ceil() as usize,
     };
     Ok(references.iter().map(of_motion).collect())
 }

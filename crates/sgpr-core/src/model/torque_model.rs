@@ -201,7 +201,7 @@ impl TorqueModel {
         let provenance = Provenance { library_version: env!("CARGO_PKG_VERSION").into(), logs: vec![], history };
         Self {
             base: BaseParameters::new(&robot, &set),
-            dynamics: robot.clone().with_standard_parameters(&parameters[..set.inertial()]),
+            dynamics: identified(&robot, &set, &parameters),
             robot,
             set,
             parameters,
@@ -214,7 +214,7 @@ impl TorqueModel {
     }
 
     pub(crate) fn set_parameters(&mut self, parameters: Vec<f64>) {
-        self.dynamics = self.robot.clone().with_standard_parameters(&parameters[..self.set.inertial()]);
+        self.dynamics = identified(&self.robot, &self.set, &parameters);
         self.parameters = parameters;
     }
 
@@ -227,7 +227,8 @@ impl TorqueModel {
         &self.robot
     }
 
-    /// The robot with the inertias of the model.
+    /// The robot with the inertias of the model, and with its viscous and Coulomb friction where it has them at every joint:
+    /// what a robot file can hold.
     pub fn identified_robot(&self) -> &Robot {
         &self.dynamics
     }
@@ -362,6 +363,20 @@ impl TorqueModel {
         }
         self.dynamics.to_mjcf(&joints)
     }
+}
+
+/// `robot` with all of `parameters` that a robot file has a place for.
+fn identified(robot: &Robot, set: &ParameterSet, parameters: &[f64]) -> Robot {
+    let mut robot = robot.clone().with_standard_parameters(&parameters[..set.inertial()]);
+    for (column, value) in set.effect_columns().iter().zip(&parameters[set.inertial()..]) {
+        let joint = robot.joint_mut(column.joint);
+        match set.effects()[column.effect].name() {
+            "viscous_friction" => joint.damping = *value,
+            "coulomb_friction" => joint.friction = *value,
+            _ => {}
+        }
+    }
+    robot
 }
 
 /// Parameters that the robot file gives: inertias, damping and friction; zero for what it does not know.

@@ -95,9 +95,9 @@ pub struct Joint {
     pub axis: Vector3<f64>,
     /// Limits.
     pub limits: Limits,
-    /// Viscous friction written in the robot file, N·m·s/rad; not part of the rigid-body dynamics.
+    /// Viscous friction of the robot file, N·m·s/rad; not part of the rigid-body dynamics.
     pub damping: f64,
-    /// Coulomb friction written in the robot file, N·m; not part of the rigid-body dynamics.
+    /// Coulomb friction of the robot file, N·m; not part of the rigid-body dynamics.
     pub friction: f64,
 }
 
@@ -341,6 +341,11 @@ impl Robot {
             *link = LinkInertia::from_standard_parameters(values);
         }
         self
+    }
+
+    /// For what does not change the geometry: friction.
+    pub(crate) fn joint_mut(&mut self, joint: usize) -> &mut Joint {
+        &mut self.joints[joint]
     }
 
     /// Joints from the base to `joint`, itself last.

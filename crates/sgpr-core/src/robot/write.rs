@@ -25,45 +25,47 @@ pub struct JointDynamics {
 }
 
 impl Robot {
-    /// The URDF `text` with the inertias of this robot, everything else as it was, comments and order too.
+    /// The URDF `text` with the inertias of this robot and the friction of its joints, everything else as it was, comments
+    /// and order too.
     ///
     /// `text` and `options` are those that the robot was read with. The body behind a moving joint goes into the link that
     /// the joint carries; links fixed to it lose their `<inertial>`, since it counts there already. Links behind locked
-    /// joints keep theirs, and what they contribute is taken off.
+    /// joints keep theirs, and what they contribute is taken off. `<dynamics>` changes where damping or friction of a joint
+    /// is not that of `text`.
     ///
     /// # Errors
     /// If `text` is not the URDF of this robot, or a link is no body: URDF has no place for a first moment without mass.
-    pub fn write_inertias_to_urdf(
-        &self,
-        text: &str,
-        origin: &str,
-        options: &UrdfOptions,
-    ) -> Result<String, RobotError> {
-        let bodies = inertias_at_urdf_links(self, text, origin, options)?;
-        let mut spans = inertial_spans(text)
-            .map_err(|message| RobotError::Malformed { path: origin.into(), message })?
-            .into_iter()
-            .filter_map(|(link, span)| bodies.get(&link).map(|body| (link, span, body)))
-            .collect::<Vec<_>>();
-        spans.sort_by_key(|(_, span, _)| span.replace.start);
-        let mut written = String::with_capacity(text.len() + 200 * spans.len());
+    pub fn write_into_urdf(&self, text: &str, origin: &str, options: &UrdfOptions) -> Result<String, RobotError> {
+        let malformed = |message| RobotError::Malformed { path: origin.into(), message };
+        let mut elements = Vec::new();
+        let mut links = spans(text, "link", "inertial").map_err(malformed)?;
+        for (link, body) in inertias_at_urdf_links(self, text, origin, options)? {
+            let element = body.map_or(Ok(String::new()), |body| inertial_element(&link, &body))?;
+            elements.extend(links.remove(&link).map(|span| (span, element)));
+        }
+        let mut joints = spans(text, "joint", "dynamics").map_err(malformed)?;
+        let read = Robot::from_urdf_text(text, origin, options)?;
+        for (new, old) in self.joints().iter().zip(read.joints()) {
+            if (new.damping, new.friction) != (old.damping, old.friction) {
+                let element = format!("<dynamics damping=\"{}\" friction=\"{}\"/>", new.damping, new.friction);
+                elements.extend(joints.remove(&new.name).map(|span| (span, element)));
+            }
+        }
+        elements.sort_by_key(|(span, _)| span.replace.start);
+        let mut written = String::with_capacity(text.len() + 200 * elements.len());
         let mut from = 0;
-        for (link, span, body) in spans {
+        for (span, element) in elements {
             written += &text[from..span.replace.start];
             from = span.replace.end;
-            let inertial = match body {
-                Some(body) => inertial_element(&link, body)?,
-                None => String::new(),
-            };
-            match (span.shape, inertial.as_str()) {
-                (Shape::Inertial, inertial) => written += inertial,
+            match (span.shape, element.as_str()) {
+                (Shape::Element, element) => written += element,
                 (_, "") => written += &text[span.replace.clone()],
-                (Shape::OpenLink, inertial) => {
-                    let _ = write!(written, "{}\n    {inertial}", &text[span.replace.clone()]);
+                (Shape::OpenTag, element) => {
+                    let _ = write!(written, "{}\n    {element}", &text[span.replace.clone()]);
                 }
-                (Shape::EmptyLink, inertial) => {
+                (Shape::EmptyTag, element) => {
                     let open = text[span.replace.clone()].trim_end_matches('>').trim_end_matches('/').trim_end();
-                    let _ = write!(written, "{open}>\n    {inertial}\n  </link>");
+                    let _ = write!(written, "{open}>\n    {element}\n  </{}>", span.outer);
                 }
             }
         }
@@ -71,10 +73,10 @@ impl Robot {
         Ok(written)
     }
 
-    /// [`Self::write_inertias_to_urdf`] from file to file; the new file is complete or not there.
+    /// [`Self::write_into_urdf`] from file to file; the new file is complete or not there.
     ///
     /// # Errors
-    /// If a file cannot be read or written, and as [`Self::write_inertias_to_urdf`].
+    /// If a file cannot be read or written, and as [`Self::write_into_urdf`].
     pub fn write_urdf(
         &self,
         source: impl AsRef<Path>,
@@ -85,7 +87,7 @@ impl Robot {
         let name = |path: &Path| path.display().to_string();
         let text = std::fs::read_to_string(source)
             .map_err(|error| RobotError::Unreadable { path: name(source), source: error })?;
-        let written = self.write_inertias_to_urdf(&text, &name(source), options)?;
+        let written = self.write_into_urdf(&text, &name(source), options)?;
         crate::atomic_file::write(path, |file| file.write_all(written.as_bytes()))
             .map_err(|error| RobotError::Unwritable { path: name(path), source: error })
     }
@@ -217,61 +219,62 @@ fn inertial_element(link: &str, body: &LinkInertia) -> Result<String, RobotError
     ))
 }
 
-/// What a link's inertia replaces in the text.
+/// What an element replaces in the text.
 struct Span {
     replace: Range<usize>,
     shape: Shape,
+    /// The element around it.
+    outer: &'static str,
 }
 
 enum Shape {
-    /// The element `<inertial>`.
-    Inertial,
-    /// The tag `<link name="...">` of a link without one.
-    OpenLink,
+    /// The element itself.
+    Element,
+    /// The tag `<link name="...">` of a link, or joint, without one.
+    OpenTag,
     /// `<link name="..."/>`.
-    EmptyLink,
+    EmptyTag,
 }
 
-/// Where the inertia of each link of a robot stands, or would stand.
-fn inertial_spans(text: &str) -> Result<HashMap<String, Span>, String> {
+/// Where `<inner>` stands, or would stand, in each named `<outer>` of a robot: the inertia of links, the friction of joints.
+fn spans(text: &str, outer: &'static str, inner: &str) -> Result<HashMap<String, Span>, String> {
     let mut reader = Reader::from_str(text);
     let mut spans = HashMap::new();
     // Names of the elements around.
     let mut open: Vec<Vec<u8>> = Vec::new();
-    let mut link = None;
-    let mut inertial_from = 0;
+    let mut named = None;
+    let mut inner_from = 0;
+    let span = |replace: Range<usize>, shape| Span { replace, shape, outer };
     loop {
         let from = reader.buffer_position() as usize;
         let event = reader.read_event().map_err(|error| error.to_string())?;
         let to = reader.buffer_position() as usize;
-        // URDF looks at links that stand right below the robot only.
+        // URDF looks at links and joints that stand right below the robot only.
         let in_robot = open.len() == 1;
-        let in_link = open.len() == 2 && open[1] == b"link";
+        let in_outer = |open: &[Vec<u8>]| open.len() == 2 && open[1] == outer.as_bytes();
         match event {
             Event::Start(tag) => {
                 let name = tag.name().as_ref().to_vec();
-                if in_robot && name == b"link" {
-                    let named = link_name(&tag)?;
-                    spans.insert(named.clone(), Span { replace: from..to, shape: Shape::OpenLink });
-                    link = Some(named);
-                } else if in_link && name == b"inertial" {
-                    inertial_from = from;
+                if in_robot && name == outer.as_bytes() {
+                    let own = name_of(&tag)?;
+                    spans.insert(own.clone(), span(from..to, Shape::OpenTag));
+                    named = Some(own);
+                } else if in_outer(&open) && name == inner.as_bytes() {
+                    inner_from = from;
                 }
                 open.push(name);
             }
-            Event::Empty(tag) if in_robot && tag.name().as_ref() == b"link" => {
-                spans.insert(link_name(&tag)?, Span { replace: from..to, shape: Shape::EmptyLink });
+            Event::Empty(tag) if in_robot && tag.name().as_ref() == outer.as_bytes() => {
+                spans.insert(name_of(&tag)?, span(from..to, Shape::EmptyTag));
             }
-            Event::Empty(tag) if in_link && tag.name().as_ref() == b"inertial" => {
-                let link = link.clone().expect("inside a link");
-                spans.insert(link, Span { replace: from..to, shape: Shape::Inertial });
+            Event::Empty(tag) if in_outer(&open) && tag.name().as_ref() == inner.as_bytes() => {
+                spans.insert(named.clone().expect("inside a named element"), span(from..to, Shape::Element));
             }
             Event::End(_) => {
                 let name = open.pop();
-                let in_link = open.len() == 2 && open[1] == b"link";
-                if in_link && name.as_deref() == Some(b"inertial") {
-                    let link = link.clone().expect("inside a link");
-                    spans.insert(link, Span { replace: inertial_from..to, shape: Shape::Inertial });
+                if in_outer(&open) && name.as_deref() == Some(inner.as_bytes()) {
+                    let named = named.clone().expect("inside a named element");
+                    spans.insert(named, span(inner_from..to, Shape::Element));
                 }
             }
             Event::Eof => return Ok(spans),
@@ -280,8 +283,8 @@ fn inertial_spans(text: &str) -> Result<HashMap<String, Span>, String> {
     }
 }
 
-fn link_name(tag: &BytesStart<'_>) -> Result<String, String> {
+fn name_of(tag: &BytesStart<'_>) -> Result<String, String> {
     let attribute = tag.try_get_attribute("name").map_err(|error| error.to_string())?;
-    let attribute = attribute.ok_or("a link without a name")?;
+    let attribute = attribute.ok_or("a link or joint without a name")?;
     attribute.unescape_value().map(|name| name.into_owned()).map_err(|error| error.to_string())
 }

@@ -43,7 +43,11 @@ impl Experiment {
                 reference.ddq.push(ddq);
             }
         }
-        Self { robot, set, base, truth, reference, kp: [400.0, 300.0], kd: [40.0, 30.0] }
+        let mut arm = Self { robot, set, base, truth, reference, kp: [400.0, 300.0], kd: [40.0, 30.0] };
+        // Dry friction as the simulation can follow it, in the logs and in the equations.
+        let widths = arm.closed_loop().widths_at_rest(&arm.robot, &arm.set, &arm.truth);
+        arm.set = arm.set.with_slopes_at_rest(widths);
+        arm
     }
 
     pub fn closed_loop(&self) -> ClosedLoop<'_> {

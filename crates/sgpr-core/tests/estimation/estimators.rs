@@ -2,7 +2,8 @@
 //! some.
 
 use sgpr_core::identification::{
-    Equations, Estimate, JointFactor, Method, Row, SimulatedMotion, Trajectory, estimate, residual_correlation,
+    Equations, Estimate, IdentificationError, JointFactor, Method, Row, SimulatedMotion, Trajectory, estimate,
+    residual_correlation,
 };
 
 use crate::arm::{Experiment, largest_difference, trajectory};
@@ -195,6 +196,17 @@ fn forgetting_follows_a_payload_that_is_picked_up() {
 
 fn solve(method: &Method, equations: &mut Equations<'_>, factors: &[JointFactor], nominal: &[f64]) -> Estimate {
     estimate(method, equations, factors, nominal, None).expect("good data")
+}
+
+#[test]
+fn a_controller_that_does_not_hold_the_arm_is_named() {
+    let mut experiment = Experiment::new(300);
+    let motion = experiment.run(&experiment.truth);
+    experiment.kp = [-400.0, -300.0];
+    experiment.kd = [-40.0, -30.0];
+    let refused = experiment.estimate(&Method::OutputError, &motion, &motion.tau).expect_err("no arm is held");
+    assert_eq!(refused, IdentificationError::Diverged { trajectory: 0 });
+    assert!(refused.to_string().contains("sign and unit of the gains"), "{refused}");
 }
 
 #[test]

@@ -38,6 +38,12 @@ from .screening import excitation, outside, repeated, saturated
 WRONG_POSITION = ("position_in_degrees", "position_jump", "velocity_mismatch")
 """Kinds of findings after which no result can be believed."""
 
+IN_ROBOT_FILES = {
+    "robot.xml": ("rotor_inertia", "viscous_friction", "coulomb_friction"),
+    "robot.urdf": ("viscous_friction", "coulomb_friction"),
+}
+"""Effects that the formats of robots have a place for."""
+
 
 def identify(
     robot: Annotated[
@@ -66,7 +72,7 @@ def identify(
     """Identifies a torque model from logs, and says how good it is on logs it has not seen.
 
     Writes to DIR: model.sgpr, report.html, identification.json and, with test logs, predictions.csv; with --consistent
-    also the robot with the inertias found, robot.xml (MJCF) and, from a URDF, robot.urdf.
+    also the robot with the inertias and the friction found, robot.xml (MJCF) and, from a URDF, robot.urdf.
     """
     options = {**equations.arguments(), **fit.arguments(), **bodies.arguments()}
     if options["consistent"] and options["essential"]:
@@ -89,12 +95,15 @@ def identify(
         "reading": reading.to_dict(),
     }
     data = result.to_dict(settings)
+    robot_files = []
+    if options["consistent"]:
+        robot_files = ["robot.xml", "robot.urdf"] if Path(robot).suffix.lower() == ".urdf" else ["robot.xml"]
     with folder:
         result.model.save(folder.file("model.sgpr"))
-        if options["consistent"]:
+        if "robot.xml" in robot_files:
             folder.write("robot.xml", result.model.to_mjcf())
-            if Path(robot).suffix.lower() == ".urdf":
-                result.model.write_urdf(robot, folder.file("robot.urdf"))
+        if "robot.urdf" in robot_files:
+            result.model.write_urdf(robot, folder.file("robot.urdf"))
         if test_logs:
             rows = predictions(test_logs, {BEFORE: result.before, AFTER: result.after}, loaded.joint_names)
             data["left_out_of_predictions"] = left_out(rows)
@@ -105,6 +114,9 @@ def identify(
             folder.write("report.html", result.page(data).html())
         folder.write("identification.json", to_json(data))
     show(result, data, output)
+    for name in robot_files:
+        if left := without_place(name, result.model):
+            output.note(f"{name} has bodies and friction, but no place for {', '.join(left)}")
     output.line(f"results: {folder.path}")
     output.result(data)
 
@@ -224,6 +236,12 @@ def _findings(model: Model, training: Sequence[Recording]) -> list[str]:
     said = [] if model.report is None else model.report.warnings
     found = [text for text in screen_with(model, training) if text not in said]
     return [*found, *saturated(model.robot, training), *outside(model.robot, training)]
+
+
+def without_place(name: str, model: Model) -> list[str]:
+    """Effects of the model that a robot file does not tell of."""
+    effects = [*model.effects, *(term["effect"] for term in model.terms)]
+    return [effect for effect in dict.fromkeys(effects) if effect not in IN_ROBOT_FILES[name]]
 
 
 def show(result: Result, data: dict[str, Any], output: Output) -> None:
