@@ -56,7 +56,7 @@ fn probability(accepted: &Accepted, strongest: f64, verdict: &VerdictFeatures) -
     let left = verdict.unknown / (verdict.unknown + verdict.known).max(1.0);
     let little = (accepted.first_score.max(1.0) / MUCH).ln().min(0.0);
     let beside = (accepted.score.max(1.0) / (SMALL * strongest)).log10().min(0.0);
-    logistic(1.2 + 3.0 * lead + 0.8 * size - 4.0 * left + little + 0.5 * beside).clamp(0.01, 0.99)
+    logistic(1.2 + 3.0 * lead + 0.8 * size - 4.0 * left + 0.5 * (little + beside)).clamp(0.01, 0.99)
 }
 
 /// Probability that nothing material is missing.

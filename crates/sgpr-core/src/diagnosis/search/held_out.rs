@@ -35,12 +35,11 @@ impl HeldOut {
         term.effect.reach() == Reach::All && !term.is_transform() && falls.sum::<f64>() < 0.0
     }
 
-    /// Largest fall on a joint with one more term, as a share of what is left, in all logs, or half of that in one: an effect
-    /// of fast motion matters although there are slow logs beside, but the best of many logs is easily a little better. A
-    /// transform that differentiates positions once more carries their noise into the torque beyond the band, one that
-    /// smooths takes it out: neither speaks for or against its being there.
+    /// Largest fall on a joint with one more term, as a share of what is left, in all logs or in one: an effect of fast
+    /// motion matters although there are slow logs beside. That in one of N logs counts 1/√N, as its error is known by so
+    /// much less. A transform that differentiates positions once more carries their noise into the torque beyond the band,
+    /// one that smooths takes it out: neither speaks for or against its being there.
     pub(super) fn largest_fall_to(&self, after: &Self, term: &Term) -> f64 {
-        const OF_ONE_LOG: f64 = 0.5;
         let filters = term.is_transform() && !is_limit(term);
         let fall = |joint: usize, k: usize| {
             let [beyond, beyond_after] = [self, after].map(|errors| errors.beyond[joint][k]);
@@ -48,7 +47,8 @@ impl HeldOut {
             let [beyond, beyond_after] = if filters { [least; 2] } else { [beyond, beyond_after] };
             let [own, own_after] = [self, after].map(|errors| errors.in_band[joint][k]);
             let fall = own.hypot(beyond) / own_after.hypot(beyond_after).max(TINY) - 1.0;
-            if k == 0 { fall } else { OF_ONE_LOG * fall }
+            let logs = (self.in_band[joint].len() - 1) as f64;
+            if k == 0 { fall } else { fall / logs.sqrt() }
         };
         let of_joint = |joint: usize| (0..self.in_band[joint].len()).map(move |k| fall(joint, k));
         (0..self.in_band.len()).flat_map(of_joint).fold(f64::NEG_INFINITY, f64::max)
