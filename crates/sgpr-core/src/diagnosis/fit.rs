@@ -275,7 +275,7 @@ fn likeliest_as_logged(
         let least = costs.iter().copied().fold(f64::INFINITY, f64::min);
         let mut best = (0..=STEPS).filter(|step| costs[*step] <= (1.0 + EQUAL) * least).map(time);
         let first = best.next().unwrap_or(low);
-        [first, best.last().unwrap_or(first)]
+        [first, best.next_back().unwrap_or(first)]
     };
     // A load that begins some samples too early or late is a spike in the torque, which its inertia would have to explain.
     let [first, last] = best_between(low, high);
