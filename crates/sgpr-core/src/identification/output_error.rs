@@ -259,8 +259,8 @@ mod tests {
             let starts = |estimate: &[f64], nominal: &[f64]| -> Result<Vec<Vec<f64>>, _> {
                 Ok(starts(equations, estimate, nominal)?.into_iter().map(|run| run.values).collect())
             };
-            assert_eq!(starts(&wild, &heavy).expect("one is held"), [heavy.clone()]);
-            assert_eq!(starts(&heavy, &wild).expect("one is held"), [heavy.clone()]);
+            assert_eq!(starts(&wild, &heavy).expect("one is held"), std::slice::from_ref(&heavy));
+            assert_eq!(starts(&heavy, &wild).expect("one is held"), std::slice::from_ref(&heavy));
             assert_eq!(starts(&heavy, &case.truth).expect("both are held"), [case.truth.clone(), heavy.clone()]);
             assert!(matches!(starts(&wild, &wild), Err(IdentificationError::Diverged { trajectory: 0 })));
             // From the heavy arm toward the wild one lies the truth; from the truth nothing better.
