@@ -263,9 +263,9 @@ impl Search<'_> {
         Ok(None)
     }
 
-    /// Trials that do equally well with their errors, those with least freedom first: forms with more imitate them. Not so where more of it
-    /// lowers the error on blocks that were left out: what is left of that is small beside what was explained, and would
-    /// never become an effect of its own.
+    /// Trials that do equally well with their errors, those with least freedom first: forms with more imitate them. Not so
+    /// where more of it lowers the error on blocks that were left out: what is left of that is small beside what was
+    /// explained, and would never become an effect of its own.
     fn plainest_first<'c>(&self, mut trials: Vec<Trial<'c>>) -> Vec<(Trial<'c>, HeldOut)> {
         trials.sort_by_key(|(candidate, ..)| candidate.term.constants.len() + candidate.term.coefficients.len());
         let errors: Vec<HeldOut> = trials.par_iter().map(|(_, trial, _)| self.errors(trial)).collect();
