@@ -34,24 +34,43 @@ fn logistic(x: f64) -> f64 {
     1.0 / (1.0 + (-x).exp())
 }
 
-/// Index of every term that was found, what the search knows of it, and the probability that it is there.
+/// A term that was found.
+pub(super) struct Believed<'o> {
+    /// Of the term in the fit.
+    pub index: usize,
+    /// What the search knows of it.
+    pub accepted: &'o Accepted,
+    /// Probability that it is there.
+    pub probability: f64,
+    /// Probability that it or a rival is there: of what has most evidence; beside that, a form that is not quite right may
+    /// leave what many effects explain, and it is the probability of this one.
+    pub something: f64,
+}
+
+/// Every term that was found with its probabilities.
 pub(super) fn probabilities<'o>(
     search: &Search<'_>,
     outcome: &'o Outcome,
     verdict: &VerdictFeatures,
-) -> Vec<(usize, &'o Accepted, f64)> {
+) -> Vec<Believed<'o>> {
     let strongest = outcome.news(search).map(|(_, accepted)| accepted.score).fold(1.0, f64::max);
-    let found = outcome.news(search);
-    found.map(|(index, accepted)| (index, accepted, probability(accepted, strongest, verdict))).collect()
+    let believed = |(index, accepted): (usize, &'o Accepted)| {
+        let rival = accepted.rivals.iter().map(|(_, _, score)| *score).fold(0.0, f64::max);
+        let lead = ((accepted.first_score - rival) / accepted.first_score.max(1.0)).clamp(0.0, 1.0);
+        let lead_of_something = if accepted.score >= strongest { 1.0 } else { lead };
+        let [probability, something] =
+            [lead, lead_of_something].map(|lead| probability(accepted, lead, strongest, verdict));
+        Believed { index, accepted, probability, something }
+    };
+    outcome.news(search).map(believed).collect()
 }
 
-/// Probability that an accepted term is there; `strongest` is the score of the finding with most evidence. Little evidence,
-/// and less than a tenth of the strongest's, is what is left by forms that are not quite right.
-fn probability(accepted: &Accepted, strongest: f64, verdict: &VerdictFeatures) -> f64 {
+/// Probability that an accepted term is there which leads its rivals by a share of its score; `strongest` is the score of
+/// the finding with most evidence. Little evidence, and less than a tenth of the strongest's, is what is left by forms that
+/// are not quite right.
+fn probability(accepted: &Accepted, lead: f64, strongest: f64, verdict: &VerdictFeatures) -> f64 {
     const MUCH: f64 = 100.0;
     const SMALL: f64 = 0.1;
-    let rival = accepted.rivals.iter().map(|(_, _, score)| *score).fold(0.0, f64::max);
-    let lead = ((accepted.first_score - rival) / accepted.first_score.max(1.0)).clamp(0.0, 1.0);
     let size = (accepted.effect_size / 0.05).ln().clamp(-3.0, 3.0);
     let left = verdict.unknown / (verdict.unknown + verdict.known).max(1.0);
     let little = (accepted.first_score.max(1.0) / MUCH).ln().min(0.0);

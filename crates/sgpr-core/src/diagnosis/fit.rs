@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::DiagnosisError;
 use super::basis::{Basis, INVISIBLE, INVISIBLE_TANGENT, Noise, gain, gain_of, rms};
 use super::problem::{Column, FOLDS, Problem};
-use crate::effects::Scale;
+use crate::effects::{Scale, Site};
 use crate::linalg::dot_in_lanes;
 use crate::model::{Rigid, Term, TorqueModel};
 use crate::motion::Motion;
@@ -37,6 +37,16 @@ impl Fitted {
         self.model.terms()
     }
 
+    /// Coulomb friction of a joint, N·m (N), if the model has it there.
+    pub fn dry_friction(&self, joint: usize) -> Option<f64> {
+        const NAME: &str = "coulomb_friction";
+        let set = self.model.parameter_set();
+        let of_set = set.effect_columns().iter().zip(&self.model.parameters()[set.inertial()..]);
+        let of_set = of_set.filter(|(c, _)| c.joint == joint && set.effects()[c.effect].name() == NAME).map(|(_, x)| x);
+        let own = self.terms().iter().filter(|t| t.effect.name() == NAME && t.site == Site::Joint(joint));
+        of_set.chain(own.flat_map(|term| &term.coefficients)).copied().reduce(|a, b| a + b)
+    }
+
     /// Term and index of every constant.
     pub fn constants(&self) -> impl Iterator<Item = (usize, usize)> {
         let terms = self.terms().iter().enumerate();
@@ -61,7 +71,7 @@ fn base_basis(problem: &Problem, columns: &[Column], noise: &Noise) -> Basis {
 
 /// The same with the base columns of a fit, if its transforms are those of `terms`.
 pub(super) fn solve_like(problem: &Problem, like: &Fitted, terms: &[Term], noise: &Noise) -> Fitted {
-    let transforms = |terms: &[Term]| -> Vec<(String, crate::effects::Site, Vec<f64>)> {
+    let transforms = |terms: &[Term]| -> Vec<(String, Site, Vec<f64>)> {
         let own = terms.iter().filter(|term| term.is_transform());
         own.map(|term| (term.effect.name().to_string(), term.site, term.constants.clone())).collect()
     };

@@ -122,7 +122,7 @@ pub fn diagnose(
     Ok(diagnosis)
 }
 
-/// What is more probably there than not, and what is left beside it.
+/// What is more probably there than not, it or a rival in its place, and what is left beside it.
 fn believed(search: &Search<'_>, outcome: Outcome) -> (Outcome, Vec<Leftover>) {
     const EVEN: f64 = 0.5;
     let leftover =
@@ -130,7 +130,7 @@ fn believed(search: &Search<'_>, outcome: Outcome) -> (Outcome, Vec<Leftover>) {
     let left = leftover(&outcome);
     let features = calibration::VerdictFeatures::of(&outcome, &left);
     let all = calibration::probabilities(search, &outcome, &features);
-    let doubtful: Vec<usize> = all.into_iter().filter(|(.., p)| *p < EVEN).map(|(index, ..)| index).collect();
+    let doubtful: Vec<usize> = all.into_iter().filter(|b| b.something < EVEN).map(|b| b.index).collect();
     if doubtful.is_empty() || features.is_unexplained() {
         return (outcome, left);
     }

@@ -240,7 +240,9 @@ fn findings(
 ) -> Vec<Finding> {
     let robot = search.problem.nominal.robot();
     let mut findings: Vec<Finding> = Vec::new();
-    for (index, accepted, probability) in calibration::probabilities(search, outcome, features) {
+    for calibration::Believed { index, accepted, probability, .. } in
+        calibration::probabilities(search, outcome, features)
+    {
         let finding = finding(search, terms[index].clone(), accepted, &outcome.held_out, probability);
         match findings.iter_mut().find(|f| f.effect == finding.effect && !f.joints.is_empty()) {
             Some(same) => merge(same, finding),

@@ -9,7 +9,7 @@ use super::super::basis::Basis;
 use super::super::fit::{Fitted, solve_like};
 use super::super::problem::Column;
 use super::candidates::Candidate;
-use super::held_out::HeldOut;
+use super::held_out::{HeldOut, TINY};
 use super::{Accepted, EVIDENCE, MATERIAL, Search};
 use crate::effects::{Effect, Reach, Scale, Site};
 use crate::linalg::dot_in_lanes;
@@ -29,8 +29,11 @@ pub(super) fn asked_of(term: &Term) -> f64 {
 /// Growth of a joint's error that speaks against a finer form.
 pub(super) const HARM: f64 = 1.02;
 
-/// Scores that differ by less than this share are equal.
+/// Scores that differ by less than this share are equal ...
 pub(super) const NEARLY: f64 = 0.005;
+
+/// ... by less than this share where more speaks for the one that is behind.
+const ALMOST: f64 = 0.05;
 
 /// Most candidates that are fitted with the whole model in a step.
 pub(super) const MOST_TRIED: usize = 4;
@@ -269,12 +272,40 @@ impl Search<'_> {
     fn plainest_first<'c>(&self, mut trials: Vec<Trial<'c>>) -> Vec<(Trial<'c>, HeldOut)> {
         trials.sort_by_key(|(candidate, ..)| candidate.term.constants.len() + candidate.term.coefficients.len());
         let errors: Vec<HeldOut> = trials.par_iter().map(|(_, trial, _)| self.errors(trial)).collect();
-        let beaten =
-            |k: usize| errors.iter().any(|other| errors[k].largest_fall_to(other, &trials[k].0.term) > MATERIAL);
+        let within: Vec<usize> = (0..trials.len()).filter(|k| !self.is_at_edge(&trials[*k].1)).collect();
+        let beaten = |k: usize| {
+            within.iter().any(|other| errors[k].largest_fall_to(&errors[*other], &trials[k].0.term) > MATERIAL)
+        };
         let beaten: Vec<bool> = (0..trials.len()).map(beaten).collect();
         let all = trials.into_iter().zip(errors).zip(beaten);
         let (worse, good): (Vec<_>, Vec<_>) = all.partition(|(_, beaten)| *beaten);
         good.into_iter().chain(worse).map(|(trial, _)| trial).collect()
+    }
+
+    /// Trials, best first: those that do as well as the first, and the others.
+    fn equal_to_first<'c>(&self, trials: Vec<Trial<'c>>) -> (Vec<Trial<'c>>, Vec<Trial<'c>>) {
+        let equal: Vec<bool> = trials.iter().map(|trial| self.does_as_well(trial, &trials[0])).collect();
+        let mut equal = equal.into_iter();
+        trials.into_iter().partition(|_| equal.next() == Some(true))
+    }
+
+    /// Whether a trial's score is that of the best one; or nearly so, where the best one comes near to another form or
+    /// where the trial has less freedom and smaller errors on blocks that were left out, all joints together.
+    fn does_as_well(&self, (_, trial, score): &Trial<'_>, (_, best, best_score): &Trial<'_>) -> bool {
+        let freedom = |fit: &Fitted| fit.terms().last().map_or(0, |t| t.constants.len() + t.coefficients.len());
+        let error = |fit: &Fitted| self.held_out(fit).iter().map(|error| error.max(TINY).ln()).sum::<f64>();
+        let plainer_and_better = || freedom(trial) < freedom(best) && error(trial) < error(best);
+        *score > (1.0 - NEARLY) * best_score
+            || (*score > (1.0 - ALMOST) * best_score && (self.is_at_edge(best) || plainer_and_better()))
+    }
+
+    /// Whether a constant of the last term of a fit is at the end of its range: it comes near to another form.
+    fn is_at_edge(&self, fitted: &Fitted) -> bool {
+        const NEAR: f64 = 1e-6;
+        let Some(term) = fitted.terms().last() else { return false };
+        let all = term.effect.constants().iter().zip(&term.constants).enumerate();
+        all.filter(|(_, (constant, _))| matches!(constant.scale, Scale::Linear(_) | Scale::Logarithmic))
+            .any(|(k, (_, value))| self.bounds(term, k).iter().any(|bound| (value - bound).abs() < NEAR * bound.abs()))
     }
 
     /// The fit with the best of some candidates that has evidence and matters, if there is one.
@@ -296,9 +327,7 @@ impl Search<'_> {
         });
         let mut trials: Vec<Trial<'_>> = scored.filter(|(_, _, score)| *score >= EVIDENCE).collect();
         trials.sort_by(|a, b| b.2.total_cmp(&a.2));
-        let best = trials.first().map_or(0.0, |(_, _, score)| *score);
-        let (equal, others): (Vec<_>, Vec<_>) =
-            trials.into_iter().partition(|(_, _, score)| *score > (1.0 - NEARLY) * best);
+        let (equal, others) = self.equal_to_first(trials);
         let others = others.into_iter().map(|trial| {
             let errors = self.errors(&trial.1);
             (trial, errors)

@@ -4,11 +4,11 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-use super::super::basis::{Basis, Gain, gain, invisible};
+use super::super::basis::{Basis, Gain, INVISIBLE, gain, invisible};
 use super::super::fit::{Fitted, tangents};
 use super::super::problem::Column;
-use super::Search;
 use super::candidates::{Candidate, key_of};
+use super::{EVIDENCE, Search};
 use crate::effects::Site;
 use crate::model::Term;
 use crate::progress::Interrupted;
@@ -16,17 +16,19 @@ use crate::progress::Interrupted;
 impl Search<'_> {
     /// The columns of the fit and those that take up what constants of the model may be wrong by.
     pub fn with_nuisances(&self, fitted: &Fitted) -> (Basis, Column) {
+        /// Friction at creeping speed that is larger by this share of dry friction is an effect of its own.
+        const MUCH: f64 = 0.3;
         let mut basis = Basis::clone(&fitted.basis);
         let problem = &self.problem;
         for joint in 0..problem.dof() {
-            let has = |name: &str| {
-                self.known.iter().any(|known| known == name)
-                    || fitted.terms().iter().any(|t| t.effect.name() == name && t.site == Site::Joint(joint))
-            };
-            if has("coulomb_friction") {
+            if let Some(dry) = fitted.dry_friction(joint) {
                 let width = fitted.model.processing().map_or(0.003, |p| p.standstill_speed[joint]).clamp(0.002, 0.01);
-                let columns = problem.reversal_columns(&fitted.model, &fitted.rigid, joint, [width, 3.0 * width]);
-                columns.iter().for_each(|column| basis.push(&self.noise.whiten(problem, column)));
+                let widths = [width, 3.0 * width];
+                let columns = problem.reversal_columns(&fitted.model, &fitted.rigid, joint, widths);
+                let columns: Vec<Column> = columns.iter().map(|column| self.noise.whiten(problem, column)).collect();
+                if self.friction_at_creep(fitted, widths, &columns) <= MUCH * dry.max(0.0) {
+                    columns.iter().for_each(|column| basis.push(column));
+                }
             }
         }
         let constants: Vec<(usize, usize)> = fitted.constants().collect();
@@ -35,6 +37,20 @@ impl Search<'_> {
         basis.project_out(&mut white);
         basis.project_out(&mut white);
         (basis, white)
+    }
+
+    /// Friction at creeping speed beyond dry friction, N·m (N), that whitened columns which fall off over two ranges of speed
+    /// say is there; zero without evidence.
+    fn friction_at_creep(&self, fitted: &Fitted, widths: [f64; 2], columns: &[Column]) -> f64 {
+        let gain = gain(&fitted.basis, &fitted.white, columns, INVISIBLE);
+        let evidence = 0.5 * gain.chi2 - 0.5 * gain.rank as f64 * self.rows.max(2.0).ln() - self.units.ln();
+        if evidence < EVIDENCE {
+            return 0.0;
+        }
+        let at = |speed: f64| -> f64 {
+            gain.coefficients.iter().zip(widths).map(|(factor, width)| factor * (-speed / width).exp()).sum()
+        };
+        (0..20).map(|k| at(0.25 * f64::from(k) * widths[0])).fold(0.0, f64::max)
     }
 
     pub(super) fn candidate(&self, term: Term, gain: Gain, constants: usize) -> Candidate {

@@ -27,9 +27,7 @@ impl Search<'_> {
         const FARTHER: f64 = 1.5;
         let mut holds = Vec::new();
         for joint in 0..self.problem.dof() {
-            let dry = self.known.iter().any(|known| known == "coulomb_friction")
-                || fitted.terms().iter().any(|t| t.effect.name() == "coulomb_friction" && t.site == Site::Joint(joint));
-            if !dry || self.problem.leaves_holds_out(joint) {
+            if fitted.dry_friction(joint).is_none() || self.problem.leaves_holds_out(joint) {
                 continue;
             }
             let tried = DURATIONS_S.map(|seconds| {
