@@ -60,6 +60,17 @@ impl Experiment {
             .collect()
     }
 
+    /// The torques times gains, without terms.
+    ///
+    /// - `gains`: `[n]`
+    pub fn with_gains(&self, gains: &[f64]) -> Result<Columns, MotionError> {
+        let gained = |motion: &Motion| -> Result<Vec<f64>, MotionError> {
+            Ok(torque_of(motion)?.iter().zip(gains.iter().cycle()).map(|(tau, gain)| tau * gain).collect())
+        };
+        let tau = self.motions.iter().map(gained).collect::<Result<_, _>>()?;
+        Ok(Columns { tau, values: vec![vec![]; self.motions.len()], parameters: vec![] })
+    }
+
     pub fn rates_hz(&self) -> Vec<f64> {
         self.motions.iter().map(|motion| motion.rate_hz).collect()
     }
