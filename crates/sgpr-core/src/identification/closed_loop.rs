@@ -92,7 +92,7 @@ impl ClosedLoop<'_> {
             motion.dq.extend_from_slice(&arm.speeds);
             motion.ddq.extend_from_slice(&slope[0][n..2 * n]);
             motion.tau.extend_from_slice(&arm.tau);
-            if slope[0].iter().any(|value| value.abs() > 1e9 || value.is_nan()) {
+            if slope[0][..2 * n].iter().any(|value| value.abs() > 1e9 || value.is_nan()) {
                 return None;
             }
             for k in 0..self.steps {
@@ -147,7 +147,8 @@ impl ClosedLoop<'_> {
                 widths[joint] = widths[joint].max(n as f64 * lost);
             }
         }
-        widths
+        // What viscous friction changes between the two speeds is no jump.
+        widths.into_iter().map(|width| if width > BARELY_MOVING { width } else { 0.0 }).collect()
     }
 
     /// Integration step, s.
