@@ -134,8 +134,7 @@ impl Arm {
             rate_hz: RATE_HZ,
             steps: 10,
         };
-        let widths = closed_loop.widths_at_rest(&real, &set, &parameters);
-        let set = set.with_slopes_at_rest(widths);
+        let set = set.with_sticking_joints();
         let motion = closed_loop.simulate(&real, &set, &parameters, &reference.q[..2], &reference.dq[..2]);
         let cad: Vec<f64> = real.standard_parameters().iter().map(|value| 1.1 * value).collect();
         Self {

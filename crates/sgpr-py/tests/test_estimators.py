@@ -146,6 +146,77 @@ def test_late_torque_is_named(demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recor
     assert sgpr.screen(sgpr.Model.nominal(demo_robot), logs) == []
 
 
+def waves(robot: sgpr.Robot, friction: np.ndarray, rate_hz: float, *, noise: float, seed: int = 1) -> sgpr.Recording:
+    """30 s of waves, cut in full motion, with viscous and Coulomb friction, rotors and offsets (4, n).
+
+    - noise: of the torques, as a share of their standard deviations
+    """
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 30.0, 1.0 / rate_hz)
+    q, dq, ddq = np.zeros((3, t.size, robot.dof))
+    for joint in range(robot.dof):
+        for frequency in (0.13, 0.31, 0.47, 0.83):
+            a, w, phase = rng.uniform(0.1, 0.4), 2.0 * np.pi * frequency, rng.uniform(0.0, 7.0)
+            q[:, joint] += a * np.sin(w * t + phase)
+            dq[:, joint] += a * w * np.cos(w * t + phase)
+            ddq[:, joint] -= a * w * w * np.sin(w * t + phase)
+    viscous, coulomb, rotor, offset = friction
+    tau = robot.inverse_dynamics(q, dq, ddq) + viscous * dq + coulomb * np.sign(dq) + rotor * ddq + offset
+    tau += noise * tau.std(axis=0) * rng.normal(size=tau.shape)
+    q += 1e-6 * rng.normal(size=q.shape)
+    return sgpr.Recording((t * 1e9).round().astype(np.int64), q, None, tau, joint_names=robot.joint_names)
+
+
+LIGHT_LINK = """<robot name="light"><link name="base"/><link name="arm"><inertial><origin xyz="0.1 0 0"/>
+<mass value="0.2"/><inertia ixx="2e-4" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/></inertial></link>
+<joint name="turn" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint></robot>"""
+
+
+@pytest.mark.parametrize("case", ["a force that knows no inertias", "an end in full motion", "a light link on a rotor"])
+def test_good_logs_pass(case: str, data: Path) -> None:
+    rate_hz, noise = 100.0, 0.02
+    if case == "a force that knows no inertias":
+        # The rows of the sliding joint have columns of zeros.
+        robot = sgpr.Robot.from_urdf(data / "reference" / "urdf" / "scara.urdf")
+    elif case == "an end in full motion":
+        robot, rate_hz, noise = sgpr.robots.two_link(), 1000.0, 0.003
+    else:
+        # Of the rotor, which is most of its inertia, the robot file says nothing.
+        robot = sgpr.Robot.from_urdf_text(LIGHT_LINK)
+    log = waves(robot, np.outer([0.5, 0.3, 0.2, 0.1], np.ones(robot.dof)), rate_hz, noise=noise)
+    model = sgpr.identify(robot, [log])
+    assert model.report is not None
+    said = [text for text in model.report.warnings if "smaller than their standard deviation" not in text]
+    assert (said, sgpr.screen(model, [log])) == ([], [])
+
+
+def negated(robot: sgpr.Robot, log: sgpr.Recording, joint: int) -> list[str]:
+    """What is said to be negated in a log with one torque negated."""
+    tau = log.tau.copy()
+    tau[:, joint] *= -1.0
+    spoilt = sgpr.Recording(log.time_ns, log.q, None, tau, joint_names=log.joint_names)
+    report = sgpr.identify(robot, [spoilt]).report
+    assert report is not None
+    return [text.split("the torque of ")[1].split()[0] for text in report.warnings if "looks negated" in text]
+
+
+@pytest.mark.parametrize("name", ["scara", "stanford_like"])
+def test_negated_torques_are_named_beside_sliding_joints(name: str, data: Path) -> None:
+    robot = sgpr.Robot.from_urdf(data / "reference" / "urdf" / f"{name}.urdf")
+    log = waves(robot, np.outer([0.5, 0.3, 0.2, 0.1], np.ones(robot.dof)), 100.0, noise=0.02)
+    for joint, expected in enumerate(robot.joint_names):
+        assert negated(robot, log, joint) == [expected]
+
+
+def test_the_friction_that_is_known_best_tells_the_sign(data: Path) -> None:
+    robot = sgpr.Robot.from_urdf(data / "reference" / "urdf" / "ur5e_like.urdf")
+    friction = np.outer([0.5, 0.3, 0.2, 0.1], np.ones(robot.dof))
+    # What a model lacks can make viscous friction and rotor of a joint negative.
+    friction[[0, 2], -1] = -0.05, -0.01
+    log = waves(robot, friction, 100.0, noise=0.02)
+    assert negated(robot, log, 1) == [robot.joint_names[1]]
+
+
 def test_base_parameters_by_recursion_are_those_of_random_motion(reference: Any) -> None:
     for effects in ([], EFFECTS):
         exact = reference.robot.base_parameters(effects, recursion=True)
@@ -281,10 +352,27 @@ def test_output_error_finds_rotors_and_dry_friction_with_a_coarse_encoder(step: 
         assert np.abs(errors).max() < 3.0, dict(zip(model.parameters.names, errors.round(1), strict=True))
 
 
+def test_output_error_keeps_joints_that_stick_in_their_place() -> None:
+    # Joint 1 of the PUMA sticks at its turns; where it crept, its friction was off by 0.19 of 5.8 and 26.
+    robot = sgpr.robots.puma560()
+    friction = [
+        (drive.rotor_inertia, float(np.mean(drive.viscous_friction)), float(np.mean(drive.coulomb_friction)))
+        for drive in sgpr.robots.puma560_drives()
+    ]
+    gains = {"kp": [2000.0, 2000.0, 1000.0, 100.0, 100.0, 100.0], "kd": [200.0, 200.0, 100.0, 10.0, 10.0, 10.0]}
+    exact = {"integrator": "runge_kutta", "control_period": 2.5e-4, "record_period": 1e-3}
+    log, wanted, truth = sticking_log(robot, friction, gains, 1e-9, torque_noise=np.full(6, 1e-3), **exact)
+    model = sgpr.identify(
+        robot, [log], effects=EFFECTS, method="output_error", instruments=[wanted], cutoff_hz=20.0, **gains
+    )
+    errors = dict(zip(model.parameters.names, model.parameters.values - truth, strict=True))
+    assert abs(errors["joint_1.Fv"]) < 0.05 and abs(errors["joint_1.Fc"]) < 0.05, errors
+
+
 def test_a_controller_that_does_not_hold_the_arm_is_named() -> None:
     robot = sgpr.robots.two_link()
     friction, gains, noise = TWO_LINK
     log, wanted, _ = sticking_log(robot, friction, gains, 1e-4, torque_noise=noise)
     wrong = {name: [-gain for gain in values] for name, values in gains.items()}
-    with pytest.raises(sgpr.IdentificationError, match="simulation of trajectory 0 diverges: check sign and unit"):
+    with pytest.raises(sgpr.IdentificationError, match="simulation of trajectory 1 diverges: check sign and unit"):
         sgpr.identify(robot, [log], effects=EFFECTS, method="output_error", instruments=[wanted], **wrong)

@@ -56,6 +56,30 @@ def test_gains_follow_from_a_known_mass() -> None:
             sgpr.identify_drive_gains(robot, *logs, payload=payload)  # type: ignore[arg-type]
 
 
+def noisy(log: sgpr.Recording, noise: float, seed: int) -> sgpr.Recording:
+    """The same with white noise of the torques, N·m, in its currents."""
+    current = log.tau + noise * np.random.default_rng(seed).standard_normal(log.tau.shape) / GAINS
+    return sgpr.Recording(log.time_ns, log.q, None, current, joint_names=log.joint_names, source=log.source)
+
+
+def test_gains_know_how_good_they_are() -> None:
+    # White noise has a memory of the filter's length where it arrives.
+    robot, without, with_it = sgpr.robots.puma560(), log(0 * LOAD, 3, GAINS), log(LOAD, 4, GAINS)
+    errors = []
+    for seed in range(8):
+        logs = [noisy(without, 1.0, seed)], [noisy(with_it, 1.0, 100 + seed)]
+        found = sgpr.identify_drive_gains(robot, *logs, payload={"m": 2.0}, effects=["coulomb_friction"])
+        errors.append((found.gains - GAINS) / found.standard_deviations)
+    assert 0.6 < np.sqrt(np.mean(np.square(errors))) < 1.4
+
+
+def test_gains_that_noise_would_draw_below_zero_are_found() -> None:
+    robot = sgpr.robots.puma560()
+    logs = [noisy(log(0 * LOAD, 3, GAINS), 3.0, 1)], [noisy(log(LOAD, 4, GAINS), 3.0, 2)]
+    found = sgpr.identify_drive_gains(robot, *logs, payload={"m": 2.0}, effects=["coulomb_friction"])
+    assert (np.abs(found.gains - GAINS) < 4.0 * found.standard_deviations).all()
+
+
 def test_the_command_says_what_hangs_on_the_arm(tmp_path: Path) -> None:
     files = []
     for name, recording in (("without.mcap", log(0 * LOAD, 5)), ("with.mcap", log(LOAD, 6))):

@@ -40,20 +40,6 @@ pub(super) struct Stretch {
     decimation: usize,
 }
 
-impl Stretch {
-    /// Samples at which neither filter shows where the log begins and ends. Derivatives are wrong there, and the second
-    /// filter carries that inwards: a log that starts in full motion would seem to start with a contact.
-    fn settled(&self) -> std::ops::Range<usize> {
-        /// A log that is short for its filter keeps the rest.
-        const MOST: f64 = 0.05;
-        let inner = |k: &usize| self.motion.inner[*k];
-        let samples = self.motion.len();
-        let (Some(first), Some(last)) = ((0..samples).find(inner), (0..samples).rfind(inner)) else { return 0..0 };
-        let margin = (2 * self.filter.settling_samples()).min((MOST * samples as f64) as usize);
-        first + margin..(last + 1).saturating_sub(margin)
-    }
-}
-
 /// A column: per joint its rows, empty where it is zero.
 pub(super) type Column = Vec<Vec<f64>>;
 
@@ -186,7 +172,7 @@ impl Problem {
         for (index, stretch) in self.stretches.iter().enumerate() {
             let motion = &stretch.motion;
             let block = (BLOCK_S * motion.rate_hz).max(1.0) as usize;
-            let settled = stretch.settled();
+            let settled = stretch.motion.settled(&stretch.filter);
             for joint in (0..n).filter(|joint| !self.closed[*joint]) {
                 let mut run = 0;
                 let smear = 0.5 * stretch.decimation as f64 * ROWS_PER_CUTOFF / motion.rate_hz;

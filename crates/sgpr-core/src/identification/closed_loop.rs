@@ -1,6 +1,6 @@
 //! The arm under its controller: the motion that a set of parameters makes of a reference.
 
-use super::ParameterSet;
+use super::parameter_set::{BARELY_MOVING, ParameterSet};
 use crate::dynamics::{Samples, Workspace, forward_dynamics_with_rotors};
 use crate::effects::JointState;
 use crate::robot::Robot;
@@ -27,7 +27,7 @@ pub struct ClosedLoop<'a> {
 pub struct SimulatedMotion {
     /// Positions, rad (m).
     pub q: Vec<f64>,
-    /// Velocities, rad/s (m/s).
+    /// Velocities, rad/s (m/s); of a joint that sticks, its friction: see [`ParameterSet::with_sticking_joints`].
     pub dq: Vec<f64>,
     /// Accelerations, rad/s² (m/s²).
     pub ddq: Vec<f64>,
@@ -45,21 +45,27 @@ impl SimulatedMotion {
 /// Poses of the reference at which inertias are looked at.
 const POSES: usize = 50;
 
-/// A speed at which everything but a jump is as at rest, rad/s.
-const BARELY_MOVING: f64 = 1e-9;
+/// Spring of a joint that sticks, as a share of the stiffest of one that the integration follows: with the damper it swings
+/// no more than critically damped.
+const SPRING: f64 = 0.25;
 
 impl ClosedLoop<'_> {
     /// The motion of `robot` with `parameters` from a given state on, by the classical Runge-Kutta method of order four;
     /// `None` if it leaves all bounds.
     ///
-    /// Effects enter as the set says. Where they jump at rest, a joint that sticks chatters about zero speed, unless the set
-    /// has slopes there: see [`Self::widths_at_rest`].
+    /// Effects enter as the set says. Where they jump at rest a joint chatters about zero speed, unless they stick in the
+    /// set ([`ParameterSet::with_sticking_joints`]): then a spring and a damper hold the joint, as stiff as the integration
+    /// can follow, up to the whole of its friction, from where on it slides. So it keeps its place but for some 1e-5 rad,
+    /// whereas friction that is a steep line over the speed alone lets it creep.
     ///
     /// - `parameters`: all of the set
     /// - `q`, `dq`: `[n]`, the state at the first sample
     ///
     /// # Panics
     /// If the lengths do not fit.
+    ///
+    /// Source: P. Dupont, V. Hayward, B. Armstrong, F. Altpeter, Single state elastoplastic friction models, IEEE T-AC 47(5)
+    /// (2002), for the spring that slides.
     pub fn simulate(
         &self,
         robot: &Robot,
@@ -73,17 +79,20 @@ impl ClosedLoop<'_> {
         assert_eq!((parameters.len(), q.len(), dq.len()), (set.len(), n, n), "parameters and state of this robot");
         assert_eq!((self.kp.len(), self.kd.len()), (n, n), "gains of every joint");
         let mut arm = Arm::new(robot, set, parameters);
+        if set.sticks() {
+            arm.widths = self.widths_at_rest(robot, set, parameters);
+        }
         let step = self.step();
-        let mut state = [q, dq].concat();
+        let mut state = [q, dq, &vec![0.0; n]].concat();
         let mut motion = SimulatedMotion::default();
-        let (mut slope, mut trial) = (vec![vec![0.0; 2 * n]; 4], vec![0.0; 2 * n]);
+        let (mut slope, mut trial) = (vec![vec![0.0; 3 * n]; 4], vec![0.0; 3 * n]);
         for sample in 0..count {
             self.slope(&mut arm, sample as f64, &state, &mut slope[0]);
             motion.q.extend_from_slice(&state[..n]);
-            motion.dq.extend_from_slice(&state[n..]);
-            motion.ddq.extend_from_slice(&slope[0][n..]);
+            motion.dq.extend_from_slice(&arm.speeds);
+            motion.ddq.extend_from_slice(&slope[0][n..2 * n]);
             motion.tau.extend_from_slice(&arm.tau);
-            if slope[0].iter().any(|value| value.abs() > 1e9 || value.is_nan()) {
+            if slope[0][..2 * n].iter().any(|value| value.abs() > 1e9 || value.is_nan()) {
                 return None;
             }
             for k in 0..self.steps {
@@ -101,25 +110,23 @@ impl ClosedLoop<'_> {
                     let [a, b, c, d] = [0, 1, 2, 3].map(|stage: usize| slope[stage][index]);
                     *state += step / 6.0 * (a + 2.0 * b + 2.0 * c + d);
                 }
+                // Beyond the whole friction the spring slides.
+                state[2 * n..].iter_mut().for_each(|share| *share = share.clamp(-1.0, 1.0));
             }
         }
         Some(motion)
     }
 
-    /// The narrowest ranges of speed about rest over which the integration can follow effects that jump there, dry friction
-    /// above all: [`ParameterSet::with_slopes_at_rest`].
+    /// Speeds at which the damper of a joint that sticks gives the whole of what jumps there, dry friction above all: the
+    /// narrowest that the integration can follow.
     ///
-    /// Along a slope the speed of a joint that sticks dies out at the rate jump / (2 width · inertia). The rates of all joints
-    /// together are one per step at most, a third of what the method of Runge and Kutta bears.
+    /// The speed dies out at the rate jump / (2 width · inertia). The rates of all joints together are one per step at most,
+    /// a third of what the method of Runge and Kutta bears.
     ///
     /// - returns `[n]`, rad/s (m/s); zero for joints without such an effect
-    ///
-    /// # Panics
-    /// If the lengths do not fit.
-    pub fn widths_at_rest(&self, robot: &Robot, set: &ParameterSet, parameters: &[f64]) -> Vec<f64> {
+    fn widths_at_rest(&self, robot: &Robot, set: &ParameterSet, parameters: &[f64]) -> Vec<f64> {
         let n = robot.dof();
         let count = self.reference.count(n);
-        let set = &set.clone().with_slopes_at_rest(vec![0.0; n]);
         let mut arm = Arm::new(robot, set, parameters);
         let mut widths = vec![0.0f64; n];
         let (mut forwards, mut backwards) = (vec![0.0; n], vec![0.0; n]);
@@ -131,16 +138,17 @@ impl ClosedLoop<'_> {
                 set.add_effect_torque(parameters, &JointState { q, dq: &vec![speed; n], ddq: &vec![0.0; n] }, tau);
             }
             arm.tau.fill(0.0);
-            arm.accelerate(q, &vec![0.0; n], &mut still);
+            arm.accelerate(q, &mut still);
             for joint in 0..n {
                 arm.tau[joint] = 0.5 * (forwards[joint] - backwards[joint]);
-                arm.accelerate(q, &vec![0.0; n], &mut pushed);
+                arm.accelerate(q, &mut pushed);
                 arm.tau[joint] = 0.0;
                 let lost = (self.step() * (pushed[joint] - still[joint])).abs();
                 widths[joint] = widths[joint].max(n as f64 * lost);
             }
         }
-        widths
+        // What viscous friction changes between the two speeds is no jump.
+        widths.into_iter().map(|width| if width > BARELY_MOVING { width } else { 0.0 }).collect()
     }
 
     /// Integration step, s.
@@ -148,10 +156,10 @@ impl ClosedLoop<'_> {
         1.0 / (self.rate_hz * self.steps as f64)
     }
 
-    /// Derivative of the state [q, dq] at a time in samples.
+    /// Derivative of the state [q, dq, share of its friction that the spring of each joint holds] at a time in samples.
     fn slope(&self, arm: &mut Arm<'_>, time: f64, state: &[f64], out: &mut [f64]) {
         let n = self.kp.len();
-        let (q, dq) = state.split_at(n);
+        let [q, dq, held] = [0, 1, 2].map(|part| &state[part * n..(part + 1) * n]);
         let last = self.reference.q.len() / n - 1;
         let from = (time as usize).min(last.saturating_sub(1));
         let (to, t) = ((from + 1).min(last), (time - from as f64).min(1.0));
@@ -162,7 +170,12 @@ impl ClosedLoop<'_> {
             arm.tau[joint] = forward + self.kp[joint] * (position - q[joint]) + self.kd[joint] * (speed - dq[joint]);
         }
         out[..n].copy_from_slice(dq);
-        arm.accelerate(q, dq, &mut out[n..]);
+        for joint in 0..n {
+            let width = arm.widths[joint];
+            arm.speeds[joint] = speed_or_friction(dq[joint], held[joint], width);
+            out[2 * n + joint] = if width > 0.0 { SPRING * dq[joint] / (self.step() * width) } else { 0.0 };
+        }
+        arm.accelerate(q, &mut out[n..2 * n]);
     }
 
     /// Hermite's cubic between two samples.
@@ -177,6 +190,18 @@ impl ClosedLoop<'_> {
     }
 }
 
+/// The speed of a joint that slides; of one that sticks, a trifle in proportion to its friction.
+///
+/// - `held`: share of the friction that the spring holds, the damper gives the rest
+/// - `width`: speed at which the damper gives all of it; zero for a joint that always slides
+fn speed_or_friction(speed: f64, held: f64, width: f64) -> f64 {
+    if width == 0.0 {
+        return speed;
+    }
+    let share = held + speed / width;
+    if share.abs() < 1.0 { share * BARELY_MOVING } else { speed.abs().max(BARELY_MOVING).copysign(share) }
+}
+
 struct Arm<'a> {
     robot: Robot,
     ws: Workspace,
@@ -187,6 +212,10 @@ struct Arm<'a> {
     drag: Vec<f64>,
     rotor: Vec<f64>,
     tau: Vec<f64>,
+    /// Speeds as the effects take them.
+    speeds: Vec<f64>,
+    /// Of joints that stick; zeros if none does.
+    widths: Vec<f64>,
 }
 
 impl<'a> Arm<'a> {
@@ -202,13 +231,15 @@ impl<'a> Arm<'a> {
             drag: vec![0.0; n],
             rotor: vec![0.0; n],
             tau: vec![0.0; n],
+            speeds: vec![0.0; n],
+            widths: vec![0.0; n],
         }
     }
 
     /// Effects are linear in the acceleration of their own joint: what they take at unit acceleration more than at none is
     /// a rotor inertia.
-    fn accelerate(&mut self, q: &[f64], dq: &[f64], out: &mut [f64]) {
-        let Self { robot, ws, set, parameters, zeros, ones, drag, rotor, tau } = self;
+    fn accelerate(&mut self, q: &[f64], out: &mut [f64]) {
+        let Self { robot, ws, set, parameters, zeros, ones, drag, rotor, tau, speeds: dq, .. } = self;
         drag.fill(0.0);
         rotor.fill(0.0);
         set.add_effect_torque(parameters, &JointState { q, dq, ddq: zeros }, drag);

@@ -8,8 +8,9 @@
 //!
 //! The currents have the noise, not the motion, so the sum of (current - torque / gain)² is minimised, which is not linear
 //! in the gains: total least squares with errors where they are, each drive's in its own current (Van Huffel, Vandewalle
-//! (1991), section 10). It starts from plain least squares with the gains on the side of the unknowns, which noise draws
-//! to zero. With either, links and payload can be held to be bodies (Wensing, Kim, Slotine (2018)).
+//! (1991), section 10). It starts from least squares with the gains on the side of the unknowns, which noise would draw to
+//! zero: in two stages, the currents first fitted by the rows of their own joint, which have no noise (Theil (1953)).
+//! Estimates can be held to be those of bodies (Wensing, Kim, Slotine (2018)).
 //!
 //! Sources: M. Gautier, S. Briot, Global identification of drive gains parameters of robots using a known payload, J.
 //! Dynamic Systems, Measurement, Control 136(5) (2014); C. Gaz, F. Flacco, A. De Luca (2014) for known payloads.
@@ -123,7 +124,7 @@ pub fn identify_drive_gains(
         torque: &torque,
     });
     if *estimator == GainEstimator::LeastSquares {
-        let linear = solve(Method::Ols, &|factor, loaded| problem.linear(factor, loaded))?;
+        let linear = solve(Method::Ols, &|factor, loaded| problem.linear(factor, loaded, Current::Measured))?;
         return problem.least_squares(&linear, lowest, carrier.as_ref());
     }
     // Weights from the residual of these equations would reward gains of zero; the noise of the currents does not.
@@ -132,7 +133,8 @@ pub fn identify_drive_gains(
     let mut x = Vec::new();
     for _ in 0..LINEAR_ROUNDS {
         let scaled = noise.iter().zip(&gains).map(|(noise, gain)| noise * gain).collect();
-        x = solve(Method::WlsKnown(scaled), &|factor, loaded| problem.linear(factor, loaded))?.values;
+        let linear = |factor: &JointFactor, loaded| problem.linear(factor, loaded, Current::Fitted);
+        x = solve(Method::WlsKnown(scaled), &linear)?.values;
         problem.require_positive(&x)?;
         gains = problem.gains(&x).to_vec();
     }
@@ -178,6 +180,14 @@ fn noise_of_joints(unloaded: &[JointFactor], loaded: &[JointFactor], dof: usize)
         own.map(own_noise).fold(0.0, f64::max).max(f64::MIN_POSITIVE)
     };
     (0..dof).map(of_joint).collect()
+}
+
+/// Currents on the side of the unknowns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Current {
+    Measured,
+    /// Without what the parameters of their own joint and log leave: without noise.
+    Fitted,
 }
 
 /// Unknowns: base parameters, payload, gains.
@@ -244,11 +254,14 @@ impl Problem<'_> {
     }
 
     /// W base + W_payload payload - gain current = 0, the known part of the payload on the right.
-    fn linear(&self, factor: &JointFactor, loaded: bool) -> JointFactor {
+    fn linear(&self, factor: &JointFactor, loaded: bool, current: Current) -> JointFactor {
         let mut extended = ExtendedFactor::new(factor);
         self.add_body(&mut extended, loaded, 1.0);
-        let current: Vec<f64> = extended.torque().iter().map(|value| -value).collect();
-        extended.add(self.rank + PARAMETERS_PER_LINK + factor.joint, current);
+        let mut gained: Vec<f64> = extended.torque().iter().map(|value| -value).collect();
+        if current == Current::Fitted {
+            gained[factor.columns.len()] = 0.0;
+        }
+        extended.add(self.rank + PARAMETERS_PER_LINK + factor.joint, gained);
         let known = |base: usize| -> f64 {
             (0..PARAMETERS_PER_LINK).map(|k| self.known[k].unwrap_or(0.0) * self.held.share(base, k)).sum()
         };

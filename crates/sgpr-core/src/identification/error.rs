@@ -29,7 +29,7 @@ pub enum IdentificationError {
     #[error(transparent)]
     Signal(#[from] crate::signal::SignalError),
     /// Noise levels that make no weights.
-    #[error("the noise of joint {joint} is given as {value}: a standard deviation is positive and finite")]
+    #[error("the noise of joint {} is given as {value}: a standard deviation is positive and finite", joint + 1)]
     Noise {
         /// Joint, counted from zero.
         joint: usize,
@@ -77,23 +77,23 @@ pub enum IdentificationError {
     },
     /// Instrumental variables without instruments.
     #[error(
-        "trajectory {trajectory} has no instruments: give the motion without its noise, the reference or a simulation, \
-         at the same samples"
+        "trajectory {} has no instruments: give the motion without its noise, the reference or a simulation, at the same \
+         samples", trajectory + 1
     )]
     NoInstruments {
         /// Trajectory, counted from zero.
         trajectory: usize,
     },
     /// Output error without a controller.
-    #[error("trajectory {trajectory} has no controller: give its gains and the reference, or use another method")]
+    #[error("trajectory {} has no controller: give its gains and the reference, or use another method", trajectory + 1)]
     NoController {
         /// Trajectory, counted from zero.
         trajectory: usize,
     },
     /// The simulated arm runs away.
     #[error(
-        "the simulation of trajectory {trajectory} diverges: check sign and unit of the gains, or start from a better robot \
-         file"
+        "the simulation of trajectory {} diverges: check sign and unit of the gains, or start from a better robot file",
+        trajectory + 1
     )]
     Diverged {
         /// Trajectory, counted from zero.
@@ -114,8 +114,9 @@ pub enum IdentificationError {
     UnknownPayload,
     /// A gain that no drive has.
     #[error(
-        "the gain of joint {joint} comes out as {gain:.3}: the joint hardly feels the payload in these logs; record \
-         motions that carry it far from the joint, with speed changes"
+        "the gain of joint {} comes out as {gain:.3}: the joint hardly feels the payload in these logs; record motions that \
+         carry it far from the joint, with speed changes",
+        joint + 1
     )]
     NoGain {
         /// Joint, counted from zero.

@@ -72,5 +72,6 @@ pub(super) fn own_noise(factor: &JointFactor) -> f64 {
     let last = factor.factor.ncols() - 1;
     let torque = factor.factor.col(last).norm_l2();
     let left = factor.factor[(last, last)].abs().max(1e-6 * torque).max(f64::MIN_POSITIVE);
-    if factor.resting || torque == 0.0 { f64::INFINITY } else { left / (factor.rows.max(1) as f64).sqrt() }
+    let freedom = factor.rows.saturating_sub(factor.columns.len()).max(1);
+    if factor.resting || torque == 0.0 { f64::INFINITY } else { left / (freedom as f64).sqrt() }
 }

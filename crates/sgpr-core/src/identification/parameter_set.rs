@@ -16,9 +16,12 @@ pub struct ParameterSet {
     effects: Vec<Arc<dyn Effect>>,
     columns: Vec<EffectColumn>,
     trajectory_columns: Vec<TrajectoryColumn>,
-    /// Speeds about rest within which columns are lines, `[n]`; empty where they are what the effects say.
-    widths_at_rest: Vec<f64>,
+    /// Whether columns are lines about rest.
+    sticks: bool,
 }
+
+/// A speed at which everything but a jump is as at rest, rad/s (m/s).
+pub(super) const BARELY_MOVING: f64 = 1e-9;
 
 /// A parameter whose column does not follow from the present motion alone, but from the whole trajectory: it comes with
 /// the trajectory, [`Trajectory::columns`](super::Trajectory::columns).
@@ -76,15 +79,7 @@ impl ParameterSet {
                 }
             }
         }
-        Ok(Self {
-            dof: robot.dof(),
-            names,
-            units,
-            effects,
-            columns,
-            trajectory_columns: vec![],
-            widths_at_rest: vec![],
-        })
+        Ok(Self { dof: robot.dof(), names, units, effects, columns, trajectory_columns: vec![], sticks: false })
     }
 
     /// The same with parameters whose columns come with the trajectories.
@@ -96,21 +91,20 @@ impl ParameterSet {
         self
     }
 
-    /// The same with effects that do not jump at rest: below a speed, the column of a joint is a line between what it is
-    /// at that speed in either direction.
+    /// The same for joints that stick: the column of a joint that barely moves (1e-9 rad/s, m/s) is a line between what it
+    /// is in either direction.
     ///
-    /// So dry friction, an unknown torque at rest, becomes one that grows as the joint creeps; what is linear in the speed
-    /// stays as it is.
-    ///
-    /// - `widths`: `[n]`, rad/s (m/s); zero for none
-    ///
-    /// # Panics
-    /// If there is not one per joint.
+    /// So dry friction, an unknown torque at rest, has a speed of its own for every value up to its size, which is rest for
+    /// all else. Simulated motions name it ([`ClosedLoop::simulate`](super::ClosedLoop::simulate)).
     #[must_use]
-    pub fn with_slopes_at_rest(mut self, widths: Vec<f64>) -> Self {
-        assert_eq!(widths.len(), self.dof, "one width per joint");
-        self.widths_at_rest = widths;
+    pub fn with_sticking_joints(mut self) -> Self {
+        self.sticks = true;
         self
+    }
+
+    /// Whether it is for joints that stick.
+    pub(super) fn sticks(&self) -> bool {
+        self.sticks
     }
 
     /// The parameters whose columns come with the trajectories, the last ones of the set.
@@ -187,11 +181,10 @@ impl ParameterSet {
         }
     }
 
-    /// The columns of an effect at a joint, a line about rest where a width is given.
+    /// The columns of an effect at a joint, a line about rest for joints that stick.
     fn columns_of(&self, effect: &dyn Effect, joint: usize, state: &JointState<'_>, out: &mut [f64]) {
-        let width = self.widths_at_rest.get(joint).copied().unwrap_or(0.0);
-        let speed = state.dq[joint];
-        if speed.abs() >= width {
+        let (width, speed) = (BARELY_MOVING, state.dq[joint]);
+        if !self.sticks || speed.abs() >= width {
             return effect.columns(joint, state, out);
         }
         let mut dq = state.dq.to_vec();

@@ -8,6 +8,9 @@ use faer::linalg::svd::{self, ComputeSvdVectors};
 use faer::{Mat, MatRef, Par};
 
 /// Upper triangular factor of a Householder QR, diagonal non-negative, `[k, k]` also for fewer rows than columns.
+///
+/// The row of a column that depends on those before it is zero, as in the factor of a semidefinite Gram matrix: what is
+/// left of the last column stands in its last entry alone.
 pub(crate) fn triangle(matrix: MatRef<'_, f64>) -> Mat<f64> {
     let k = matrix.ncols();
     let rows = matrix.nrows().max(k);
@@ -17,8 +20,36 @@ pub(crate) fn triangle(matrix: MatRef<'_, f64>) -> Mat<f64> {
     let mut householder = Mat::zeros(size, k);
     let mut buffer = MemBuffer::new(qr::qr_in_place_scratch::<f64>(rows, k, size, Par::Seq, Default::default()));
     qr::qr_in_place(work.as_mut(), householder.as_mut(), Par::Seq, MemStack::new(&mut buffer), Default::default());
-    let sign = |i: usize| if work[(i, i)] < 0.0 { -1.0 } else { 1.0 };
-    Mat::from_fn(k, k, |i, j| if i <= j { sign(i) * work[(i, j)] } else { 0.0 })
+    let mut factor = Mat::from_fn(k, k, |i, j| if i <= j { work[(i, j)] } else { 0.0 });
+    free_rows_of_dependent_columns(&mut factor);
+    let sign = |i: usize| if factor[(i, i)] < 0.0 { -1.0 } else { 1.0 };
+    Mat::from_fn(k, k, |i, j| sign(i) * factor[(i, j)])
+}
+
+/// Turns the row that a dependent column took from those after it into their rows, by Givens rotations.
+fn free_rows_of_dependent_columns(factor: &mut Mat<f64>) {
+    let k = factor.ncols();
+    for dependent in 0..k {
+        let length = factor.col(dependent).subrows(0, dependent + 1).norm_l2();
+        if factor[(dependent, dependent)].abs() > k as f64 * f64::EPSILON * length {
+            continue;
+        }
+        factor[(dependent, dependent)] = 0.0;
+        for row in dependent + 1..k {
+            let (kept, taken) = (factor[(row, row)], factor[(dependent, row)]);
+            if taken == 0.0 {
+                continue;
+            }
+            let length = kept.hypot(taken);
+            let (cosine, sine) = (kept / length, taken / length);
+            for j in row..k {
+                let (a, b) = (factor[(row, j)], factor[(dependent, j)]);
+                factor[(row, j)] = cosine * a + sine * b;
+                factor[(dependent, j)] = cosine * b - sine * a;
+            }
+            factor[(dependent, row)] = 0.0;
+        }
+    }
 }
 
 /// Upper triangular R with RᵀR = matrix, of which the lower triangle is read; `None` if it is not positive definite.
@@ -109,5 +140,27 @@ impl Svd {
         )
         .expect("a finite matrix");
         Self { u, values: values.iter().copied().collect(), v }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_dependent_columns_leave_of_the_last_one_is_in_its_last_entry() {
+        let (a, b) = (|i: usize| (0.7 * i as f64).sin(), |i: usize| (1.3 * i as f64).cos());
+        let row = |i: usize| [a(i), 0.0, 2.0 * a(i), b(i), a(i) - b(i), 1.0 + 0.1 * i as f64];
+        let r = triangle(Mat::from_fn(9, 6, |i, j| row(i)[j]).as_ref());
+        let alone = triangle(Mat::from_fn(9, 3, |i, j| [a(i), b(i), row(i)[5]][j]).as_ref());
+        assert!((r[(5, 5)] / alone[(2, 2)] - 1.0).abs() < 1e-13, "{} {}", r[(5, 5)], alone[(2, 2)]);
+        for dependent in [1, 2, 4] {
+            assert!((dependent..6).all(|j| r[(dependent, j)].abs() < 1e-14), "{dependent}");
+        }
+        for (i, j) in (0..6).flat_map(|i| (0..6).map(move |j| (i, j))) {
+            let gram: f64 = (0..9).map(|k| row(k)[i] * row(k)[j]).sum();
+            let found: f64 = (0..6).map(|k| r[(k, i)] * r[(k, j)]).sum();
+            assert!((found - gram).abs() < 1e-13, "{i} {j}: {found} {gram}");
+        }
     }
 }

@@ -213,7 +213,9 @@ impl Stage {
         let k = values.len();
         let noise = 1e-13 * values[k - 1];
         let root = |value: f64| if value > noise { value.sqrt() } else { 0.0 };
-        let root = Mat::from_fn(k, k, |i, j| root(values[i]) * vectors[(j, i)]);
+        // A column of zeros stays one: rounding must not stand in for its content.
+        let empty = |j: usize| self.gram[(j, j)] == 0.0;
+        let root = Mat::from_fn(k, k, |i, j| if empty(j) { 0.0 } else { root(values[i]) * vectors[(j, i)] });
         triangle(multiply(&columns_times(&root, &lengths), &self.first).as_ref())
     }
 }
@@ -362,5 +364,9 @@ mod tests {
                 assert!((gram[(i, j)] - value).abs() < 1e-9, "{i} {j}");
             }
         }
+        // Its row is none: what the other column leaves of the last is in the last entry.
+        let left = 3000.0 - sum * sum / squares;
+        assert_eq!(r[(1, 2)], 0.0);
+        assert!((r[(2, 2)].powi(2) / left - 1.0).abs() < 1e-12, "{} {left}", r[(2, 2)].powi(2));
     }
 }

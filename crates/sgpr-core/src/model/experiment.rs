@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use super::identify::{IdentifyError, motions};
 use super::variable_projection::Columns;
-use crate::identification::{ClosedLoop, Trajectory};
+use crate::identification::{ClosedLoop, Row, Trajectory};
 use crate::motion::{Motion, MotionError, Processing};
 use crate::recording::{Recording, RecordingError};
 use crate::robot::Robot;
@@ -22,6 +22,20 @@ impl Experiment {
         let motions = motions(recordings, processing)?;
         let filters = motions.iter().map(|motion| band_filter(processing, motion.rate_hz));
         Ok(Self { filters: filters.collect::<Result<_, _>>()?, motions, decimation: processing.decimation })
+    }
+
+    /// The same without the rows in which the ends of a log show.
+    pub fn settled(mut self) -> Self {
+        for (motion, filter) in self.motions.iter_mut().zip(&self.filters) {
+            let Some(filter) = filter else { continue };
+            let (settled, joints) = (motion.settled(filter), motion.use_as.len() / motion.len());
+            for (sample, rows) in motion.use_as.chunks_exact_mut(joints).enumerate() {
+                if !settled.contains(&sample) {
+                    rows.fill(Row::Skip);
+                }
+            }
+        }
+        self
     }
 
     /// One trajectory per motion.
@@ -58,6 +72,17 @@ impl Experiment {
                 })
             })
             .collect()
+    }
+
+    /// The torques times gains, without terms.
+    ///
+    /// - `gains`: `[n]`
+    pub fn with_gains(&self, gains: &[f64]) -> Result<Columns, MotionError> {
+        let gained = |motion: &Motion| -> Result<Vec<f64>, MotionError> {
+            Ok(torque_of(motion)?.iter().zip(gains.iter().cycle()).map(|(tau, gain)| tau * gain).collect())
+        };
+        let tau = self.motions.iter().map(gained).collect::<Result<_, _>>()?;
+        Ok(Columns { tau, values: vec![vec![]; self.motions.len()], parameters: vec![] })
     }
 
     pub fn rates_hz(&self) -> Vec<f64> {

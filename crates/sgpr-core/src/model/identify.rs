@@ -352,7 +352,7 @@ fn fit(
     let mut notes: Vec<String> = estimate.notes.drain(..).collect();
     notes.extend(screen_factors(&set, &base, &joints, &factors, &estimate).iter().map(ToString::to_string));
     if options.start == Start::RobotFile {
-        notes.extend(screen_scale(&nominal, &factors).map(|finding| finding.to_string()));
+        notes.extend(screen_scale(&set, &base, &nominal, &factors).map(|finding| finding.to_string()));
     }
     let mut essential = None;
     if options.essential {
@@ -663,16 +663,18 @@ pub fn screen(model: &TorqueModel, recordings: &[Recording]) -> Result<Vec<Findi
         tau.push(torques.map(|(tau, (whole, own))| tau - (whole - own)).collect());
     }
     let columns = Columns { tau, values: vec![vec![]; experiment.motions.len()], parameters: vec![] };
-    let mut equations = Equations::new(robot, set, base, experiment.trajectories_with(&[], &[], Some(&columns))?);
+    let equations = Equations::new(robot, set, base, experiment.trajectories_with(&[], &[], Some(&columns))?);
     let factors = equations.factors()?;
-    let estimate = LeastSquares::new(Method::Wls).solve(&factors, base, &base.combine(&model.parameters))?;
+    let memory = correlation(model, &experiment.motions, processing, &factors)?;
+    let estimate = LeastSquares { method: Method::Wls, correlation: Some(memory) };
+    let estimate = estimate.solve(&factors, base, &base.combine(&model.parameters))?;
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
     let mut findings = screen_factors(set, base, &joints, &factors, &estimate);
-    findings.extend(screen_rows(&mut equations, &joints, &experiment.rates_hz(), &factors, &estimate)?);
-    // Dry friction near turns looks like a torque at another time.
+    // Dry friction near turns looks like a torque at another time, and like outliers, as do the ends of a log.
     let calm = Processing { turn_margin: processing.turn_margin.max(1.0), ..processing.clone() };
-    let calm = Experiment::new(&recordings, &calm)?;
-    let equations = Equations::new(robot, set, base, calm.trajectories_with(&[], &[], Some(&columns))?);
+    let calm = Experiment::new(&recordings, &calm)?.settled();
+    let mut equations = Equations::new(robot, set, base, calm.trajectories_with(&[], &[], Some(&columns))?);
+    findings.extend(screen_rows(&mut equations, &joints, &calm.rates_hz(), &factors, &estimate)?);
     findings.extend(screen_delays(&equations, &joints, &calm.rates_hz())?);
     Ok(findings)
 }
@@ -768,8 +770,9 @@ fn warn(report: &mut IdentificationReport, model: &TorqueModel) {
         .map(|(_, name)| name.as_str())
         .collect();
     if !uncertain.is_empty() {
+        let parameters = if uncertain.len() == 1 { "base parameter is" } else { "base parameters are" };
         report.warnings.push(format!(
-            "{} base parameters are smaller than their standard deviation: {}",
+            "{} {parameters} smaller than their standard deviation: {}",
             uncertain.len(),
             uncertain.join(", ")
         ));

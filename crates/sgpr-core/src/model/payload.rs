@@ -33,7 +33,8 @@ pub fn identify_payload(
         estimation::identify_payload(&pair.set, &pair.base, factors, &pair.nominal, correlation, payload)
     };
     let first = estimate(&pair, None)?;
-    let correlation = pair.correlation(robot, &first.base, &first.parameters, payload.link)?;
+    let ones = vec![1.0; robot.dof()];
+    let correlation = pair.correlation(robot, &first.base, &first.parameters, payload.link, &ones)?;
     Ok(estimate(&pair, Some(&correlation))?)
 }
 
@@ -52,9 +53,14 @@ pub fn identify_drive_gains(
     gains: &GainOptions,
     progress: &dyn Progress,
 ) -> Result<DriveGains, IdentifyError> {
-    let pair = Pair::new(robot, unloaded, loaded, options, progress)?;
-    let factors = [&pair.factors[0][..], &pair.factors[1][..]];
-    Ok(estimation::identify_drive_gains(robot, &pair.set, &pair.base, factors, None, gains)?)
+    let mut pair = Pair::new(robot, unloaded, loaded, options, progress)?;
+    let estimate = |pair: &Pair, correlation: Option<&[f64]>| {
+        let factors = [&pair.factors[0][..], &pair.factors[1][..]];
+        estimation::identify_drive_gains(robot, &pair.set, &pair.base, factors, correlation, gains)
+    };
+    let first = estimate(&pair, None)?;
+    let correlation = pair.correlation(robot, &first.base, &first.payload, gains.link, &first.gains)?;
+    Ok(estimate(&pair, Some(&correlation))?)
 }
 
 /// Factors of both sets of recordings.
@@ -97,19 +103,24 @@ impl Pair {
     }
 
     /// Rows that carry as much as one independent row, per factor without and with the payload.
+    ///
+    /// - `gains`: `[n]`, what to multiply the torques of the recordings by
     fn correlation(
         &mut self,
         robot: &Robot,
         base: &[f64],
         payload: &[f64; PARAMETERS_PER_LINK],
         link: usize,
+        gains: &[f64],
     ) -> Result<Vec<f64>, IdentifyError> {
         let mut added = vec![0.0; self.set.len()];
         added[link * PARAMETERS_PER_LINK..][..PARAMETERS_PER_LINK].copy_from_slice(payload);
         let loaded: Vec<f64> = base.iter().zip(self.base.combine(&added)).map(|(arm, load)| arm + load).collect();
         let mut correlation = Vec::new();
         for ((experiment, factors), base) in self.experiments.iter().zip(&self.factors).zip([base, &loaded]) {
-            let mut equations = Equations::new(robot, &self.set, &self.base, experiment.trajectories(&[], &[])?);
+            let columns = experiment.with_gains(gains)?;
+            let trajectories = experiment.trajectories_with(&[], &[], Some(&columns))?;
+            let mut equations = Equations::new(robot, &self.set, &self.base, trajectories);
             correlation.extend(residual_correlation(&mut equations, factors, base)?);
         }
         Ok(correlation)

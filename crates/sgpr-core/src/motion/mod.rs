@@ -108,6 +108,21 @@ impl Motion {
         self.time.len()
     }
 
+    /// Samples at which the filter of the equations does not show either where the log begins and ends. Derivatives are
+    /// wrong there, and that filter carries this inwards: a log that starts in full motion would seem to start with a
+    /// contact, or with outliers.
+    ///
+    /// - `filter`: that of the equations
+    pub(crate) fn settled(&self, filter: &LowPass) -> std::ops::Range<usize> {
+        /// A log that is short for its filter keeps the rest.
+        const MOST: f64 = 0.05;
+        let samples = self.len();
+        let Some(first) = self.inner.iter().position(|inner| *inner) else { return 0..0 };
+        let last = self.inner.iter().rposition(|inner| *inner).expect("the first, if no other");
+        let margin = (2 * filter.settling_samples()).min((MOST * samples as f64) as usize);
+        first + margin..(last + 1).saturating_sub(margin)
+    }
+
     /// Whether there is no sample.
     pub fn is_empty(&self) -> bool {
         self.time.is_empty()

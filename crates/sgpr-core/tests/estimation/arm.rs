@@ -24,7 +24,8 @@ pub struct Experiment {
 impl Experiment {
     pub fn new(samples: usize) -> Self {
         let robot = two_link();
-        let set = ParameterSet::new(&robot, &EFFECTS).expect("known effects");
+        // Dry friction as the simulation can follow it, in the logs and in the equations.
+        let set = ParameterSet::new(&robot, &EFFECTS).expect("known effects").with_sticking_joints();
         let base = BaseParameters::new(&robot, &set);
         let mut truth = robot.standard_parameters();
         truth.extend([0.5, 0.3, 0.4, 0.2, 0.08, 0.09]);
@@ -43,11 +44,7 @@ impl Experiment {
                 reference.ddq.push(ddq);
             }
         }
-        let mut arm = Self { robot, set, base, truth, reference, kp: [400.0, 300.0], kd: [40.0, 30.0] };
-        // Dry friction as the simulation can follow it, in the logs and in the equations.
-        let widths = arm.closed_loop().widths_at_rest(&arm.robot, &arm.set, &arm.truth);
-        arm.set = arm.set.with_slopes_at_rest(widths);
-        arm
+        Self { robot, set, base, truth, reference, kp: [400.0, 300.0], kd: [40.0, 30.0] }
     }
 
     pub fn closed_loop(&self) -> ClosedLoop<'_> {

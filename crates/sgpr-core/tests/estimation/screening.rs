@@ -21,7 +21,7 @@ fn findings(spoil: impl Fn(usize, usize, f64) -> f64, shifts: [usize; 2]) -> Vec
     let estimate = LeastSquares::new(Method::Wls).solve(&factors, base, &experiment.nominal()).expect("good data");
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
     let mut findings = screen_factors(set, base, &joints, &factors, &estimate);
-    findings.extend(screen_scale(&experiment.nominal(), &factors));
+    findings.extend(screen_scale(set, base, &experiment.nominal(), &factors));
     findings.extend(screen_rows(&mut equations, &joints, &[RATE], &factors, &estimate).expect("good data"));
     findings.extend(screen_delays(&equations, &joints, &[RATE]).expect("good data"));
     findings

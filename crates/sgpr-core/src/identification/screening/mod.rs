@@ -27,6 +27,11 @@ pub enum Finding {
     },
     /// All torques have the other sign: friction would drive the arm.
     AllNegated,
+    /// Friction would drive a joint, whose torque shares too little with the others for them to tell its sign.
+    Driven {
+        /// Name of the joint.
+        joint: String,
+    },
     /// A torque is in another unit than those of the other joints.
     Scaled {
         /// Name of the joint.
@@ -104,6 +109,11 @@ impl fmt::Display for Finding {
             Self::AllNegated => write!(
                 f,
                 "all torques look negated: as they are, friction would drive the arm; check the sign convention of the log"
+            ),
+            Self::Driven { joint } => write!(
+                f,
+                "the torque of {joint} looks negated: as it is, friction would drive the joint; check the sign convention of the \
+                 log, and whether friction is compensated twice"
             ),
             Self::Scaled { joint, factor } => write!(
                 f,
@@ -202,6 +212,9 @@ pub fn screen_factors(
     if findings.is_empty() && friction_drives(set, base, &estimate.values, &estimate.standard_deviations()) {
         findings = driven(set, base, joints, factors);
     }
+    if findings.is_empty() {
+        findings = driven_alone(set, base, joints, factors, estimate.unit);
+    }
     if findings.is_empty() && ratio > CONTRADICTION && share > WORTH_A_MESSAGE {
         findings.push(Finding::Contradiction { joint: joints[joint].clone(), ratio });
     }
@@ -216,23 +229,40 @@ fn noise_alone(factor: &JointFactor) -> f64 {
 }
 
 /// Whether all torques are far from those of the robot file, as they are in another unit. Nothing is said where they are
-/// no multiple of the file at all.
+/// no multiple of the file at all. What effects explain does not count: the file says nothing of friction and rotors, which
+/// can be most of the torque of a light link.
 ///
 /// - `nominal`: base parameters of the robot file, `[rank]`
-pub fn screen_scale(nominal: &[f64], factors: &[JointFactor]) -> Option<Finding> {
+pub fn screen_scale(
+    set: &ParameterSet,
+    base: &BaseParameters,
+    nominal: &[f64],
+    factors: &[JointFactor],
+) -> Option<Finding> {
     // Robot files are wrong by less, and torques in another unit by more.
     const FACTOR: f64 = 5.0;
     const ALIKE: f64 = 0.7;
+    let rank = base.rank();
+    let of_effects = |k: usize| {
+        let combined = base.combination(k).iter().map(|(parameter, _)| *parameter);
+        combined.chain([base.independent()[k]]).any(|parameter| parameter >= set.inertial())
+    };
     let (mut file, mut along, mut log) = (0.0, 0.0, 0.0);
     for factor in factors.iter().filter(|factor| !factor.resting) {
-        let extended = ExtendedFactor::new(factor);
-        let expected = extended.combined(|base| nominal[base]);
-        let measured = extended.torque();
-        for (expected, measured) in expected.iter().zip(&measured) {
-            file += expected * expected;
-            along += expected * measured;
-            log += measured * measured;
+        let mut extended = ExtendedFactor::new(factor);
+        for effect in (0..rank).filter(|&k| of_effects(k)) {
+            extended.add(effect, extended.combined(|base| if base == effect { 1.0 } else { 0.0 }));
         }
+        extended.add(rank, extended.combined(|base| nominal[base]));
+        let measured = extended.torque();
+        let JointFactor { columns, factor: left, .. } = extended.finish(&measured);
+        let last = columns.len();
+        if columns.last() == Some(&rank) {
+            file += left[(last - 1, last - 1)].powi(2);
+            along += left[(last - 1, last - 1)] * left[(last - 1, last)];
+            log += left[(last - 1, last)].powi(2);
+        }
+        log += left[(last, last)].powi(2);
     }
     let factor = along / file;
     let alike = along > ALIKE * (file * log).sqrt();
@@ -343,6 +373,13 @@ fn negated(set: &ParameterSet, base: &BaseParameters, factors: &[JointFactor], n
 /// doubt; 0 if neither.
 fn friction_sign(set: &ParameterSet, base: &BaseParameters, factor: &JointFactor) -> f64 {
     const SURE: f64 = 5.0;
+    let friction = surest_friction(set, base, factor);
+    if friction.abs() > SURE { friction.signum() } else { 0.0 }
+}
+
+/// Of the friction and rotor of a joint, found from its own rows alone, the parameter that is known best, in standard
+/// deviations of independent rows; 0 at rest. The others follow what the model lacks.
+fn surest_friction(set: &ParameterSet, base: &BaseParameters, factor: &JointFactor) -> f64 {
     if factor.resting {
         return 0.0;
     }
@@ -354,9 +391,8 @@ fn friction_sign(set: &ParameterSet, base: &BaseParameters, factor: &JointFactor
             && set.is_non_negative(parameter)
             && set.effect_columns().get(parameter - set.inertial()).is_some_and(|column| column.joint == factor.joint)
     });
-    let sure = own.filter(|&(k, _)| values[k].abs() > SURE * (unit * inverse[(k, k)]).sqrt());
-    let sum: f64 = sure.map(|(k, _)| values[k].signum()).sum();
-    if sum == 0.0 { 0.0 } else { sum.signum() }
+    let deviations = own.map(|(k, _)| values[k] / (unit * inverse[(k, k)]).sqrt()).filter(|t| t.is_finite());
+    deviations.max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0)
 }
 
 /// A factor on one joint's torque.
@@ -510,6 +546,23 @@ fn driven(set: &ParameterSet, base: &BaseParameters, joints: &[String], factors:
     negative.map(|(joint, _)| Finding::Negated { joint: joints[*joint].clone() }).collect()
 }
 
+/// Joints whose own rows have friction drive them, while the other joints say nothing of their sign.
+///
+/// - `unit`: standard deviation of a weighted row, memory included
+fn driven_alone(
+    set: &ParameterSet,
+    base: &BaseParameters,
+    joints: &[String],
+    factors: &[JointFactor],
+    unit: f64,
+) -> Vec<Finding> {
+    const SURE: f64 = 5.0;
+    let drives = |factor: &&JointFactor| {
+        noise_alone(factor).is_finite() && surest_friction(set, base, factor) < -SURE * unit.max(1.0)
+    };
+    factors.iter().filter(drives).map(|factor| Finding::Driven { joint: joints[factor.joint].clone() }).collect()
+}
+
 /// Whether most of the parameters that cannot be negative are, beyond doubt.
 fn friction_drives(set: &ParameterSet, base: &BaseParameters, values: &[f64], deviations: &[f64]) -> bool {
     const SURE: f64 = 5.0;
@@ -551,6 +604,9 @@ fn weak_direction(names: &[String], joints: &[String], estimate: &Estimate) -> O
 }
 
 /// What only the rows tell: rows far off, times on which everything hangs. Goes through the data once.
+///
+/// Dry friction near a turn of its joint leaves rows far off the model: give equations without the rows there, nor those at
+/// the ends of a log.
 ///
 /// - `joints`: names
 /// - `rates_hz`: sampling rate of each trajectory
