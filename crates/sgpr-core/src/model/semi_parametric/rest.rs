@@ -337,15 +337,9 @@ pub(super) fn process(
         name if name.starts_with("length_scale") => Some((*theta, 1.5)),
         _ => Some((*theta, 2.0)),
     };
-    let bound = |(name, theta): (&String, &f64)| match name.as_str() {
-        "correlated_noise.length_scale" => (SHORTEST_MEMORY.ln(), LONGEST_MEMORY.ln()),
-        name if name.starts_with("length_scale") => (theta - 4.0, theta + 7.0),
-        "mixture" => (-4.0, 7.0),
-        _ => (theta - 8.0, theta + 3.0),
-    };
     let search_options = SearchOptions {
         starts: options.starts,
-        bounds: Some(names.iter().zip(&theta).map(bound).collect()),
+        bounds: Some(names.iter().zip(&theta).map(|(name, theta)| bounds(name, *theta)).collect()),
         priors: names.iter().zip(&theta).map(prior).collect(),
         evaluations: options.evaluations,
         gain: 1e-7,
@@ -360,6 +354,17 @@ pub(super) fn process(
 const MEMORY: f64 = 0.2;
 pub(super) const SHORTEST_MEMORY: f64 = 0.005;
 pub(super) const LONGEST_MEMORY: f64 = 5.0;
+
+/// Bounds of the logarithm of a hyperparameter whose search starts at `theta`.
+fn bounds(name: &str, theta: f64) -> (f64, f64) {
+    match name {
+        // Its name ends with the column of the time.
+        name if name.starts_with("correlated_noise.length_scale") => (SHORTEST_MEMORY.ln(), LONGEST_MEMORY.ln()),
+        name if name.starts_with("length_scale") => (theta - 4.0, theta + 7.0),
+        "mixture" => (-4.0, 7.0),
+        _ => (theta - 8.0, theta + 3.0),
+    }
+}
 
 /// At most `count` points: those that say most about the others, then, when these say it all, some in between.
 fn thin(kernel: &Kernel, data: &Data, count: usize) -> Vec<usize> {
@@ -421,4 +426,26 @@ pub(super) fn calibration(errors: &[(f64, f64)], parts: usize) -> (f64, f64) {
     let quantile = |share: f64| new * ratios[((share * ratios.len() as f64) as usize).min(ratios.len() - 1)];
     // Errors that are all zero leave nothing to multiply.
     (quantile(0.682_689).max(1e-6), quantile(0.95).max(1e-6))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gp::Shape;
+
+    #[test]
+    fn the_memory_of_errors_has_bounds_of_its_own() {
+        let kernel = |shape| Kernel::isotropic(shape, 1, 1.0);
+        let memory = kernel(Shape::Exponential).on(&[3]).scaled(1.0);
+        let covariance = Covariance::new(kernel(Shape::SquaredExponential).on(&[0]).scaled(1.0), 0.1);
+        let names = covariance.with_correlated_noise(memory).names();
+        let of = |start: &str| {
+            let name = names.iter().find(|name| name.starts_with(start)).expect("a hyperparameter");
+            bounds(name, 0.0)
+        };
+        assert_eq!(of("correlated_noise.length_scale"), (SHORTEST_MEMORY.ln(), LONGEST_MEMORY.ln()));
+        assert_eq!(of("length_scale"), (-4.0, 7.0));
+        assert_eq!(of("correlated_noise.signal_variance"), (-8.0, 3.0));
+        assert_eq!(of("noise_variance"), (-8.0, 3.0));
+    }
 }
