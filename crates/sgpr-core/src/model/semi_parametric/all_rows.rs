@@ -3,7 +3,7 @@
 use faer::Mat;
 
 use super::process::{Process, Sparse, Terms};
-use super::rest::{LONGEST_MEMORY, LeftOut, Rows, SHORTEST_MEMORY};
+use super::rest::{LeftOut, Rows, SHORTEST_MEMORY, longest_memory};
 use crate::gp::{Compute, Covariance, Data, Evidence, FadingNoise, GaussianProcess, GpError, Kernel, Shape};
 
 /// A process that has seen all rows.
@@ -61,7 +61,7 @@ pub(super) fn see_all(
 ) -> Result<Option<SeenByAll>, GpError> {
     let width = gp.data().inputs();
     let others: Vec<usize> = (0..rows.residual.len()).filter(|row| points.binary_search(row).is_err()).collect();
-    let Some(covariance) = with_errors_of(gp, &others, rows)? else { return Ok(None) };
+    let Some(covariance) = with_errors_of(gp, &others, rows, longest_memory(rows, left_out))? else { return Ok(None) };
     // The physics is the same for all parts if there are few logs.
     let columns = 1 + left_out.len();
     let unknowns = rows.terms.as_ref().map_or(0, Mat::ncols);
@@ -100,7 +100,14 @@ pub(super) fn see_all(
 }
 
 /// The covariance with the errors of `others`, rows that the process has not seen; none if these are zero.
-fn with_errors_of(gp: &GaussianProcess, others: &[usize], rows: &Rows) -> Result<Option<Covariance>, GpError> {
+///
+/// - `longest_memory`: of the errors, s
+fn with_errors_of(
+    gp: &GaussianProcess,
+    others: &[usize],
+    rows: &Rows,
+    longest_memory: f64,
+) -> Result<Option<Covariance>, GpError> {
     let width = gp.data().inputs();
     let x = rows.at(others, width);
     let mean = gp.predict(&x, false)?.mean;
@@ -110,7 +117,7 @@ fn with_errors_of(gp: &GaussianProcess, others: &[usize], rows: &Rows) -> Result
     }
     let time = width - 1;
     let times: Vec<f64> = x.iter().skip(time).step_by(width).copied().collect();
-    let noise = FadingNoise::most_likely(&times, &errors, time, (SHORTEST_MEMORY, LONGEST_MEMORY))?;
+    let noise = FadingNoise::most_likely(&times, &errors, time, (SHORTEST_MEMORY, longest_memory))?;
     let memory = Kernel::isotropic(Shape::Exponential, 1, noise.length).on(&[time]).scaled(noise.shared);
     Ok(Some(Covariance::new(gp.covariance().signal.clone(), noise.independent).with_correlated_noise(memory)))
 }

@@ -112,11 +112,13 @@ fn learn(
     let (joints, stopped) = fit_joints(&rows, &left_out, options, progress)?;
     let mut model = SemiParametricModel { physics, mean: options.mean, joints, basis: None, identified: None, stopped };
     if options.mean == Mean::Joint {
-        let errors = errors_of_parts(&model, &rows, &left_out, &options.compute)?;
+        let lost = keep_what_gains(&mut model, &rows, &left_out, &options.compute)?;
         let terms = basis::terms(&model.joints, &rows);
         let identified = model.physics.clone();
         estimate_again(&mut model, &rows, terms)?;
-        keep_what_gains(&mut model, identified, &errors, &rows, &left_out);
+        if lost && model.joints.iter().any(|rest| rest.gp.is_some()) {
+            model.identified = Some(identified);
+        }
     }
     let learned = model.joints.iter().filter(|rest| rest.gp.is_some()).count();
     model.physics.provenance.history.push(format!(
@@ -238,41 +240,66 @@ fn fit_joints(
     Ok((joints, stopped.into_inner()))
 }
 
-/// Leaves every joint to the identified physics at which physics and processes, estimated together without a part of the
-/// logs, predict the part no better than the identified physics without it. Sizes of errors are compared, not squares:
-/// rows in which dry friction turns are wrong for both.
+/// Leaves joints to the identified physics until all others gain for certain: physics and processes, estimated together
+/// without a part of the logs, predict it better than the identified physics without it. One joint goes at a time, the one
+/// that loses most: as long as its process is there, parameters that it shares with others are wrong for these, too.
 ///
-/// - `errors`: of [`errors_of_parts`]
+/// Returns whether a joint has lost its process.
 fn keep_what_gains(
     model: &mut SemiParametricModel,
-    identified: TorqueModel,
-    errors: &[Vec<(f64, f64)>],
     rows: &[Rows],
     left_out: &[Vec<LeftOut>],
-) {
+    compute: &Compute,
+) -> Result<bool, SemiParametricError> {
     let mut lost = false;
-    for (joint, rest) in model.joints.iter_mut().enumerate().filter(|(_, rest)| rest.gp.is_some()) {
-        let errors = &errors[joint];
-        let size: f64 = errors.iter().map(|(error, _)| error.abs()).sum();
-        let alone: Vec<f64> = left_out[joint].iter().flat_map(LeftOut::measured).collect();
-        if errors.len() == alone.len() && size < (1.0 - GAIN) * alone.iter().map(|error| error.abs()).sum::<f64>() {
-            (rest.report.calibration, rest.report.calibration_95) = calibration(errors, left_out[joint].len());
-            continue;
-        }
+    loop {
+        let errors = errors_of_parts(model, rows, left_out, compute)?;
+        let joints = model.joints.iter().enumerate().filter(|(_, rest)| rest.gp.is_some());
+        let gains = joints.map(|(joint, _)| (joint, Gain::new(&errors[joint], &left_out[joint])));
+        let uncertain = gains.filter(|(_, gain)| !gain.certain);
+        let Some((joint, _)) = uncertain.min_by(|(_, a), (_, b)| a.share.total_cmp(&b.share)) else {
+            for (joint, rest) in model.joints.iter_mut().enumerate().filter(|(_, rest)| rest.gp.is_some()) {
+                (rest.report.calibration, rest.report.calibration_95) =
+                    calibration(&errors[joint], left_out[joint].len());
+            }
+            return Ok(lost);
+        };
         lost = true;
         let Alone { report, mean_square, .. } = Alone::new(&rows[joint], &left_out[joint]);
-        *rest = Rest::without(JointReport { candidates: rest.report.candidates.clone(), ..report }, mean_square);
+        let candidates = std::mem::take(&mut model.joints[joint].report.candidates);
+        model.joints[joint] = Rest::without(JointReport { candidates, ..report }, mean_square);
     }
-    if !lost {
-        return;
-    }
-    let Basis { covariance, mut rows, .. } = model.basis.take().expect("just estimated");
-    rows.iter_mut().zip(&model.joints).filter(|(_, rest)| rest.gp.is_none()).for_each(|(rows, _)| *rows = None);
-    model.basis = Some(Basis::new(covariance, rows, &model.joints));
-    if model.joints.iter().all(|rest| rest.gp.is_none()) {
-        model.physics = identified;
-    } else {
-        model.identified = Some(identified);
+}
+
+/// By how much errors at parts that were left out are smaller with processes than those of the physics alone. Sizes of errors
+/// are compared, not squares: rows in which dry friction turns are wrong for both.
+#[derive(Debug)]
+struct Gain {
+    /// Share of the errors of the physics alone.
+    share: f64,
+    /// Whether it is more than [`GAIN`], and more than its standard error: one part may have it all while others lose.
+    ///
+    /// Source: L. Breiman, J. H. Friedman, R. A. Olshen, C. J. Stone, Classification and Regression Trees (1984), section
+    /// 3.4.3: the simpler model, unless the other is better by more than one standard error.
+    certain: bool,
+}
+
+impl Gain {
+    /// - `errors`: of [`errors_of_parts`]; none at parts beside which nothing was seen, which gain nothing
+    fn new(errors: &[(f64, f64)], left_out: &[LeftOut]) -> Self {
+        let parts = || left_out.iter().filter(|part| !part.part.is_empty());
+        if errors.len() != parts().map(|part| part.part.len()).sum::<usize>() {
+            return Self { share: f64::NEG_INFINITY, certain: false };
+        }
+        let alone = |part: &LeftOut| part.measured().map(f64::abs).sum::<f64>();
+        let mut sizes = errors.iter().map(|(error, _)| error.abs());
+        let mut gain = |part: &LeftOut| alone(part) - sizes.by_ref().take(part.part.len()).sum::<f64>();
+        let gains: Vec<f64> = parts().map(&mut gain).collect();
+        let count = gains.len() as f64;
+        let mean = gains.iter().sum::<f64>() / count;
+        let variance = gains.iter().map(|gain| (gain - mean) * (gain - mean)).sum::<f64>() / (count - 1.0);
+        let share = mean * count / parts().map(alone).sum::<f64>();
+        Self { share, certain: share > GAIN && mean > (variance / count).sqrt() }
     }
 }
 
@@ -454,4 +481,33 @@ fn estimate_again(
     let rows = model.joints.iter().zip(terms).map(|(rest, terms)| rest.gp.is_some().then_some(terms.matrix)).collect();
     model.basis = Some(Basis::new(covariance, rows, &model.joints));
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Eight parts of ten rows at which the physics errs by one, and errors of physics and process at them.
+    fn gain(errors: [f64; 8]) -> Gain {
+        let part = |index: usize| LeftOut { part: (10 * index..10 * index + 10).collect(), residual: vec![-1.0; 80] };
+        let mut left_out: Vec<LeftOut> = (0..8).map(part).collect();
+        // A part in which the joint does not move says nothing.
+        left_out.insert(3, LeftOut { part: vec![], residual: vec![-1.0; 80] });
+        let errors: Vec<(f64, f64)> = errors.iter().flat_map(|error| [(*error, 1.0); 10]).collect();
+        assert!(!Gain::new(&errors[1..], &left_out).certain);
+        Gain::new(&errors, &left_out)
+    }
+
+    #[test]
+    fn a_gain_is_certain_if_the_parts_agree() {
+        assert!(gain([0.5; 8]).certain);
+        assert!((gain([0.5; 8]).share - 0.5).abs() < 1e-12);
+        assert!(gain([0.3, 0.6, 0.9, 0.4, -1.1, 0.5, 0.2, 0.8]).certain);
+        // Less than a twentieth, however even.
+        assert!(!gain([0.96; 8]).certain);
+        // A tenth on the whole, from one part; others lose.
+        let one = gain([0.0, 1.0, 1.05, 1.1, -1.0, 1.05, 0.95, 1.05]);
+        assert!((one.share - 0.1).abs() < 1e-12 && !one.certain);
+        assert!(!gain([1.5; 8]).certain);
+    }
 }

@@ -61,7 +61,7 @@ pub enum Mean {
     /// The physics, its parameters estimated again together with the processes: generalised least squares with their
     /// covariances. Hyperparameters are searched with the linear parameters unknown: what least squares leaves over lacks
     /// all that it explained by wrong parameters. A joint at which physics and process together predict parts of the logs
-    /// that were left out no better than the identified physics is left to that, whatever inputs are asked for.
+    /// that were left out no better for certain than the identified physics is left to that, whatever inputs are asked for.
     Joint,
     /// Nothing: the process alone, for comparison (thesis 4-3).
     Zero,

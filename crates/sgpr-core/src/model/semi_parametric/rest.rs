@@ -128,6 +128,7 @@ impl Rest {
         }
         let mut best: Option<Learned> = None;
         let data = Data::new(rows.x.clone(), 3 * n + 1, rows.residual.clone(), 1)?;
+        let longest_memory = longest_memory(rows, left_out);
         let selections = options.inputs.map_or_else(|| distinct(n), |inputs| vec![inputs]);
         let mut stopped = false;
         for inputs in selections {
@@ -135,8 +136,9 @@ impl Rest {
                 stopped = true;
                 break;
             }
+            let columns = inputs.columns(joint, n);
             let Found { gp, points, status } =
-                process(inputs.columns(joint, n), &data, rows.terms.as_ref(), mean_square, options, compute, progress)?;
+                process(columns, &data, rows.terms.as_ref(), longest_memory, options, compute, progress)?;
             let learned = Learned::new(gp, points, rows, left_out, (inputs, status), compute)?;
             report.candidates.push(learned.candidate.clone());
             if best.as_ref().is_none_or(|best| learned.loss() < best.loss()) {
@@ -305,26 +307,26 @@ pub(super) struct Found {
 /// Where linear parameters are estimated together with it, they are unknown to the search: what least squares leaves over
 /// lacks all that they could explain in its place.
 ///
-/// - `data`: of `mean_square` per output
 /// - `terms`: derivatives by the linear parameters, `[rows, unknowns]`
+/// - `longest_memory`: of the errors, s
 pub(super) fn process(
     columns: Vec<usize>,
     data: &Data,
     terms: Option<&Mat<f64>>,
-    mean_square: f64,
+    longest_memory: f64,
     options: &SemiParametricOptions,
     compute: &Compute,
     progress: &dyn Progress,
 ) -> Result<Found, GpError> {
-    let width = data.inputs();
+    let (width, mean_square) = (data.inputs(), data.mean_square());
     let scales = vec![1.0; columns.len()];
     let kernel = match options.ard {
         true => Kernel::ard(options.shape, &scales),
         false => Kernel::isotropic(options.shape, columns.len(), 1.0),
     };
     let kernel = kernel.on(&columns).scaled(1.0).fitted_to(data.x(), width, 0.5 * mean_square);
-    let memory =
-        Kernel::isotropic(crate::gp::Shape::Exponential, 1, MEMORY).on(&[width - 1]).scaled(0.25 * mean_square);
+    let memory = Kernel::isotropic(crate::gp::Shape::Exponential, 1, MEMORY.min(0.5 * longest_memory));
+    let memory = memory.on(&[width - 1]).scaled(0.25 * mean_square);
     let start = Covariance::new(kernel, 0.25 * mean_square).with_correlated_noise(memory);
     let points = thin(&start.signal, data, options.points);
     let data = data.select(&points);
@@ -337,15 +339,9 @@ pub(super) fn process(
         name if name.starts_with("length_scale") => Some((*theta, 1.5)),
         _ => Some((*theta, 2.0)),
     };
-    let bound = |(name, theta): (&String, &f64)| match name.as_str() {
-        "correlated_noise.length_scale" => (SHORTEST_MEMORY.ln(), LONGEST_MEMORY.ln()),
-        name if name.starts_with("length_scale") => (theta - 4.0, theta + 7.0),
-        "mixture" => (-4.0, 7.0),
-        _ => (theta - 8.0, theta + 3.0),
-    };
     let search_options = SearchOptions {
         starts: options.starts,
-        bounds: Some(names.iter().zip(&theta).map(bound).collect()),
+        bounds: Some(names.iter().zip(&theta).map(|(name, theta)| bounds(name, *theta, longest_memory)).collect()),
         priors: names.iter().zip(&theta).map(prior).collect(),
         evaluations: options.evaluations,
         gain: 1e-7,
@@ -359,7 +355,36 @@ pub(super) fn process(
 /// Time over which neighbouring errors are first taken to be alike, and its bounds, s.
 const MEMORY: f64 = 0.2;
 pub(super) const SHORTEST_MEMORY: f64 = 0.005;
-pub(super) const LONGEST_MEMORY: f64 = 5.0;
+const LONGEST_MEMORY: f64 = 5.0;
+
+/// Memories, each of which leaves 1/e of the covariance, after which errors have nothing to do with each other: 5 % are left.
+const RANGE: f64 = 3.0;
+
+/// Longest time over which errors of a joint may be taken to be alike, s: they must have nothing to do with each other from
+/// the middle of a stretch that is left out to its ends. Errors that last for longer would be judged by what was seen of
+/// them, and take constant torques for their own that the motion explains.
+///
+/// Source: J.-P. Chilès, P. Delfiner, Geostatistics (2012), section 2.5, practical range of the exponential covariance.
+pub(super) fn longest_memory(rows: &Rows, left_out: &[LeftOut]) -> f64 {
+    let width = rows.x.len() / rows.residual.len().max(1);
+    let time = |row: usize| rows.x[(row + 1) * width - 1];
+    let together = |a: &usize, b: &usize| a + 1 == *b && rows.source[*a].0 == rows.source[*b].0;
+    let stretches = || left_out.iter().flat_map(|part| part.part.chunk_by(together));
+    let seconds: f64 = stretches().map(|stretch| time(stretch[stretch.len() - 1]) - time(stretch[0])).sum();
+    let mean = seconds / stretches().count().max(1) as f64;
+    (0.5 * mean / RANGE).clamp(2.0 * SHORTEST_MEMORY, LONGEST_MEMORY)
+}
+
+/// Bounds of the logarithm of a hyperparameter whose search starts at `theta`.
+fn bounds(name: &str, theta: f64, longest_memory: f64) -> (f64, f64) {
+    match name {
+        // Its name ends with the column of the time.
+        name if name.starts_with("correlated_noise.length_scale") => (SHORTEST_MEMORY.ln(), longest_memory.ln()),
+        name if name.starts_with("length_scale") => (theta - 4.0, theta + 7.0),
+        "mixture" => (-4.0, 7.0),
+        _ => (theta - 8.0, theta + 3.0),
+    }
+}
 
 /// At most `count` points: those that say most about the others, then, when these say it all, some in between.
 fn thin(kernel: &Kernel, data: &Data, count: usize) -> Vec<usize> {
@@ -421,4 +446,54 @@ pub(super) fn calibration(errors: &[(f64, f64)], parts: usize) -> (f64, f64) {
     let quantile = |share: f64| new * ratios[((share * ratios.len() as f64) as usize).min(ratios.len() - 1)];
     // Errors that are all zero leave nothing to multiply.
     (quantile(0.682_689).max(1e-6), quantile(0.95).max(1e-6))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gp::Shape;
+
+    #[test]
+    fn the_memory_of_errors_has_bounds_of_its_own() {
+        let kernel = |shape| Kernel::isotropic(shape, 1, 1.0);
+        let memory = kernel(Shape::Exponential).on(&[3]).scaled(1.0);
+        let covariance = Covariance::new(kernel(Shape::SquaredExponential).on(&[0]).scaled(1.0), 0.1);
+        let names = covariance.with_correlated_noise(memory).names();
+        let of = |start: &str| {
+            let name = names.iter().find(|name| name.starts_with(start)).expect("a hyperparameter");
+            bounds(name, 0.0, 0.3)
+        };
+        assert_eq!(of("correlated_noise.length_scale"), (SHORTEST_MEMORY.ln(), 0.3_f64.ln()));
+        assert_eq!(of("length_scale"), (-4.0, 7.0));
+        assert_eq!(of("correlated_noise.signal_variance"), (-8.0, 3.0));
+        assert_eq!(of("noise_variance"), (-8.0, 3.0));
+    }
+
+    #[test]
+    fn errors_are_not_remembered_over_a_part_that_is_left_out() {
+        // Two logs of 24 s and 2 s, a row every 0.1 s; one joint, so that the time is the fourth input.
+        let times = [(0..=240, 0.0), (0..=20, 1e3)];
+        let times: Vec<f64> =
+            times.iter().flat_map(|(steps, start)| steps.clone().map(move |k| start + 0.1 * f64::from(k))).collect();
+        let count = times.len();
+        let rows = Rows {
+            x: times.iter().flat_map(|time| [0.0, 0.0, 0.0, *time]).collect(),
+            residual: vec![1.0; count],
+            source: (0..count).map(|k| (usize::from(k > 240), k)).collect(),
+            terms: None,
+        };
+        let longest = |parts: Vec<Vec<usize>>| {
+            let left_out: Vec<LeftOut> =
+                parts.into_iter().map(|part| LeftOut { part, residual: vec![1.0; count] }).collect();
+            longest_memory(&rows, &left_out)
+        };
+        // The logs; eighths of the first; two stretches of it at a time, as of a motion that repeats itself.
+        assert!((longest(vec![(0..241).collect(), (241..count).collect()]) - 13.0 / 6.0).abs() < 1e-9);
+        assert!((longest((0..8).map(|k| (30 * k..30 * k + 31).collect()).collect()) - 0.5).abs() < 1e-9);
+        let twice = |k: usize| (15 * k..15 * k + 13).chain(15 * k + 120..15 * k + 133).collect();
+        assert!((longest((0..8).map(twice).collect()) - 0.2).abs() < 1e-9);
+        // A part that goes on in the next log has two stretches, of 1 s and 2 s.
+        assert!((longest(vec![(230..count).collect()]) - 0.25).abs() < 1e-9);
+        assert!((longest(vec![vec![7], vec![]]) - 2.0 * SHORTEST_MEMORY).abs() < 1e-9);
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::cell::OnceCell;
 
-use super::rest::{Alone, FEWEST, Found, GAIN, Learned, LeftOut, Rest, Rows, inducing_points, process};
+use super::rest::{Alone, FEWEST, Found, GAIN, Learned, LeftOut, Rest, Rows, inducing_points, longest_memory, process};
 use super::{Inputs, SemiParametricOptions};
 use crate::gp::{Compute, Data, GaussianProcess, GpError, Kernel};
 use crate::progress::Progress;
@@ -36,6 +36,8 @@ pub(super) fn fit_shared(
     };
     let data = Data::new(x, width, places.iter().flat_map(in_units).collect(), n)?;
 
+    let longest_memory =
+        rows.iter().zip(left_out).map(|(rows, left_out)| longest_memory(rows, left_out)).fold(f64::INFINITY, f64::min);
     let mut best: Option<(f64, Vec<Learned>)> = None;
     let selections = options.inputs.map_or_else(|| SELECTIONS.to_vec(), |inputs| vec![inputs]);
     for inputs in selections {
@@ -45,7 +47,7 @@ pub(super) fn fit_shared(
                 return Ok(chosen(alone, best, left_out, options));
             }
         }
-        let found = process(inputs.columns(0, n), &data, None, 1.0, options, compute, progress)?;
+        let found = process(inputs.columns(0, n), &data, None, longest_memory, options, compute, progress)?;
         let learned = of_joints(&found, inputs, &places, &scales, rows, left_out, compute)?;
         let mut sum = 0.0;
         for (alone, learned) in alone.iter_mut().zip(&learned) {

@@ -36,7 +36,7 @@ same and a Gaussian process per joint of its position, velocity and acceleration
 squares, hyperparameters by the likelihood of what the parameters cannot explain); *non-parametric*, processes of all 18
 inputs (6 for the two-link arm) alone. *All effects* adds rotor inertia and an offset to the parameters, which the
 thesis leaves to the process. A process beside parameters is kept only where both together predict parts of the log that
-were left out better than the identified parameters do.
+were left out better than the identified parameters do, by more than a standard error.
 """
 
 SHORT = """This page is of the short version (`--short`): one search per criterion, two periods of 10 s, processes of
@@ -216,7 +216,7 @@ def _study(thesis: Thesis) -> Iterable[str]:
         "worse, which the thesis puts down to over-fitting. It turns the joints all the time. At a turn dry friction "
         "jumps, a sample at 60 Hz stands on either side of the jump, and the filters spread the error over a period "
         "of the cut-off; below 0.05 rad/s stiction and the Stribeck slope rule. No model here describes that. Slow "
-        "rows are left out of all logs, and what outliers remain are weighed down."
+        "rows and those within a period of a turn are left out of all logs, and what outliers remain are weighed down."
     )
     changes, hurt = [], {label: [] for label in labels}
     for row in table:
@@ -239,10 +239,8 @@ def _study(thesis: Thesis) -> Iterable[str]:
     better = [row["motion"] for row in table if _sum(row, SEMI_PARAMETRIC) < _sum(row, IDENTIFIED)]
     yield _text(
         f"The sum of *{SEMI_PARAMETRIC}* is below that of *{IDENTIFIED}* in {len(better)} of {len(table)} rows. Its "
-        "processes know no outliers: rows in which dry friction turns between two samples, which the series is full "
-        "of, count in full, and a process may take them for errors that last for a while, which predictions leave out. "
-        "Rows within a period of the cut-off of a turn can be left out (`turn_margin=1.0`): the series then hurts "
-        "less, but some processes take a constant torque of a log of ten seconds for such errors; case 1 gets worse."
+        "processes know no outliers, and rows in which dry friction turns between two samples would count in full: "
+        "taken for errors that last for a while, which predictions leave out, or for a function of the motion."
     )
 
 
