@@ -161,12 +161,12 @@ fn a_spring_between_two_pins_is_not_taken_for_a_linear_one() {
 #[test]
 fn friction_of_creeping_speeds_alone_is_more_than_a_wrong_sign_near_reversals() {
     let speed = 0.006;
-    let (train, test) = logs(&[hidden("stribeck_friction", 1, &[speed], &[2.0])]);
+    let (train, test) = logs(&[hidden("stribeck_friction", 1, &[speed], &[1.0])]);
     let diagnosis = diagnose(&identified(&train), &train, &test, &DiagnosisOptions::default(), &()).unwrap();
     let found: Vec<&str> = diagnosis.findings.iter().map(|f| f.effect.as_str()).collect();
     assert_eq!(found, ["stribeck_friction"]);
     let fitted = diagnosis.findings[0].parameters.iter().find(|p| p.name == "joint_2.vs").unwrap();
-    assert!((fitted.value / speed - 1.0).abs() < 0.1, "{fitted:?}");
+    assert!((fitted.value / speed - 1.0).abs() < 0.2, "{fitted:?}");
 }
 
 #[test]

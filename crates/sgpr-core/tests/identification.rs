@@ -409,7 +409,7 @@ fn bad_data_are_refused_with_the_place() {
     observation.add_samples(experiment.motion.samples(), &experiment.tau, None).expect("good data");
     let message =
         solve(&observation, Method::WlsKnown(vec![1.0, 0.0, 1.0, 1.0, 1.0, 1.0])).expect_err("zero").to_string();
-    assert!(message.contains("joint 1 is given as 0"), "{message}");
+    assert!(message.contains("joint 2 is given as 0"), "{message}");
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

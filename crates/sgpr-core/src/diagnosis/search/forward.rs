@@ -9,7 +9,7 @@ use super::super::basis::Basis;
 use super::super::fit::{Fitted, solve_like};
 use super::super::problem::Column;
 use super::candidates::Candidate;
-use super::held_out::{HeldOut, TINY};
+use super::held_out::HeldOut;
 use super::{Accepted, EVIDENCE, MATERIAL, Search};
 use crate::effects::{Effect, Reach, Scale, Site};
 use crate::linalg::dot_in_lanes;
@@ -73,6 +73,14 @@ fn may_explain_most(candidate: &Candidate, white: &Column, with: &Column) -> boo
     let timeless = !candidate.term.effect.about().depends_on_time;
     let possible = !candidate.impossible && candidate.score > EVIDENCE;
     possible && timeless && white.iter().zip(with).any(explains_much)
+}
+
+/// Whether the last terms of two fits are torques at the same joint and the first has less freedom.
+fn is_plainer(fitted: &Fitted, other: &Fitted) -> bool {
+    let [Some(own), Some(other)] = [fitted, other].map(|fit| fit.terms().last()) else { return false };
+    let freedom = |term: &Term| term.constants.len() + term.coefficients.len();
+    let torques = !own.is_transform() && !other.is_transform();
+    torques && own.site == other.site && own.site.joint().is_some() && freedom(own) < freedom(other)
 }
 
 impl Search<'_> {
@@ -272,10 +280,11 @@ impl Search<'_> {
     fn plainest_first<'c>(&self, mut trials: Vec<Trial<'c>>) -> Vec<(Trial<'c>, HeldOut)> {
         trials.sort_by_key(|(candidate, ..)| candidate.term.constants.len() + candidate.term.coefficients.len());
         let errors: Vec<HeldOut> = trials.par_iter().map(|(_, trial, _)| self.errors(trial)).collect();
-        let within: Vec<usize> = (0..trials.len()).filter(|k| !self.is_at_edge(&trials[*k].1)).collect();
-        let beaten = |k: usize| {
-            within.iter().any(|other| errors[k].largest_fall_to(&errors[*other], &trials[k].0.term) > MATERIAL)
+        let beats = |other: usize, own: usize| {
+            let beyond_its_range = self.is_at_edge(&trials[other].1) && is_plainer(&trials[own].1, &trials[other].1);
+            !beyond_its_range && errors[own].largest_fall_to(&errors[other], &trials[own].0.term) > MATERIAL
         };
+        let beaten = |own: usize| (0..trials.len()).any(|other| beats(other, own));
         let beaten: Vec<bool> = (0..trials.len()).map(beaten).collect();
         let all = trials.into_iter().zip(errors).zip(beaten);
         let (worse, good): (Vec<_>, Vec<_>) = all.partition(|(_, beaten)| *beaten);
@@ -289,14 +298,16 @@ impl Search<'_> {
         trials.into_iter().partition(|_| equal.next() == Some(true))
     }
 
-    /// Whether a trial's score is that of the best one; or nearly so, where the best one comes near to another form or
-    /// where the trial has less freedom and smaller errors on blocks that were left out, all joints together.
+    /// Whether a trial's score is that of the best one; or nearly so, where it is a plainer form and the best one is at the
+    /// end of its range, or makes the joint's error on blocks that were left out larger.
     fn does_as_well(&self, (_, trial, score): &Trial<'_>, (_, best, best_score): &Trial<'_>) -> bool {
-        let freedom = |fit: &Fitted| fit.terms().last().map_or(0, |t| t.constants.len() + t.coefficients.len());
-        let error = |fit: &Fitted| self.held_out(fit).iter().map(|error| error.max(TINY).ln()).sum::<f64>();
-        let plainer_and_better = || freedom(trial) < freedom(best) && error(trial) < error(best);
+        let error = |fit: &Fitted| {
+            let joint = fit.terms().last().and_then(|term| term.site.joint());
+            joint.map_or(0.0, |joint| self.held_out(fit)[joint])
+        };
+        let speaks_for_it = || self.is_at_edge(best) || error(trial) < error(best);
         *score > (1.0 - NEARLY) * best_score
-            || (*score > (1.0 - ALMOST) * best_score && (self.is_at_edge(best) || plainer_and_better()))
+            || (*score > (1.0 - ALMOST) * best_score && is_plainer(trial, best) && speaks_for_it())
     }
 
     /// Whether a constant of the last term of a fit is at the end of its range: it comes near to another form.

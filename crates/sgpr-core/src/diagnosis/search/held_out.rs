@@ -7,7 +7,7 @@ use crate::effects::Reach;
 use crate::model::Term;
 
 /// An error of nothing, N·m (N).
-pub(super) const TINY: f64 = 1e-12;
+const TINY: f64 = 1e-12;
 
 /// Errors per joint on blocks that were left out, in the band and beyond it.
 #[derive(Clone, Debug)]

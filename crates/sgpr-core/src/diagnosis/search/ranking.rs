@@ -1,6 +1,7 @@
 //! How much of the leftover each candidate explains.
 
 use std::collections::HashMap;
+use std::ops::RangeInclusive;
 
 use rayon::prelude::*;
 
@@ -16,8 +17,9 @@ use crate::progress::Interrupted;
 impl Search<'_> {
     /// The columns of the fit and those that take up what constants of the model may be wrong by.
     pub fn with_nuisances(&self, fitted: &Fitted) -> (Basis, Column) {
-        /// Friction at creeping speed that is larger by this share of dry friction is an effect of its own.
-        const MUCH: f64 = 0.3;
+        /// Friction at creeping speed beyond dry friction, as a share of it, that is an effect of its own: what is larger is
+        /// nothing that lubricants do.
+        const BREAKAWAY: RangeInclusive<f64> = 0.3..=3.0;
         let mut basis = Basis::clone(&fitted.basis);
         let problem = &self.problem;
         for joint in 0..problem.dof() {
@@ -26,7 +28,7 @@ impl Search<'_> {
                 let widths = [width, 3.0 * width];
                 let columns = problem.reversal_columns(&fitted.model, &fitted.rigid, joint, widths);
                 let columns: Vec<Column> = columns.iter().map(|column| self.noise.whiten(problem, column)).collect();
-                if self.friction_at_creep(fitted, widths, &columns) <= MUCH * dry.max(0.0) {
+                if !BREAKAWAY.contains(&(self.friction_at_creep(fitted, widths, &columns) / dry)) {
                     columns.iter().for_each(|column| basis.push(column));
                 }
             }
