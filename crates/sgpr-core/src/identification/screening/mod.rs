@@ -112,8 +112,8 @@ impl fmt::Display for Finding {
             ),
             Self::Driven { joint } => write!(
                 f,
-                "the torque of {joint} looks negated: as it is, friction would drive the joint; check the sign convention of the \
-                 log, and whether friction is compensated twice"
+                "the torque or the position of {joint} looks negated: as they are, friction would drive the joint; check the \
+                 sign conventions of the log, and whether friction is compensated twice"
             ),
             Self::Scaled { joint, factor } => write!(
                 f,
