@@ -1,5 +1,6 @@
 """Every estimator through the one door, and what they say of their uncertainty."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -197,7 +198,7 @@ def negated(robot: sgpr.Robot, log: sgpr.Recording, joint: int) -> list[str]:
     spoilt = sgpr.Recording(log.time_ns, log.q, None, tau, joint_names=log.joint_names)
     report = sgpr.identify(robot, [spoilt]).report
     assert report is not None
-    return [text.split("the torque of ")[1].split()[0] for text in report.warnings if "looks negated" in text]
+    return re.findall(r"of (\S+) looks negated", "\n".join(report.warnings))
 
 
 @pytest.mark.parametrize("name", ["scara", "stanford_like"])
