@@ -310,13 +310,13 @@ impl Search<'_> {
             || (*score > (1.0 - ALMOST) * best_score && is_plainer(trial, best) && speaks_for_it())
     }
 
-    /// Whether a constant of the last term of a fit is at the end of its range: it comes near to another form.
+    /// Whether the only constant of the last term of a fit is at the end of its range: it comes near to another form.
     fn is_at_edge(&self, fitted: &Fitted) -> bool {
         const NEAR: f64 = 1e-6;
         let Some(term) = fitted.terms().last() else { return false };
-        let all = term.effect.constants().iter().zip(&term.constants).enumerate();
-        all.filter(|(_, (constant, _))| matches!(constant.scale, Scale::Linear(_) | Scale::Logarithmic))
-            .any(|(k, (_, value))| self.bounds(term, k).iter().any(|bound| (value - bound).abs() < NEAR * bound.abs()))
+        let (constants, [value]) = (term.effect.constants(), &term.constants[..]) else { return false };
+        matches!(constants[0].scale, Scale::Linear(_) | Scale::Logarithmic)
+            && self.bounds(term, 0).iter().any(|bound| (value - bound).abs() < NEAR * bound.abs())
     }
 
     /// The fit with the best of some candidates that has evidence and matters, if there is one.
