@@ -40,7 +40,7 @@ pub(super) struct Believed<'o> {
     pub index: usize,
     /// What the search knows of it.
     pub accepted: &'o Accepted,
-    /// Probability that it is there.
+    /// Probability that it is there: at this joint, where others explain as much.
     pub probability: f64,
     /// Probability that it or a rival is there: of what has most evidence; beside that, a form that is not quite right may
     /// leave what many effects explain, and it is the probability of this one.
@@ -60,6 +60,7 @@ pub(super) fn probabilities<'o>(
         let lead_of_something = if accepted.score >= strongest { 1.0 } else { lead };
         let [probability, something] =
             [lead, lead_of_something].map(|lead| probability(accepted, lead, strongest, verdict));
+        let probability = probability / (1 + accepted.twins.len()) as f64;
         Believed { index, accepted, probability, something }
     };
     outcome.news(search).map(believed).collect()

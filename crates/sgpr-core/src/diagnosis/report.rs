@@ -279,6 +279,8 @@ fn finding(search: &Search<'_>, term: Term, accepted: &Accepted, after: &[f64], 
     let aliases = search.catalogue.iter().filter(|effect| effect.about().alias_of == Some(name));
     confusable.extend(aliases.map(|effect| effect.name().to_string()));
     confusable.dedup();
+    let names = |site: &Site| site.joint().map(|joint| robot.joints()[joint].name.as_str());
+    confusable.extend(accepted.twins.iter().filter_map(names).map(|joint| format!("{name}@{joint}")));
     let joints = joints_of(&term);
     let listed = |joint: &usize| {
         joints.is_empty() || joints.contains(joint) || accepted.without[*joint] > (1.0 + LISTED) * after[*joint]
@@ -309,16 +311,23 @@ fn evidence(finding: &Finding, robot: &Robot) -> String {
     let usual = finding.terms.iter().all(|term| term.effect.is_plausible(&term.coefficients));
     let sign =
         if usual { "" } else { "; its sign is the opposite of what such a part has: look for what else acts so" };
+    let prefix = format!("{}@", finding.effect);
+    let elsewhere: Vec<&str> = finding.confusable_with.iter().filter_map(|c| c.strip_prefix(&prefix)).collect();
+    let undecided = if elsewhere.is_empty() {
+        String::new()
+    } else {
+        format!("; at {} it would explain as much: these logs cannot tell where it is", elsewhere.join(" or "))
+    };
     match largest_fall(&finding.rmse_before, &finding.rmse_after) {
         Some((joint, before, after)) => {
             let of_name = robot.joints().iter().find(|one| one.name == joint);
             let unit = of_name.map_or("N·m", |one| one.kind.torque_unit());
             format!(
                 "{summary}{signature}: with it the error of {joint} on blocks of time that no fit has seen falls from \
-                 {before:.4} to {after:.4} {unit}{sign}"
+                 {before:.4} to {after:.4} {unit}{sign}{undecided}"
             )
         }
-        None => format!("{summary}{signature}{sign}"),
+        None => format!("{summary}{signature}{sign}{undecided}"),
     }
 }
 

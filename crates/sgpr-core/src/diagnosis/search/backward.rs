@@ -5,9 +5,9 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::super::fit::Fitted;
-use super::forward::{NEARLY, asked_of, is_limit};
+use super::forward::{NEARLY, asked_of, is_limit, is_plainer};
 use super::held_out::HeldOut;
-use super::{Accepted, EVIDENCE, Search};
+use super::{Accepted, EVIDENCE, MATERIAL, Search, without};
 use crate::effects::{Effect, Entry};
 use crate::model::Term;
 use crate::progress::Interrupted;
@@ -31,17 +31,66 @@ impl Search<'_> {
                 0.5 * (fitted.chi2 - other.chi2) > if comes_first { -margin } else { margin }
             };
             let Some(other) = others.into_iter().find(likelier) else { continue };
-            let mut rest = fitted.terms().to_vec();
-            rest.remove(given + k);
-            let bare = self.refit(&fitted, rest);
-            let mut rivals = vec![(step.effect.clone(), own.site, self.score_of(&bare, &fitted))];
-            rivals.append(&mut step.rivals);
-            let (term, score) = (&other.terms()[given + k], self.score_of(&bare, &other));
-            let next = Accepted::new(term, score, [&bare, &other], (&self.errors(&bare), &self.errors(&other)));
-            *step = Accepted { rivals, ..next };
+            let bare = self.refit(&fitted, without(fitted.terms(), &[given + k]));
+            *step = self.exchanged(step, [&bare, &fitted, &other], given + k);
             fitted = other;
         }
         fitted
+    }
+
+    /// The fit with a plainer torque at the same joint in the place of one with more freedom that does no better: what it
+    /// has more may have stood for effects that were found after it.
+    pub(super) fn with_plainer_forms(&self, mut fitted: Fitted, accepted: &mut [Accepted]) -> Fitted {
+        let given = fitted.terms().len() - accepted.len();
+        if accepted.len() < 2 {
+            return fitted;
+        }
+        for (k, step) in accepted.iter_mut().enumerate() {
+            let own = fitted.terms()[given + k].clone();
+            let plainer = self.plainer_rivals(&own, step, fitted.terms());
+            if plainer.is_empty() {
+                continue;
+            }
+            let bare = self.refit(&fitted, without(fitted.terms(), &[given + k]));
+            let (score, errors) = (self.score_of(&bare, &fitted), self.errors(&fitted));
+            let others = plainer.into_iter().map(|term| {
+                let mut terms = fitted.terms().to_vec();
+                terms[given + k] = term;
+                self.refit(&fitted, terms)
+            });
+            let does_as_well = |other: &Fitted| {
+                let loses = self.errors(other).largest_fall_to(&errors, &own) > MATERIAL;
+                self.score_of(&bare, other) > (1.0 - NEARLY) * score && !loses
+            };
+            let best = others.filter(does_as_well).min_by(|a, b| a.chi2.total_cmp(&b.chi2));
+            let Some(other) = best else { continue };
+            *step = self.exchanged(step, [&bare, &fitted, &other], given + k);
+            fitted = other;
+        }
+        fitted
+    }
+
+    /// Torques without constants that had nearly the evidence of one with more freedom at the same joint and that the model
+    /// does not have.
+    fn plainer_rivals(&self, own: &Term, step: &Accepted, terms: &[Term]) -> Vec<Term> {
+        const CLOSE: f64 = 0.9;
+        let close = |name: &str| {
+            let rivals = step.rivals.iter().filter(|(rival, site, _)| rival == name && *site == own.site);
+            rivals.map(|(.., score)| *score).fold(0.0, f64::max) > CLOSE * step.first_score
+        };
+        let effects = self.catalogue.iter().filter(|effect| effect.constants().is_empty() && close(effect.name()));
+        let terms_of = effects.map(|effect| Term::new(effect.clone(), own.site, vec![]));
+        terms_of.filter(|term| is_plainer(term, own) && !terms.iter().any(|other| other.is_like(term))).collect()
+    }
+
+    /// A step with another term in the place of its own: of `fits`, which are without either, with its own and with the
+    /// other, at `index`.
+    fn exchanged(&self, step: &Accepted, [bare, own, other]: [&Fitted; 3], index: usize) -> Accepted {
+        let mut rivals = vec![(step.effect.clone(), step.site, self.score_of(bare, own))];
+        rivals.extend(step.rivals.iter().filter(|(name, ..)| name != other.terms()[index].effect.name()).cloned());
+        let (term, score) = (&other.terms()[index], self.score_of(bare, other));
+        let next = Accepted::new(term, score, [bare, other], (&self.errors(bare), &self.errors(other)));
+        Accepted { rivals, ..next }
     }
 
     /// Other transforms that are confused with one, with constants of the same units: they begin at its values.

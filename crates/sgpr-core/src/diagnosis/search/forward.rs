@@ -35,6 +35,9 @@ pub(super) const NEARLY: f64 = 0.005;
 /// ... by less than this share where more speaks for the one that is behind.
 const ALMOST: f64 = 0.05;
 
+/// Scores of one effect at two joints that differ by less than this share say the same.
+const TIED: f64 = 0.001;
+
 /// Most candidates that are fitted with the whole model in a step.
 pub(super) const MOST_TRIED: usize = 4;
 
@@ -75,10 +78,13 @@ fn may_explain_most(candidate: &Candidate, white: &Column, with: &Column) -> boo
     possible && timeless && white.iter().zip(with).any(explains_much)
 }
 
-/// Whether the last terms of two fits are torques at the same joint and the first has less freedom.
-fn is_plainer(fitted: &Fitted, other: &Fitted) -> bool {
-    let [Some(own), Some(other)] = [fitted, other].map(|fit| fit.terms().last()) else { return false };
-    let freedom = |term: &Term| term.constants.len() + term.coefficients.len();
+/// Numbers that a term has to be fitted with.
+fn freedom(term: &Term) -> usize {
+    term.constants.len() + term.coefficients.len()
+}
+
+/// Whether two terms are torques at the same joint and the first has less freedom.
+pub(super) fn is_plainer(own: &Term, other: &Term) -> bool {
     let torques = !own.is_transform() && !other.is_transform();
     torques && own.site == other.site && own.site.joint().is_some() && freedom(own) < freedom(other)
 }
@@ -278,10 +284,11 @@ impl Search<'_> {
     /// where more of it lowers the error on blocks that were left out: what is left of that is small beside what was
     /// explained, and would never become an effect of its own.
     fn plainest_first<'c>(&self, mut trials: Vec<Trial<'c>>) -> Vec<(Trial<'c>, HeldOut)> {
-        trials.sort_by_key(|(candidate, ..)| candidate.term.constants.len() + candidate.term.coefficients.len());
+        trials.sort_by_key(|(candidate, ..)| freedom(&candidate.term));
         let errors: Vec<HeldOut> = trials.par_iter().map(|(_, trial, _)| self.errors(trial)).collect();
         let beats = |other: usize, own: usize| {
-            let beyond_its_range = self.is_at_edge(&trials[other].1) && is_plainer(&trials[own].1, &trials[other].1);
+            let [plainer, richer] = [own, other].map(|k| &trials[k].0.term);
+            let beyond_its_range = self.is_at_edge(&trials[other].1) && is_plainer(plainer, richer);
             !beyond_its_range && errors[own].largest_fall_to(&errors[other], &trials[own].0.term) > MATERIAL
         };
         let beaten = |own: usize| (0..trials.len()).any(|other| beats(other, own));
@@ -300,14 +307,14 @@ impl Search<'_> {
 
     /// Whether a trial's score is that of the best one; or nearly so, where it is a plainer form and the best one is at the
     /// end of its range, or makes the joint's error on blocks that were left out larger.
-    fn does_as_well(&self, (_, trial, score): &Trial<'_>, (_, best, best_score): &Trial<'_>) -> bool {
+    fn does_as_well(&self, (own, trial, score): &Trial<'_>, (first, best, best_score): &Trial<'_>) -> bool {
         let error = |fit: &Fitted| {
             let joint = fit.terms().last().and_then(|term| term.site.joint());
             joint.map_or(0.0, |joint| self.held_out(fit)[joint])
         };
         let speaks_for_it = || self.is_at_edge(best) || error(trial) < error(best);
         *score > (1.0 - NEARLY) * best_score
-            || (*score > (1.0 - ALMOST) * best_score && is_plainer(trial, best) && speaks_for_it())
+            || (*score > (1.0 - ALMOST) * best_score && is_plainer(&own.term, &first.term) && speaks_for_it())
     }
 
     /// Whether the only constant of the last term of a fit is at the end of its range: it comes near to another form.
@@ -338,6 +345,8 @@ impl Search<'_> {
         });
         let mut trials: Vec<Trial<'_>> = scored.filter(|(_, _, score)| *score >= EVIDENCE).collect();
         trials.sort_by(|a, b| b.2.total_cmp(&a.2));
+        let scores: Vec<(String, Site, f64)> =
+            trials.iter().map(|(c, _, score)| (c.term.effect.name().into(), c.term.site, *score)).collect();
         let (equal, others) = self.equal_to_first(trials);
         let others = others.into_iter().map(|trial| {
             let errors = self.errors(&trial.1);
@@ -352,8 +361,12 @@ impl Search<'_> {
             let own = candidate.term.effect.name();
             let rivals = tried.iter().filter(|c| c.term.effect.name() != own);
             let rivals = rivals.map(|c| (c.term.effect.name().into(), c.term.site, c.score)).collect();
+            let is_twin = |(name, site, other): &&(String, Site, f64)| {
+                name == own && *site != candidate.term.site && (score - other).abs() < TIED * score
+            };
+            let twins = scores.iter().filter(is_twin).map(|(_, site, _)| *site).collect();
             let accepted =
-                Accepted { rivals, ..Accepted::new(&candidate.term, score, [fitted, &trial], (without, &with)) };
+                Accepted { rivals, twins, ..Accepted::new(&candidate.term, score, [fitted, &trial], (without, &with)) };
             return Ok(Some((trial, accepted)));
         }
         Ok(None)

@@ -37,8 +37,10 @@ pub(super) struct Accepted {
     first_by_joint: Vec<f64>,
     /// Largest fall of the held-out error on a joint, as a share of what is left.
     pub effect_size: f64,
-    /// Rivals at this step: effect and score.
+    /// Rivals at this step: other effects and their scores.
     pub rivals: Vec<(String, Site, f64)>,
+    /// Where else the same effect explained as much.
+    pub twins: Vec<Site>,
     /// Held-out error per joint right after it was added, N·m (N).
     pub with: Vec<f64>,
     /// Held-out error per joint of the whole model without it, N·m (N).
@@ -56,6 +58,7 @@ impl Accepted {
             first_by_joint: falls(&fits[0].white, &fits[1].white),
             effect_size: without.largest_fall_to(with, term),
             rivals: vec![],
+            twins: vec![],
             with: with.total(),
             without: without.total(),
         }
@@ -238,6 +241,7 @@ impl<'a> Search<'a> {
             self.progress.step(STAGE, fitted.terms().len().min(MOST_TERMS), MOST_TERMS)?;
         }
         fitted = self.with_likelier_transforms(fitted, &mut accepted);
+        fitted = self.with_plainer_forms(fitted, &mut accepted);
         let (mut fitted, accepted) = self.backward(fitted, accepted)?;
         if closed.contains(&true) {
             let on_all_rows = self.on_rows_without(&vec![false; closed.len()], &fitted);
