@@ -38,14 +38,24 @@ impl Search<'_> {
     }
 
     /// Whether the last term of a fit corrects the geometry, a tilt, a zero, a length, and less than the noise is left at
-    /// a joint: the largest model at the start could not know of it and took it for noise.
+    /// a joint; or is a load or a contact and much less is left: the largest model at the start could not know of it and took
+    /// it for noise.
     pub(super) fn is_quieter(&self, fitted: &Fitted) -> bool {
         const QUIETER: f64 = 0.95;
+        const MUCH_QUIETER: f64 = 0.5;
         let geometric = |term: &Term| {
             term.is_transform() && term.effect.constants().iter().all(|constant| ["rad", "m"].contains(&constant.unit))
         };
-        fitted.terms().last().is_some_and(geometric)
-            && fitted.residual.iter().zip(&self.noise.level).any(|(r, level)| !r.is_empty() && rms(r) < QUIETER * level)
+        let of_arm = |term: &Term| !term.is_transform() && term.effect.reach() == Reach::All;
+        let Some(term) = fitted.terms().last() else { return false };
+        let asked = if geometric(term) {
+            QUIETER
+        } else if of_arm(term) {
+            MUCH_QUIETER
+        } else {
+            return false;
+        };
+        fitted.residual.iter().zip(&self.noise.level).any(|(r, level)| !r.is_empty() && rms(r) < asked * level)
     }
 
     /// What columns leave of a joint's residual. Seconds with far more of it than others hold what begins and ends, a
