@@ -365,6 +365,42 @@ fn a_weak_effect_is_found_beside_a_strong_contact() {
 
 /// Effects that imitate a torque from outside of the catalogue are no findings; in a catalogue that has it, it is one.
 #[test]
+fn a_load_is_no_noise_to_what_is_weak_beside_it() {
+    let load = [8.0, 1.0, 0.5, 0.4, 0.3, 0.0, 0.0, 0.3, 0.0, 0.3];
+    let mut payload = Term::new(by_name("payload_change").unwrap(), Site::Arm, vec![21.0]);
+    payload.coefficients = load.to_vec();
+    let weak = hidden("asymmetric_viscous_friction", 1, &[], &[0.05]);
+    let (train, test) = logs(&[payload, weak]);
+    let diagnosis = diagnose(&identified(&train), &train, &test, &DiagnosisOptions::default(), &()).unwrap();
+    let found: Vec<&str> = diagnosis.findings.iter().map(|f| f.effect.as_str()).collect();
+    assert_eq!(found, ["payload_change", "asymmetric_viscous_friction"]);
+}
+
+#[test]
+fn a_constant_torque_beside_a_wrong_gain_is_no_spring() {
+    let robot = puma560();
+    let terms = [hidden("torque_gain_error", 4, &[-0.19], &[]), hidden("torque_offset", 3, &[], &[0.16])];
+    let log = |number| log_of(&robot, &[0.3; 12], 0.003, &terms, (number, 20.0));
+    let (train, test) = ([log(0), log(1)], [log(2)]);
+    let diagnosis = diagnose(&identified_on(&robot, &train), &train, &test, &DiagnosisOptions::default(), &()).unwrap();
+    let found: Vec<&str> = diagnosis.findings.iter().map(|f| f.effect.as_str()).collect();
+    assert_eq!(found, ["torque_offset", "torque_gain_error"]);
+}
+
+#[test]
+fn gains_that_are_the_same_torque_share_their_probability() {
+    // With 1.2 times the torque at one joint all parameters that it shares with the other are 1.2 times as large.
+    let (train, test) = logs(&[hidden("torque_gain_error", 0, &[0.2], &[])]);
+    let diagnosis = diagnose(&identified(&train), &train, &test, &DiagnosisOptions::default(), &()).unwrap();
+    let [finding] = &diagnosis.findings[..] else { panic!("{:?}", diagnosis.findings) };
+    assert_eq!(finding.effect, "torque_gain_error");
+    let other = if finding.joints == ["joint_1"] { "joint_2" } else { "joint_1" };
+    assert!(finding.confusable_with.contains(&format!("torque_gain_error@{other}")), "{finding:?}");
+    assert!((0.4..=0.5).contains(&finding.probability), "{}", finding.probability);
+    assert!(finding.evidence.contains("cannot tell"), "{}", finding.evidence);
+}
+
+#[test]
 fn what_no_effect_explains_is_said_and_is_found_once_the_catalogue_has_it() {
     let (train, test) = logs(&[EVEN_DRAG.at(0, 0.3)]);
     let model = identified(&train);

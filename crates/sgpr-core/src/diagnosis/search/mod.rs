@@ -65,18 +65,6 @@ impl Accepted {
     }
 }
 
-impl Accepted {
-    /// What it brought at first, counted in another noise.
-    fn scale_to(&mut self, [before, now]: [&[f64]; 2]) {
-        let total = |step: &Self| step.first_by_joint.iter().map(|own| own.max(0.0)).sum::<f64>();
-        let old = total(self);
-        for ((own, before), now) in self.first_by_joint.iter_mut().zip(before).zip(now) {
-            *own *= (before / now).powi(2);
-        }
-        self.first_score *= total(self) / old.max(1.0);
-    }
-}
-
 /// What a search came to.
 pub(super) struct Outcome {
     /// The model as it was, on the rows that count.
@@ -248,12 +236,7 @@ impl<'a> Search<'a> {
                 fitted = self.on_rows_without(&closed, &bare);
             }
             if self.is_quieter(&fitted) {
-                let before = self.noise.level.clone();
                 fitted = self.with_noise_anew(&fitted)?;
-                // What a corrected geometry leaves is tiny beside it in any noise.
-                if !transform {
-                    accepted.iter_mut().for_each(|step| step.scale_to([&before, &self.noise.level]));
-                }
             }
             self.progress.step(STAGE, fitted.terms().len().min(MOST_TERMS), MOST_TERMS)?;
         }
