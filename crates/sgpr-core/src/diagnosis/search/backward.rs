@@ -17,7 +17,6 @@ impl Search<'_> {
     /// in the catalogue: which of them it is may show only when all others are there.
     pub(super) fn with_likelier_transforms(&self, mut fitted: Fitted, accepted: &mut [Accepted]) -> Fitted {
         let given = fitted.terms().len() - accepted.len();
-        let place = |term: &Term| self.catalogue.iter().position(|own| own.name() == term.effect.name());
         for (k, step) in accepted.iter_mut().enumerate() {
             let own = fitted.terms()[given + k].clone();
             let others = self.transforms_like(&own).into_iter().map(|term| {
@@ -27,7 +26,7 @@ impl Search<'_> {
             });
             let margin = NEARLY * step.first_score;
             let likelier = |other: &Fitted| {
-                let comes_first = place(&other.terms()[given + k]) < place(&own);
+                let comes_first = self.place(&other.terms()[given + k]) < self.place(&own);
                 0.5 * (fitted.chi2 - other.chi2) > if comes_first { -margin } else { margin }
             };
             let Some(other) = others.into_iter().find(likelier) else { continue };

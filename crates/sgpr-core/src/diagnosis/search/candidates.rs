@@ -46,6 +46,11 @@ impl Search<'_> {
         effect.entry() != Entry::Gate && about.alias_of.is_none() && absent
     }
 
+    /// Where an effect stands in the catalogue.
+    pub(super) fn place(&self, term: &Term) -> Option<usize> {
+        self.catalogue.iter().position(|own| own.name() == term.effect.name())
+    }
+
     /// Whether the model has an effect at every joint.
     pub fn has_everywhere(&self, effect: &dyn Effect) -> bool {
         effect.entry() == Entry::State && self.known.iter().any(|known| known == effect.name())

@@ -35,8 +35,11 @@ pub(super) const NEARLY: f64 = 0.005;
 /// ... by less than this share where more speaks for the one that is behind.
 const ALMOST: f64 = 0.05;
 
-/// Scores of one effect at two joints that differ by less than this share say the same.
-const TIED: f64 = 0.001;
+/// Whether scores of one effect at two joints say the same.
+fn is_tied(one: f64, other: f64) -> bool {
+    const TIED: f64 = 0.001;
+    (one - other).abs() < TIED * one
+}
 
 /// Most candidates that are fitted with the whole model in a step.
 pub(super) const MOST_TRIED: usize = 4;
@@ -317,6 +320,41 @@ impl Search<'_> {
             || (*score > (1.0 - ALMOST) * best_score && is_plainer(&own.term, &first.term) && speaks_for_it())
     }
 
+    /// Of trials that are the first one's effect at another joint and explain as much, the one comes first whose inertias
+    /// are nearest to those of the robot's file: gains of two joints may be the same torque but for the scale of what they
+    /// share.
+    fn put_likely_twin_first(&self, trials: &mut [Trial<'_>]) {
+        let Some(((first, ..), first_score)) = trials.first().map(|first| (first, first.2)) else { return };
+        let is_twin = |(own, _, score): &Trial<'_>| {
+            own.term.effect.name() == first.term.effect.name() && is_tied(first_score, *score)
+        };
+        let twins = trials.iter().enumerate().filter(|(_, trial)| is_twin(trial));
+        let distances: Vec<(usize, f64)> = twins.map(|(k, trial)| (k, self.distance_to_file(&trial.1))).collect();
+        let nearest = distances.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+        if let Some((nearest, _)) = nearest.filter(|_| distances.len() > 1) {
+            trials[..=*nearest].rotate_right(1);
+        }
+    }
+
+    /// Squares of the torque by which the bodies of a fit differ from those of the robot's file, each joint by its noise.
+    fn distance_to_file(&self, fitted: &Fitted) -> f64 {
+        let (model, base) = (&fitted.model, fitted.model.base());
+        let mut of_file = model.parameters().to_vec();
+        let bodies = self.problem.nominal.robot().standard_parameters();
+        of_file[..bodies.len()].copy_from_slice(&bodies);
+        let [own, file] = [model.parameters(), &of_file].map(|parameters| base.combine(parameters));
+        let differences: Vec<f64> = own.iter().zip(&file).map(|(own, file)| own - file).collect();
+        let of_joint = |joint: usize| -> f64 {
+            let rows = fitted.residual[joint].len();
+            let torque = |row: usize| -> f64 {
+                let columns = fitted.columns.iter().zip(&differences).filter(|(column, _)| !column[joint].is_empty());
+                columns.map(|(column, factor)| factor * column[joint][row]).sum()
+            };
+            (0..rows).map(|row| (torque(row) / self.noise.level[joint]).powi(2)).sum()
+        };
+        (0..self.problem.dof()).map(of_joint).sum()
+    }
+
     /// Whether the only constant of the last term of a fit is at the end of its range: it comes near to another form.
     fn is_at_edge(&self, fitted: &Fitted) -> bool {
         const NEAR: f64 = 1e-6;
@@ -344,7 +382,11 @@ impl Search<'_> {
             (*candidate, trial, score)
         });
         let mut trials: Vec<Trial<'_>> = scored.filter(|(_, _, score)| *score >= EVIDENCE).collect();
-        trials.sort_by(|a, b| b.2.total_cmp(&a.2));
+        // Columns may be the same, a torque that is lost in the direction of a torque of one sign and an offset: then the
+        // order of the catalogue decides.
+        let place = |trial: &Trial<'_>| self.place(&trial.0.term);
+        trials.sort_by_key(|trial| ((-2.0 * trial.2).round() as i64, place(trial)));
+        self.put_likely_twin_first(&mut trials);
         let scores: Vec<(String, Site, f64)> =
             trials.iter().map(|(c, _, score)| (c.term.effect.name().into(), c.term.site, *score)).collect();
         let (equal, others) = self.equal_to_first(trials);
@@ -362,7 +404,7 @@ impl Search<'_> {
             let rivals = tried.iter().filter(|c| c.term.effect.name() != own);
             let rivals = rivals.map(|c| (c.term.effect.name().into(), c.term.site, c.score)).collect();
             let is_twin = |(name, site, other): &&(String, Site, f64)| {
-                name == own && *site != candidate.term.site && (score - other).abs() < TIED * score
+                name == own && *site != candidate.term.site && is_tied(score, *other)
             };
             let twins = scores.iter().filter(is_twin).map(|(_, site, _)| *site).collect();
             let accepted =
