@@ -59,7 +59,7 @@ pub struct Finding {
     pub rmse_after: ByJoint,
     /// One sentence.
     pub evidence: String,
-    /// Effects that these logs tell from it badly.
+    /// Effects that these logs tell from it badly; `effect@joint` is the same one elsewhere.
     pub confusable_with: Vec<String>,
     /// What would tell them apart.
     pub separating_experiment: String,
