@@ -19,11 +19,7 @@ impl Search<'_> {
         let given = fitted.terms().len() - accepted.len();
         for (k, step) in accepted.iter_mut().enumerate() {
             let own = fitted.terms()[given + k].clone();
-            let others = self.transforms_like(&own).into_iter().map(|term| {
-                let mut terms = fitted.terms().to_vec();
-                terms[given + k] = term;
-                self.refit(&fitted, terms)
-            });
+            let others = self.transforms_like(&own).into_iter().map(|term| self.with_instead(&fitted, given + k, term));
             let margin = NEARLY * step.first_score;
             let likelier = |other: &Fitted| {
                 let comes_first = self.place(&other.terms()[given + k]) < self.place(&own);
@@ -52,11 +48,7 @@ impl Search<'_> {
             }
             let bare = self.refit(&fitted, without(fitted.terms(), &[given + k]));
             let (score, errors) = (self.score_of(&bare, &fitted), self.errors(&fitted));
-            let others = plainer.into_iter().map(|term| {
-                let mut terms = fitted.terms().to_vec();
-                terms[given + k] = term;
-                self.refit(&fitted, terms)
-            });
+            let others = plainer.into_iter().map(|term| self.with_instead(&fitted, given + k, term));
             let does_as_well = |other: &Fitted| {
                 let loses = self.errors(other).largest_fall_to(&errors, &own) > MATERIAL;
                 self.score_of(&bare, other) > (1.0 - NEARLY) * score && !loses
@@ -80,6 +72,13 @@ impl Search<'_> {
         let effects = self.catalogue.iter().filter(|effect| effect.constants().is_empty() && close(effect.name()));
         let terms_of = effects.map(|effect| Term::new(effect.clone(), own.site, vec![]));
         terms_of.filter(|term| is_plainer(term, own) && !terms.iter().any(|other| other.is_like(term))).collect()
+    }
+
+    /// The fit with another term in the place of the one at `index`.
+    fn with_instead(&self, fitted: &Fitted, index: usize, term: Term) -> Fitted {
+        let mut terms = fitted.terms().to_vec();
+        terms[index] = term;
+        self.refit(fitted, terms)
     }
 
     /// A step with another term in the place of its own: of `fits`, which are without either, with its own and with the

@@ -35,10 +35,11 @@ pub(super) const NEARLY: f64 = 0.005;
 /// ... by less than this share where more speaks for the one that is behind.
 const ALMOST: f64 = 0.05;
 
-/// Whether scores of one effect at two joints say the same.
-fn is_tied(one: f64, other: f64) -> bool {
+/// Whether two candidates are one effect at two joints and their scores say the same.
+fn are_twins((own, score): (&Candidate, f64), (other, other_score): (&Candidate, f64)) -> bool {
     const TIED: f64 = 0.001;
-    (one - other).abs() < TIED * one
+    let same = own.term.effect.name() == other.term.effect.name() && own.term.site != other.term.site;
+    same && (score - other_score).abs() < TIED * score
 }
 
 /// Most candidates that are fitted with the whole model in a step.
@@ -324,15 +325,15 @@ impl Search<'_> {
     /// are nearest to those of the robot's file: gains of two joints may be the same torque but for the scale of what they
     /// share.
     fn put_likely_twin_first(&self, trials: &mut [Trial<'_>]) {
-        let Some(((first, ..), first_score)) = trials.first().map(|first| (first, first.2)) else { return };
-        let is_twin = |(own, _, score): &Trial<'_>| {
-            own.term.effect.name() == first.term.effect.name() && is_tied(first_score, *score)
-        };
-        let twins = trials.iter().enumerate().filter(|(_, trial)| is_twin(trial));
-        let distances: Vec<(usize, f64)> = twins.map(|(k, trial)| (k, self.distance_to_file(&trial.1))).collect();
-        let nearest = distances.iter().min_by(|a, b| a.1.total_cmp(&b.1));
-        if let Some((nearest, _)) = nearest.filter(|_| distances.len() > 1) {
-            trials[..=*nearest].rotate_right(1);
+        let Some((first, _, score)) = trials.first() else { return };
+        let is_twin = |k: &usize| are_twins((*first, *score), (trials[*k].0, trials[*k].2));
+        let twins: Vec<usize> = (1..trials.len()).filter(is_twin).collect();
+        if twins.is_empty() {
+            return;
+        }
+        let all = std::iter::once(0).chain(twins).map(|k| (k, self.distance_to_file(&trials[k].1)));
+        if let Some((nearest, _)) = all.min_by(|a, b| a.1.total_cmp(&b.1)) {
+            trials[..=nearest].rotate_right(1);
         }
     }
 
@@ -387,8 +388,7 @@ impl Search<'_> {
         let place = |trial: &Trial<'_>| self.place(&trial.0.term);
         trials.sort_by_key(|trial| ((-2.0 * trial.2).round() as i64, place(trial)));
         self.put_likely_twin_first(&mut trials);
-        let scores: Vec<(String, Site, f64)> =
-            trials.iter().map(|(c, _, score)| (c.term.effect.name().into(), c.term.site, *score)).collect();
+        let scores: Vec<(&Candidate, f64)> = trials.iter().map(|(candidate, _, score)| (*candidate, *score)).collect();
         let (equal, others) = self.equal_to_first(trials);
         let others = others.into_iter().map(|trial| {
             let errors = self.errors(&trial.1);
@@ -403,10 +403,8 @@ impl Search<'_> {
             let own = candidate.term.effect.name();
             let rivals = tried.iter().filter(|c| c.term.effect.name() != own);
             let rivals = rivals.map(|c| (c.term.effect.name().into(), c.term.site, c.score)).collect();
-            let is_twin = |(name, site, other): &&(String, Site, f64)| {
-                name == own && *site != candidate.term.site && is_tied(score, *other)
-            };
-            let twins = scores.iter().filter(is_twin).map(|(_, site, _)| *site).collect();
+            let twins = scores.iter().filter(|other| are_twins((candidate, score), **other));
+            let twins = twins.map(|(twin, _)| twin.term.site).collect();
             let accepted =
                 Accepted { rivals, twins, ..Accepted::new(&candidate.term, score, [fitted, &trial], (without, &with)) };
             return Ok(Some((trial, accepted)));
