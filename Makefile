@@ -94,6 +94,7 @@ diagnosis-mujoco: build
 peers: build
 	$(BIN)/python benches/peers/run.py
 	$(BIN)/python benches/peers/gp.py
+	$(BIN)/python benches/peers/gp.py --points 6006 --inputs 18 --no-fit
 	$(BIN)/python benches/peers/simulation.py
 
 ## Damaged and made-up files of every kind, many of them.

@@ -66,7 +66,7 @@ def learn(path: Path, kind: str, joint: int, jobs: int, evaluations: int) -> dic
     start, cpu = time.perf_counter(), time.process_time()
     process, kernel, likelihoods = fit_likeliest(x, tau[:, joint] - mean, kind, jobs, evaluations)
     wall, cpu = time.perf_counter() - start, time.process_time() - cpu
-    predicted, std = process.predict(x_test, return_std=True, include_noise=True)
+    predicted, std, half_interval = process.predict(x_test, True, include_noise=True, return_interval=True)
     error = tau_test[:, joint] - mean - predicted
     return {
         "kind": kind,
@@ -75,7 +75,7 @@ def learn(path: Path, kind: str, joint: int, jobs: int, evaluations: int) -> dic
         "likelihoods": likelihoods,
         "smse": float(np.mean(error**2) / tau_test[:, joint].var()),
         "within_68": float(100 * np.mean(np.abs(error) < std)),
-        "within_95": float(100 * np.mean(np.abs(error) < 1.96 * std)),
+        "within_95": float(100 * np.mean(np.abs(error) < half_interval)),
         "wall_s": wall,
         "cpu_s": cpu,
         "peak_gb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9,
@@ -86,13 +86,16 @@ def learn(path: Path, kind: str, joint: int, jobs: int, evaluations: int) -> dic
 def table(rows: list[dict[str, object]]) -> str:
     """The figures as a table in Markdown."""
     kinds = [kind for kind in KINDS if kind in {row["kind"] for row in rows}]
-    names = ["joint", "kernel", "reference", *(kind + unit for unit in ("", ", CPU s", ", GB") for kind in kinds)]
+    units = ("", ", within 68 / 95 %", ", CPU s", ", GB")
+    names = ["joint", "kernel", "reference", *(kind + unit for unit in units for kind in kinds)]
     lines = ["| " + " | ".join(names) + " |", "|" + "---|" * len(names)]
     found = {(row["kind"], row["joint"]): row for row in rows}
     for joint in sorted({row["joint"] for row in rows}):
         pair = [found[kind, joint] for kind in kinds]
         cells = [f"{joint}", f"{pair[0]['kernel']}", f"{REFERENCE[joint - 1]:.4f}"]
-        for name, digits in (("smse", 4), ("cpu_s", 0), ("peak_gb", 2)):
+        cells += [f"{row['smse']:.4f}" for row in pair]
+        cells += [f"{row['within_68']:.0f} / {row['within_95']:.0f}" for row in pair]
+        for name, digits in (("cpu_s", 0), ("peak_gb", 2)):
             cells += [f"{row[name]:.{digits}f}" for row in pair]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)

@@ -19,8 +19,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ["numpy", "scipy", "scikit-learn", "GPy"]
-# How many times as fast as each peer.
+# How many times as fast as each peer, at this size.
+GOAL_SIZE = (6006, 18)
 GOALS = {"scipy": None, "gpy": 2.5, "gpytorch": 5.0, "scikit-learn": 9.0}
+# Gradients by the logarithms of variance, length scales and noise variance.
+SAME_PARAMETERS = {"sgpr", "scipy", "scikit-learn"}
 ONE_CORE = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "RAYON")}
 NOISE = 0.01
 # Gain of a step, relative to the likelihood, at which a search ends.
@@ -224,7 +227,10 @@ def measure(name: str, points: int, inputs: int, rounds: int, whole: bool) -> No
         fastest = min(fastest, time.process_time() - start)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2
     evaluations = int(rest) if whole else 1
-    print(json.dumps({"value": float(value), "seconds": fastest, "memory": memory, "evaluations": evaluations}))
+    found = {"value": float(value), "seconds": fastest, "memory": memory, "evaluations": evaluations}
+    if name in SAME_PARAMETERS and not whole:
+        found["gradient"] = [float(derivative) for derivative in rest]
+    print(json.dumps(found))
 
 
 def environment(folder: Path) -> Path:
@@ -249,7 +255,9 @@ def compare(size: tuple[int, int], rounds: int, whole: bool, python: Path) -> di
         environment = {**os.environ, **ONE_CORE}
         result = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
         if result.returncode:
-            print(f"{name}: left out ({result.stderr.strip().splitlines()[-1]})", file=sys.stderr)
+            # Killed for its memory it says nothing.
+            reason = [f"ended with {result.returncode}", *result.stderr.strip().splitlines()][-1]
+            print(f"{name}: left out ({reason})", file=sys.stderr)
             continue
         results[name] = json.loads(result.stdout.splitlines()[-1])
     return results
@@ -274,13 +282,19 @@ def main() -> int:
     results = compare(size, arguments.rounds, False, python)
     ours = results["sgpr"]
     print(f"\nLog marginal likelihood with gradient, {of}\n")
-    print("| package | CPU s | peak memory GiB | sgpr is faster by | goal |\n|---|---|---|---|---|")
+    print("| package | CPU s | peak memory GiB | sgpr is faster by | goal | gradient beside sgpr's, per point |")
+    print("|---|---|---|---|---|---|")
     for name, result in results.items():
         agrees = abs(result["value"] - ours["value"]) < 1e-4 * abs(ours["value"])
         ratio = "-" if name == "sgpr" else f"{result['seconds'] / ours['seconds']:.2f}"
-        goal = GOALS.get(name)
+        goal = GOALS.get(name) if size == GOAL_SIZE else None
         note = "" if agrees else " (another value!)"
-        print(f"| {name}{note} | {result['seconds']:.3f} | {result['memory']:.2f} | {ratio} | {goal or '-'} |")
+        beside = "-"
+        if name != "sgpr" and "gradient" in result:
+            pairs = zip(result["gradient"], ours["gradient"], strict=True)
+            beside = f"{max(abs(theirs - own) for theirs, own in pairs) / size[0]:.1e}"
+        cells = [f"{result['seconds']:.3f}", f"{result['memory']:.2f}", ratio, f"{goal or '-'}", beside]
+        print(f"| {name}{note} | {' | '.join(cells)} |")
     if arguments.no_fit:
         return 0
     results = compare(size, 1, True, python)

@@ -367,6 +367,44 @@ fn a_sparse_process_with_all_points_is_the_exact_one_and_with_fewer_a_bound() {
 }
 
 #[test]
+fn leaving_a_point_out_of_a_sparse_process_is_fitting_without_it() {
+    let (data, covariance, inducing) = sparse_case();
+    let fit = |data: &Data| SparseGaussianProcess::fit(data, covariance.clone(), inducing.clone(), &Compute::default());
+    let all = fit(&data).expect("good").leave_one_out(&data).expect("the data");
+    for i in 0..data.len() {
+        let others: Vec<usize> = (0..data.len()).filter(|k| *k != i).collect();
+        let without = fit(&data.select(&others)).expect("good");
+        let prediction = without.predict(&data.x()[3 * i..3 * i + 3], true).expect("a point");
+        assert!(largest_difference(&prediction.mean, &all.mean[2 * i..2 * i + 2]) < 1e-8, "{i}");
+        assert!((prediction.variance[0] + covariance.noise_variance - all.variance[i]).abs() < 1e-8, "{i}");
+    }
+}
+
+#[test]
+fn intervals_are_as_wide_as_errors_of_points_left_out_say() {
+    // Evenly spread, without any order: multiples of the golden section and of sqrt(2).
+    let spread = |factor: f64| move |k: i32| (factor * f64::from(k)).fract();
+    let x: Vec<f64> = (0..1500).map(spread(0.618_033_988_75)).map(|u| 6.0 * u).collect();
+    // Laplace's distribution with the variance of the noise that the process knows, 0.09.
+    let size = 0.3 / 2f64.sqrt();
+    let error = |u: f64| -size * (u - 0.5).signum() * (1.0 - 2.0 * (u - 0.5).abs()).max(1e-9).ln();
+    let errors = (0..1500).map(spread(2f64.sqrt())).map(error);
+    let y = x.iter().zip(errors).map(|(x, error)| x.sin() + error).collect();
+    let data = Data::new(x, 1, y, 1).expect("finite");
+    let kernel = Kernel::isotropic(Shape::SquaredExponential, 1, 1.5).scaled(1.0);
+    let gp = GaussianProcess::fit(data.clone(), Covariance::new(kernel, 0.09), &Compute::default()).expect("good");
+    let factors = gp.leave_one_out().calibration(&data)[0];
+    // |error| has an exponential distribution.
+    let quantile = |share: f64| -size * (1.0 - share).ln() / 0.3;
+    assert!((factors.deviation - quantile(0.682_689)).abs() < 0.02, "{factors:?}");
+    assert!((factors.half_interval_95 - quantile(0.95)).abs() < 0.05, "{factors:?}");
+    let few = data.select(&(0..50).collect::<Vec<_>>());
+    let gp = GaussianProcess::fit(few.clone(), gp.covariance().clone(), &Compute::default()).expect("good");
+    let factors = gp.leave_one_out().calibration(&few)[0];
+    assert_eq!((factors.deviation, factors.half_interval_95), (1.0, 1.96));
+}
+
+#[test]
 fn a_sparse_search_keeps_to_its_budget_and_moving_the_points_gains() {
     let x: Vec<f64> = (0..3000).map(|k| 0.005 * f64::from(k)).collect();
     let y = x.iter().enumerate().map(|(k, x)| x.sin() + 0.1 * ((k * 7919 % 1000) as f64 / 500.0 - 1.0)).collect();

@@ -6,9 +6,9 @@ use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use sgpr_core::gp::{
-    self as core, Compute, Covariance, Data, GaussianProcess, GpError, GpPredictor, Inference, Likelihood,
-    LikelihoodMemory, Precision, PredictorOptions, SearchOptions, SearchStatus, Shape, SparseBound,
-    SparseGaussianProcess, SparseOptions,
+    self as core, Calibration, Compute, Covariance, Data, GaussianProcess, GpError, GpPredictor, Inference,
+    LeaveOneOut, Likelihood, LikelihoodMemory, Precision, PredictorOptions, SearchOptions, SearchStatus, Shape,
+    SparseBound, SparseGaussianProcess, SparseOptions,
 };
 
 use crate::convert::{Numbers, array, choice, positive, whole};
@@ -213,6 +213,17 @@ pub struct FittedProcess {
     report: Report,
     /// Of the last likelihood; taken by one call at a time.
     memory: Mutex<Option<LikelihoodMemory>>,
+    /// Found when first asked for.
+    calibration: Mutex<Option<Vec<Calibration>>>,
+}
+
+impl FittedProcess {
+    fn left_out(&self) -> Result<LeaveOneOut, GpError> {
+        match &self.process {
+            Process::Exact(gp) => Ok(gp.leave_one_out()),
+            Process::Sparse(gp) => gp.leave_one_out(&self.data),
+        }
+    }
 }
 
 enum Process {
@@ -351,7 +362,10 @@ pub fn fit_process(
     };
     let ((process, mut report), stopped) = listen_and_keep(py, progress, work)?;
     report.inference = inference.name();
-    Ok((FittedProcess { process, data, compute, report, memory: Mutex::default() }, stopped))
+    Ok((
+        FittedProcess { process, data, compute, report, memory: Mutex::default(), calibration: Mutex::default() },
+        stopped,
+    ))
 }
 
 /// What a predictor keeps, as the methods `predictor` are given it.
@@ -380,7 +394,14 @@ pub fn restore_process(
         None => GaussianProcess::fit(data.clone(), covariance, &compute).map(Process::Exact),
     });
     let process = process.map_err(IntoPyErr::into_py_err)?;
-    Ok(FittedProcess { process, data, compute, report: Report::default(), memory: Mutex::default() })
+    Ok(FittedProcess {
+        process,
+        data,
+        compute,
+        report: Report::default(),
+        memory: Mutex::default(),
+        calibration: Mutex::default(),
+    })
 }
 
 fn word(name: &str, value: &Bound<'_, PyAny>) -> PyResult<String> {
@@ -484,14 +505,27 @@ impl FittedProcess {
 
     /// Means, (N, outputs), standard deviations of the measurements, (N,), and the log predictive density.
     fn leave_one_out<'py>(&self, py: Python<'py>) -> PyResult<(Array<'py>, Array<'py>, f64)> {
-        let Process::Exact(gp) = &self.process else {
-            return Err(invalid("a sparse process has no leave-one-out predictions in closed form"));
-        };
-        let found = py.detach(|| gp.leave_one_out());
+        let found = py.detach(|| self.left_out()).map_err(IntoPyErr::into_py_err)?;
         let rows = self.data.len();
         let deviations = found.variance.iter().map(|variance| variance.sqrt()).collect();
         let mean = array(py, &[rows, self.data.outputs()], found.mean)?;
         Ok((mean, array(py, &[rows], deviations)?, found.log_predictive_density))
+    }
+
+    /// What standard deviations of measurements have to be multiplied by to give half of the intervals of 68 and of 95 %,
+    /// (outputs,) each.
+    fn calibration<'py>(&self, py: Python<'py>) -> PyResult<(Array<'py>, Array<'py>)> {
+        let kept = || self.calibration.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = kept().clone();
+        let factors = match known {
+            Some(factors) => factors,
+            None => {
+                let found = py.detach(|| self.left_out().map(|left_out| left_out.calibration(&self.data)));
+                kept().insert(found.map_err(IntoPyErr::into_py_err)?).clone()
+            }
+        };
+        let numbers = |of: fn(&Calibration) -> f64| array(py, &[factors.len()], factors.iter().map(of).collect());
+        Ok((numbers(|factor| factor.deviation)?, numbers(|factor| factor.half_interval_95)?))
     }
 
     /// Natural logarithms of the hyperparameters.

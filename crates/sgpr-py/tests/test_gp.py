@@ -45,10 +45,10 @@ def test_likelihood_gradient_and_optimum_are_those_of_scikit_learn(points: tuple
     new = np.random.default_rng(6).uniform(-2, 2, (20, 3))
     same = sgpr.GaussianProcess(gp.kernel_.with_theta(peer.kernel_.theta[:-1]), optimise=False)
     same = same.set_params(noise_variance=float(np.exp(peer.kernel_.theta[-1]))).fit(X, y)
-    mean, std = same.predict(new, return_std=True, include_noise=True)
+    mean, std = same.predict(new, return_std=True)
     peer_mean, peer_std = peer.predict(new, return_std=True)
     assert np.allclose(mean, peer_mean, atol=1e-8)
-    assert np.allclose(std, peer_std, atol=1e-7)
+    assert np.allclose(np.hypot(std, np.sqrt(same.noise_variance_)), peer_std, atol=1e-7)
     assert same.score(new, peer_mean) > 0.999
 
 
@@ -172,8 +172,29 @@ def test_a_sparse_process_keeps_to_its_budget() -> None:
     predictor = gp.predictor(variance_rank=None)
     mean, std = gp.predict(X[:1], return_std=True)
     assert predictor.mean_and_std(X[0])[:2] == (pytest.approx(mean, abs=1e-9), pytest.approx(std[0], abs=1e-6))
-    with pytest.raises(sgpr.SgprError, match="no leave-one-out"):
-        gp.leave_one_out()
+    left_out, deviation, _ = gp.leave_one_out()
+    new = rng.uniform(-3, 3, (4000, 2))
+    mean, std = gp.predict(new, return_std=True)
+    error = np.sin(2 * new[:, 0]) * new[:, 1] + 0.1 * rng.standard_normal(4000) - mean
+    in_deviations = error / np.hypot(std, np.sqrt(gp.noise_variance_))
+    assert np.std((y - left_out) / deviation) == pytest.approx(np.std(in_deviations), rel=0.04)
+
+
+@pytest.mark.parametrize("inducing", [None, 60])
+def test_intervals_hold_what_they_say_of_errors_with_heavy_tails(inducing: int | None) -> None:
+    rng = np.random.default_rng(11)
+    X = rng.uniform(-3, 3, (6000, 2))
+    y = np.sin(2 * X[:, 0]) * X[:, 1] + 0.1 * rng.standard_t(2.2, 6000)
+    gp = sgpr.GaussianProcess(inducing_points=inducing, starts=1).fit(X[:1000], np.column_stack([y, 2 * y])[:1000])
+    mean, std, half = gp.predict(X[1000:], True, include_noise=True, return_interval=True)
+    error = np.abs(np.column_stack([y, 2 * y])[1000:] - mean)
+    # Quantiles of 1,000 errors: two of their standard errors.
+    assert np.mean(error < std, axis=0) == pytest.approx([0.683, 0.683], abs=0.03)
+    assert np.mean(error < half, axis=0) == pytest.approx([0.95, 0.95], abs=0.014)
+    signal = gp.predict(X[1000:], True)[1]
+    normal = np.hypot(signal, np.sqrt(gp.noise_variance_))
+    assert np.mean(error < normal) > 0.8, "as a normal distribution with the same variance would have it"
+    assert np.array_equal(gp.predict(X[1000:], return_interval=True)[1], half)
 
 
 def test_what_stops_the_search_leaves_the_best_so_far(points: tuple[np.ndarray, np.ndarray]) -> None:

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from sgpr.report.diagnosis import in_one_line
 from sgpr.report.markup import Cell, Html, Section, element, paragraph, table
 from sgpr.report.page import page
 from sgpr.report.torque import kept_samples
@@ -42,3 +43,12 @@ def test_extremes_survive_thinning() -> None:
 def test_numbers_that_are_not_finite_are_no_json() -> None:
     with pytest.raises(ValueError, match="JSON"):
         page("t", "", [], {"x": float("nan")})
+
+
+def test_a_finding_that_is_not_certain_says_so_in_the_first_lines() -> None:
+    finding = {"effect": "torque_gain_error", "joints": ["j2"], "probability": 0.5}
+    named = in_one_line({**finding, "confusable_with": ["torque_gain_error@j1"]})
+    assert named == "torque gain error at j2 (probability 0.50, or torque gain error at j1)"
+    assert in_one_line({**finding, "confusable_with": []}) == "torque gain error at j2 (probability 0.50)"
+    certain = {**finding, "probability": 0.97, "confusable_with": ["tilted_mount"]}
+    assert in_one_line(certain) == "torque gain error at j2"

@@ -6,8 +6,8 @@ use pulp::{Arch, Simd, WithSimd};
 use super::data::require_finite;
 use super::kernels::{Element, Features, PADDED, Plan};
 use super::likelihood::weights_and_likelihood;
-use super::matrix::{assemble_and_factor, invert_factor, square, view, view_mut};
-use super::{Compute, Covariance, Data, GpError, Kernel};
+use super::matrix::{Storage, assemble_and_factor, inverse_diagonal};
+use super::{Compute, Covariance, Data, GpError, Kernel, LeaveOneOut};
 
 /// A Gaussian process that has seen its data: exact inference, all points in the factor.
 ///
@@ -30,7 +30,7 @@ pub struct GaussianProcess {
     pub(super) covariance: Covariance,
     /// K⁻¹ y per output.
     pub(super) alpha: Vec<Vec<f64>>,
-    pub(super) factor: Mat<f64>,
+    pub(super) factor: Storage,
     pub(super) jitter: f64,
     pub(super) log_marginal_likelihood: f64,
     pub(super) compute: Compute,
@@ -44,17 +44,6 @@ pub struct Prediction {
     /// Variance of the signal, the same for all outputs, `[points]`; empty if not asked for. For the variance of a
     /// measurement add [`Covariance::total_noise_variance`].
     pub variance: Vec<f64>,
-}
-
-/// Predictions of every point by the others.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LeaveOneOut {
-    /// Mean, `[points, outputs]`, row-major.
-    pub mean: Vec<f64>,
-    /// Variance of the measurement, `[points]`.
-    pub variance: Vec<f64>,
-    /// Sum of the log densities of the measurements under these predictions.
-    pub log_predictive_density: f64,
 }
 
 /// Points of a batch that are solved for at once.
@@ -71,9 +60,9 @@ impl GaussianProcess {
         covariance.validate(data.inputs())?;
         let plan = Plan::new(&covariance.kernel());
         let points = plan.features(data.x(), data.inputs());
-        let mut factor = square(data.len());
-        let jitter = assemble_and_factor(&plan, &points, covariance.noise_variance, &mut factor, compute)?;
-        let (alpha, log_marginal_likelihood) = weights_and_likelihood(&factor, &data, compute);
+        let mut factor = Storage::square(data.len());
+        let jitter = assemble_and_factor(&plan, &points, covariance.noise_variance, factor.view_mut(), compute)?;
+        let (alpha, log_marginal_likelihood) = weights_and_likelihood(factor.view(), &data, compute);
         Ok(Self { data, covariance, alpha, factor, jitter, log_marginal_likelihood, compute: *compute })
     }
 
@@ -103,13 +92,13 @@ impl GaussianProcess {
     /// If `y` does not hold as many finite numbers as before.
     pub fn with_outputs(&self, y: Vec<f64>) -> Result<Self, GpError> {
         let data = Data::new(self.data.x().to_vec(), self.data.inputs(), y, self.data.outputs())?;
-        let (alpha, log_marginal_likelihood) = weights_and_likelihood(&self.factor, &data, &self.compute);
+        let (alpha, log_marginal_likelihood) = weights_and_likelihood(self.factor.view(), &data, &self.compute);
         Ok(Self { data, alpha, log_marginal_likelihood, ..self.clone() })
     }
 
     /// K⁻¹ times the columns of `right`, `[points, ...]`.
     pub(crate) fn solve(&self, right: &Mat<f64>) -> Mat<f64> {
-        let (factor, par) = (view(&self.factor), self.compute.par());
+        let (factor, par) = (self.factor.view::<f64>(), self.compute.par());
         let mut solution = right.clone();
         solve_lower_triangular_in_place(factor, solution.as_mut(), par);
         solve_upper_triangular_in_place(factor.transpose(), solution.as_mut(), par);
@@ -141,7 +130,7 @@ impl GaussianProcess {
         if with_variance {
             let variance = &mut prediction.variance;
             let mut explain = |mut cross: MatMut<'_, f64>| {
-                solve_lower_triangular_in_place(view(&self.factor), cross.rb_mut(), self.compute.par());
+                solve_lower_triangular_in_place(self.factor.view::<f64>(), cross.rb_mut(), self.compute.par());
                 let explained = cross.rb().col_iter().map(|column| column.squared_norm_l2());
                 variance.extend(explained.map(|explained| (prior - explained).max(0.0)));
             };
@@ -157,23 +146,11 @@ impl GaussianProcess {
     /// Source: GPML eqs. 5.10 to 5.12.
     pub fn leave_one_out(&self) -> LeaveOneOut {
         let (n, outputs) = (self.data.len(), self.data.outputs());
-        let par = self.compute.par();
-        let mut inverse_factor = square(n);
-        invert_factor(view(&self.factor), view_mut(&mut inverse_factor), par);
-        // The diagonal of L⁻ᵀ L⁻¹.
-        let precision = |i: usize| inverse_factor.col_as_slice(i)[i..n].iter().map(|v| v * v).sum::<f64>();
-        let variance: Vec<f64> = (0..n).map(|i| 1.0 / precision(i)).collect();
-        let mut mean = vec![0.0; n * outputs];
-        let mut log_predictive_density = 0.0;
-        for i in 0..n {
-            for o in 0..outputs {
-                let error = self.alpha[o][i] * variance[i];
-                mean[i * outputs + o] = self.data.y()[i * outputs + o] - error;
-                log_predictive_density -=
-                    0.5 * ((std::f64::consts::TAU * variance[i]).ln() + error * error / variance[i]);
-            }
-        }
-        LeaveOneOut { mean, variance, log_predictive_density }
+        let variance = inverse_diagonal(self.factor.view(), self.compute.par());
+        let variance: Vec<f64> = variance.into_iter().map(|precision| 1.0 / precision).collect();
+        let error = |k: usize| self.alpha[k % outputs][k / outputs] * variance[k / outputs];
+        let errors: Vec<f64> = (0..n * outputs).map(error).collect();
+        LeaveOneOut::new(&self.data, &errors, variance)
     }
 }
 

@@ -207,19 +207,42 @@ impl InducedProcess {
     /// # Errors
     /// If `x` does not hold whole points, or a value is not finite.
     pub fn predict(&self, x: &[f64], with_variance: bool) -> Result<Prediction, GpError> {
-        require_points(x, self.inputs)?;
-        let mut mean = vec![0.0; x.len() / self.inputs * self.weights.len()];
         let mut variance = vec![];
-        let mut explain = |cross: MatMut<'_, f64>| {
-            let norms = self.inverse_factors.each_ref().map(|factor| factor * cross.as_ref());
-            let prior = self.covariance.signal.variance();
-            let of = |k: usize| prior - norms[0].col(k).squared_norm_l2() + norms[1].col(k).squared_norm_l2();
-            variance.extend((0..cross.ncols()).map(|k| of(k).max(0.0)));
-        };
-        let each: Option<ForCovariances<'_>> = if with_variance { Some(&mut explain) } else { None };
-        self.expansion().for_each_batch(x, &self.weights, &mut mean, each);
+        let mut add = |parts: VarianceParts| variance.push((parts.unseen + parts.unknown).max(0.0));
+        let mean = self.predict_parts(x, if with_variance { Some(&mut add) } else { None })?;
         Ok(Prediction { mean, variance })
     }
+
+    /// The means; the parts of the variance of one point after the other go to `each`.
+    pub(super) fn predict_parts(
+        &self,
+        x: &[f64],
+        mut each: Option<&mut dyn FnMut(VarianceParts)>,
+    ) -> Result<Vec<f64>, GpError> {
+        require_points(x, self.inputs)?;
+        let mut mean = vec![0.0; x.len() / self.inputs * self.weights.len()];
+        let prior = self.covariance.signal.variance();
+        let mut batch = each.as_mut().map(|each| {
+            move |cross: MatMut<'_, f64>| {
+                let norms = self.inverse_factors.each_ref().map(|factor| factor * cross.as_ref());
+                for k in 0..cross.ncols() {
+                    let [seen, unknown] = norms.each_ref().map(|norms| norms.col(k).squared_norm_l2());
+                    each(VarianceParts { unseen: prior - seen, unknown });
+                }
+            }
+        });
+        let batch = batch.as_mut().map(|batch| batch as ForCovariances<'_>);
+        self.expansion().for_each_batch(x, &self.weights, &mut mean, batch);
+        Ok(mean)
+    }
+}
+
+/// Variance of the signal.
+pub(super) struct VarianceParts {
+    /// What the inducing points do not see.
+    pub unseen: f64,
+    /// What data leave unknown of the values at the inducing points.
+    pub unknown: f64,
 }
 
 /// What data say of a process through inducing points.
@@ -249,7 +272,7 @@ impl Posterior {
     ) -> Result<Self, GpError> {
         let (m, par) = (inducing.count(), compute.par());
         let mut factor_u = Mat::zeros(m, m);
-        assemble_and_factor(plan, inducing, JITTER * plan.variance(), &mut factor_u, compute)?;
+        assemble_and_factor(plan, inducing, JITTER * plan.variance(), factor_u.as_mut(), compute)?;
         // L⁻¹ K_uf K_fu L⁻ᵀ, from both sides.
         let mut inner = products.clone();
         solve_lower_triangular_in_place(factor_u.as_ref(), inner.as_mut(), par);

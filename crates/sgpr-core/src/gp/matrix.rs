@@ -1,11 +1,13 @@
 //! Covariance matrices: the lower triangle assembled, factored and inverted in place.
 
+use bytemuck::Pod;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor as llt;
 use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::linalg::triangular_inverse::invert_lower_triangular;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::prelude::*;
+use faer::traits::RealField;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
@@ -20,31 +22,90 @@ const COLUMNS: usize = 64;
 const FIRST_JITTER: f64 = 1e-10;
 const LARGEST_JITTER: f64 = 1e-4;
 
-/// A square matrix; more rows than needed where columns would fall on each other in the cache.
-pub(super) fn square(n: usize) -> Mat<f64> {
-    Mat::zeros(if n.is_multiple_of(512) { n + 8 } else { n }, n)
+/// Double or single precision.
+pub(super) trait Number: RealField + Pod + From<f32> + Into<f64> {
+    fn rounded(value: f64) -> Self;
 }
 
-pub(super) fn view(matrix: &Mat<f64>) -> MatRef<'_, f64> {
-    matrix.as_ref().submatrix(0, 0, matrix.ncols(), matrix.ncols())
+impl Number for f64 {
+    fn rounded(value: f64) -> Self {
+        value
+    }
 }
 
-pub(super) fn view_mut(matrix: &mut Mat<f64>) -> MatMut<'_, f64> {
-    let n = matrix.ncols();
-    matrix.as_mut().submatrix_mut(0, 0, n, n)
+impl Number for f32 {
+    fn rounded(value: f64) -> Self {
+        value as Self
+    }
+}
+
+/// Memory of a matrix, by columns: of doubles, or of singles in the first half of each column.
+#[derive(Clone, Debug)]
+pub(super) struct Storage {
+    numbers: Vec<f64>,
+    rows: usize,
+    columns: usize,
+    /// Doubles from one column to the next.
+    stride: usize,
+}
+
+impl Storage {
+    /// More rows than needed where columns would fall on each other in the cache.
+    pub fn new(rows: usize, columns: usize) -> Self {
+        // Whole cache lines.
+        let stride = rows.next_multiple_of(8);
+        let stride = if stride.is_multiple_of(512) { stride + 8 } else { stride };
+        Self { numbers: vec![0.0; stride * columns], rows, columns, stride }
+    }
+
+    pub fn square(n: usize) -> Self {
+        Self::new(n, n)
+    }
+
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    pub fn view<T: Number>(&self) -> MatRef<'_, T> {
+        let stride = self.stride * size_of::<f64>() / size_of::<T>();
+        let numbers = bytemuck::cast_slice(&self.numbers);
+        MatRef::from_column_major_slice_with_stride(numbers, self.rows, self.columns, stride)
+    }
+
+    pub fn view_mut<T: Number>(&mut self) -> MatMut<'_, T> {
+        let stride = self.stride * size_of::<f64>() / size_of::<T>();
+        let numbers = bytemuck::cast_slice_mut(&mut self.numbers);
+        MatMut::from_column_major_slice_with_stride_mut(numbers, self.rows, self.columns, stride)
+    }
+
+    /// Rounds doubles to singles, in place.
+    pub fn round(&mut self) {
+        let mut doubles = vec![0.0; self.stride];
+        for column in self.numbers.chunks_exact_mut(self.stride) {
+            doubles.copy_from_slice(column);
+            let singles: &mut [f32] = bytemuck::cast_slice_mut(column);
+            singles.iter_mut().zip(&doubles).for_each(|(single, double)| *single = *double as f32);
+        }
+    }
 }
 
 /// Lower triangle of K + diagonal * I.
-pub(super) fn assemble(plan: &Plan, points: &Features<f64>, diagonal: f64, matrix: &mut Mat<f64>, compute: &Compute) {
+pub(super) fn assemble(
+    plan: &Plan,
+    points: &Features<f64>,
+    diagonal: f64,
+    mut matrix: MatMut<'_, f64>,
+    compute: &Compute,
+) {
     let work = |(block, columns): (usize, MatMut<'_, f64>)| {
         Arch::new().dispatch(Assemble { plan, points, diagonal, first: block * COLUMNS, columns });
     };
     if compute.threads > 1 {
-        view_mut(matrix).par_col_chunks_mut(COLUMNS).enumerate().for_each(work);
+        matrix.par_col_chunks_mut(COLUMNS).enumerate().for_each(work);
     } else {
         let n = matrix.ncols();
         for first in (0..n).step_by(COLUMNS) {
-            work((first / COLUMNS, view_mut(matrix).subcols_mut(first, COLUMNS.min(n - first))));
+            work((first / COLUMNS, matrix.rb_mut().subcols_mut(first, COLUMNS.min(n - first))));
         }
     }
 }
@@ -87,36 +148,45 @@ const LOWER: BlockStructure = BlockStructure::TriangularLower;
 const UPPER: BlockStructure = BlockStructure::TriangularUpper;
 
 /// Room for [`likelihood_gradient`].
-pub(super) fn panel(n: usize) -> Mat<f64> {
-    Mat::zeros(n, PANEL.min(n))
+pub(super) fn panel(n: usize) -> Storage {
+    Storage::new(n, PANEL.min(n))
+}
+
+/// What sums over an inverse give.
+pub(super) struct InverseSums {
+    pub gradient: Vec<f64>,
+    pub trace: f64,
+    /// The inverse times y.
+    pub product: Vec<f64>,
 }
 
 /// Sum over the lower triangle of dK/dtheta * weight, with weight = sum over outputs of alpha alpha' - outputs * inverse
-/// off the diagonal and half of it on the diagonal: the gradient of the log marginal likelihood (GPML eq. 5.9). Returns the
-/// trace of the inverse, too.
+/// off the diagonal and half of it on the diagonal: the gradient of the log marginal likelihood (GPML eq. 5.9).
 ///
 /// The inverse is K⁻¹ - G Gᵀ with `explained` = G, if there is one, and K⁻¹ = L⁻ᵀ L⁻¹; some of its columns at a time, in `panel`.
-pub(super) fn likelihood_gradient(
+pub(super) fn likelihood_gradient<T: Number>(
     plan: &Plan,
     points: &Features<f64>,
     alpha: &[Vec<f64>],
-    inverse_factor: MatRef<'_, f64>,
+    inverse_factor: MatRef<'_, T>,
     explained: Option<&Mat<f64>>,
-    panel: &mut Mat<f64>,
+    y: &[f64],
+    mut panel: MatMut<'_, T>,
     compute: &Compute,
-) -> (Vec<f64>, f64) {
+) -> InverseSums {
     let n = inverse_factor.ncols();
-    let (mut gradient, mut trace) = (vec![0.0; plan.theta_len()], 0.0);
+    let explained = explained.map(|explained| Mat::from_fn(n, explained.ncols(), |i, k| T::rounded(explained[(i, k)])));
+    let (mut gradient, mut trace, mut product) = (vec![0.0; plan.theta_len()], 0.0, vec![0.0; n]);
     for start in (0..n).step_by(PANEL) {
         let width = PANEL.min(n - start);
-        let mut inverse = panel.as_mut().submatrix_mut(0, 0, n - start, width);
+        let mut inverse = panel.rb_mut().submatrix_mut(0, 0, n - start, width);
         inverse_columns(inverse_factor.submatrix(start, start, n - start, n - start), inverse.rb_mut(), compute.par());
-        if let Some(explained) = explained {
+        if let Some(explained) = &explained {
             let rows = explained.as_ref().subrows(start, n - start);
             let columns = rows.subrows(0, width).transpose();
-            faer::linalg::matmul::matmul(inverse.rb_mut(), Accum::Add, rows, columns, -1.0, compute.par());
+            faer::linalg::matmul::matmul(inverse.rb_mut(), Accum::Add, rows, columns, T::from(-1.0), compute.par());
         }
-        trace += (0..width).map(|k| inverse[(k, k)]).sum::<f64>();
+        trace += (0..width).map(|k| inverse[(k, k)].into()).sum::<f64>();
         let inverse = inverse.rb();
         let block = |first: usize| {
             let columns = inverse.subcols(first, COLUMNS.min(width - first));
@@ -130,15 +200,31 @@ pub(super) fn likelihood_gradient(
         for block in blocks {
             gradient.iter_mut().zip(block).for_each(|(sum, part)| *sum += part);
         }
+        for k in 0..width {
+            let column = inverse.col(k).try_as_col_major().expect("column-major").as_slice();
+            add_symmetric_product(&column[k..], &y[start + k..], &mut product[start + k..]);
+        }
     }
-    (gradient, trace)
+    InverseSums { gradient, trace, product }
+}
+
+/// Adds A y for a symmetric A with this first column and zeros elsewhere.
+fn add_symmetric_product<T: Number>(column: &[T], y: &[f64], product: &mut [f64]) {
+    let mut sum = 0.0;
+    for ((value, y_below), product) in column.iter().zip(y).zip(product.iter_mut()).skip(1) {
+        let value: f64 = (*value).into();
+        *product += value * y[0];
+        sum += value * y_below;
+    }
+    product[0] += sum + column[0].into() * y[0];
 }
 
 /// The first columns of L⁻ᵀ L⁻¹, of which the lower triangle counts: a sum over blocks of rows of L⁻¹.
-fn inverse_columns(inverse_factor: MatRef<'_, f64>, mut out: MatMut<'_, f64>, par: Par) {
+fn inverse_columns<T: Number>(inverse_factor: MatRef<'_, T>, mut out: MatMut<'_, T>, par: Par) {
+    let one = T::from(1.0);
     let (n, width) = (inverse_factor.nrows(), out.ncols());
     let top = inverse_factor.submatrix(0, 0, width, width);
-    matmul(out.rb_mut().subrows_mut(0, width), LOWER, Accum::Replace, top.transpose(), UPPER, top, LOWER, 1.0, par);
+    matmul(out.rb_mut().subrows_mut(0, width), LOWER, Accum::Replace, top.transpose(), UPPER, top, LOWER, one, par);
     let block = block(n - width, par);
     for start in (width..n).step_by(block) {
         let height = block.min(n - start);
@@ -146,14 +232,14 @@ fn inverse_columns(inverse_factor: MatRef<'_, f64>, mut out: MatMut<'_, f64>, pa
         let (right, left) = left.split_at_col(width);
         let (above, rest) = out.rb_mut().split_at_row_mut(start);
         let (first, above) = above.split_at_row_mut(width);
-        matmul(first, LOWER, Accum::Add, right.transpose(), FULL, right, FULL, 1.0, par);
-        add_product(above, left.transpose(), right, 1.0, par);
+        matmul(first, LOWER, Accum::Add, right.transpose(), FULL, right, FULL, one, par);
+        add_product(above, left.transpose(), right, one, par);
         let here = rest.split_at_row_mut(height).0;
-        matmul(here, FULL, Accum::Replace, diagonal.transpose(), UPPER, right, FULL, 1.0, par);
+        matmul(here, FULL, Accum::Replace, diagonal.transpose(), UPPER, right, FULL, one, par);
     }
 }
 
-struct LikelihoodGradient<'a> {
+struct LikelihoodGradient<'a, T> {
     plan: &'a Plan,
     points: &'a Features<f64>,
     alpha: &'a [Vec<f64>],
@@ -161,10 +247,10 @@ struct LikelihoodGradient<'a> {
     start: usize,
     /// The point of the first column.
     first: usize,
-    columns: MatRef<'a, f64>,
+    columns: MatRef<'a, T>,
 }
 
-impl WithSimd for LikelihoodGradient<'_> {
+impl<T: Number> WithSimd for LikelihoodGradient<'_, T> {
     type Output = Vec<f64>;
 
     #[inline(always)]
@@ -182,7 +268,7 @@ impl WithSimd for LikelihoodGradient<'_> {
                 let j = first + k;
                 let column = columns.col(k).try_as_col_major().expect("column-major").as_slice();
                 let inverse = &column[start - above..end - above];
-                weights.iter_mut().zip(inverse).for_each(|(w, inverse)| *w = -outputs * *inverse);
+                weights.iter_mut().zip(inverse).for_each(|(w, inverse)| *w = -outputs * (*inverse).into());
                 for alpha in alpha {
                     let own = alpha[j];
                     weights.iter_mut().zip(&alpha[start..end]).for_each(|(w, alpha)| *w += own * alpha);
@@ -207,13 +293,13 @@ pub(super) fn assemble_and_factor(
     plan: &Plan,
     points: &Features<f64>,
     noise: f64,
-    matrix: &mut Mat<f64>,
+    mut matrix: MatMut<'_, f64>,
     compute: &Compute,
 ) -> Result<f64, GpError> {
     let mut jitter = 0.0;
     loop {
-        assemble(plan, points, noise + jitter, matrix, compute);
-        if factor(view_mut(matrix), compute.par()) {
+        assemble(plan, points, noise + jitter, matrix.rb_mut(), compute);
+        if factor(matrix.rb_mut(), compute.par()) {
             return Ok(jitter);
         }
         jitter = if jitter == 0.0 { FIRST_JITTER * plan.variance() } else { 10.0 * jitter };
@@ -267,7 +353,7 @@ fn block(n: usize, par: Par) -> usize {
 }
 
 /// out += factor * a b, a block of rows after the other.
-fn add_product(mut out: MatMut<'_, f64>, a: MatRef<'_, f64>, b: MatRef<'_, f64>, factor: f64, par: Par) {
+fn add_product<T: Number>(mut out: MatMut<'_, T>, a: MatRef<'_, T>, b: MatRef<'_, T>, factor: T, par: Par) {
     let rows = out.nrows();
     for start in (0..rows).step_by(PANEL) {
         let height = PANEL.min(rows - start);
@@ -282,38 +368,59 @@ pub(super) fn invert_factor(factor: MatRef<'_, f64>, out: MatMut<'_, f64>, par: 
 }
 
 /// The same in place of L, `panel` as for [`likelihood_gradient`]: the columns of a block of the identity by forward substitution.
-pub(super) fn invert_in_place(mut lower: MatMut<'_, f64>, panel: &mut Mat<f64>, par: Par) {
+pub(super) fn invert_in_place<T: Number>(mut lower: MatMut<'_, T>, mut panel: MatMut<'_, T>, par: Par) {
     let n = lower.nrows();
     for start in (0..n).step_by(PANEL) {
         let width = PANEL.min(n - start);
         let (mut diagonal, _, mut side, rest) = lower.rb_mut().split_at_mut(start, start).3.split_at_mut(width, width);
         let rest = rest.rb();
-        let mut copy = panel.as_mut().submatrix_mut(0, 0, width, width);
+        let mut copy = panel.rb_mut().submatrix_mut(0, 0, width, width);
         invert_lower_triangular(copy.rb_mut(), diagonal.rb(), par);
         diagonal.copy_from_triangular_lower(copy.rb());
         // [A 0; B C]⁻¹ = [A⁻¹ 0; -C⁻¹ B A⁻¹ C⁻¹]
         let rows = side.nrows();
-        let mut copy = panel.as_mut().submatrix_mut(0, 0, rows, width);
+        let mut copy = panel.rb_mut().submatrix_mut(0, 0, rows, width);
         copy.copy_from(side.rb());
-        matmul(side.rb_mut(), FULL, Accum::Replace, copy.rb(), FULL, diagonal.rb(), LOWER, -1.0, par);
-        if matches!(par, Par::Seq) {
-            substitute(rest, side);
-        } else {
-            let share = width.div_ceil(par.degree());
-            side.par_col_chunks_mut(share).for_each(|columns| substitute(rest, columns));
-        }
+        matmul(side.rb_mut(), FULL, Accum::Replace, copy.rb(), FULL, diagonal.rb(), LOWER, T::from(-1.0), par);
+        substitute(rest, side, par);
     }
 }
 
+/// Diagonal of (L Lᵀ)⁻¹: squares of the columns of L⁻¹, of which some exist at a time.
+pub(super) fn inverse_diagonal(lower: MatRef<'_, f64>, par: Par) -> Vec<f64> {
+    let n = lower.nrows();
+    let mut panel = panel(n);
+    let mut diagonal = Vec::with_capacity(n);
+    for start in (0..n).step_by(PANEL) {
+        let width = PANEL.min(n - start);
+        let mut columns = panel.view_mut().submatrix_mut(0, 0, n - start, width);
+        columns.fill(0.0);
+        (0..width).for_each(|k| columns[(k, k)] = 1.0);
+        substitute(lower.submatrix(start, start, n - start, n - start), columns.rb_mut(), par);
+        diagonal.extend(columns.rb().col_iter().map(|column| column.squared_norm_l2()));
+    }
+    diagonal
+}
+
 /// L⁻¹ times `columns`, in place.
-fn substitute(lower: MatRef<'_, f64>, mut columns: MatMut<'_, f64>) {
+fn substitute<T: Number>(lower: MatRef<'_, T>, columns: MatMut<'_, T>, par: Par) {
+    if matches!(par, Par::Seq) {
+        substitute_here(lower, columns);
+    } else {
+        let share = columns.ncols().div_ceil(par.degree());
+        columns.par_col_chunks_mut(share).for_each(|columns| substitute_here(lower, columns));
+    }
+}
+
+/// The same on one thread.
+fn substitute_here<T: Number>(lower: MatRef<'_, T>, mut columns: MatMut<'_, T>) {
     let n = lower.nrows();
     for start in (0..n).step_by(PANEL) {
         let height = PANEL.min(n - start);
         let (diagonal, left) = lower.submatrix(start, start, n - start, height).split_at_row(height);
         let (mut solved, below) = columns.rb_mut().split_at_row_mut(start).1.split_at_row_mut(height);
         solve_lower_triangular_in_place(diagonal, solved.rb_mut(), Par::Seq);
-        add_product(below, left, solved.rb(), -1.0, Par::Seq);
+        add_product(below, left, solved.rb(), T::from(-1.0), Par::Seq);
     }
 }
 
@@ -345,8 +452,8 @@ mod tests {
             let root = lower(&matrix);
             assert!((&root * root.transpose() - &covariance).norm_max() < 1e-13);
 
-            let mut panel = panel(n);
-            invert_in_place(matrix.as_mut(), &mut panel, par);
+            let mut panel = Mat::zeros(n, PANEL);
+            invert_in_place(matrix.as_mut(), panel.as_mut(), par);
             let inverse_root = lower(&matrix);
             assert!((&root * &inverse_root - &identity).norm_max() < 1e-13);
 
@@ -357,6 +464,24 @@ mod tests {
                 let expected = inverse_root.transpose() * inverse_root.subcols(start, width);
                 let difference = |i: usize, k: usize| (panel[(i - start, k)] - expected[(i, k)]).abs();
                 assert!((0..width).all(|k| (start + k..n).all(|i| difference(i, k) < 1e-12)));
+            }
+        }
+    }
+
+    #[test]
+    fn the_diagonal_of_an_inverse_is_found_by_itself() {
+        let n = PANEL + 77;
+        let mut matrix = covariance_matrix(n);
+        assert!(factor(matrix.as_mut(), Par::Seq));
+        let root = lower(&matrix);
+        let inverse_root = {
+            let mut inverse = Mat::<f64>::identity(n, n);
+            solve_lower_triangular_in_place(root.as_ref(), inverse.as_mut(), Par::Seq);
+            inverse
+        };
+        for par in [Par::Seq, Par::rayon(2)] {
+            for (i, value) in inverse_diagonal(matrix.as_ref(), par).into_iter().enumerate() {
+                assert!((value - inverse_root.col(i).squared_norm_l2()).abs() < 1e-11);
             }
         }
     }

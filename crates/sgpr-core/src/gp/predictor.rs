@@ -4,7 +4,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::exact::{Prediction, padded};
 use super::kernels::{BLOCK, Element, Grid, GridPoints, GroupedPoints, Plan, Points, Query, TILE, Work, weigh};
-use super::matrix::{factor, invert_factor, square, view, view_mut};
+use super::matrix::{factor, invert_factor};
 use super::subset::partial_factor;
 use super::{Data, GaussianProcess, GpError, InducedProcess, Kernel, SparseGaussianProcess};
 
@@ -181,8 +181,8 @@ impl GpPredictor {
             }
             _ => {
                 gp.compute.check(n, 2)?;
-                let mut inverse = square(n);
-                invert_factor(view(&gp.factor), view_mut(&mut inverse), gp.compute.par());
+                let mut inverse = Mat::zeros(n, n);
+                invert_factor(gp.factor.view(), inverse.as_mut(), gp.compute.par());
                 Some(VarianceParts { subtracted: Rows::Triangle(inverse), added: None })
             }
         };
@@ -527,7 +527,7 @@ fn leading_directions(gp: &GaussianProcess, rank: usize) -> Result<Mat<f64>, GpE
     leading.retain(|k| values[*k] > least);
     leading.truncate(rank);
     let turn = Mat::from_fn(leading.len(), rows.len(), |i, k| vectors[(k, leading[i])] / values[leading[i]].sqrt());
-    let lower = view(&gp.factor);
+    let lower = gp.factor.view::<f64>();
     let mut directions = (&turn * &partial).transpose().to_owned();
     solve_lower_triangular_in_place(lower, directions.as_mut(), par);
     let mut inner = directions.transpose() * &directions;

@@ -4,10 +4,12 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::exact::Prediction;
-use super::induced::{CHUNK, Evidence, InducedProcess, JITTER, Posterior, cross_covariances, mirror, outputs_of, plan};
+use super::induced::{
+    CHUNK, Evidence, InducedProcess, JITTER, Posterior, VarianceParts, cross_covariances, mirror, outputs_of, plan,
+};
 use super::kernels::{Features, Plan, TILE};
 use super::matrix::inverse_from;
-use super::{Compute, Covariance, Data, GpError};
+use super::{Compute, Covariance, Data, GpError, LeaveOneOut};
 
 /// Lower bound of the log marginal likelihood of a process that sees the data through m inducing points: n m² operations
 /// and memory for n (inputs + outputs) + 6 m² numbers, so that a million points are no burden.
@@ -322,5 +324,26 @@ impl SparseGaussianProcess {
     /// If `x` does not hold whole points, or a value is not finite.
     pub fn predict(&self, x: &[f64], with_variance: bool) -> Result<Prediction, GpError> {
         self.process.predict(x, with_variance)
+    }
+
+    /// Every point of the data that it was fitted to predicted from all others, through the same inducing points.
+    ///
+    /// What is learned are the values at the inducing points, by linear regression on the covariances with them: without a
+    /// point its residual is r / (1 - h), with h its leverage.
+    ///
+    /// # Errors
+    /// If the data have other inputs.
+    ///
+    /// Source: D. A. Belsley, E. Kuh, R. E. Welsch, Regression Diagnostics (1980), ch. 2, on the model of Titsias (2009).
+    pub fn leave_one_out(&self, data: &Data) -> Result<LeaveOneOut, GpError> {
+        let noise = self.covariance().noise_variance;
+        let mut parts = Vec::with_capacity(data.len());
+        let mean = self.process.predict_parts(data.x(), Some(&mut |point| parts.push(point)))?;
+        // Rounding may leave a point that is seen by itself alone nothing.
+        let left = |point: &VarianceParts| (1.0 - point.unknown / noise).max(1e-9);
+        let variance = parts.iter().map(|point| noise + point.unseen.max(0.0) + point.unknown / left(point)).collect();
+        let errors = data.y().iter().zip(&mean).enumerate();
+        let errors: Vec<f64> = errors.map(|(k, (y, mean))| (y - mean) / left(&parts[k / data.outputs()])).collect();
+        Ok(LeaveOneOut::new(data, &errors, variance))
     }
 }

@@ -21,6 +21,8 @@ from .torque import torque_section
 BEFORE, AFTER = "before", "with the findings"
 SHOWN_CANDIDATES = 25
 SHOWN_CELLS = 3
+# A probability from which on a finding needs no other beside it in the first lines.
+CERTAIN = 0.9
 SHARES = ("share", "samples")
 
 VERDICTS = {
@@ -90,7 +92,7 @@ class DiagnosisPage:
     def _lead(self, logs: int, unseen: bool) -> Html:
         data = self.data
         where = f"On {counted(logs, 'unseen log' if unseen else 'training log')}"
-        names = [_title(finding) for finding in data["findings"]]
+        names = [in_one_line(finding) for finding in data["findings"]]
         first = VERDICTS[data["verdict"]] + (f" {'; '.join(names)}." if names else "")
         more = [first]
         if not unseen:
@@ -255,6 +257,15 @@ class DiagnosisPage:
             },
             "Versions": self.data["versions"],
         }
+
+
+def in_one_line(finding: Mapping[str, Any]) -> str:
+    """Its title; if it is not certain, also how likely it is and what it could be instead."""
+    if finding["probability"] >= CERTAIN:
+        return _title(finding)
+    others = [name.replace("_", " ").replace("@", " at ") for name in finding["confusable_with"]]
+    doubt = ", or ".join([f"probability {finding['probability']:.2f}", *others])
+    return f"{_title(finding)} ({doubt})"
 
 
 def _title(finding: Mapping[str, Any]) -> str:

@@ -390,7 +390,8 @@ def _beyond(thesis: Thesis) -> Iterable[str]:
 
 
 def _change(new: float, old: float) -> str:
-    return f"{100.0 * (new / old - 1.0):+.0f} %"
+    percent = 100.0 * (new / old - 1.0)
+    return f"{percent:+.{0 if abs(percent) >= 10.0 else 1}f} %"
 
 
 def _text(text: str) -> str:
