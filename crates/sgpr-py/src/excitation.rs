@@ -23,6 +23,9 @@ use crate::robot::Robot;
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
+/// Robot, functions as JSON, start and coefficients.
+type Pickled = (Robot, String, Vec<f64>, Vec<f64>);
+
 /// A motion of all joints, at every time: sum of functions with coefficients. Never changes.
 ///
 /// Made by `excite`, `Trajectory.fourier` or `Trajectory.random`.
@@ -259,6 +262,26 @@ impl Trajectory {
     fn save_mcap(&self, py: Python<'_>, path: PathBuf, rate_hz: f64, topic: &str) -> PyResult<()> {
         let samples = self.whole(rate_hz)?;
         py.detach(|| samples.write_mcap(&self.robot, topic, path)).map_err(IntoPyErr::into_py_err)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Pickled)> {
+        let Self { inner, robot } = slf.get();
+        let basis = serde_json::to_string(inner.basis()).map_err(|error| invalid(error.to_string()))?;
+        let parts = (robot.clone().into(), basis, inner.start().to_vec(), inner.coefficients().to_vec());
+        Ok((slf.get_type().getattr("_from_parts")?, parts))
+    }
+
+    #[staticmethod]
+    fn _from_parts(robot: &Robot, basis: &str, start: Vec<f64>, coefficients: Vec<f64>) -> PyResult<Self> {
+        let basis: Basis =
+            serde_json::from_str(basis).map_err(|error| invalid(format!("not a trajectory: {error}")))?;
+        let robot = robot.inner.clone();
+        let fits = start.len() == robot.dof() && start.len().checked_mul(basis.len()) == Some(coefficients.len());
+        if !fits || start.iter().chain(&coefficients).any(|number| !number.is_finite()) {
+            return Err(invalid("not a trajectory of this robot: its parts do not belong together"));
+        }
+        let inner = core::Trajectory::new(basis, start, coefficients).map_err(IntoPyErr::into_py_err)?;
+        Ok(Self { inner, robot })
     }
 
     fn __repr__(&self) -> String {

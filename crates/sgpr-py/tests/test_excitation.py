@@ -1,5 +1,6 @@
 """Excitation trajectories."""
 
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,21 @@ def test_speed_is_the_derivative_of_position() -> None:
     h = 1e-5
     (before, _, _), (_, dq, _), (after, _, _) = (motion.at(t + shift) for shift in (-h, 0.0, h))
     assert np.abs((after - before) / (2 * h) - dq).max() < 1e-7
+
+
+@pytest.mark.parametrize("basis", ["fourier", "b_spline", "point_to_point"])
+def test_a_motion_can_be_sent_to_another_process(basis: str) -> None:
+    options = {} if basis == "fourier" else {"points": 10}
+    motion = sgpr.excite(ROBOT, basis=basis, **options, **QUICK).trajectory
+    again = pickle.loads(pickle.dumps(motion))
+    assert again.joint_names == motion.joint_names
+    for ours, theirs in zip(again.samples(50.0), motion.samples(50.0), strict=True):
+        assert np.array_equal(ours, theirs)
+    make, (robot, functions, start, coefficients) = motion.__reduce__()
+    with pytest.raises(sgpr.SgprError, match="do not belong together"):
+        make(robot, functions, start, coefficients[:-1])
+    with pytest.raises(sgpr.SgprError, match="not a trajectory"):
+        make(robot, functions[:-1], start, coefficients)
 
 
 def test_criteria_and_families_by_name() -> None:

@@ -3,11 +3,14 @@
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 
+use serde::{Deserialize, Serialize};
+
 use super::ExcitationError;
 use crate::simulation::quintic;
 
 /// The functions that a motion is made of; the same for every joint.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Basis {
     /// A finite Fourier series, periodic.
     ///

@@ -226,14 +226,18 @@ def _study(thesis: Thesis) -> Iterable[str]:
             sums = {label: (np.sum(row["errors"][label]), np.sum(before["errors"][label])) for label in labels}
             for label, (after, alone) in sums.items():
                 if after > HARM * alone:
+                    most = _most_changed(before["errors"][label], row["errors"][label])
+                    floor = " and ".join(_number(_sum(each, IDENTIFIED_ALL)) for each in (before, row))
                     hurt[label].append(
-                        f"{row['motion']}, {_most_changed(before['errors'][label], row['errors'][label])}"
+                        f"{row['motion']}: sum {_number(alone)} to {_number(after)} rad where *{IDENTIFIED_ALL}* has "
+                        f"{floor}, {most}"
                     )
             changes.append([row["motion"], printed, *(_change(*sums[label]) for label in labels)])
     yield _table(["", "thesis", *labels], changes)
     for label, motions in hurt.items():
-        where = f"hurts *{label}* in {'; '.join(motions)}" if motions else f"never hurts *{label}*"
-        yield _text(f"The series {where} (by more than {100.0 * (HARM - 1.0):.0f} %).")
+        by = f"by more than {100.0 * (HARM - 1.0):.0f} %"
+        where = f"hurts *{label}* {by} in {'; '.join(motions)}" if motions else f"never hurts *{label}* {by}"
+        yield _text(f"The series {where}.")
     yield from _terms(table)
     yield from _other_series(thesis, table)
     better = [row["motion"] for row in table if _sum(row, SEMI_PARAMETRIC) < _sum(row, IDENTIFIED)]
