@@ -189,6 +189,14 @@ impl Plan {
         self.variance
     }
 
+    /// Index of the variance that multiplies the whole kernel, if there is one.
+    pub fn scale(&self) -> Option<usize> {
+        match self.nodes.last() {
+            Some(Node::Scaled { theta, .. }) => Some(*theta),
+            _ => None,
+        }
+    }
+
     pub fn theta_len(&self) -> usize {
         self.theta_len
     }
