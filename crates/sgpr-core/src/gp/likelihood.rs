@@ -146,18 +146,9 @@ impl<'a> Likelihood<'a> {
         let Factored { plan, alpha, explained, .. } = factored;
         let LikelihoodMemory { matrix, panel } = &mut self.memory;
         invert_in_place::<T>(matrix.view_mut(), panel.view_mut(), self.compute.par());
-        let points = plan.features(self.data.x(), self.data.inputs());
-        let y: Vec<f64> = self.data.y().iter().step_by(self.data.outputs()).copied().collect();
-        let InverseSums { mut gradient, trace, product } = likelihood_gradient::<T>(
-            plan,
-            &points,
-            alpha,
-            matrix.view(),
-            explained.as_ref(),
-            &y,
-            panel.view_mut(),
-            &self.compute,
-        );
+        let (inverse_factor, panel) = (matrix.view(), panel.view_mut());
+        let InverseSums { mut gradient, trace, product } =
+            likelihood_gradient::<T>(plan, self.data, alpha, inverse_factor, explained.as_ref(), panel, &self.compute);
         let (outputs, squares) = (alpha.len() as f64, alpha.iter().flatten().map(|a| a * a).sum::<f64>());
         if let Some(scale) = plan.scale() {
             // tr(P K) is the rank of P, so that K itself need not be multiplied by an inverse that is only nearly one.

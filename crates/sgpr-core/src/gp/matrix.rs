@@ -13,7 +13,7 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::kernels::{Features, Plan, TILE};
-use super::{Compute, GpError};
+use super::{Compute, Data, GpError};
 
 /// Columns that one thread works on at a time.
 const COLUMNS: usize = 64;
@@ -156,7 +156,7 @@ pub(super) fn panel(n: usize) -> Storage {
 pub(super) struct InverseSums {
     pub gradient: Vec<f64>,
     pub trace: f64,
-    /// The inverse times y.
+    /// The inverse times the first output.
     pub product: Vec<f64>,
 }
 
@@ -166,15 +166,16 @@ pub(super) struct InverseSums {
 /// The inverse is K⁻¹ - G Gᵀ with `explained` = G, if there is one, and K⁻¹ = L⁻ᵀ L⁻¹; some of its columns at a time, in `panel`.
 pub(super) fn likelihood_gradient<T: Number>(
     plan: &Plan,
-    points: &Features<f64>,
+    data: &Data,
     alpha: &[Vec<f64>],
     inverse_factor: MatRef<'_, T>,
     explained: Option<&Mat<f64>>,
-    y: &[f64],
     mut panel: MatMut<'_, T>,
     compute: &Compute,
 ) -> InverseSums {
     let n = inverse_factor.ncols();
+    let points = &plan.features(data.x(), data.inputs());
+    let y: Vec<f64> = data.y().iter().step_by(data.outputs()).copied().collect();
     let explained = explained.map(|explained| Mat::from_fn(n, explained.ncols(), |i, k| T::rounded(explained[(i, k)])));
     let (mut gradient, mut trace, mut product) = (vec![0.0; plan.theta_len()], 0.0, vec![0.0; n]);
     for start in (0..n).step_by(PANEL) {
