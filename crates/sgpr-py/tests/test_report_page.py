@@ -49,6 +49,8 @@ def test_a_finding_that_is_not_certain_says_so_in_the_first_lines() -> None:
     finding = {"effect": "torque_gain_error", "joints": ["j2"], "probability": 0.5}
     named = in_one_line({**finding, "confusable_with": ["torque_gain_error@j1"]})
     assert named == "torque gain error at j2 (probability 0.50, or torque gain error at j1)"
+    named = in_one_line({**finding, "confusable_with": ["external_contact", "torque_gain_error@joint_1"]})
+    assert named.endswith("(probability 0.50, or external contact, or torque gain error at joint_1)")
     assert in_one_line({**finding, "confusable_with": []}) == "torque gain error at j2 (probability 0.50)"
     certain = {**finding, "probability": 0.97, "confusable_with": ["tilted_mount"]}
     assert in_one_line(certain) == "torque gain error at j2"

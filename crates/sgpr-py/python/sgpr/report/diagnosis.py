@@ -263,11 +263,16 @@ def in_one_line(finding: Mapping[str, Any]) -> str:
     """Its title; if it is not certain, also how likely it is and what it could be instead."""
     if finding["probability"] >= CERTAIN:
         return _title(finding)
-    others = [name.replace("_", " ").replace("@", " at ") for name in finding["confusable_with"]]
-    doubt = ", or ".join([f"probability {finding['probability']:.2f}", *others])
+    doubt = ", or ".join([f"probability {finding['probability']:.2f}", *map(_in_words, finding["confusable_with"])])
     return f"{_title(finding)} ({doubt})"
 
 
 def _title(finding: Mapping[str, Any]) -> str:
     at = ", ".join(finding["joints"]) or "the whole arm"
-    return f"{finding['effect'].replace('_', ' ')} at {at}"
+    return _in_words(f"{finding['effect']}@{at}")
+
+
+def _in_words(name: str) -> str:
+    """`effect` or `effect@joint`."""
+    effect, _, at = name.partition("@")
+    return effect.replace("_", " ") + (f" at {at}" if at else "")
