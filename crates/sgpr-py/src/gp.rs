@@ -218,6 +218,10 @@ pub struct FittedProcess {
 }
 
 impl FittedProcess {
+    fn new(process: Process, data: Data, compute: Compute, report: Report) -> Self {
+        Self { process, data, compute, report, memory: Mutex::default(), calibration: Mutex::default() }
+    }
+
     fn left_out(&self) -> Result<LeaveOneOut, GpError> {
         match &self.process {
             Process::Exact(gp) => Ok(gp.leave_one_out()),
@@ -362,10 +366,7 @@ pub fn fit_process(
     };
     let ((process, mut report), stopped) = listen_and_keep(py, progress, work)?;
     report.inference = inference.name();
-    Ok((
-        FittedProcess { process, data, compute, report, memory: Mutex::default(), calibration: Mutex::default() },
-        stopped,
-    ))
+    Ok((FittedProcess::new(process, data, compute, report), stopped))
 }
 
 /// What a predictor keeps, as the methods `predictor` are given it.
@@ -394,14 +395,7 @@ pub fn restore_process(
         None => GaussianProcess::fit(data.clone(), covariance, &compute).map(Process::Exact),
     });
     let process = process.map_err(IntoPyErr::into_py_err)?;
-    Ok(FittedProcess {
-        process,
-        data,
-        compute,
-        report: Report::default(),
-        memory: Mutex::default(),
-        calibration: Mutex::default(),
-    })
+    Ok(FittedProcess::new(process, data, compute, Report::default()))
 }
 
 fn word(name: &str, value: &Bound<'_, PyAny>) -> PyResult<String> {

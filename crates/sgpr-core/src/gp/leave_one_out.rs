@@ -20,6 +20,23 @@ pub struct Calibration {
     pub half_interval_95: f64,
 }
 
+impl Calibration {
+    /// For errors with a normal distribution.
+    pub(crate) const NORMAL: Self = Self { deviation: 1.0, half_interval_95: 1.96 };
+
+    /// From (error, variance) of unseen measurements: the quantiles of the errors in standard deviations.
+    ///
+    /// - `rank`: of a share among the sorted errors, from zero on
+    /// - `wider`: factor on the quantiles
+    pub(crate) fn of(errors: impl Iterator<Item = (f64, f64)>, rank: impl Fn(f64) -> usize, wider: f64) -> Self {
+        let mut ratios: Vec<f64> = errors.map(|(error, variance)| error.abs() / variance.sqrt()).collect();
+        ratios.sort_unstable_by(f64::total_cmp);
+        // Errors that are all zero leave nothing to multiply.
+        let quantile = |share: f64| (wider * ratios[rank(share)]).max(1e-6);
+        Self { deviation: quantile(0.682_689), half_interval_95: quantile(0.95) }
+    }
+}
+
 /// Fewer points say too little about the ends of a distribution.
 const FEWEST: usize = 100;
 
@@ -50,17 +67,13 @@ impl LeaveOneOut {
     pub fn calibration(&self, data: &Data) -> Vec<Calibration> {
         let (outputs, points) = (data.outputs(), data.len());
         assert_eq!((self.variance.len(), self.mean.len()), (points, points * outputs), "predictions of the data");
-        let of_output = |output: usize| {
-            let ratio = |i: usize| {
-                (data.y()[i * outputs + output] - self.mean[i * outputs + output]).abs() / self.variance[i].sqrt()
-            };
-            let mut ratios: Vec<f64> = (0..points).map(ratio).collect();
-            ratios.sort_unstable_by(f64::total_cmp);
-            // Of one point more, the new one, which falls between any two of the others as likely as between any other two.
-            let quantile = |share: f64| ratios[(share * (points + 1) as f64).ceil() as usize - 1].max(1e-6);
-            Calibration { deviation: quantile(0.682_689), half_interval_95: quantile(0.95) }
-        };
-        let normal = Calibration { deviation: 1.0, half_interval_95: 1.96 };
-        (0..outputs).map(|output| if points < FEWEST { normal } else { of_output(output) }).collect()
+        if points < FEWEST {
+            return vec![Calibration::NORMAL; outputs];
+        }
+        // Of one point more, the new one, which falls between any two of the others as likely as between any other two.
+        let rank = |share: f64| (share * (points + 1) as f64).ceil() as usize - 1;
+        let errors: Vec<f64> = data.y().iter().zip(&self.mean).map(|(y, mean)| y - mean).collect();
+        let of_output = |output: usize| errors.iter().skip(output).step_by(outputs).copied();
+        (0..outputs).map(|o| Calibration::of(of_output(o).zip(self.variance.iter().copied()), rank, 1.0)).collect()
     }
 }

@@ -272,4 +272,33 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn derivatives_of_many_points_are_finite_differences_of_every_kind_of_kernel() {
+        let one = path(SINGLE_FROM);
+        let y = one.y().iter().flat_map(|y| [*y, 0.5 - y * y]).collect();
+        let two = Data::new(one.x().to_vec(), 3, y, 2).expect("finite");
+        let smooth = || Kernel::ard(Shape::SquaredExponential, &[1.0, 1.2, 1.4]).scaled(2.0);
+        let rough = || Kernel::isotropic(Shape::Matern32, 1, 0.7).scaled(0.4);
+        // A variance of the whole kernel keeps the errors of single precision out of its derivative.
+        for (kernel, tolerance) in [(smooth(), 1e-7), (smooth().plus(rough()), 2e-6), (smooth().times(rough()), 2e-6)] {
+            let covariance = Covariance::new(kernel, 0.02);
+            for (data, threads) in [(&one, 1), (&two, 2)] {
+                let compute = Compute { threads, ..Compute::default() };
+                let mut likelihood = Likelihood::new(data, &compute).expect("enough memory");
+                let (_, gradient) = likelihood.value_and_gradient(&covariance).expect("positive definite");
+                assert!(likelihood.single);
+                let mut at = |k: usize, step: f64| {
+                    let mut theta = covariance.theta();
+                    theta[k] += step;
+                    likelihood.value(&covariance.with_theta(&theta)).expect("positive definite")
+                };
+                for (k, derivative) in gradient.iter().enumerate() {
+                    let expected = (at(k, 1e-4) - at(k, -1e-4)) / 2e-4;
+                    let per_point = (derivative - expected).abs() / data.len() as f64;
+                    assert!(per_point < tolerance, "{covariance:?}, parameter {k}: {derivative}, {expected}");
+                }
+            }
+        }
+    }
 }

@@ -1,6 +1,5 @@
 //! Covariance matrices: the lower triangle assembled, factored and inverted in place.
 
-use bytemuck::Pod;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor as llt;
 use faer::linalg::matmul::triangular::{BlockStructure, matmul};
@@ -12,7 +11,7 @@ use faer::{Accum, Mat, MatMut, MatRef, Par};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use super::kernels::{Features, Plan, TILE};
+use super::kernels::{Element, Features, Plan, TILE};
 use super::{Compute, Data, GpError};
 
 /// Columns that one thread works on at a time.
@@ -23,21 +22,10 @@ const FIRST_JITTER: f64 = 1e-10;
 const LARGEST_JITTER: f64 = 1e-4;
 
 /// Double or single precision.
-pub(super) trait Number: RealField + Pod + From<f32> + Into<f64> {
-    fn rounded(value: f64) -> Self;
-}
+pub(super) trait Number: Element + RealField {}
 
-impl Number for f64 {
-    fn rounded(value: f64) -> Self {
-        value
-    }
-}
-
-impl Number for f32 {
-    fn rounded(value: f64) -> Self {
-        value as Self
-    }
-}
+impl Number for f64 {}
+impl Number for f32 {}
 
 /// Memory of a matrix, by columns: of doubles, or of singles in the first half of each column.
 #[derive(Clone, Debug)]
@@ -176,7 +164,8 @@ pub(super) fn likelihood_gradient<T: Number>(
     let n = inverse_factor.ncols();
     let points = &plan.features(data.x(), data.inputs());
     let y: Vec<f64> = data.y().iter().step_by(data.outputs()).copied().collect();
-    let explained = explained.map(|explained| Mat::from_fn(n, explained.ncols(), |i, k| T::rounded(explained[(i, k)])));
+    let explained =
+        explained.map(|explained| Mat::from_fn(n, explained.ncols(), |i, k| T::from_f64(explained[(i, k)])));
     let (mut gradient, mut trace, mut product) = (vec![0.0; plan.theta_len()], 0.0, vec![0.0; n]);
     for start in (0..n).step_by(PANEL) {
         let width = PANEL.min(n - start);
@@ -185,9 +174,9 @@ pub(super) fn likelihood_gradient<T: Number>(
         if let Some(explained) = &explained {
             let rows = explained.as_ref().subrows(start, n - start);
             let columns = rows.subrows(0, width).transpose();
-            faer::linalg::matmul::matmul(inverse.rb_mut(), Accum::Add, rows, columns, T::from(-1.0), compute.par());
+            faer::linalg::matmul::matmul(inverse.rb_mut(), Accum::Add, rows, columns, T::from_f64(-1.0), compute.par());
         }
-        trace += (0..width).map(|k| inverse[(k, k)].into()).sum::<f64>();
+        trace += (0..width).map(|k| inverse[(k, k)].to_f64()).sum::<f64>();
         let inverse = inverse.rb();
         let block = |first: usize| {
             let columns = inverse.subcols(first, COLUMNS.min(width - first));
@@ -213,16 +202,16 @@ pub(super) fn likelihood_gradient<T: Number>(
 fn add_symmetric_product<T: Number>(column: &[T], y: &[f64], product: &mut [f64]) {
     let mut sum = 0.0;
     for ((value, y_below), product) in column.iter().zip(y).zip(product.iter_mut()).skip(1) {
-        let value: f64 = (*value).into();
+        let value = value.to_f64();
         *product += value * y[0];
         sum += value * y_below;
     }
-    product[0] += sum + column[0].into() * y[0];
+    product[0] += sum + column[0].to_f64() * y[0];
 }
 
 /// The first columns of L⁻ᵀ L⁻¹, of which the lower triangle counts: a sum over blocks of rows of L⁻¹.
 fn inverse_columns<T: Number>(inverse_factor: MatRef<'_, T>, mut out: MatMut<'_, T>, par: Par) {
-    let one = T::from(1.0);
+    let one = T::from_f64(1.0);
     let (n, width) = (inverse_factor.nrows(), out.ncols());
     let top = inverse_factor.submatrix(0, 0, width, width);
     matmul(out.rb_mut().subrows_mut(0, width), LOWER, Accum::Replace, top.transpose(), UPPER, top, LOWER, one, par);
@@ -269,7 +258,7 @@ impl<T: Number> WithSimd for LikelihoodGradient<'_, T> {
                 let j = first + k;
                 let column = columns.col(k).try_as_col_major().expect("column-major").as_slice();
                 let inverse = &column[start - above..end - above];
-                weights.iter_mut().zip(inverse).for_each(|(w, inverse)| *w = -outputs * (*inverse).into());
+                weights.iter_mut().zip(inverse).for_each(|(w, inverse)| *w = -outputs * inverse.to_f64());
                 for alpha in alpha {
                     let own = alpha[j];
                     weights.iter_mut().zip(&alpha[start..end]).for_each(|(w, alpha)| *w += own * alpha);
@@ -382,7 +371,7 @@ pub(super) fn invert_in_place<T: Number>(mut lower: MatMut<'_, T>, mut panel: Ma
         let rows = side.nrows();
         let mut copy = panel.rb_mut().submatrix_mut(0, 0, rows, width);
         copy.copy_from(side.rb());
-        matmul(side.rb_mut(), FULL, Accum::Replace, copy.rb(), FULL, diagonal.rb(), LOWER, T::from(-1.0), par);
+        matmul(side.rb_mut(), FULL, Accum::Replace, copy.rb(), FULL, diagonal.rb(), LOWER, T::from_f64(-1.0), par);
         substitute(rest, side, par);
     }
 }
@@ -421,7 +410,7 @@ fn substitute_here<T: Number>(lower: MatRef<'_, T>, mut columns: MatMut<'_, T>) 
         let (diagonal, left) = lower.submatrix(start, start, n - start, height).split_at_row(height);
         let (mut solved, below) = columns.rb_mut().split_at_row_mut(start).1.split_at_row_mut(height);
         solve_lower_triangular_in_place(diagonal, solved.rb_mut(), Par::Seq);
-        add_product(below, left, solved.rb(), T::from(-1.0), Par::Seq);
+        add_product(below, left, solved.rb(), T::from_f64(-1.0), Par::Seq);
     }
 }
 

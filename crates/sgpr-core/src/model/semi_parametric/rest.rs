@@ -7,7 +7,7 @@ use super::all_rows::{Parts, SeenByAll, see_all};
 use super::process::Process;
 use super::{Inputs, SemiParametricOptions};
 use crate::gp::{
-    Compute, Covariance, Data, GaussianProcess, GpError, Inference, Kernel, SearchOptions, SearchStatus,
+    Calibration, Compute, Covariance, Data, GaussianProcess, GpError, Inference, Kernel, SearchOptions, SearchStatus,
     informative_points, search,
 };
 use crate::progress::Progress;
@@ -437,15 +437,12 @@ fn errors_left_out(
 /// errors in standard deviations. Errors of a part have much in common, so their quantiles are those of few observations,
 /// and a new log differs from them as they do from each other: by a factor of sqrt(1 + 1 / parts) on their spread.
 pub(super) fn calibration(errors: &[(f64, f64)], parts: usize) -> (f64, f64) {
-    let mut ratios: Vec<f64> = errors.iter().map(|(error, variance)| error.abs() / variance.sqrt()).collect();
-    ratios.sort_unstable_by(f64::total_cmp);
-    if ratios.is_empty() {
-        return (1.0, 1.96);
-    }
-    let new = (1.0 + 1.0 / parts as f64).sqrt();
-    let quantile = |share: f64| new * ratios[((share * ratios.len() as f64) as usize).min(ratios.len() - 1)];
-    // Errors that are all zero leave nothing to multiply.
-    (quantile(0.682_689).max(1e-6), quantile(0.95).max(1e-6))
+    let count = errors.len();
+    let rank = |share: f64| ((share * count as f64) as usize).min(count - 1);
+    let wider = (1.0 + 1.0 / parts as f64).sqrt();
+    let of_errors = || Calibration::of(errors.iter().copied(), rank, wider);
+    let Calibration { deviation, half_interval_95 } = if count > 0 { of_errors() } else { Calibration::NORMAL };
+    (deviation, half_interval_95)
 }
 
 #[cfg(test)]
