@@ -2,7 +2,9 @@
 
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
-use sgpr_core::identification::{Consistency, Distance, LinkBounds, Method, ParameterBounds, PhysicalBounds, Region};
+use sgpr_core::identification::{
+    Consistency, Distance, LinkBounds, Method, ParameterBounds, PhysicalBounds, PriorWidth, Region,
+};
 use sgpr_core::model::Uncertainty;
 
 use crate::convert::{choice, items, positive, vector3};
@@ -55,6 +57,10 @@ pub struct ConsistencyArguments {
     cross_validated: bool,
     consistency: Consistency,
     given: Option<&'static str>,
+    /// Width of the prior on any estimate, if it was given.
+    width: Option<PriorWidth>,
+    /// Whether no prior is wanted.
+    bare: bool,
 }
 
 impl ConsistencyArguments {
@@ -64,6 +70,7 @@ impl ConsistencyArguments {
     pub fn take(&mut self, key: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
         match key {
             "consistent" => self.wanted = value.extract()?,
+            "prior" if value.is_none() => self.bare = true,
             "prior" => {
                 let text: String = value.extract()?;
                 let known = [("entropic", Distance::Entropic), ("euclidean", Distance::Euclidean)];
@@ -73,10 +80,12 @@ impl ConsistencyArguments {
             "prior_deviation" => {
                 if let Ok(word) = value.extract::<String>() {
                     self.cross_validated = choice(key, &word, &[("auto", true)])?;
+                    self.width = Some(PriorWidth::Chosen);
                 } else {
-                    self.consistency.prior.relative_deviation = positive(key, value.extract()?)?;
+                    let deviation = positive(key, value.extract()?)?;
+                    self.consistency.prior.relative_deviation = deviation;
+                    self.width = Some(PriorWidth::Given(deviation));
                 }
-                self.given = Some("prior_deviation");
             }
             _ => {
                 self.consistency.bounds = bounds(value)?;
@@ -84,6 +93,17 @@ impl ConsistencyArguments {
             }
         }
         Ok(())
+    }
+
+    /// The width of the prior on what the logs do not determine; none if no prior is wanted.
+    pub fn prior(&self) -> PyResult<Option<PriorWidth>> {
+        match (self.bare, self.width) {
+            (true, Some(_)) if !self.wanted => {
+                Err(invalid("prior_deviation: without a prior (prior=None) it has no meaning"))
+            }
+            (true, _) => Ok(None),
+            (false, width) => Ok(Some(width.unwrap_or_default())),
+        }
     }
 
     /// The settings, if consistency is wanted, and whether the data choose the strength of the pull.

@@ -117,8 +117,8 @@ impl Arguments {
         let (mut kp, mut kd) = (None, None);
         for (key, value) in given.into_iter().flatten() {
             let key: String = key.extract()?;
-            // None stands for the default, whatever it is.
-            if value.is_none() && OPTIONS.contains(&key.as_str()) {
+            // None stands for the default, whatever it is, but for the prior, which can be left out.
+            if value.is_none() && key != "prior" && OPTIONS.contains(&key.as_str()) {
                 continue;
             }
             let conditioning = &mut options.conditioning;
@@ -161,6 +161,7 @@ impl Arguments {
             }
             options.method = Method::WlsKnown(noise);
         }
+        options.prior = consistency.prior()?;
         (options.consistency, options.cross_validated_prior) = consistency.finish()?;
         options.controller = match (kp, kd) {
             (None, None) => None,
@@ -276,11 +277,14 @@ pub fn differentiation_name(method: Differentiation) -> String {
 /// consistent : bool, default False
 ///     Whether the full set of parameters is to be that of bodies: every link with a positive mass and an inertia that
 ///     some distribution of it has, friction and rotor inertia not negative. See `Model.certificate`.
-/// prior : {"entropic", "euclidean"}
-///     How the distance to the robot file is measured, which decides where the data are silent.
-/// prior_deviation : float or "auto", default 30.0
-///     Relative standard deviation of the robot file's values; 1 for a file that is roughly right. With "auto" the one with
-///     which parts of the logs are predicted best from the others.
+/// prior : {"entropic", "euclidean"} or None
+///     What the logs determine worse than the robot file does is held by the file, and joints that the file predicts better
+///     on parts of the logs that were left out keep it; see the warnings. With None the estimate is bare. The words say, with
+///     `consistent`, how the distance to the robot file is measured.
+/// prior_deviation : float or "auto", optional
+///     Relative standard deviation of the robot file's values; 1 for a file that is roughly right. By default the one that
+///     makes the logs most probable; with `consistent` 30, and with "auto" the one with which parts of the logs are predicted
+///     best from the others.
 /// bounds : dict, optional
 ///     Limits: {"joint_2": {"mass": (1, 5), "box": (lowest, highest)}} for the link that a joint carries, or "ellipsoid":
 ///     (centre, half_axes) for its centre of mass; "total_mass": (20, 30); any parameter, "joint_2.Fv": (0, None).
@@ -320,7 +324,7 @@ pub fn differentiation_name(method: Differentiation) -> String {
     text_signature = "(robot, recordings, *, effects=('viscous_friction', 'coulomb_friction', 'rotor_inertia', \
     'torque_offset'), method='wls', noise=None, start='robot_file', cutoff_hz=None, filter_order=4, \
     differentiation='central', torque_band='position', decimation=None, standstill_speed=None, turn_margin=0.0, \
-    consistent=False, prior='entropic', prior_deviation=30.0, bounds=None, essential=False, uncertainty='memory', instruments=(), kp=None, \
+    consistent=False, prior='entropic', prior_deviation=None, bounds=None, essential=False, uncertainty='memory', instruments=(), kp=None, \
     kd=None, progress=None)")]
 pub fn identify(
     py: Python<'_>,

@@ -24,6 +24,18 @@ pub fn estimate(
 ) -> Result<Estimate, IdentificationError> {
     let start = LeastSquares { method: method.clone(), correlation: correlation.map(<[f64]>::to_vec) };
     let start = start.solve(factors, equations.base(), nominal)?;
+    from_start(method, equations, factors, start, nominal, correlation)
+}
+
+/// The same from an estimate by least squares.
+pub(super) fn from_start(
+    method: &Method,
+    equations: &mut Equations<'_>,
+    factors: &[JointFactor],
+    start: Estimate,
+    nominal: &[f64],
+    correlation: Option<&[f64]>,
+) -> Result<Estimate, IdentificationError> {
     match *method {
         Method::Ols | Method::Wls | Method::WlsKnown(_) => Ok(start),
         Method::Irls { threshold } => robust::estimate(threshold, equations, factors, start, nominal),

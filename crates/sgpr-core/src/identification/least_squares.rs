@@ -172,8 +172,8 @@ pub struct SingularDirection {
 
 /// Weights are iterated until they change by less than this share; a thousandth of the weights changes the estimates by
 /// far less than their standard deviation.
-const SAME_WEIGHTS: f64 = 1e-4;
-const MOST_ITERATIONS: usize = 20;
+pub(super) const SAME_WEIGHTS: f64 = 1e-4;
+pub(super) const MOST_ITERATIONS: usize = 20;
 
 /// Below this share of the largest singular value a direction is not excited.
 const RANK_TOLERANCE: f64 = 1e-9;
@@ -276,11 +276,11 @@ impl LeastSquares {
     }
 
     /// Rows at rest need a weight of their own.
-    fn uses(&self, factor: &JointFactor) -> bool {
+    pub(super) fn uses(&self, factor: &JointFactor) -> bool {
         !factor.resting || !matches!(self.method, Method::Ols | Method::WlsKnown(_))
     }
 
-    fn correlation_of(&self, index: usize) -> f64 {
+    pub(super) fn correlation_of(&self, index: usize) -> f64 {
         self.correlation.as_ref().map_or(1.0, |correlation| correlation[index])
     }
 }
@@ -318,14 +318,14 @@ impl Estimate {
 }
 
 /// Rows of each factor less their share of the unknowns.
-fn degrees_of_freedom(factors: &[JointFactor], unknowns: usize) -> Vec<f64> {
+pub(super) fn degrees_of_freedom(factors: &[JointFactor], unknowns: usize) -> Vec<f64> {
     let total: usize = factors.iter().map(|factor| factor.rows).sum();
     let share = |rows: usize| rows as f64 * (1.0 - unknowns as f64 / total as f64);
     factors.iter().map(|factor| share(factor.rows).max(1.0)).collect()
 }
 
 /// Standard deviation of the residual of each factor.
-fn residual_noise(factors: &[JointFactor], values: &[f64], freedom: &[f64]) -> Vec<f64> {
+pub(super) fn residual_noise(factors: &[JointFactor], values: &[f64], freedom: &[f64]) -> Vec<f64> {
     let norm = |joint: &JointFactor| residual_norm(joint, values);
     factors.iter().zip(freedom).map(|(joint, freedom)| norm(joint) / freedom.sqrt()).collect()
 }
@@ -341,7 +341,13 @@ pub(crate) fn residual_norm(joint: &JointFactor, values: &[f64]) -> f64 {
 }
 
 /// Standard deviation of the weighted rows, their memory included.
-fn unit_noise(factors: &[JointFactor], weights: &[f64], noise: &[f64], freedom: &[f64], inflation: &[f64]) -> f64 {
+pub(super) fn unit_noise(
+    factors: &[JointFactor],
+    weights: &[f64],
+    noise: &[f64],
+    freedom: &[f64],
+    inflation: &[f64],
+) -> f64 {
     let used = (0..factors.len()).filter(|&index| weights[index].is_finite());
     let (mut squares, mut rows) = (0.0, 0.0);
     for index in used {
@@ -566,7 +572,7 @@ impl Scaled {
 }
 
 impl Excitation {
-    fn of(triangle: &Mat<f64>) -> Self {
+    pub(super) fn of(triangle: &Mat<f64>) -> Self {
         let unknowns = triangle.ncols() - 1;
         let singular_values = Svd::new(triangle.as_ref().submatrix(0, 0, unknowns, unknowns)).values;
         let scaled = Scaled::new(triangle);

@@ -5,7 +5,7 @@ use faer::Mat;
 use super::{BaseParameters, ClosedLoop, IdentificationError, ParameterSet};
 use crate::dynamics::{BatchWorkspace, Samples, for_each_regressor_block};
 use crate::effects::JointState;
-use crate::linalg::TriangularFactor;
+use crate::linalg::{TriangularFactor, triangle};
 use crate::robot::Robot;
 use crate::signal::LowPass;
 use crate::spatial::PARAMETERS_PER_LINK;
@@ -18,8 +18,8 @@ use crate::spatial::PARAMETERS_PER_LINK;
 #[derive(Debug)]
 pub struct Observation<'a> {
     source: RowSource<'a>,
-    /// Per joint: rows in motion, rows at rest.
-    factors: Vec<[TriangularFactor; 2]>,
+    /// Per part and joint: rows in motion, rows at rest.
+    parts: Vec<Vec<[TriangularFactor; 2]>>,
 }
 
 /// What an equation is good for.
@@ -98,9 +98,21 @@ const PIECE: usize = 8 << 20;
 impl<'a> Observation<'a> {
     /// No equations yet.
     pub fn new(robot: &'a Robot, set: &'a ParameterSet, base: &BaseParameters) -> Self {
+        Self::in_parts(robot, set, base, 1)
+    }
+
+    /// No equations yet; those of each trajectory will be kept in consecutive parts of equal time, [`Self::parts`].
+    ///
+    /// # Panics
+    /// If there is no part.
+    pub fn in_parts(robot: &'a Robot, set: &'a ParameterSet, base: &BaseParameters, parts: usize) -> Self {
+        assert!(parts > 0, "one part at least");
         let source = RowSource::new(robot, set, base);
-        let factors = source.layouts.iter().map(|layout| [(); 2].map(|()| TriangularFactor::new(layout.width())));
-        Self { factors: factors.collect(), source }
+        let factors = |_| {
+            let layouts = source.layouts.iter();
+            layouts.map(|layout| [(); 2].map(|()| TriangularFactor::new(layout.width()))).collect()
+        };
+        Self { parts: (0..parts).map(factors).collect(), source }
     }
 
     /// Adds the equations of samples as they are.
@@ -146,8 +158,33 @@ impl<'a> Observation<'a> {
 
     /// The factors of all joints in motion, then those of the joints at rest; without those that have no row.
     pub fn factors(&self) -> Vec<JointFactor> {
+        let parts = self.parts();
+        if let [all] = &parts[..] {
+            return all.clone();
+        }
+        let same = |a: &JointFactor, b: &JointFactor| (a.joint, a.resting) == (b.joint, b.resting);
+        let mut joined: Vec<JointFactor> = Vec::new();
+        for factor in parts.iter().flatten() {
+            if joined.iter().all(|other| !same(other, factor)) {
+                let alike: Vec<&JointFactor> = parts.iter().flatten().filter(|other| same(other, factor)).collect();
+                let width = factor.factor.ncols();
+                let all = Mat::from_fn(alike.len() * width, width, |i, j| alike[i / width].factor[(i % width, j)]);
+                let rows = alike.iter().map(|factor| factor.rows).sum();
+                joined.push(JointFactor { factor: triangle(all.as_ref()), rows, ..factor.clone() });
+            }
+        }
+        joined.sort_by_key(|factor| (factor.resting, factor.joint));
+        joined
+    }
+
+    /// The factors of each part.
+    pub fn parts(&self) -> Vec<Vec<JointFactor>> {
+        self.parts.iter().map(|factors| self.factors_of(factors)).collect()
+    }
+
+    fn factors_of(&self, factors: &[[TriangularFactor; 2]]) -> Vec<JointFactor> {
         let of_kind = |resting: bool| {
-            let joints = self.source.layouts.iter().zip(&self.factors).enumerate();
+            let joints = self.source.layouts.iter().zip(factors).enumerate();
             joints.map(move |(joint, (layout, factors))| (joint, layout, &factors[usize::from(resting)], resting))
         };
         let factor = |(joint, layout, factor, resting): (usize, &Layout, &TriangularFactor, bool)| JointFactor {
@@ -169,16 +206,18 @@ impl<'a> Observation<'a> {
     /// If the arrays do not hold the same samples.
     pub fn add(&mut self, trajectory: &Trajectory<'_>) -> Result<(), IdentificationError> {
         let n = self.source.robot.dof();
-        let factors = &mut self.factors;
+        let parts = &mut self.parts;
+        let (count, samples) = (parts.len(), trajectory.samples.count(n));
         let Trajectory { use_as, decimation, .. } = *trajectory;
         self.source.for_each_piece(trajectory, |piece| {
-            for (joint, [moving, resting]) in factors.iter_mut().enumerate() {
+            for joint in 0..n {
                 let (rows, width) = piece.rows(joint);
-                if use_as.is_none() && decimation == 1 {
-                    moving.push_all(rows);
+                if use_as.is_none() && decimation == 1 && count == 1 {
+                    parts[0][joint][0].push_all(rows);
                     continue;
                 }
                 for (sample, row) in piece.samples.clone().zip(rows.chunks_exact(width)).step_by(decimation) {
+                    let [moving, resting] = &mut parts[sample * count / samples][joint];
                     match use_as.map_or(Row::Moving, |use_as| use_as[sample * n + joint]) {
                         Row::Skip => {}
                         Row::Moving => moving.push(row),

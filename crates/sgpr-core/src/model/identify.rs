@@ -2,17 +2,18 @@
 
 use faer::Mat;
 
-use super::TorqueModel;
 use super::experiment::{Experiment, band_filter, select_joints, torque_of};
 use super::terms::Term;
 use super::torque_model::{Certificate, Fit, nominal_parameters};
 use super::variable_projection::{self, Columns, TermFit};
+use super::{TorqueModel, held};
 use crate::effects::UnknownEffect;
 use crate::identification::{
     BaseParameters, ClosedLoop, Consistency, Costs, Equations, Essential, Estimate, Finding, IdentificationError,
-    JointFactor, KeptOut, LeastSquares, Method, Observation, ParameterSet, Row, Series, Trajectory, block_bootstrap,
-    essential_parameters, estimate, hac_covariance, residual_norm, rows_per_independent_row, screen_delays,
-    screen_factors, screen_rows, screen_scale, torque_sizes, weakest_good_deviation,
+    JointFactor, KeptOut, LeastSquares, Method, Observation, ParameterPrior, ParameterSet, PriorWidth, Row, Series,
+    Trajectory, block_bootstrap, essential_parameters, estimate, hac_covariance, residual_norm,
+    rows_per_independent_row, screen_delays, screen_factors, screen_rows, screen_scale, torque_sizes,
+    weakest_good_deviation,
 };
 use crate::motion::{Conditioning, Motion, MotionError, Processing};
 use crate::progress::{Interrupted, Progress};
@@ -45,6 +46,10 @@ pub struct IdentifyOptions {
     pub conditioning: Conditioning,
     /// Values that parameters keep where the motion does not determine them.
     pub start: Start,
+    /// What holds parameters that the logs determine worse than the robot file does ([`ParameterPrior`]): the width of the
+    /// prior; the bare estimate if `None`. With it a joint that the robot file predicts better on parts of the logs that
+    /// were left out keeps the file.
+    pub prior: Option<PriorWidth>,
 }
 
 impl Default for IdentifyOptions {
@@ -61,6 +66,7 @@ impl Default for IdentifyOptions {
             controller: None,
             conditioning: Conditioning::default(),
             start: Start::RobotFile,
+            prior: Some(PriorWidth::Chosen),
         }
     }
 }
@@ -321,35 +327,42 @@ fn fit(
     // Simulated instruments take the place of the reference that they are simulated from.
     let given = if loops.is_empty() { &instruments[..] } else { &[] };
     let trajectories = experiment.trajectories_with(given, &loops, Some(&columns))?;
-    let mut observation = Observation::new(robot, &set, &base);
+    let parts = if options.prior.is_some() { FOLDS } else { 1 };
+    let mut observation = Observation::in_parts(robot, &set, &base, parts);
     for (index, trajectory) in trajectories.iter().enumerate() {
         progress.step("observe", index, trajectories.len())?;
         observation.add(trajectory)?;
     }
     progress.step("observe", trajectories.len(), trajectories.len())?;
-    let mut factors = observation.factors();
+    let (mut factors, mut parts) = (observation.factors(), observation.parts());
     let nominal = base.combine(&start);
+    if options.prior.is_some() {
+        held::leave_out_joints_at_rest(&mut factors, &mut parts);
+    }
+    let prior = options.prior.map(|width| (ParameterPrior::new(robot, &set, &base, &start, &factors), width));
     // The residual of a first solution tells how much the noise remembers: the estimates stay, their spread grows.
-    let first = LeastSquares::new(options.method.clone()).solve(&factors, &base, &nominal)?;
+    let first = LeastSquares::new(options.method.clone());
+    let first = match &prior {
+        None => first.solve(&factors, &base, &nominal)?,
+        Some((prior, _)) => first.solve_with_prior(&factors, prior, PriorWidth::Given(1.0))?.estimate,
+    };
     model.set_all_parameters(&base.expand(&first.values, &start));
     let correlation = correlation(&model, motions, processing, &factors)?;
     let mut equations = Equations::new(robot, &set, &base, trajectories);
-    let mut estimate = estimate(&options.method, &mut equations, &factors, &nominal, Some(&correlation))?;
-    match options.uncertainty {
-        Uncertainty::Memory => {}
-        // The deviations of instrumental variables take residuals as they are already.
-        Uncertainty::Hac if options.method == Method::InstrumentalVariables => {}
-        Uncertainty::Hac => estimate.covariance = hac_covariance(&mut equations, &factors, &estimate, None)?,
-        Uncertainty::Bootstrap { replicates } => {
-            let bootstrap = block_bootstrap(&mut equations, &factors, &estimate, replicates.max(2), None)?;
-            let undetermined = (0..base.rank()).filter(|&k| estimate.covariance[(k, k)].is_infinite());
-            let undetermined: Vec<usize> = undetermined.collect();
-            estimate.covariance = bootstrap.covariance();
-            undetermined.into_iter().for_each(|k| estimate.covariance[(k, k)] = f64::INFINITY);
+    let mut notes = Vec::new();
+    let (mut estimate, prior) = match prior {
+        None => (estimate(&options.method, &mut equations, &factors, &nominal, Some(&correlation))?, None),
+        Some((prior, width)) => {
+            let task = held::Task { robot, set: &set, base: &base, factors: &factors, parts: &parts, motions };
+            let kept = options.start == Start::RobotFile;
+            let found = task.estimate(&options.method, &mut equations, (prior, width), &correlation, kept)?;
+            notes.extend(found.notes);
+            (found.held.estimate, Some(found.held.prior))
         }
-    }
+    };
+    set_uncertainty(options, &mut equations, &factors, &mut estimate, prior.as_ref())?;
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
-    let mut notes: Vec<String> = estimate.notes.drain(..).collect();
+    notes.extend(estimate.notes.drain(..));
     notes.extend(screen_factors(&set, &base, &joints, &factors, &estimate).iter().map(ToString::to_string));
     if options.start == Start::RobotFile {
         notes.extend(screen_scale(&set, &base, &nominal, &factors).map(|finding| finding.to_string()));
@@ -415,7 +428,8 @@ fn fit(
     let covariance = Mat::from_fn(rank, rank, |i, j| joint[(i, j)]);
     let deviations: Vec<f64> = (0..rank).map(|k| covariance[(k, k)].max(0.0).sqrt()).collect();
     let names = model.base.names();
-    model.provenance.history = vec![describe(options, processing, &factors)];
+    let held = prior.as_ref().map_or(vec![], |prior| held::held_by_prior(&estimate, prior));
+    model.provenance.history = vec![describe(options, processing, &factors, prior.as_ref())];
     model.fit = Some(Fit {
         method: options.method.name().into(),
         covariance: row_major(&covariance),
@@ -426,11 +440,9 @@ fn fit(
         values: estimate.values[..rank].to_vec(),
         condition: estimate.excitation.condition,
         scaled_condition: estimate.excitation.scaled_condition,
-        undetermined: names
-            .iter()
-            .zip(&deviations)
-            .filter(|(_, std)| std.is_infinite())
-            .map(|(name, _)| name.clone())
+        undetermined: (0..rank)
+            .filter(|&k| deviations[k].is_infinite() || held.contains(&k))
+            .map(|k| names[k].clone())
             .collect(),
         standard_deviations: deviations,
         consistency: consistent.map(|(found, costs, kept_out, of)| Certificate::new(found, costs, kept_out, of)),
@@ -438,6 +450,35 @@ fn fit(
     model.processing = Some(processing.clone());
     model.provenance.logs = recordings.iter().map(|recording| recording.source().to_string()).collect();
     Ok((model, Outcome { estimate, essential, notes }))
+}
+
+/// Sets the covariance as the options ask for it.
+fn set_uncertainty(
+    options: &IdentifyOptions,
+    equations: &mut Equations<'_>,
+    factors: &[JointFactor],
+    estimate: &mut Estimate,
+    prior: Option<&ParameterPrior>,
+) -> Result<(), IdentificationError> {
+    let undetermined = |estimate: &Estimate| -> Vec<usize> {
+        (0..estimate.values.len()).filter(|&k| estimate.covariance[(k, k)].is_infinite()).collect()
+    };
+    let before = undetermined(estimate);
+    let mut covariance = match options.uncertainty {
+        Uncertainty::Memory => return Ok(()),
+        // The deviations of instrumental variables take residuals as they are already.
+        Uncertainty::Hac if options.method == Method::InstrumentalVariables => return Ok(()),
+        Uncertainty::Hac => hac_covariance(equations, factors, estimate, None)?,
+        Uncertainty::Bootstrap { replicates } => {
+            block_bootstrap(equations, factors, estimate, replicates.max(2), None)?.covariance()
+        }
+    };
+    before.into_iter().for_each(|k| covariance[(k, k)] = f64::INFINITY);
+    match prior {
+        None => estimate.covariance = covariance,
+        Some(prior) => prior.hold_covariance(estimate, &covariance),
+    }
+    Ok(())
 }
 
 /// Zeros in the place of a torque would be believed more than any measurement, as they have no noise.
@@ -693,7 +734,12 @@ fn rows_of(factors: &[JointFactor], joint: usize) -> usize {
     factors.iter().filter(|factor| factor.joint == joint).map(|factor| factor.rows).sum()
 }
 
-fn describe(options: &IdentifyOptions, processing: &Processing, factors: &[JointFactor]) -> String {
+fn describe(
+    options: &IdentifyOptions,
+    processing: &Processing,
+    factors: &[JointFactor],
+    prior: Option<&ParameterPrior>,
+) -> String {
     let what = match options.start {
         Start::RobotFile => "identified",
         Start::Zero => "identified as the error of an internal model",
@@ -709,7 +755,15 @@ fn describe(options: &IdentifyOptions, processing: &Processing, factors: &[Joint
     let effects = if options.effects.is_empty() { "no effects".into() } else { options.effects.join(", ") };
     let rows: usize = factors.iter().map(|factor| factor.rows).sum();
     let hz = processing.cutoff_hz;
-    format!("{what} by {method} from {rows} rows with {effects}; position filtered at {hz:.2} Hz, {band}")
+    let prior = prior.map_or(String::new(), |prior| {
+        format!(
+            "; what the logs do not determine is held by the robot file, right within {} times the size of a link, and by \
+             friction within {} times the torque",
+            prior.relative_deviation(),
+            prior.effect_scale()
+        )
+    });
+    format!("{what} by {method} from {rows} rows with {effects}; position filtered at {hz:.2} Hz, {band}{prior}")
 }
 
 /// Every stretch of every recording.
@@ -752,7 +806,8 @@ pub(super) fn correlation(
 
 fn warn(report: &mut IdentificationReport, model: &TorqueModel) {
     let Some(fit) = &model.fit else { return };
-    if !fit.undetermined.is_empty() {
+    let bare = fit.standard_deviations.iter().any(|deviation| deviation.is_infinite());
+    if bare && !fit.undetermined.is_empty() {
         report.warnings.push(format!(
             "the motion does not excite {} of {} base parameters: {}; they keep their values of the robot file. Record a \
              motion that moves these joints, fast and slow, in both directions",

@@ -3,6 +3,7 @@
 mod compare;
 mod experiment;
 mod file;
+mod held;
 mod identify;
 mod payload;
 mod prediction_band;

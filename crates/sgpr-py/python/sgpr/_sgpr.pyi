@@ -456,8 +456,8 @@ def identify(
     standstill_speed: float | None = None,
     turn_margin: float = 0.0,
     consistent: bool = False,
-    prior: Literal["entropic", "euclidean"] = "entropic",
-    prior_deviation: float | Literal["auto"] = 30.0,
+    prior: Literal["entropic", "euclidean"] | None = "entropic",
+    prior_deviation: float | Literal["auto"] | None = None,
     bounds: Mapping[str, Any] | None = None,
     essential: bool = False,
     uncertainty: str = "memory",  # "hac", "bootstrap:500"

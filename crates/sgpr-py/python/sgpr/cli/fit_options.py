@@ -147,8 +147,8 @@ class BodyOptions:
         typer.Option(
             "--prior-deviation",
             metavar="SHARE|auto",
-            help="With --consistent: relative standard deviation of the robot file's values; auto: the data choose.",
-            show_default="30",
+            help="Relative standard deviation of the robot file's values; auto: the data choose. See --no-prior.",
+            show_default="auto; with --consistent 30",
             rich_help_panel=BODIES,
         ),
     ] = None
@@ -163,17 +163,21 @@ class BodyOptions:
         ),
     ] = None
 
-    def arguments(self, *, default: bool = False) -> dict[str, Any]:
-        """What `sgpr.identify` takes; `default` is what holds where nothing is said."""
+    def arguments(self, *, default: bool = False, others: tuple[str, ...] = ()) -> dict[str, Any]:
+        """What `sgpr.identify` takes.
+
+        `default` is what holds where nothing is said; the options named in `others` have a meaning without bodies, too.
+        """
         consistent = default if self.consistent is None else self.consistent
         for option, value in self.given():
-            if not consistent and value is not None:
+            if not consistent and value is not None and option not in others:
                 raise wrong_use("belongs to --consistent", option)
         if self.prior is not None:
             one_of(self.prior, ("entropic", "euclidean"), "--prior", "distance")
         return {
             "consistent": consistent,
-            "prior": self.prior,
+            # None would be no prior at all.
+            **({} if self.prior is None else {"prior": self.prior}),
             "prior_deviation": self._prior_deviation(),
             "bounds": None if self.bounds is None else _read_bounds(self.bounds),
         }
@@ -242,6 +246,15 @@ class IdentificationOptions:
             rich_help_panel=FIT,
         ),
     ] = "memory"
+    no_prior: Annotated[
+        bool,
+        typer.Option(
+            "--no-prior",
+            help="The bare estimate: what the logs hardly determine is not held by the robot file, nor do joints keep the "
+            "file where it predicts better.",
+            rich_help_panel=FIT,
+        ),
+    ] = False
     start: Annotated[
         str,
         typer.Option(
@@ -272,6 +285,7 @@ class IdentificationOptions:
             "uncertainty": self._uncertainty(),
             "start": one_of(self.start, ("robot_file", "zero"), "--start", "start"),
             **({} if self.kp is None else {"kp": self.kp, "kd": self.kd}),
+            **({"prior": None} if self.no_prior else {}),
         }
 
     def _method(self) -> str:

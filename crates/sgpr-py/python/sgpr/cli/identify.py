@@ -74,7 +74,9 @@ def identify(
     Writes to DIR: model.sgpr, report.html, identification.json and, with test logs, predictions.csv; with --consistent
     also the robot with the inertias and the friction found, robot.xml (MJCF) and, from a URDF, robot.urdf.
     """
-    options = {**equations.arguments(), **fit.arguments(), **bodies.arguments()}
+    if fit.no_prior and (bodies.prior is not None or bodies.prior_deviation is not None):
+        raise wrong_use("leaves nothing that --prior or --prior-deviation could say", "--no-prior")
+    options = {**equations.arguments(), **fit.arguments(), **bodies.arguments(others=("--prior-deviation",))}
     if options["consistent"] and options["essential"]:
         raise wrong_use("parameters that are left out make no body: choose one of the two", "--consistent")
     if mcap is not None and not test:

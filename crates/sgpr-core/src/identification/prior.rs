@@ -1,0 +1,389 @@
+//! What is believed of the parameters before the data: the robot file for bodies, least norm for the rest.
+//!
+//! Logs determine some combinations of the parameters well, others badly, some not at all. A proper prior, wide where
+//! nothing is known, makes one rule of that: the posterior mean follows the data where they speak and stays with the
+//! robot file where they do not. Bodies have the parameters of the file with a deviation that is a share of them, in the
+//! units of each link's mass and size; friction, offsets and gains are zero (or what the file says) with a deviation that
+//! makes a torque as large as the joint's own, in the motion of the logs.
+//!
+//! How wrong the file is the data say themselves: the share is the one under which they are most probable (empirical
+//! Bayes), so that what well-determined combinations show of the file holds for the others.
+//!
+//! Source: D. J. C. MacKay, Bayesian interpolation, Neural Computation 4(3) (1992), for the choice of widths by the
+//! evidence.
+
+use faer::Mat;
+
+use super::consistency::parameter_scales;
+use super::least_squares::torque_sizes;
+use super::{BaseParameters, JointFactor, ParameterSet};
+use crate::effects::JointState;
+use crate::linalg::{cholesky, triangle};
+use crate::robot::Robot;
+
+/// A normal prior on the base parameters: for every estimator, and for regressions that estimate them beside others.
+///
+/// The rows of [`Self::rows`] stand below data that are in units of their noise:
+///
+/// ```text
+/// let prior = ParameterPrior::new(robot, set, base, &nominal, &factors).chosen_by(&estimate.whitened);
+/// let rows = prior.rows();           // [rank, rank + 1]: rows[.., ..rank] * base = rows[.., rank], deviation one
+/// ```
+#[derive(Clone, Debug)]
+pub struct ParameterPrior {
+    /// Base parameters of the robot file.
+    of_file: Vec<f64>,
+    /// Covariance that bodies give to the base parameters at a relative deviation of one, `[rank, rank]`.
+    bodies: Mat<f64>,
+    /// Covariance that effects give to them, `[rank, rank]`.
+    effects: Mat<f64>,
+    relative_deviation: f64,
+    /// What the deviations of effects are multiplied by.
+    effect_scale: f64,
+    non_negative: Vec<usize>,
+    /// Base parameters that stay as the robot file has them.
+    kept: Vec<usize>,
+}
+
+/// Relative deviations of the robot file among which the data choose.
+pub(super) const WIDTHS: [f64; 8] = [0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0];
+
+/// Torques of friction, offsets and gains as shares of their joint's torque, among which the data choose.
+const EFFECT_SCALES: [f64; 4] = [0.1, 0.3, 1.0, 3.0];
+
+/// Torques that count in the evidence: of at most so many standard deviations, all rows together; the noise of data
+/// without noise could not be told from rounding.
+const MOST_DEVIATIONS: f64 = 1e5;
+
+/// Deviation of a constant offset as a share of that of friction. A joint that moves one way only shows the sum of its
+/// Coulomb friction and its offset; least norm shares it out by their variances, ten to one.
+const OFFSET_SHARE: f64 = 0.316;
+
+impl ParameterPrior {
+    /// The prior of a robot with effects, its bodies with a relative deviation of one.
+    ///
+    /// - `nominal`: all parameters of the set, those of the robot file; zero where it says nothing
+    /// - `factors`: of the logs, which give the scale of each joint's torque and motion
+    ///
+    /// # Panics
+    /// If `nominal` is not of the length of the set.
+    pub fn new(
+        robot: &Robot,
+        set: &ParameterSet,
+        base: &BaseParameters,
+        nominal: &[f64],
+        factors: &[JointFactor],
+    ) -> Self {
+        assert_eq!(nominal.len(), set.len(), "every parameter of the set");
+        let torque = torque_sizes(factors, robot.dof());
+        let mut file = robot.standard_parameters();
+        file.resize(set.len(), 0.0);
+        let mut scale = parameter_scales(set, &file, &torque);
+        effect_deviations(robot, set, base, factors, &torque)
+            .into_iter()
+            .for_each(|(index, value)| scale[index] = value);
+        let combination = base.matrix();
+        let (rank, width) = (base.rank(), set.len());
+        let covariance = |range: std::ops::Range<usize>| {
+            let scaled = Mat::from_fn(rank, range.len(), |i, k| {
+                combination[i * width + range.start + k] * scale[range.start + k]
+            });
+            &scaled * scaled.transpose()
+        };
+        let stands_alone = |k: usize| {
+            let parameter = base.independent()[k];
+            parameter >= set.inertial() && base.combination(k).is_empty() && set.is_non_negative(parameter)
+        };
+        Self {
+            of_file: base.combine(nominal),
+            bodies: covariance(0..set.inertial()),
+            effects: covariance(set.inertial()..width),
+            relative_deviation: 1.0,
+            effect_scale: 1.0,
+            non_negative: (0..rank).filter(|k| stands_alone(*k)).collect(),
+            kept: Vec::new(),
+        }
+    }
+
+    /// The same, under which these base parameters stay what the robot file says, whatever the data say.
+    #[must_use]
+    pub fn keeping(mut self, parameters: Vec<usize>) -> Self {
+        self.kept = parameters;
+        self
+    }
+
+    /// Base parameters that stay as the robot file has them.
+    pub fn kept(&self) -> &[usize] {
+        &self.kept
+    }
+
+    /// The same with this relative deviation of the robot file's bodies.
+    #[must_use]
+    pub fn with_relative_deviation(mut self, relative_deviation: f64) -> Self {
+        self.relative_deviation = relative_deviation;
+        self
+    }
+
+    /// The same with the deviations, of bodies and of effects, under which the data are most probable.
+    ///
+    /// - `whitened`: `[rank + 1, rank + 1]`, the triangular factor of [W tau] in units of its noise, as in
+    ///   [`Estimate::whitened`](super::Estimate::whitened)
+    #[must_use]
+    pub fn chosen_by(mut self, whitened: &Mat<f64>) -> Self {
+        let rank = self.of_file.len();
+        let size = whitened.col(rank).norm_l2();
+        let scale = if size > MOST_DEVIATIONS { MOST_DEVIATIONS / size } else { 1.0 };
+        let w = Mat::from_fn(rank, rank, |i, j| scale * whitened[(i, j)]);
+        let [bodies, effects] = [&self.bodies, &self.effects].map(|covariance| &w * covariance * w.transpose());
+        let explained = |i: usize| (i..rank).map(|j| w[(i, j)] * self.of_file[j]).sum::<f64>();
+        let left = Mat::from_fn(rank, 1, |i, _| scale * whitened[(i, rank)] - explained(i));
+        let mut best = f64::NEG_INFINITY;
+        for share in EFFECT_SCALES {
+            for deviation in WIDTHS {
+                let variance = Mat::from_fn(rank, rank, |i, j| {
+                    f64::from(i == j) + share.powi(2) * effects[(i, j)] + deviation.powi(2) * bodies[(i, j)]
+                });
+                let Some(root) = cholesky(variance.as_ref()) else { continue };
+                let evidence = log_evidence(&root, &left);
+                if evidence > best {
+                    (best, self.relative_deviation, self.effect_scale) = (evidence, deviation, share);
+                }
+            }
+        }
+        self
+    }
+
+    /// Relative deviation of the robot file's bodies.
+    pub fn relative_deviation(&self) -> f64 {
+        self.relative_deviation
+    }
+
+    /// What the deviations of friction, offsets and gains are multiplied by: a torque of this share of the joint's own.
+    pub fn effect_scale(&self) -> f64 {
+        self.effect_scale
+    }
+
+    /// Expected base parameters, `[rank]`: those of the robot file.
+    pub fn mean(&self) -> &[f64] {
+        &self.of_file
+    }
+
+    /// Base parameters that physics forbids to be negative, each of which is one parameter of an effect.
+    pub fn non_negative(&self) -> &[usize] {
+        &self.non_negative
+    }
+
+    /// Covariance of the base parameters, `[rank, rank]`.
+    pub fn covariance(&self) -> Mat<f64> {
+        faer::Scale(self.relative_deviation.powi(2)) * &self.bodies
+            + faer::Scale(self.effect_scale.powi(2)) * &self.effects
+    }
+
+    /// Prior rows `[P | p]`, `[rank, rank + 1]`, in units of one standard deviation: P (base - mean) is standard normal, so
+    /// that P base = p are equations to be put below data that are in units of their noise.
+    pub fn rows(&self) -> Mat<f64> {
+        let (covariance, mean) = (self.covariance(), self.mean());
+        let rank = mean.len();
+        // Scaled to a unit diagonal, so that units do not spoil the factor.
+        let size: Vec<f64> = (0..rank).map(|k| covariance[(k, k)].sqrt()).collect();
+        let scaled = Mat::from_fn(rank, rank, |i, j| covariance[(i, j)] / (size[i] * size[j]));
+        // RᵀR = scaled, so the rows are R⁻ᵀ.
+        let root = cholesky(scaled.as_ref()).expect("combinations are independent");
+        let mut inverse = Mat::<f64>::identity(rank, rank);
+        faer::linalg::triangular_solve::solve_lower_triangular_in_place(
+            root.transpose(),
+            inverse.as_mut(),
+            faer::Par::Seq,
+        );
+        Mat::from_fn(rank, rank + 1, |i, j| match j < rank {
+            true => inverse[(i, j)] / size[j],
+            false => (0..=i).map(|k| inverse[(i, k)] / size[k] * mean[k]).sum(),
+        })
+    }
+
+    /// Gives an estimate under this prior another covariance of the data alone, infinite where they say nothing; where it
+    /// is not finite the covariance stays.
+    pub(crate) fn hold_covariance(&self, estimate: &mut super::Estimate, of_data: &Mat<f64>) {
+        let rank = self.of_file.len();
+        if (0..rank).any(|k| !of_data[(k, k)].is_finite()) {
+            return;
+        }
+        let r = estimate.whitened.as_ref().submatrix(0, 0, rank, rank);
+        let information = r.transpose() * r;
+        estimate.covariance = self.posterior(&estimate.whitened).covariance(&(&information * of_data * &information));
+    }
+
+    /// Most probable base parameters under data and prior, those that physics forbids to be negative not negative.
+    ///
+    /// - `whitened`: as in [`Self::chosen_by`]
+    pub(super) fn posterior(&self, whitened: &Mat<f64>) -> Posterior {
+        let rows = self.rows();
+        let rank = rows.nrows();
+        let all = Mat::from_fn(2 * rank + 1, rank + 1, |i, j| match i.checked_sub(rank + 1) {
+            None => whitened[(i, j)],
+            Some(i) => rows[(i, j)],
+        });
+        let system = triangle(all.as_ref());
+        let mut root = Mat::<f64>::identity(rank, rank);
+        faer::linalg::triangular_solve::solve_upper_triangular_in_place(
+            system.as_ref().submatrix(0, 0, rank, rank),
+            root.as_mut(),
+            faer::Par::Seq,
+        );
+        let kept: Vec<(usize, f64)> = self.kept.iter().map(|k| (*k, self.of_file[*k])).collect();
+        Posterior { values: non_negative(&system, &self.non_negative, &kept), root, rows }
+    }
+}
+
+/// What data and prior say together.
+pub(super) struct Posterior {
+    /// `[rank]`.
+    pub values: Vec<f64>,
+    /// Upper triangular root U of the covariance U Uᵀ for data whose noise is what they are in units of.
+    pub root: Mat<f64>,
+    /// [`ParameterPrior::rows`].
+    rows: Mat<f64>,
+}
+
+impl Posterior {
+    /// Covariance under the noise that the data really have: C (noise + PᵀP) C with the covariance C of unit noise.
+    ///
+    /// - `noise`: covariance of Rᵀ times the residual, for data R in units of their noise
+    pub fn covariance(&self, noise: &Mat<f64>) -> Mat<f64> {
+        let rank = self.values.len();
+        let p = self.rows.as_ref().subcols(0, rank);
+        let unit = &self.root * self.root.transpose();
+        &unit * (noise + p.transpose() * p) * &unit
+    }
+}
+
+/// Logarithm of the normal density of `left` with the covariance RᵀR, but for a constant.
+fn log_evidence(root: &Mat<f64>, left: &Mat<f64>) -> f64 {
+    let mut scaled = left.clone();
+    faer::linalg::triangular_solve::solve_lower_triangular_in_place(root.transpose(), scaled.as_mut(), faer::Par::Seq);
+    let logarithm: f64 = (0..root.nrows()).map(|k| root[(k, k)].ln()).sum();
+    -logarithm - 0.5 * scaled.col(0).squared_norm_l2()
+}
+
+/// Least squares of a triangular system with some unknowns not negative: those that would be are held at zero, the most
+/// negative first, as long as none pulls away from it.
+///
+/// - `kept`: unknowns that have these values
+///
+/// Source: C. L. Lawson, R. J. Hanson, Solving Least Squares Problems (1974), chapter 23.
+fn non_negative(system: &Mat<f64>, constrained: &[usize], kept: &[(usize, f64)]) -> Vec<f64> {
+    let rank = system.ncols() - 1;
+    let is_kept = |k: usize| kept.iter().any(|(kept, _)| *kept == k);
+    let constrained: Vec<usize> = constrained.iter().copied().filter(|k| !is_kept(*k)).collect();
+    let mut held: Vec<usize> = Vec::new();
+    let norm = |k: usize| system.col(k).norm_l2();
+    // Each round holds or frees one; more rounds than twice the unknowns would be a cycle of ties.
+    for _ in 0..=2 * constrained.len() {
+        let values = solve_with(system, &held, kept);
+        let negative = constrained.iter().copied().filter(|k| values[*k] < 0.0);
+        if let Some(worst) = negative.min_by(|a, b| (values[*a] * norm(*a)).total_cmp(&(values[*b] * norm(*b)))) {
+            held.push(worst);
+            continue;
+        }
+        let residual = |i: usize| system[(i, rank)] - (i..rank).map(|j| system[(i, j)] * values[j]).sum::<f64>();
+        let residual: Vec<f64> = (0..rank).map(residual).collect();
+        let pull = |k: usize| (0..=k).map(|i| system[(i, k)] * residual[i]).sum::<f64>() / norm(k);
+        let size = system.col(rank).norm_l2();
+        match held.iter().position(|k| pull(*k) > 1e-12 * size) {
+            Some(freed) => _ = held.swap_remove(freed),
+            None => return values,
+        }
+    }
+    let mut values = solve_with(system, &held, kept);
+    constrained.iter().for_each(|k| values[*k] = values[*k].max(0.0));
+    values
+}
+
+/// Least squares of a triangular system, some unknowns zero and some given.
+fn solve_with(system: &Mat<f64>, zero: &[usize], given: &[(usize, f64)]) -> Vec<f64> {
+    let rank = system.ncols() - 1;
+    let mut values = vec![0.0; rank];
+    given.iter().for_each(|(k, value)| values[*k] = *value);
+    let is_given = |k: usize| given.iter().any(|(given, _)| *given == k);
+    let free: Vec<usize> = (0..rank).filter(|k| !zero.contains(k) && !is_given(*k)).collect();
+    let entry = |i: usize, k: usize| match free.get(k) {
+        Some(&column) => system[(i, column)],
+        None => system[(i, rank)] - given.iter().map(|(k, value)| system[(i, *k)] * value).sum::<f64>(),
+    };
+    let reduced = Mat::from_fn(rank + 1, free.len() + 1, entry);
+    let reduced = if free.len() == rank { reduced } else { triangle(reduced.as_ref()) };
+    for k in (0..free.len()).rev() {
+        let known: f64 = (k + 1..free.len()).map(|j| reduced[(k, j)] * values[free[j]]).sum();
+        values[free[k]] = (reduced[(k, free.len())] - known) / reduced[(k, k)];
+    }
+    values
+}
+
+/// Deviations of the parameters of effects, by their index in the set: each makes a torque of the size of its joint's, in
+/// the motion of the joint that shows the effect most, or in the reference motion if that shows it more. Offsets are
+/// expected to be smaller.
+fn effect_deviations(
+    robot: &Robot,
+    set: &ParameterSet,
+    base: &BaseParameters,
+    factors: &[JointFactor],
+    torque: &[f64],
+) -> Vec<(usize, f64)> {
+    let largest = torque.iter().copied().fold(0.0, f64::max);
+    let of_arm = |torque: f64| if torque > 0.0 { torque } else { largest };
+    let rotates = |joint: usize| robot.joints()[joint].kind.is_rotation();
+    let reference = reference_columns(robot, set);
+    let columns = set.effect_columns().iter().zip(set.inertial()..);
+    let mut deviations = Vec::new();
+    for ((column, index), reference) in columns.clone().zip(reference) {
+        let alike = columns.clone().filter(|(other, _)| {
+            (other.effect, other.parameter) == (column.effect, column.parameter)
+                && rotates(other.joint) == rotates(column.joint)
+        });
+        let size = alike.map(|(_, other)| column_size(base, factors, other)).fold(reference, f64::max);
+        let share = if set.effects()[column.effect].name() == "torque_offset" { OFFSET_SHARE } else { 1.0 };
+        let torque = of_arm(torque[column.joint]);
+        deviations.push((index, share * torque / if size > 0.0 { size } else { 1.0 }));
+    }
+    for (column, index) in set.trajectory_columns().iter().zip(set.of_state()..) {
+        let torque = column.joint.map_or(largest, |joint| of_arm(torque[joint]));
+        deviations.push((index, torque / if column.size > 0.0 { column.size } else { 1.0 }));
+    }
+    deviations.retain(|(_, deviation)| *deviation > 0.0 && deviation.is_finite());
+    deviations
+}
+
+/// Sizes of the effects' columns in a reference motion, by column: an oscillation of 1 rad (m) whose top speed v is half of
+/// the robot file's limit, 1 rad/s (m/s) where it has none; so at a speed of v and an acceleration of v².
+fn reference_columns(robot: &Robot, set: &ParameterSet) -> Vec<f64> {
+    let speed = |joint: &crate::robot::Joint| match joint.limits.velocity {
+        Some(limit) if limit > 0.0 && limit.is_finite() => 0.5 * limit,
+        _ => 1.0,
+    };
+    let dq: Vec<f64> = robot.joints().iter().map(speed).collect();
+    let ddq: Vec<f64> = dq.iter().map(|speed| speed * speed).collect();
+    let q = vec![1.0; dq.len()];
+    let mut sizes = vec![0.0; set.effect_columns().len()];
+    let mut row = vec![0.0; set.effect_columns_per_joint()];
+    for joint in 0..robot.dof() {
+        set.effect_row(joint, &JointState { q: &q, dq: &dq, ddq: &ddq }, &mut row);
+        for (parameter, value) in set.effect_parameters_of(joint).into_iter().zip(&row) {
+            sizes[parameter - set.inertial()] = value.abs();
+        }
+    }
+    sizes
+}
+
+/// Root mean square of the column of a parameter over the rows in motion; zero if it stands for no base parameter.
+fn column_size(base: &BaseParameters, factors: &[JointFactor], parameter: usize) -> f64 {
+    let Ok(position) = base.independent().binary_search(&parameter) else { return 0.0 };
+    let moving = factors.iter().filter(|factor| !factor.resting);
+    let (mut squares, mut rows) = (0.0, 0);
+    for factor in moving {
+        if let Some(k) = factor.columns.iter().position(|column| *column == position) {
+            squares += factor.factor.col(k).squared_norm_l2();
+            rows += factor.rows;
+        }
+    }
+    (squares / f64::max(rows as f64, 1.0)).sqrt()
+}

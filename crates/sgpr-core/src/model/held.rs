@@ -1,0 +1,213 @@
+//! Identification that poor logs cannot fool: what they do not determine stays with the robot file, joints that the file
+//! predicts better keep it, and sentences say which motion would free them.
+
+use crate::identification::{
+    BaseParameters, Equations, Estimate, Held, IdentificationError, JointFactor, Judgement, LeftOut, Method,
+    ParameterPrior, ParameterSet, PriorWidth, Row, estimate_with_prior,
+};
+use crate::motion::Motion;
+use crate::robot::Robot;
+use crate::spatial::PARAMETERS_PER_LINK;
+
+/// What an estimate under a prior is made of.
+pub(super) struct Task<'a> {
+    pub robot: &'a Robot,
+    pub set: &'a ParameterSet,
+    pub base: &'a BaseParameters,
+    pub factors: &'a [JointFactor],
+    /// Of consecutive parts of all logs.
+    pub parts: &'a [Vec<JointFactor>],
+    pub motions: &'a [Motion],
+}
+
+/// An estimate, and what the user should know of it.
+pub(super) struct Found {
+    pub held: Held,
+    pub notes: Vec<String>,
+}
+
+/// How much of a joint stays with the robot file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Kept {
+    /// What the prior holds.
+    Nothing,
+    /// Its own link, friction and rotor.
+    Own,
+    /// All that its torque depends on.
+    All,
+}
+
+/// A base parameter is held by the prior if the logs have not halved its variance.
+const HELD: f64 = 0.5;
+
+/// Leaves out the rows of joints that never move: whatever holds such a joint, dry friction included, is one unknown torque,
+/// which many equal rows would make certain.
+pub(super) fn leave_out_joints_at_rest(factors: &mut Vec<JointFactor>, parts: &mut [Vec<JointFactor>]) {
+    let moving: Vec<usize> = factors.iter().filter(|factor| !factor.resting).map(|factor| factor.joint).collect();
+    factors.retain(|factor| moving.contains(&factor.joint));
+    parts.iter_mut().for_each(|part| part.retain(|factor| moving.contains(&factor.joint)));
+}
+
+/// Base parameters of which the prior says more than the logs.
+pub(super) fn held_by_prior(estimate: &Estimate, prior: &ParameterPrior) -> Vec<usize> {
+    let before = prior.covariance();
+    let held = |k: usize| estimate.covariance[(k, k)] > HELD * before[(k, k)] || prior.kept().contains(&k);
+    (0..estimate.values.len()).filter(|k| held(*k)).collect()
+}
+
+impl Task<'_> {
+    /// The estimate under the prior, and, with `keeping`, the robot file for joints that it predicts better.
+    pub fn estimate(
+        &self,
+        method: &Method,
+        equations: &mut Equations<'_>,
+        (prior, width): (ParameterPrior, PriorWidth),
+        correlation: &[f64],
+        keeping: bool,
+    ) -> Result<Found, IdentificationError> {
+        let mut solve = |prior: &ParameterPrior, width: PriorWidth| {
+            estimate_with_prior(method, equations, self.factors, prior, width, Some(correlation))
+        };
+        let mut held = solve(&prior, width)?;
+        if width == PriorWidth::Chosen {
+            let chosen = self.left_out(&held).choose(&held.prior);
+            held = solve(&chosen, PriorWidth::Given(chosen.relative_deviation()))?;
+        }
+        let mut kept = vec![Kept::Nothing; self.robot.dof()];
+        let mut judged: Vec<Option<Judgement>> = vec![None; self.robot.dof()];
+        while keeping {
+            let judgements = self.left_out(&held).judge_against_file(&held.prior, self.robot.dof());
+            let mut worse = judgements.iter().enumerate().filter(|(_, judgement)| judgement.is_worse()).peekable();
+            let stuck = |joint: usize| kept[joint] == Kept::All;
+            if worse.peek().is_none() || worse.clone().all(|(joint, _)| stuck(joint)) {
+                break;
+            }
+            for (joint, judgement) in worse {
+                judged[joint].get_or_insert(*judgement);
+                kept[joint] = if kept[joint] == Kept::Nothing { Kept::Own } else { Kept::All };
+            }
+            let prior = held.prior.clone().keeping(self.parameters_of(&kept));
+            held = solve(&prior, PriorWidth::Given(held.prior.relative_deviation()))?;
+        }
+        let mut notes = self.kept_notes(&judged);
+        notes.extend(self.held_note(&held));
+        Ok(Found { held, notes })
+    }
+
+    fn left_out(&self, held: &Held) -> LeftOut<'_> {
+        let estimate = &held.estimate;
+        let level = |part: &JointFactor| {
+            let same = |factor: &JointFactor| (factor.joint, factor.resting) == (part.joint, part.resting);
+            let index = self.factors.iter().position(same);
+            index.map_or(f64::INFINITY, |index| estimate.weights[index] * estimate.unit)
+        };
+        LeftOut::new(self.parts, level, self.base.rank())
+    }
+
+    /// Base parameters that stay with the robot file.
+    fn parameters_of(&self, kept: &[Kept]) -> Vec<usize> {
+        let in_rows = |joint: usize, k: usize| {
+            self.factors.iter().any(|factor| factor.joint == joint && factor.columns.contains(&k))
+        };
+        let is_kept = |k: usize| {
+            kept.iter().enumerate().any(|(joint, kept)| match kept {
+                Kept::Nothing => false,
+                Kept::Own => self.joint_of(k) == Some(joint),
+                Kept::All => self.joint_of(k) == Some(joint) || in_rows(joint, k),
+            })
+        };
+        (0..self.base.rank()).filter(|k| is_kept(*k)).collect()
+    }
+
+    /// The joint whose link, friction or rotor a base parameter is named after; none for an effect of the whole arm.
+    fn joint_of(&self, base: usize) -> Option<usize> {
+        let parameter = self.base.independent()[base];
+        match parameter.checked_sub(self.set.inertial()) {
+            None => Some(parameter / PARAMETERS_PER_LINK),
+            Some(effect) => match self.set.effect_columns().get(effect) {
+                Some(column) => Some(column.joint),
+                None => self.set.trajectory_columns()[parameter - self.set.of_state()].joint,
+            },
+        }
+    }
+
+    fn kept_notes(&self, judged: &[Option<Judgement>]) -> Vec<String> {
+        let joints = self.robot.joints().iter().zip(judged);
+        let note = |(joint, judged): (&crate::robot::Joint, &Option<Judgement>)| {
+            let judgement = (*judged)?;
+            Some(format!(
+                "`{}` keeps the model of the robot file: on parts of the logs that were left out the identified one leaves \
+                 {:.0} % more squared error. Record longer, with all joints moving both ways",
+                joint.name,
+                -100.0 * judgement.gain
+            ))
+        };
+        joints.filter_map(note).collect()
+    }
+
+    /// What the prior holds, and which motion would free it.
+    fn held_note(&self, held: &Held) -> Option<String> {
+        let parameters = held_by_prior(&held.estimate, &held.prior);
+        if parameters.is_empty() {
+            return None;
+        }
+        let names: Vec<&str> = parameters.iter().map(|&k| self.base.names()[k].as_str()).collect();
+        let advice: Vec<String> = (0..self.robot.dof()).filter_map(|joint| self.advice(joint, &parameters)).collect();
+        let advice = if advice.is_empty() { String::new() } else { format!(". To free them: {}", advice.join("; ")) };
+        Some(format!(
+            "the motion does not excite {} of {} base parameters enough: {}; they stay near the robot file{advice}",
+            names.len(),
+            self.base.rank(),
+            names.join(", ")
+        ))
+    }
+
+    /// The motion that would free parameters of a joint; none if none of them is held.
+    fn advice(&self, joint: usize, held: &[usize]) -> Option<String> {
+        let own: Vec<usize> = held.iter().copied().filter(|k| self.joint_of(*k) == Some(joint)).collect();
+        if own.is_empty() {
+            return None;
+        }
+        let name = &self.robot.joints()[joint].name;
+        let [forwards, backwards] = self.rows_by_direction(joint);
+        if forwards + backwards == 0 {
+            return Some(format!("`{name}` must move, both ways, slowly and fast"));
+        }
+        if forwards == 0 || backwards == 0 {
+            return Some(format!("`{name}` must reverse: it moves one way only"));
+        }
+        let mut wishes: Vec<&str> = own.iter().map(|k| self.wish(*k)).collect();
+        wishes.sort_unstable();
+        wishes.dedup();
+        Some(format!("`{name}` {}", wishes.join(" and ")))
+    }
+
+    /// What shows a base parameter of a joint that moves both ways.
+    fn wish(&self, base: usize) -> &'static str {
+        let parameter = self.base.independent()[base];
+        match parameter.checked_sub(self.set.inertial()) {
+            None if parameter % PARAMETERS_PER_LINK < 4 => {
+                "and the joints before it must take more poses, over their ranges"
+            }
+            None => "and the joints before it must accelerate more",
+            Some(effect) => match self.set.effect_columns().get(effect) {
+                Some(column) if self.set.effects()[column.effect].name() == "rotor_inertia" => "must accelerate more",
+                Some(_) => "must move slowly and fast, both ways",
+                None => "must move over its whole range, both ways",
+            },
+        }
+    }
+
+    /// Samples at which a joint moves forwards and backwards.
+    fn rows_by_direction(&self, joint: usize) -> [usize; 2] {
+        let n = self.robot.dof();
+        let mut counts = [0, 0];
+        for motion in self.motions {
+            let samples = motion.dq.iter().zip(&motion.use_as).skip(joint).step_by(n);
+            for (speed, _) in samples.filter(|(speed, use_as)| **use_as == Row::Moving && **speed != 0.0) {
+                counts[usize::from(*speed < 0.0)] += 1;
+            }
+        }
+        counts
+    }
+}
