@@ -3,7 +3,7 @@
 use faer::Mat;
 
 use super::least_squares::{residual_norm, weighted_gram};
-use super::prior::WIDTHS;
+use super::prior::PULLS;
 use super::{JointFactor, Judgement, ParameterPrior};
 use crate::linalg::cholesky;
 
@@ -30,49 +30,26 @@ impl<'a> LeftOut<'a> {
         Self { parts, levels, normal, all }
     }
 
-    /// Base parameters by the posterior mean of all parts but one; none where rounding makes the equations indefinite.
+    /// Base parameters by data and prior of all parts but one, each part in turn; none where rounding makes the equations
+    /// indefinite.
     fn without(&self, prior: &ParameterPrior) -> Vec<Option<Vec<f64>>> {
         let rows = prior.rows();
         let rank = prior.mean().len();
         let p = rows.as_ref().subcols(0, rank);
-        let mut all = self.all.clone();
-        all.add(&Normal { information: p.transpose() * p, projection: p.transpose() * rows.col(rank).as_mat() }, 1.0);
-        let without = |normal: &Normal| {
-            let mut others = all.clone();
-            others.add(normal, -1.0);
-            others.solution(prior)
+        let information = p.transpose() * p;
+        let without = |part: &Normal| {
+            let mut data = self.all.clone();
+            data.add(part, -1.0);
+            let mut values = prior.mean().to_vec();
+            for _ in 0..PULLS {
+                let center = Mat::from_fn(rank, 1, |k, _| values[k]);
+                let mut all = Normal { information: information.clone(), projection: &information * center };
+                all.add(&data, 1.0);
+                values = all.solution(prior)?;
+            }
+            Some(values)
         };
         self.normal.iter().map(without).collect()
-    }
-
-    /// Squares of the residual in motion that `values` leave in a part, in units of the noise.
-    fn loss(&self, part: usize, values: &[f64]) -> f64 {
-        let pairs = self.parts[part].iter().zip(&self.levels[part]);
-        let used = pairs.filter(|(factor, level)| !factor.resting && level.is_finite());
-        used.map(|(factor, level)| (residual_norm(factor, values) / level).powi(2)).sum()
-    }
-
-    /// The prior with the relative deviation of bodies under which parts of the data are predicted best from the others.
-    /// Of those that are as good, but for the standard error, the one nearest to what `prior` has, which may be the most
-    /// probable one ([`ParameterPrior::chosen_by`]).
-    #[must_use]
-    pub fn choose(&self, prior: &ParameterPrior) -> ParameterPrior {
-        let losses = |deviation: f64| -> Vec<f64> {
-            let without = self.without(&prior.clone().with_relative_deviation(deviation));
-            let loss = |(part, values): (usize, Option<Vec<f64>>)| values.map_or(f64::MAX, |v| self.loss(part, &v));
-            without.into_iter().enumerate().map(loss).collect()
-        };
-        let losses: Vec<Vec<f64>> = WIDTHS.iter().map(|deviation| losses(*deviation)).collect();
-        let total = |index: &usize| losses[*index].iter().sum::<f64>();
-        let best = (0..WIDTHS.len()).min_by(|a, b| total(a).total_cmp(&total(b))).expect("several widths");
-        let as_good = |index: &usize| {
-            let pairs: Vec<(f64, f64)> = losses[*index].iter().copied().zip(losses[best].iter().copied()).collect();
-            *index == best || !Judgement::of(&pairs).is_better()
-        };
-        let distance = |index: usize| (WIDTHS[index] / prior.relative_deviation()).ln().abs();
-        let good = (0..WIDTHS.len()).filter(as_good);
-        let chosen = good.min_by(|a, b| distance(*a).total_cmp(&distance(*b))).expect("the best one");
-        prior.clone().with_relative_deviation(WIDTHS[chosen])
     }
 
     /// Whether identified parameters predict what they have not seen better than the robot file: per joint what they gain, in

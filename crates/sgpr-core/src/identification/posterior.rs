@@ -30,6 +30,9 @@ pub struct Held {
 /// A factor with fewer rows than this many per column is followed by its parameters too closely to start from.
 const ROWS_PER_COLUMN: usize = 2;
 
+/// Iterations in which widths are chosen: with the first weights, and with better ones.
+const CHOICES: usize = 2;
+
 impl PriorWidth {
     fn of(self, prior: ParameterPrior, whitened: &Mat<f64>) -> ParameterPrior {
         match self {
@@ -109,7 +112,9 @@ impl LeastSquares {
             now.iterations += 1;
             let unit = unit_noise(factors, &now.weights, &now.noise, &now.freedom, &inflation);
             let whitened = faer::Scale(1.0 / unit) * stack(factors, unknowns, &now.weights);
-            prior = width.of(prior, &whitened);
+            if iteration <= CHOICES {
+                prior = width.of(prior, &whitened);
+            }
             let posterior = prior.posterior(&whitened);
             let levels: Vec<f64> = now.weights.iter().map(|weight| weight * unit).collect();
             now.freedom = freedom_left(factors, &levels, &posterior);

@@ -4,7 +4,7 @@
 //! nothing is known, makes one rule of that: the posterior mean follows the data where they speak and stays with the
 //! robot file where they do not. Bodies have the parameters of the file with a deviation that is a share of them, in the
 //! units of each link's mass and size; friction, offsets and gains are zero (or what the file says) with a deviation that
-//! makes a torque as large as the joint's own, in the motion of the logs.
+//! makes a torque as large as what the file leaves of the joint's own, in the motion of the logs.
 //!
 //! How wrong the file is the data say themselves: the share is the one under which they are most probable (empirical
 //! Bayes), so that what well-determined combinations show of the file holds for the others.
@@ -15,7 +15,7 @@
 use faer::Mat;
 
 use super::consistency::parameter_scales;
-use super::least_squares::torque_sizes;
+use super::least_squares::{residual_norm, torque_sizes};
 use super::{BaseParameters, JointFactor, ParameterSet};
 use crate::effects::JointState;
 use crate::linalg::{cholesky, triangle};
@@ -46,9 +46,9 @@ pub struct ParameterPrior {
 }
 
 /// Relative deviations of the robot file among which the data choose.
-pub(super) const WIDTHS: [f64; 8] = [0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0];
+const WIDTHS: [f64; 8] = [0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0];
 
-/// Torques of friction, offsets and gains as shares of their joint's torque, among which the data choose.
+/// Torques of friction, offsets and gains as shares of what the robot file leaves, among which the data choose.
 const EFFECT_SCALES: [f64; 4] = [0.1, 0.3, 1.0, 3.0];
 
 /// Torques that count in the evidence: of at most so many standard deviations, all rows together; the noise of data
@@ -58,6 +58,13 @@ const MOST_DEVIATIONS: f64 = 1e5;
 /// Deviation of a constant offset as a share of that of friction. A joint that moves one way only shows the sum of its
 /// Coulomb friction and its offset; least norm shares it out by their variances, ten to one.
 const OFFSET_SHARE: f64 = 0.316;
+
+/// Times that the prior pulls.
+pub(super) const PULLS: usize = 2;
+
+/// Friction that is negative by more standard deviations than this is what the data say: something that the model lacks
+/// imitates it. Of a normal law one in 740 lies below.
+const INSISTED: f64 = 3.0;
 
 impl ParameterPrior {
     /// The prior of a robot with effects, its bodies with a relative deviation of one.
@@ -79,9 +86,11 @@ impl ParameterPrior {
         let mut file = robot.standard_parameters();
         file.resize(set.len(), 0.0);
         let mut scale = parameter_scales(set, &file, &torque);
-        effect_deviations(robot, set, base, factors, &torque)
-            .into_iter()
-            .for_each(|(index, value)| scale[index] = value);
+        let of_file = base.combine(nominal);
+        let left = left_over(factors, &of_file, &torque);
+        for (index, deviation) in effect_deviations(robot, set, base, factors, &left) {
+            scale[index] = deviation;
+        }
         let combination = base.matrix();
         let (rank, width) = (base.rank(), set.len());
         let covariance = |range: std::ops::Range<usize>| {
@@ -95,7 +104,7 @@ impl ParameterPrior {
             parameter >= set.inertial() && base.combination(k).is_empty() && set.is_non_negative(parameter)
         };
         Self {
-            of_file: base.combine(nominal),
+            of_file,
             bodies: covariance(0..set.inertial()),
             effects: covariance(set.inertial()..width),
             relative_deviation: 1.0,
@@ -137,19 +146,18 @@ impl ParameterPrior {
         let [bodies, effects] = [&self.bodies, &self.effects].map(|covariance| &w * covariance * w.transpose());
         let explained = |i: usize| (i..rank).map(|j| w[(i, j)] * self.of_file[j]).sum::<f64>();
         let left = Mat::from_fn(rank, 1, |i, _| scale * whitened[(i, rank)] - explained(i));
-        let mut best = f64::NEG_INFINITY;
-        for share in EFFECT_SCALES {
-            for deviation in WIDTHS {
-                let variance = Mat::from_fn(rank, rank, |i, j| {
-                    f64::from(i == j) + share.powi(2) * effects[(i, j)] + deviation.powi(2) * bodies[(i, j)]
-                });
-                let Some(root) = cholesky(variance.as_ref()) else { continue };
-                let evidence = log_evidence(&root, &left);
-                if evidence > best {
-                    (best, self.relative_deviation, self.effect_scale) = (evidence, deviation, share);
-                }
-            }
-        }
+        let evidence = |deviation: f64, share: f64| {
+            let variance = Mat::from_fn(rank, rank, |i, j| {
+                f64::from(i == j) + share.powi(2) * effects[(i, j)] + deviation.powi(2) * bodies[(i, j)]
+            });
+            cholesky(variance.as_ref()).map_or(f64::NEG_INFINITY, |root| log_evidence(&root, &left))
+        };
+        let most = |of: &dyn Fn(f64) -> f64, among: &[f64]| {
+            let known = among.iter().map(|width| (of(*width), *width));
+            known.max_by(|a, b| a.0.total_cmp(&b.0)).expect("several widths").1
+        };
+        self.relative_deviation = most(&|width| evidence(width, 1.0), &WIDTHS);
+        self.effect_scale = most(&|share| evidence(self.relative_deviation, share), &EFFECT_SCALES);
         self
     }
 
@@ -158,7 +166,8 @@ impl ParameterPrior {
         self.relative_deviation
     }
 
-    /// What the deviations of friction, offsets and gains are multiplied by: a torque of this share of the joint's own.
+    /// What the deviations of friction, offsets and gains are multiplied by: a torque of this share of what the robot file
+    /// leaves of the joint's own.
     pub fn effect_scale(&self) -> f64 {
         self.effect_scale
     }
@@ -213,25 +222,44 @@ impl ParameterPrior {
         estimate.covariance = self.posterior(&estimate.whitened).covariance(&(&information * of_data * &information));
     }
 
-    /// Most probable base parameters under data and prior, those that physics forbids to be negative not negative.
+    /// Base parameters by data and prior, those that physics forbids to be negative not negative, unless the data insist.
+    ///
+    /// The prior pulls [`PULLS`] times, each time toward what the pull before has found (iterated Tikhonov regularisation):
+    /// of what the data say in a direction of which they know `k` times what the prior knows, in information, the share
+    /// 1 - 1 / (1 + k)ⁿ is kept; so data that know more than the prior are followed, not drawn to it.
     ///
     /// - `whitened`: as in [`Self::chosen_by`]
+    ///
+    /// Source: H. W. Engl, M. Hanke, A. Neubauer, Regularization of Inverse Problems (1996), section 5.1.
     pub(super) fn posterior(&self, whitened: &Mat<f64>) -> Posterior {
-        let rows = self.rows();
+        let mut rows = self.rows();
         let rank = rows.nrows();
-        let all = Mat::from_fn(2 * rank + 1, rank + 1, |i, j| match i.checked_sub(rank + 1) {
-            None => whitened[(i, j)],
-            Some(i) => rows[(i, j)],
-        });
-        let system = triangle(all.as_ref());
+        let stacked = |rows: &Mat<f64>| {
+            let all = Mat::from_fn(2 * rank + 1, rank + 1, |i, j| match i.checked_sub(rank + 1) {
+                None => whitened[(i, j)],
+                Some(i) => rows[(i, j)],
+            });
+            triangle(all.as_ref())
+        };
+        let mut system = stacked(&rows);
         let mut root = Mat::<f64>::identity(rank, rank);
         faer::linalg::triangular_solve::solve_upper_triangular_in_place(
             system.as_ref().submatrix(0, 0, rank, rank),
             root.as_mut(),
             faer::Par::Seq,
         );
+        for _ in 1..PULLS {
+            let values = solve_with(&system, &[], &[]);
+            for i in 0..rank {
+                rows[(i, rank)] = (0..=i).map(|j| rows[(i, j)] * values[j]).sum();
+            }
+            system = stacked(&rows);
+        }
         let kept: Vec<(usize, f64)> = self.kept.iter().map(|k| (*k, self.of_file[*k])).collect();
-        Posterior { values: non_negative(&system, &self.non_negative, &kept), root, rows }
+        let free = solve_with(&system, &[], &kept);
+        let insisted = |k: usize| free[k] < -INSISTED * root.row(k).norm_l2();
+        let constrained: Vec<usize> = self.non_negative.iter().copied().filter(|k| !insisted(*k)).collect();
+        Posterior { values: non_negative(&system, &constrained, &kept), root, rows }
     }
 }
 
@@ -319,9 +347,23 @@ fn solve_with(system: &Mat<f64>, zero: &[usize], given: &[(usize, f64)]) -> Vec<
     values
 }
 
-/// Deviations of the parameters of effects, by their index in the set: each makes a torque of the size of its joint's, in
-/// the motion of the joint that shows the effect most, or in the reference motion if that shows it more. Offsets are
-/// expected to be smaller.
+/// Root mean square of what the robot file leaves of each joint's torque, over its rows of all kinds; not more than the
+/// torque itself.
+fn left_over(factors: &[JointFactor], of_file: &[f64], torque: &[f64]) -> Vec<f64> {
+    let of_joint = |(joint, torque): (usize, &f64)| {
+        let own = factors.iter().filter(|factor| factor.joint == joint);
+        let squares = own.clone().map(|factor| residual_norm(factor, of_file).powi(2)).sum::<f64>();
+        let rows: usize = own.map(|factor| factor.rows).sum();
+        (squares / rows.max(1) as f64).sqrt().min(*torque)
+    };
+    torque.iter().enumerate().map(of_joint).collect()
+}
+
+/// Deviations of the parameters of effects, by their index in the set: each makes a torque of the size of what the robot
+/// file leaves of its joint's, in the motion of the joint that shows the effect most, or in the reference motion if that
+/// shows it more. Offsets are expected to be smaller.
+///
+/// - `torque`: what the robot file leaves, N·m (N), `[n]`
 fn effect_deviations(
     robot: &Robot,
     set: &ParameterSet,

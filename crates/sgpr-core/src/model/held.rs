@@ -26,17 +26,6 @@ pub(super) struct Found {
     pub notes: Vec<String>,
 }
 
-/// How much of a joint stays with the robot file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Kept {
-    /// What the prior holds.
-    Nothing,
-    /// Its own link, friction and rotor.
-    Own,
-    /// All that its torque depends on.
-    All,
-}
-
 /// A base parameter is held by the prior if the logs have not halved its variance.
 const HELD: f64 = 0.5;
 
@@ -55,6 +44,11 @@ pub(super) fn held_by_prior(estimate: &Estimate, prior: &ParameterPrior) -> Vec<
     (0..estimate.values.len()).filter(|k| held(*k)).collect()
 }
 
+/// What the identification gains over the robot file, all joints alike.
+fn total(judged: &[Judgement]) -> f64 {
+    judged.iter().map(|judgement| judgement.gain).sum()
+}
+
 impl Task<'_> {
     /// The estimate under the prior, and, with `keeping`, the robot file for joints that it predicts better.
     pub fn estimate(
@@ -69,29 +63,30 @@ impl Task<'_> {
             estimate_with_prior(method, equations, self.factors, prior, width, Some(correlation))
         };
         let mut held = solve(&prior, width)?;
-        if width == PriorWidth::Chosen {
-            let chosen = self.left_out(&held).choose(&held.prior);
-            held = solve(&chosen, PriorWidth::Given(chosen.relative_deviation()))?;
-        }
-        let mut kept = vec![Kept::Nothing; self.robot.dof()];
-        let mut judged: Vec<Option<Judgement>> = vec![None; self.robot.dof()];
-        while keeping {
-            let judgements = self.left_out(&held).judge_against_file(&held.prior, self.robot.dof());
-            let mut worse = judgements.iter().enumerate().filter(|(_, judgement)| judgement.is_worse()).peekable();
-            let stuck = |joint: usize| kept[joint] == Kept::All;
-            if worse.peek().is_none() || worse.clone().all(|(joint, _)| stuck(joint)) {
-                break;
+        let mut notes = Vec::new();
+        if keeping {
+            let judged = self.judge(&held);
+            let worse: Vec<usize> = (0..judged.len()).filter(|joint| judged[*joint].is_worse()).collect();
+            if !worse.is_empty() {
+                let own = |k: &usize| self.joint_of(*k).is_some_and(|joint| worse.contains(&joint));
+                let kept: Vec<usize> = (0..self.base.rank()).filter(own).collect();
+                let given = PriorWidth::Given(held.prior.relative_deviation());
+                let keeps = solve(&held.prior.clone().keeping(kept), given)?;
+                let after = self.judge(&keeps);
+                // Joints share bodies: what one keeps may cost the others more.
+                if total(&after) >= total(&judged) {
+                    held = keeps;
+                    notes.extend(self.kept_notes(&worse, &judged));
+                }
             }
-            for (joint, judgement) in worse {
-                judged[joint].get_or_insert(*judgement);
-                kept[joint] = if kept[joint] == Kept::Nothing { Kept::Own } else { Kept::All };
-            }
-            let prior = held.prior.clone().keeping(self.parameters_of(&kept));
-            held = solve(&prior, PriorWidth::Given(held.prior.relative_deviation()))?;
         }
-        let mut notes = self.kept_notes(&judged);
+        notes.extend(self.negative_notes(&held));
         notes.extend(self.held_note(&held));
         Ok(Found { held, notes })
+    }
+
+    fn judge(&self, held: &Held) -> Vec<Judgement> {
+        self.left_out(held).judge_against_file(&held.prior, self.robot.dof())
     }
 
     fn left_out(&self, held: &Held) -> LeftOut<'_> {
@@ -102,21 +97,6 @@ impl Task<'_> {
             index.map_or(f64::INFINITY, |index| estimate.weights[index] * estimate.unit)
         };
         LeftOut::new(self.parts, level, self.base.rank())
-    }
-
-    /// Base parameters that stay with the robot file.
-    fn parameters_of(&self, kept: &[Kept]) -> Vec<usize> {
-        let in_rows = |joint: usize, k: usize| {
-            self.factors.iter().any(|factor| factor.joint == joint && factor.columns.contains(&k))
-        };
-        let is_kept = |k: usize| {
-            kept.iter().enumerate().any(|(joint, kept)| match kept {
-                Kept::Nothing => false,
-                Kept::Own => self.joint_of(k) == Some(joint),
-                Kept::All => self.joint_of(k) == Some(joint) || in_rows(joint, k),
-            })
-        };
-        (0..self.base.rank()).filter(|k| is_kept(*k)).collect()
     }
 
     /// The joint whose link, friction or rotor a base parameter is named after; none for an effect of the whole arm.
@@ -131,18 +111,33 @@ impl Task<'_> {
         }
     }
 
-    fn kept_notes(&self, judged: &[Option<Judgement>]) -> Vec<String> {
-        let joints = self.robot.joints().iter().zip(judged);
-        let note = |(joint, judged): (&crate::robot::Joint, &Option<Judgement>)| {
-            let judgement = (*judged)?;
-            Some(format!(
-                "`{}` keeps the model of the robot file: on parts of the logs that were left out the identified one leaves \
-                 {:.0} % more squared error. Record longer, with all joints moving both ways",
-                joint.name,
-                -100.0 * judgement.gain
-            ))
+    fn kept_notes(&self, kept: &[usize], judged: &[Judgement]) -> Vec<String> {
+        let note = |&joint: &usize| {
+            format!(
+                "`{}` keeps link, friction and rotor of the robot file: on parts of the logs that were left out the \
+                 identified ones leave {:.0} % more squared error. Record longer, with all joints moving both ways",
+                self.robot.joints()[joint].name,
+                -100.0 * judged[joint].gain
+            )
         };
-        joints.filter_map(note).collect()
+        kept.iter().map(note).collect()
+    }
+
+    /// Friction that comes out negative for certain.
+    fn negative_notes(&self, held: &Held) -> Vec<String> {
+        let deviations = held.estimate.standard_deviations();
+        let negative = held.prior.non_negative().iter().filter(|k| held.estimate.values[**k] < 0.0);
+        let note = |&k: &usize| {
+            format!(
+                "`{}` comes out negative ({:.3} ± {:.3} {}), which no friction or rotor is: something that the model lacks \
+                 imitates it. `sgpr diagnose` looks for it; `--consistent` forbids it",
+                self.base.names()[k],
+                held.estimate.values[k],
+                deviations[k],
+                self.base.units()[k]
+            )
+        };
+        negative.map(note).collect()
     }
 
     /// What the prior holds, and which motion would free it.

@@ -758,7 +758,7 @@ fn describe(
     let prior = prior.map_or(String::new(), |prior| {
         format!(
             "; what the logs do not determine is held by the robot file, right within {} times the size of a link, and by \
-             friction within {} times the torque",
+             friction within {} times the torque that the file leaves",
             prior.relative_deviation(),
             prior.effect_scale()
         )

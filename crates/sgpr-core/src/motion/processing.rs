@@ -114,7 +114,11 @@ impl Processing {
         if choices.is_empty() {
             return Err(MotionError::NoRecording);
         }
-        let highest = choices.iter().map(|choice| choice.cutoff_hz).fold(0.0, f64::max);
+        // A log in which nothing moves has no motion to keep: it is asked only where none has.
+        let moves = |choice: &&CutoffChoice| choice.joint_hz.iter().any(|hz| *hz > 0.0);
+        let some_move = choices.iter().any(|choice| moves(&choice));
+        let asked = choices.iter().filter(|choice| !some_move || moves(choice));
+        let highest = asked.map(|choice| choice.cutoff_hz).fold(0.0, f64::max);
         let cutoff_hz = conditioning.cutoff_hz.unwrap_or(highest.min(0.2 * slowest));
         let torque_cutoff_hz = match conditioning.torque_band {
             TorqueBand::AsPosition => Some(cutoff_hz),

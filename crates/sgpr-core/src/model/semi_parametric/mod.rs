@@ -44,7 +44,7 @@ pub struct SemiParametricModel {
     physics: TorqueModel,
     mean: Mean,
     joints: Vec<Rest>,
-    /// With [`Mean::Joint`].
+    /// The linear parameters of the physics with their covariance, if they have one.
     basis: Option<Basis>,
     /// With [`Mean::Joint`]: the physics as it was identified, for the joints without a process, if there are some.
     identified: Option<TorqueModel>,
