@@ -390,7 +390,8 @@ fn a_joint_that_never_moves_is_named() {
         vec![],
     )
     .expect("arrays of one length");
-    let (model, report) = identify(&robot, &[still], &options(), &()).expect("the others move");
+    let still = [still];
+    let (model, report) = identify(&robot, &still, &options(), &()).expect("the others move");
     let fit = model.fit().expect("identified");
     assert!(fit.undetermined.contains(&"joint_6.Fc".to_string()), "{:?}", fit.undetermined);
     assert!(
@@ -399,6 +400,12 @@ fn a_joint_that_never_moves_is_named() {
         report.warnings
     );
     let index = model.base().names().iter().position(|name| name == "joint_6.Fv").expect("a base parameter");
+    assert!(fit.standard_deviations[index].is_finite() && fit.values[index] == 0.0, "the prior holds it");
+    assert!(report.warnings.iter().any(|w| w.contains("`joint_6` must move")), "{:?}", report.warnings);
+    let bare = IdentifyOptions { prior: None, ..options() };
+    let (model, report) = identify(&robot, &still, &bare, &()).expect("the others move");
+    let fit = model.fit().expect("identified");
+    assert!(report.warnings.iter().any(|w| w.contains("does not excite") && w.contains("joint_6.Fv")));
     assert!(fit.standard_deviations[index].is_infinite());
     // And such a model can be kept.
     let back = TorqueModel::from_bytes(&model.to_bytes(), "memory").expect("valid");

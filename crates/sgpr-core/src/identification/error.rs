@@ -3,7 +3,10 @@
 #[non_exhaustive]
 pub enum IdentificationError {
     /// No row of data is left.
-    #[error("there is no usable sample: all were at rest or too near to the ends of their recordings")]
+    #[error(
+        "there is no usable sample: all were at rest or too near to the ends of their recordings; record a motion of every \
+         joint, both ways, slowly and fast"
+    )]
     NoData,
     /// Fewer rows than unknowns.
     #[error("{rows} rows for {parameters} parameters: record longer, or decimate less")]

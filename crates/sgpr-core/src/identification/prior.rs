@@ -222,6 +222,22 @@ impl ParameterPrior {
         estimate.covariance = self.posterior(&estimate.whitened).covariance(&(&information * of_data * &information));
     }
 
+    /// Base parameters whose variance the data have not halved, beside a robot file that may be wrong by its own size and
+    /// friction as large as what it leaves; those that are kept among them.
+    ///
+    /// - `whitened`: as in [`Self::chosen_by`]
+    pub(crate) fn undecided(&self, whitened: &Mat<f64>) -> Vec<usize> {
+        /// Half.
+        const SHARE: f64 = 0.5;
+        let mut wide = self.clone();
+        wide.relative_deviation = self.relative_deviation.max(1.0);
+        wide.effect_scale = self.effect_scale.max(1.0);
+        let before = wide.covariance();
+        let root = wide.posterior(whitened).root;
+        let held = |k: usize| root.row(k).squared_norm_l2() > SHARE * before[(k, k)] || self.kept.contains(&k);
+        (0..self.of_file.len()).filter(|k| held(*k)).collect()
+    }
+
     /// Base parameters by data and prior, those that physics forbids to be negative not negative, unless the data insist.
     ///
     /// The prior pulls [`PULLS`] times, each time toward what the pull before has found (iterated Tikhonov regularisation):

@@ -2,8 +2,8 @@
 //! predicts better keep it, and sentences say which motion would free them.
 
 use crate::identification::{
-    BaseParameters, Equations, Estimate, Held, IdentificationError, JointFactor, Judgement, LeftOut, Method,
-    ParameterPrior, ParameterSet, PriorWidth, Row, estimate_with_prior,
+    BaseParameters, Equations, Held, IdentificationError, JointFactor, Judgement, LeftOut, Method, ParameterPrior,
+    ParameterSet, PriorWidth, Row, estimate_with_prior,
 };
 use crate::motion::Motion;
 use crate::robot::Robot;
@@ -26,22 +26,12 @@ pub(super) struct Found {
     pub notes: Vec<String>,
 }
 
-/// A base parameter is held by the prior if the logs have not halved its variance.
-const HELD: f64 = 0.5;
-
 /// Leaves out the rows of joints that never move: whatever holds such a joint, dry friction included, is one unknown torque,
 /// which many equal rows would make certain.
 pub(super) fn leave_out_joints_at_rest(factors: &mut Vec<JointFactor>, parts: &mut [Vec<JointFactor>]) {
     let moving: Vec<usize> = factors.iter().filter(|factor| !factor.resting).map(|factor| factor.joint).collect();
     factors.retain(|factor| moving.contains(&factor.joint));
     parts.iter_mut().for_each(|part| part.retain(|factor| moving.contains(&factor.joint)));
-}
-
-/// Base parameters of which the prior says more than the logs.
-pub(super) fn held_by_prior(estimate: &Estimate, prior: &ParameterPrior) -> Vec<usize> {
-    let before = prior.covariance();
-    let held = |k: usize| estimate.covariance[(k, k)] > HELD * before[(k, k)] || prior.kept().contains(&k);
-    (0..estimate.values.len()).filter(|k| held(*k)).collect()
 }
 
 /// What the identification gains over the robot file, all joints alike.
@@ -142,7 +132,7 @@ impl Task<'_> {
 
     /// What the prior holds, and which motion would free it.
     fn held_note(&self, held: &Held) -> Option<String> {
-        let parameters = held_by_prior(&held.estimate, &held.prior);
+        let parameters = held.prior.undecided(&held.estimate.whitened);
         if parameters.is_empty() {
             return None;
         }

@@ -428,7 +428,7 @@ fn fit(
     let covariance = Mat::from_fn(rank, rank, |i, j| joint[(i, j)]);
     let deviations: Vec<f64> = (0..rank).map(|k| covariance[(k, k)].max(0.0).sqrt()).collect();
     let names = model.base.names();
-    let held = prior.as_ref().map_or(vec![], |prior| held::held_by_prior(&estimate, prior));
+    let held = prior.as_ref().map_or(vec![], |prior| prior.undecided(&estimate.whitened));
     model.provenance.history = vec![describe(options, processing, &factors, prior.as_ref())];
     model.fit = Some(Fit {
         method: options.method.name().into(),

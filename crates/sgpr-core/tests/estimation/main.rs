@@ -9,4 +9,5 @@ mod estimators;
 mod noise;
 mod nonlinear;
 mod payload;
+mod prior;
 mod screening;

@@ -1,0 +1,194 @@
+//! Poor logs: what they do not determine stays with the robot file, and rich ones lose nothing.
+
+use sgpr_core::dynamics::Samples;
+use sgpr_core::identification::{
+    Equations, IdentificationError, LeastSquares, Method, ParameterPrior, PriorWidth, estimate, estimate_with_prior,
+};
+use sgpr_core::model::{IdentifyError, IdentifyOptions, TorqueModel, compare, identify};
+use sgpr_core::recording::Recording;
+use sgpr_core::robot::two_link;
+
+use crate::arm::{Experiment, largest_difference, trajectory};
+use crate::noise::Noise;
+
+const EFFECTS: [&str; 4] = ["viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"];
+
+/// Parameters of the file, off by a tenth, friction unknown; all of the set.
+fn nominal(experiment: &Experiment) -> Vec<f64> {
+    let mut nominal: Vec<f64> = experiment.truth.iter().map(|value| 1.1 * value).collect();
+    nominal[experiment.set.inertial()..].fill(0.0);
+    nominal
+}
+
+#[test]
+fn prior_rows_are_the_inverse_root_of_the_covariance() {
+    let experiment = Experiment::new(500);
+    let motion = experiment.run(&experiment.truth);
+    let equations =
+        Equations::new(&experiment.robot, &experiment.set, &experiment.base, vec![trajectory(&motion, &motion.tau)]);
+    let factors = equations.factors().expect("good data");
+    let nominal = nominal(&experiment);
+    let prior = ParameterPrior::new(&experiment.robot, &experiment.set, &experiment.base, &nominal, &factors);
+    let rank = experiment.base.rank();
+    let (rows, covariance) = (prior.rows(), prior.covariance());
+    let p = rows.as_ref().subcols(0, rank);
+    let identity = p * &covariance * p.transpose();
+    for i in 0..rank {
+        for j in 0..rank {
+            assert!((identity[(i, j)] - f64::from(i == j)).abs() < 1e-9, "{i} {j}: {}", identity[(i, j)]);
+        }
+        let right: f64 = (0..rank).map(|k| rows[(i, k)] * prior.mean()[k]).sum();
+        assert!((right - rows[(i, rank)]).abs() < 1e-9 * right.abs().max(1.0));
+    }
+    assert_eq!(prior.mean(), experiment.base.combine(&nominal));
+    // A mass of the file is believed within its own size, and a first moment by its link's mass and length.
+    let wide = prior.clone().with_relative_deviation(3.0).covariance();
+    assert!((0..rank).all(|k| wide[(k, k)] >= covariance[(k, k)]));
+    // Friction levels stand alone, rotors of the first joint stand in a combination.
+    let names: Vec<&str> = prior.non_negative().iter().map(|k| experiment.base.names()[*k].as_str()).collect();
+    assert!(names.iter().any(|name| name.ends_with(".Fc")) && names.iter().any(|name| name.ends_with(".Fv")));
+}
+
+#[test]
+fn rich_logs_are_followed_by_every_estimator() {
+    let experiment = Experiment::new(2000);
+    let motion = experiment.run(&experiment.truth);
+    let mut noise = Noise(11);
+    let tau: Vec<f64> = motion.tau.iter().map(|tau| tau + 0.3 * noise.normal()).collect();
+    let nominal = nominal(&experiment);
+    for method in [Method::Ols, Method::Wls, Method::HUBER, Method::Recursive { forgetting: 1.0 }] {
+        let rows = vec![trajectory(&motion, &tau)];
+        let mut equations = Equations::new(&experiment.robot, &experiment.set, &experiment.base, rows);
+        let factors = equations.factors().expect("good data");
+        let prior = ParameterPrior::new(&experiment.robot, &experiment.set, &experiment.base, &nominal, &factors);
+        let bare = estimate(&method, &mut equations, &factors, prior.mean(), None).expect("good data");
+        let held = estimate_with_prior(&method, &mut equations, &factors, &prior, PriorWidth::Chosen, None)
+            .expect("good data")
+            .estimate;
+        let pairs = held.values.iter().zip(&bare.values).zip(bare.standard_deviations());
+        for (k, ((held, bare), deviation)) in pairs.enumerate() {
+            assert!((held - bare).abs() < 0.5 * deviation, "{} {k}: {held} {bare} ± {deviation}", method.name());
+        }
+    }
+}
+
+#[test]
+fn a_handful_of_rows_stays_near_the_file_and_does_better_than_it() {
+    let experiment = Experiment::new(2000);
+    let motion = experiment.run(&experiment.truth);
+    let nominal = nominal(&experiment);
+    let (q, dq, ddq, tau) = (&motion.q[..8], &motion.dq[..8], &motion.ddq[..8], &motion.tau[..8]);
+    let few = sgpr_core::identification::Trajectory::new(Samples { q, dq, ddq }, tau);
+    let equations = Equations::new(&experiment.robot, &experiment.set, &experiment.base, vec![few]);
+    let factors = equations.factors().expect("good data");
+    let prior = ParameterPrior::new(&experiment.robot, &experiment.set, &experiment.base, &nominal, &factors);
+    let fit = LeastSquares::new(Method::Wls);
+    let bare = fit.solve(&factors, &experiment.base, prior.mean());
+    assert!(matches!(bare, Err(IdentificationError::TooFewRows { .. })), "{bare:?}");
+    let held = fit.solve_with_prior(&factors, &prior, PriorWidth::Chosen).expect("a prior").estimate;
+    assert!(held.values.iter().all(|value| value.is_finite()));
+    assert!(held.standard_deviations().iter().all(|deviation| deviation.is_finite()));
+    let all =
+        Equations::new(&experiment.robot, &experiment.set, &experiment.base, vec![trajectory(&motion, &motion.tau)]);
+    let mut all = all;
+    let mut squares = [0.0; 2];
+    all.for_each(|equation| {
+        for (square, values) in squares.iter_mut().zip([prior.mean(), &held.values]) {
+            *square += equation.residual(values).powi(2);
+        }
+    })
+    .expect("good data");
+    assert!(squares[1] < squares[0], "{squares:?}");
+    let wrong = fit.solve_with_prior(&factors, &prior, PriorWidth::Given(0.0)).expect_err("no width").to_string();
+    assert!(wrong.contains("positive"), "{wrong}");
+}
+
+/// A log of the two-link arm whose bodies are 15 % heavier than the file's, with friction, along sums of sines; joints
+/// with `moves` false stand, those with `one_way` only go forwards.
+fn log(seconds: usize, moves: [bool; 2], one_way: [bool; 2], seed: u64) -> Recording {
+    let (robot, rate) = (two_link(), 100);
+    let mut parameters: Vec<f64> = robot.standard_parameters().iter().map(|value| 1.15 * value).collect();
+    parameters.extend([2.0, 1.0, 4.0, 2.0, 0.3, 0.1, 0.0, 0.0]);
+    let truth = TorqueModel::with_parameters(&robot, &EFFECTS, parameters).expect("known effects");
+    let mut noise = Noise(seed);
+    let (mut q, mut dq, mut ddq) = (Vec::new(), Vec::new(), Vec::new());
+    for k in 0..seconds * rate {
+        let t = k as f64 / rate as f64;
+        for joint in 0..2 {
+            let (mut value, mut speed, mut acceleration) = (0.3, 0.0, 0.0);
+            for h in 1..=3 {
+                let (a, w) = (0.6 / f64::from(h), 0.8 * f64::from(h) + 0.3 * joint as f64);
+                let phase = w * t + 1.3 * f64::from(h) * (joint + 1) as f64;
+                let a = if one_way[joint] { 0.15 * a } else { a };
+                value += a * phase.sin();
+                speed += a * w * phase.cos();
+                acceleration -= a * w * w * phase.sin();
+            }
+            if one_way[joint] {
+                (value, speed) = (value + 0.4 * t, speed + 0.4);
+            }
+            let on = f64::from(moves[joint]);
+            q.push(if moves[joint] { value } else { 0.3 });
+            dq.push(on * speed);
+            ddq.push(on * acceleration);
+        }
+    }
+    let tau = truth.predict(Samples { q: &q, dq: &dq, ddq: &ddq });
+    let tau = tau.iter().map(|tau| tau + 0.2 * noise.normal()).collect();
+    let q = q.iter().map(|q| q + 1e-5 * noise.normal()).collect();
+    let names = robot.joint_names().map(String::from).collect();
+    let time = (0..seconds * rate).map(|k| k as i64 * 10_000_000).collect();
+    Recording::new("poor", names, time, q, None, Some(tau), vec![]).expect("arrays of one length")
+}
+
+fn options() -> IdentifyOptions {
+    IdentifyOptions { effects: EFFECTS.map(String::from).to_vec(), ..IdentifyOptions::default() }
+}
+
+#[test]
+fn poor_logs_leave_no_model_worse_than_the_file() {
+    let robot = two_link();
+    let test = [log(20, [true; 2], [false; 2], 1)];
+    let rich = identify(&robot, &test, &options(), &()).expect("a rich log").0;
+    let error = |model: &TorqueModel| compare(model, &test, rich.processing()).expect("a log").relative_error_percent;
+    let file = error(&TorqueModel::nominal(&robot));
+    let cases = [
+        ("three seconds", log(3, [true; 2], [false; 2], 2), ""),
+        ("the first joint only", log(10, [true, false], [false; 2], 3), "must move"),
+        ("the second joint only", log(10, [false, true], [false; 2], 4), "must move"),
+        ("the first joint one way", log(10, [true; 2], [true, false], 5), "must reverse"),
+        ("the second joint one way", log(10, [true; 2], [false, true], 6), "must reverse"),
+    ];
+    for (case, log, advice) in cases {
+        let (model, report) = identify(&robot, &[log], &options(), &()).expect("a usable model");
+        let found = error(&model);
+        assert!(found < 1.02 * file, "{case}: {found} %, file {file} %");
+        assert!(
+            advice.is_empty() || report.warnings.iter().any(|w| w.contains(advice)),
+            "{case}: {:?}",
+            report.warnings
+        );
+        let friction = model.parameter_set().names().iter().zip(model.parameters());
+        let mut friction = friction.filter(|(name, _)| name.ends_with(".Fc") || name.ends_with(".Fv"));
+        assert!(friction.all(|(_, value)| *value >= 0.0), "{case}");
+    }
+}
+
+#[test]
+fn a_log_without_motion_is_refused_and_says_what_to_record() {
+    let still = log(5, [false; 2], [false; 2], 7);
+    let error = identify(&two_link(), &[still], &options(), &()).expect_err("nothing moves");
+    assert!(matches!(error, IdentifyError::Identification(IdentificationError::NoData)), "{error}");
+    assert!(error.to_string().contains("record a motion"), "{error}");
+}
+
+#[test]
+fn without_the_prior_the_estimate_is_least_squares() {
+    let (robot, log) = (two_link(), log(20, [true; 2], [false; 2], 8));
+    let of = |prior| identify(&robot, std::slice::from_ref(&log), &IdentifyOptions { prior, ..options() }, &());
+    let (bare, held) = (of(None).expect("rich").0, of(Some(PriorWidth::Chosen)).expect("rich").0);
+    let (bare, held) = (bare.fit().expect("identified").clone(), held.fit().expect("identified").clone());
+    assert!(largest_difference(&bare.values, &held.values) > 0.0, "the prior is in force");
+    let pairs = bare.values.iter().zip(&held.values).zip(&bare.standard_deviations);
+    assert!(pairs.into_iter().all(|((bare, held), deviation)| (bare - held).abs() < deviation.max(1e-6)));
+}
