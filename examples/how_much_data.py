@@ -32,9 +32,7 @@ def first_seconds(logs: list[sgpr.Recording], seconds: float) -> list[sgpr.Recor
         dq = None if log.dq is None else log.dq[:count]
         tau = None if log.tau is None else log.tau[:count]
         taken.append(
-            sgpr.Recording(
-                log.time_ns[:count], log.q[:count], dq, tau, joint_names=log.joint_names, source=log.source
-            )
+            sgpr.Recording(log.time_ns[:count], log.q[:count], dq, tau, joint_names=log.joint_names, source=log.source)
         )
         seconds -= length
         if seconds < 1.0:

@@ -293,3 +293,15 @@ def test_python_goes_on_while_a_model_is_identified(demo_robot: sgpr.Robot, demo
     thread.join()
     # With the interpreter held this would be two at most.
     assert steps >= 10
+
+
+def test_the_prior_can_be_left_out(demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording]) -> None:
+    held = sgpr.identify(demo_robot, demo_logs)
+    bare = sgpr.identify(demo_robot, demo_logs, prior=None)
+    change = np.abs(held.parameters.values - bare.parameters.values)
+    assert change.max() > 0.0
+    # Rich logs: what the prior moves is within what the logs leave open.
+    assert np.median(change / bare.parameters.standard_deviations) < 1.0
+    assert "held by the robot file" in held.history[0] and "held by the robot file" not in bare.history[0]
+    with pytest.raises(ValueError, match="prior_deviation"):
+        sgpr.identify(demo_robot, demo_logs, prior=None, prior_deviation=1.0)

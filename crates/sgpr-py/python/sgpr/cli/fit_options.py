@@ -250,8 +250,8 @@ class IdentificationOptions:
         bool,
         typer.Option(
             "--no-prior",
-            help="The bare estimate: what the logs hardly determine is not held by the robot file, nor do joints keep the "
-            "file where it predicts better.",
+            help="The bare estimate: what the logs hardly determine is not held by the robot file, nor do joints keep "
+            "the file where it predicts better.",
             rich_help_panel=FIT,
         ),
     ] = False
