@@ -362,7 +362,7 @@ fn fit(
     };
     set_uncertainty(options, &mut equations, &factors, &mut estimate, prior.as_ref())?;
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
-    notes.extend(estimate.notes.drain(..));
+    notes.append(&mut estimate.notes);
     notes.extend(screen_factors(&set, &base, &joints, &factors, &estimate).iter().map(ToString::to_string));
     if options.start == Start::RobotFile {
         notes.extend(screen_scale(&set, &base, &nominal, &factors).map(|finding| finding.to_string()));
