@@ -1,4 +1,8 @@
-use super::{About, Class, Constant, Context, Effect, Entry, LinkMotion, Reach, Site};
+use super::stepping::{DIFFERENCES_STATE, Differences};
+use super::{
+    About, Class, Constant, Context, Effect, Entry, LinkMotion, LinkSample, Needs, Origin, Reach, SampleInput, Site,
+    StepState, Streamed,
+};
 
 /// Play b between the flanks of the gear: the link lies half of it to either side of the encoder, depending on the
 /// sign of the torque, with a soft transition of a twentieth of the joint's torque.
@@ -27,6 +31,8 @@ impl Effect for Backlash {
             confusable: &["joint_elasticity", "presliding_friction"],
             experiment: "motion that crosses zero torque slowly in both directions, with a sensor on the link side",
             excitation: "zero crossings of the joint's torque",
+            origin: Origin::Arm,
+            origin_reason: "the link lies elsewhere than the encoder says, in control as in the log",
             ..About::default()
         }
     }
@@ -57,5 +63,43 @@ impl Effect for Backlash {
         let side = |torque: f64| -0.5 * constants[0] * (torque / scale).tanh();
         let play: Vec<f64> = context.of_joint(context.rigid_torque, joint).map(side).collect();
         motion.deflect(joint, &play, context.rate_hz);
+    }
+
+    fn advance_links(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        state: &mut StepState<'_>,
+        links: &mut LinkSample<'_>,
+    ) {
+        let joint = site.joint().expect("at a joint");
+        let (sums, differences) = state.hidden.split_at_mut(2);
+        let torque = input.rigid_torque[joint];
+        sums[0] += torque * torque;
+        sums[1] += 1.0;
+        let scale = (0.05 * (sums[0] / sums[1]).sqrt()).max(f64::MIN_POSITIVE);
+        let play = -0.5 * constants[0] * (torque / scale).tanh();
+        links.q[joint] += play;
+        if input.rate_hz.is_finite() {
+            let [velocity, acceleration] = Differences(differences).advance(play, 1.0 / input.rate_hz);
+            links.dq[joint] += velocity;
+            links.ddq[joint] += acceleration;
+        }
+    }
+
+    fn needs(&self) -> Needs {
+        Needs { rate: true, ..Needs::default() }
+    }
+
+    fn streamed(&self) -> Streamed<'_> {
+        Streamed::Nearly(
+            "the size of the joint's torque is that of the samples so far, and the play is differentiated from the \
+             samples before",
+        )
+    }
+
+    fn state_len(&self, _: &[f64], _: f64) -> usize {
+        2 + DIFFERENCES_STATE
     }
 }

@@ -6,8 +6,8 @@ mod file;
 mod identify;
 mod payload;
 mod prediction_band;
-mod predictor;
 mod semi_parametric;
+mod stream;
 mod terms;
 mod torque_model;
 mod variable_projection;
@@ -22,11 +22,12 @@ pub use identify::{
     cutoff_influence, identify, screen,
 };
 pub use payload::{identify_drive_gains, identify_payload};
-pub use predictor::Predictor;
 pub use semi_parametric::{
     Candidate, Coverage, FollowingIntervals, Inputs, JointReport, Mean, SemiParametricError, SemiParametricModel,
     SemiParametricOptions, SemiParametricPredictor, TorquePrediction, fit_rest, fit_semi_parametric,
 };
+pub(crate) use stream::TermSteps;
+pub use stream::{Predictor, Purpose, SavedStates, StreamError, StreamOptions, UnknownPurpose};
 pub(crate) use terms::{Rigid, common_clock, seconds_since};
 pub use terms::{Term, Trajectory};
 pub(crate) use torque_model::nominal_parameters;
