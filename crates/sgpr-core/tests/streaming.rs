@@ -105,9 +105,11 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
 #[test]
 fn every_effect_streams_what_the_trajectory_says() {
     let robot = puma560();
-    let motion = Motion::new(robot.dof(), 1500);
-    let without = plain(&robot).predict_trajectory(&motion.trajectory());
+    let (short, long) = (Motion::new(robot.dof(), 1500), Motion::new(robot.dof(), 12_000));
     for effect in registry().iter().filter(|effect| effect.entry() != Entry::Gate) {
+        // What is said of all samples of a trajectory takes some periods to be known.
+        let motion = if effect.streamed() == Streamed::Exactly { &short } else { &long };
+        let without = plain(&robot).predict_trajectory(&motion.trajectory());
         for site in effect.sites(&robot) {
             let name = format!("{} at {site:?}", effect.name());
             let model = plain(&robot).with_terms(vec![term(effect, site)], Some(0));
@@ -116,7 +118,7 @@ fn every_effect_streams_what_the_trajectory_says() {
             let streamed = motion.streamed(&mut predictor);
             // What looks back alone has settled, and what looks ahead does not see the end.
             let settled = match effect.streamed() {
-                Streamed::Nearly(_) => 400 * robot.dof()..1300 * robot.dof(),
+                Streamed::Nearly(_) => 9000 * robot.dof()..11_800 * robot.dof(),
                 _ => 0..batch.len(),
             };
             let parts = [&batch, &without, &streamed].map(|values| &values[settled.clone()]);
@@ -127,7 +129,8 @@ fn every_effect_streams_what_the_trajectory_says() {
             match effect.streamed() {
                 Streamed::Exactly => assert!(missed < 1e-9, "{name}: {missed} of {own}"),
                 Streamed::Nearly(how) => {
-                    assert!(missed < 0.2 * own && !how.is_empty(), "{name}: {missed} of {own}");
+                    println!("{name}: {missed:.3e} of {own:.3e}");
+                    assert!(missed < (0.2 * own).max(1e-9) && !how.is_empty(), "{name}: {missed} of {own}");
                 }
                 Streamed::Not(reason) => panic!("{name}: {reason}"),
             }
@@ -309,7 +312,8 @@ fn feed_forward_holds_what_the_arm_needs() {
     let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"];
     let mut stepped = of(&[("friction_step", Site::Joint(0))]);
     stepped[0].constants = vec![-1e9];
-    let without = TorqueModel::with_parameters(&robot, &effects, parameters).expect("known").with_terms(stepped, Some(0));
+    let without =
+        TorqueModel::with_parameters(&robot, &effects, parameters).expect("known").with_terms(stepped, Some(0));
     let expected = motion.streamed(&mut without.predictor(&options()).expect("streams"));
     assert_eq!(expected, motion.streamed(&mut everywhere.predictor(&feed_forward).expect("streams")));
 }

@@ -1,4 +1,4 @@
-use super::stepping::{DIFFERENCES_STATE, Differences};
+use super::stepping::{SMOOTH_DERIVATIVES_STATE, SmoothDerivatives};
 use super::{
     About, Class, Constant, Context, Effect, Entry, LinkMotion, LinkSample, Needs, Origin, Reach, SampleInput, Site,
     StepState, Streamed,
@@ -74,18 +74,24 @@ impl Effect for Backlash {
         links: &mut LinkSample<'_>,
     ) {
         let joint = site.joint().expect("at a joint");
-        let (sums, differences) = state.hidden.split_at_mut(2);
+        let (sums, derivatives) = state.hidden.split_at_mut(2);
         let torque = input.rigid_torque[joint];
         sums[0] += torque * torque;
         sums[1] += 1.0;
         let scale = (0.05 * (sums[0] / sums[1]).sqrt()).max(f64::MIN_POSITIVE);
-        let play = -0.5 * constants[0] * (torque / scale).tanh();
-        links.q[joint] += play;
-        if input.rate_hz.is_finite() {
-            let [velocity, acceleration] = Differences(differences).advance(play, 1.0 / input.rate_hz);
-            links.dq[joint] += velocity;
-            links.ddq[joint] += acceleration;
+        let side = (torque / scale).tanh();
+        links.q[joint] -= 0.5 * constants[0] * side;
+        if !input.rate_hz.is_finite() {
+            return;
         }
+        let [first, second] = SmoothDerivatives(derivatives).advance(torque, input).map(|x| x / scale);
+        let slope = 1.0 - side * side;
+        let velocity = -0.5 * constants[0] * slope * first;
+        let acceleration = -0.5 * constants[0] * slope * (second - 2.0 * side * first * first);
+        // Between two samples the link crosses the play at most.
+        let most = constants[0].abs() * input.rate_hz;
+        links.dq[joint] += velocity.clamp(-most, most);
+        links.ddq[joint] += acceleration.clamp(-most * input.rate_hz, most * input.rate_hz);
     }
 
     fn needs(&self) -> Needs {
@@ -94,12 +100,12 @@ impl Effect for Backlash {
 
     fn streamed(&self) -> Streamed<'_> {
         Streamed::Nearly(
-            "the size of the joint's torque is that of the samples so far, and the play is differentiated from the \
-             samples before",
+            "the size of the joint's torque is that of the samples so far, and the torque is differentiated by a filter \
+             that looks back alone",
         )
     }
 
     fn state_len(&self, _: &[f64], _: f64) -> usize {
-        2 + DIFFERENCES_STATE
+        2 + SMOOTH_DERIVATIVES_STATE
     }
 }

@@ -1,6 +1,6 @@
 use crate::signal::{LowPass, Spectrum};
 
-use super::stepping::{SMOOTH_DERIVATIVES_STATE, SmoothDerivatives};
+use super::stepping::{ABOVE, SMOOTH_DERIVATIVES_STATE, SmoothDerivatives, WINDOW_S};
 use super::{
     About, Class, Constant, Context, Effect, Entry, LinkMotion, LinkSample, Needs, Origin, Reach, SampleInput, Site,
     StepState, Streamed,
@@ -82,11 +82,7 @@ impl Effect for JointElasticity {
         if !input.rate_hz.is_finite() {
             return;
         }
-        let (sums, derivatives) = state.hidden.split_at_mut(2);
-        sums[0] += input.dq.iter().map(|dq| dq * dq).sum::<f64>();
-        sums[1] += input.ddq.iter().map(|ddq| ddq * ddq).sum::<f64>();
-        let [velocity, acceleration] =
-            SmoothDerivatives(derivatives).advance(twist, cutoff([sums[0], sums[1]], input.rate_hz), input.rate_hz);
+        let [velocity, acceleration] = SmoothDerivatives(state.hidden).advance(twist, input);
         links.dq[joint] += velocity;
         links.ddq[joint] += acceleration;
     }
@@ -103,26 +99,8 @@ impl Effect for JointElasticity {
     }
 
     fn state_len(&self, _: &[f64], _: f64) -> usize {
-        2 + SMOOTH_DERIVATIVES_STATE
+        SMOOTH_DERIVATIVES_STATE
     }
-}
-
-/// Seconds of a spectrum.
-const WINDOW_S: f64 = 4.0;
-
-/// The cut-off over the bandwidth of the motion.
-const ABOVE: f64 = 3.0;
-
-/// Cut-off of the twist from what is known of the motion so far, Hz: the same multiple of the bandwidth as for a whole
-/// trajectory. The bandwidth is that of a normal spectrum with the same second moment, of whose power 99.5 % lie below
-/// 2.81 times the root mean square frequency (S. O. Rice, Mathematical analysis of random noise, Bell Syst. Tech. J. 23
-/// (1944), for that frequency).
-///
-/// - `sums`: of squared speeds and accelerations
-fn cutoff(sums: [f64; 2], rate_hz: f64) -> f64 {
-    const BAND: f64 = 2.81;
-    let moment = if sums[0] > 0.0 { (sums[1] / sums[0]).sqrt() } else { f64::INFINITY };
-    ABOVE * (BAND * moment / std::f64::consts::TAU).clamp(1.0 / WINDOW_S, 0.5 * rate_hz)
 }
 
 /// Takes out what lies far above the motion: the torque holds second derivatives of the position, the link's motion those

@@ -69,6 +69,7 @@ use std::sync::Arc;
 pub use about::{About, Class, Origin, Role};
 pub use context::{Context, LinkMotion};
 use serde::{Deserialize, Serialize};
+pub(crate) use stepping::knows_one_row;
 pub use stepping::{LinkSample, Needs, SampleInput, StepState, Streamed};
 
 use crate::robot::{JointKind, Robot};
@@ -142,7 +143,8 @@ pub trait Effect: Send + Sync + Debug {
     }
 
     /// Whether [`Self::advance`] is its own: columns of a trajectory then follow from that by default. If not, and if it
-    /// does not enter by [`Entry::State`], a sample is asked for as a trajectory of one row, which takes memory.
+    /// does not enter by [`Entry::State`], a sample is asked for as a trajectory of one row, which takes memory; an effect
+    /// whose columns at a sample depend on other samples is then not streamed.
     fn steps(&self) -> bool {
         self.entry() == Entry::State
     }
@@ -247,6 +249,11 @@ pub trait Effect: Send + Sync + Debug {
     ) -> f64 {
         let _ = (site, constants, joint, rate_hz, hidden);
         torque
+    }
+
+    /// What went wrong in the calls since this was last asked, if an effect can fail; its columns are zero then.
+    fn failure(&self) -> Option<String> {
+        None
     }
 
     /// What lies between torque and log, if it is linear in the torque: applied to `[samples, width]`, row-major, torques

@@ -144,6 +144,47 @@ pub(super) fn advance_one_row<E: Effect + ?Sized>(
     columns.chunks_exact_mut(width).zip(&out).for_each(|(columns, out)| columns.copy_from_slice(out));
 }
 
+/// Whether the columns of an effect at a sample are those of a trajectory of that sample alone, on some motion.
+///
+/// # Errors
+/// What the effect says of a failure.
+pub(crate) fn knows_one_row(effect: &dyn Effect, site: Site, constants: &[f64], robot: &Robot) -> Result<bool, String> {
+    const SAMPLES: usize = 12;
+    let n = robot.dof();
+    let numbers = |scale: f64| (0..SAMPLES * n).map(|k| scale * (1.7 * k as f64 + scale).sin()).collect::<Vec<_>>();
+    let [q, dq, ddq, torque] = [0.9, 1.3, 4.0, 7.0].map(numbers);
+    let time: Vec<f64> = (0..SAMPLES).map(|k| 0.01 * k as f64).collect();
+    let width = if effect.reach() == Reach::All { n } else { 1 };
+    let columns_of = |rows: std::ops::Range<usize>| {
+        let of_joints = rows.start * n..rows.end * n;
+        let context = Context {
+            robot,
+            rate_hz: 100.0,
+            time: &time[rows.clone()],
+            q: &q[of_joints.clone()],
+            dq: &dq[of_joints.clone()],
+            ddq: &ddq[of_joints.clone()],
+            rigid_torque: &torque[of_joints.clone()],
+            torque: &torque[of_joints],
+            channels: &[],
+        };
+        let mut out = vec![vec![0.0; rows.len() * width]; effect.parameters().len()];
+        effect.trajectory_columns(site, &context, constants, &mut out);
+        effect.failure().map_or(Ok(out), Err)
+    };
+    let all = columns_of(0..SAMPLES)?;
+    let largest = all.iter().flatten().fold(0.0f64, |largest, x| largest.max(x.abs()));
+    for k in 0..SAMPLES {
+        for (all, one) in all.iter().zip(columns_of(k..k + 1)?) {
+            let apart = |(a, b): (&f64, &f64)| (a - b).abs() > 1e-9 * largest;
+            if all[k * width..(k + 1) * width].iter().zip(&one).any(apart) {
+                return Ok(false);
+            }
+        }
+    }
+    Ok(true)
+}
+
 /// Numbers that a Dahl element carries.
 pub(super) const DAHL_STATE: usize = 2;
 
@@ -205,55 +246,48 @@ impl Lag<'_> {
     }
 }
 
-/// Numbers that [`Differences`] carry.
-pub(super) const DIFFERENCES_STATE: usize = 4;
+/// Seconds of a spectrum of the motion.
+pub(super) const WINDOW_S: f64 = 4.0;
 
-/// First and second derivative of a value from it and the two before, by divided differences.
-///
-/// State: number of values seen up to two, the last value, the one before, and the time between them.
-pub(super) struct Differences<'a>(pub &'a mut [f64]);
-
-impl Differences<'_> {
-    /// Derivatives at the next value, `step` seconds after the last one.
-    pub fn advance(self, x: f64, step: f64) -> [f64; 2] {
-        let [seen, last, before, between] = self.0 else { unreachable!("differences have four numbers") };
-        let slope = (x - *last) / step;
-        let derivatives = if *seen >= 2.0 {
-            let curvature = (slope - (*last - *before) / *between) / (step + *between);
-            [slope + curvature * step, 2.0 * curvature]
-        } else if *seen >= 1.0 {
-            [slope, 0.0]
-        } else {
-            [0.0; 2]
-        };
-        (*seen, *before, *last, *between) = ((*seen + 1.0).min(2.0), *last, x, step);
-        derivatives
-    }
-}
+/// The cut-off of what is differentiated over the bandwidth of the motion.
+pub(super) const ABOVE: f64 = 3.0;
 
 /// Numbers that [`SmoothDerivatives`] carry.
-pub(super) const SMOOTH_DERIVATIVES_STATE: usize = 1 + 3 * LAG_STATE;
+pub(super) const SMOOTH_DERIVATIVES_STATE: usize = SMOOTH_HEAD + 3 * LAG_STATE;
+
+/// Those beside the lags.
+const SMOOTH_HEAD: usize = 3;
 
 /// First and second derivative of a value behind three lags of one time constant T in a row, advanced by the delay of
 /// the lags: with x3 behind all three, x = (1 + T s)³ x3, so that dx/dt is s (1 + 3 T s + 3 T² s²) x3 but for T³ s⁴, and
 /// d²x/dt² is s² (1 + 3 T s) x3 but for 3 T² s⁴. Differences of the values behind the lags are these derivatives:
 /// T s x3 = x2 - x3.
 ///
-/// State: whether it has begun, and the three lags. It begins at rest.
+/// The cut-off of the lags is [`ABOVE`] times the bandwidth of the motion so far: that of a normal spectrum with the same
+/// second moment, of whose power 99.5 % lie below 2.81 times the root mean square frequency.
+///
+/// State: whether it has begun, sums of squared speeds and accelerations, and the three lags. It begins at rest.
+///
+/// Source: S. O. Rice, Mathematical analysis of random noise, Bell Syst. Tech. J. 23 (1944), for that frequency.
 pub(super) struct SmoothDerivatives<'a>(pub &'a mut [f64]);
 
 impl SmoothDerivatives<'_> {
-    /// Derivatives at the next value.
-    pub fn advance(self, x: f64, cutoff_hz: f64, rate_hz: f64) -> [f64; 2] {
-        let (begun, lags) = self.0.split_at_mut(1);
-        if begun[0] == 0.0 {
-            begun[0] = 1.0;
+    /// Derivatives at the next value, that of a sample.
+    pub fn advance(self, x: f64, input: &SampleInput<'_>) -> [f64; 2] {
+        const BAND: f64 = 2.81;
+        let (head, lags) = self.0.split_at_mut(SMOOTH_HEAD);
+        if head[0] == 0.0 {
+            head[0] = 1.0;
             lags.fill(x);
         }
-        let time = 1.0 / (std::f64::consts::TAU * cutoff_hz);
+        head[1] += input.dq.iter().map(|dq| dq * dq).sum::<f64>();
+        head[2] += input.ddq.iter().map(|ddq| ddq * ddq).sum::<f64>();
+        let moment = if head[1] > 0.0 { (head[2] / head[1]).sqrt() } else { f64::INFINITY };
+        let bandwidth = (BAND * moment / std::f64::consts::TAU).clamp(1.0 / WINDOW_S, 0.5 * input.rate_hz);
+        let time = 1.0 / (std::f64::consts::TAU * ABOVE * bandwidth);
         let mut behind = [x; 4];
         for (index, lag) in lags.chunks_exact_mut(LAG_STATE).enumerate() {
-            behind[index + 1] = Lag(lag).advance(behind[index], time * rate_hz);
+            behind[index + 1] = Lag(lag).advance(behind[index], time * input.rate_hz);
         }
         let [x, x1, x2, x3] = behind;
         let (first, second, third) = (x2 - x3, x1 - 2.0 * x2 + x3, x - 3.0 * x1 + 3.0 * x2 - x3);

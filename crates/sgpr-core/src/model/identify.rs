@@ -154,6 +154,9 @@ pub enum IdentifyError {
     /// A filter that cannot be.
     #[error(transparent)]
     Signal(#[from] SignalError),
+    /// The model cannot be streamed.
+    #[error(transparent)]
+    Stream(#[from] super::StreamError),
     /// Parameters set to zero make no body.
     #[error("parameters that are left out make no body: choose between consistent and essential parameters")]
     ConsistentAndEssential,

@@ -27,7 +27,9 @@ pub use semi_parametric::{
     SemiParametricOptions, SemiParametricPredictor, TorquePrediction, fit_rest, fit_semi_parametric,
 };
 pub(crate) use stream::TermSteps;
-pub use stream::{Predictor, Purpose, SavedStates, StreamError, StreamOptions, UnknownPurpose};
+pub use stream::{
+    Predictor, Purpose, SavedStates, StreamError, StreamOptions, StreamedMotion, UnknownPurpose, compare_streaming,
+};
 pub(crate) use terms::{Rigid, common_clock, seconds_since};
 pub use terms::{Term, Trajectory};
 pub(crate) use torque_model::nominal_parameters;

@@ -138,7 +138,20 @@ impl SemiParametricPredictor {
     /// # Panics
     /// If a slice is not of length n.
     pub fn torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> &[f64] {
-        self.set(q, dq, ddq);
+        let n = self.tau.len();
+        assert!([q, dq, ddq].iter().all(|values| values.len() == n), "one value per joint");
+        if self.try_torque(q, dq, ddq).is_err() {
+            self.tau.fill(f64::NAN);
+        }
+        &self.tau
+    }
+
+    /// As [`Self::torque`], with what is wrong with a sample as an error.
+    ///
+    /// # Errors
+    /// As [`Predictor::try_torque`].
+    pub fn try_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> Result<&[f64], StreamError> {
+        self.set(q, dq, ddq)?;
         for (joint, tau) in self.joints.iter_mut().zip(&mut self.tau).filter(|(joint, _)| !joint.together) {
             if let Some(process) = &mut joint.process {
                 *tau += process.mean(&self.x)[0];
@@ -149,7 +162,7 @@ impl SemiParametricPredictor {
                 self.tau[*joint] += mean;
             }
         }
-        &self.tau
+        Ok(&self.tau)
     }
 
     /// Torque, and the standard deviation of its measurement, `[n]` each, N·m (N). Parameters that were estimated together
@@ -159,7 +172,13 @@ impl SemiParametricPredictor {
     /// If a slice is not of length n, or the predictor was made without variance.
     pub fn torque_and_deviation(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> (&[f64], &[f64]) {
         assert!(self.with_variance, "made with variance");
-        self.set(q, dq, ddq);
+        let n = self.tau.len();
+        assert!([q, dq, ddq].iter().all(|values| values.len() == n), "one value per joint");
+        if self.set(q, dq, ddq).is_err() {
+            self.tau.fill(f64::NAN);
+            self.deviation.fill(f64::NAN);
+            return (&self.tau, &self.deviation);
+        }
         for ((joint, tau), variance) in self.joints.iter_mut().zip(&mut self.tau).zip(&mut self.deviation) {
             *variance = joint.noise_variance;
             if let Some(process) = &mut joint.process {
@@ -177,10 +196,10 @@ impl SemiParametricPredictor {
         (&self.tau, &self.deviation)
     }
 
-    fn set(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) {
-        self.tau.copy_from_slice(self.physics.torque(q, dq, ddq));
+    fn set(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> Result<(), StreamError> {
+        self.tau.copy_from_slice(self.physics.try_torque(q, dq, ddq)?);
         if let Some(identified) = &mut self.identified {
-            let own = identified.torque(q, dq, ddq);
+            let own = identified.try_torque(q, dq, ddq)?;
             let without = self.joints.iter().zip(&mut self.tau).zip(own).filter(|((joint, _), _)| !joint.learned);
             without.for_each(|((_, tau), own)| *tau = *own);
         }
@@ -188,6 +207,7 @@ impl SemiParametricPredictor {
         for (part, x) in [q, dq, ddq].into_iter().zip(self.x.chunks_exact_mut(n)) {
             x.copy_from_slice(part);
         }
+        Ok(())
     }
 }
 

@@ -74,6 +74,14 @@ pub enum StreamError {
         /// Why.
         reason: String,
     },
+    /// An effect of a user that failed at this sample.
+    #[error("{effect} failed: {reason}")]
+    EffectFailed {
+        /// Name of the effect.
+        effect: String,
+        /// What it says.
+        reason: String,
+    },
     /// A name to keep that is that of no effect of the model.
     #[error("keep: the model has no effect `{name}`; it has {}", known.join(", "))]
     UnknownEffect {

@@ -1,7 +1,7 @@
 use super::steps::TransformSteps;
 use super::{Purpose, StreamError, StreamOptions, TermSteps};
 use crate::dynamics::{Workspace, rnea};
-use crate::effects::{JointState, LinkSample, Needs, SampleInput, Streamed};
+use crate::effects::{JointState, LinkSample, Needs, SampleInput, Streamed, knows_one_row};
 use crate::identification::ParameterSet;
 use crate::model::{Term, TorqueModel};
 use crate::robot::Robot;
@@ -56,6 +56,8 @@ pub struct Predictor {
     warm: Option<(String, usize)>,
     /// Whether steps must not be shorter than half of what the rate says.
     delays: bool,
+    /// Whether an effect may fail.
+    fallible: bool,
     /// How far ahead the motion is taken, s.
     lead: f64,
     start: Start,
@@ -149,7 +151,7 @@ impl TorqueModel {
         };
         self.check_kept(options)?;
         let terms = options.terms(self);
-        check(&terms, rate_hz)?;
+        check(&terms, rate_hz, self.robot())?;
         let n = self.robot().dof();
         let transforms = terms.iter().filter(|term| term.is_transform());
         let robot = transforms
@@ -160,11 +162,13 @@ impl TorqueModel {
         let held =
             |t: &Term| t.effect.state_len(&t.constants, rate_hz) != t.effect.state_len(&t.constants, 2.0 * rate_hz);
         let transform_steps = TransformSteps::new(&terms, n, rate_hz);
+        let term_steps = TermSteps::new(&terms, n, rate_hz);
         Ok(Predictor {
             ws: Workspace::new(&robot),
             set: self.parameter_set().clone(),
             parameters: options.parameters(self),
-            terms: TermSteps::new(&terms, n, rate_hz),
+            fallible: term_steps.may_fail(),
+            terms: term_steps,
             first_coefficients: first_coefficients(self, options),
             gains: transform_steps.static_gains(n),
             transforms: transform_steps,
@@ -203,7 +207,7 @@ fn first_coefficients(model: &TorqueModel, options: &StreamOptions) -> Vec<usize
 }
 
 /// Whether terms can be streamed.
-fn check(terms: &[Term], rate_hz: f64) -> Result<(), StreamError> {
+fn check(terms: &[Term], rate_hz: f64, robot: &Robot) -> Result<(), StreamError> {
     let mut unpaced = Vec::new();
     for term in terms {
         let (effect, name) = (&term.effect, || term.effect.name().to_string());
@@ -213,6 +217,13 @@ fn check(terms: &[Term], rate_hz: f64) -> Result<(), StreamError> {
         let Needs { time, rate, channels, .. } = effect.needs();
         if let Some(channel) = channels.into_iter().next() {
             return Err(StreamError::ChannelNeeded { effect: name(), channel });
+        }
+        if !term.is_transform() && !effect.steps() {
+            let refuse = |reason| StreamError::NotStreamed { effect: name(), reason };
+            let one_row = knows_one_row(effect.as_ref(), term.site, &term.constants, robot).map_err(refuse)?;
+            if effect.has_memory() || !one_row {
+                return Err(refuse("its torque at a sample depends on other samples".into()));
+            }
         }
         if (time || rate) && rate_hz.is_nan() && !unpaced.contains(&name()) {
             unpaced.push(name());
@@ -406,6 +417,10 @@ impl Predictor {
                 return Err(StreamError::StepTooShort { found, shortest });
             }
         }
+        let mut before = self.fallible.then(SavedStates::default);
+        if let Some(before) = &mut before {
+            self.save(before);
+        }
         for (own, given) in self.buffers.motion.iter_mut().zip([q, dq, ddq]) {
             own.copy_from_slice(given);
         }
@@ -415,6 +430,12 @@ impl Predictor {
             self.buffers.look_ahead(self.lead, rate_hz);
         }
         self.sample(rate_hz);
+        if let Some(before) = before
+            && let Some((effect, reason)) = self.terms.failure()
+        {
+            self.restore(&before);
+            return Err(StreamError::EffectFailed { effect, reason });
+        }
         Ok(())
     }
 

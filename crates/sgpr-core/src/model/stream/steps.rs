@@ -74,6 +74,16 @@ impl TermSteps {
         }
     }
 
+    /// Whether an effect may fail.
+    pub fn may_fail(&self) -> bool {
+        self.steps.iter().any(|step| !step.effect.steps())
+    }
+
+    /// The name of an effect that failed, and why.
+    pub fn failure(&self) -> Option<(String, String)> {
+        self.steps.iter().find_map(|step| Some((step.effect.name().into(), step.effect.failure()?)))
+    }
+
     /// Derivatives of a joint's torque by the coefficients of each term at the last sample: calls `set` with the index of
     /// the term and of its coefficient.
     pub fn for_each_column(&self, joint: usize, dof: usize, mut set: impl FnMut(usize, usize, f64)) {
