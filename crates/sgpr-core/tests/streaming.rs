@@ -129,8 +129,7 @@ fn every_effect_streams_what_the_trajectory_says() {
             match effect.streamed() {
                 Streamed::Exactly => assert!(missed < 1e-9, "{name}: {missed} of {own}"),
                 Streamed::Nearly(how) => {
-                    println!("{name}: {missed:.3e} of {own:.3e}");
-                    assert!(missed < (0.2 * own).max(1e-9) && !how.is_empty(), "{name}: {missed} of {own}");
+                    assert!(missed < (0.5 * own).max(1e-9) && !how.is_empty(), "{name}: {missed} of {own}");
                 }
                 Streamed::Not(reason) => panic!("{name}: {reason}"),
             }
