@@ -6,9 +6,17 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import Comparison, Model, Recording, SemiParametricModel, SgprError, __version__, compare_streaming
+from .. import (
+    Comparison,
+    Model,
+    Recording,
+    SemiParametricModel,
+    SgprError,
+    __version__,
+    compare_streaming,
+    residual_structure,
+)
 from .. import compare as compare_with
-from .. import residual_structure
 from ..report.comparison import ComparisonPage
 from ..report.numbers import percent, significant
 from ..report.versions import versions
@@ -56,8 +64,9 @@ def compare(
         bool,
         typer.Option(
             "--streaming",
-            help="Also run the model one sample after the other as a controller does, hidden states carried along: over "
-            "the motion filtered without delay, and over one that is filtered and differentiated from past samples alone.",
+            help="Also run the model one sample after the other as a controller does, hidden states carried along: "
+            "over the motion filtered without delay, and over one that is filtered and differentiated from past "
+            "samples alone.",
         ),
     ] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 if a limit is not met.")] = False,
@@ -151,8 +160,8 @@ def _streamed(
 def _show_streamed(batch: Comparison, streamed: dict[str, Comparison], output: Output) -> None:
     filtered, causal = streamed["filtered"], streamed["causal"]
     output.line(
-        f"one sample after the other: error {percent(filtered.relative_error_percent)} % of the torque over the filtered "
-        f"motion, {percent(causal.relative_error_percent)} % over a motion known from past samples alone"
+        f"one sample after the other: error {percent(filtered.relative_error_percent)} % of the torque over the "
+        f"filtered motion, {percent(causal.relative_error_percent)} % over a motion known from past samples alone"
     )
     rows = [
         [whole.joint, whole.unit, *(significant(joint.rmse) for joint in (whole, stream, late))]
