@@ -248,7 +248,7 @@ pub fn identify(
 pub(crate) fn identify_again(
     model: &TorqueModel,
     given: Given,
-    consistency: &Consistency,
+    consistency: Option<&Consistency>,
     recordings: &[Recording],
 ) -> Result<TorqueModel, IdentifyError> {
     let recordings = select_joints(&model.robot, recordings)?;
@@ -258,7 +258,7 @@ pub(crate) fn identify_again(
     };
     let options = IdentifyOptions {
         effects: model.set.effects().iter().map(|effect| effect.name().into()).collect(),
-        consistency: Some(consistency.clone()),
+        consistency: consistency.cloned(),
         ..IdentifyOptions::default()
     };
     let (mut again, _) = fit(&model.robot, &recordings, &options, &processing, given, &())?;

@@ -218,10 +218,6 @@ impl TorqueModel {
         self.parameters = parameters;
     }
 
-    pub(crate) fn set_fit(&mut self, fit: Fit) {
-        self.fit = Some(fit);
-    }
-
     /// The robot with the inertias of its file.
     pub fn robot(&self) -> &Robot {
         &self.robot
