@@ -3,11 +3,13 @@
 //! `cargo run --release --example evaluate_diagnosis -- FOLDER [CASE...]`
 
 use std::path::Path;
+use std::sync::Mutex;
 use std::time::Instant;
 
 use sgpr_core::diagnosis::{Diagnosis, DiagnosisOptions, Verdict, diagnose};
-use sgpr_core::model::{IdentifyOptions, TorqueModel, identify};
+use sgpr_core::model::{IdentifyOptions, TorqueModel, compare, identify};
 use sgpr_core::motion::Motion;
+use sgpr_core::progress::{Interrupted, Progress};
 use sgpr_core::recording::{Recording, csv};
 use sgpr_core::robot::{Robot, UrdfOptions};
 
@@ -96,7 +98,8 @@ fn run(folder: &Path, case: &str, totals: &mut Totals) -> Result<(), Failure> {
     let options = IdentifyOptions { effects: strings(&info["model_effects"]), ..Default::default() };
     let (model, _) = identify(&robot, &train, &options, &())?;
     let clock = Instant::now();
-    let diagnosis = diagnose(&model, &train, &test, &DiagnosisOptions::default(), &())?;
+    let stages = Stages::default();
+    let diagnosis = diagnose(&model, &train, &test, &DiagnosisOptions::default(), &stages)?;
     let seconds = clock.elapsed().as_secs_f64();
 
     let names: Vec<String> = robot.joint_names().map(String::from).collect();
@@ -171,17 +174,58 @@ fn run(folder: &Path, case: &str, totals: &mut Totals) -> Result<(), Failure> {
         '-'
     };
     println!(
-        "{mark} {case} {:?} truth [{}] found [{}] {} false, closure {closure:.2}{}, {seconds:.1} s",
+        "{mark} {case} {:?} truth [{}] found [{}] {} false, closure {closure:.2}{}, unseen {:.2} to {:.2} %, {seconds:.1} s",
         diagnosis.verdict,
         show(&truth),
         show(&found_list),
         false_effects.len(),
-        if detectable { "" } else { " (not detectable)" }
+        if detectable { "" } else { " (not detectable)" },
+        unseen_percent(&model, &model, &test)?,
+        unseen_percent(&model, &diagnosis.after, &test)?
     );
     if std::env::var_os("SGPR_VERBOSE").is_some() {
         describe(&diagnosis, &before, &after, &floor, &noise);
+        stages.print();
     }
     Ok(())
+}
+
+/// Seconds by stage.
+#[derive(Default)]
+struct Stages(Mutex<Vec<(&'static str, f64, Instant)>>);
+
+impl Progress for Stages {
+    fn step(&self, stage: &'static str, _: usize, _: usize) -> Result<(), Interrupted> {
+        let mut all = self.0.lock().expect("nobody panics while holding it");
+        let now = Instant::now();
+        if let Some(last) = all.last().map(|(_, _, at)| *at) {
+            let name = all.last().map_or("", |(name, ..)| *name);
+            if let Some(sum) = all.iter_mut().find(|(own, ..)| *own == name) {
+                sum.1 += (now - last).as_secs_f64();
+            }
+        }
+        if let Some(index) = all.iter().position(|(own, ..)| *own == stage) {
+            let own = all.remove(index);
+            all.push((own.0, own.1, now));
+        } else {
+            all.push((stage, 0.0, now));
+        }
+        Ok(())
+    }
+}
+
+impl Stages {
+    fn print(&self) {
+        let all = self.0.lock().expect("nobody panics while holding it");
+        let list: Vec<String> = all.iter().map(|(stage, seconds, _)| format!("{stage} {seconds:.1}")).collect();
+        let rest = all.last().map_or(0.0, |(_, _, at)| at.elapsed().as_secs_f64());
+        println!("    seconds: {}, then {rest:.1}", list.join(", "));
+    }
+}
+
+/// Error on the test logs in percent of the torque, both as `model` processes them.
+fn unseen_percent(model: &TorqueModel, judged: &TorqueModel, test: &[Recording]) -> Result<f64, Failure> {
+    Ok(compare(judged, test, model.processing())?.relative_error_percent)
 }
 
 fn excess_ratio(before: f64, after: f64) -> f64 {

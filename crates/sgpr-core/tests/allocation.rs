@@ -15,12 +15,13 @@ use sgpr_core::dynamics::{
     forward_kinematics, frame_pose, gravity_torque, jacobian, kinetic_energy, mass_matrix, potential_energy, regressor,
     regressor_batch, rnea, rnea_batch,
 };
-use sgpr_core::effects::{Entry, registry};
+use sgpr_core::effects::{Entry, Site, by_name, registry};
 use sgpr_core::gp::{
     Compute, Covariance, Data, GaussianProcess, GpPredictor, Kernel, Precision, PredictorOptions, Shape,
 };
 use sgpr_core::model::{
-    Inputs, Mean, Predictor, SemiParametricOptions, SemiParametricPredictor, TorqueModel, fit_semi_parametric,
+    Inputs, Mean, Predictor, Purpose, SemiParametricOptions, SemiParametricPredictor, StreamOptions, Term, TorqueModel,
+    fit_semi_parametric,
 };
 use sgpr_core::recording::csv;
 use sgpr_core::robot::{Robot, UrdfOptions};
@@ -95,6 +96,51 @@ fn check(name: &str, robot: &Robot) {
     assert_eq!(taken, 0, "{name}: regressor_batch takes memory");
     assert!(torque.iter().chain(&matrix).all(|value| value.is_finite()));
     assert!(torque.iter().any(|value| *value != 0.0), "the work was done");
+}
+
+/// Seven joints with findings of all kinds, two and more of them with a memory.
+fn check_findings() {
+    let robot = Reference::load("panda_like").by_urdf();
+    let n = robot.dof();
+    assert_eq!(n, 7);
+    let term = |name: &str, site: Site, constants: &[f64]| {
+        let mut term = Term::new(by_name(name).expect("of the library"), site, constants.to_vec());
+        term.coefficients.fill(0.3);
+        term
+    };
+    let usual = vec![
+        term("presliding_friction", Site::Joint(1), &[0.01]),
+        term("cable_hysteresis", Site::Joint(0), &[0.2]),
+        term("stribeck_friction", Site::Joint(2), &[0.05]),
+        term("load_dependent_friction", Site::Joint(3), &[]),
+        term("torque_ripple", Site::Joint(4), &[30.0]),
+    ];
+    // Every effect of the library at once, and all transforms.
+    let every = registry().into_iter().filter(|effect| effect.entry() != Entry::Gate).map(|effect| {
+        let site = effect.sites(&robot)[0];
+        let constants: Vec<f64> = effect.constants().iter().map(|c| c.low.max(0.01).min(c.high)).collect();
+        let mut term = Term::new(effect, site, constants);
+        term.coefficients.fill(0.3);
+        term
+    });
+    for (name, terms) in [("five findings", usual), ("every effect", every.collect())] {
+        let model = TorqueModel::nominal(&robot).with_terms(terms, Some(0));
+        for purpose in Purpose::ALL {
+            let options = StreamOptions { rate_hz: Some(1000.0), purpose, keep: vec![] };
+            let mut predictor = model.predictor(&options).expect("streams");
+            predictor.set_temperature(&vec![40.0; n]).expect("finite");
+            let taken = bytes_taken(|| {
+                predictor.reset_at(&[0.1; 7], &[0.0; 7]).expect("finite");
+                for k in 0..SAMPLES {
+                    let sample = [0.1 + 0.003 * k as f64; 7];
+                    assert!(predictor.torque(&sample, &sample, &sample).iter().all(|tau| tau.is_finite()), "{name}");
+                    black_box(predictor.torque_after(0.0013, &sample, &sample, &sample).expect("good")[0]);
+                }
+                predictor.reset();
+            });
+            assert_eq!(taken, 0, "{name}, {purpose}");
+        }
+    }
 }
 
 /// A process of three outputs over four inputs.
@@ -183,6 +229,7 @@ fn main() {
         assert!(taken > 1000, "{name}: a workspace of {taken} bytes");
         check(name, &robot);
     }
+    check_findings();
     check_processes();
     check_semi_parametric();
 }

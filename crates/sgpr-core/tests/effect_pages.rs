@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use sgpr_core::effects::{Effect, Entry, registry};
+use sgpr_core::effects::{Effect, Entry, Origin, Streamed, registry};
 
 fn page(effect: &dyn Effect) -> String {
     let about = effect.about();
@@ -47,7 +47,25 @@ fn page(effect: &dyn Effect) -> String {
         }
         Entry::Gate => "It is found by the checks of the log, before any physics.",
     };
-    text + "\n" + how + "\n"
+    let mut streamed: String = match effect.streamed() {
+        Streamed::Exactly => "one sample after the other it is the same as along a log".into(),
+        Streamed::Nearly(instead) => {
+            format!("one sample after the other it is nearly the same as along a log: {instead}")
+        }
+        Streamed::Not(reason) => format!("it is not streamed: {reason}"),
+    };
+    let held = match about.origin {
+        Origin::Arm => "a feed-forward torque holds it",
+        Origin::Measurement | Origin::Temporary => "a feed-forward torque leaves it out",
+    };
+    let mut text = text + "\n" + how + "\n\n";
+    writeln!(text, "In a controller it is a property of {}, and {held}: {}.", about.origin, about.origin_reason)
+        .expect("a string");
+    if effect.entry() != Entry::Gate {
+        let first = streamed.remove(0).to_uppercase().to_string();
+        writeln!(text, "{first}{streamed}.").expect("a string");
+    }
+    text
 }
 
 #[test]

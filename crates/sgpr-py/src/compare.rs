@@ -6,13 +6,14 @@ use numpy::PyArrayDyn;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sgpr_core::model::{self as core, TorqueModel};
+use sgpr_core::model::{self as core, StreamedMotion, TorqueModel};
 
 use crate::convert::{array, view};
 use crate::errors::{IntoPyErr, invalid};
 use crate::identification::recordings;
 use crate::model::{Model, Processing, figure, html_table};
 use crate::robot::Robot;
+use crate::simulation::semi_parametric;
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
@@ -60,6 +61,57 @@ pub fn compare(
     let recordings = self::recordings(recordings)?;
     let comparison =
         py.detach(|| core::compare(&model, &recordings, processing.as_ref())).map_err(IntoPyErr::into_py_err)?;
+    Comparison::new(py, comparison)
+}
+
+/// Compares what a predictor says one sample after the other with recordings: the torques of
+/// `Model.predictor(rate_hz=..., purpose="expected_measurement")`, reset at the start of every stretch.
+///
+/// Parameters
+/// ----------
+/// model : Model or SemiParametricModel
+/// recordings : list of Recording
+/// processing : Model or Processing, optional
+///     As for `compare`; not for a SemiParametricModel.
+/// causal : bool
+///     The predictor is given positions as logged through the filter in one pass, and their differences from the samples
+///     before: what a controller knows that measures positions alone. The filter makes the motion late. By default it is
+///     given the motion of `compare`, filtered without delay, which needs samples that come later.
+///
+/// Returns
+/// -------
+/// Comparison
+///     In the same band and over the same samples as that of `compare`.
+///
+/// Examples
+/// --------
+/// >>> log = sgpr.read("train.csv.gz")
+/// >>> model = sgpr.identify(sgpr.Robot.from_urdf("robot.urdf"), [log])
+/// >>> streamed, batch = sgpr.compare_streaming(model, [log]), sgpr.compare(model, [log])
+/// >>> bool(np.allclose(streamed.rmse, batch.rmse))
+/// True
+#[pyfunction]
+#[pyo3(signature = (model, recordings, *, processing=None, causal=false))]
+pub fn compare_streaming(
+    py: Python<'_>,
+    model: &Bound<'_, PyAny>,
+    recordings: &Bound<'_, PyAny>,
+    processing: Option<&Bound<'_, PyAny>>,
+    causal: bool,
+) -> PyResult<Comparison> {
+    let motion = if causal { StreamedMotion::Causal } else { StreamedMotion::Filtered };
+    let processing = processing.map(processing_of).transpose()?.flatten();
+    let recordings = self::recordings(recordings)?;
+    let comparison = if let Ok(model) = model.cast::<Model>() {
+        let model = model.get().inner.clone();
+        py.detach(|| core::compare_streaming(&model, &recordings, processing.as_ref(), motion))
+            .map_err(IntoPyErr::into_py_err)?
+    } else if let Some(fitted) = semi_parametric(model)? {
+        let fitted = fitted.get().inner.clone();
+        py.detach(|| fitted.compare_streaming(&recordings, motion)).map_err(IntoPyErr::into_py_err)?
+    } else {
+        return Err(wrong_type("model", model, "Model or SemiParametricModel"));
+    };
     Comparison::new(py, comparison)
 }
 

@@ -67,7 +67,7 @@ pub fn diagnose(
     let options = core::DiagnosisOptions { catalogue };
     let result = listen(py, progress, |progress| core::diagnose(&inner, &train, &test, &options, progress));
     for effect in own {
-        if let Some(error) = effect.failure() {
+        if let Some(error) = effect.take_failure() {
             return Err(error);
         }
     }

@@ -117,6 +117,12 @@ impl IntoPyErr for OnlineError {
     }
 }
 
+impl IntoPyErr for model::StreamError {
+    fn into_py_err(self) -> PyErr {
+        SgprError::new_err(self.to_string())
+    }
+}
+
 impl IntoPyErr for SimulationFailure {
     fn into_py_err(self) -> PyErr {
         SimulationError::new_err(self.to_string())
@@ -143,6 +149,7 @@ impl IntoPyErr for IdentifyError {
             Self::Identification(error) => error.into_py_err(),
             Self::Effect(error) => error.into_py_err(),
             Self::Signal(error) => error.into_py_err(),
+            Self::Stream(error) => error.into_py_err(),
             error => IdentificationError::new_err(error.to_string()),
         }
     }

@@ -23,7 +23,7 @@ mod user_effect;
 #[pyo3::pymodule]
 mod _sgpr {
     #[pymodule_export]
-    use crate::compare::{Comparison, JointComparison, LogResidual, compare};
+    use crate::compare::{Comparison, JointComparison, LogResidual, compare, compare_streaming};
     #[pymodule_export]
     use crate::diagnosis::{Diagnosis, Finding, diagnose, residual_structure};
     #[pymodule_export]

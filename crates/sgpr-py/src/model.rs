@@ -1,7 +1,7 @@
 //! The torque model: made, read, kept, used.
 
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyIndexError, PyKeyError, PyTypeError};
@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyBytes, PyDict};
 use sgpr_core::diagnosis::parameters_of;
 use sgpr_core::identification::{KeptOut, ParameterSet};
-use sgpr_core::model::{self as core, BaseParameter, Term, TorqueModel};
+use sgpr_core::model::{self as core, BaseParameter, StreamOptions, Term, TorqueModel};
 use sgpr_core::motion::Processing as CoreProcessing;
 
 use crate::compare::LogResidual;
@@ -367,9 +367,43 @@ impl Model {
         self.inner.to_mjcf().map_err(IntoPyErr::into_py_err)
     }
 
-    /// One sample after the other, for a control loop.
-    fn predictor(&self) -> Predictor {
-        Predictor { inner: Mutex::new(core::Predictor::new(&self.inner)), dof: self.inner.robot().dof() }
+    /// The model one sample after the other, for a control loop: hidden states, times and delays are carried from call to
+    /// call.
+    ///
+    /// Parameters
+    /// ----------
+    /// rate_hz : float, optional
+    ///     Rate of the calls. Effects of time, delays, lags, elastic joints and play, and links that ring need it.
+    /// purpose : {"expected_measurement", "feed_forward"}
+    ///     "expected_measurement" is all of the model, what the log would show, and what `predict` and `compare` look at: the
+    ///     default. "feed_forward" is what the arm needs, for a controller: without errors of the measurement (gain,
+    ///     delay, lag, limit, offset and their drift) and without what was there for a while (contact, payload
+    ///     change). The page of each effect in docs/effects says which it is, and why.
+    /// keep : list of str, optional
+    ///     Names of effects that a feed-forward torque holds all the same: ["torque_offset"] if the offset is a spring
+    ///     or a hose.
+    ///
+    /// Returns
+    /// -------
+    /// Predictor
+    ///
+    /// Examples
+    /// --------
+    /// >>> model = sgpr.Model.nominal(sgpr.robots.two_link())
+    /// >>> predictor = model.predictor(rate_hz=250.0, purpose="feed_forward")
+    /// >>> predictor.torque(np.zeros(2), np.zeros(2), np.zeros(2))
+    /// array([19.62 ,  4.905])
+    #[pyo3(signature = (*, rate_hz=None, purpose="expected_measurement", keep=None))]
+    fn predictor(
+        &self,
+        py: Python<'_>,
+        rate_hz: Option<f64>,
+        purpose: &str,
+        keep: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Predictor> {
+        let stream = stream_options(rate_hz, purpose, keep)?;
+        let inner = py.detach(|| self.inner.predictor(&stream)).map_err(IntoPyErr::into_py_err)?;
+        Ok(Predictor { inner: Mutex::new(inner), dof: self.inner.robot().dof(), stream })
     }
 
     /// Writes the model to a file; the file is complete or not there. `load` reads it back to the bit.
@@ -691,7 +725,22 @@ impl Processing {
     }
 }
 
-/// One sample after the other, for a control loop: writes into `out`, allocates nothing. One per thread.
+/// How a model is streamed, from the keywords of `predictor`.
+pub fn stream_options(rate_hz: Option<f64>, purpose: &str, keep: Option<&Bound<'_, PyAny>>) -> PyResult<StreamOptions> {
+    let purpose = purpose.parse().map_err(|error: core::UnknownPurpose| invalid(error.to_string()))?;
+    let keep = keep.map(|names| texts("keep", names)).transpose()?.unwrap_or_default();
+    Ok(StreamOptions { rate_hz, purpose, keep })
+}
+
+/// One sample after the other, for a control loop. One per thread.
+///
+/// Effects with a memory carry it from call to call: after `reset` the torques are those of a trajectory that starts at
+/// rest at the first sample. A call allocates nothing but the array it returns, and not even that with `out`; effects of
+/// your own are the exception: they are called with arrays of one row.
+///
+/// Not causal along a trajectory, and therefore only nearly the same here: elastic joints and play (their link motion is
+/// differentiated from the samples before), a delay of less than a period, and a torque that is logged early, which is that
+/// of the motion extrapolated by that time. docs/effects says for each effect how it is streamed.
 ///
 /// Examples
 /// --------
@@ -705,11 +754,81 @@ impl Processing {
 pub struct Predictor {
     inner: Mutex<core::Predictor>,
     dof: usize,
+    stream: StreamOptions,
 }
 
 #[pymethods]
 impl Predictor {
-    /// Torque that the motion needs, (n,), N·m (N), in `out` if given.
+    /// What the torque is for: "expected_measurement" or "feed_forward".
+    #[getter]
+    fn purpose(&self) -> &'static str {
+        self.stream.purpose.name()
+    }
+
+    /// Rate of the calls, Hz; None if it was not given.
+    #[getter]
+    fn rate_hz(&self) -> Option<f64> {
+        self.stream.rate_hz
+    }
+
+    /// Time of the session at the last sample, s; at the next one, if that is the first since a reset.
+    #[getter]
+    fn time(&self) -> f64 {
+        self.lock().time()
+    }
+
+    /// Forgets all samples.
+    ///
+    /// Parameters
+    /// ----------
+    /// q, dq : array of shape (n,), optional
+    ///     Where the arm is, and how fast: hidden states are those after a long motion at this speed, those of rest for a
+    ///     joint without speed. By default all start at rest at the next sample.
+    /// time : float
+    ///     Time of the session at the next sample, s, for effects of time: zero is the start of the model's first log.
+    ///
+    /// Examples
+    /// --------
+    /// >>> predictor = sgpr.Model.nominal(sgpr.robots.two_link()).predictor(rate_hz=100.0)
+    /// >>> predictor.reset(q=np.array([0.1, 0.2]), time=12.0)
+    /// >>> predictor.time
+    /// 12.0
+    #[pyo3(signature = (q=None, dq=None, *, time=0.0))]
+    fn reset(&self, q: Option<&Bound<'_, PyAny>>, dq: Option<&Bound<'_, PyAny>>, time: f64) -> PyResult<()> {
+        if !time.is_finite() {
+            return Err(invalid(format!("time: got {time}, expected a finite number")));
+        }
+        let one = |name, value| Numbers::new(name, value)?.shaped(&[self.dof])?.finite();
+        let q = q.map(|q| one("q", q)).transpose()?;
+        let dq = dq.map(|dq| one("dq", dq)).transpose()?;
+        let mut predictor = self.lock();
+        match (q, dq) {
+            (None, None) => predictor.reset(),
+            (None, Some(_)) => return Err(invalid("reset: a speed needs the position that goes with it: give q")),
+            (Some(q), dq) => {
+                let rest = vec![0.0; self.dof];
+                let dq = dq.as_ref().map_or(&rest[..], |dq| dq.values());
+                predictor.reset_at(q.values(), dq).map_err(IntoPyErr::into_py_err)?;
+            }
+        }
+        predictor.set_time(time).map_err(IntoPyErr::into_py_err)
+    }
+
+    /// Sets the temperature of the joints, for friction that depends on it.
+    ///
+    /// Parameters
+    /// ----------
+    /// celsius : float or array of shape (n,)
+    ///     °C; one for all joints, or one for each.
+    fn set_temperature(&self, celsius: &Bound<'_, PyAny>) -> PyResult<()> {
+        let all = match celsius.extract::<f64>() {
+            Ok(one) => vec![one; self.dof],
+            Err(_) => Numbers::new("celsius", celsius)?.shaped(&[self.dof])?.values().to_vec(),
+        };
+        self.lock().set_temperature(&all).map_err(IntoPyErr::into_py_err)
+    }
+
+    /// Torque at the next sample, (n,), N·m (N), in `out` if given; moves the hidden states on by one step.
     ///
     /// Parameters
     /// ----------
@@ -717,29 +836,48 @@ impl Predictor {
     ///     rad, rad/s, rad/s² (m for prismatic joints).
     /// out : array of shape (n,), float64, optional
     ///     Contiguous and writeable; may be one of the inputs.
-    #[pyo3(signature = (q, dq, ddq, out=None))]
+    /// step : float, optional
+    ///     Time since the last sample, s: for irregular calls and pauses. By default one period.
+    ///
+    /// Raises
+    /// ------
+    /// SgprError
+    ///     If an array has another shape or holds a number that is not finite, or a temperature is missing. The hidden states
+    ///     stay as they are.
+    #[pyo3(signature = (q, dq, ddq, out=None, *, step=None))]
     fn torque<'py>(
         &self,
         q: &Bound<'py, PyAny>,
         dq: &Bound<'py, PyAny>,
         ddq: &Bound<'py, PyAny>,
         out: Option<Bound<'py, PyAny>>,
+        step: Option<f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let py = q.py();
         let of_numbers = |out: Bound<'py, PyAny>| {
             out.cast_into::<PyArray1<f64>>().map_err(|_| PyTypeError::new_err("out: expected an array (n,) of float64"))
         };
         let out = out.map(of_numbers).transpose()?;
+        if let Some(out) = &out {
+            // Before anything moves on.
+            if out.shape() != [self.dof] {
+                return Err(invalid(format!("out: got ({},), expected ({},)", out.len(), self.dof)));
+            }
+            if !out.is_contiguous() {
+                return Err(invalid("out: expected a contiguous array"));
+            }
+        }
         let one = |name, value| Numbers::new(name, value)?.shaped(&[self.dof])?.finite();
         let (q, dq, ddq) = (one("q", q)?, one("dq", dq)?, one("ddq", ddq)?);
-        let mut predictor = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
-        let tau = predictor.torque(q.values(), dq.values(), ddq.values());
+        let mut predictor = self.lock();
+        let tau = match step {
+            None => predictor.try_torque(q.values(), dq.values(), ddq.values()),
+            Some(step) => predictor.torque_after(step, q.values(), dq.values(), ddq.values()),
+        }
+        .map_err(IntoPyErr::into_py_err)?;
         // The inputs are let go: one of them may be `out`.
         drop((q, dq, ddq));
         let Some(out) = out else { return Ok(PyArray1::from_slice(py, tau)) };
-        if out.shape() != [self.dof] {
-            return Err(invalid(format!("out: got ({},), expected ({},)", out.len(), self.dof)));
-        }
         {
             let mut target = out.try_readwrite().map_err(|error| invalid(format!("out: {error}")))?;
             let target = target.as_slice_mut().map_err(|_| invalid("out: expected a contiguous array"))?;
@@ -749,6 +887,12 @@ impl Predictor {
     }
 
     fn __repr__(&self) -> String {
-        format!("Predictor for {} joints", self.dof)
+        format!("Predictor for {} joints, {}", self.dof, self.purpose())
+    }
+}
+
+impl Predictor {
+    fn lock(&self) -> MutexGuard<'_, core::Predictor> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

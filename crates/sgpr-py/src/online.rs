@@ -124,7 +124,7 @@ impl OnlineModel {
             process: process.then_some(budget),
             ..OnlineOptions::default()
         };
-        let known = Box::new(models(model, arm)?);
+        let known = Box::new(models(model, arm, period)?);
         let inner = core::OnlineModel::new(arm, known, &options).map_err(IntoPyErr::into_py_err)?;
         Ok(Self { inner: Mutex::new(inner), dof: arm.dof() })
     }

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use sgpr_core::model::{self as core, Inputs, Mean, SemiParametricError, SemiParametricOptions};
+use sgpr_core::model::{self as core, Inputs, Mean, SemiParametricError, SemiParametricOptions, StreamOptions};
 
 use crate::compare::Comparison;
 use crate::convert::{Numbers, Samples, array, choice, whole};
@@ -15,6 +15,7 @@ use crate::errors::{IntoPyErr, invalid};
 use crate::gp::{predictor_options, shape, status_name};
 use crate::identification::{Arguments, recordings};
 use crate::model::Model;
+use crate::model::stream_options;
 use crate::progress::listen_and_keep;
 use crate::robot::Robot;
 use crate::user_effect::known_effects;
@@ -232,19 +233,25 @@ impl FittedSemiParametric {
     }
 
     /// One sample after the other.
+    ///
+    /// - `numbers`: single precision, rank of the variance, whether compact
+    /// - `stream`: rate, purpose, what to keep
     fn predictor(
         &self,
         py: Python<'_>,
-        single: bool,
-        variance_rank: Option<usize>,
-        compact: bool,
+        numbers: (bool, Option<usize>, bool),
+        stream: (Option<f64>, String, Vec<String>),
     ) -> PyResult<SemiParametricPredictor> {
+        let (single, variance_rank, compact) = numbers;
         let options = predictor_options(single, variance_rank, compact);
-        let inner = py.detach(|| core::SemiParametricPredictor::new(&self.inner, options));
+        let (rate_hz, purpose, keep) = stream;
+        let stream = StreamOptions { keep, ..stream_options(rate_hz, &purpose, None)? };
+        let inner = py.detach(|| core::SemiParametricPredictor::streaming(&self.inner, options, &stream));
         Ok(SemiParametricPredictor {
             inner: Mutex::new(inner.map_err(IntoPyErr::into_py_err)?),
             dof: self.inner.physics().robot().dof(),
             with_variance: variance_rank != Some(0),
+            purpose: stream.purpose.name(),
         })
     }
 
@@ -271,10 +278,49 @@ pub struct SemiParametricPredictor {
     inner: Mutex<core::SemiParametricPredictor>,
     dof: usize,
     with_variance: bool,
+    purpose: &'static str,
 }
 
 #[pymethods]
 impl SemiParametricPredictor {
+    /// What the torque is for: "expected_measurement" or "feed_forward".
+    #[getter]
+    fn purpose(&self) -> &'static str {
+        self.purpose
+    }
+
+    /// Forgets all samples, as `Predictor.reset`.
+    #[pyo3(signature = (q=None, dq=None, *, time=0.0))]
+    fn reset(&self, q: Option<&Bound<'_, PyAny>>, dq: Option<&Bound<'_, PyAny>>, time: f64) -> PyResult<()> {
+        if !time.is_finite() {
+            return Err(invalid(format!("time: got {time}, expected a finite number")));
+        }
+        let one = |name, value| Numbers::new(name, value)?.shaped(&[self.dof])?.finite();
+        let q = q.map(|q| one("q", q)).transpose()?;
+        let dq = dq.map(|dq| one("dq", dq)).transpose()?;
+        let mut predictor = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
+        match (q, dq) {
+            (None, None) => predictor.reset(),
+            (None, Some(_)) => return Err(invalid("reset: a speed needs the position that goes with it: give q")),
+            (Some(q), dq) => {
+                let rest = vec![0.0; self.dof];
+                let dq = dq.as_ref().map_or(&rest[..], |dq| dq.values());
+                predictor.reset_at(q.values(), dq).map_err(IntoPyErr::into_py_err)?;
+            }
+        }
+        predictor.set_time(time).map_err(IntoPyErr::into_py_err)
+    }
+
+    /// Sets the temperature of the joints, as `Predictor.set_temperature`.
+    fn set_temperature(&self, celsius: &Bound<'_, PyAny>) -> PyResult<()> {
+        let all = match celsius.extract::<f64>() {
+            Ok(one) => vec![one; self.dof],
+            Err(_) => Numbers::new("celsius", celsius)?.shaped(&[self.dof])?.values().to_vec(),
+        };
+        let mut predictor = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
+        predictor.set_temperature(&all).map_err(IntoPyErr::into_py_err)
+    }
+
     /// Torque that the motion needs, (n,), N·m (N).
     fn torque<'py>(
         &self,
@@ -286,7 +332,7 @@ impl SemiParametricPredictor {
         let one = |name, value| Numbers::new(name, value)?.shaped(&[self.dof])?.finite();
         let (q, dq, ddq) = (one("q", q)?, one("dq", dq)?, one("ddq", ddq)?);
         let mut predictor = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
-        let tau = predictor.torque(q.values(), dq.values(), ddq.values()).to_vec();
+        let tau = predictor.try_torque(q.values(), dq.values(), ddq.values()).map_err(IntoPyErr::into_py_err)?.to_vec();
         array(py, &[self.dof], tau)
     }
 

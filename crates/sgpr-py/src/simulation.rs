@@ -6,7 +6,7 @@ use numpy::{PyArray1, PyArrayDyn};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use sgpr_core::gp::PredictorOptions;
-use sgpr_core::model::{Predictor, SemiParametricPredictor};
+use sgpr_core::model::{SemiParametricPredictor, StreamOptions};
 use sgpr_core::robot::Robot as CoreRobot;
 use sgpr_core::simulation::{
     self as core, ComputedTorque, Controller, Experiment, FeedForward, Gains, Integrator, InverseDynamics,
@@ -387,7 +387,7 @@ pub fn simulate(
         torque_limits: torque_limits.map(|value| per_joint("torque_limits", value, &arm)).transpose()?,
         seed: random_state,
     };
-    let known = models(model, &arm)?;
+    let known = models(model, &arm, control_period)?;
     let failure = Arc::new(Mutex::new(None));
     let mut controller = self::controller(controller, known, gains, &failure)?;
     if let Some(value) = feed_forward {
@@ -471,7 +471,12 @@ fn reference(value: &Bound<'_, PyAny>, robot: &CoreRobot) -> PyResult<Wanted> {
 }
 
 /// What the controller knows.
-pub(crate) fn models(value: Option<&Bound<'_, PyAny>>, robot: &CoreRobot) -> PyResult<Vec<Box<dyn InverseDynamics>>> {
+pub(crate) fn models(
+    value: Option<&Bound<'_, PyAny>>,
+    robot: &CoreRobot,
+    period: f64,
+) -> PyResult<Vec<Box<dyn InverseDynamics>>> {
+    let stream = StreamOptions { rate_hz: Some(1.0 / period), ..StreamOptions::default() };
     let Some(value) = value else { return Ok(vec![Box::new(RigidBody::new(robot))]) };
     let one = |item: &Bound<'_, PyAny>| -> PyResult<Option<Box<dyn InverseDynamics>>> {
         let (found, model): (usize, Box<dyn InverseDynamics>) = if let Ok(robot) = item.cast::<Robot>() {
@@ -479,10 +484,10 @@ pub(crate) fn models(value: Option<&Bound<'_, PyAny>>, robot: &CoreRobot) -> PyR
             (robot.dof(), Box::new(RigidBody::new(robot)))
         } else if let Ok(model) = item.cast::<Model>() {
             let model = &model.get().inner;
-            (model.robot().dof(), Box::new(Predictor::new(model)))
+            (model.robot().dof(), Box::new(model.predictor(&stream).map_err(IntoPyErr::into_py_err)?))
         } else if let Some(fitted) = semi_parametric(item)? {
             let model = &fitted.get().inner;
-            let predictor = SemiParametricPredictor::new(model, PredictorOptions::default());
+            let predictor = SemiParametricPredictor::streaming(model, PredictorOptions::default(), &stream);
             (model.physics().robot().dof(), Box::new(predictor.map_err(IntoPyErr::into_py_err)?))
         } else {
             return Ok(None);
@@ -504,7 +509,7 @@ pub(crate) fn models(value: Option<&Bound<'_, PyAny>>, robot: &CoreRobot) -> PyR
 }
 
 /// What an `sgpr.SemiParametricModel` holds, if it is one.
-fn semi_parametric<'py>(item: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, FittedSemiParametric>>> {
+pub(crate) fn semi_parametric<'py>(item: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, FittedSemiParametric>>> {
     if item.get_type().name()? != "SemiParametricModel" {
         return Ok(None);
     }

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use numpy::{PyArray1, PyArray2, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sgpr_core::effects::{About, Constant, Context, Effect, EffectParameter, Entry, Scale, Site, registry};
+use sgpr_core::effects::{About, Constant, Context, Effect, EffectParameter, Entry, Needs, Scale, Site, registry};
 
 use crate::convert::texts;
 use crate::errors::invalid;
@@ -34,6 +34,12 @@ use crate::errors::invalid;
 ///     One sentence for a person.
 /// unit : str, optional
 ///     Unit of the parameters.
+///
+/// Notes
+/// -----
+/// A predictor (`Model.predictor`) calls the function with arrays of one row, sample by sample; that takes memory. A
+/// function whose value in a row depends on other rows (a difference, a filter, a mean) cannot be streamed, and the
+/// predictor is refused; so is one that needs a channel other than "time" and "load".
 ///
 /// Examples
 /// --------
@@ -177,7 +183,7 @@ impl UserEffect {
 
 impl UserEffect {
     /// What the function raised, if it did.
-    pub fn failure(&self) -> Option<PyErr> {
+    pub fn take_failure(&self) -> Option<PyErr> {
         self.failure.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 
@@ -243,7 +249,12 @@ impl Effect for UserEffect {
 
     fn about(&self) -> About<'_> {
         let depends_on_time = self.channels.iter().any(|name| name == "time");
-        About { formula: "a function of the user", depends_on_time, ..About::default() }
+        About {
+            formula: "a function of the user",
+            origin_reason: "a torque of the arm, as far as the user says",
+            depends_on_time,
+            ..About::default()
+        }
     }
 
     fn constants(&self) -> &[Constant] {
@@ -252,6 +263,19 @@ impl Effect for UserEffect {
 
     fn follows_torque(&self) -> bool {
         self.channels.iter().any(|name| name == "load")
+    }
+
+    fn needs(&self) -> Needs {
+        let of_log = |name: &&String| !["time", "load"].contains(&name.as_str());
+        Needs {
+            time: self.about().depends_on_time,
+            channels: self.channels.iter().filter(of_log).cloned().collect(),
+            ..Needs::default()
+        }
+    }
+
+    fn failure(&self) -> Option<String> {
+        self.failure.lock().unwrap_or_else(PoisonError::into_inner).take().map(|error| error.to_string())
     }
 
     fn not_testable(&self, context: &Context<'_>) -> Option<String> {

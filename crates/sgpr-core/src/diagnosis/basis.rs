@@ -2,6 +2,10 @@
 
 use std::sync::Arc;
 
+use faer::linalg::matmul::matmul;
+use faer::{Accum, Mat, Par};
+use rayon::prelude::*;
+
 use super::problem::{Column, Problem};
 use crate::linalg::dot_in_lanes;
 use crate::model::Term;
@@ -91,13 +95,15 @@ impl Noise {
     }
 }
 
-/// Orthonormal basis of whitened columns.
+/// What whitened columns span: they and the triangle R of their products, RᵀR = WᵀW, so that the rows of R⁻ᵀWᵀ are the
+/// shares along an orthonormal basis which is never formed.
 #[derive(Clone, Debug)]
 pub(super) struct Basis {
-    pub q: Vec<Arc<Column>>,
-    /// Index of each basis column's own column.
+    /// The independent columns W.
+    independent: Vec<Arc<Column>>,
+    /// Index of each of them among all columns.
     kept: Vec<usize>,
-    /// Column k of the triangle that makes the kept columns from the basis.
+    /// Columns of R.
     triangle: Vec<Vec<f64>>,
     columns: usize,
 }
@@ -106,14 +112,14 @@ pub(super) struct Basis {
 const DEPENDENT: f64 = 1e-5;
 
 impl Basis {
-    /// By modified Gram-Schmidt, twice.
+    /// Of columns in their order.
     pub fn new(columns: &[Column]) -> Self {
         Self::with_first(columns, |_| false)
     }
 
     /// The same, where of columns that depend on each other those stay whose index is to come `first`.
     pub fn with_first(columns: &[Column], first: impl Fn(usize) -> bool) -> Self {
-        let mut basis = Self { q: vec![], kept: vec![], triangle: vec![], columns: columns.len() };
+        let mut basis = Self { independent: vec![], kept: vec![], triangle: vec![], columns: columns.len() };
         for turn in [true, false] {
             for index in (0..columns.len()).filter(|index| first(*index) == turn) {
                 basis.take(index, &columns[index]);
@@ -122,11 +128,21 @@ impl Basis {
         basis
     }
 
+    /// Number of independent columns.
+    pub fn rank(&self) -> usize {
+        self.independent.len()
+    }
+
+    /// The independent columns.
+    pub fn independent(&self) -> &[Arc<Column>] {
+        &self.independent
+    }
+
     /// The basis of the first `count` columns only, which were taken before the others.
     pub fn of_first(&self, count: usize) -> Self {
         let size = self.kept.iter().take_while(|index| **index < count).count();
         Self {
-            q: self.q[..size].to_vec(),
+            independent: self.independent[..size].to_vec(),
             kept: self.kept[..size].to_vec(),
             triangle: self.triangle[..size].to_vec(),
             columns: count,
@@ -139,74 +155,101 @@ impl Basis {
     }
 
     fn take(&mut self, index: usize, column: &Column) {
-        let length = dot(column, column).sqrt();
+        let length = dot(column, column);
         if length <= 0.0 || !length.is_finite() {
             return;
         }
-        let mut rest = column.clone();
-        let mut shares = self.project_out(&mut rest);
-        for (share, again) in shares.iter_mut().zip(self.project_out(&mut rest)) {
-            *share += again;
-        }
-        let left = dot(&rest, &rest).sqrt();
-        if left > DEPENDENT * length {
-            rest.iter_mut().flatten().for_each(|x| *x /= left);
-            shares.push(left);
+        let mut shares = self.shares_of(column);
+        let left = length - dot_in_lanes(&shares, &shares);
+        if left > DEPENDENT * DEPENDENT * length {
+            shares.push(left.sqrt());
             self.triangle.push(shares);
             self.kept.push(index);
-            self.q.push(rest.into());
+            self.independent.push(column.clone().into());
         }
     }
 
-    /// Takes what lies in the basis out of a column; the coefficients of the basis.
-    pub fn project_out(&self, column: &mut Column) -> Vec<f64> {
-        let mut shares = Vec::with_capacity(self.q.len());
-        for q in &self.q {
-            let share = dot(q, column);
-            for (x, q) in column.iter_mut().zip(q.iter()) {
-                if x.is_empty() && !q.is_empty() && share != 0.0 {
-                    x.resize(q.len(), 0.0);
+    /// Takes what the columns span out of a column.
+    pub fn project_out(&self, column: &mut Column) {
+        let mut coefficients = self.shares_of(column);
+        self.back_substitute(&mut coefficients);
+        for (own, factor) in self.independent.iter().zip(coefficients) {
+            for (x, own) in column.iter_mut().zip(own.iter()) {
+                if x.is_empty() && !own.is_empty() {
+                    x.resize(own.len(), 0.0);
                 }
-                x.iter_mut().zip(q).for_each(|(x, q)| *x -= share * q);
+                x.iter_mut().zip(own).for_each(|(x, own)| *x -= factor * own);
             }
-            shares.push(share);
         }
-        shares
+    }
+
+    /// Shares of a column along the basis.
+    pub fn shares_of(&self, column: &Column) -> Vec<f64> {
+        let mut products: Vec<f64> = self.independent.iter().map(|own| dot(own, column)).collect();
+        self.forward_substitute(&mut products);
+        products
     }
 
     /// Per column its shares along the basis. Where all columns begin or end with zeros nothing is computed.
     pub fn shares(&self, columns: &[Column]) -> Vec<Vec<f64>> {
-        let mut shares = vec![Vec::with_capacity(self.q.len()); columns.len()];
         let spans = spans(columns);
-        for q in &self.q {
-            for (shares, column) in shares.iter_mut().zip(columns) {
-                let along = |((q, own), rows): ((&Vec<f64>, &Vec<f64>), &std::ops::Range<usize>)| {
-                    let both = q.get(rows.clone()).zip(own.get(rows.clone()));
-                    both.map_or(0.0, |(q, own)| dot_in_lanes(q, own))
+        let of_column = |column: &Column| {
+            let product = |own: &Arc<Column>| {
+                let along = |((own, x), rows): ((&Vec<f64>, &Vec<f64>), &std::ops::Range<usize>)| {
+                    let both = own.get(rows.clone()).zip(x.get(rows.clone()));
+                    both.map_or(0.0, |(own, x)| dot_in_lanes(own, x))
                 };
-                shares.push(q.iter().zip(column).zip(&spans).map(along).sum());
-            }
-        }
-        shares
+                own.iter().zip(column).zip(&spans).map(along).sum()
+            };
+            let mut products: Vec<f64> = self.independent.iter().map(product).collect();
+            self.forward_substitute(&mut products);
+            products
+        };
+        columns.iter().map(of_column).collect()
     }
 
-    /// Products of columns with each other less what the basis holds of them, row-major.
-    pub fn gram(&self, columns: &[Column]) -> Vec<f64> {
-        let shares = self.shares(columns);
-        let entry = |a: usize, b: usize| dot(&columns[a], &columns[b]) - dot_in_lanes(&shares[a], &shares[b]);
-        let k = columns.len();
-        (0..k * k).map(|i| entry(i / k, i % k)).collect()
+    /// The same of many columns at once, by products of matrices.
+    pub fn shares_of_many(&self, columns: &[&Column]) -> Vec<Vec<f64>> {
+        const AT_ONCE: usize = 64;
+        let some = |columns: &[&Column]| -> Vec<Vec<f64>> {
+            let mut shares = vec![vec![0.0; self.rank()]; columns.len()];
+            for joint in 0..columns[0].len() {
+                let own: Vec<usize> = (0..columns.len()).filter(|&c| !columns[c][joint].is_empty()).collect();
+                let with: Vec<usize> = (0..self.rank()).filter(|&k| !self.independent[k][joint].is_empty()).collect();
+                let (Some(first), false) = (own.first(), with.is_empty()) else { continue };
+                let rows = columns[*first][joint].len();
+                let z = Mat::from_fn(rows, own.len(), |row, c| columns[own[c]][joint][row]);
+                let w = Mat::from_fn(rows, with.len(), |row, k| self.independent[with[k]][joint][row]);
+                let mut products = Mat::<f64>::zeros(with.len(), own.len());
+                matmul(products.as_mut(), Accum::Replace, w.transpose(), z.as_ref(), 1.0, Par::Seq);
+                for (c, column) in own.iter().enumerate() {
+                    with.iter().enumerate().for_each(|(k, basis)| shares[*column][*basis] += products[(k, c)]);
+                }
+            }
+            shares.iter_mut().for_each(|shares| self.forward_substitute(shares));
+            shares
+        };
+        columns.par_chunks(AT_ONCE).flat_map_iter(some).collect()
     }
 
     /// Coefficients of the columns that `y` is made of, zero for dependent ones.
     pub fn solve(&self, y: &Column) -> Vec<f64> {
-        let mut along: Vec<f64> = self.q.iter().map(|q| dot(q, y)).collect();
+        let mut along = self.shares_of(y);
         self.back_substitute(&mut along);
         let mut coefficients = vec![0.0; self.columns];
         self.kept.iter().zip(along).for_each(|(index, value)| coefficients[*index] = value);
         coefficients
     }
 
+    /// From products with the columns to shares along the basis: b becomes R⁻ᵀb.
+    pub fn forward_substitute(&self, b: &mut [f64]) {
+        for j in 0..b.len() {
+            let column = &self.triangle[j];
+            b[j] = (b[j] - dot_in_lanes(&column[..j], &b[..j])) / column[j];
+        }
+    }
+
+    /// b becomes R⁻¹b.
     fn back_substitute(&self, b: &mut [f64]) {
         for j in (0..b.len()).rev() {
             b[j] /= self.triangle[j][j];
@@ -215,27 +258,6 @@ impl Basis {
                 *b -= t * x;
             }
         }
-    }
-
-    /// Covariance of the first `count` coefficients for unit noise, `[count, count]`, and their standard deviations;
-    /// zero and infinite for dependent ones.
-    pub fn covariance(&self, count: usize) -> (Vec<f64>, Vec<f64>) {
-        let size = self.kept.len();
-        // Columns of the inverse triangle, by the coefficient that each of their rows belongs to.
-        let mut inverse = vec![vec![0.0; size]; size];
-        for (k, column) in inverse.iter_mut().enumerate() {
-            column[k] = 1.0;
-            self.back_substitute(column);
-        }
-        let mut covariance = vec![0.0; count * count];
-        for (a, &i) in self.kept.iter().enumerate().filter(|(_, i)| **i < count) {
-            for (b, &j) in self.kept.iter().enumerate().filter(|(_, j)| **j < count) {
-                covariance[i * count + j] = inverse.iter().map(|column| column[a] * column[b]).sum();
-            }
-        }
-        let spread = |k: usize| if self.kept.contains(&k) { covariance[k * count + k].sqrt() } else { f64::INFINITY };
-        let deviations = (0..count).map(spread).collect();
-        (covariance, deviations)
     }
 
     /// Standard deviations of the coefficients for unit noise; infinite for dependent ones.
@@ -252,6 +274,19 @@ impl Basis {
         self.kept.iter().zip(squares).for_each(|(index, square)| deviations[*index] = square.sqrt());
         deviations
     }
+}
+
+/// Products of columns with each other less those of their shares along a basis, row-major.
+pub(super) fn products(columns: &[Column], shares: &[Vec<f64>]) -> Vec<f64> {
+    let k = columns.len();
+    let mut gram = vec![0.0; k * k];
+    for a in 0..k {
+        for b in 0..=a {
+            let value = dot(&columns[a], &columns[b]) - dot_in_lanes(&shares[a], &shares[b]);
+            (gram[a * k + b], gram[b * k + a]) = (value, value);
+        }
+    }
+    gram
 }
 
 /// How much of a residual some columns explain.
@@ -281,9 +316,14 @@ pub(super) fn invisible(term: &Term) -> f64 {
 /// Gain of whitened columns on a residual that is orthogonal to `basis`. Columns with less than `tolerance` of their
 /// length left are left out.
 pub(super) fn gain(basis: &Basis, residual: &Column, columns: &[Column], tolerance: f64) -> Gain {
+    gain_with(&basis.shares(columns), residual, columns, tolerance)
+}
+
+/// The same with the shares of the columns along the basis.
+pub(super) fn gain_with(shares: &[Vec<f64>], residual: &Column, columns: &[Column], tolerance: f64) -> Gain {
     let lengths: Vec<f64> = columns.iter().map(|column| dot(column, column)).collect();
     let b: Vec<f64> = columns.iter().map(|column| dot(column, residual)).collect();
-    gain_of(&basis.gram(columns), &b, &lengths, tolerance)
+    gain_of(&products(columns, shares), &b, &lengths, tolerance)
 }
 
 /// The same from projected products: Gram matrix, product with the residual, squared lengths before projection.

@@ -5,8 +5,9 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::DiagnosisError;
-use super::basis::{Basis, INVISIBLE, INVISIBLE_TANGENT, Noise, gain, gain_of, rms};
-use super::problem::{Column, FOLDS, Problem};
+use super::basis::{Basis, INVISIBLE, INVISIBLE_TANGENT, Noise, gain, gain_of};
+use super::evidence::LeftOut;
+use super::problem::{Column, Problem};
 use crate::effects::{Scale, Site};
 use crate::linalg::dot_in_lanes;
 use crate::model::{Rigid, Term, TorqueModel};
@@ -354,47 +355,65 @@ pub(super) struct Extra<'a> {
     pub precision: f64,
 }
 
-/// Errors per joint in the band, on blocks that were left out of the fit.
-pub(super) fn held_out(problem: &Problem, fitted: &Fitted, extra: &Extra<'_>, noise: &Noise) -> Vec<ByLog> {
-    let of_joint = |(joint, errors): (usize, Vec<f64>)| {
+/// Errors per joint in the band, of all logs together and of each.
+pub(super) fn by_log(problem: &Problem, errors: &LeftOut) -> Vec<ByLog> {
+    let of_joint = |(joint, errors): (usize, &Vec<f64>)| {
         let mut sums = LogSums::new(problem);
         problem.rows[joint].iter().zip(errors).for_each(|((log, _), e)| sums.add(*log, e * e));
         sums.roots()
     };
-    held_out_rows(problem, fitted, extra, noise, &problem.fold).into_iter().enumerate().map(of_joint).collect()
+    errors.rows.iter().enumerate().map(of_joint).collect()
 }
 
-/// Root mean square error per joint in the band on a usual block that was left out of the fit, N·m (N): the geometric
-/// mean over the blocks. One block of motion that the others know nothing of does not decide alone.
-pub(super) fn usual_error(problem: &Problem, fitted: &Fitted, extra: &Extra<'_>, noise: &Noise) -> Vec<f64> {
-    let errors = held_out_rows(problem, fitted, extra, noise, &problem.fold);
-    let of_joint = |joint: usize| {
-        let block = |row: usize| (problem.rows[joint][row].0, problem.fold[joint][row]);
-        let rows: Vec<usize> = (0..errors[joint].len()).collect();
-        let logs = rows.chunk_by(|a, b| block(*a) == block(*b)).map(|rows| {
-            let own: Vec<f64> = rows.iter().map(|row| errors[joint][*row]).collect();
-            rms(&own).max(f64::MIN_POSITIVE).ln()
-        });
-        let (sum, count) = logs.fold((0.0, 0.0), |(sum, count), log| (sum + log, count + 1.0));
-        if count > 0.0 { (sum / count).exp() } else { 0.0 }
-    };
-    (0..problem.dof()).map(of_joint).collect()
+/// Errors in the band, on parts of the logs that were left out of the fit. What begins or ends at a time may be in one part
+/// alone, which the others cannot predict: its torque counts as known.
+pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) -> LeftOut {
+    let is_timed = |term: &Term| term.effect.constants().iter().any(|c| c.scale == Scale::Time);
+    let mut known = fitted.clone();
+    let mut target = known.target.to_vec();
+    let mut at = problem.base.rank();
+    let mut columns = known.columns[..at].to_vec();
+    for term in fitted.terms() {
+        for factor in &term.coefficients {
+            if is_timed(term) {
+                for (target, column) in target.iter_mut().zip(&fitted.columns[at]) {
+                    target.iter_mut().zip(column).for_each(|(target, x)| *target -= factor * x);
+                }
+            } else {
+                columns.push(fitted.columns[at].clone());
+            }
+            at += 1;
+        }
+    }
+    (known.columns, known.target) = (columns, target.into());
+    LeftOut { rows: held_out_rows(problem, &known, &Extra::default(), noise, &problem.parts()) }
 }
 
-/// Errors of a joint in the band on fifths of its positions, and on fifths of its speeds, that were left out of the fit,
-/// N·m (N): what is there holds where it was not seen, an imitation need not.
-pub(super) fn errors_elsewhere(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: usize) -> [f64; 2] {
+/// Errors in the band on fifths of the positions of a joint, and on fifths of its speeds, that were left out of the fit:
+/// what is there holds where it was not seen, an imitation need not.
+pub(super) fn left_out_states(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: usize) -> [LeftOut; 2] {
+    const FIFTHS: usize = 5;
     let n = problem.dof();
-    let error = |state: fn(&Motion) -> &[f64]| {
+    let errors = |state: fn(&Motion) -> &[f64]| {
         let value = |(stretch, sample): &(usize, usize)| state(&problem.stretches[*stretch].motion)[sample * n + joint];
         let mut values: Vec<f64> = problem.rows[joint].iter().map(value).collect();
         values.sort_by(f64::total_cmp);
-        let cuts: Vec<f64> = (1..FOLDS).filter_map(|k| values.get(k * values.len() / FOLDS)).copied().collect();
+        let cuts: Vec<f64> = (1..FIFTHS).filter_map(|k| values.get(k * values.len() / FIFTHS)).copied().collect();
         let fold = |row: &(usize, usize)| cuts.iter().filter(|cut| value(row) > **cut).count();
         let folds: Vec<Vec<usize>> = problem.rows.iter().map(|rows| rows.iter().map(fold).collect()).collect();
-        rms(&held_out_rows(problem, fitted, &Extra::default(), noise, &folds)[joint])
+        LeftOut { rows: held_out_rows(problem, fitted, &Extra::default(), noise, &folds) }
     };
-    [error(|motion| &motion.q), error(|motion| &motion.dq)]
+    [errors(|motion| &motion.q), errors(|motion| &motion.dq)]
+}
+
+/// Errors in the band, on blocks that were left out of the fit.
+pub(super) fn left_out(problem: &Problem, fitted: &Fitted, extra: &Extra<'_>, noise: &Noise) -> LeftOut {
+    LeftOut { rows: held_out_rows(problem, fitted, extra, noise, &problem.fold) }
+}
+
+/// The same as root mean squares per joint.
+pub(super) fn held_out(problem: &Problem, fitted: &Fitted, extra: &Extra<'_>, noise: &Noise) -> Vec<ByLog> {
+    by_log(problem, &left_out(problem, fitted, extra, noise))
 }
 
 /// Errors per joint and row in the band, each from a fit that its fold was left out of.
@@ -403,7 +422,8 @@ fn held_out_rows(problem: &Problem, fitted: &Fitted, extra: &Extra<'_>, noise: &
     let all: Vec<&Column> = fitted.columns.iter().chain(extra.columns).chain([&*fitted.target]).collect();
     let k = all.len();
     let weight: Vec<f64> = noise.level.iter().map(|level| 1.0 / (level * level)).collect();
-    let mut grams = vec![vec![0.0; k * k]; FOLDS];
+    let count = folds.iter().flatten().max().map_or(0, |last| last + 1);
+    let mut grams = vec![vec![0.0; k * k]; count];
     // Per joint: its rows by blocks, and the columns that it has.
     let mut orders: Vec<Vec<usize>> = Vec::new();
     let mut sorted: Vec<Vec<(usize, Vec<f64>)>> = Vec::new();
@@ -432,7 +452,8 @@ fn held_out_rows(problem: &Problem, fitted: &Fitted, extra: &Extra<'_>, noise: &
         sorted.push(own);
     }
     let m = k - 1;
-    let solutions: Vec<Vec<f64>> = (0..FOLDS)
+    let solutions: Vec<Vec<f64>> = (0..count)
+        .into_par_iter()
         .map(|left_out| {
             let mut rest = vec![0.0; k * k];
             for (_, gram) in grams.iter().enumerate().filter(|(index, _)| *index != left_out) {

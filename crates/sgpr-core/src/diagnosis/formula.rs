@@ -7,8 +7,6 @@
 //! Source: S. Chen, S. A. Billings, W. Luo, Orthogonal least squares methods and their application to non-linear system
 //! identification, Int. J. Control 50(5) (1989).
 
-use std::sync::Arc;
-
 use serde::Serialize;
 
 use super::basis::{INVISIBLE, Noise, gain};
@@ -154,12 +152,8 @@ pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: 
     let products = dictionary(joint, n);
     let columns: Vec<Column> = products.chunks(AT_ONCE).flat_map(|some| raw(problem, fitted, joint, some)).collect();
     let white: Vec<Vec<f64>> = columns.iter().map(|c| noise.whiten(problem, c).swap_remove(joint)).collect();
-    let shares: Vec<Vec<f64>> = white
-        .iter()
-        .map(|z| {
-            fitted.basis.q.iter().map(|q| if q[joint].is_empty() { 0.0 } else { dot_in_lanes(&q[joint], z) }).collect()
-        })
-        .collect();
+    let at_joint = |z: &Vec<f64>| -> Column { (0..n).map(|j| if j == joint { z.clone() } else { vec![] }).collect() };
+    let shares = fitted.basis.shares(&white.iter().map(at_joint).collect::<Vec<_>>());
     let y = &fitted.white[joint];
     let fold = &problem.fold[joint];
     // Products with the residual by block, the last entry their sum; squared lengths after projection.
@@ -302,11 +296,7 @@ fn written(
 fn deviations(fitted: &Fitted, joint: usize, columns: &[Column]) -> Vec<f64> {
     let k = columns.len();
     let z: Vec<&Vec<f64>> = columns.iter().map(|column| &column[joint]).collect();
-    let share = |z: &[f64]| -> Vec<f64> {
-        let own = |q: &Arc<Column>| if q[joint].is_empty() { 0.0 } else { dot_in_lanes(&q[joint], z) };
-        fitted.basis.q.iter().map(own).collect()
-    };
-    let shares: Vec<Vec<f64>> = z.iter().map(|z| share(z)).collect();
+    let shares = fitted.basis.shares(columns);
     let gram = faer::Mat::from_fn(k, k, |a, b| dot_in_lanes(z[a], z[b]) - dot_in_lanes(&shares[a], &shares[b]));
     let unit = faer::Mat::from_fn(k, k, |a, b| if a == b { 1.0 } else { 0.0 });
     solve_general(&gram, &unit)

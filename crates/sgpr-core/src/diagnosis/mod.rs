@@ -7,12 +7,13 @@
 
 mod answer;
 mod basis;
-mod calibration;
+mod decision;
 mod detectability;
+mod evidence;
 mod experiment;
 mod fit;
 mod formula;
-mod imitation;
+mod log_set;
 mod problem;
 mod report;
 mod search;
@@ -32,13 +33,12 @@ pub use structure::{Change, Dependence, Input, JointStructure, Shares, structure
 pub use whereabouts::{Excess, JointWhereabouts, Whereabouts};
 
 use crate::effects::{self, Effect};
-use crate::model::{Given, IdentifyError, Term, TorqueModel, identify_again, select_joints};
+use crate::model::{IdentifyError, Term, TorqueModel, select_joints};
 use crate::motion::{MotionError, Processing};
 use crate::progress::{Interrupted, Progress};
 use crate::recording::{Recording, RecordingError};
 use problem::Problem;
-use search::{Outcome, Search};
-use unknown::Leftover;
+use search::Search;
 
 /// What to look for.
 #[derive(Clone, Debug)]
@@ -109,34 +109,14 @@ pub fn diagnose(
     options: &DiagnosisOptions,
     progress: &dyn Progress,
 ) -> Result<Diagnosis, DiagnosisError> {
+    let train = &log_set::as_set(train);
     let problem = problem(model, train)?;
     let known: Vec<String> = problem.set.effects().iter().map(|effect| effect.name().into()).collect();
     let mut search = Search::new(problem, &options.catalogue, known, progress);
     let start = search.start()?;
     let outcome = search.run(&start)?;
-    progress.step("look at what is left", 0, 1)?;
-    let outcome = imitation::without_imitations(&search, outcome)?;
-    let (outcome, left) = believed(&search, outcome);
-    let diagnosis = report::report(&mut search, model, &outcome, &left, test)?;
-    progress.step("look at what is left", 1, 1)?;
-    Ok(diagnosis)
-}
-
-/// What is more probably there than not, it or a rival in its place, and what is left beside it.
-fn believed(search: &Search<'_>, outcome: Outcome) -> (Outcome, Vec<Leftover>) {
-    const EVEN: f64 = 0.5;
-    let leftover =
-        |outcome: &Outcome| unknown::leftover(&search.problem, &outcome.fitted, &outcome.held_out, &search.noise);
-    let left = leftover(&outcome);
-    let features = calibration::VerdictFeatures::of(&outcome, &left);
-    let all = calibration::probabilities(search, &outcome, &features);
-    let doubtful: Vec<usize> = all.into_iter().filter(|b| b.something < EVEN).map(|b| b.index).collect();
-    if doubtful.is_empty() || features.is_unexplained() {
-        return (outcome, left);
-    }
-    let outcome = outcome.without(search, &doubtful);
-    let left = leftover(&outcome);
-    (outcome, left)
+    let decision = decision::decide(&mut search, outcome)?;
+    report::report(&mut search, model, &decision, [train, test])
 }
 
 /// `model` with the effects of `findings` on top, all parameters refitted to `train`. A model that was identified under
@@ -145,6 +125,7 @@ fn believed(search: &Search<'_>, outcome: Outcome) -> (Outcome, Vec<Leftover>) {
 /// # Errors
 /// As [`diagnose`].
 pub fn add(model: &TorqueModel, findings: &[&Finding], train: &[Recording]) -> Result<TorqueModel, DiagnosisError> {
+    let train = &log_set::as_set(train);
     let problem = problem(model, train)?;
     let known: Vec<String> = problem.set.effects().iter().map(|effect| effect.name().into()).collect();
     let mut search = Search::new(problem, &[], known, &());
@@ -155,15 +136,7 @@ pub fn add(model: &TorqueModel, findings: &[&Finding], train: &[Recording]) -> R
     let refitted = search.refit(&start, terms);
     let fitted = search.polish(refitted);
     let history = findings.iter().map(|finding| report::sentence(finding));
-    let certificate = model.fit().and_then(|fit| fit.consistency.as_ref());
-    let Some(certificate) = certificate else {
-        let terms = fit::with_deviations(&search.problem, &fitted, &search.noise);
-        return Ok(report::finished(&search, model, &fitted, terms, history));
-    };
-    let given = Given { terms: fitted.terms().to_vec(), clock: search.problem.clock };
-    let mut again = identify_again(model, given, &certificate.consistency(), train)?;
-    again.provenance.history.extend(history);
-    Ok(again)
+    Ok(report::refitted(&search, model, fitted.terms().to_vec(), history, train)?)
 }
 
 fn problem(model: &TorqueModel, train: &[Recording]) -> Result<Problem, DiagnosisError> {

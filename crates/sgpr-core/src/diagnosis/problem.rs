@@ -73,8 +73,6 @@ pub(super) struct Problem {
     pub y: Column,
     /// The logs as the model's own processing has them, against which the torque as logged is held.
     logged: Vec<Motion>,
-    /// The same equations up to the highest cut-off, if noise keeps these ones narrower.
-    wide: Option<Box<Problem>>,
     /// Stamp at which the clock of the session starts, ns, if the logs share one.
     pub clock: Option<i64>,
     /// Cut-off of the equations, Hz.
@@ -94,9 +92,7 @@ impl Problem {
             return Self::with_motions(model, logged.clone(), logged, processing, None);
         };
         let narrow = motions(&recordings, &Processing { cutoff_hz: hz, ..processing.clone() })?;
-        let mut problem = Self::with_motions(model, narrow, logged.clone(), processing, quiet)?;
-        problem.wide = Some(Self::with_motions(model, logged, vec![], processing, None)?.into());
-        Ok(problem)
+        Self::with_motions(model, narrow, logged, processing, quiet)
     }
 
     fn with_motions(
@@ -142,7 +138,6 @@ impl Problem {
             closed: vec![false; n],
             y: vec![vec![]; n],
             logged,
-            wide: None,
             stretches,
             clock,
             band_hz: quiet.unwrap_or(BAND_HZ),
@@ -154,9 +149,31 @@ impl Problem {
         Ok(problem)
     }
 
-    /// The equations in which predictions are judged: all that is logged, noise of the derivatives included.
-    pub fn wide(&self) -> &Self {
-        self.wide.as_deref().unwrap_or(self)
+    /// Rows of the blocks of time of a joint, in order: contiguous, each in one log and one fold.
+    pub fn blocks(&self, joint: usize) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
+        let key = move |row: usize| (self.rows[joint][row].0, self.fold[joint][row]);
+        let count = self.rows[joint].len();
+        let mut first = 0;
+        std::iter::from_fn(move || {
+            let start = first;
+            let here = (start < count).then(|| key(start))?;
+            first = (start..count).find(|&row| key(row) != here).unwrap_or(count);
+            Some(start..first)
+        })
+    }
+
+    /// Per joint and row its part of the logs: contiguous, each in one log, about as many as there are folds. A part is far
+    /// from the others in time and in motion, as a log is that nobody has seen.
+    pub fn parts(&self) -> Vec<Vec<usize>> {
+        let seconds = |stretch: &Stretch| stretch.motion.len() as f64 / stretch.motion.rate_hz;
+        let wanted = self.stretches.iter().map(seconds).sum::<f64>() / FOLDS as f64;
+        let counts: Vec<usize> =
+            self.stretches.iter().map(|s| ((seconds(s) / wanted).round() as usize).max(1)).collect();
+        let part = |(stretch, sample): &(usize, usize)| {
+            let before: usize = counts[..*stretch].iter().sum();
+            before + sample * counts[*stretch] / self.stretches[*stretch].motion.len()
+        };
+        self.rows.iter().map(|rows| rows.iter().map(part).collect()).collect()
     }
 
     pub fn dof(&self) -> usize {
@@ -228,12 +245,11 @@ impl Problem {
         self.choose_rows(&|problem| problem.closed = closed.to_vec())
     }
 
-    /// The rows anew by another rule, in the wide equations, too.
+    /// The rows anew by another rule.
     fn choose_rows(&mut self, change: &dyn Fn(&mut Self)) -> Result<(), DiagnosisError> {
         change(self);
         self.lay_out_rows();
-        self.fill_torque()?;
-        self.wide.as_mut().map_or(Ok(()), |wide| wide.choose_rows(change))
+        self.fill_torque()
     }
 
     /// Whether rows of a joint were left out by [`Self::leave_out_holds`].

@@ -3,16 +3,15 @@
 use std::collections::BTreeMap;
 
 use super::answer::{ByJoint, Diagnosis, Finding, FoundParameter, JointErrors, NotTestable, Step, Verdict};
-use super::basis::{Basis, Noise};
-use super::fit::{Fitted, solve, solve_like, with_deviations};
+use super::decision::{Decision, Judged};
+use super::fit::{Fitted, with_deviations};
 use super::formula::Formula;
-use super::problem::Column;
 use super::search::{Accepted, Candidate, Outcome, Search};
 use super::structure::JointStructure;
 use super::unknown::Leftover;
-use super::{DiagnosisError, calibration, detectability, experiment, formula, structure, whereabouts};
+use super::{DiagnosisError, detectability, experiment, formula, structure, whereabouts};
 use crate::effects::{Entry, Scale, Site};
-use crate::model::{Fit, Term, TorqueModel, compare};
+use crate::model::{Given, IdentifyError, Term, TorqueModel, compare, identify_again};
 use crate::recording::Recording;
 use crate::robot::Robot;
 
@@ -28,21 +27,17 @@ const LISTED: f64 = 0.01;
 pub(super) fn report(
     search: &mut Search<'_>,
     model: &TorqueModel,
-    outcome: &Outcome,
-    left: &[Leftover],
-    test: &[Recording],
+    decision: &Decision,
+    [train, test]: [&[Recording]; 2],
 ) -> Result<Diagnosis, DiagnosisError> {
+    let Decision { outcome, judged, left, rejected, .. } = decision;
     let start = &outcome.start;
-    let features = calibration::VerdictFeatures::of(outcome, left);
-    let unexplained = features.is_unexplained();
+    let unexplained = left.iter().any(Leftover::is_material);
     let terms = with_deviations(&search.problem, &outcome.fitted, &search.noise);
-    let mut findings = findings(search, outcome, &terms, &features);
-    let candidates = candidates(search, &findings, outcome);
+    let mut findings = findings(search, outcome, &terms, judged);
+    let candidates = candidates(search, &findings, outcome, rejected);
     let not_testable = not_testable(search, start, &outcome.ranking);
-    if unexplained {
-        findings.clear();
-    }
-    let after = without_harm(search, model, outcome, &terms, &mut findings);
+    let after = with_findings(search, model, decision, &mut findings, train)?;
     let last = if findings.is_empty() { start } else { &outcome.fitted };
     let structure = structure::structure_of_fit(&search.problem, start);
     let of_last =
@@ -54,21 +49,21 @@ pub(super) fn report(
             "{}: torque that depends on {}, {:.0} % of the error on unseen blocks of time",
             names[l.joint],
             l.group,
-            100.0 * l.effect_size / (1.0 + l.effect_size)
+            100.0 * l.share
         )
     };
     let verdict = match (unexplained, findings.is_empty()) {
-        (true, _) => Verdict::UnexplainedStructure,
+        (_, false) => Verdict::EffectsFound,
+        (true, true) => Verdict::UnexplainedStructure,
         (false, true) => Verdict::NothingMissing,
-        (false, false) => Verdict::EffectsFound,
     };
     let left_out = if findings.is_empty() { &outcome.held_out_before } else { &outcome.held_out };
     let detectable = detectability::detectable(search, last, left_out)?;
     Ok(Diagnosis {
         schema: 1,
         verdict,
-        probability_nothing_missing: calibration::nothing_missing(outcome.news(search).map(|(_, a)| a), &features),
-        probability_unexplained: calibration::unexplained(&features),
+        probability_nothing_missing: decision.nothing_missing(),
+        probability_unexplained: decision.unexplained(),
         next_experiment: experiment::next_experiments(search, &outcome.fitted, &findings, &outcome.ranking),
         findings,
         candidates,
@@ -95,126 +90,42 @@ fn formulas(search: &Search<'_>, last: &Fitted, left: &[Leftover], structure: &[
     joints.filter_map(|joint| formula::formula(&search.problem, last, &search.noise, joint)).collect()
 }
 
-/// Numbers by joint, borrowed names.
-type ByName<'a> = BTreeMap<&'a str, f64>;
-
-/// The model with the findings. Those at a joint whose torque as logged is predicted worse with them than without are
-/// taken out, weakest first: what helps in the band of the equations must not harm beyond it. A transform stays a finding
-/// all the same: positions that are differentiated once more carry their noise into the torque, and that is the harm.
-fn without_harm(
+/// The model with the findings but those that are taken back, which then say so.
+fn with_findings(
     search: &Search<'_>,
     model: &TorqueModel,
-    outcome: &Outcome,
-    terms: &[Term],
-    findings: &mut Vec<Finding>,
-) -> TorqueModel {
-    const HARM: f64 = 1.05;
-    if findings.is_empty() {
-        return model.clone();
+    decision: &Decision,
+    findings: &mut [Finding],
+    train: &[Recording],
+) -> Result<TorqueModel, DiagnosisError> {
+    let fitted = &decision.outcome.fitted;
+    let out: Vec<&Term> = decision.taken_back.iter().map(|k| &fitted.terms()[*k]).collect();
+    let is_out = |term: &Term| out.iter().any(|own| own.is_like(term));
+    for finding in findings.iter_mut().filter(|finding| finding.terms.iter().any(is_out)) {
+        finding.evidence +=
+            "; left out of the model, which predicts parts of the logs worse with it that it was not fitted to";
     }
-    let before = search.problem.logged_error(model);
-    let mut fitted = outcome.fitted.clone();
-    let mut terms = terms.to_vec();
-    // Findings that are not in the model.
-    let mut apart: Vec<String> = Vec::new();
-    loop {
-        let inside = || findings.iter().filter(|f| !apart.contains(&f.effect));
-        if inside().next().is_none() {
-            return model.clone();
-        }
-        let after = finished(search, model, &fitted, terms, inside().map(sentence));
-        let now = search.problem.logged_error(&after);
-        let change: ByName<'_> = model
-            .robot()
-            .joint_names()
-            .zip(before.iter().zip(&now))
-            .map(|(name, (before, now))| (name, (now / before).ln()))
-            .collect();
-        let is_worse = |joint: &String| change.get(joint.as_str()).is_some_and(|change| *change > HARM.ln());
-        // What an effect of several joints brings at one outweighs what it costs at another.
-        let harms = |f: &Finding| {
-            let is_its = |name: &str| f.joints.is_empty() || f.joints.iter().any(|joint| joint == name);
-            let its =
-                || change.iter().filter(|(name, change)| is_its(name) && !change.is_nan()).map(|(_, change)| change);
-            its().sum::<f64>() > 0.0 && its().any(|change| *change > HARM.ln())
-        };
-        let none_worse = !change.values().any(|change| *change > HARM.ln());
-        let weakest = findings.iter().rposition(|f| !apart.contains(&f.effect) && harms(f));
-        let Some(weakest) = weakest.filter(|_| !none_worse) else {
-            // What is worse without a finding to blame has a finer form of an effect to blame.
-            let at_worse = |term: &Term| {
-                let joint = term.site.joint().map(|joint| &model.robot().joints()[joint].name);
-                term.effect.refines().is_some() && joint.is_some_and(is_worse)
-            };
-            if none_worse || !fitted.terms().iter().any(at_worse) {
-                return after;
-            }
-            let rest = fitted.terms().iter().filter(|term| !at_worse(term)).cloned().collect();
-            fitted = search.refit(&fitted, rest);
-            terms = with_deviations(&search.problem, &fitted, &search.noise);
-            continue;
-        };
-        let out = findings[weakest].terms.clone();
-        if out.iter().any(Term::is_transform) {
-            findings[weakest].evidence +=
-                "; left out of the model, as it carries noise of the positions into the torque";
-            apart.push(findings[weakest].effect.clone());
-        } else {
-            findings.remove(weakest);
-        }
-        let same = |term: &Term| out.iter().any(|own| own.is_like(term));
-        let rest = fitted.terms().iter().filter(|term| !same(term)).cloned().collect();
-        fitted = search.refit(&fitted, rest);
-        terms = with_deviations(&search.problem, &fitted, &search.noise);
+    let inside = || findings.iter().filter(|finding| !finding.terms.iter().any(is_out));
+    if inside().next().is_none() {
+        return Ok(model.clone());
     }
+    let terms = fitted.terms().iter().filter(|term| !is_out(term)).cloned().collect();
+    Ok(refitted(search, model, terms, inside().map(sentence), train)?)
 }
 
-/// The fitted model with its statistics, history and logs; `terms` are its own with their standard deviations.
-pub(super) fn finished(
+/// The model with these terms, all parameters identified anew from the logs in the way in which it was identified.
+pub(super) fn refitted(
     search: &Search<'_>,
     model: &TorqueModel,
-    fitted: &Fitted,
     terms: Vec<Term>,
     history: impl Iterator<Item = String>,
-) -> TorqueModel {
-    let problem = &search.problem;
-    let own = fitted.model.base();
-    let columns = problem.base_columns(own, &fitted.model, &fitted.rigid);
-    let of_terms = fitted.columns[problem.base.rank()..].iter();
-    let all: Vec<Column> = columns.iter().chain(of_terms).map(|c| search.noise.whiten(problem, c)).collect();
-    let (covariance, standard_deviations) = Basis::new(&all).covariance(own.rank());
-    // Prediction is judged by its plain error: least squares for that, each joint weighted by what is left there. Noise
-    // of the derivatives counts: what the logs hardly show must not multiply it.
-    let wide = problem.wide();
-    let first = solve(wide, &fitted.model, &terms, &Noise::white(&wide.y));
-    let plain = solve_like(wide, &first, &terms, &Noise::white(&first.residual));
-    let mut finished = plain.model.clone();
-    let terms = terms.into_iter().zip(plain.terms()).map(|(mut term, plain)| {
-        term.coefficients.clone_from(&plain.coefficients);
-        term
-    });
-    finished = finished.with_terms(terms.collect(), problem.clock);
-    let names = own.names().iter().zip(&standard_deviations);
-    let undetermined = names.filter(|(_, std)| std.is_infinite()).map(|(name, _)| name.clone()).collect();
-    let (condition, scaled_condition) =
-        model.fit().map_or((f64::INFINITY, f64::INFINITY), |fit| (fit.condition, fit.scaled_condition));
-    finished.set_fit(Fit {
-        method: "generalised least squares, noise autoregressive".into(),
-        values: own.combine(finished.parameters()),
-        standard_deviations,
-        covariance,
-        covariance_with_terms: vec![],
-        noise: search.noise.level.clone(),
-        rows: problem.rows.iter().map(Vec::len).collect(),
-        correlation: vec![1.0; problem.dof()],
-        condition,
-        scaled_condition,
-        undetermined,
-        consistency: None,
-    });
-    finished.provenance = model.provenance().clone();
-    finished.provenance.history.extend(history);
-    finished
+    train: &[Recording],
+) -> Result<TorqueModel, IdentifyError> {
+    let consistency = model.fit().and_then(|fit| fit.consistency.as_ref()).map(|certificate| certificate.consistency());
+    let given = Given { terms, clock: search.problem.clock };
+    let mut again = identify_again(model, given, consistency.as_ref(), train)?;
+    again.provenance.history.extend(history);
+    Ok(again)
 }
 
 /// One line of a model's history.
@@ -232,17 +143,11 @@ fn largest_fall(before: &ByJoint, after: &ByJoint) -> Option<(String, f64, f64)>
     falls.max_by(|x, y| (x.2 / x.1).total_cmp(&(y.2 / y.1)).reverse())
 }
 
-fn findings(
-    search: &Search<'_>,
-    outcome: &Outcome,
-    terms: &[Term],
-    features: &calibration::VerdictFeatures,
-) -> Vec<Finding> {
+fn findings(search: &Search<'_>, outcome: &Outcome, terms: &[Term], judged: &[Judged]) -> Vec<Finding> {
     let robot = search.problem.nominal.robot();
     let mut findings: Vec<Finding> = Vec::new();
-    for calibration::Believed { index, accepted, probability, .. } in
-        calibration::probabilities(search, outcome, features)
-    {
+    for (index, accepted) in outcome.news(search) {
+        let probability = judged.iter().find(|own| own.index == index).map_or(0.0, |own| own.probability);
         let finding = finding(search, terms[index].clone(), accepted, &outcome.held_out, probability);
         match findings.iter_mut().find(|f| f.effect == finding.effect && !f.joints.is_empty()) {
             Some(same) => merge(same, finding),
@@ -273,8 +178,8 @@ fn merge(same: &mut Finding, other: Finding) {
 fn finding(search: &Search<'_>, term: Term, accepted: &Accepted, after: &[f64], probability: f64) -> Finding {
     let robot = search.problem.nominal.robot();
     let about = term.effect.about();
-    let close = accepted.rivals.iter().filter(|(_, _, score)| *score > CONFUSABLE * accepted.first_score);
-    let mut confusable: Vec<String> = close.map(|(name, ..)| name.clone()).collect();
+    let close = accepted.rivals.iter().filter(|(_, score)| *score > CONFUSABLE * accepted.first_score);
+    let mut confusable: Vec<String> = close.map(|(rival, _)| rival.effect.name().to_string()).collect();
     let name = term.effect.name();
     let aliases = search.catalogue.iter().filter(|effect| effect.about().alias_of == Some(name));
     confusable.extend(aliases.map(|effect| effect.name().to_string()));
@@ -331,7 +236,12 @@ fn evidence(finding: &Finding, robot: &Robot) -> String {
     }
 }
 
-fn candidates(search: &Search<'_>, findings: &[Finding], outcome: &Outcome) -> Vec<Finding> {
+fn candidates(
+    search: &Search<'_>,
+    findings: &[Finding],
+    outcome: &Outcome,
+    rejected: &[(String, Site, f64)],
+) -> Vec<Finding> {
     let robot = search.problem.nominal.robot();
     let mut candidates: Vec<Finding> = findings.to_vec();
     for candidate in outcome.ranking.iter().filter(|c| c.term.effect.refines().is_none()) {
@@ -365,7 +275,10 @@ fn candidates(search: &Search<'_>, findings: &[Finding], outcome: &Outcome) -> V
         candidates.push(Finding {
             effect: name.into(),
             joints,
-            probability: calibration::of_candidate(candidate, findings.first()),
+            probability: rejected
+                .iter()
+                .find(|(own, site, _)| own == name && *site == candidate.term.site)
+                .map_or(0.0, |(_, _, probability)| *probability),
             score: candidate.score.max(LOWEST_SCORE),
             parameters: parameters_of(&term, robot),
             rmse_before: errors.clone(),

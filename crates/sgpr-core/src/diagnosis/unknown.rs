@@ -2,8 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::basis::{Noise, dot};
-use super::fit::{Extra, Fitted, beyond, held_out, usual_error};
+use super::basis::{Noise, dot, products};
+use super::evidence::{LeftOut, probability_of_fall};
+use super::fit::{Extra, Fitted, beyond, left_out};
 use super::problem::{Column, Problem};
 use crate::random::Random;
 use crate::simd::cos_in_place;
@@ -76,22 +77,32 @@ fn neighbours(joint: usize, n: usize) -> impl Iterator<Item = usize> {
 /// Random features per group (Rahimi and Recht (2007)).
 const FEATURES: usize = 30;
 
+/// Length scales of the processes, in standard deviations of their variables: about as smooth as the motion, and sharper.
+const LENGTH_SCALES: [f64; 2] = [1.0, 0.35];
+
+/// Largest standard deviation of a process, in root mean squares of what is left: functions that cancel each other are none.
+const LARGEST: f64 = 3.0;
+
 /// What is left at a joint.
 #[derive(Clone, Debug)]
 pub(super) struct Leftover {
     pub joint: usize,
-    pub evidence: f64,
-    /// Fall of the held-out error, of all blocks or of a usual one, as a share of what is left.
-    pub effect_size: f64,
+    /// Share of the left-out error that the process takes away.
+    pub share: f64,
+    /// Probability that the share matters.
+    pub probability: f64,
     pub group: String,
 }
 
 impl Leftover {
-    /// Whether it is worth a word.
+    /// Whether it is there and matters.
     pub fn is_material(&self) -> bool {
-        self.evidence > 12.0 && self.effect_size > 0.02
+        self.probability > 0.5
     }
 }
+
+/// Share of a joint's left-out error that is worth a word: a twentieth.
+pub(super) const MATTERS: f64 = 0.05;
 
 /// Features of a group at a joint: cosines of random combinations of the standardised variables, times the factors. They
 /// are as smooth as the motion, and what the filter of the equations takes out of that is nothing.
@@ -143,38 +154,52 @@ pub(super) fn features(problem: &Problem, joint: usize, group: &Group, length_sc
 pub(super) struct Smooth {
     group: Group,
     columns: Vec<Column>,
-    /// Variance of the columns' factors.
+    /// Variance of the columns' factors, and the largest that was tried.
     variance: f64,
+    largest: f64,
     /// Log evidence against none.
     pub evidence: f64,
 }
 
 impl Smooth {
-    /// The group with most evidence.
-    pub fn best(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: usize) -> Option<Self> {
-        let mut best: Option<Self> = None;
-        for group in Group::all(joint, problem.dof()) {
-            let columns = features(problem, joint, &group, 1.0);
+    /// The process that predicts left-out blocks best, of those with most evidence, and its errors there.
+    pub fn best(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: usize) -> Option<(Self, LeftOut)> {
+        /// As many are held against left-out blocks.
+        const FINALISTS: usize = 5;
+        let left = mean_square(&fitted.residual[joint]);
+        let of_group = |(group, scale): (Group, f64)| {
+            let columns = features(problem, joint, &group, scale);
             if columns.is_empty() {
-                continue;
+                return None;
             }
             let white: Vec<Column> = columns.iter().map(|c| noise.whiten(problem, c)).collect();
-            let (variance, evidence) = evidence(fitted, &white);
-            if best.as_ref().is_none_or(|best| evidence > best.evidence) {
-                best = Some(Self { group, columns, variance, evidence });
-            }
-        }
-        best
+            let of_unit_variance: f64 = columns.iter().map(|column| mean_square(&column[joint])).sum();
+            let largest = LARGEST * LARGEST * left / of_unit_variance.max(f64::MIN_POSITIVE);
+            let (variance, evidence) = evidence(fitted, &white, largest);
+            Some(Self { group, columns, variance, largest, evidence })
+        };
+        let groups = Group::all(joint, problem.dof()).into_iter();
+        let tried: Vec<(Group, f64)> = groups.flat_map(|group| LENGTH_SCALES.map(|s| (group.clone(), s))).collect();
+        let mut all: Vec<Self> = tried.into_par_iter().filter_map(of_group).filter(|own| own.evidence > 0.0).collect();
+        all.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        all.truncate(FINALISTS);
+        let judged = all.into_par_iter().map(|own| {
+            let errors = own.left_out(problem, fitted, noise);
+            (own, errors)
+        });
+        let error = |(_, errors): &(Self, LeftOut)| errors.mean_square(joint);
+        judged.collect::<Vec<_>>().into_iter().min_by(|a, b| error(a).total_cmp(&error(b)))
     }
 
-    /// Error per joint in the band on blocks of time that were left out, N·m (N).
-    fn held_out(&self, problem: &Problem, fitted: &Fitted, noise: &Noise) -> Vec<f64> {
-        held_out(problem, fitted, &self.extra(), noise).iter().map(|own| own[0]).collect()
+    /// Errors on blocks of time that were left out, of the fit with the process beside it.
+    fn left_out(&self, problem: &Problem, fitted: &Fitted, noise: &Noise) -> LeftOut {
+        left_out(problem, fitted, &self.extra(), noise)
     }
 
-    /// The same on a usual block.
-    pub fn usual_error(&self, problem: &Problem, fitted: &Fitted, noise: &Noise) -> Vec<f64> {
-        usual_error(problem, fitted, &self.extra(), noise)
+    /// Log evidence of the same process against none beside another fit.
+    pub fn evidence_beside(&self, problem: &Problem, fitted: &Fitted, noise: &Noise) -> f64 {
+        let white: Vec<Column> = self.columns.iter().map(|c| noise.whiten(problem, c)).collect();
+        evidence(fitted, &white, self.largest).1
     }
 
     fn extra(&self) -> Extra<'_> {
@@ -182,31 +207,31 @@ impl Smooth {
     }
 }
 
-/// Log evidence of a Gaussian process against none, per joint with its best group; `errors` of the fit on blocks that
-/// were left out.
-pub(super) fn leftover(problem: &Problem, fitted: &Fitted, errors: &[f64], noise: &Noise) -> Vec<Leftover> {
+/// What a Gaussian process could still predict at each joint, of the group with most evidence there; `own` are the errors
+/// of the fit on blocks that were left out.
+pub(super) fn leftover(problem: &Problem, fitted: &Fitted, own: &LeftOut, noise: &Noise) -> Vec<Leftover> {
     let names: Vec<&str> = problem.nominal.robot().joint_names().collect();
-    let usual = usual_error(problem, fitted, &Extra::default(), noise);
     let beyond = beyond(problem, fitted);
     let of_joint = |joint: usize| {
-        let smooth = Smooth::best(problem, fitted, noise, joint)?;
-        let mut effect_size = 0.0;
-        if smooth.evidence > 5.0 {
-            let with_beyond = |in_band: &[f64]| in_band[joint].hypot(beyond[joint][0]);
-            let fall = |before: f64, after: f64| (before - after) / after.max(1e-12);
-            let of_all = fall(errors[joint], with_beyond(&smooth.held_out(problem, fitted, noise)));
-            let of_usual = fall(with_beyond(&usual), with_beyond(&smooth.usual_error(problem, fitted, noise)));
-            effect_size = of_all.max(of_usual);
-        }
-        Some(Leftover { joint, evidence: smooth.evidence, effect_size, group: smooth.group.describe(joint, &names) })
+        let (smooth, with) = Smooth::best(problem, fitted, noise, joint)?;
+        let whole = |errors: &LeftOut| errors.mean_square(joint) + beyond[joint][0].powi(2);
+        let share = 1.0 - (whole(&with) / whole(own).max(f64::MIN_POSITIVE)).sqrt();
+        let probability = probability_of_fall(problem, [own, &with], joint, MATTERS, beyond[joint][0].powi(2));
+        let group = smooth.group.describe(joint, &names);
+        Some(Leftover { joint, share, probability, group })
     };
     (0..problem.dof()).into_par_iter().filter_map(of_joint).collect()
 }
 
-/// Variance of the factors of `white` at which their log evidence is greatest, and that.
-fn evidence(fitted: &Fitted, white: &[Column]) -> (f64, f64) {
+fn mean_square(values: &[f64]) -> f64 {
+    values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64
+}
+
+/// Variance of the factors of `white`, at most the `largest`, at which their log evidence is greatest, and that.
+fn evidence(fitted: &Fitted, white: &[Column], largest: f64) -> (f64, f64) {
     let k = white.len();
-    let gram = fitted.basis.gram(white);
+    let shares = fitted.basis.shares_of_many(&white.iter().collect::<Vec<_>>());
+    let gram = products(white, &shares);
     let gram = faer::Mat::from_fn(k, k, |a, b| gram[a * k + b]);
     let b: Vec<f64> = white.iter().map(|c| dot(c, &fitted.white)).collect();
     let (values, vectors) = crate::linalg::symmetric_eigen(gram.as_ref());
@@ -218,6 +243,6 @@ fn evidence(fitted: &Fitted, white: &[Column]) -> (f64, f64) {
         };
         values.iter().zip(&along).map(one).sum::<f64>()
     };
-    let tried = (-24..12).map(|e| f64::from(e).exp2()).map(|variance| (variance, at(variance)));
+    let tried = (0..30).map(|e| largest * f64::from(-e).exp2()).map(|variance| (variance, at(variance)));
     tried.fold((0.0, 0.0), |best, tried| if tried.1 > best.1 { tried } else { best })
 }

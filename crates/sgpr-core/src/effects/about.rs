@@ -19,8 +19,52 @@ pub struct About<'a> {
     pub excitation: &'a str,
     /// Name of the effect that joint data cannot tell from it, and that stands for both.
     pub alias_of: Option<&'a str>,
+    /// What the effect is a property of.
+    pub origin: Origin,
+    /// Why so: what a controller makes of it.
+    pub origin_reason: &'a str,
     /// Whether the whole of it depends on the time of the session.
     pub depends_on_time: bool,
+}
+
+/// What an effect is a property of: the arm, the measurement, or the hours of the logs.
+///
+/// A feed-forward torque holds what the arm needs, and nothing else.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Origin {
+    /// Of the arm: its torque is needed.
+    #[default]
+    Arm,
+    /// An error of the measurement: the log shows it, the arm does not need it.
+    Measurement,
+    /// Something that was there for a while.
+    Temporary,
+}
+
+impl fmt::Display for Origin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Arm => "the arm",
+            Self::Measurement => "the measurement",
+            Self::Temporary => "a time of the logs",
+        })
+    }
+}
+
+/// A part that an effect plays in the dynamics of a joint, for code that treats it in a way of its own: a robot file has
+/// a place for it, a simulator integrates it stiffly, another parameter can take its place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// Proportional to the speed.
+    ViscousFriction,
+    /// Of one size against the motion.
+    DryFriction,
+    /// What dry friction has more at creeping speed.
+    Stribeck,
+    /// Inertia of the rotor, seen from the joint.
+    RotorInertia,
+    /// A constant torque.
+    Offset,
 }
 
 /// How an effect enters the fit.

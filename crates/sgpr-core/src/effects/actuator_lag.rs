@@ -1,5 +1,6 @@
 use super::context::lag;
-use super::{About, Class, Constant, Effect, Entry, Reach, Site};
+use super::stepping::{LAG_STATE, Lag};
+use super::{About, Class, Constant, Effect, Entry, Needs, Origin, Reach, Site};
 
 /// A torque loop of first order: what is logged follows the torque with the time constant T.
 ///
@@ -27,6 +28,8 @@ impl Effect for ActuatorLag {
             confusable: &["torque_delay"],
             experiment: "steps and chirps of the command",
             excitation: "fast motion with reversals",
+            origin: Origin::Measurement,
+            origin_reason: "the log trails the torque; the arm needs it at once",
             ..About::default()
         }
     }
@@ -54,6 +57,34 @@ impl Effect for ActuatorLag {
     fn transmit(&self, _: Site, constants: &[f64], _: usize, rate_hz: f64, values: &mut [f64], width: usize) {
         if rate_hz.is_finite() && constants[0] > 0.0 {
             lag(values, width, constants[0] * rate_hz);
+        }
+    }
+
+    fn needs(&self) -> Needs {
+        Needs { rate: true, ..Needs::default() }
+    }
+
+    fn state_len(&self, _: &[f64], _: f64) -> usize {
+        LAG_STATE
+    }
+
+    fn start_transmitted(&self, torque: f64, hidden: &mut [f64]) {
+        Lag(hidden).start(torque);
+    }
+
+    fn advance_transmitted(
+        &self,
+        _: Site,
+        constants: &[f64],
+        _: usize,
+        rate_hz: f64,
+        hidden: &mut [f64],
+        torque: f64,
+    ) -> f64 {
+        if rate_hz.is_finite() && constants[0] > 0.0 {
+            Lag(hidden).advance(torque, constants[0] * rate_hz)
+        } else {
+            torque
         }
     }
 }

@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState, sgn};
+use super::{About, Effect, EffectParameter, JointState, Origin, sgn};
 
 /// Coulomb friction that differs between the directions, Fc + dFc forwards and Fc - dFc backwards: tau = dFc
 /// |sgn(dq)| beside Fc sgn(dq). While the joint moves this is a constant torque.
@@ -28,6 +28,8 @@ impl Effect for AsymmetricCoulombFriction {
             experiment: "measure at rest with the drive holding, after approaches from both sides, or with the brake on",
             excitation: "rests between motions in both directions",
             alias_of: Some("torque_offset"),
+            origin: Origin::Arm,
+            origin_reason: "the drive overcomes it in every motion",
             ..About::default()
         }
     }

@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState};
+use super::{About, Effect, EffectParameter, JointState, Origin};
 
 /// Viscous friction that differs between the two directions: tau = Fva |dq| beside the viscous friction Fv dq, so
 /// that it is Fv + Fva forwards and Fv - Fva backwards.
@@ -27,6 +27,8 @@ impl Effect for AsymmetricViscousFriction {
             confusable: &["stribeck_friction", "torque_offset"],
             experiment: "equal times at the same speeds in both directions",
             excitation: "speeds of both signs that differ by a factor of three",
+            origin: Origin::Arm,
+            origin_reason: "the drive overcomes it in every motion",
             ..About::default()
         }
     }

@@ -1,4 +1,8 @@
-use super::{About, Class, Constant, Context, Effect, Entry, LinkMotion, Reach, Site};
+use super::stepping::{SMOOTH_DERIVATIVES_STATE, SmoothDerivatives};
+use super::{
+    About, Class, Constant, Context, Effect, Entry, LinkMotion, LinkSample, Needs, Origin, Reach, SampleInput, Site,
+    StepState, Streamed,
+};
 
 /// Play b between the flanks of the gear: the link lies half of it to either side of the encoder, depending on the
 /// sign of the torque, with a soft transition of a twentieth of the joint's torque.
@@ -27,6 +31,8 @@ impl Effect for Backlash {
             confusable: &["joint_elasticity", "presliding_friction"],
             experiment: "motion that crosses zero torque slowly in both directions, with a sensor on the link side",
             excitation: "zero crossings of the joint's torque",
+            origin: Origin::Arm,
+            origin_reason: "the link lies elsewhere than the encoder says, in control as in the log",
             ..About::default()
         }
     }
@@ -57,5 +63,49 @@ impl Effect for Backlash {
         let side = |torque: f64| -0.5 * constants[0] * (torque / scale).tanh();
         let play: Vec<f64> = context.of_joint(context.rigid_torque, joint).map(side).collect();
         motion.deflect(joint, &play, context.rate_hz);
+    }
+
+    fn advance_links(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        state: &mut StepState<'_>,
+        links: &mut LinkSample<'_>,
+    ) {
+        let joint = site.joint().expect("at a joint");
+        let (sums, derivatives) = state.hidden.split_at_mut(2);
+        let torque = input.rigid_torque[joint];
+        sums[0] += torque * torque;
+        sums[1] += 1.0;
+        let scale = (0.05 * (sums[0] / sums[1]).sqrt()).max(f64::MIN_POSITIVE);
+        let side = (torque / scale).tanh();
+        links.q[joint] -= 0.5 * constants[0] * side;
+        if !input.rate_hz.is_finite() {
+            return;
+        }
+        let [first, second] = SmoothDerivatives(derivatives).advance(torque, input).map(|x| x / scale);
+        let slope = 1.0 - side * side;
+        let velocity = -0.5 * constants[0] * slope * first;
+        let acceleration = -0.5 * constants[0] * slope * (second - 2.0 * side * first * first);
+        // Between two samples the link crosses the play at most.
+        let most = constants[0].abs() * input.rate_hz;
+        links.dq[joint] += velocity.clamp(-most, most);
+        links.ddq[joint] += acceleration.clamp(-most * input.rate_hz, most * input.rate_hz);
+    }
+
+    fn needs(&self) -> Needs {
+        Needs { rate: true, ..Needs::default() }
+    }
+
+    fn streamed(&self) -> Streamed<'_> {
+        Streamed::Nearly(
+            "the size of the joint's torque is that of the samples so far, and the torque is differentiated by a filter \
+             that looks back alone",
+        )
+    }
+
+    fn state_len(&self, _: &[f64], _: f64) -> usize {
+        2 + SMOOTH_DERIVATIVES_STATE
     }
 }

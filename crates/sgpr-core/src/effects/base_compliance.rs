@@ -1,4 +1,4 @@
-use super::{About, Context, Effect, EffectParameter, Entry, Reach, Site};
+use super::{About, Context, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState};
 use crate::dynamics::{Workspace, forward_kinematics, gravity_torque};
 use crate::spatial::Vector3;
 
@@ -30,6 +30,8 @@ impl Effect for BaseCompliance {
             confusable: &["base_tilt"],
             experiment: "the same poses fast and slow",
             excitation: "poses that reach out in different directions",
+            origin: Origin::Arm,
+            origin_reason: "the base leans under every pose",
             ..About::default()
         }
     }
@@ -67,6 +69,44 @@ impl Effect for BaseCompliance {
             for ((out, robot), moment) in out.iter_mut().zip(&leaning).zip([moment.x, moment.y]) {
                 let torque = gravity_torque(robot, &mut ws, q);
                 out[k * n..(k + 1) * n].iter_mut().zip(torque).for_each(|(out, torque)| *out = moment * torque);
+            }
+        }
+    }
+
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(&self, _: Site, _: &[f64], input: &SampleInput<'_>, state: &mut StepState<'_>, columns: &mut [f64]) {
+        compliance_columns(input, state, columns);
+    }
+}
+
+/// The columns at one sample. The gravity torque is linear in gravity: that of a lean is the moment of the links' weights
+/// in the gravity that the lean adds, about each joint's axis.
+fn compliance_columns(input: &SampleInput<'_>, state: &mut StepState<'_>, columns: &mut [f64]) {
+    let (robot, n, g) = (input.robot, input.robot.dof(), input.robot.gravity());
+    let poses = forward_kinematics(robot, state.workspace, input.q);
+    let first = |link: usize| {
+        let (pose, link) = (&poses[link], &robot.links()[link]);
+        pose.rotation * link.first_moment + pose.translation * link.mass
+    };
+    let moment = (0..n).fold(Vector3::ZERO, |moment, link| moment + first(link).cross(g));
+    let axes = [Vector3::new(1.0, 0.0, 0.0), Vector3::new(0.0, 1.0, 0.0)];
+    for (column, (axis, moment)) in columns.chunks_exact_mut(n).zip(axes.into_iter().zip([moment.x, moment.y])) {
+        let lean = -(axis.cross(g));
+        column.fill(0.0);
+        for link in 0..n {
+            let (first, mass) = (first(link), robot.links()[link].mass);
+            for &carrier in robot.path(link) {
+                let (joint, pose) = (&robot.joints()[carrier], &poses[carrier]);
+                let axis = pose.rotation * joint.axis;
+                let weight = if joint.kind.is_rotation() {
+                    axis.dot((first - pose.translation * mass).cross(lean))
+                } else {
+                    mass * axis.dot(lean)
+                };
+                column[carrier] -= moment * weight;
             }
         }
     }

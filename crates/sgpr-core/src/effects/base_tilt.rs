@@ -1,4 +1,4 @@
-use super::{About, Class, Constant, Effect, Entry, Reach, Site};
+use super::{About, Class, Constant, Effect, Entry, Origin, Reach, Site};
 use crate::robot::Robot;
 use crate::spatial::Matrix3;
 
@@ -32,6 +32,8 @@ impl Effect for BaseTilt {
             confusable: &["cable_stiffness", "torque_offset"],
             experiment: "joint 1 over a whole turn with the arm stretched out",
             excitation: "the first joint moves by a radian or more",
+            origin: Origin::Arm,
+            origin_reason: "gravity leans in control as in the log",
             ..About::default()
         }
     }

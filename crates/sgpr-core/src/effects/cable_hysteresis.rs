@@ -1,5 +1,5 @@
-use super::context::dahl;
-use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Site};
+use super::stepping::{DAHL_STATE, Dahl};
+use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState};
 
 /// Rubbing of a cable or hose: a Dahl element over the large angle zs.
 ///
@@ -29,6 +29,8 @@ impl Effect for CableHysteresis {
             confusable: &["cable_stiffness", "presliding_friction"],
             experiment: "nested loops of different amplitude",
             excitation: "reversals at different positions",
+            origin: Origin::Arm,
+            origin_reason: "the cable rubs in every motion",
             ..About::default()
         }
     }
@@ -49,12 +51,28 @@ impl Effect for CableHysteresis {
         true
     }
 
-    fn dahl_distance(&self, constants: &[f64]) -> Option<f64> {
-        Some(constants[0])
+    fn state_len(&self, _: &[f64], _: f64) -> usize {
+        DAHL_STATE
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+    fn start(&self, site: Site, _: &[f64], input: &SampleInput<'_>, state: &mut StepState<'_>) {
         let joint = site.joint().expect("at a joint");
-        dahl(context.of_joint(context.q, joint), constants[0], &mut out[0]);
+        Dahl(state.hidden).start(input.q[joint], input.dq[joint]);
+    }
+
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        state: &mut StepState<'_>,
+        columns: &mut [f64],
+    ) {
+        let x = input.q[site.joint().expect("at a joint")];
+        columns[0] = Dahl(state.hidden).advance(x, constants[0]);
     }
 }

@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState};
+use super::{About, Effect, EffectParameter, JointState, Origin};
 
 /// Spring of a hose or dress pack: tau = k (q - q0), written k q + tau0.
 ///
@@ -27,6 +27,8 @@ impl Effect for CableStiffness {
             confusable: &["rotor_inertia", "spring_balancer", "cable_hysteresis"],
             experiment: "a slow sweep over the whole range in both directions",
             excitation: "a position range in which gravity is no straight line",
+            origin: Origin::Arm,
+            origin_reason: "the cable pulls on the joint",
             ..About::default()
         }
     }

@@ -1,5 +1,5 @@
 use super::context::harmonic;
-use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Scale, Site};
+use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState};
 
 /// Cogging of the motor: its rotor prefers the slots, tau = a cos(n q) + b sin(n q), n the common multiple of slots
 /// and poles times the gear ratio. Joint data cannot tell it from ripple of the gear.
@@ -33,6 +33,8 @@ impl Effect for CoggingTorque {
             experiment: "turn the drive without load: ripple of the gear goes away, cogging stays",
             excitation: "slow passes over many periods",
             alias_of: Some("torque_ripple"),
+            origin: Origin::Arm,
+            origin_reason: "the rotor prefers the same angles again",
             ..About::default()
         }
     }
@@ -49,7 +51,18 @@ impl Effect for CoggingTorque {
         Entry::Trajectory
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
-        harmonic(context, site, constants[0], out);
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        _: &mut StepState<'_>,
+        columns: &mut [f64],
+    ) {
+        harmonic(input, site, constants[0], columns);
     }
 }

@@ -1,8 +1,10 @@
-use super::{EffectParameter, JointState, Site};
-use crate::dynamics::{BatchWorkspace, Samples, for_each_regressor_block};
+use super::stepping::cubic_weights;
+use super::{EffectParameter, JointState, SampleInput, Site, StepState};
+use crate::dynamics::{BatchWorkspace, Samples, for_each_regressor_block, regressor};
 use crate::recording::Channel;
 use crate::robot::Robot;
 use crate::signal::Differentiation;
+use crate::spatial::PARAMETERS_PER_LINK;
 
 /// A stretch of a trajectory and what a model says of it: everything that an effect may depend on.
 ///
@@ -110,50 +112,19 @@ impl LinkMotion {
 }
 
 /// Columns cos(n q) and sin(n q) of the joint's position, with n = `order`.
-pub(super) fn harmonic(context: &Context<'_>, site: Site, order: f64, out: &mut [Vec<f64>]) {
-    let joint = site.joint().expect("at a joint");
-    for (k, q) in context.of_joint(context.q, joint).enumerate() {
-        let (sine, cosine) = (order * q).sin_cos();
-        out[0][k] = cosine;
-        out[1][k] = sine;
-    }
+pub(super) fn harmonic(input: &SampleInput<'_>, site: Site, order: f64, columns: &mut [f64]) {
+    let (sine, cosine) = (order * input.q[site.joint().expect("at a joint")]).sin_cos();
+    columns[0] = cosine;
+    columns[1] = sine;
 }
 
-/// A Dahl element: z follows the direction of what it runs over within a distance, stepped exactly for pieces of one
-/// direction. Starts at zero.
-///
-/// Source: P. Dahl, A solid friction model, Aerospace Corp. TOR-0158(3107-18)-1 (1968).
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Dahl {
-    distance: f64,
-    z: f64,
-    last: Option<f64>,
-}
-
-impl Dahl {
-    pub(crate) fn new(distance: f64) -> Self {
-        Self { distance, z: 0.0, last: None }
-    }
-
-    /// z at the next value.
-    pub(crate) fn next(&mut self, x: f64) -> f64 {
-        let step = x - self.last.replace(x).unwrap_or(x);
-        let direction = super::sgn(step);
-        if direction != 0.0 {
-            self.z = direction + (self.z - direction) * (-step.abs() / self.distance).exp();
-        }
-        self.z
-    }
-}
-
-/// z of a Dahl element along its input.
-pub(super) fn dahl(input: impl Iterator<Item = f64>, distance: f64, out: &mut [f64]) {
-    let mut element = Dahl::new(distance);
-    input.zip(out).for_each(|(x, out)| *out = element.next(x));
-}
-
-/// One after the time `edge`, zero before it; the sample in whose period the edge falls gets its share.
+/// One after the time `edge`, zero before it and where the time is not known; the sample in whose period the edge falls
+/// gets its share.
+#[inline]
 pub(super) fn after(time: f64, edge: f64, rate_hz: f64) -> f64 {
+    if time.is_nan() {
+        return 0.0;
+    }
     if rate_hz.is_finite() { ((time - edge) * rate_hz + 0.5).clamp(0.0, 1.0) } else { f64::from(time > edge) }
 }
 
@@ -201,6 +172,29 @@ pub(super) fn link_regressor(context: &Context<'_>, joint: usize, weight: impl F
     });
 }
 
+/// Columns of the ten inertial parameters of the link that `joint` carries at one sample, times `weight`.
+///
+/// - `columns`: ten times `[n]`
+pub(super) fn link_columns(
+    input: &SampleInput<'_>,
+    joint: usize,
+    weight: f64,
+    state: &mut StepState<'_>,
+    columns: &mut [f64],
+) {
+    if weight == 0.0 {
+        return columns.fill(0.0);
+    }
+    let n = input.robot.dof();
+    let matrix = regressor(input.robot, state.workspace, input.q, input.dq, input.ddq);
+    for row in 0..n {
+        let block = &matrix[(row * n + joint) * PARAMETERS_PER_LINK..][..PARAMETERS_PER_LINK];
+        for (parameter, value) in block.iter().enumerate() {
+            columns[parameter * n + row] = weight * value;
+        }
+    }
+}
+
 /// Delays every column of `[samples, width]` by `delay` samples, by cubic interpolation; the ends repeat.
 pub(super) fn shift(values: &mut [f64], width: usize, delay: f64) {
     let samples = values.len() / width.max(1);
@@ -209,13 +203,7 @@ pub(super) fn shift(values: &mut [f64], width: usize, delay: f64) {
     }
     let whole = (-delay).floor();
     let x = -delay - whole;
-    // Lagrange weights for the samples -1, 0, 1, 2 around the wanted instant.
-    let weights = [
-        -x * (x - 1.0) * (x - 2.0) / 6.0,
-        (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0,
-        -(x + 1.0) * x * (x - 2.0) / 2.0,
-        (x + 1.0) * x * (x - 1.0) / 6.0,
-    ];
+    let weights = cubic_weights(x);
     let source = values.to_vec();
     for (k, row) in values.chunks_exact_mut(width).enumerate() {
         row.fill(0.0);

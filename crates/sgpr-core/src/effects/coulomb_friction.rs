@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState, sgn};
+use super::{About, Effect, EffectParameter, JointState, Origin, Role, sgn};
 
 /// Coulomb friction tau = Fc sgn(dq), with sgn(0) = 0.
 ///
@@ -26,12 +26,18 @@ impl Effect for CoulombFriction {
             confusable: &["presliding_friction", "stribeck_friction", "load_dependent_friction"],
             experiment: "constant speeds in both directions, at three speeds or more",
             excitation: "reversals of the joint",
+            origin: Origin::Arm,
+            origin_reason: "the drive overcomes it in every motion",
             ..About::default()
         }
     }
 
     fn parameters(&self) -> &[EffectParameter] {
         &PARAMETERS
+    }
+
+    fn role(&self) -> Option<Role> {
+        Some(Role::DryFriction)
     }
 
     fn columns(&self, joint: usize, state: &JointState<'_>, out: &mut [f64]) {

@@ -1,4 +1,4 @@
-use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Site, sgn};
+use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, sgn};
 
 /// How dry friction changes sign at a reversal: over a range of speeds instead of at once. The column is the difference
 /// of a line that ends at vc, clip(dq / vc, -1, 1), and sgn(dq).
@@ -39,6 +39,8 @@ impl Effect for CoulombTransition {
             confusable: &["nonlinear_viscous_friction", "presliding_friction"],
             experiment: "constant speeds on a logarithmic grid",
             excitation: "slow motion and reversals",
+            origin: Origin::Arm,
+            origin_reason: "it is the shape of dry friction at low speed",
             ..About::default()
         }
     }
@@ -59,10 +61,20 @@ impl Effect for CoulombTransition {
         Some("coulomb_friction")
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        _: &mut StepState<'_>,
+        columns: &mut [f64],
+    ) {
         let joint = site.joint().expect("at a joint");
-        for (out, dq) in out[0].iter_mut().zip(context.of_joint(context.dq, joint)) {
-            *out = (dq / constants[0]).clamp(-1.0, 1.0) - sgn(dq);
-        }
+        let dq = input.dq[joint];
+        columns[0] = (dq / constants[0]).clamp(-1.0, 1.0) - sgn(dq);
     }
 }

@@ -1,4 +1,6 @@
-use super::{About, Class, Constant, Context, Effect, Entry, LinkMotion, Reach, Site};
+use super::{
+    About, Class, Constant, Context, Effect, Entry, LinkMotion, LinkSample, Origin, Reach, SampleInput, Site, StepState,
+};
 
 /// An encoder disc that sits off centre: q_link = q + e1 cos q + e2 sin q.
 ///
@@ -29,6 +31,8 @@ impl Effect for EncoderEccentricity {
             confusable: &["position_dependent_friction", "encoder_offset"],
             experiment: "sweeps over whole turns",
             excitation: "whole turns of the joint",
+            origin: Origin::Arm,
+            origin_reason: "the controller closes its loop over the same encoder",
             ..About::default()
         }
     }
@@ -68,5 +72,22 @@ impl Effect for EncoderEccentricity {
             motion.dq[at] += slope * dq;
             motion.ddq[at] += slope * ddq - (constants[0] * cosine + constants[1] * sine) * dq * dq;
         }
+    }
+
+    fn advance_links(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        _: &mut StepState<'_>,
+        links: &mut LinkSample<'_>,
+    ) {
+        let joint = site.joint().expect("at a joint");
+        let (q, dq, ddq) = (input.q[joint], input.dq[joint], input.ddq[joint]);
+        let (sine, cosine) = q.sin_cos();
+        let slope = constants[1] * cosine - constants[0] * sine;
+        links.q[joint] += constants[0] * cosine + constants[1] * sine;
+        links.dq[joint] += slope * dq;
+        links.ddq[joint] += slope * ddq - (constants[0] * cosine + constants[1] * sine) * dq * dq;
     }
 }

@@ -1,4 +1,6 @@
-use super::{About, Class, Constant, Context, Effect, Entry, LinkMotion, Reach, Site};
+use super::{
+    About, Class, Constant, Context, Effect, Entry, LinkMotion, LinkSample, Origin, Reach, SampleInput, Site, StepState,
+};
 
 /// A joint whose zero is off: q_link = q + d. A refit turns the inertial parameters and absorbs nearly all of it.
 ///
@@ -27,6 +29,8 @@ impl Effect for EncoderOffset {
             confusable: &["link_inertia_error", "joint_elasticity"],
             experiment: "the same motion with a known payload; static poses to both sides",
             excitation: "a known payload",
+            origin: Origin::Arm,
+            origin_reason: "the controller closes its loop over the same encoder",
             ..About::default()
         }
     }
@@ -54,5 +58,16 @@ impl Effect for EncoderOffset {
     fn link_motion(&self, site: Site, constants: &[f64], context: &Context<'_>, motion: &mut LinkMotion) {
         let joint = site.joint().expect("at a joint");
         motion.q.iter_mut().skip(joint).step_by(context.dof()).for_each(|q| *q += constants[0]);
+    }
+
+    fn advance_links(
+        &self,
+        site: Site,
+        constants: &[f64],
+        _: &SampleInput<'_>,
+        _: &mut StepState<'_>,
+        links: &mut LinkSample<'_>,
+    ) {
+        links.q[site.joint().expect("at a joint")] += constants[0];
     }
 }

@@ -1,6 +1,8 @@
 use super::context::after;
-use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Reach, Scale, Site};
-use crate::dynamics::{Workspace, frame_pose, jacobian};
+use super::{
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Scale, Site, StepState,
+};
+use crate::dynamics::{frame_pose, jacobian};
 use crate::robot::Frame;
 use crate::spatial::{Pose, Vector3};
 
@@ -45,6 +47,8 @@ impl Effect for ExternalContact {
             experiment: "repeat the motion",
             excitation: "the motion goes on before and after, on one clock",
             depends_on_time: true,
+            origin: Origin::Temporary,
+            origin_reason: "something pushed for a while during the logs",
             ..About::default()
         }
     }
@@ -69,24 +73,32 @@ impl Effect for ExternalContact {
         vec![Site::Arm]
     }
 
-    fn trajectory_columns(&self, _: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
-        let n = context.dof();
-        let mut ws = Workspace::new(context.robot);
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(
+        &self,
+        _: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        state: &mut StepState<'_>,
+        columns: &mut [f64],
+    ) {
+        let n = input.robot.dof();
+        let inside = |edge: f64| after(input.time, edge, input.rate_hz);
+        let on = inside(constants[0]) * (1.0 - inside(constants[1]));
+        if on <= 0.0 {
+            return columns.fill(0.0);
+        }
         let tip = Frame { name: String::new(), joint: Some(n - 1), pose: Pose::IDENTITY };
-        for k in 0..context.len() {
-            let inside = |edge: f64| after(context.time[k], edge, context.rate_hz);
-            let on = inside(constants[0]) * (1.0 - inside(constants[1]));
-            if on > 0.0 {
-                let jacobian = jacobian(context.robot, &mut ws, context.state(k).q, &tip);
-                let jacobian = jacobian.to_vec();
-                let turn = frame_pose(context.robot, &mut ws, context.state(k).q, &tip).rotation;
-                for joint in 0..n {
-                    let lever = Vector3::new(jacobian[joint], jacobian[n + joint], jacobian[2 * n + joint]);
-                    let in_tool = turn.transpose_mul(lever);
-                    let levers = [lever.x, lever.y, lever.z, in_tool.x, in_tool.y, in_tool.z];
-                    out.iter_mut().zip(levers).for_each(|(out, lever)| out[k * n + joint] = on * lever);
-                }
-            }
+        let turn = frame_pose(input.robot, state.workspace, input.q, &tip).rotation;
+        let jacobian = jacobian(input.robot, state.workspace, input.q, &tip);
+        for joint in 0..n {
+            let lever = Vector3::new(jacobian[joint], jacobian[n + joint], jacobian[2 * n + joint]);
+            let in_tool = turn.transpose_mul(lever);
+            let levers = [lever.x, lever.y, lever.z, in_tool.x, in_tool.y, in_tool.z];
+            columns.chunks_exact_mut(n).zip(levers).for_each(|(column, lever)| column[joint] = on * lever);
         }
     }
 }

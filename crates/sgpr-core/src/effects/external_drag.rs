@@ -1,5 +1,5 @@
-use super::{About, Context, Effect, EffectParameter, Entry, Reach, Site};
-use crate::dynamics::{Workspace, jacobian};
+use super::{About, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState};
+use crate::dynamics::jacobian;
 use crate::robot::Frame;
 use crate::spatial::Pose;
 
@@ -28,6 +28,8 @@ impl Effect for ExternalDrag {
             confusable: &["quadratic_viscous_friction"],
             experiment: "the same motion in air",
             excitation: "fast motion of several joints",
+            origin: Origin::Arm,
+            origin_reason: "the arm moves through the fluid",
             ..About::default()
         }
     }
@@ -48,19 +50,19 @@ impl Effect for ExternalDrag {
         vec![Site::Arm]
     }
 
-    fn trajectory_columns(&self, _: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
-        let n = context.dof();
-        let mut ws = Workspace::new(context.robot);
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(&self, _: Site, _: &[f64], input: &SampleInput<'_>, state: &mut StepState<'_>, columns: &mut [f64]) {
+        let n = input.robot.dof();
         let tip = Frame { name: String::new(), joint: Some(n - 1), pose: Pose::IDENTITY };
-        for k in 0..context.len() {
-            let state = context.state(k);
-            let jacobian = jacobian(context.robot, &mut ws, state.q, &tip);
-            let speed = |row: usize| (0..n).map(|joint| jacobian[row * n + joint] * state.dq[joint]).sum::<f64>();
-            let v = [speed(0), speed(1), speed(2)];
-            let size = v.iter().map(|v| v * v).sum::<f64>().sqrt();
-            for joint in 0..n {
-                out[0][k * n + joint] = (0..3).map(|row| jacobian[row * n + joint] * v[row] * size).sum();
-            }
+        let jacobian = jacobian(input.robot, state.workspace, input.q, &tip);
+        let speed = |row: usize| (0..n).map(|joint| jacobian[row * n + joint] * input.dq[joint]).sum::<f64>();
+        let v = [speed(0), speed(1), speed(2)];
+        let size = v.iter().map(|v| v * v).sum::<f64>().sqrt();
+        for (joint, column) in columns.iter_mut().enumerate() {
+            *column = (0..3).map(|row| jacobian[row * n + joint] * v[row] * size).sum();
         }
     }
 }

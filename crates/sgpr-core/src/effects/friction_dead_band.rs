@@ -1,4 +1,4 @@
-use super::{About, Context, Effect, EffectParameter, Entry, Site, sgn};
+use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, sgn};
 
 /// Dead band of the drive: a current that is lost near zero and must be added in the direction of the torque.
 ///
@@ -25,6 +25,8 @@ impl Effect for FrictionDeadBand {
             confusable: &["coulomb_friction", "torque_gain_error"],
             experiment: "poses in which the joint is held and driven back",
             excitation: "torque and speed of unlike signs for part of the time",
+            origin: Origin::Arm,
+            origin_reason: "what the drive loses must be added",
             ..About::default()
         }
     }
@@ -41,10 +43,11 @@ impl Effect for FrictionDeadBand {
         true
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
-        let joint = site.joint().expect("at a joint");
-        for (out, torque) in out[0].iter_mut().zip(context.of_joint(context.torque, joint)) {
-            *out = sgn(torque);
-        }
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(&self, site: Site, _: &[f64], input: &SampleInput<'_>, _: &mut StepState<'_>, columns: &mut [f64]) {
+        columns[0] = sgn(input.torque[site.joint().expect("at a joint")]);
     }
 }

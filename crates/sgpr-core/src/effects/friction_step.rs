@@ -1,4 +1,5 @@
-use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Scale, Site, sgn};
+use super::context::after;
+use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, sgn};
 
 /// Friction that changes at a time t0: a brake that drags, a damaged seal, fresh grease.
 ///
@@ -32,6 +33,8 @@ impl Effect for FrictionStep {
             experiment: "repeat the identical motion before and after",
             excitation: "the joint moves in both directions before and after, on one clock",
             depends_on_time: true,
+            origin: Origin::Arm,
+            origin_reason: "what changed stays changed: to a controller the change lies in the past",
             ..About::default()
         }
     }
@@ -48,12 +51,21 @@ impl Effect for FrictionStep {
         Entry::Trajectory
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
-        let joint = site.joint().expect("at a joint");
-        for ((k, dq), t) in context.of_joint(context.dq, joint).enumerate().zip(context.time) {
-            let on = super::context::after(*t, constants[0], context.rate_hz);
-            out[0][k] = on * sgn(dq);
-            out[1][k] = on * dq;
-        }
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        _: &mut StepState<'_>,
+        columns: &mut [f64],
+    ) {
+        let dq = input.dq[site.joint().expect("at a joint")];
+        let on = after(input.time, constants[0], input.rate_hz);
+        columns[0] = on * sgn(dq);
+        columns[1] = on * dq;
     }
 }

@@ -1,4 +1,4 @@
-use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Site, sgn};
+use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, sgn};
 
 /// Friction of a cold gear that fades while the arm works: tau = exp(-t / tw) (a1 dq + a0 sgn(dq)), t the time of the
 /// session.
@@ -33,6 +33,8 @@ impl Effect for FrictionWarmup {
             experiment: "a cold run, a warm run and a cold run",
             excitation: "logs over the time of the warm-up, on one clock",
             depends_on_time: true,
+            origin: Origin::Arm,
+            origin_reason: "the gear is cold at the start of every session; the clock says how cold",
             ..About::default()
         }
     }
@@ -49,12 +51,24 @@ impl Effect for FrictionWarmup {
         Entry::Trajectory
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
-        let joint = site.joint().expect("at a joint");
-        for ((k, dq), t) in context.of_joint(context.dq, joint).enumerate().zip(context.time) {
-            let cold = (-t / constants[0]).exp();
-            out[0][k] = cold * dq;
-            out[1][k] = cold * sgn(dq);
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        _: &mut StepState<'_>,
+        columns: &mut [f64],
+    ) {
+        if input.time.is_nan() {
+            return columns.fill(0.0);
         }
+        let dq = input.dq[site.joint().expect("at a joint")];
+        let cold = (-input.time / constants[0]).exp();
+        columns[0] = cold * dq;
+        columns[1] = cold * sgn(dq);
     }
 }

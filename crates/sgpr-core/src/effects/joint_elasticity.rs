@@ -1,6 +1,10 @@
 use crate::signal::{LowPass, Spectrum};
 
-use super::{About, Class, Constant, Context, Effect, Entry, LinkMotion, Reach, Site};
+use super::stepping::{ABOVE, SMOOTH_DERIVATIVES_STATE, SmoothDerivatives, WINDOW_S};
+use super::{
+    About, Class, Constant, Context, Effect, Entry, LinkMotion, LinkSample, Needs, Origin, Reach, SampleInput, Site,
+    StepState, Streamed,
+};
 
 /// Elastic transmission: the link lags behind the encoder on the motor side by the torque it takes, q_link = q - c
 /// tau_rb, with the compliance c = 1 / k.
@@ -30,6 +34,8 @@ impl Effect for JointElasticity {
             confusable: &["backlash", "encoder_offset", "link_flexibility"],
             experiment: "static poses with two payloads and a sensor on the link side, or fast motion near a third of the resonance",
             excitation: "accelerations and torques of the joint that change much",
+            origin: Origin::Arm,
+            origin_reason: "the link lies elsewhere than the encoder says, in control as in the log",
             ..About::default()
         }
     }
@@ -61,15 +67,47 @@ impl Effect for JointElasticity {
         smooth(&mut twist, context);
         motion.deflect(joint, &twist, context.rate_hz);
     }
+
+    fn advance_links(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        state: &mut StepState<'_>,
+        links: &mut LinkSample<'_>,
+    ) {
+        let joint = site.joint().expect("at a joint");
+        let twist = -constants[0] * input.rigid_torque[joint];
+        links.q[joint] += twist;
+        if !input.rate_hz.is_finite() {
+            return;
+        }
+        let [velocity, acceleration] = SmoothDerivatives(state.hidden).advance(twist, input);
+        links.dq[joint] += velocity;
+        links.ddq[joint] += acceleration;
+    }
+
+    fn needs(&self) -> Needs {
+        Needs { rate: true, ..Needs::default() }
+    }
+
+    fn streamed(&self) -> Streamed<'_> {
+        Streamed::Nearly(
+            "the twist is differentiated by a filter that looks back alone, with a cut-off that follows from the speeds \
+             and accelerations so far",
+        )
+    }
+
+    fn state_len(&self, _: &[f64], _: f64) -> usize {
+        SMOOTH_DERIVATIVES_STATE
+    }
 }
 
 /// Takes out what lies far above the motion: the torque holds second derivatives of the position, the link's motion those
 /// of the torque, and noise that is differentiated four times hides everything. In a slow log the torque itself is
 /// mostly noise there: the speeds of all joints say how fast the motion is.
 fn smooth(twist: &mut [f64], context: &Context<'_>) {
-    const WINDOW_S: f64 = 4.0;
     const POWER: f64 = 0.995;
-    const ABOVE: f64 = 3.0;
     let rate_hz = context.rate_hz;
     if !rate_hz.is_finite() {
         return;

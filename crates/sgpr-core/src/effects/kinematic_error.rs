@@ -1,4 +1,4 @@
-use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Scale, Site};
+use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState};
 
 /// Position error of a gear, e = A sin(n q + p), n periods per turn: the inertia behind it is shaken by e'', tau =
 /// d²/dt² (a cos(n q) + b sin(n q)).
@@ -31,6 +31,8 @@ impl Effect for KinematicError {
             confusable: &["torque_ripple"],
             experiment: "two speeds: ripple keeps its size, a kinematic error grows",
             excitation: "passes over many periods at different speeds",
+            origin: Origin::Arm,
+            origin_reason: "the gear accelerates the link in the same way again",
             ..About::default()
         }
     }
@@ -47,15 +49,23 @@ impl Effect for KinematicError {
         Entry::Trajectory
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        _: &mut StepState<'_>,
+        columns: &mut [f64],
+    ) {
         let joint = site.joint().expect("at a joint");
         let n = constants[0];
-        for k in 0..context.len() {
-            let state = context.state(k);
-            let (sine, cosine) = (n * state.q[joint]).sin_cos();
-            let (square, ddq) = (n * state.dq[joint].powi(2), state.ddq[joint]);
-            out[0][k] = -(square * cosine + ddq * sine);
-            out[1][k] = ddq * cosine - square * sine;
-        }
+        let (sine, cosine) = (n * input.q[joint]).sin_cos();
+        let (square, ddq) = (n * input.dq[joint].powi(2), input.ddq[joint]);
+        columns[0] = -(square * cosine + ddq * sine);
+        columns[1] = ddq * cosine - square * sine;
     }
 }

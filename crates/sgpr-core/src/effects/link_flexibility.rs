@@ -1,4 +1,4 @@
-use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Site};
+use super::{About, Class, Constant, Effect, EffectParameter, Entry, Needs, Origin, SampleInput, Site, StepState};
 
 /// Bending of a link as one mode, driven by the joint's acceleration: eta'' + 2 zeta w eta' + w² eta = ddq, tau = m
 /// eta'', w = 2 pi f and zeta = 0.02.
@@ -11,6 +11,9 @@ pub(super) struct LinkFlexibility;
 const PARAMETERS: [EffectParameter; 1] = [EffectParameter::signed("m", "kg·m²", "kg")];
 
 const CONSTANTS: [Constant; 1] = [Constant::logarithmic("f", ["Hz", "Hz"], [2.0, 25.0], &[4.0, 7.0, 12.0, 18.0])];
+
+/// Damping ratio of the mode.
+const DAMPING: f64 = 0.02;
 
 impl Effect for LinkFlexibility {
     fn name(&self) -> &str {
@@ -30,12 +33,18 @@ impl Effect for LinkFlexibility {
             confusable: &["joint_elasticity"],
             experiment: "a chirp through the resonance, or a knock on the arm",
             excitation: "motion with content near the resonance",
+            origin: Origin::Arm,
+            origin_reason: "the link rings in every motion",
             ..About::default()
         }
     }
 
     fn parameters(&self) -> &[EffectParameter] {
         &PARAMETERS
+    }
+
+    fn needs(&self) -> Needs {
+        Needs { rate: true, ..Needs::default() }
     }
 
     fn constants(&self) -> &[Constant] {
@@ -50,19 +59,32 @@ impl Effect for LinkFlexibility {
         true
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+    fn state_len(&self, _: &[f64], _: f64) -> usize {
+        2
+    }
+
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        state: &mut StepState<'_>,
+        columns: &mut [f64],
+    ) {
         let joint = site.joint().expect("at a joint");
-        if !context.rate_hz.is_finite() {
-            return;
+        if !input.rate_hz.is_finite() {
+            return columns.fill(0.0);
         }
-        let (step, w, zeta) = (1.0 / context.rate_hz, std::f64::consts::TAU * constants[0], 0.02);
-        let (mut eta, mut speed) = (0.0, 0.0);
-        for (out, ddq) in out[0].iter_mut().zip(context.of_joint(context.ddq, joint)) {
-            // Semi-implicit Euler: stable up to a third of the sampling rate.
-            let acceleration = ddq - 2.0 * zeta * w * speed - w * w * eta;
-            speed += step * acceleration;
-            eta += step * speed;
-            *out = acceleration;
-        }
+        let (step, w) = (1.0 / input.rate_hz, std::f64::consts::TAU * constants[0]);
+        let [eta, speed] = state.hidden else { unreachable!("one mode has two numbers") };
+        // Semi-implicit Euler: stable up to a third of the sampling rate.
+        let acceleration = input.ddq[joint] - 2.0 * DAMPING * w * *speed - w * w * *eta;
+        *speed += step * acceleration;
+        *eta += step * *speed;
+        columns[0] = acceleration;
     }
 }

@@ -1,5 +1,5 @@
-use super::context::{link_regressor, of_a_link};
-use super::{About, Context, Effect, EffectParameter, Entry, Reach, Site};
+use super::context::{link_columns, link_regressor, of_a_link};
+use super::{About, Context, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState};
 
 /// Wrong inertial parameters of a link in a fixed model. A refit of the base parameters absorbs them.
 ///
@@ -26,6 +26,8 @@ impl Effect for LinkInertiaError {
             confusable: &["payload", "link_length_error"],
             experiment: "identify the parameters",
             excitation: "motion of all joints",
+            origin: Origin::Arm,
+            origin_reason: "the link has this inertia",
             ..About::default()
         }
     }
@@ -45,5 +47,13 @@ impl Effect for LinkInertiaError {
     fn trajectory_columns(&self, site: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
         let joint = site.joint().expect("at a joint");
         link_regressor(context, joint, |_| 1.0, out);
+    }
+
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(&self, site: Site, _: &[f64], input: &SampleInput<'_>, state: &mut StepState<'_>, columns: &mut [f64]) {
+        link_columns(input, site.joint().expect("at a joint"), 1.0, state, columns);
     }
 }

@@ -1,4 +1,4 @@
-use super::{About, Class, Constant, Effect, Entry, Reach, Site};
+use super::{About, Class, Constant, Effect, Entry, Origin, Reach, Site};
 use crate::robot::Robot;
 use crate::spatial::Vector3;
 
@@ -34,6 +34,8 @@ impl Effect for LinkLengthError {
             confusable: &["link_inertia_error", "encoder_offset"],
             experiment: "a known payload, or better an external measurement of position",
             excitation: "fast motion of the joints before and after, or a known payload",
+            origin: Origin::Arm,
+            origin_reason: "the link has this length",
             ..About::default()
         }
     }

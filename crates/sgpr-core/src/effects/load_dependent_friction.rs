@@ -1,4 +1,4 @@
-use super::{About, Context, Effect, EffectParameter, Entry, Site, sgn};
+use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, sgn};
 
 /// Friction of a gear that grows with the torque it carries: tau = mu |tau_load| sgn(dq), tau_load the torque of the
 /// rigid body.
@@ -27,6 +27,8 @@ impl Effect for LoadDependentFriction {
             confusable: &["position_dependent_friction", "coulomb_friction"],
             experiment: "the same motion with a known payload",
             excitation: "a load torque that changes by a factor of three",
+            origin: Origin::Arm,
+            origin_reason: "the drive overcomes it in every motion under load",
             ..About::default()
         }
     }
@@ -43,11 +45,12 @@ impl Effect for LoadDependentFriction {
         true
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(&self, site: Site, _: &[f64], input: &SampleInput<'_>, _: &mut StepState<'_>, columns: &mut [f64]) {
         let joint = site.joint().expect("at a joint");
-        let load = context.of_joint(context.rigid_torque, joint);
-        for ((out, dq), load) in out[0].iter_mut().zip(context.of_joint(context.dq, joint)).zip(load) {
-            *out = sgn(dq) * load.abs();
-        }
+        columns[0] = sgn(input.dq[joint]) * input.rigid_torque[joint].abs();
     }
 }

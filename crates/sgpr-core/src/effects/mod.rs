@@ -8,6 +8,10 @@
 //! - as a change of robot, motion or torque (`Transform`): gravity that leans, an encoder that is off, a delay. It has
 //!   constants only; around its neutral constants the change of the predicted torque gives the columns to rank it by.
 //!
+//! Every effect can be advanced sample by sample ([`Effect::advance`]), for a control loop and a simulator: it carries a
+//! hidden state where its torque depends on the past. What uses samples that come later along a trajectory is told by
+//! [`Effect::streamed`].
+//!
 //! Linear parameters are identified together with the inertial ones; constants by variable projection.
 
 mod about;
@@ -44,6 +48,7 @@ mod presliding_friction;
 mod quadratic_viscous_friction;
 mod rotor_inertia;
 mod spring_balancer;
+mod stepping;
 mod stribeck_friction;
 mod temperature_dependent_friction;
 mod time_base_error;
@@ -61,10 +66,11 @@ mod wrist_coupling;
 use std::fmt::Debug;
 use std::sync::Arc;
 
-pub use about::{About, Class};
-pub(crate) use context::Dahl;
+pub use about::{About, Class, Origin, Role};
 pub use context::{Context, LinkMotion};
 use serde::{Deserialize, Serialize};
+pub(crate) use stepping::knows_one_row;
+pub use stepping::{LinkSample, Needs, SampleInput, StepState, Streamed};
 
 use crate::robot::{JointKind, Robot};
 
@@ -121,18 +127,69 @@ pub trait Effect: Send + Sync + Debug {
         out.fill(0.0);
     }
 
-    /// Derivative of the torque by each parameter along a trajectory.
+    /// The part that it plays in the dynamics of a joint, if code treats that part in a way of its own.
+    fn role(&self) -> Option<Role> {
+        None
+    }
+
+    /// What it depends on beside the motion.
+    fn needs(&self) -> Needs {
+        Needs { time: self.about().depends_on_time, ..Needs::default() }
+    }
+
+    /// How advancing it compares with its columns along a trajectory.
+    fn streamed(&self) -> Streamed<'_> {
+        Streamed::Exactly
+    }
+
+    /// Whether [`Self::advance`] is its own: columns of a trajectory then follow from that by default. If not, and if it
+    /// does not enter by [`Entry::State`], a sample is asked for as a trajectory of one row, which takes memory; an effect
+    /// whose columns at a sample depend on other samples is then not streamed.
+    fn steps(&self) -> bool {
+        self.entry() == Entry::State
+    }
+
+    /// Length of the hidden state: per site, or per joint for what [`Self::advance_transmitted`] carries.
+    ///
+    /// - `rate_hz`: lowest time between samples is half of one over it; NaN if it is not known
+    fn state_len(&self, constants: &[f64], rate_hz: f64) -> usize {
+        let _ = (constants, rate_hz);
+        0
+    }
+
+    /// Sets the hidden state to what it is after a long motion at constant speed through this sample; at rest, where the
+    /// speed is zero. A trajectory starts at rest at its first sample.
+    fn start(&self, site: Site, constants: &[f64], input: &SampleInput<'_>, state: &mut StepState<'_>) {
+        let _ = (site, constants, input);
+        state.hidden.fill(0.0);
+    }
+
+    /// Derivative of the torque by each parameter at the next sample; moves the hidden state on.
+    ///
+    /// - `columns`: one number per parameter for [`Reach::Own`], `[parameters, n]` for [`Reach::All`]
+    fn advance(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        state: &mut StepState<'_>,
+        columns: &mut [f64],
+    ) {
+        let _ = state;
+        if self.entry() == Entry::State {
+            let motion = JointState { q: input.q, dq: input.dq, ddq: input.ddq };
+            self.columns(site.joint().unwrap_or_default(), &motion, columns);
+        } else {
+            stepping::advance_one_row(self, site, constants, input, columns);
+        }
+    }
+
+    /// Derivative of the torque by each parameter along a trajectory: sample by sample, starting at rest, by default.
     ///
     /// - `out`: per parameter `[samples]` for [`Reach::Own`], `[samples, n]` for [`Reach::All`]; zero on entry
     fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
-        let _ = constants;
-        let joint = site.joint().unwrap_or_default();
-        let mut values = vec![0.0; out.len()];
-        for k in 0..context.len() {
-            self.columns(joint, &context.state(k), &mut values);
-            for (column, value) in out.iter_mut().zip(&values) {
-                column[k] = *value;
-            }
+        if self.steps() {
+            stepping::columns_by_steps(self, site, context, constants, out);
         }
     }
 
@@ -152,6 +209,53 @@ pub trait Effect: Send + Sync + Debug {
         let _ = (site, constants, context, motion);
     }
 
+    /// The links' motion at the next sample as [`Self::link_motion`] makes it along a trajectory; moves the hidden state on.
+    fn advance_links(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        state: &mut StepState<'_>,
+        links: &mut LinkSample<'_>,
+    ) {
+        let _ = (site, constants, input, state, links);
+    }
+
+    /// How far ahead of the sample the motion is taken, s: for torques that are logged before they act. A predictor
+    /// extrapolates the motion by that time.
+    fn lead(&self, constants: &[f64]) -> f64 {
+        let _ = constants;
+        0.0
+    }
+
+    /// Sets the hidden state of [`Self::advance_transmitted`] to what it is after a long time at `torque`.
+    fn start_transmitted(&self, torque: f64, hidden: &mut [f64]) {
+        let _ = torque;
+        hidden.fill(0.0);
+    }
+
+    /// The next torque of `joint` as [`Self::transmit`] makes it along a trajectory; moves the hidden state of that joint
+    /// on.
+    ///
+    /// - `rate_hz`: one over the time since the sample before; NaN if it is not known
+    fn advance_transmitted(
+        &self,
+        site: Site,
+        constants: &[f64],
+        joint: usize,
+        rate_hz: f64,
+        hidden: &mut [f64],
+        torque: f64,
+    ) -> f64 {
+        let _ = (site, constants, joint, rate_hz, hidden);
+        torque
+    }
+
+    /// What went wrong in the calls since this was last asked, if an effect can fail; its columns are zero then.
+    fn failure(&self) -> Option<String> {
+        None
+    }
+
     /// What lies between torque and log, if it is linear in the torque: applied to `[samples, width]`, row-major, torques
     /// or columns of `joint`.
     fn transmit(&self, site: Site, constants: &[f64], joint: usize, rate_hz: f64, values: &mut [f64], width: usize) {
@@ -166,12 +270,6 @@ pub trait Effect: Send + Sync + Debug {
 
     /// The effect of which this one is only a finer form: it is fitted beside it, and not a finding of its own.
     fn refines(&self) -> Option<&str> {
-        None
-    }
-
-    /// The distance within which the only column is built up, if that is a Dahl element of the joint's own position: a
-    /// simulator carries its state from step to step.
-    fn dahl_distance(&self, _constants: &[f64]) -> Option<f64> {
         None
     }
 
@@ -482,6 +580,11 @@ pub fn by_name(name: &str) -> Result<Arc<dyn Effect>, UnknownEffect> {
     let known = all.iter().map(|effect| effect.name().to_string()).collect();
     let found = all.into_iter().find(|effect| effect.name() == name);
     found.ok_or_else(|| UnknownEffect { name: name.into(), known })
+}
+
+/// The effect of the library that plays a part.
+pub(crate) fn with_role(role: Role) -> Arc<dyn Effect> {
+    registry().into_iter().find(|effect| effect.role() == Some(role)).expect("every part has its effect")
 }
 
 /// An effect name that the library does not have.

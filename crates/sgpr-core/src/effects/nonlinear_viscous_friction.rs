@@ -1,4 +1,4 @@
-use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Scale, Site, sgn};
+use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, sgn};
 
 /// Viscous friction whose growth slows down with speed, as shear-thinning grease shows: tau = c sgn(dq) |dq|^a with a
 /// below one.
@@ -31,6 +31,8 @@ impl Effect for NonlinearViscousFriction {
             confusable: &["stribeck_friction", "quadratic_viscous_friction", "temperature_dependent_friction"],
             experiment: "constant speeds on a logarithmic grid",
             excitation: "speeds that differ by a factor of ten",
+            origin: Origin::Arm,
+            origin_reason: "the drive overcomes it in every motion",
             ..About::default()
         }
     }
@@ -47,10 +49,19 @@ impl Effect for NonlinearViscousFriction {
         Entry::Trajectory
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
-        let joint = site.joint().expect("at a joint");
-        for (out, dq) in out[0].iter_mut().zip(context.of_joint(context.dq, joint)) {
-            *out = sgn(dq) * dq.abs().powf(constants[0]);
-        }
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        _: &mut StepState<'_>,
+        columns: &mut [f64],
+    ) {
+        let dq = input.dq[site.joint().expect("at a joint")];
+        columns[0] = sgn(dq) * dq.abs().powf(constants[0]);
     }
 }

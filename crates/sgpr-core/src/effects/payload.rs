@@ -1,5 +1,5 @@
-use super::context::{link_regressor, of_a_link};
-use super::{About, Context, Effect, EffectParameter, Entry, Reach, Site};
+use super::context::{link_columns, link_regressor, of_a_link};
+use super::{About, Context, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState};
 
 /// A body fixed to the last link: ten inertial parameters. A refit of the base parameters absorbs it whole; against a
 /// fixed model it shows.
@@ -29,6 +29,8 @@ impl Effect for Payload {
             confusable: &["link_inertia_error", "payload_change"],
             experiment: "a run without the load",
             excitation: "poses in which the load's gravity differs",
+            origin: Origin::Arm,
+            origin_reason: "the load was there all the time, and is taken to stay",
             ..About::default()
         }
     }
@@ -52,5 +54,13 @@ impl Effect for Payload {
     fn trajectory_columns(&self, _: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
         let last = context.dof() - 1;
         link_regressor(context, last, |_| 1.0, out);
+    }
+
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(&self, _: Site, _: &[f64], input: &SampleInput<'_>, state: &mut StepState<'_>, columns: &mut [f64]) {
+        link_columns(input, input.robot.dof() - 1, 1.0, state, columns);
     }
 }

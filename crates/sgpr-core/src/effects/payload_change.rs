@@ -1,5 +1,7 @@
-use super::context::{after, link_regressor, of_a_link};
-use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Reach, Scale, Site};
+use super::context::{after, link_columns, link_regressor, of_a_link};
+use super::{
+    About, Class, Constant, Context, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Scale, Site, StepState,
+};
 
 /// A load that is taken up or put down at a time t0: ten inertial parameters of the last link for t > t0.
 ///
@@ -32,6 +34,8 @@ impl Effect for PayloadChange {
             experiment: "more poses after the change",
             excitation: "different poses before and after, on one clock",
             depends_on_time: true,
+            origin: Origin::Temporary,
+            origin_reason: "the load was taken up or put down during the logs; what is carried now is for the user to say",
             ..About::default()
         }
     }
@@ -65,6 +69,22 @@ impl Effect for PayloadChange {
     fn trajectory_columns(&self, _: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
         let last = context.dof() - 1;
         link_regressor(context, last, |k| after(context.time[k], constants[0], context.rate_hz), out);
+    }
+
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(
+        &self,
+        _: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        state: &mut StepState<'_>,
+        columns: &mut [f64],
+    ) {
+        let on = after(input.time, constants[0], input.rate_hz);
+        link_columns(input, input.robot.dof() - 1, on, state, columns);
     }
 }
 

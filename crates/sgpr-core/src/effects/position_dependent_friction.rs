@@ -1,4 +1,4 @@
-use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Scale, Site, sgn};
+use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, sgn};
 
 /// Friction of an eccentric bearing or a tight spot: tau = sgn(dq) (b exp(-((q - qc) / w)² / 2) + a1 cos q + a2 sin
 /// q).
@@ -37,6 +37,8 @@ impl Effect for PositionDependentFriction {
             confusable: &["load_dependent_friction", "torque_ripple"],
             experiment: "slow sweeps over the whole range in both directions, at two loads",
             excitation: "passes over every position in both directions",
+            origin: Origin::Arm,
+            origin_reason: "the drive overcomes it in every pass over the position",
             ..About::default()
         }
     }
@@ -53,14 +55,22 @@ impl Effect for PositionDependentFriction {
         Entry::Trajectory
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        _: &mut StepState<'_>,
+        columns: &mut [f64],
+    ) {
         let joint = site.joint().expect("at a joint");
-        let q = context.of_joint(context.q, joint);
-        for ((k, dq), q) in context.of_joint(context.dq, joint).enumerate().zip(q) {
-            let direction = sgn(dq);
-            out[0][k] = direction * (-0.5 * ((q - constants[0]) / constants[1]).powi(2)).exp();
-            out[1][k] = direction * q.cos();
-            out[2][k] = direction * q.sin();
-        }
+        let (q, direction) = (input.q[joint], sgn(input.dq[joint]));
+        columns[0] = direction * (-0.5 * ((q - constants[0]) / constants[1]).powi(2)).exp();
+        columns[1] = direction * q.cos();
+        columns[2] = direction * q.sin();
     }
 }

@@ -1,5 +1,5 @@
-use super::context::dahl;
-use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Site};
+use super::stepping::{DAHL_STATE, Dahl};
+use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState};
 
 /// Dry friction with bristles that bend before they slide (Dahl): z follows sgn(dq) over the distance zs, dz =
 /// (sgn(dq) - z) |dq| / zs dt, tau = Fc z. Where the model has Coulomb friction too, this takes its place. Initial
@@ -32,6 +32,8 @@ impl Effect for PreslidingFriction {
             confusable: &["torque_delay", "stribeck_friction", "cable_hysteresis"],
             experiment: "small reversals of one to ten zs at two speeds",
             excitation: "many reversals",
+            origin: Origin::Arm,
+            origin_reason: "the drive overcomes it after every reversal",
             ..About::default()
         }
     }
@@ -52,12 +54,28 @@ impl Effect for PreslidingFriction {
         true
     }
 
-    fn dahl_distance(&self, constants: &[f64]) -> Option<f64> {
-        Some(constants[0])
+    fn state_len(&self, _: &[f64], _: f64) -> usize {
+        DAHL_STATE
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+    fn start(&self, site: Site, _: &[f64], input: &SampleInput<'_>, state: &mut StepState<'_>) {
         let joint = site.joint().expect("at a joint");
-        dahl(context.of_joint(context.q, joint), constants[0], &mut out[0]);
+        Dahl(state.hidden).start(input.q[joint], input.dq[joint]);
+    }
+
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        state: &mut StepState<'_>,
+        columns: &mut [f64],
+    ) {
+        let x = input.q[site.joint().expect("at a joint")];
+        columns[0] = Dahl(state.hidden).advance(x, constants[0]);
     }
 }

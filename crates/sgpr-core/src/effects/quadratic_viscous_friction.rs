@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState};
+use super::{About, Effect, EffectParameter, JointState, Origin};
 
 /// Drag that grows with the square of the speed: churning of oil, flow through an orifice.
 ///
@@ -27,6 +27,8 @@ impl Effect for QuadraticViscousFriction {
             confusable: &["stribeck_friction", "nonlinear_viscous_friction"],
             experiment: "constant speeds that differ by a factor of five and include the highest",
             excitation: "speeds that differ by a factor of five",
+            origin: Origin::Arm,
+            origin_reason: "the drive overcomes it in every motion",
             ..About::default()
         }
     }

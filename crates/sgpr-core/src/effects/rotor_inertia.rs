@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState};
+use super::{About, Effect, EffectParameter, JointState, Origin, Role};
 
 /// Inertia of the motor's rotor, felt at the joint: tau = Ia ddq, Ia = gear ratio² times motor inertia. The
 /// gyroscopic terms of the rotor, smaller by the gear ratio, are left out.
@@ -26,12 +26,18 @@ impl Effect for RotorInertia {
             confusable: &["transmission_hysteresis", "cable_stiffness"],
             experiment: "the same path at a sixth of the speed",
             excitation: "accelerations that are not proportional to the position",
+            origin: Origin::Arm,
+            origin_reason: "the drive accelerates its own rotor",
             ..About::default()
         }
     }
 
     fn parameters(&self) -> &[EffectParameter] {
         &PARAMETERS
+    }
+
+    fn role(&self) -> Option<Role> {
+        Some(Role::RotorInertia)
     }
 
     fn columns(&self, joint: usize, state: &JointState<'_>, out: &mut [f64]) {

@@ -1,4 +1,4 @@
-use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Scale, Site};
+use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState};
 
 /// A spring between a pin on the arm and one on the base, at distances with the ratio r from the axis: with the
 /// length l = sqrt(1 + r² - 2 r cos(q - q0)) in units of the longer distance, tau = -(s1 - s0 / l) sin(q - q0),
@@ -35,6 +35,8 @@ impl Effect for SpringBalancer {
             confusable: &["cable_stiffness", "torque_offset"],
             experiment: "static poses over the whole range, with and without payload",
             excitation: "slow motion over the whole range",
+            origin: Origin::Arm,
+            origin_reason: "the balancer pulls on the joint",
             ..About::default()
         }
     }
@@ -55,13 +57,21 @@ impl Effect for SpringBalancer {
         (0..robot.dof()).filter(|&joint| robot.joints()[joint].kind.is_rotation()).map(Site::Joint).collect()
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
-        let joint = site.joint().expect("at a joint");
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        _: &mut StepState<'_>,
+        columns: &mut [f64],
+    ) {
         let (q0, r) = (constants[0], constants[1]);
-        for (k, q) in context.of_joint(context.q, joint).enumerate() {
-            let (sine, cosine) = (q - q0).sin_cos();
-            out[0][k] = sine;
-            out[1][k] = sine / (1.0 + r * r - 2.0 * r * cosine).sqrt();
-        }
+        let (sine, cosine) = (input.q[site.joint().expect("at a joint")] - q0).sin_cos();
+        columns[0] = sine;
+        columns[1] = sine / (1.0 + r * r - 2.0 * r * cosine).sqrt();
     }
 }

@@ -1,4 +1,4 @@
-use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Site, sgn};
+use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, Role, SampleInput, Site, StepState, sgn};
 
 /// Friction that falls from its breakaway level Fs to the Coulomb level Fc as the lubricant builds up: tau = (Fs -
 /// Fc) sgn(dq) exp(-(dq / vs)²), beside Coulomb friction.
@@ -31,12 +31,18 @@ impl Effect for StribeckFriction {
             confusable: &["presliding_friction", "quadratic_viscous_friction", "nonlinear_viscous_friction"],
             experiment: "slow sweeps from a tenth of vs to three times vs, and runs at the highest speed",
             excitation: "slow motion: speeds around vs for a tenth of the time",
+            origin: Origin::Arm,
+            origin_reason: "the drive overcomes it at creeping speed",
             ..About::default()
         }
     }
 
     fn parameters(&self) -> &[EffectParameter] {
         &PARAMETERS
+    }
+
+    fn role(&self) -> Option<Role> {
+        Some(Role::Stribeck)
     }
 
     fn constants(&self) -> &[Constant] {
@@ -47,10 +53,19 @@ impl Effect for StribeckFriction {
         Entry::Trajectory
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
-        let joint = site.joint().expect("at a joint");
-        for (out, dq) in out[0].iter_mut().zip(context.of_joint(context.dq, joint)) {
-            *out = sgn(dq) * (-(dq / constants[0]).powi(2)).exp();
-        }
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        _: &mut StepState<'_>,
+        columns: &mut [f64],
+    ) {
+        let dq = input.dq[site.joint().expect("at a joint")];
+        columns[0] = sgn(dq) * (-(dq / constants[0]).powi(2)).exp();
     }
 }

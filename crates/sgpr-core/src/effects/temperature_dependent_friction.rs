@@ -1,4 +1,4 @@
-use super::{About, Context, Effect, EffectParameter, Entry, Site, sgn};
+use super::{About, Context, Effect, EffectParameter, Entry, Needs, Origin, SampleInput, Site, StepState, sgn};
 
 /// Friction that changes with the temperature T of the joint: tau = (T - 25 °C) (a1 dq + a0 sgn(dq)).
 ///
@@ -27,12 +27,18 @@ impl Effect for TemperatureDependentFriction {
             confusable: &["friction_warmup", "torque_offset_drift"],
             experiment: "a cold run, a warm run and a cold run",
             excitation: "a temperature that changes by five degrees",
+            origin: Origin::Arm,
+            origin_reason: "the drive overcomes it at the present temperature",
             ..About::default()
         }
     }
 
     fn parameters(&self) -> &[EffectParameter] {
         &PARAMETERS
+    }
+
+    fn needs(&self) -> Needs {
+        Needs { temperature: true, ..Needs::default() }
     }
 
     fn entry(&self) -> Entry {
@@ -45,12 +51,17 @@ impl Effect for TemperatureDependentFriction {
             .then(|| "no temperature channel in the logs".into())
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(&self, site: Site, _: &[f64], input: &SampleInput<'_>, _: &mut StepState<'_>, columns: &mut [f64]) {
         let joint = site.joint().expect("at a joint");
-        let Some(temperature) = context.temperature_celsius(joint) else { return };
-        for (k, dq) in context.of_joint(context.dq, joint).enumerate() {
-            out[0][k] = (temperature[k] - 25.0) * dq;
-            out[1][k] = (temperature[k] - 25.0) * sgn(dq);
+        let (dq, temperature) = (input.dq[joint], input.temperature_celsius[joint]);
+        if temperature.is_nan() {
+            return columns.fill(0.0);
         }
+        columns[0] = (temperature - 25.0) * dq;
+        columns[1] = (temperature - 25.0) * sgn(dq);
     }
 }

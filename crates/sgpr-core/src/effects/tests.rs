@@ -60,6 +60,7 @@ fn every_effect_keeps_the_contract() {
         if effect.entry() == Entry::Gate {
             continue;
         }
+        assert!(effect.entry() == Entry::Transform || effect.steps(), "{name} takes no memory when it is streamed");
         assert!(!about.formula.is_empty() && !about.excitation.is_empty(), "{name}");
         assert!(!effect.parameters().is_empty() || !effect.constants().is_empty(), "{name}");
         for constant in effect.constants() {
@@ -97,6 +98,13 @@ fn act(effect: &dyn Effect, site: Site, context: &Context<'_>) {
     let length = if effect.reach() == Reach::All { samples * n } else { samples };
     let mut out = vec![vec![0.0; length]; effect.parameters().len()];
     effect.trajectory_columns(site, context, &constants, &mut out);
+    let mut stepped = out.clone();
+    stepping::columns_by_steps(effect, site, context, &constants, &mut stepped);
+    let largest = out.iter().flatten().fold(0.0f64, |largest, x| largest.max(x.abs()));
+    for (column, stepped) in out.iter().zip(&stepped) {
+        let close = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-12 * largest;
+        assert!(column.iter().zip(stepped).all(close), "{name}: steps are not the columns of the trajectory");
+    }
     assert!(out.iter().all(|column| column.len() == length && column.iter().all(|x| x.is_finite())), "{name}");
     assert!(out.iter().any(|column| column.iter().any(|x| *x != 0.0)), "{name} {site:?} does nothing");
     if effect.entry() == Entry::State {

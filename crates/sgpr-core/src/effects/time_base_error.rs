@@ -1,4 +1,4 @@
-use super::{About, Class, Effect, Entry};
+use super::{About, Class, Effect, Entry, Origin};
 
 /// Jitter, lost samples, wrong units or signs: found by the checks of the log before any physics
 /// (`recording::inspect`).
@@ -25,6 +25,8 @@ impl Effect for TimeBaseError {
             confusable: &[],
             experiment: "repair the log",
             excitation: "",
+            origin: Origin::Measurement,
+            origin_reason: "times, units or signs of the log are wrong",
             ..About::default()
         }
     }

@@ -1,5 +1,6 @@
 use super::context::shift;
-use super::{About, Class, Constant, Effect, Entry, Reach, Site};
+use super::stepping::Delay;
+use super::{About, Class, Constant, Effect, Entry, Needs, Origin, Reach, Site, Streamed};
 
 /// Torques that are logged late: tau_log(t) = tau(t - d), one delay for all joints.
 ///
@@ -28,6 +29,8 @@ impl Effect for TorqueDelay {
             confusable: &["actuator_lag", "presliding_friction"],
             experiment: "the same path at two speeds: a delay scales with speed, presliding with distance",
             excitation: "fast motion with reversals",
+            origin: Origin::Measurement,
+            origin_reason: "the torque is late in the log, not in the arm",
             ..About::default()
         }
     }
@@ -55,6 +58,45 @@ impl Effect for TorqueDelay {
     fn transmit(&self, _: Site, constants: &[f64], _: usize, rate_hz: f64, values: &mut [f64], width: usize) {
         if rate_hz.is_finite() {
             shift(values, width, constants[0] * rate_hz);
+        }
+    }
+
+    fn needs(&self) -> Needs {
+        Needs { rate: true, ..Needs::default() }
+    }
+
+    fn streamed(&self) -> Streamed<'_> {
+        Streamed::Nearly(
+            "a delay below one period is interpolated from the four newest samples; a torque that is logged early is \
+             that of the motion extrapolated by that time",
+        )
+    }
+
+    fn lead(&self, constants: &[f64]) -> f64 {
+        (-constants[0]).max(0.0)
+    }
+
+    fn state_len(&self, constants: &[f64], rate_hz: f64) -> usize {
+        Delay::len(constants[0], rate_hz)
+    }
+
+    fn start_transmitted(&self, torque: f64, hidden: &mut [f64]) {
+        Delay(hidden).start(torque);
+    }
+
+    fn advance_transmitted(
+        &self,
+        _: Site,
+        constants: &[f64],
+        _: usize,
+        rate_hz: f64,
+        hidden: &mut [f64],
+        torque: f64,
+    ) -> f64 {
+        if rate_hz.is_finite() && constants[0] > 0.0 {
+            Delay(hidden).advance(torque, constants[0], 1.0 / rate_hz)
+        } else {
+            torque
         }
     }
 }

@@ -1,4 +1,4 @@
-use super::{About, Context, Effect, EffectParameter, Entry, Site};
+use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState};
 
 /// A torque constant that drifts while magnets and sensors warm up: tau = e (t / 100 s) tau_hat.
 ///
@@ -27,6 +27,8 @@ impl Effect for TorqueGainDrift {
             experiment: "a cold run and a warm run with the same motion",
             excitation: "logs over minutes on one clock",
             depends_on_time: true,
+            origin: Origin::Measurement,
+            origin_reason: "the scale of the log drifts, not the torque that the arm needs",
             ..About::default()
         }
     }
@@ -43,10 +45,12 @@ impl Effect for TorqueGainDrift {
         true
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
-        let joint = site.joint().expect("at a joint");
-        for ((out, torque), t) in out[0].iter_mut().zip(context.of_joint(context.torque, joint)).zip(context.time) {
-            *out = t / 100.0 * torque;
-        }
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(&self, site: Site, _: &[f64], input: &SampleInput<'_>, _: &mut StepState<'_>, columns: &mut [f64]) {
+        let torque = input.torque[site.joint().expect("at a joint")];
+        columns[0] = if input.time.is_nan() { 0.0 } else { input.time / 100.0 * torque };
     }
 }

@@ -1,4 +1,4 @@
-use super::{About, Class, Constant, Effect, Entry, Site};
+use super::{About, Class, Constant, Effect, Entry, Origin, Site};
 
 /// A torque constant or drive gain that is off: the log shows (1 + e) times the torque of the joint.
 ///
@@ -27,6 +27,8 @@ impl Effect for TorqueGainError {
             confusable: &["link_inertia_error", "torque_gain_drift"],
             experiment: "the same motion with a known payload",
             excitation: "inertial coupling with other joints, or a known payload",
+            origin: Origin::Measurement,
+            origin_reason: "the log has the torque on a wrong scale; the arm needs the true one",
             ..About::default()
         }
     }
@@ -47,5 +49,17 @@ impl Effect for TorqueGainError {
         if site.joint() == Some(joint) {
             values.iter_mut().for_each(|value| *value *= 1.0 + constants[0]);
         }
+    }
+
+    fn advance_transmitted(
+        &self,
+        site: Site,
+        constants: &[f64],
+        joint: usize,
+        _: f64,
+        _: &mut [f64],
+        torque: f64,
+    ) -> f64 {
+        if site.joint() == Some(joint) { torque * (1.0 + constants[0]) } else { torque }
     }
 }

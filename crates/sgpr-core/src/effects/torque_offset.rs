@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState};
+use super::{About, Effect, EffectParameter, JointState, Origin, Role};
 
 /// A constant torque: bias of a current sensor, an unbalanced spring, or Coulomb friction that differs between the
 /// directions, from which it cannot be told apart while the joint moves.
@@ -26,12 +26,18 @@ impl Effect for TorqueOffset {
             confusable: &["asymmetric_coulomb_friction", "spring_balancer"],
             experiment: "measure at rest with the drive holding, after approaches from both sides, or with the brake on",
             excitation: "any motion in which the gravity torque changes",
+            origin: Origin::Measurement,
+            origin_reason: "a constant is as a rule the zero of the current or torque sensor; where it is a spring, a hose or friction that differs by direction, keep it",
             ..About::default()
         }
     }
 
     fn parameters(&self) -> &[EffectParameter] {
         &PARAMETERS
+    }
+
+    fn role(&self) -> Option<Role> {
+        Some(Role::Offset)
     }
 
     fn columns(&self, _: usize, _: &JointState<'_>, out: &mut [f64]) {

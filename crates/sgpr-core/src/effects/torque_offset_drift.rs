@@ -1,4 +1,4 @@
-use super::{About, Context, Effect, EffectParameter, Entry, Site};
+use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState};
 
 /// An offset that drifts with the time of the session: tau = d1 t + d2 t², t in hundreds of seconds.
 ///
@@ -28,6 +28,8 @@ impl Effect for TorqueOffsetDrift {
             experiment: "return to the same static poses every minute",
             excitation: "logs over minutes on one clock",
             depends_on_time: true,
+            origin: Origin::Measurement,
+            origin_reason: "an offset that drifts is that of a sensor, and drifts differently in the next session",
             ..About::default()
         }
     }
@@ -40,11 +42,15 @@ impl Effect for TorqueOffsetDrift {
         Entry::Trajectory
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
-        let _ = site;
-        for (k, t) in context.time.iter().enumerate() {
-            out[0][k] = t / 100.0;
-            out[1][k] = (t / 100.0).powi(2);
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(&self, _: Site, _: &[f64], input: &SampleInput<'_>, _: &mut StepState<'_>, columns: &mut [f64]) {
+        if input.time.is_nan() {
+            return columns.fill(0.0);
         }
+        columns[0] = input.time / 100.0;
+        columns[1] = (input.time / 100.0).powi(2);
     }
 }

@@ -1,5 +1,5 @@
 use super::context::harmonic;
-use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Scale, Site};
+use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState};
 
 /// Ripple of gear or motor over the position: tau = a cos(n q) + b sin(n q), n periods per turn of the joint.
 ///
@@ -32,6 +32,8 @@ impl Effect for TorqueRipple {
             confusable: &["cogging_torque", "kinematic_error"],
             experiment: "very slow constant speed, then twice of it: the order stays, the frequency moves",
             excitation: "slow passes over many periods",
+            origin: Origin::Arm,
+            origin_reason: "the gear needs it at the same positions again",
             ..About::default()
         }
     }
@@ -48,7 +50,18 @@ impl Effect for TorqueRipple {
         Entry::Trajectory
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
-        harmonic(context, site, constants[0], out);
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        _: &mut StepState<'_>,
+        columns: &mut [f64],
+    ) {
+        harmonic(input, site, constants[0], columns);
     }
 }

@@ -1,4 +1,4 @@
-use super::{About, Class, Constant, Effect, Entry, Scale, Site};
+use super::{About, Class, Constant, Effect, Entry, Origin, Scale, Site};
 
 /// A drive or sensor that shows no more than L: tau_log = clip(tau, -L, L).
 ///
@@ -27,6 +27,8 @@ impl Effect for TorqueSaturation {
             confusable: &["asymmetric_coulomb_friction"],
             experiment: "look for flat tops; slower motion that stays below the limit",
             excitation: "torque beyond the limit for part of the time",
+            origin: Origin::Measurement,
+            origin_reason: "what the log or the drive cuts off is needed nevertheless; the drive knows its own limit",
             ..About::default()
         }
     }

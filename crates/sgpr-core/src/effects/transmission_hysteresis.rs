@@ -1,5 +1,5 @@
-use super::context::dahl;
-use super::{About, Class, Constant, Context, Effect, EffectParameter, Entry, Scale, Site};
+use super::stepping::{DAHL_STATE, Dahl};
+use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState};
 
 /// Loop between torque and angle of a gear: the torque lost in the gear follows the direction in which the load
 /// torque changes, over the scale ts, as a Dahl element driven by the load.
@@ -31,6 +31,8 @@ impl Effect for TransmissionHysteresis {
             confusable: &["presliding_friction", "joint_elasticity", "rotor_inertia"],
             experiment: "output locked, slow ramps of torque",
             excitation: "a load torque that rises and falls often",
+            origin: Origin::Arm,
+            origin_reason: "the drive overcomes it whenever the load changes",
             ..About::default()
         }
     }
@@ -55,8 +57,28 @@ impl Effect for TransmissionHysteresis {
         true
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+    fn state_len(&self, _: &[f64], _: f64) -> usize {
+        DAHL_STATE
+    }
+
+    fn start(&self, site: Site, _: &[f64], input: &SampleInput<'_>, state: &mut StepState<'_>) {
         let joint = site.joint().expect("at a joint");
-        dahl(context.of_joint(context.rigid_torque, joint), constants[0], &mut out[0]);
+        Dahl(state.hidden).start(input.rigid_torque[joint], 0.0);
+    }
+
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        state: &mut StepState<'_>,
+        columns: &mut [f64],
+    ) {
+        let x = input.rigid_torque[site.joint().expect("at a joint")];
+        columns[0] = Dahl(state.hidden).advance(x, constants[0]);
     }
 }

@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState};
+use super::{About, Effect, EffectParameter, JointState, Origin, Role};
 
 /// Viscous friction tau = Fv dq.
 ///
@@ -26,12 +26,18 @@ impl Effect for ViscousFriction {
             confusable: &["nonlinear_viscous_friction", "torque_gain_error", "temperature_dependent_friction"],
             experiment: "speed steps in both directions at one temperature",
             excitation: "speeds of both signs that differ by a factor of three",
+            origin: Origin::Arm,
+            origin_reason: "the drive overcomes it in every motion",
             ..About::default()
         }
     }
 
     fn parameters(&self) -> &[EffectParameter] {
         &PARAMETERS
+    }
+
+    fn role(&self) -> Option<Role> {
+        Some(Role::ViscousFriction)
     }
 
     fn columns(&self, joint: usize, state: &JointState<'_>, out: &mut [f64]) {

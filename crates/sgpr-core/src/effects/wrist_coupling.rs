@@ -1,4 +1,4 @@
-use super::{About, Context, Effect, EffectParameter, Entry, Site, sgn};
+use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, sgn};
 
 /// One motor of the wrist drives two joints, so that the torque of a joint depends on the motion of its neighbour:
 /// tau_j = Ia ddq_o + Fv dq_o + Fc sgn(dq_o) + Fs sgn(dq_j + dq_o).
@@ -32,6 +32,8 @@ impl Effect for WristCoupling {
             confusable: &["rotor_inertia", "friction_dead_band"],
             experiment: "move one wrist joint at a time",
             excitation: "both wrist joints move, not in step",
+            origin: Origin::Arm,
+            origin_reason: "the joint is coupled with its neighbour in every motion",
             ..About::default()
         }
     }
@@ -53,14 +55,15 @@ impl Effect for WristCoupling {
         (n - 3..n - 1).flat_map(|joint| [Site::Pair(joint, joint + 1), Site::Pair(joint + 1, joint)]).collect()
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
+    fn steps(&self) -> bool {
+        true
+    }
+
+    fn advance(&self, site: Site, _: &[f64], input: &SampleInput<'_>, _: &mut StepState<'_>, columns: &mut [f64]) {
         let Site::Pair(joint, other) = site else { unreachable!("at a pair of joints") };
-        for k in 0..context.len() {
-            let state = context.state(k);
-            out[0][k] = state.ddq[other];
-            out[1][k] = state.dq[other];
-            out[2][k] = sgn(state.dq[other]);
-            out[3][k] = sgn(state.dq[joint] + state.dq[other]);
-        }
+        columns[0] = input.ddq[other];
+        columns[1] = input.dq[other];
+        columns[2] = sgn(input.dq[other]);
+        columns[3] = sgn(input.dq[joint] + input.dq[other]);
     }
 }

@@ -7,7 +7,7 @@ use super::criterion::SINGULAR;
 use super::dual::{DIRECTIONS, Dual};
 use super::{ExcitationError, NominalEffects, TrajectorySamples};
 use crate::dynamics::{BatchWorkspace, Body, Samples, regressor_batch, regressor_kernel};
-use crate::effects::JointState;
+use crate::effects::{JointState, Role};
 use crate::identification::{BaseParameters, ParameterSet};
 use crate::linalg::{Svd, TriangularFactor};
 use crate::robot::Robot;
@@ -66,7 +66,7 @@ impl<'a> Information<'a> {
         if self.smoothing > 0.0 {
             let mut index = 0;
             for effect in self.set.effects() {
-                if effect.name() == "coulomb_friction" {
+                if effect.role() == Some(Role::DryFriction) {
                     out[index] = (state.dq[joint] / self.smoothing).tanh();
                 }
                 index += effect.parameters().len();

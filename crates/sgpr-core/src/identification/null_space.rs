@@ -14,6 +14,7 @@
 //! parameter identification, IJRR 43(14) (2024): the recursive parameter nullspace algorithm.
 
 use super::{EffectColumn, ParameterSet};
+use crate::effects::Role;
 use crate::robot::{Joint, Robot};
 use crate::spatial::{LinkInertia, Matrix3, PARAMETERS_PER_LINK, Pose, Vector3};
 
@@ -78,7 +79,7 @@ pub(super) fn identifiable_rows(robot: &Robot, set: &ParameterSet) -> Vec<Vec<f6
         reached.push(Reach { velocities, energies: all, potential, shifts });
     }
     for (offset, column) in set.effect_columns().iter().enumerate() {
-        if ![ROTOR, OFFSET].contains(&set.effects()[column.effect].name()) {
+        if ![ROTOR, OFFSET].map(Some).contains(&set.effects()[column.effect].role()) {
             let mut row = vec![0.0; set.len()];
             row[set.inertial() + offset] = 1.0;
             rows.push(row);
@@ -87,8 +88,8 @@ pub(super) fn identifiable_rows(robot: &Robot, set: &ParameterSet) -> Vec<Vec<f6
     rows
 }
 
-const ROTOR: &str = "rotor_inertia";
-const OFFSET: &str = "torque_offset";
+const ROTOR: Role = Role::RotorInertia;
+const OFFSET: Role = Role::Offset;
 
 /// What the motion of all joints up to a link can reach there.
 #[derive(Clone, Debug, Default)]
@@ -127,10 +128,10 @@ impl Carried<'_> {
         row
     }
 
-    /// Index of the parameter of an effect at the link's joint, if the set has it.
-    fn parameter(&self, effect: &str) -> Option<usize> {
+    /// Index of the parameter of a part at the link's joint, if the set has it.
+    fn parameter(&self, role: Role) -> Option<usize> {
         let is_it =
-            |column: &EffectColumn| column.joint == self.link && self.set.effects()[column.effect].name() == effect;
+            |column: &EffectColumn| column.joint == self.link && self.set.effects()[column.effect].role() == Some(role);
         self.set.effect_columns().iter().position(is_it).map(|offset| self.set.inertial() + offset)
     }
 }

@@ -11,6 +11,7 @@ use faer::Mat;
 use super::consistency::nearest_body;
 use super::extended_factor::ExtendedFactor;
 use super::{BaseParameters, IdentificationError, JointFactor, LeastSquares, Method, ParameterSet};
+use crate::effects::Role;
 use crate::spatial::PARAMETERS_PER_LINK;
 
 /// How a payload is estimated.
@@ -118,7 +119,7 @@ pub fn identify_payload(
 
 fn is_rotor(set: &ParameterSet, parameter: usize) -> bool {
     let column = set.effect_columns()[parameter - set.inertial()];
-    set.effects()[column.effect].name() == "rotor_inertia"
+    set.effects()[column.effect].role() == Some(Role::RotorInertia)
 }
 
 /// How the parameters of one link enter the base parameters.

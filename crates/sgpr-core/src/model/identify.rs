@@ -160,6 +160,9 @@ pub enum IdentifyError {
     /// A filter that cannot be.
     #[error(transparent)]
     Signal(#[from] SignalError),
+    /// The model cannot be streamed.
+    #[error(transparent)]
+    Stream(#[from] super::StreamError),
     /// Parameters set to zero make no body.
     #[error("parameters that are left out make no body: choose between consistent and essential parameters")]
     ConsistentAndEssential,
@@ -251,7 +254,7 @@ pub fn identify(
 pub(crate) fn identify_again(
     model: &TorqueModel,
     given: Given,
-    consistency: &Consistency,
+    consistency: Option<&Consistency>,
     recordings: &[Recording],
 ) -> Result<TorqueModel, IdentifyError> {
     let recordings = select_joints(&model.robot, recordings)?;
@@ -261,7 +264,7 @@ pub(crate) fn identify_again(
     };
     let options = IdentifyOptions {
         effects: model.set.effects().iter().map(|effect| effect.name().into()).collect(),
-        consistency: Some(consistency.clone()),
+        consistency: consistency.cloned(),
         ..IdentifyOptions::default()
     };
     let (mut again, _) = fit(&model.robot, &recordings, &options, &processing, given, &())?;

@@ -7,8 +7,8 @@ mod held;
 mod identify;
 mod payload;
 mod prediction_band;
-mod predictor;
 mod semi_parametric;
+mod stream;
 mod terms;
 mod torque_model;
 mod variable_projection;
@@ -23,10 +23,13 @@ pub use identify::{
     cutoff_influence, identify, screen,
 };
 pub use payload::{identify_drive_gains, identify_payload};
-pub use predictor::Predictor;
 pub use semi_parametric::{
     Candidate, Coverage, FollowingIntervals, Inputs, JointReport, Mean, SemiParametricError, SemiParametricModel,
     SemiParametricOptions, SemiParametricPredictor, TorquePrediction, fit_rest, fit_semi_parametric,
+};
+pub(crate) use stream::TermSteps;
+pub use stream::{
+    Predictor, Purpose, SavedStates, StreamError, StreamOptions, StreamedMotion, UnknownPurpose, compare_streaming,
 };
 pub(crate) use terms::{Rigid, common_clock, seconds_since};
 pub use terms::{Term, Trajectory};

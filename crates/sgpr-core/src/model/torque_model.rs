@@ -1,7 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::dynamics::{BatchWorkspace, Samples, rnea_batch};
-use crate::effects::{JointState, UnknownEffect};
+use crate::effects::{JointState, Role, UnknownEffect, with_role};
 use crate::identification::{
     BaseParameters, Consistency, ConsistentParameters, Costs, Distance, KeptOut, LinkCertificate, ParameterSet,
     PhysicalBounds, Price, Prior, Stage,
@@ -169,10 +169,10 @@ impl TorqueModel {
         let has = |select: fn(&crate::robot::Joint) -> f64| robot.joints().iter().any(|joint| select(joint) != 0.0);
         let mut effects = Vec::new();
         if has(|joint| joint.damping) {
-            effects.push("viscous_friction");
+            effects.push(with_role(Role::ViscousFriction).name().to_string());
         }
         if has(|joint| joint.friction) {
-            effects.push("coulomb_friction");
+            effects.push(with_role(Role::DryFriction).name().to_string());
         }
         let set = ParameterSet::new(robot, &effects).expect("effects of the library");
         let parameters = nominal_parameters(robot, &set);
@@ -216,10 +216,6 @@ impl TorqueModel {
     pub(crate) fn set_parameters(&mut self, parameters: Vec<f64>) {
         self.dynamics = identified(&self.robot, &self.set, &parameters);
         self.parameters = parameters;
-    }
-
-    pub(crate) fn set_fit(&mut self, fit: Fit) {
-        self.fit = Some(fit);
     }
 
     /// The robot with the inertias of its file.
@@ -354,10 +350,10 @@ impl TorqueModel {
         let mut joints = vec![JointDynamics::default(); self.robot.dof()];
         for (column, value) in self.set.effect_columns().iter().zip(&self.parameters[self.set.inertial()..]) {
             let joint = &mut joints[column.joint];
-            match self.set.effects()[column.effect].name() {
-                "rotor_inertia" => joint.rotor_inertia = *value,
-                "viscous_friction" => joint.viscous_friction = *value,
-                "coulomb_friction" => joint.coulomb_friction = *value,
+            match self.set.effects()[column.effect].role() {
+                Some(Role::RotorInertia) => joint.rotor_inertia = *value,
+                Some(Role::ViscousFriction) => joint.viscous_friction = *value,
+                Some(Role::DryFriction) => joint.coulomb_friction = *value,
                 _ => {}
             }
         }
@@ -370,9 +366,9 @@ fn identified(robot: &Robot, set: &ParameterSet, parameters: &[f64]) -> Robot {
     let mut robot = robot.clone().with_standard_parameters(&parameters[..set.inertial()]);
     for (column, value) in set.effect_columns().iter().zip(&parameters[set.inertial()..]) {
         let joint = robot.joint_mut(column.joint);
-        match set.effects()[column.effect].name() {
-            "viscous_friction" => joint.damping = *value,
-            "coulomb_friction" => joint.friction = *value,
+        match set.effects()[column.effect].role() {
+            Some(Role::ViscousFriction) => joint.damping = *value,
+            Some(Role::DryFriction) => joint.friction = *value,
             _ => {}
         }
     }
@@ -385,9 +381,9 @@ pub(crate) fn nominal_parameters(robot: &Robot, set: &ParameterSet) -> Vec<f64> 
     debug_assert_eq!(parameters.len(), PARAMETERS_PER_LINK * robot.dof());
     for column in set.effect_columns() {
         let joint = &robot.joints()[column.joint];
-        parameters.push(match set.effects()[column.effect].name() {
-            "viscous_friction" => joint.damping,
-            "coulomb_friction" => joint.friction,
+        parameters.push(match set.effects()[column.effect].role() {
+            Some(Role::ViscousFriction) => joint.damping,
+            Some(Role::DryFriction) => joint.friction,
             _ => 0.0,
         });
     }

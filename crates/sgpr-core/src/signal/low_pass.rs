@@ -120,6 +120,20 @@ impl LowPass {
     }
 }
 
+impl LowPass {
+    /// Filters every column of `values`, `[samples, columns]` row-major, in place and forwards alone, as a filter does that
+    /// does not know what comes: the result is late. It starts settled at the first row.
+    ///
+    /// # Panics
+    /// If `values` does not hold whole rows.
+    pub fn apply_forwards(&self, values: &mut [f64], columns: usize) {
+        assert!(columns > 0 && values.len().is_multiple_of(columns), "whole rows of {columns} columns");
+        let Some(first) = values.get(..columns) else { return };
+        let mut state = State::at_rest(&self.sections, first);
+        values.chunks_exact_mut(columns).for_each(|row| state.advance(&self.sections, row));
+    }
+}
+
 struct ForwardBackward<'a> {
     filter: &'a LowPass,
     values: &'a mut [f64],

@@ -3,10 +3,10 @@
 use std::fmt::Debug;
 
 use super::{Drive, SimulationError};
-use crate::dynamics::Samples;
-use crate::effects::{Dahl, Entry, JointState};
+use crate::dynamics::{Workspace, rnea};
+use crate::effects::{Entry, JointState, Role, SampleInput};
 use crate::identification::ParameterSet;
-use crate::model::{Term, TorqueModel, Trajectory};
+use crate::model::{Term, TermSteps, TorqueModel};
 
 /// A torque that the drives have to overcome beside the rigid body and the friction of the [`Drive`]s: a spring, a
 /// ripple, an effect with a memory.
@@ -47,10 +47,10 @@ pub fn drives_from_parameters(set: &ParameterSet, parameters: &[f64]) -> (Vec<Dr
     for (index, column) in set.effect_columns().iter().enumerate() {
         let value = &mut rest[set.inertial() + index];
         let drive = &mut drives[column.joint];
-        match set.effects()[column.effect].name() {
-            "viscous_friction" => drive.viscous_friction = *value,
-            "coulomb_friction" => (drive.coulomb_friction, drive.static_friction) = ([*value; 2], [*value; 2]),
-            "rotor_inertia" => drive.rotor_inertia = *value,
+        match set.effects()[column.effect].role() {
+            Some(Role::ViscousFriction) => drive.viscous_friction = *value,
+            Some(Role::DryFriction) => (drive.coulomb_friction, drive.static_friction) = ([*value; 2], [*value; 2]),
+            Some(Role::RotorInertia) => drive.rotor_inertia = *value,
             _ => continue,
         }
         *value = 0.0;
@@ -60,38 +60,64 @@ pub fn drives_from_parameters(set: &ParameterSet, parameters: &[f64]) -> (Vec<Dr
     (drives, side)
 }
 
-/// Effects of a model at single sites.
+/// Effects of a model at single sites, each carrying its hidden state from step to step.
 #[derive(Debug)]
 struct Terms {
-    with: TorqueModel,
-    without: TorqueModel,
+    /// Without the terms.
+    model: TorqueModel,
+    terms: TermSteps,
+    started: bool,
+    ws: Workspace,
+    rigid: Vec<f64>,
+    /// With the effects that the model has everywhere.
+    torque: Vec<f64>,
+    /// Not known.
+    temperature: Vec<f64>,
 }
 
 impl Terms {
-    fn new(model: &TorqueModel, terms: Vec<Term>) -> Self {
-        let with = |terms| model.clone().with_terms(terms, Some(0));
-        Self { with: with(terms), without: with(vec![]) }
+    fn new(model: &TorqueModel, terms: &[Term]) -> Self {
+        let n = model.robot().dof();
+        Self {
+            model: model.clone().with_terms(vec![], Some(0)),
+            terms: TermSteps::new(terms, n, f64::NAN),
+            started: false,
+            ws: Workspace::new(model.robot()),
+            rigid: vec![0.0; n],
+            torque: vec![0.0; n],
+            temperature: vec![f64::NAN; n],
+        }
     }
 
-    /// Torque of the terms alone, `[n]`.
-    fn torque(&self, time: f64, q: &[f64], dq: &[f64], ddq: &[f64]) -> Vec<f64> {
-        let samples = Samples { q, dq, ddq };
-        let time = [time];
-        let trajectory = Trajectory { samples, rate_hz: f64::NAN, time: &time, channels: &[] };
-        let without = self.without.predict(samples);
-        self.with.predict_trajectory(&trajectory).iter().zip(without).map(|(with, without)| with - without).collect()
+    /// Adds the torque of the terms to `tau`, `[n]`, and moves their states on.
+    fn add_torque(&mut self, time: f64, rate_hz: f64, motion: &JointState<'_>, tau: &mut [f64]) {
+        let Self { model, terms, started, ws, rigid, torque, temperature } = self;
+        let robot = model.identified_robot();
+        let JointState { q, dq, ddq } = *motion;
+        rigid.copy_from_slice(rnea(robot, ws, q, dq, ddq));
+        torque.copy_from_slice(rigid);
+        model.parameter_set().add_effect_torque(model.parameters(), motion, torque);
+        let (rigid_torque, temperature_celsius) = (&*rigid, &*temperature);
+        let input = SampleInput { robot, rate_hz, time, q, dq, ddq, rigid_torque, torque, temperature_celsius };
+        if !*started {
+            let rest = &vec![0.0; q.len()];
+            terms.start(&SampleInput { dq: rest, ddq: rest, ..input }, ws);
+            *started = true;
+        }
+        terms.add_torque(&input, ws, tau);
     }
 
     /// Whether an acceleration of this joint in the step before changes the torque by a large share of what it takes:
     /// the next step would overshoot.
-    fn overshoots(&self, joint: usize) -> bool {
-        let n = self.with.robot().dof();
+    fn overshoots(&mut self, joint: usize) -> bool {
+        let n = self.rigid.len();
         let moving = vec![0.1; n];
-        let at = |acceleration: f64| {
-            let mut ddq = vec![0.0; n];
+        let mut at = |acceleration: f64| {
+            let (mut ddq, mut own) = (vec![0.0; n], vec![0.0; n]);
             ddq[joint] = acceleration;
-            let all = self.without.predict(Samples { q: &moving, dq: &moving, ddq: &ddq });
-            (self.torque(0.0, &moving, &moving, &ddq)[joint], all[joint])
+            self.started = false;
+            self.add_torque(0.0, f64::NAN, &JointState { q: &moving, dq: &moving, ddq: &ddq }, &mut own);
+            (own[joint], self.torque[joint])
         };
         let ((own, all), (own_at_one, all_at_one)) = (at(0.0), at(1.0));
         (own_at_one - own).abs() > LARGEST_SHARE * (all_at_one - all).abs()
@@ -102,18 +128,8 @@ impl Terms {
 const LARGEST_SHARE: f64 = 0.5;
 
 impl SideTorque for Terms {
-    fn add(&mut self, time: f64, _: f64, q: &[f64], dq: &[f64], ddq: &[f64], tau: &mut [f64]) {
-        tau.iter_mut().zip(self.torque(time, q, dq, ddq)).for_each(|(tau, own)| *tau += own);
-    }
-}
-
-/// Friction and cables with a Dahl element of the joint's position: joint, torque of the full element, state.
-#[derive(Debug)]
-struct Dahls(Vec<(usize, f64, Dahl)>);
-
-impl SideTorque for Dahls {
-    fn add(&mut self, _: f64, _: f64, q: &[f64], _: &[f64], _: &[f64], tau: &mut [f64]) {
-        self.0.iter_mut().for_each(|(joint, size, element)| tau[*joint] += *size * element.next(q[*joint]));
+    fn add(&mut self, time: f64, step: f64, q: &[f64], dq: &[f64], ddq: &[f64], tau: &mut [f64]) {
+        self.add_torque(time, 1.0 / step, &JointState { q, dq, ddq }, tau);
     }
 }
 
@@ -121,30 +137,22 @@ impl SideTorque for Dahls {
 pub type DrivesAndSideTorques = (Vec<Drive>, Vec<Box<dyn SideTorque>>);
 
 /// Drives and side torques that together are all effects of a model, those at single sites included. Stribeck friction is
-/// treated as that of a [`Drive`]; Dahl elements of a position carry their state. The clock of the session starts with the
+/// treated as that of a [`Drive`]; hidden states are carried from step to step. The clock of the session starts with the
 /// simulation.
 ///
 /// # Errors
-/// If the torque of an effect is none of present motion and time, and no Dahl element: it has another memory, changes robot,
-/// motion or torque, or follows the acceleration as an inertia does. For those write a [`SideTorque`].
+/// If an effect changes robot, motion or torque, has a hidden state that follows the torque or the time between samples of
+/// a log, needs a temperature or a channel, or follows the acceleration as an inertia does. For those write a
+/// [`SideTorque`].
 pub fn drives_from_model(model: &TorqueModel) -> Result<DrivesAndSideTorques, SimulationError> {
     let (mut drives, side) = drives_from_parameters(model.parameter_set(), model.parameters());
     let mut side: Vec<_> = side.into_iter().collect();
-    let (mut terms, mut dahls) = (Vec::new(), Vec::new());
+    let mut terms = Vec::new();
     for term in model.terms() {
-        let refuse = |reason| Err(SimulationError::Effect { name: term.effect.name().into(), reason });
-        if let (Some(joint), Some(distance)) = (term.site.joint(), term.effect.dahl_distance(&term.constants)) {
-            dahls.push((joint, term.coefficients[0], Dahl::new(distance)));
-            continue;
+        if let Some(reason) = no_side_torque(term) {
+            return Err(SimulationError::Effect { name: term.effect.name().into(), reason });
         }
-        match term.effect.entry() {
-            Entry::Transform => return refuse("it changes robot, motion or torque"),
-            _ if term.effect.has_memory() => return refuse("it has a hidden state"),
-            Entry::Gate => return refuse("it is found by checks of a log"),
-            _ if term.effect.name() == "temperature_dependent_friction" => return refuse("it needs a temperature"),
-            Entry::State | Entry::Trajectory => {}
-        }
-        if let (Some(joint), "stribeck_friction") = (term.site.joint(), term.effect.name()) {
+        if let (Some(joint), Some(Role::Stribeck)) = (term.site.joint(), term.effect.role()) {
             let drive = &mut drives[joint];
             if drive.stribeck_velocity == 0.0 && term.coefficients[0] >= 0.0 {
                 drive.static_friction = drive.coulomb_friction.map(|size| size + term.coefficients[0]);
@@ -152,17 +160,30 @@ pub fn drives_from_model(model: &TorqueModel) -> Result<DrivesAndSideTorques, Si
                 continue;
             }
         }
-        let alone = Terms::new(model, vec![term.clone()]);
+        let mut alone = Terms::new(model, std::slice::from_ref(term));
         if (0..drives.len()).any(|joint| alone.overshoots(joint)) {
-            return refuse("it follows the acceleration as an inertia does; give the arm that inertia instead");
+            let reason = "it follows the acceleration as an inertia does; give the arm that inertia instead";
+            return Err(SimulationError::Effect { name: term.effect.name().into(), reason });
         }
         terms.push(term.clone());
     }
-    if !dahls.is_empty() {
-        side.push(Box::new(Dahls(dahls)));
-    }
     if !terms.is_empty() {
-        side.push(Box::new(Terms::new(model, terms)));
+        side.push(Box::new(Terms::new(model, &terms)));
     }
     Ok((drives, side))
+}
+
+/// Why an effect cannot act on a simulated arm as a torque of the state, if it cannot.
+fn no_side_torque(term: &Term) -> Option<&'static str> {
+    let (effect, needs) = (&term.effect, term.effect.needs());
+    match effect.entry() {
+        Entry::Transform => Some("it changes robot, motion or torque"),
+        Entry::Gate => Some("it is found by checks of a log"),
+        _ if effect.has_memory() && (effect.follows_torque() || needs.rate) => {
+            Some("it has a hidden state that follows the torque or the acceleration")
+        }
+        _ if needs.temperature => Some("it needs a temperature"),
+        _ if !needs.channels.is_empty() => Some("it needs a channel of the logs"),
+        Entry::State | Entry::Trajectory => None,
+    }
 }

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from .semi_parametric import SemiParametricModel
 
 _Array = NDArray[np.float64]
+_Purpose = Literal["expected_measurement", "feed_forward"]
 _Path = str | PathLike[str]
 _Progress = Callable[[str, int, int], object]
 
@@ -56,6 +57,7 @@ __all__ = [
     "Trajectory",
     "__version__",
     "compare",
+    "compare_streaming",
     "cutoff_influence",
     "diagnose",
     "effects",
@@ -390,7 +392,13 @@ class Model:
     def certificate(self) -> dict[str, Any] | None: ...  # links, active, cost
     def write_urdf(self, source: _Path, path: _Path, *, locked: Mapping[str, float] | None = None) -> None: ...
     def to_mjcf(self) -> str: ...
-    def predictor(self) -> Predictor: ...
+    def predictor(
+        self,
+        *,
+        rate_hz: float | None = None,
+        purpose: _Purpose = "expected_measurement",
+        keep: Sequence[str] | None = None,
+    ) -> Predictor: ...
     def save(self, path: _Path) -> None: ...
     def to_bytes(self) -> bytes: ...
     @staticmethod
@@ -398,9 +406,19 @@ class Model:
 
 @final
 class Predictor:
-    """One sample after the other, for a control loop: writes into `out`, allocates nothing."""
+    """One sample after the other, for a control loop; hidden states are carried from call to call."""
 
-    def torque(self, q: _Array, dq: _Array, ddq: _Array, out: _Array | None = None) -> _Array: ...
+    @property
+    def purpose(self) -> _Purpose: ...
+    @property
+    def rate_hz(self) -> float | None: ...
+    @property
+    def time(self) -> float: ...  # s
+    def reset(self, q: ArrayLike | None = None, dq: ArrayLike | None = None, *, time: float = 0.0) -> None: ...
+    def set_temperature(self, celsius: ArrayLike) -> None: ...
+    def torque(
+        self, q: _Array, dq: _Array, ddq: _Array, out: _Array | None = None, *, step: float | None = None
+    ) -> _Array: ...
 
 @final
 class CutoffChoice:
@@ -688,6 +706,13 @@ def compare(
     *,
     processing: Model | Processing | None = None,  # default: as the model was identified, else chosen from the logs
 ) -> Comparison: ...
+def compare_streaming(
+    model: Model | Any,  # or a SemiParametricModel
+    recordings: Sequence[Recording],
+    *,
+    processing: Model | Processing | None = None,
+    causal: bool = False,
+) -> Comparison: ...
 def load(path: _Path) -> Model: ...
 
 @final
@@ -778,7 +803,9 @@ class FittedSemiParametric:
     def coverage(self, recordings: Sequence[Recording], following: bool) -> list[dict[str, Any]]: ...
     @property
     def reports(self) -> list[dict[str, Any]]: ...
-    def predictor(self, single: bool, variance_rank: int | None, compact: bool) -> SemiParametricPredictor: ...
+    def predictor(
+        self, numbers: tuple[bool, int | None, bool], stream: tuple[float | None, str, list[str]]
+    ) -> SemiParametricPredictor: ...
     def to_bytes(self) -> bytes: ...
     @staticmethod
     def from_bytes(data: bytes) -> FittedSemiParametric: ...
@@ -787,6 +814,10 @@ class FittedSemiParametric:
 class SemiParametricPredictor:
     """One sample after the other, for a control loop."""
 
+    @property
+    def purpose(self) -> _Purpose: ...
+    def reset(self, q: ArrayLike | None = None, dq: ArrayLike | None = None, *, time: float = 0.0) -> None: ...
+    def set_temperature(self, celsius: ArrayLike) -> None: ...
     def torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> _Array: ...
     def torque_and_std(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> tuple[_Array, _Array]: ...
 

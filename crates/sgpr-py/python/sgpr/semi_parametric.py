@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from os import PathLike
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -261,7 +261,14 @@ class SemiParametricModel(Estimator):
         return fitted.coverage(recordings, following)
 
     def predictor(
-        self, *, single_precision: bool = False, variance_rank: int | None = 0, compact: bool = False
+        self,
+        *,
+        single_precision: bool = False,
+        variance_rank: int | None = 0,
+        compact: bool = False,
+        rate_hz: float | None = None,
+        purpose: Literal["expected_measurement", "feed_forward"] = "expected_measurement",
+        keep: Sequence[str] = (),
     ) -> SemiParametricPredictor:
         """Predict one sample after the other, for a control loop.
 
@@ -274,13 +281,19 @@ class SemiParametricModel(Estimator):
             combinations of them, those that say most: faster, and too large rather than too small.
         compact : bool
             Points on a grid of 16 bits for each input and variances from numbers of 32 bits: less memory to read.
+        rate_hz : float, optional
+            Rate of the calls, for effects of the physics that need it; as for `Model.predictor`, as are the next two.
+        purpose : {"expected_measurement", "feed_forward"}
+            What the torque of the physics is for. The processes hold what the physics leaves, whatever it is.
+        keep : list of str
+            Effects that a feed-forward torque holds all the same.
 
         Returns
         -------
         SemiParametricPredictor
         """
         fitted: FittedSemiParametric = self._require_fitted("_fitted")
-        return fitted.predictor(single_precision, variance_rank, compact)
+        return fitted.predictor((single_precision, variance_rank, compact), (rate_hz, purpose, list(keep)))
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the model to a file; the file is complete or not there. `load` reads it back."""

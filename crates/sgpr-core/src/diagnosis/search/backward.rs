@@ -66,8 +66,8 @@ impl Search<'_> {
     fn plainer_rivals(&self, own: &Term, step: &Accepted, terms: &[Term]) -> Vec<Term> {
         const CLOSE: f64 = 0.9;
         let close = |name: &str| {
-            let rivals = step.rivals.iter().filter(|(rival, site, _)| rival == name && *site == own.site);
-            rivals.map(|(.., score)| *score).fold(0.0, f64::max) > CLOSE * step.first_score
+            let rivals = step.rivals.iter().filter(|(t, _)| t.effect.name() == name && t.site == own.site);
+            rivals.map(|(_, score)| *score).fold(0.0, f64::max) > CLOSE * step.first_score
         };
         let effects = self.catalogue.iter().filter(|effect| effect.constants().is_empty() && close(effect.name()));
         let terms_of = effects.map(|effect| Term::new(effect.clone(), own.site, vec![]));
@@ -84,8 +84,9 @@ impl Search<'_> {
     /// A step with another term in the place of its own: of `fits`, which are without either, with its own and with the
     /// other, at `index`.
     fn exchanged(&self, step: &Accepted, [bare, own, other]: [&Fitted; 3], index: usize) -> Accepted {
-        let mut rivals = vec![(step.effect.clone(), step.site, self.score_of(bare, own))];
-        rivals.extend(step.rivals.iter().filter(|(name, ..)| name != other.terms()[index].effect.name()).cloned());
+        let mut rivals = vec![(own.terms()[index].clone(), self.score_of(bare, own))];
+        rivals
+            .extend(step.rivals.iter().filter(|(t, _)| t.effect.name() != other.terms()[index].effect.name()).cloned());
         let (term, score) = (&other.terms()[index], self.score_of(bare, other));
         let next = Accepted::new(term, score, [bare, other], (&self.errors(bare), &self.errors(other)));
         Accepted { rivals, ..next }
@@ -110,14 +111,15 @@ impl Search<'_> {
         self.catalogue.iter().filter(alike).map(begun).collect()
     }
 
-    /// Takes terms out again that the others make superfluous.
+    /// Takes terms out again that the others make superfluous, of those that `may_go`.
     pub fn backward(
         &self,
         mut fitted: Fitted,
         mut accepted: Vec<Accepted>,
+        may_go: &dyn Fn(&Accepted) -> bool,
     ) -> Result<(Fitted, Vec<Accepted>), Interrupted> {
         let given = fitted.terms().len() - accepted.len();
-        while accepted.len() > 1 {
+        while !accepted.is_empty() {
             let with = self.errors(&fitted);
             self.progress.step("check each effect again", 0, 1)?;
             let without = |k: usize| {
@@ -129,7 +131,7 @@ impl Search<'_> {
             self.progress.step("check each effect again", 1, 1)?;
             let errors: Vec<HeldOut> = fits.par_iter().map(|fit| self.errors(fit)).collect();
             let mut weakest: Option<(f64, usize, Fitted)> = None;
-            for (k, (step, (without, errors))) in accepted.iter_mut().zip(fits.into_iter().zip(errors)).enumerate() {
+            for (k, (step, (without, errors))) in accepted.iter_mut().zip(fits.into_iter().zip(&errors)).enumerate() {
                 step.score = self.score_of(&without, &fitted);
                 step.without = errors.total();
                 step.effect_size = errors.largest_fall_to(&with, &fitted.terms()[given + k]);
@@ -138,8 +140,9 @@ impl Search<'_> {
                 if is_limit(term) {
                     step.score = step.first_score;
                 }
-                let stays = step.score >= EVIDENCE && size >= asked_of(term) && !errors.is_worse_for_arm(&with, term);
-                if !stays && weakest.as_ref().is_none_or(|(s, ..)| size < *s) {
+                let matters = size >= asked_of(term) && self.is_sure(errors, &with, term);
+                let stays = step.score >= EVIDENCE && matters && !errors.is_worse_for_arm(&with, term);
+                if !stays && may_go(step) && weakest.as_ref().is_none_or(|(s, ..)| size < *s) {
                     weakest = Some((size, k, without));
                 }
             }

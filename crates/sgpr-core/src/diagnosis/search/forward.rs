@@ -396,13 +396,14 @@ impl Search<'_> {
         });
         for ((candidate, trial, score), with) in self.plainest_first(equal).into_iter().chain(others) {
             let fitted_term = trial.terms().last().unwrap_or(&candidate.term);
-            let matters = without.largest_fall_to(&with, fitted_term) >= asked_of(fitted_term);
+            let matters = without.largest_fall_to(&with, fitted_term) >= asked_of(fitted_term)
+                && self.is_sure(without, &with, fitted_term);
             if !matters || without.explodes_to(&with) || without.is_worse_for_arm(&with, fitted_term) {
                 continue;
             }
             let own = candidate.term.effect.name();
             let rivals = tried.iter().filter(|c| c.term.effect.name() != own);
-            let rivals = rivals.map(|c| (c.term.effect.name().into(), c.term.site, c.score)).collect();
+            let rivals = rivals.map(|c| (c.term.clone(), c.score)).collect();
             let twins = scores.iter().filter(|other| are_twins((candidate, score), **other));
             let twins = twins.map(|(twin, _)| twin.term.site).collect();
             let accepted =

@@ -1,8 +1,9 @@
 //! Errors on blocks that were left out.
 
-use super::super::fit::{ByLog, Extra, Fitted, beyond, held_out, usual_error};
-use super::Search;
+use super::super::evidence::{Comparison, LeftOut};
+use super::super::fit::{ByLog, Extra, Fitted, beyond, by_log, left_out};
 use super::forward::is_limit;
+use super::{SURE, Search};
 use crate::effects::Reach;
 use crate::model::Term;
 
@@ -11,14 +12,15 @@ const TINY: f64 = 1e-12;
 
 /// Errors per joint on blocks that were left out, in the band and beyond it.
 #[derive(Clone, Debug)]
-pub(super) struct HeldOut {
+pub(in super::super) struct HeldOut {
+    pub left_out: LeftOut,
     in_band: Vec<ByLog>,
     beyond: Vec<ByLog>,
 }
 
 impl HeldOut {
     /// Of all logs together, per joint, N·m (N).
-    pub(super) fn total(&self) -> Vec<f64> {
+    pub(in super::super) fn total(&self) -> Vec<f64> {
         self.in_band.iter().zip(&self.beyond).map(|(own, beyond)| own[0].hypot(beyond[0])).collect()
     }
 
@@ -61,14 +63,29 @@ impl Search<'_> {
         self.errors(fitted).total()
     }
 
-    /// Error per joint in the band on a usual block that was left out, N·m (N).
-    pub fn usual_error(&self, fitted: &Fitted) -> Vec<f64> {
-        usual_error(&self.problem, fitted, &Extra::default(), &self.noise)
+    pub(in super::super) fn errors(&self, fitted: &Fitted) -> HeldOut {
+        let left_out = left_out(&self.problem, fitted, &Extra::default(), &self.noise);
+        HeldOut { in_band: by_log(&self.problem, &left_out), left_out, beyond: beyond(&self.problem, fitted) }
     }
 
-    pub(super) fn errors(&self, fitted: &Fitted) -> HeldOut {
-        let in_band = held_out(&self.problem, fitted, &Extra::default(), &self.noise);
-        HeldOut { in_band, beyond: beyond(&self.problem, fitted) }
+    /// A model without a term against the same with it, at the joints on which the term acts.
+    pub(in super::super) fn comparison(&self, without: &HeldOut, with: &HeldOut, term: &Term) -> Comparison {
+        without.left_out.against(&with.left_out, &self.problem, &self.joints_of(term))
+    }
+
+    /// Whether left-out blocks are surely predicted better with a term. What refines a given effect need not be sure, and
+    /// rows at a limit of the torque are no equations.
+    pub(super) fn is_sure(&self, without: &HeldOut, with: &HeldOut, term: &Term) -> bool {
+        let asked = !is_limit(term) && term.effect.refines().is_none();
+        !asked || self.comparison(without, with, term).significance() >= SURE
+    }
+
+    /// Joints on which a term acts.
+    pub(in super::super) fn joints_of(&self, term: &Term) -> Vec<usize> {
+        match term.site.joint().filter(|_| term.effect.reach() == Reach::Own && !term.is_transform()) {
+            Some(joint) => vec![joint],
+            None => (0..self.problem.dof()).collect(),
+        }
     }
 }
 
@@ -79,7 +96,11 @@ mod tests {
 
     #[test]
     fn a_load_that_helps_one_joint_and_harms_two_is_none() {
-        let errors = |own: [f64; 3]| HeldOut { in_band: own.map(|e| vec![e]).to_vec(), beyond: vec![vec![0.0]; 3] };
+        let errors = |own: [f64; 3]| HeldOut {
+            left_out: LeftOut { rows: vec![] },
+            in_band: own.map(|e| vec![e]).to_vec(),
+            beyond: vec![vec![0.0]; 3],
+        };
         let before = errors([1.0, 1.0, 1.0]);
         let of = |name: &str, site: Site| Term::new(by_name(name).expect("in the library"), site, vec![5.0]);
         let load = of("payload_change", Site::Arm);

@@ -14,8 +14,8 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::basis::Noise;
+use super::decision::{MANY, imitations};
 use super::fit::{Fitted, solve, solve_like};
-use super::imitation::without_many_imitations;
 use super::problem::{Column, Problem};
 use crate::effects::{Effect, Site};
 use crate::model::Term;
@@ -37,8 +37,8 @@ pub(super) struct Accepted {
     first_by_joint: Vec<f64>,
     /// Largest fall of the held-out error on a joint, as a share of what is left.
     pub effect_size: f64,
-    /// Rivals at this step: other effects and their scores.
-    pub rivals: Vec<(String, Site, f64)>,
+    /// Rivals at this step: other effects and their scores, best first.
+    pub rivals: Vec<(Term, f64)>,
     /// Where else the same effect explained as much.
     pub twins: Vec<Site>,
     /// Held-out error per joint right after it was added, N·m (N).
@@ -107,12 +107,12 @@ pub(super) fn others(mut accepted: Vec<Accepted>, fitted: &Fitted, out: &[usize]
     accepted
 }
 
-/// Whether a term is part of what the model has already, or shorter than the time between two samples and of little
-/// effect.
+/// Whether a term refines what the model has already and does not matter, or is shorter than the time between two samples
+/// and of little effect.
 fn is_silent(term: &Term, step: &Accepted, period: f64) -> bool {
     let times = term.is_transform() && term.effect.constants().iter().all(|c| c.unit == "s");
     let within = || term.constants.iter().all(|c| c.abs() < WITHIN_A_SAMPLE * period) && step.effect_size < LITTLE;
-    term.effect.refines().is_some() || (times && within())
+    (term.effect.refines().is_some() && step.effect_size < MATERIAL) || (times && within())
 }
 
 /// Torque and position of one row may be taken at moments that are this share of a period apart ...
@@ -126,6 +126,9 @@ pub(super) const EVIDENCE: f64 = 8.0;
 
 /// Smallest fall of the held-out error on some joint, as a share of what is left.
 pub(super) const MATERIAL: f64 = 0.025;
+
+/// Least gain on left-out blocks, in its standard deviations.
+pub(super) const SURE: f64 = 2.5;
 
 /// Most terms that are looked for.
 const MOST_TERMS: usize = 16;
@@ -230,9 +233,10 @@ impl<'a> Search<'a> {
             if let Some(later) = self.without_late_rests(&fitted)? {
                 fitted = later;
             }
-            if let Some((joint, bare, others)) = without_many_imitations(self, &fitted, &accepted) {
+            if let Some((joint, out)) = self.many_imitations(&fitted, &accepted) {
                 closed[joint] = true;
-                accepted = others;
+                accepted = others(accepted, &fitted, &out);
+                let bare = self.refit(&fitted, without(fitted.terms(), &out));
                 fitted = self.on_rows_without(&closed, &bare);
             }
             if self.is_quieter(&fitted) {
@@ -242,7 +246,7 @@ impl<'a> Search<'a> {
         }
         fitted = self.with_likelier_transforms(fitted, &mut accepted);
         fitted = self.with_plainer_forms(fitted, &mut accepted);
-        let (mut fitted, accepted) = self.backward(fitted, accepted)?;
+        let (mut fitted, accepted) = self.backward(fitted, accepted, &|_| true)?;
         if closed.contains(&true) {
             let on_all_rows = self.on_rows_without(&vec![false; closed.len()], &fitted);
             fitted = self.with_noise_anew(&on_all_rows)?;
@@ -253,10 +257,25 @@ impl<'a> Search<'a> {
         Ok(Outcome { start, fitted, accepted, ranking: ranking.unwrap_or_default(), held_out_before, held_out })
     }
 
+    /// The joint of the last accepted term and the terms there, if there are many and they only imitate a smooth function
+    /// of the state.
+    fn many_imitations(&self, fitted: &Fitted, accepted: &[Accepted]) -> Option<(usize, Vec<usize>)> {
+        let joint = accepted.last()?.site.joint()?;
+        let at_joint = |k: &usize| fitted.terms()[*k].site.joint() == Some(joint) && !is_limit(&fitted.terms()[*k]);
+        let own: Vec<usize> = self.news(fitted, accepted).map(|(k, _)| k).filter(at_joint).collect();
+        let out = if own.len() < MANY { vec![] } else { imitations(self, fitted, &own, joint, 0.0) };
+        (!out.is_empty()).then_some((joint, out))
+    }
+
+    /// Tells the listener how far a stage is.
+    pub fn step(&self, stage: &'static str, done: usize, of: usize) -> Result<(), Interrupted> {
+        self.progress.step(stage, done, of)
+    }
+
     /// Score of going from one fit to a larger one.
     pub fn score_of(&self, small: &Fitted, large: &Fitted) -> f64 {
         let constants = |f: &Fitted| f.terms().iter().map(|t| t.constants.len()).sum::<usize>();
-        let size = (large.basis.q.len() + constants(large)) as f64 - (small.basis.q.len() + constants(small)) as f64;
+        let size = (large.basis.rank() + constants(large)) as f64 - (small.basis.rank() + constants(small)) as f64;
         0.5 * (small.chi2 - large.chi2) - 0.5 * size * self.rows.max(2.0).ln() - self.units.ln()
     }
 }

@@ -79,7 +79,7 @@ impl Search<'_> {
             };
             let some: Vec<Column> = columns.iter().map(|c| column(masked(&c[joint]))).collect();
             let basis = Basis::new(&some);
-            used = basis.q.len();
+            used = basis.rank();
             let factors = basis.solve(&column(masked(residual)));
             left = residual.to_vec();
             for (c, factor) in columns.iter().zip(&factors).filter(|(_, factor)| **factor != 0.0) {

@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 
 use rayon::prelude::*;
 
-use super::super::basis::{Basis, Gain, INVISIBLE, gain, invisible};
+use super::super::basis::{Basis, Gain, INVISIBLE, gain, gain_with, invisible};
 use super::super::fit::{Fitted, tangents};
 use super::super::problem::Column;
 use super::candidates::{Candidate, key_of};
@@ -79,6 +79,7 @@ impl Search<'_> {
         basis: &Basis,
         white: &Column,
     ) -> Result<Vec<Candidate>, Interrupted> {
+        const AT_ONCE: usize = 512;
         let mut best: HashMap<(String, Site), Candidate> = HashMap::new();
         let keep = |best: &mut HashMap<(String, Site), Candidate>, candidate: Candidate| {
             let key = (candidate.term.effect.name().to_string(), candidate.term.site);
@@ -93,15 +94,21 @@ impl Search<'_> {
         let count = terms.len();
         self.prepare(fitted, &terms)?;
         self.progress.step("rank effects", 0, count)?;
-        let scored = |term: &Term| {
-            let columns = &self.cache[&key_of(term)];
-            let white_columns: Vec<Column> = columns.iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
-            let gain = gain(basis, white, &white_columns, invisible(term));
-            let constants = if term.is_transform() { 0 } else { term.constants.len() };
-            self.candidate(term.clone(), gain, constants)
-        };
-        let candidates: Vec<Candidate> = terms.par_iter().map(scored).collect();
-        candidates.into_iter().for_each(|candidate| keep(&mut best, candidate));
+        for some in terms.chunks(AT_ONCE) {
+            let whiten = |term: &Term| -> Vec<Column> {
+                self.cache[&key_of(term)].iter().map(|c| self.noise.whiten(&self.problem, c)).collect()
+            };
+            let columns: Vec<Vec<Column>> = some.par_iter().map(whiten).collect();
+            let shares = basis.shares_of_many(&columns.iter().flatten().collect::<Vec<_>>());
+            let mut first = 0;
+            for (term, columns) in some.iter().zip(&columns) {
+                let own = &shares[first..first + columns.len()];
+                first += columns.len();
+                let gain = gain_with(own, white, columns, invisible(term));
+                let constants = if term.is_transform() { 0 } else { term.constants.len() };
+                keep(&mut best, self.candidate(term.clone(), gain, constants));
+            }
+        }
         for candidate in self.scan_times(fitted, basis, white) {
             keep(&mut best, candidate);
         }

@@ -67,7 +67,7 @@ impl Search<'_> {
     }
 
     /// The fit on the rows of all joints but the closed ones.
-    pub(super) fn on_rows_without(&mut self, closed: &[bool], fitted: &Fitted) -> Fitted {
+    pub(in super::super) fn on_rows_without(&mut self, closed: &[bool], fitted: &Fitted) -> Fitted {
         self.problem.leave_out_joints(closed).expect("the logs had torque before");
         self.cache.clear();
         self.rows = self.noise.rows(&self.problem);

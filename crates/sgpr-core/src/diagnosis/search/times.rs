@@ -58,7 +58,7 @@ impl Search<'_> {
                 let k = columns.len();
                 let mut consider = |first: usize, last: usize, constants: Vec<f64>| {
                     let sum: Vec<f64> = sums[last].iter().zip(&sums[first]).map(|(b, a)| b - a).collect();
-                    let gain = switched_gain(&sum, k, basis.q.len());
+                    let gain = switched_gain(&sum, k, basis.rank());
                     if best.as_ref().is_none_or(|(chi2, ..)| gain.chi2 > *chi2) {
                         best = Some((gain.chi2, constants, gain));
                     }
@@ -91,7 +91,7 @@ impl Search<'_> {
         start: f64,
         bins: usize,
     ) -> Vec<Vec<f64>> {
-        let (k, r) = (columns.len(), basis.q.len());
+        let (k, r) = (columns.len(), basis.rank());
         let width = k * k + k * r + k;
         let mut sums = vec![vec![0.0; width]; bins + 1];
         for joint in 0..self.problem.dof() {
@@ -117,7 +117,7 @@ impl Search<'_> {
                     for b in 0..k {
                         sum[a * k + b] += dot_in_lanes(&z[a], &z[b]);
                     }
-                    for (b, q) in basis.q.iter().enumerate() {
+                    for (b, q) in basis.independent().iter().enumerate() {
                         if let Some(q) = q[joint].get(first..last) {
                             sum[k * k + a * r + b] += dot_in_lanes(&z[a], q);
                         }
@@ -126,6 +126,9 @@ impl Search<'_> {
                 }
                 first = last;
             }
+        }
+        for sum in &mut sums {
+            (0..k).for_each(|a| basis.forward_substitute(&mut sum[k * k + a * r..][..r]));
         }
         for bin in 1..=bins {
             for entry in 0..width {

@@ -6,7 +6,7 @@ use faer::Mat;
 use super::super::compare::LogResidual;
 use super::super::experiment::band_filter;
 use super::super::identify::IdentifyError;
-use super::super::{Rigid, Trajectory};
+use super::super::{Predictor, Rigid, Trajectory};
 use super::TorqueModel;
 use super::process::{Process, Terms};
 use super::rest::{Rest, Rows};
@@ -89,7 +89,8 @@ impl Basis {
     }
 }
 
-/// The same variance for one sample after the other. Allocates nothing, unless the physics has effects at single joints.
+/// The same variance for one sample after the other. Allocates nothing. What lies between torque and log counts by its
+/// gain: a delay or a lag does not change how surely a torque is known.
 #[derive(Debug)]
 pub(super) struct BasisPredictor {
     physics: TorqueModel,
@@ -123,22 +124,24 @@ impl BasisPredictor {
 
     /// Adds the variance of each joint's torque.
     ///
+    /// - `stream`: the physics at this sample
     /// - `x`: of the processes
-    pub fn add_variance(&mut self, q: &[f64], dq: &[f64], ddq: &[f64], x: &[f64], variance: &mut [f64]) {
+    pub fn add_variance(&mut self, stream: &Predictor, x: &[f64], variance: &mut [f64]) {
         let Self { physics, covariance, explained, ws, row, effects, own } = self;
-        let (robot, set, base) = (physics.robot(), physics.parameter_set(), physics.base());
+        let (set, base) = (physics.parameter_set(), physics.base());
+        let (robot, links, [q, dq, ddq]) = stream.links();
         let wide = robot.dof() * PARAMETERS_PER_LINK;
-        let table = regressor(robot, ws, q, dq, ddq);
+        let table = regressor(robot, ws, &links[0], &links[1], &links[2]);
         for (joint, (explained, variance)) in explained.iter_mut().zip(variance).enumerate() {
-            if physics.terms().is_empty() {
-                set.effect_row(joint, &JointState { q, dq, ddq }, effects);
-                let of_links = &table[joint * wide..][..wide];
-                for (value, &parameter) in row.iter_mut().zip(base.independent()) {
-                    *value = base_value(set, &own[joint], of_links, effects, parameter);
-                }
-            } else {
-                row.copy_from_slice(&joint_rows(physics, &Trajectory::of_samples(Samples { q, dq, ddq }), joint));
+            set.effect_row(joint, &JointState { q, dq, ddq }, effects);
+            let of_links = &table[joint * wide..][..wide];
+            let (of_base, of_terms) = row.split_at_mut(base.rank());
+            for (value, &parameter) in of_base.iter_mut().zip(base.independent()) {
+                *value = base_value(set, &own[joint], of_links, effects, parameter);
             }
+            stream.term_columns(joint, of_terms);
+            let gain = stream.gain(joint);
+            row.iter_mut().for_each(|value| *value *= gain);
             if let Some(explained) = explained {
                 row.iter_mut().zip(explained.mean(x)).for_each(|(row, explained)| *row -= explained);
             }

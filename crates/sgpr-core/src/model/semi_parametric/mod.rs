@@ -126,6 +126,9 @@ pub enum SemiParametricError {
     /// A process could not be computed.
     #[error(transparent)]
     Gp(#[from] GpError),
+    /// The physics could not be streamed.
+    #[error(transparent)]
+    Stream(#[from] super::StreamError),
     /// A budget of no points, or of too many.
     #[error("a budget of {points} points per joint; choose between 2 and {most}")]
     Budget {

@@ -1,4 +1,4 @@
-use super::super::predictor::Predictor;
+use super::super::{Predictor, StreamError, StreamOptions};
 use super::basis::BasisPredictor;
 use super::process::Process;
 use super::rest::Rest;
@@ -6,8 +6,8 @@ use super::{SemiParametricError, SemiParametricModel};
 use crate::gp::{GpPredictor, PredictorOptions, SharedPredictor, WeightedKernel};
 
 /// Torque of one sample after the other, for a controller: physics and processes. Owns its buffers, allocates nothing,
-/// takes no lock, can move to another thread, and its work does not depend on the sample. (Physics with effects at single
-/// joints takes memory: see [`Predictor`].)
+/// takes no lock, can move to another thread, and its work does not depend on the sample. Effects of the physics with a
+/// memory carry it from call to call, as in [`Predictor`].
 ///
 /// Joints whose processes have the same points are computed together; so is a kernel that they share.
 ///
@@ -41,11 +41,23 @@ struct Joint {
 }
 
 impl SemiParametricPredictor {
-    /// The only place that allocates.
+    /// All of a model, without a rate.
     ///
     /// # Errors
-    /// If the variance needs more memory than allowed.
+    /// If the variance needs more memory than allowed, or the physics needs a rate: see [`Self::streaming`].
     pub fn new(model: &SemiParametricModel, options: PredictorOptions) -> Result<Self, SemiParametricError> {
+        Self::streaming(model, options, &StreamOptions::default())
+    }
+
+    /// The only place that allocates. The processes hold what the physics leaves of the logs, whatever it is a property of.
+    ///
+    /// # Errors
+    /// If the variance needs more memory than allowed; as [`super::super::TorqueModel::predictor`].
+    pub fn streaming(
+        model: &SemiParametricModel,
+        options: PredictorOptions,
+        stream: &StreamOptions,
+    ) -> Result<Self, SemiParametricError> {
         let n = model.physics.robot().dof();
         let together = together(&model.joints, options);
         let with_variance = options.variance_rank != Some(0);
@@ -63,8 +75,8 @@ impl SemiParametricPredictor {
         }
         let basis = model.basis.as_ref().filter(|_| with_variance);
         Ok(Self {
-            physics: Predictor::new(&model.physics),
-            identified: model.identified.as_ref().map(Predictor::new),
+            physics: model.physics.predictor(stream)?,
+            identified: model.identified.as_ref().map(|identified| identified.predictor(stream)).transpose()?,
             joints,
             together,
             parameters: basis.map(|basis| BasisPredictor::new(basis, &model.physics, &model.joints)),
@@ -75,15 +87,71 @@ impl SemiParametricPredictor {
         })
     }
 
+    /// The physics, as it was at the last sample.
+    pub fn physics(&self) -> &Predictor {
+        &self.physics
+    }
+
+    /// As [`Predictor::reset`].
+    pub fn reset(&mut self) {
+        self.each(&mut |physics| {
+            physics.reset();
+            Ok(())
+        })
+        .expect("a reset cannot fail");
+    }
+
+    /// As [`Predictor::reset_at`].
+    ///
+    /// # Errors
+    /// As [`Predictor::reset_at`].
+    pub fn reset_at(&mut self, q: &[f64], dq: &[f64]) -> Result<(), StreamError> {
+        self.each(&mut |physics| physics.reset_at(q, dq))
+    }
+
+    /// As [`Predictor::set_time`].
+    ///
+    /// # Errors
+    /// As [`Predictor::set_time`].
+    pub fn set_time(&mut self, time: f64) -> Result<(), StreamError> {
+        self.each(&mut |physics| physics.set_time(time))
+    }
+
+    /// As [`Predictor::set_temperature`].
+    ///
+    /// # Errors
+    /// As [`Predictor::set_temperature`].
+    pub fn set_temperature(&mut self, celsius: &[f64]) -> Result<(), StreamError> {
+        self.each(&mut |physics| physics.set_temperature(celsius))
+    }
+
+    fn each(&mut self, work: &mut dyn FnMut(&mut Predictor) -> Result<(), StreamError>) -> Result<(), StreamError> {
+        work(&mut self.physics)?;
+        self.identified.as_mut().map_or(Ok(()), work)
+    }
+
     /// Torque that the motion needs.
     ///
     /// - `q`, `dq`, `ddq`: `[n]`, rad, rad/s, rad/s² (m for prismatic joints)
-    /// - returns `[n]`, N·m (N)
+    /// - returns `[n]`, N·m (N); NaN as [`Predictor::torque`]
     ///
     /// # Panics
     /// If a slice is not of length n.
     pub fn torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> &[f64] {
-        self.set(q, dq, ddq);
+        let n = self.tau.len();
+        assert!([q, dq, ddq].iter().all(|values| values.len() == n), "one value per joint");
+        if self.try_torque(q, dq, ddq).is_err() {
+            self.tau.fill(f64::NAN);
+        }
+        &self.tau
+    }
+
+    /// As [`Self::torque`], with what is wrong with a sample as an error.
+    ///
+    /// # Errors
+    /// As [`Predictor::try_torque`].
+    pub fn try_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> Result<&[f64], StreamError> {
+        self.set(q, dq, ddq)?;
         for (joint, tau) in self.joints.iter_mut().zip(&mut self.tau).filter(|(joint, _)| !joint.together) {
             if let Some(process) = &mut joint.process {
                 *tau += process.mean(&self.x)[0];
@@ -94,7 +162,7 @@ impl SemiParametricPredictor {
                 self.tau[*joint] += mean;
             }
         }
-        &self.tau
+        Ok(&self.tau)
     }
 
     /// Torque, and the standard deviation of its measurement, `[n]` each, N·m (N). Parameters that were estimated together
@@ -104,7 +172,13 @@ impl SemiParametricPredictor {
     /// If a slice is not of length n, or the predictor was made without variance.
     pub fn torque_and_deviation(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> (&[f64], &[f64]) {
         assert!(self.with_variance, "made with variance");
-        self.set(q, dq, ddq);
+        let n = self.tau.len();
+        assert!([q, dq, ddq].iter().all(|values| values.len() == n), "one value per joint");
+        if self.set(q, dq, ddq).is_err() {
+            self.tau.fill(f64::NAN);
+            self.deviation.fill(f64::NAN);
+            return (&self.tau, &self.deviation);
+        }
         for ((joint, tau), variance) in self.joints.iter_mut().zip(&mut self.tau).zip(&mut self.deviation) {
             *variance = joint.noise_variance;
             if let Some(process) = &mut joint.process {
@@ -114,7 +188,7 @@ impl SemiParametricPredictor {
             }
         }
         if let Some(parameters) = &mut self.parameters {
-            parameters.add_variance(q, dq, ddq, &self.x, &mut self.deviation);
+            parameters.add_variance(&self.physics, &self.x, &mut self.deviation);
         }
         for (joint, deviation) in self.joints.iter().zip(&mut self.deviation) {
             *deviation = joint.calibration * deviation.sqrt();
@@ -122,10 +196,10 @@ impl SemiParametricPredictor {
         (&self.tau, &self.deviation)
     }
 
-    fn set(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) {
-        self.tau.copy_from_slice(self.physics.torque(q, dq, ddq));
+    fn set(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> Result<(), StreamError> {
+        self.tau.copy_from_slice(self.physics.try_torque(q, dq, ddq)?);
         if let Some(identified) = &mut self.identified {
-            let own = identified.torque(q, dq, ddq);
+            let own = identified.try_torque(q, dq, ddq)?;
             let without = self.joints.iter().zip(&mut self.tau).zip(own).filter(|((joint, _), _)| !joint.learned);
             without.for_each(|((_, tau), own)| *tau = *own);
         }
@@ -133,6 +207,7 @@ impl SemiParametricPredictor {
         for (part, x) in [q, dq, ddq].into_iter().zip(self.x.chunks_exact_mut(n)) {
             x.copy_from_slice(part);
         }
+        Ok(())
     }
 }
 

@@ -6,7 +6,16 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import Comparison, Model, SemiParametricModel, SgprError, __version__, residual_structure
+from .. import (
+    Comparison,
+    Model,
+    Recording,
+    SemiParametricModel,
+    SgprError,
+    __version__,
+    compare_streaming,
+    residual_structure,
+)
 from .. import compare as compare_with
 from ..report.comparison import ComparisonPage
 from ..report.numbers import percent, significant
@@ -51,6 +60,15 @@ def compare(
         list[str] | None,
         typer.Option("--joints", metavar="JOINT...", help="Joints of a URDF to model; the others are locked."),
     ] = None,
+    streaming: Annotated[
+        bool,
+        typer.Option(
+            "--streaming",
+            help="Also run the model one sample after the other as a controller does, hidden states carried along: "
+            "over the motion filtered without delay, and over one that is filtered and differentiated from past "
+            "samples alone.",
+        ),
+    ] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 if a limit is not met.")] = False,
     out: Annotated[
         str | None, typer.Option("--out", metavar="DIR", help="Folder for report.html and comparison.json.")
@@ -77,6 +95,7 @@ def compare(
         else compare_with(each, recordings, processing=processing)
         for name, each in models.items()
     }
+    streamed = _streamed(main_model, recordings, processing) if streaming else {}
     trained_on = [log.path for log in logs if _same_file(log.path, physics[model].logs)]
     for path in trained_on:
         output.warning(f"{path} trained the model: no proof of what it can do elsewhere")
@@ -95,6 +114,7 @@ def compare(
         "logs": [describe.repaired_log(log, "compared") for log in logs],
         "comparison": describe.comparison(found[model]),
         "structure": residual_structure(physics[model], found[model]),
+        "streaming": {name: describe.comparison(each) for name, each in streamed.items()} if streaming else None,
         "comparison_against": describe.comparison(found[next(iter(found))]) if against is not None else None,
         "trained_on": trained_on,
         "repeated_motions": repeating,
@@ -115,6 +135,8 @@ def compare(
             folder.write("comparison.json", to_json(data))
             folder.write("report.html", page.html())
     show({labels[name]: each for name, each in found.items()}, judged, output)
+    if streamed:
+        _show_streamed(found[model], streamed, output)
     for joint in data["structure"]:
         output.line(joint["summary"])
     if folder:
@@ -122,6 +144,30 @@ def compare(
     output.result(data)
     if strict and failed:
         raise typer.Exit(LIMITS_NOT_MET)
+
+
+def _streamed(
+    model: Model | SemiParametricModel, recordings: Sequence[Recording], processing: Model | None
+) -> dict[str, Comparison]:
+    """The model one sample after the other, over the filtered motion and over one known from past samples alone."""
+    own = None if isinstance(model, SemiParametricModel) else processing
+    return {
+        name: compare_streaming(model, recordings, processing=own, causal=causal)
+        for name, causal in (("filtered", False), ("causal", True))
+    }
+
+
+def _show_streamed(batch: Comparison, streamed: dict[str, Comparison], output: Output) -> None:
+    filtered, causal = streamed["filtered"], streamed["causal"]
+    output.line(
+        f"one sample after the other: error {percent(filtered.relative_error_percent)} % of the torque over the "
+        f"filtered motion, {percent(causal.relative_error_percent)} % over a motion known from past samples alone"
+    )
+    rows = [
+        [whole.joint, whole.unit, *(significant(joint.rmse) for joint in (whole, stream, late))]
+        for whole, stream, late in zip(batch.joints, filtered.joints, causal.joints, strict=True)
+    ]
+    output.table(["joint", "unit", "RMSE", "RMSE streamed", "RMSE causal"], rows, text_columns=(0, 1))
 
 
 def _physics(model: Model | SemiParametricModel) -> Model:

@@ -1,0 +1,326 @@
+//! What stands of what a search found, how sure it is, and what no known effect explains.
+//!
+//! Everything here follows from errors on left-out blocks and from the evidence of a Gaussian process on the state of a
+//! joint, which competes with the effects there:
+//!
+//! 1. Where such a process could still predict what matters beside the effects, or predicts better than they do, they may
+//!    only imitate a law that no catalogue has. An effect that is there makes the rest of that law smaller: the process
+//!    needs less variance beside it, and the two together have more evidence. One that imitates does not.
+//! 2. The probability of an effect is its weight among its alternatives: none, its rivals in its place, the process.
+//! 3. What is less probable than not leaves the model.
+
+use rayon::prelude::*;
+
+use super::evidence::{LeftOut, probability_of_fall, weights};
+use super::fit::{ByLog, Fitted, beyond, left_out_parts, left_out_states};
+use super::search::{Accepted, EVIDENCE, MATERIAL, Outcome, SURE, Search, is_limit, without};
+use super::unknown::{self, Leftover, Smooth};
+use crate::effects::Site;
+use crate::model::Term;
+use crate::progress::Interrupted;
+
+/// What was found, and what no known effect explains.
+pub(super) struct Decision {
+    pub outcome: Outcome,
+    /// Of each term that was found.
+    pub judged: Vec<Judged>,
+    /// Indices of the terms that were found and do not enter the model: with them parts of the logs are predicted worse.
+    pub taken_back: Vec<usize>,
+    /// What is left at each joint.
+    pub left: Vec<Leftover>,
+    /// The likeliest of the effects that were not found, by name and site, each with its probability.
+    pub rejected: Vec<(String, Site, f64)>,
+}
+
+impl Decision {
+    /// Probability that nothing that matters is missing: neither a finding or a rival in its place, nor any of the effects
+    /// that were not found, nor what no known effect explains.
+    pub fn nothing_missing(&self) -> f64 {
+        let found = self.judged.iter().map(|judged| judged.something);
+        let likeliest = self.rejected.iter().map(|(.., probability)| *probability).fold(0.0, f64::max);
+        found.chain([likeliest, self.unexplained()]).map(|something| 1.0 - something).product()
+    }
+
+    /// Probability that something that matters is missing at some joint and that no known effect explains it.
+    pub fn unexplained(&self) -> f64 {
+        1.0 - self.left.iter().map(|left| 1.0 - left.probability).product::<f64>()
+    }
+}
+
+/// A term that was found.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Judged {
+    /// Of the term in the fit.
+    pub index: usize,
+    /// Probability that it is there.
+    pub probability: f64,
+    /// Probability that it or a rival is there.
+    pub something: f64,
+}
+
+/// Rivals with less than this share of an effect's score are not tried in its place.
+const CLOSE: f64 = 0.5;
+
+/// Most rivals that are tried in the place of an effect.
+const RIVALS: usize = 3;
+
+/// So many effects at one joint beside which something is left explain a law bit by bit.
+pub(super) const MANY: usize = 3;
+
+/// As likely as two standard deviations.
+const CERTAIN: f64 = 0.95;
+
+/// As likely as not.
+const EVEN: f64 = 0.5;
+
+/// Decides on an outcome.
+pub(super) fn decide(search: &mut Search<'_>, outcome: Outcome) -> Result<Decision, Interrupted> {
+    search.step("weigh what was found", 0, 3)?;
+    let mut outcome = without_imitations(search, outcome)?;
+    search.step("weigh what was found", 1, 3)?;
+    let left = left_by(search, &outcome.fitted);
+    let judged = loop {
+        let judged = judge(search, &outcome, &left);
+        let doubtful: Vec<usize> = judged.iter().filter(|j| j.something < EVEN).map(|j| j.index).collect();
+        if doubtful.is_empty() {
+            break judged;
+        }
+        outcome = outcome.without(search, &doubtful);
+    };
+    search.step("weigh what was found", 2, 3)?;
+    let taken_back = taken_back(search, &outcome);
+    let left = left_by(search, &outcome.fitted);
+    let rejected = rejected(search, &outcome);
+    search.step("weigh what was found", 3, 3)?;
+    Ok(Decision { outcome, judged, taken_back, left, rejected })
+}
+
+fn left_by(search: &Search<'_>, fitted: &Fitted) -> Vec<Leftover> {
+    let own = search.errors(fitted).left_out;
+    unknown::leftover(&search.problem, fitted, &own, &search.noise)
+}
+
+/// `outcome` without the effects that only imitate what no effect of the catalogue makes.
+fn without_imitations(search: &mut Search<'_>, mut outcome: Outcome) -> Result<Outcome, Interrupted> {
+    let n = search.problem.dof();
+    let left = left_by(search, &outcome.fitted);
+    let of_arm = joint_of_arm(search, &outcome);
+    let mut closed = vec![false; n];
+    for joint in 0..n {
+        let terms = outcome.fitted.terms();
+        let at_joint = |term: &Term| is_at(term, joint) || (term.site == Site::Arm && of_arm == Some(joint));
+        let found: Vec<usize> = outcome.news(search).map(|(k, _)| k).filter(|k| at_joint(&terms[*k])).collect();
+        let left = left.iter().find(|l| l.joint == joint && l.is_material());
+        closed[joint] = left.is_some();
+        let imitations = imitations(search, &outcome.fitted, &found, joint, left.map_or(0.0, |l| l.share));
+        if !imitations.is_empty() {
+            closed[joint] = true;
+            outcome = outcome.without(search, &imitations);
+        }
+    }
+    if !closed.contains(&true) || outcome.accepted.is_empty() {
+        return Ok(outcome);
+    }
+    // What nothing explains at one joint must not be explained by effects at others.
+    let open = search.on_rows_without(&closed, &outcome.fitted);
+    let elsewhere = |step: &Accepted| step.site.joint().is_none_or(|joint| !closed[joint]);
+    let (_, kept) = search.backward(open, outcome.accepted.clone(), &elsewhere)?;
+    let fitted = search.on_rows_without(&vec![false; n], &outcome.fitted);
+    outcome.fitted = search.refit(&fitted, fitted.terms().to_vec());
+    let given = outcome.fitted.terms().len() - outcome.accepted.len();
+    let gone = |step: &Accepted| !kept.iter().any(|k| k.effect == step.effect && k.site == step.site);
+    let out: Vec<usize> =
+        (0..outcome.accepted.len()).filter(|k| gone(&outcome.accepted[*k])).map(|k| given + k).collect();
+    if out.is_empty() {
+        return Ok(outcome);
+    }
+    Ok(outcome.without(search, &out))
+}
+
+/// Whether a term acts at a joint and not only by cutting its torque: rows at a limit are no equations that it could explain.
+fn is_at(term: &Term, joint: usize) -> bool {
+    matches!(term.site, Site::Joint(own) | Site::Pair(own, _) if own == joint) && !is_limit(term)
+}
+
+/// Of the terms at some indices of a fit, which act at a joint, those that only imitate a smooth function of its state. They
+/// are asked where that function predicts left-out blocks better than they do, or could still explain beside them more than
+/// half of what they do; or something that matters beside many of them.
+///
+/// - `left`: share of the joint's left-out error that it could still take away
+pub(super) fn imitations(search: &Search<'_>, fitted: &Fitted, found: &[usize], joint: usize, left: f64) -> Vec<usize> {
+    const HALF: f64 = 0.5;
+    if found.is_empty() {
+        return vec![];
+    }
+    let (problem, noise) = (&search.problem, &search.noise);
+    let bare = search.refit(fitted, without(fitted.terms(), found));
+    let Some((smooth, with_smooth)) = Smooth::best(problem, &bare, noise, joint) else { return vec![] };
+    let with_found = search.errors(fitted).left_out;
+    let explained = search.errors(&bare).left_out.mean_square(joint) / with_found.mean_square(joint) - 1.0;
+    let is_much = 1.0 - (1.0 - left).powi(2) > HALF * explained;
+    let much_is_left = is_much || (left > 0.0 && found.len() >= MANY);
+    if !much_is_left && weights(problem, &[&with_found, &with_smooth], &[0.0; 2], &[joint])[1] < EVEN {
+        return vec![];
+    }
+    // Terms that hold at positions and speeds that they were not fitted to ...
+    let mut kept: Vec<usize> = found.iter().copied().filter(|k| holds_elsewhere(search, fitted, *k, joint)).collect();
+    // ... and those that have evidence beside the process, the strongest first.
+    let mut best = smooth.evidence;
+    loop {
+        let trial = |k: usize| {
+            let out: Vec<usize> = found.iter().copied().filter(|f| *f != k && !kept.contains(f)).collect();
+            let with = search.refit(fitted, without(fitted.terms(), &out));
+            search.score_of(&bare, &with) + smooth.evidence_beside(problem, &with, noise)
+        };
+        let rest: Vec<usize> = found.iter().copied().filter(|k| !kept.contains(k)).collect();
+        let evidence: Vec<(usize, f64)> = rest.into_par_iter().map(|k| (k, trial(k))).collect();
+        match evidence.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)) {
+            Some((k, evidence)) if evidence > best + EVIDENCE => {
+                kept.push(k);
+                best = evidence;
+            }
+            _ => break,
+        }
+    }
+    found.iter().copied().filter(|k| !kept.contains(k)).collect()
+}
+
+/// Whether a term of a fit surely lowers the error of a joint on fifths of its positions, and on fifths of its speeds, that
+/// were left out.
+fn holds_elsewhere(search: &Search<'_>, fitted: &Fitted, index: usize, joint: usize) -> bool {
+    let (problem, noise) = (&search.problem, &search.noise);
+    let bare = search.refit(fitted, without(fitted.terms(), &[index]));
+    let [without, with] = [&bare, fitted].map(|fit| left_out_states(problem, fit, noise, joint));
+    without.iter().zip(&with).all(|(without, with)| without.against(with, problem, &[joint]).significance() >= SURE)
+}
+
+/// The joint at which effects of the whole arm explain more than at all others together, if there is one.
+fn joint_of_arm(search: &Search<'_>, outcome: &Outcome) -> Option<usize> {
+    let terms = outcome.fitted.terms();
+    let out: Vec<usize> = outcome.news(search).map(|(k, _)| k).filter(|k| terms[*k].site == Site::Arm).collect();
+    if out.is_empty() {
+        return None;
+    }
+    let bare = search.refit(&outcome.fitted, without(terms, &out));
+    let energy = |white: &[f64]| white.iter().map(|w| w * w).sum::<f64>();
+    let falls: Vec<f64> =
+        bare.white.iter().zip(&outcome.fitted.white).map(|(bare, fitted)| energy(bare) - energy(fitted)).collect();
+    let all: f64 = falls.iter().sum();
+    falls.iter().position(|fall| *fall > 0.5 * all)
+}
+
+/// Growth of a joint's error on left-out parts of the logs that is harm: the one that is seen on other logs differs by as
+/// much from chance.
+const HARM: f64 = 0.02;
+
+/// The terms that must not enter the model, weakest first: while some joint is predicted worse with the findings than
+/// without them, on parts of the logs that were left out and beyond the band of the equations, by more than the standard
+/// error of that.
+fn taken_back(search: &Search<'_>, outcome: &Outcome) -> Vec<usize> {
+    let (problem, noise) = (&search.problem, &search.noise);
+    let errors = |fitted: &Fitted| (left_out_parts(problem, fitted, noise), beyond(problem, fitted));
+    let before = errors(&outcome.start);
+    let mut out: Vec<usize> = Vec::new();
+    loop {
+        let inside: Vec<usize> = outcome.news(search).map(|(k, _)| k).filter(|k| !out.contains(k)).collect();
+        if inside.is_empty() {
+            return out;
+        }
+        let fitted = search.refit(&outcome.fitted, without(outcome.fitted.terms(), &out));
+        let after = errors(&fitted);
+        let is_worse = |joint: &usize| {
+            let whole = |errors: &(LeftOut, Vec<ByLog>)| errors.0.mean_square(*joint) + errors.1[*joint][0].powi(2);
+            let grows = whole(&after) > (1.0 + HARM).powi(2) * whole(&before);
+            let in_band = before.0.against(&after.0, problem, &[*joint]);
+            // Beyond the band there is no fit, and no chance.
+            let beyond = after.1[*joint][0] > (1.0 + HARM) * before.1[*joint][0];
+            grows && (beyond || in_band.significance() < -1.0)
+        };
+        let worse: Vec<usize> = (0..problem.dof()).filter(is_worse).collect();
+        let acts = |k: &usize| {
+            let own = search.joints_of(&outcome.fitted.terms()[*k]);
+            worse.iter().any(|joint| own.contains(joint))
+        };
+        let score = |k: &usize| outcome.news(search).find(|(own, _)| own == k).map_or(0.0, |(_, step)| step.score);
+        match inside.into_iter().filter(acts).min_by(|a, b| score(a).total_cmp(&score(b))) {
+            Some(weakest) => out.push(weakest),
+            None => return out,
+        }
+    }
+}
+
+/// The probabilities of the likeliest effects that were not found, beside what was.
+fn rejected(search: &Search<'_>, outcome: &Outcome) -> Vec<(String, Site, f64)> {
+    const LIKELIEST: usize = 6;
+    let own = search.errors(&outcome.fitted).left_out;
+    let found = |term: &Term| outcome.fitted.terms().iter().any(|own| own.is_like(term));
+    let possible = outcome.ranking.iter().filter(|c| !c.impossible && c.score > 0.0 && !found(&c.term));
+    let likeliest: Vec<&Term> = possible.take(LIKELIEST).map(|c| &c.term).collect();
+    let probability = |term: &&Term| {
+        let with = search.errors(&search.with_term(&outcome.fitted, (*term).clone())).left_out;
+        let joints = search.joints_of(term);
+        let there = weights(&search.problem, &[&own, &with], &[0.0, -search.units.ln()], &joints)[1];
+        let matters = |joint: &usize| probability_of_fall(&search.problem, [&own, &with], *joint, MATERIAL, 0.0);
+        let probability = there.min(joints.iter().map(matters).fold(0.0, f64::max));
+        (term.effect.name().to_string(), term.site, probability)
+    };
+    likeliest.par_iter().map(probability).collect()
+}
+
+/// The probability of every term that was found, by left-out blocks at the joints on which it acts.
+///
+/// - `left`: what is left at each joint beside what was found
+fn judge(search: &Search<'_>, outcome: &Outcome, left: &[Leftover]) -> Vec<Judged> {
+    let own = search.errors(&outcome.fitted).left_out;
+    let found: Vec<(usize, &Accepted)> = outcome.news(search).collect();
+    let is_left = |step: &Accepted| left.iter().any(|l| step.site.joint() == Some(l.joint) && l.is_material());
+    let judged = |(index, step)| judge_one(search, (&outcome.fitted, &own), (index, step), is_left(step));
+    found.into_par_iter().map(judged).collect()
+}
+
+fn judge_one(
+    search: &Search<'_>,
+    (fitted, own): (&Fitted, &LeftOut),
+    (index, step): (usize, &Accepted),
+    is_left: bool,
+) -> Judged {
+    let term = &fitted.terms()[index];
+    if is_limit(term) {
+        return Judged { index, probability: 1.0 - 1.0 / search.units, something: 1.0 - 1.0 / search.units };
+    }
+    let bare = search.refit(fitted, without(fitted.terms(), &[index]));
+    let rivals = step.rivals.iter().filter(|(rival, score)| {
+        let there = fitted.terms().iter().any(|term| term.is_like(rival));
+        *score > CLOSE * step.first_score && !there
+    });
+    let in_its_place = |rival: &Term| {
+        let mut terms = fitted.terms().to_vec();
+        terms[index] = rival.clone();
+        search.refit(fitted, terms)
+    };
+    let mut models = vec![search.errors(&bare).left_out, own.clone()];
+    models.extend(rivals.take(RIVALS).map(|(rival, _)| search.errors(&in_its_place(rival)).left_out));
+    for twin in &step.twins {
+        let elsewhere = Term { site: *twin, ..term.clone() };
+        models.push(search.errors(&in_its_place(&elsewhere)).left_out);
+    }
+    let effects = models.len();
+    let twins = effects - step.twins.len()..effects;
+    if let Some(joint) = term.site.joint() {
+        models.extend(Smooth::best(&search.problem, &bare, &search.noise, joint).map(|(_, errors)| errors));
+    }
+    // One of so many effects, and none, are as likely before any data.
+    let prior: Vec<f64> = (0..models.len()).map(|k| if k == 0 { 0.0 } else { -search.units.ln() }).collect();
+    let models: Vec<&LeftOut> = models.iter().collect();
+    let joints = search.joints_of(term);
+    let with_process = weights(&search.problem, &models, &prior, &joints);
+    let weights = weights(&search.problem, &models[..effects], &prior[..effects], &joints);
+    // Where the same effect explains as much elsewhere, it is as likely there.
+    let own = weights[1] + weights[twins].iter().sum::<f64>();
+    let probability = own / (1 + step.twins.len()) as f64;
+    // A process that is about as good says the same with more freedom; one that is better for certain, and could explain
+    // more beside the effect, says something else.
+    let of_process: f64 = with_process[effects..].iter().sum();
+    let something = if is_left && of_process > CERTAIN { 1.0 - of_process } else { 1.0 - weights[0] };
+    Judged { index, probability, something }
+}

@@ -1,0 +1,179 @@
+//! What left-out data say between models: the one statistic that every decision of the diagnosis rests on.
+//!
+//! A model is judged by its errors on blocks of time that were left out of its fit. Two models are compared block by
+//! block, so that what is hard to predict for both cancels. Noise has a memory, which is counted, and an effect that
+//! helps in some blocks and harms in others is less sure than one that helps wherever it acts.
+
+use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
+
+use super::problem::{Column, Problem};
+use crate::random::Random;
+
+/// Errors of one model on blocks that were left out of its fit, per joint and row, N·m (N).
+#[derive(Clone, Debug)]
+pub(super) struct LeftOut {
+    pub rows: Column,
+}
+
+/// The paired comparison of two models on left-out blocks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Comparison {
+    /// Fall of the sum of squares, each joint in units of its own left-out variance.
+    pub gain: f64,
+    /// Standard deviation of that.
+    pub deviation: f64,
+    /// Mean fall of the logarithm of a block's error, in its standard deviations, for one joint.
+    usual: f64,
+}
+
+impl Comparison {
+    /// Gain in standard deviations: of the squares, in which an effect shows that acts for a short time, or of a usual
+    /// block, whatever some blocks with large errors say.
+    pub fn significance(&self) -> f64 {
+        let of_squares = if self.deviation > 0.0 { self.gain / self.deviation } else { 0.0 };
+        of_squares.max(self.usual)
+    }
+}
+
+/// Mean of values in standard deviations of it: the normal deviate that is as improbable as Student's t with as few values.
+fn deviate_of_mean(values: &[f64]) -> f64 {
+    let count = values.len() as f64;
+    if count < 3.0 {
+        return 0.0;
+    }
+    let mean = values.iter().sum::<f64>() / count;
+    let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    let t = mean / (variance / count).sqrt().max(f64::MIN_POSITIVE);
+    let student = StudentsT::new(0.0, 1.0, count - 1.0).expect("positive degrees of freedom");
+    let normal = Normal::standard();
+    // By the smaller tail, whose probability does not round to one.
+    let deviate = -normal.inverse_cdf(student.sf(t.abs()).max(f64::MIN_POSITIVE));
+    deviate.copysign(t)
+}
+
+/// Longest memory that is believed, in rows of a block: with more, a block says next to nothing.
+const LONGEST_MEMORY: f64 = 0.5;
+
+impl LeftOut {
+    /// Mean square error of a joint, (N·m)² (N²).
+    pub fn mean_square(&self, joint: usize) -> f64 {
+        let rows = &self.rows[joint];
+        rows.iter().map(|e| e * e).sum::<f64>() / rows.len().max(1) as f64
+    }
+
+    /// How many rows of a joint say as much about a smooth column as one row without memory would: for an autoregression
+    /// of first order (1 + r) / (1 - r), r the correlation of neighbours.
+    pub fn memory(&self, problem: &Problem, joint: usize) -> f64 {
+        let (rows, run) = (&self.rows[joint], &problem.run[joint]);
+        let (mut products, mut squares) = (0.0, 0.0);
+        for k in (1..rows.len()).filter(|&k| run[k] > 0) {
+            products += rows[k] * rows[k - 1];
+            squares += 0.5 * (rows[k] * rows[k] + rows[k - 1] * rows[k - 1]);
+        }
+        let r = if squares > 0.0 { (products / squares).clamp(0.0, 0.999) } else { 0.0 };
+        let block = problem.blocks(joint).next().map_or(1, |block| block.len());
+        ((1.0 + r) / (1.0 - r)).min((LONGEST_MEMORY * block as f64).max(1.0))
+    }
+
+    /// This model without something against `with` it, at some joints.
+    ///
+    /// With prediction errors e0 and e1, d = e0 - e1 is what the two predict differently. If the larger model is right the
+    /// fall of the squares in a block is its share of the squares of d, and varies with the noise by 4 m d² / s², m the memory
+    /// and s the error. It varies more from block to block than that where the larger model is wrong, or the memory longer.
+    pub fn against(&self, with: &Self, problem: &Problem, joints: &[usize]) -> Comparison {
+        let (mut noise, mut blocks, mut logarithms) = (0.0, Vec::new(), Vec::new());
+        for &joint in joints {
+            let variance = with.mean_square(joint);
+            if variance <= 0.0 {
+                continue;
+            }
+            let memory = with.memory(problem, joint);
+            for block in problem.blocks(joint) {
+                let (mut fall, mut size) = (0.0, 0.0);
+                let square = |errors: &Self| errors.rows[joint][block.clone()].iter().map(|e| e * e).sum::<f64>();
+                let [before, after] = [self, with].map(square);
+                if before > 0.0 && after > 0.0 {
+                    logarithms.push((before / after).ln());
+                }
+                for row in block {
+                    let (own, other) = (self.rows[joint][row], with.rows[joint][row]);
+                    fall += (own * own - other * other) / variance;
+                    size += (own - other) * (own - other) / variance;
+                }
+                noise += 4.0 * memory * size;
+                blocks.push((fall, size));
+            }
+        }
+        let (gain, size) = blocks.iter().fold((0.0, 0.0), |(gain, size), block| (gain + block.0, size + block.1));
+        let rate = if size > 0.0 { gain / size } else { 0.0 };
+        let scatter: f64 = blocks.iter().map(|(fall, size)| (fall - rate * size).powi(2)).sum();
+        let usual = if joints.len() == 1 { deviate_of_mean(&logarithms) } else { 0.0 };
+        Comparison { gain, deviation: noise.max(scatter).sqrt(), usual }
+    }
+}
+
+/// Draws of the bootstrap.
+const DRAWS: usize = 400;
+
+/// Weights of models by their predictive density on left-out blocks, which sum to one: averaged over a Bayesian bootstrap
+/// of the blocks, so that a lead that hangs on few blocks counts less (pseudo-BMA+; Yao, Vehtari, Simpson, Gelman, Using
+/// stacking to average Bayesian predictive distributions, Bayesian Analysis 13 (2018), section 3.4).
+///
+/// - `prior`: log of the weights before any data
+pub(super) fn weights(problem: &Problem, models: &[&LeftOut], prior: &[f64], joints: &[usize]) -> Vec<f64> {
+    let mut densities: Vec<Vec<f64>> = vec![vec![]; models.len()];
+    for &joint in joints {
+        let best = models.iter().min_by(|a, b| a.mean_square(joint).total_cmp(&b.mean_square(joint)));
+        let Some(best) = best.filter(|best| best.mean_square(joint) > 0.0) else { continue };
+        let scale = -0.5 / (best.mean_square(joint) * best.memory(problem, joint));
+        for block in problem.blocks(joint) {
+            for (densities, model) in densities.iter_mut().zip(models) {
+                densities.push(scale * model.rows[joint][block.clone()].iter().map(|e| e * e).sum::<f64>());
+            }
+        }
+    }
+    let mut weights = vec![0.0; models.len()];
+    for draw in draws(densities.first().map_or(0, Vec::len)) {
+        let of_model = |(densities, prior): (&Vec<f64>, &f64)| {
+            prior + densities.iter().zip(&draw).map(|(density, weight)| density * weight).sum::<f64>()
+        };
+        let all: Vec<f64> = densities.iter().zip(prior).map(of_model).collect();
+        let most = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let shares: Vec<f64> = all.iter().map(|density| (density - most).exp()).collect();
+        let sum: f64 = shares.iter().sum();
+        weights.iter_mut().zip(shares).for_each(|(weight, share)| *weight += share / sum / DRAWS as f64);
+    }
+    weights
+}
+
+/// Probability, over the same bootstrap, that the root mean square error of a joint falls by more than a share of it.
+///
+/// - `apart`: mean square that is in both, (N·m)² (N²)
+pub(super) fn probability_of_fall(
+    problem: &Problem,
+    [own, with]: [&LeftOut; 2],
+    joint: usize,
+    share: f64,
+    apart: f64,
+) -> f64 {
+    let sums = |errors: &LeftOut| -> Vec<f64> {
+        let square = |block: std::ops::Range<usize>| {
+            errors.rows[joint][block.clone()].iter().map(|e| e * e).sum::<f64>() + apart * block.len() as f64
+        };
+        problem.blocks(joint).map(square).collect()
+    };
+    let [own, with] = [own, with].map(sums);
+    let weighted = |sums: &[f64], draw: &[f64]| sums.iter().zip(draw).map(|(x, weight)| x * weight).sum::<f64>();
+    let falls = |draw: &Vec<f64>| weighted(&with, draw) < (1.0 - share).powi(2) * weighted(&own, draw);
+    draws(own.len()).filter(falls).count() as f64 / DRAWS as f64
+}
+
+/// Weights of `count` blocks with mean one, from the flat Dirichlet distribution; the same for every call.
+fn draws(count: usize) -> impl Iterator<Item = Vec<f64>> {
+    let mut random = Random::new(0x00D1_A905);
+    (0..DRAWS).map(move |_| {
+        let draw: Vec<f64> = (0..count).map(|_| -random.uniform().max(1e-300).ln()).collect();
+        let mean = draw.iter().sum::<f64>() / count.max(1) as f64;
+        draw.into_iter().map(|weight| weight / mean).collect()
+    })
+}

@@ -1,0 +1,187 @@
+//! How well a streamed model predicts the torque of logs.
+
+use super::{Predictor, StreamError, StreamOptions};
+use crate::effects::Context;
+use crate::gp::PredictorOptions;
+use crate::model::compare::compare_by;
+use crate::model::{
+    Comparison, IdentifyError, SemiParametricError, SemiParametricModel, SemiParametricPredictor, TorqueModel,
+    select_joints,
+};
+use crate::motion::{Motion, Processing};
+use crate::recording::Recording;
+use crate::robot::Robot;
+use crate::signal::LowPass;
+
+/// The motion that a streamed model is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StreamedMotion {
+    /// The motion of the log as it is compared with a model: filtered without delay, which needs samples that come later.
+    Filtered,
+    /// The positions as logged, through the same filter in one pass and differentiated from the samples before: what a
+    /// controller knows that measures positions alone. The filter makes it late.
+    Causal,
+}
+
+/// Compares what a model says one sample after the other with recordings, processed as `processing` says, by default as the
+/// model was identified. Figures are those of [`crate::model::compare`], and the torque is what a log would show.
+///
+/// # Errors
+/// As [`crate::model::compare`]; if the model cannot be streamed.
+pub fn compare_streaming(
+    model: &TorqueModel,
+    recordings: &[Recording],
+    processing: Option<&Processing>,
+    motion: StreamedMotion,
+) -> Result<Comparison, IdentifyError> {
+    let recordings = select_joints(model.robot(), recordings)?;
+    let chosen = chosen(&recordings, processing.or(model.processing()))?;
+    let predict = |stretch: &Motion| {
+        let mut predictor = model.predictor(&at_rate(stretch))?;
+        streamed(&mut predictor, model, stretch, &Source { recordings: &recordings, processing: &chosen, motion })
+    };
+    compare_by(model, &predict, &recordings, Some(&chosen))
+}
+
+impl SemiParametricModel {
+    /// As [`compare_streaming`].
+    ///
+    /// # Errors
+    /// As [`compare_streaming`].
+    pub fn compare_streaming(
+        &self,
+        recordings: &[Recording],
+        motion: StreamedMotion,
+    ) -> Result<Comparison, SemiParametricError> {
+        let physics = self.physics();
+        let recordings = select_joints(physics.robot(), recordings).map_err(IdentifyError::from)?;
+        let chosen = chosen(&recordings, physics.processing())?;
+        let mean = PredictorOptions { variance_rank: Some(0), ..PredictorOptions::default() };
+        let source = Source { recordings: &recordings, processing: &chosen, motion };
+        let predict = |stretch: &Motion| {
+            let mut predictor = SemiParametricPredictor::streaming(self, mean, &at_rate(stretch))?;
+            Ok::<_, SemiParametricError>(streamed(&mut predictor, physics, stretch, &source)?)
+        };
+        compare_by(physics, &predict, &recordings, Some(&chosen))
+    }
+}
+
+fn chosen(recordings: &[Recording], given: Option<&Processing>) -> Result<Processing, IdentifyError> {
+    match given {
+        Some(processing) => Ok(processing.clone()),
+        None => Ok(Processing::choose(recordings, &Default::default())?.0),
+    }
+}
+
+fn at_rate(stretch: &Motion) -> StreamOptions {
+    StreamOptions { rate_hz: Some(stretch.rate_hz), ..StreamOptions::default() }
+}
+
+/// A predictor of either kind.
+trait Stream {
+    fn set_time(&mut self, time: f64) -> Result<(), StreamError>;
+    fn set_temperature(&mut self, celsius: &[f64]) -> Result<(), StreamError>;
+    fn try_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> Result<&[f64], StreamError>;
+}
+
+impl Stream for Predictor {
+    fn set_time(&mut self, time: f64) -> Result<(), StreamError> {
+        self.set_time(time)
+    }
+
+    fn set_temperature(&mut self, celsius: &[f64]) -> Result<(), StreamError> {
+        self.set_temperature(celsius)
+    }
+
+    fn try_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> Result<&[f64], StreamError> {
+        self.try_torque(q, dq, ddq)
+    }
+}
+
+impl Stream for SemiParametricPredictor {
+    fn set_time(&mut self, time: f64) -> Result<(), StreamError> {
+        self.set_time(time)
+    }
+
+    fn set_temperature(&mut self, celsius: &[f64]) -> Result<(), StreamError> {
+        self.set_temperature(celsius)
+    }
+
+    fn try_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> Result<&[f64], StreamError> {
+        self.try_torque(q, dq, ddq)
+    }
+}
+
+/// Where the motion comes from.
+struct Source<'a> {
+    recordings: &'a [Recording],
+    processing: &'a Processing,
+    motion: StreamedMotion,
+}
+
+/// Torques along a stretch of a log, `[samples, n]`.
+fn streamed(
+    predictor: &mut dyn Stream,
+    model: &TorqueModel,
+    stretch: &Motion,
+    source: &Source<'_>,
+) -> Result<Vec<f64>, IdentifyError> {
+    let n = model.robot().dof();
+    let time = model.session_time(&stretch.time);
+    predictor.set_time(time.first().copied().unwrap_or_default())?;
+    let causal = match source.motion {
+        StreamedMotion::Filtered => None,
+        StreamedMotion::Causal => Some(causal_motion(source, stretch, n)?),
+    };
+    let [q, dq, ddq] = causal.as_ref().map_or([&stretch.q, &stretch.dq, &stretch.ddq], |own| own.each_ref());
+    let temperatures = temperatures(model.robot(), stretch);
+    let mut celsius = vec![0.0; n];
+    let mut tau = Vec::with_capacity(q.len());
+    for k in 0..stretch.len() {
+        if let Some(temperatures) = &temperatures {
+            celsius.iter_mut().zip(temperatures).for_each(|(value, channel)| *value = channel[k]);
+            predictor.set_temperature(&celsius)?;
+        }
+        let row = k * n..(k + 1) * n;
+        tau.extend_from_slice(predictor.try_torque(&q[row.clone()], &dq[row.clone()], &ddq[row])?);
+    }
+    Ok(tau)
+}
+
+/// The channel of each joint's temperature, if there is one for every joint.
+fn temperatures<'a>(robot: &'a Robot, stretch: &'a Motion) -> Option<Vec<&'a [f64]>> {
+    let context = Context {
+        robot,
+        rate_hz: stretch.rate_hz,
+        time: &[],
+        q: &[],
+        dq: &[],
+        ddq: &[],
+        rigid_torque: &[],
+        torque: &[],
+        channels: &stretch.channels,
+    };
+    (0..robot.dof()).map(|joint| context.temperature_celsius(joint)).collect()
+}
+
+/// Position, velocity and acceleration, `[samples, n]`, from the logged positions up to each sample.
+fn causal_motion(source: &Source<'_>, stretch: &Motion, n: usize) -> Result<[Vec<f64>; 3], IdentifyError> {
+    let Source { recordings, processing, .. } = source;
+    let first = stretch.time.first().copied().unwrap_or_default();
+    let found = recordings.iter().filter(|log| log.source() == stretch.source).find_map(|log| {
+        let at = log.time().binary_search(&first).ok()?;
+        log.position().get(at * n..(at + stretch.len()) * n)
+    });
+    let mut q = found.expect("a stretch is made of rows of its recording").to_vec();
+    LowPass::butterworth(processing.order, processing.cutoff_hz, stretch.rate_hz)?.apply_forwards(&mut q, n);
+    let (mut dq, mut ddq) = (vec![0.0; q.len()], vec![0.0; q.len()]);
+    for k in 2 * n..q.len() {
+        let (now, last, before) = (q[k], q[k - n], q[k - 2 * n]);
+        dq[k] = (1.5 * now - 2.0 * last + 0.5 * before) * stretch.rate_hz;
+        ddq[k] = (now - 2.0 * last + before) * stretch.rate_hz * stretch.rate_hz;
+        if dq[k].abs() < processing.standstill_speed[k % n] {
+            (dq[k], ddq[k]) = (0.0, 0.0);
+        }
+    }
+    Ok([q, dq, ddq])
+}
