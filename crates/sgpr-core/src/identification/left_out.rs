@@ -14,7 +14,6 @@ pub struct LeftOut<'a> {
     /// Noise level of the rows of each factor, N·m (N); infinite for those that are left out.
     levels: Vec<Vec<f64>>,
     normal: Vec<Normal>,
-    all: Normal,
 }
 
 impl<'a> LeftOut<'a> {
@@ -24,10 +23,8 @@ impl<'a> LeftOut<'a> {
     pub fn new(parts: &'a [Vec<JointFactor>], level: impl Fn(&JointFactor) -> f64, rank: usize) -> Self {
         let levels: Vec<Vec<f64>> = parts.iter().map(|part| part.iter().map(&level).collect()).collect();
         let pairs = parts.iter().zip(&levels);
-        let normal: Vec<Normal> = pairs.map(|(part, levels)| Normal::of(part, levels, rank)).collect();
-        let mut all = Normal { information: Mat::zeros(rank, rank), projection: Mat::zeros(rank, 1) };
-        normal.iter().for_each(|part| all.add(part, 1.0));
-        Self { parts, levels, normal, all }
+        let normal = pairs.map(|(part, levels)| Normal::of(part, levels, rank)).collect();
+        Self { parts, levels, normal }
     }
 
     /// Base parameters by data and prior of all parts but one, each part in turn; none where rounding makes the equations
@@ -37,19 +34,43 @@ impl<'a> LeftOut<'a> {
         let rank = prior.mean().len();
         let p = rows.as_ref().subcols(0, rank);
         let information = p.transpose() * p;
-        let without = |part: &Normal| {
-            let mut data = self.all.clone();
-            data.add(part, -1.0);
+        let without = |left_out: usize| {
+            let mut data = Normal { information: Mat::zeros(rank, rank), projection: Mat::zeros(rank, 1) };
+            let others = self.normal.iter().enumerate().filter(|(part, _)| *part != left_out);
+            others.for_each(|(_, part)| data.add(part));
             let mut values = prior.mean().to_vec();
             for _ in 0..PULLS {
                 let center = Mat::from_fn(rank, 1, |k, _| values[k]);
                 let mut all = Normal { information: information.clone(), projection: &information * center };
-                all.add(&data, 1.0);
+                all.add(&data);
                 values = all.solution(prior)?;
             }
             Some(values)
         };
-        self.normal.iter().map(without).collect()
+        (0..self.normal.len()).map(without).collect()
+    }
+
+    /// Whether parts are predicted better from the others with the prior `after` than with `before`, motion in units of its
+    /// noise. Parts count alike: one in which an estimate runs off would hide all others.
+    pub fn judge(&self, before: &ParameterPrior, after: &ParameterPrior) -> Judgement {
+        let pairs = self.squares(before).into_iter().zip(self.squares(after));
+        let shares = pairs.filter_map(|(before, after)| {
+            let (before, after) = (before?, after?);
+            let both = before + after;
+            (both > 0.0 && both.is_finite()).then(|| (before / both, after / both))
+        });
+        Judgement::of(&shares.collect::<Vec<_>>())
+    }
+
+    /// Squares of what is left of each part in motion, in units of its noise.
+    fn squares(&self, prior: &ParameterPrior) -> Vec<Option<f64>> {
+        let parts = self.parts.iter().zip(&self.levels).zip(self.without(prior));
+        let of_part = |((part, levels), values): ((&Vec<JointFactor>, &Vec<f64>), Option<Vec<f64>>)| {
+            let used = part.iter().zip(levels).filter(|(factor, level)| !factor.resting && level.is_finite());
+            let values = values?;
+            Some(used.map(|(factor, level)| (residual_norm(factor, &values) / level).powi(2)).sum())
+        };
+        parts.map(of_part).collect()
     }
 
     /// Whether identified parameters predict what they have not seen better than the robot file: per joint what they gain, in
@@ -90,9 +111,9 @@ impl Normal {
         Self { information: weighted_gram(factors, &used, &weights, rank), projection }
     }
 
-    fn add(&mut self, other: &Self, sign: f64) {
-        self.information += faer::Scale(sign) * &other.information;
-        self.projection += faer::Scale(sign) * &other.projection;
+    fn add(&mut self, other: &Self) {
+        self.information += &other.information;
+        self.projection += &other.projection;
     }
 
     /// `None` if the equations are not definite by rounding.

@@ -20,6 +20,8 @@ pub struct Observation<'a> {
     source: RowSource<'a>,
     /// Per part and joint: rows in motion, rows at rest.
     parts: Vec<Vec<[TriangularFactor; 2]>>,
+    /// Samples of the trajectories added, and of all that will be.
+    samples: [usize; 2],
 }
 
 /// What an equation is good for.
@@ -98,21 +100,30 @@ const PIECE: usize = 8 << 20;
 impl<'a> Observation<'a> {
     /// No equations yet.
     pub fn new(robot: &'a Robot, set: &'a ParameterSet, base: &BaseParameters) -> Self {
-        Self::in_parts(robot, set, base, 1)
+        Self::in_parts(robot, set, base, 1, 1)
     }
 
-    /// No equations yet; those of each trajectory will be kept in consecutive parts of equal time, [`Self::parts`].
+    /// No equations yet; they will be kept in consecutive parts of as many samples each, one trajectory after the other,
+    /// [`Self::parts`]: with as many logs of one length as parts each log is one.
+    ///
+    /// - `samples`: of all trajectories that will be added
     ///
     /// # Panics
     /// If there is no part.
-    pub fn in_parts(robot: &'a Robot, set: &'a ParameterSet, base: &BaseParameters, parts: usize) -> Self {
+    pub fn in_parts(
+        robot: &'a Robot,
+        set: &'a ParameterSet,
+        base: &BaseParameters,
+        parts: usize,
+        samples: usize,
+    ) -> Self {
         assert!(parts > 0, "one part at least");
         let source = RowSource::new(robot, set, base);
         let factors = |_| {
             let layouts = source.layouts.iter();
             layouts.map(|layout| [(); 2].map(|()| TriangularFactor::new(layout.width()))).collect()
         };
-        Self { parts: (0..parts).map(factors).collect(), source }
+        Self { parts: (0..parts).map(factors).collect(), source, samples: [0, samples.max(1)] }
     }
 
     /// Adds the equations of samples as they are.
@@ -207,7 +218,8 @@ impl<'a> Observation<'a> {
     pub fn add(&mut self, trajectory: &Trajectory<'_>) -> Result<(), IdentificationError> {
         let n = self.source.robot.dof();
         let parts = &mut self.parts;
-        let (count, samples) = (parts.len(), trajectory.samples.count(n));
+        let (count, [before, all]) = (parts.len(), self.samples);
+        self.samples[0] += trajectory.samples.count(n);
         let Trajectory { use_as, decimation, .. } = *trajectory;
         self.source.for_each_piece(trajectory, |piece| {
             for joint in 0..n {
@@ -217,7 +229,7 @@ impl<'a> Observation<'a> {
                     continue;
                 }
                 for (sample, row) in piece.samples.clone().zip(rows.chunks_exact(width)).step_by(decimation) {
-                    let [moving, resting] = &mut parts[sample * count / samples][joint];
+                    let [moving, resting] = &mut parts[((before + sample) * count / all).min(count - 1)][joint];
                     match use_as.map_or(Row::Moving, |use_as| use_as[sample * n + joint]) {
                         Row::Skip => {}
                         Row::Moving => moving.push(row),

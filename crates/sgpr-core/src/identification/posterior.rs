@@ -3,7 +3,7 @@
 use faer::Mat;
 
 use super::least_squares::{
-    Excitation, MOST_ITERATIONS, SAME_WEIGHTS, floored, least_noise, residual_noise, stack, unit_noise, weighted_gram,
+    Excitation, MOST_ITERATIONS, SAME_WEIGHTS, floored, residual_noise, stack, triangular_solution, unit_noise,
 };
 use super::prior::{ParameterPrior, Posterior};
 use super::{Equations, Estimate, IdentificationError, JointFactor, LeastSquares, Method, estimate};
@@ -25,6 +25,11 @@ pub struct Held {
     pub estimate: Estimate,
     /// With the width that was used.
     pub prior: ParameterPrior,
+    /// What the prior is put beside: `[rank + 1, rank + 1]`, a triangle [R | R t] of an estimate t without prior, rows of R in
+    /// units of their joint's noise, its memory counted.
+    pub data: Mat<f64>,
+    /// Those units by factor, N·m (N); infinite for factors that are left out.
+    pub levels: Vec<f64>,
 }
 
 /// A factor with fewer rows than this many per column is followed by its parameters too closely to start from.
@@ -70,29 +75,49 @@ pub fn estimate_with_prior(
     if matches!(method, Method::Ols | Method::Wls | Method::WlsKnown(_)) {
         return Ok(held);
     }
-    let mut found = estimate::from_start(method, equations, factors, held.estimate, held.prior.mean(), correlation)?;
+    let mut found = estimate::from_start(method, equations, factors, held.estimate.clone(), held.prior.mean(), correlation)?;
     if matches!(method, Method::Ridge { .. }) {
-        return Ok(Held { estimate: found, prior: held.prior });
+        return Ok(Held { estimate: found, ..held });
     }
-    let rank = found.values.len();
-    let r = found.whitened.as_ref().submatrix(0, 0, rank, rank).to_owned();
-    let mut whitened = found.whitened.clone();
-    for i in 0..rank {
-        whitened[(i, rank)] = (i..rank).map(|j| r[(i, j)] * found.values[j]).sum();
-    }
-    let prior = width.of(held.prior, &whitened);
-    let posterior = prior.posterior(&whitened);
-    let information = r.transpose() * &r;
-    let finite = (0..rank).all(|k| found.covariance[(k, k)].is_finite());
-    let noise = if finite { &information * &found.covariance * &information } else { information };
-    found.covariance = posterior.covariance(&noise);
+    // The rows know as much as those of least squares, joint by joint; where the method puts the parameters is its own.
+    let data = informed(&held.data, &found.values);
+    let prior = width.of(held.prior, &data);
+    let posterior = prior.posterior(&data);
+    found.covariance = posterior.covariance(&of_estimate(&data, &found.covariance));
     found.values = posterior.values;
-    Ok(Held { estimate: found, prior })
+    Ok(Held { estimate: found, prior, data, levels: held.levels })
+}
+
+/// Triangle [R | R t] of data that know as much of the parameters as R and put them at `values` t.
+fn informed(data: &Mat<f64>, values: &[f64]) -> Mat<f64> {
+    let rank = values.len();
+    let along = |i: usize| (i..rank).map(|j| data[(i, j)] * values[j]).sum::<f64>();
+    Mat::from_fn(rank + 1, rank + 1, |i, j| match (i < rank, j < rank) {
+        (true, true) => data[(i, j)],
+        (true, false) => along(i),
+        _ => 0.0,
+    })
+}
+
+/// Covariance of RᵀR t for an estimate t of this covariance; RᵀR itself where that is not finite.
+fn of_estimate(data: &Mat<f64>, covariance: &Mat<f64>) -> Mat<f64> {
+    let rank = covariance.nrows();
+    let r = data.as_ref().submatrix(0, 0, rank, rank);
+    let information = r.transpose() * r;
+    match (0..rank).all(|k| covariance[(k, k)].is_finite()) {
+        true => &information * covariance * &information,
+        false => information,
+    }
 }
 
 impl LeastSquares {
-    /// [`Self::solve`] under a prior, joints weighted by what the posterior mean leaves over and by the degrees of freedom
-    /// that it takes, so that there may be fewer rows than parameters.
+    /// [`Self::solve`] under a prior: least squares gives an estimate t, what the rows know of each direction the information
+    /// of rows in units of their own joint's noise and memory; (I + PᵀP)⁻¹ (I t + PᵀP mean) is the estimate. So t stays where
+    /// the rows know more than the prior, and a joint whose residual remembers long takes no certainty from the others.
+    ///
+    /// Noise is what least squares leaves: what a prior leaves in conflict with the data would count as noise and make the
+    /// prior stronger. With fewer rows than [`ROWS_PER_COLUMN`] least squares follows them, and noise is what the posterior mean
+    /// leaves, by the degrees of freedom that it takes; so there may be fewer rows than parameters.
     ///
     /// # Errors
     /// If there is no row, known noise levels are not positive, or the width is not.
@@ -106,30 +131,26 @@ impl LeastSquares {
         let unknowns = prior.mean().len();
         let inflation: Vec<f64> = (0..factors.len()).map(|index| self.correlation_of(index)).collect();
         let mut now = self.start(factors, prior)?;
-        let least = if now.few { vec![0.0; factors.len()] } else { least_noise(&now.weights, factors) };
         let mut prior = prior.clone();
         for iteration in 1.. {
             now.iterations += 1;
             let unit = unit_noise(factors, &now.weights, &now.noise, &now.freedom, &inflation);
             let whitened = faer::Scale(1.0 / unit) * stack(factors, unknowns, &now.weights);
+            let levels = now.levels(factors, &inflation);
+            let data = informed(&stack(factors, unknowns, &levels), &triangular_solution(&whitened, prior.mean()));
             if iteration <= CHOICES {
-                prior = width.of(prior, &whitened);
+                prior = width.of(prior, &data);
             }
-            let posterior = prior.posterior(&whitened);
-            let levels: Vec<f64> = now.weights.iter().map(|weight| weight * unit).collect();
-            now.freedom = freedom_left(factors, &levels, &posterior);
-            now.noise = residual_noise(factors, &posterior.values, &now.freedom);
-            let noise = floored(&now.noise, factors, &least);
-            let change = |(new, old): (&f64, &f64)| if old.is_finite() { (new / old - 1.0).abs() } else { 0.0 };
-            let moved = noise.iter().zip(&now.weights).map(change).fold(0.0, f64::max);
-            let settled = !self.reweighted() || moved < SAME_WEIGHTS || iteration >= MOST_ITERATIONS;
+            let posterior = prior.posterior(&data);
+            let settled = !now.few || {
+                now.freedom = freedom_left(factors, &levels, &posterior);
+                now.noise = residual_noise(factors, &posterior.values, &now.freedom);
+                now.reweigh(factors, self.reweighted()) < SAME_WEIGHTS || iteration >= MOST_ITERATIONS
+            };
             if settled {
-                let variance = now.noise.iter().zip(&levels).zip(&inflation);
-                let variance: Vec<f64> =
-                    variance.map(|((noise, level), inflation)| (noise / level.powi(2)).powi(2) * inflation).collect();
-                let used: Vec<bool> = levels.iter().map(|level| level.is_finite()).collect();
-                let covariance = posterior.covariance(&weighted_gram(factors, &used, &variance, unknowns));
-                let Start { weights, noise, excitation, iterations, .. } = now;
+                let noise = residual_noise(factors, &posterior.values, &now.freedom);
+                let covariance = posterior.covariance(&of_estimate(&data, &now.covariance));
+                let Start { weights, excitation, iterations, .. } = now;
                 let estimate = Estimate {
                     values: posterior.values,
                     covariance,
@@ -142,10 +163,8 @@ impl LeastSquares {
                     iterations,
                     notes: vec![],
                 };
-                return Ok(Held { estimate, prior });
+                return Ok(Held { estimate, prior, data, levels });
             }
-            let used = |(noise, weight): (&f64, &f64)| if weight.is_finite() { *noise } else { f64::INFINITY };
-            now.weights = noise.iter().zip(&now.weights).map(used).collect();
         }
         unreachable!("the last iteration returns")
     }
@@ -163,10 +182,10 @@ impl LeastSquares {
         let is_few = |factor: &JointFactor| factor.rows < ROWS_PER_COLUMN * factor.columns.len();
         let few = total < unknowns || factors.iter().zip(&used).any(|(factor, used)| *used && is_few(factor));
         if !few {
-            let Estimate { values, weights, noise, excitation, iterations, .. } =
+            let Estimate { values, covariance, weights, noise, excitation, iterations, .. } =
                 self.solve_unknowns(factors, prior.mean())?;
             let freedom = super::least_squares::degrees_of_freedom(factors, values.len());
-            return Ok(Start { weights, noise, freedom, excitation, iterations, few });
+            return Ok(Start { weights, noise, freedom, covariance, excitation, iterations, few });
         }
         let freedom: Vec<f64> = factors.iter().map(|factor| factor.rows as f64).collect();
         let noise = residual_noise(factors, prior.mean(), &freedom);
@@ -184,7 +203,8 @@ impl LeastSquares {
             }
             _ => floors.iter().zip(&used).map(|(noise, used)| ignored(*noise, *used)).collect(),
         };
-        Ok(Start { weights, noise, freedom, excitation, iterations: 0, few })
+        let covariance = Mat::from_fn(unknowns, unknowns, |_, _| f64::INFINITY);
+        Ok(Start { weights, noise, freedom, covariance, excitation, iterations: 0, few })
     }
 
     fn reweighted(&self) -> bool {
@@ -197,10 +217,37 @@ struct Start {
     weights: Vec<f64>,
     noise: Vec<f64>,
     freedom: Vec<f64>,
+    /// Of least squares, not finite where it does not know.
+    covariance: Mat<f64>,
     excitation: Excitation,
     iterations: usize,
     /// Whether the parameters could follow the rows of a factor.
     few: bool,
+}
+
+impl Start {
+    /// Noise of each factor with its memory counted; infinite for those left out.
+    fn levels(&self, factors: &[JointFactor], inflation: &[f64]) -> Vec<f64> {
+        let noise = floored(&self.noise, factors, &vec![0.0; factors.len()]);
+        let pairs = noise.iter().zip(inflation).zip(&self.weights);
+        let level = |((noise, inflation), weight): ((&f64, &f64), &f64)| {
+            if weight.is_finite() { noise * inflation.sqrt() } else { f64::INFINITY }
+        };
+        pairs.map(level).collect()
+    }
+
+    /// Takes the noise for the weights, if these are to be found; by which share they moved at most.
+    fn reweigh(&mut self, factors: &[JointFactor], reweighted: bool) -> f64 {
+        if !reweighted {
+            return 0.0;
+        }
+        let noise = floored(&self.noise, factors, &vec![0.0; factors.len()]);
+        let used = |(noise, weight): (&f64, &f64)| if weight.is_finite() { *noise } else { f64::INFINITY };
+        let weights: Vec<f64> = noise.iter().zip(&self.weights).map(used).collect();
+        let before = std::mem::replace(&mut self.weights, weights);
+        let change = |(new, old): (&f64, &f64)| if old.is_finite() { (new / old - 1.0).abs() } else { 0.0 };
+        self.weights.iter().zip(&before).map(change).fold(0.0, f64::max)
+    }
 }
 
 /// Rows of each factor less those that the posterior mean follows: the trace of what turns torques into predictions.

@@ -63,8 +63,8 @@ const OFFSET_SHARE: f64 = 0.316;
 pub(super) const PULLS: usize = 2;
 
 /// Friction that is negative by more standard deviations than this is what the data say: something that the model lacks
-/// imitates it. Of a normal law one in 740 lies below.
-const INSISTED: f64 = 3.0;
+/// imitates it. Of a normal law one in 44 lies below.
+const INSISTED: f64 = 2.0;
 
 impl ParameterPrior {
     /// The prior of a robot with effects, its bodies with a relative deviation of one.
@@ -212,14 +212,16 @@ impl ParameterPrior {
 
     /// Gives an estimate under this prior another covariance of the data alone, infinite where they say nothing; where it
     /// is not finite the covariance stays.
-    pub(crate) fn hold_covariance(&self, estimate: &mut super::Estimate, of_data: &Mat<f64>) {
+    ///
+    /// - `data`: as in [`Self::chosen_by`]
+    pub(crate) fn hold_covariance(&self, estimate: &mut super::Estimate, data: &Mat<f64>, of_data: &Mat<f64>) {
         let rank = self.of_file.len();
         if (0..rank).any(|k| !of_data[(k, k)].is_finite()) {
             return;
         }
-        let r = estimate.whitened.as_ref().submatrix(0, 0, rank, rank);
+        let r = data.as_ref().submatrix(0, 0, rank, rank);
         let information = r.transpose() * r;
-        estimate.covariance = self.posterior(&estimate.whitened).covariance(&(&information * of_data * &information));
+        estimate.covariance = self.posterior(data).covariance(&(&information * of_data * &information));
     }
 
     /// Base parameters whose variance the data have not halved, beside a robot file that may be wrong by its own size and

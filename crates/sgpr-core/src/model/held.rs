@@ -15,7 +15,7 @@ pub(super) struct Task<'a> {
     pub set: &'a ParameterSet,
     pub base: &'a BaseParameters,
     pub factors: &'a [JointFactor],
-    /// Of consecutive parts of all logs.
+    /// Of consecutive parts of all logs, one after the other.
     pub parts: &'a [Vec<JointFactor>],
     pub motions: &'a [Motion],
 }
@@ -33,6 +33,11 @@ pub(super) fn leave_out_joints_at_rest(factors: &mut Vec<JointFactor>, parts: &m
     factors.retain(|factor| moving.contains(&factor.joint));
     parts.iter_mut().for_each(|part| part.retain(|factor| moving.contains(&factor.joint)));
 }
+
+/// Relative deviation of the robot file that leaves to the logs what they know anything of: a file that is off by ten times
+/// itself is none. The width that makes the logs most probable takes what the model lacks for noise, so it has to predict
+/// parts that were left out better than this one.
+const FLAT: f64 = 10.0;
 
 /// What the identification gains over the robot file, all joints alike.
 fn total(judged: &[Judgement]) -> f64 {
@@ -54,6 +59,13 @@ impl Task<'_> {
         };
         let mut held = solve(&prior, width)?;
         let mut notes = Vec::new();
+        if width == PriorWidth::Chosen {
+            let flat = prior.with_relative_deviation(FLAT);
+            let judgement = self.left_out(&held).judge(&flat, &held.prior);
+            if judgement.parts > 1 && !judgement.is_better() {
+                held = solve(&flat, PriorWidth::Given(FLAT))?;
+            }
+        }
         if keeping {
             let judged = self.judge(&held);
             let worse: Vec<usize> = (0..judged.len()).filter(|joint| judged[*joint].is_worse()).collect();
@@ -80,11 +92,9 @@ impl Task<'_> {
     }
 
     fn left_out(&self, held: &Held) -> LeftOut<'_> {
-        let estimate = &held.estimate;
         let level = |part: &JointFactor| {
             let same = |factor: &JointFactor| (factor.joint, factor.resting) == (part.joint, part.resting);
-            let index = self.factors.iter().position(same);
-            index.map_or(f64::INFINITY, |index| estimate.weights[index] * estimate.unit)
+            self.factors.iter().position(same).map_or(f64::INFINITY, |index| held.levels[index])
         };
         LeftOut::new(self.parts, level, self.base.rank())
     }
@@ -132,7 +142,7 @@ impl Task<'_> {
 
     /// What the prior holds, and which motion would free it.
     fn held_note(&self, held: &Held) -> Option<String> {
-        let parameters = held.prior.undecided(&held.estimate.whitened);
+        let parameters = held.prior.undecided(&held.data);
         if parameters.is_empty() {
             return None;
         }

@@ -9,7 +9,7 @@ use super::variable_projection::{self, Columns, TermFit};
 use super::{TorqueModel, held};
 use crate::effects::UnknownEffect;
 use crate::identification::{
-    BaseParameters, ClosedLoop, Consistency, Costs, Equations, Essential, Estimate, Finding, IdentificationError,
+    BaseParameters, ClosedLoop, Consistency, Costs, Equations, Essential, Estimate, Finding, Held, IdentificationError,
     JointFactor, KeptOut, LeastSquares, Method, Observation, ParameterPrior, ParameterSet, PriorWidth, Row, Series,
     Trajectory, block_bootstrap, essential_parameters, estimate, hac_covariance, residual_norm,
     rows_per_independent_row, screen_delays, screen_factors, screen_rows, screen_scale, torque_sizes,
@@ -331,7 +331,8 @@ fn fit(
     let given = if loops.is_empty() { &instruments[..] } else { &[] };
     let trajectories = experiment.trajectories_with(given, &loops, Some(&columns))?;
     let parts = if options.prior.is_some() { FOLDS } else { 1 };
-    let mut observation = Observation::in_parts(robot, &set, &base, parts);
+    let samples = trajectories.iter().map(|trajectory| trajectory.samples.count(robot.dof())).sum();
+    let mut observation = Observation::in_parts(robot, &set, &base, parts, samples);
     for (index, trajectory) in trajectories.iter().enumerate() {
         progress.step("observe", index, trajectories.len())?;
         observation.add(trajectory)?;
@@ -353,17 +354,17 @@ fn fit(
     let correlation = correlation(&model, motions, processing, &factors)?;
     let mut equations = Equations::new(robot, &set, &base, trajectories);
     let mut notes = Vec::new();
-    let (mut estimate, prior) = match prior {
+    let (mut estimate, held) = match prior {
         None => (estimate(&options.method, &mut equations, &factors, &nominal, Some(&correlation))?, None),
         Some((prior, width)) => {
             let task = held::Task { robot, set: &set, base: &base, factors: &factors, parts: &parts, motions };
             let kept = options.start == Start::RobotFile;
             let found = task.estimate(&options.method, &mut equations, (prior, width), &correlation, kept)?;
             notes.extend(found.notes);
-            (found.held.estimate, Some(found.held.prior))
+            (found.held.estimate.clone(), Some(found.held))
         }
     };
-    set_uncertainty(options, &mut equations, &factors, &mut estimate, prior.as_ref())?;
+    set_uncertainty(options, &mut equations, &factors, &mut estimate, held.as_ref())?;
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
     notes.append(&mut estimate.notes);
     notes.extend(screen_factors(&set, &base, &joints, &factors, &estimate).iter().map(ToString::to_string));
@@ -431,8 +432,9 @@ fn fit(
     let covariance = Mat::from_fn(rank, rank, |i, j| joint[(i, j)]);
     let deviations: Vec<f64> = (0..rank).map(|k| covariance[(k, k)].max(0.0).sqrt()).collect();
     let names = model.base.names();
-    let held = prior.as_ref().map_or(vec![], |prior| prior.undecided(&estimate.whitened));
-    model.provenance.history = vec![describe(options, processing, &factors, prior.as_ref())];
+    let undecided = held.as_ref().map_or(vec![], |held| held.prior.undecided(&held.data));
+    let prior = held.as_ref().map(|held| &held.prior);
+    model.provenance.history = vec![describe(options, processing, &factors, prior)];
     model.fit = Some(Fit {
         method: options.method.name().into(),
         covariance: row_major(&covariance),
@@ -444,7 +446,7 @@ fn fit(
         condition: estimate.excitation.condition,
         scaled_condition: estimate.excitation.scaled_condition,
         undetermined: (0..rank)
-            .filter(|&k| deviations[k].is_infinite() || held.contains(&k))
+            .filter(|&k| deviations[k].is_infinite() || undecided.contains(&k))
             .map(|k| names[k].clone())
             .collect(),
         standard_deviations: deviations,
@@ -461,7 +463,7 @@ fn set_uncertainty(
     equations: &mut Equations<'_>,
     factors: &[JointFactor],
     estimate: &mut Estimate,
-    prior: Option<&ParameterPrior>,
+    held: Option<&Held>,
 ) -> Result<(), IdentificationError> {
     let undetermined = |estimate: &Estimate| -> Vec<usize> {
         (0..estimate.values.len()).filter(|&k| estimate.covariance[(k, k)].is_infinite()).collect()
@@ -477,9 +479,9 @@ fn set_uncertainty(
         }
     };
     before.into_iter().for_each(|k| covariance[(k, k)] = f64::INFINITY);
-    match prior {
+    match held {
         None => estimate.covariance = covariance,
-        Some(prior) => prior.hold_covariance(estimate, &covariance),
+        Some(held) => held.prior.hold_covariance(estimate, &held.data, &covariance),
     }
     Ok(())
 }

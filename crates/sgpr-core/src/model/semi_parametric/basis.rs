@@ -42,24 +42,6 @@ impl Basis {
         Self { weights: weights.collect(), covariance, rows }
     }
 
-    /// The parameters as they were identified, beside which the processes were learned: they bring the variance that their
-    /// identification gives them. None if the physics was not identified.
-    ///
-    /// Directions of which nothing is known at all, as those of a bare estimate, say nothing here.
-    pub fn of_physics(physics: &TorqueModel, joints: usize) -> Option<Self> {
-        let fit = physics.fit()?;
-        let known = unknowns(physics);
-        let values = if fit.covariance_with_terms.is_empty() { &fit.covariance } else { &fit.covariance_with_terms };
-        let width = values.len().isqrt();
-        if width < known {
-            return None;
-        }
-        let finite = |k: usize| values[k * width + k].is_finite();
-        let entry = |i: usize, j: usize| if finite(i) && finite(j) { values[i * width + j] } else { 0.0 };
-        let covariance = Mat::from_fn(known, known, entry);
-        Some(Self { covariance, rows: vec![None; joints], weights: vec![vec![]; joints] })
-    }
-
     /// Adds the variance that uncertain parameters bring to the prediction: of r = w - k(x, X) K⁻¹ W (GPML eq. 2.42).
     ///
     /// - `x`: `[samples, 3 n + 1]`, of the processes
@@ -75,7 +57,7 @@ impl Basis {
         let n = physics.robot().dof();
         for joint in 0..n {
             let mut r = joint_rows(physics, trajectory, joint);
-            if let Some(gp) = joints[joint].gp.as_ref().filter(|_| !self.weights[joint].is_empty()) {
+            if let Some(gp) = &joints[joint].gp {
                 let explained = gp.weigh(x, &self.weights[joint]);
                 r.iter_mut().zip(explained).for_each(|(r, explained)| *r -= explained);
             }
@@ -108,7 +90,7 @@ pub(super) struct BasisPredictor {
 impl BasisPredictor {
     pub fn new(basis: &Basis, physics: &TorqueModel, joints: &[Rest]) -> Self {
         let explained = joints.iter().zip(&basis.weights).map(|(rest, weights)| {
-            let gp = rest.gp.as_ref().filter(|_| !weights.is_empty())?;
+            let gp = rest.gp.as_ref()?;
             Some(GpPredictor::weighing(&gp.covariance().signal, gp.x(), gp.inputs(), weights))
         });
         Self {

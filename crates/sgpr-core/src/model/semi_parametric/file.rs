@@ -98,7 +98,7 @@ impl SemiParametricModel {
                 }
             }
         }
-        if let Some(basis) = self.basis.as_ref().filter(|_| self.mean == Mean::Joint) {
+        if let Some(basis) = &self.basis {
             let matrices = basis.rows.iter().enumerate().filter_map(|(joint, rows)| Some((joint, rows.as_ref()?)));
             let named = matrices.map(|(joint, rows)| (format!("joint_{}.basis", joint + 1), rows));
             for (name, matrix) in named.chain([("basis_covariance".into(), &basis.covariance)]) {
@@ -186,9 +186,6 @@ impl SemiParametricModel {
             });
             let rows = rows.collect::<Result<Vec<_>, String>>()?;
             model.basis = Some(Basis::new(covariance, rows, &model.joints));
-        }
-        if head.mean == Mean::Physics {
-            model.basis = Basis::of_physics(&model.physics, n);
         }
         Ok(model)
     }

@@ -11,11 +11,10 @@ use super::super::torque_model::TorqueModel;
 use super::basis::{self, Basis};
 use super::left_out::left_out;
 use super::process::{Process, Terms};
-use super::rest::{Alone, GAIN, JointReport, LeftOut, Rest, Rows, calibration, judgement};
+use super::rest::{Alone, GAIN, JointReport, LeftOut, Rest, Rows, calibration};
 use super::shared::{SELECTIONS, fit_shared};
 use super::{Inputs, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions, identify};
 use crate::gp::{Compute, GaussianProcess, GpError};
-use crate::identification::Judgement;
 use crate::motion::Processing;
 use crate::progress::{Interrupted, Progress};
 use crate::recording::Recording;
@@ -120,9 +119,6 @@ fn learn(
         if lost && model.joints.iter().any(|rest| rest.gp.is_some()) {
             model.identified = Some(identified);
         }
-    }
-    if options.mean == Mean::Physics {
-        model.basis = Basis::of_physics(&model.physics, robot.dof());
     }
     let learned = model.joints.iter().filter(|rest| rest.gp.is_some()).count();
     model.physics.provenance.history.push(format!(
@@ -259,9 +255,9 @@ fn keep_what_gains(
     loop {
         let errors = errors_of_parts(model, rows, left_out, compute)?;
         let joints = model.joints.iter().enumerate().filter(|(_, rest)| rest.gp.is_some());
-        let gains = joints.map(|(joint, _)| (joint, judgement(&errors[joint], &left_out[joint])));
-        let uncertain = gains.filter(|(_, gain)| !is_certain(gain));
-        let Some((joint, _)) = uncertain.min_by(|(_, a), (_, b)| a.gain.total_cmp(&b.gain)) else {
+        let gains = joints.map(|(joint, _)| (joint, Gain::new(&errors[joint], &left_out[joint])));
+        let uncertain = gains.filter(|(_, gain)| !gain.certain);
+        let Some((joint, _)) = uncertain.min_by(|(_, a), (_, b)| a.share.total_cmp(&b.share)) else {
             for (joint, rest) in model.joints.iter_mut().enumerate().filter(|(_, rest)| rest.gp.is_some()) {
                 (rest.report.calibration, rest.report.calibration_95) =
                     calibration(&errors[joint], left_out[joint].len());
@@ -275,10 +271,36 @@ fn keep_what_gains(
     }
 }
 
-/// Whether a process saves more than [`GAIN`] of the errors of the physics alone at parts that were left out, and more than
-/// its standard error: one part may have it all while others lose.
-fn is_certain(judgement: &Judgement) -> bool {
-    judgement.gain > GAIN && judgement.is_better()
+/// By how much errors at parts that were left out are smaller with processes than those of the physics alone. Sizes of errors
+/// are compared, not squares: rows in which dry friction turns are wrong for both.
+#[derive(Debug)]
+struct Gain {
+    /// Share of the errors of the physics alone.
+    share: f64,
+    /// Whether it is more than [`GAIN`], and more than its standard error: one part may have it all while others lose.
+    ///
+    /// Source: L. Breiman, J. H. Friedman, R. A. Olshen, C. J. Stone, Classification and Regression Trees (1984), section
+    /// 3.4.3: the simpler model, unless the other is better by more than one standard error.
+    certain: bool,
+}
+
+impl Gain {
+    /// - `errors`: of [`errors_of_parts`]; none at parts beside which nothing was seen, which gain nothing
+    fn new(errors: &[(f64, f64)], left_out: &[LeftOut]) -> Self {
+        let parts = || left_out.iter().filter(|part| !part.part.is_empty());
+        if errors.len() != parts().map(|part| part.part.len()).sum::<usize>() {
+            return Self { share: f64::NEG_INFINITY, certain: false };
+        }
+        let alone = |part: &LeftOut| part.measured().map(f64::abs).sum::<f64>();
+        let mut sizes = errors.iter().map(|(error, _)| error.abs());
+        let mut gain = |part: &LeftOut| alone(part) - sizes.by_ref().take(part.part.len()).sum::<f64>();
+        let gains: Vec<f64> = parts().map(&mut gain).collect();
+        let count = gains.len() as f64;
+        let mean = gains.iter().sum::<f64>() / count;
+        let variance = gains.iter().map(|gain| (gain - mean) * (gain - mean)).sum::<f64>() / (count - 1.0);
+        let share = mean * count / parts().map(alone).sum::<f64>();
+        Self { share, certain: share > GAIN && mean > (variance / count).sqrt() }
+    }
 }
 
 /// For each joint with a process: error and variance at the rows of parts that were left out in turn, of physics and
@@ -466,26 +488,26 @@ mod tests {
     use super::*;
 
     /// Eight parts of ten rows at which the physics errs by one, and errors of physics and process at them.
-    fn gain(errors: [f64; 8]) -> Judgement {
+    fn gain(errors: [f64; 8]) -> Gain {
         let part = |index: usize| LeftOut { part: (10 * index..10 * index + 10).collect(), residual: vec![-1.0; 80] };
         let mut left_out: Vec<LeftOut> = (0..8).map(part).collect();
         // A part in which the joint does not move says nothing.
         left_out.insert(3, LeftOut { part: vec![], residual: vec![-1.0; 80] });
         let errors: Vec<(f64, f64)> = errors.iter().flat_map(|error| [(*error, 1.0); 10]).collect();
-        assert!(!is_certain(&judgement(&errors[1..], &left_out)));
-        judgement(&errors, &left_out)
+        assert!(!Gain::new(&errors[1..], &left_out).certain);
+        Gain::new(&errors, &left_out)
     }
 
     #[test]
     fn a_gain_is_certain_if_the_parts_agree() {
-        assert!(is_certain(&gain([0.5; 8])));
-        assert!((gain([0.5; 8]).gain - 0.5).abs() < 1e-12);
-        assert!(is_certain(&gain([0.3, 0.6, 0.9, 0.4, -1.1, 0.5, 0.2, 0.8])));
+        assert!(gain([0.5; 8]).certain);
+        assert!((gain([0.5; 8]).share - 0.5).abs() < 1e-12);
+        assert!(gain([0.3, 0.6, 0.9, 0.4, -1.1, 0.5, 0.2, 0.8]).certain);
         // Less than a twentieth, however even.
-        assert!(!is_certain(&gain([0.96; 8])));
+        assert!(!gain([0.96; 8]).certain);
         // A tenth on the whole, from one part; others lose.
         let one = gain([0.0, 1.0, 1.05, 1.1, -1.0, 1.05, 0.95, 1.05]);
-        assert!((one.gain - 0.1).abs() < 1e-12 && !is_certain(&one));
-        assert!(!is_certain(&gain([1.5; 8])));
+        assert!((one.share - 0.1).abs() < 1e-12 && !one.certain);
+        assert!(!gain([1.5; 8]).certain);
     }
 }

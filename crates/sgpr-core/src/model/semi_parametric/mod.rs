@@ -44,7 +44,7 @@ pub struct SemiParametricModel {
     physics: TorqueModel,
     mean: Mean,
     joints: Vec<Rest>,
-    /// The linear parameters of the physics with their covariance, if they have one.
+    /// With [`Mean::Joint`].
     basis: Option<Basis>,
     /// With [`Mean::Joint`]: the physics as it was identified, for the joints without a process, if there are some.
     identified: Option<TorqueModel>,

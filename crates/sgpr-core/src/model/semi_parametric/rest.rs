@@ -10,7 +10,6 @@ use crate::gp::{
     Calibration, Compute, Covariance, Data, GaussianProcess, GpError, Inference, Kernel, SearchOptions, SearchStatus,
     informative_points, search,
 };
-use crate::identification::Judgement;
 use crate::progress::Progress;
 
 /// Residual of a joint at the samples in which it moves.
@@ -146,12 +145,7 @@ impl Rest {
                 best = Some(learned);
             }
         }
-        let Some(mut best) = best else { return Ok(Self::without(report, mean_square)) };
-        let columns = best.candidate.inputs.columns(joint, n);
-        best.errors_of_regions = best.errors_left_out(rows, &regions(rows, &columns), compute)?;
-        if options.inputs.is_none() && !best.holds_on_new_motion(rows, left_out, &columns) {
-            return Ok(Self::without(report, mean_square));
-        }
+        let Some(best) = best else { return Ok(Self::without(report, mean_square)) };
         let best = if stopped {
             best
         } else {
@@ -173,17 +167,11 @@ impl Rest {
     ///
     /// - `parts`: number of parts that were left out
     pub fn with(learned: Learned, mut report: JointReport, parts: usize) -> Self {
-        let Learned { process, points, evidence, errors, errors_of_regions, candidate } = learned;
+        let Learned { process, points, evidence, errors, candidate } = learned;
         report.chosen = Some(candidate.inputs);
         report.inference = candidate.inference;
         report.points = process.len();
         (report.calibration, report.calibration_95) = calibration(&errors, parts);
-        if !errors_of_regions.is_empty() {
-            // The motion to come is as new as a region that was left out, or as a time: whichever was predicted worse.
-            let (of_regions, of_regions_95) = calibration(&errors_of_regions, REGIONS);
-            report.calibration = report.calibration.max(of_regions);
-            report.calibration_95 = report.calibration_95.max(of_regions_95);
-        }
         let noise_variance = process.covariance().total_noise_variance();
         Self { gp: Some(process), noise_variance, report, points, evidence }
     }
@@ -197,8 +185,6 @@ pub(super) struct Learned {
     pub evidence: Parts,
     /// Error and variance of every row, part by part.
     pub errors: Vec<(f64, f64)>,
-    /// The same where regions of the motion were left out, region by region; empty if not asked for.
-    pub errors_of_regions: Vec<(f64, f64)>,
     pub candidate: Candidate,
 }
 
@@ -221,41 +207,12 @@ impl Learned {
             log_marginal_likelihood: gp.log_marginal_likelihood(),
             status: found.1,
         };
-        let errors_of_regions = Vec::new();
-        Ok(Self {
-            process: Process::Exact(gp),
-            points,
-            evidence: Parts::default(),
-            errors,
-            errors_of_regions,
-            candidate,
-        })
+        Ok(Self { process: Process::Exact(gp), points, evidence: Parts::default(), errors, candidate })
     }
 
     /// Mean square error of parts left out.
     pub fn loss(&self) -> f64 {
         loss_of(&self.errors)
-    }
-
-    /// Error and variance of every row of other parts; nothing for a process that has seen all rows.
-    fn errors_left_out(
-        &self,
-        rows: &Rows,
-        left_out: &[LeftOut],
-        compute: &Compute,
-    ) -> Result<Vec<(f64, f64)>, GpError> {
-        match &self.process {
-            Process::Exact(gp) => errors_left_out(gp, &self.points, rows, left_out, compute),
-            Process::Sparse(_) => Ok(vec![]),
-        }
-    }
-
-    /// Whether the process saves errors of parts of time that were left out for certain, and makes none where regions of the
-    /// motion were left out: there it has to return to the physics.
-    fn holds_on_new_motion(&self, rows: &Rows, left_out: &[LeftOut], columns: &[usize]) -> bool {
-        let of_time = judgement(&self.errors, left_out);
-        let of_regions = judgement(&self.errors_of_regions, &regions(rows, columns));
-        of_time.is_better() && of_regions.gain >= 0.0
     }
 
     /// This process, or one that has seen all rows through inducing points if that gains as much on parts left out as a process
@@ -282,8 +239,7 @@ impl Learned {
         let inference = Inference::Sparse { inducing: process.len() };
         let candidate = Candidate { inference, rmse: loss_of(&errors).sqrt(), ..self.candidate.clone() };
         report.candidates.push(candidate.clone());
-        let errors_of_regions = self.errors_of_regions.clone();
-        let other = Self { process, points: vec![], evidence, errors, errors_of_regions, candidate };
+        let other = Self { process, points: vec![], evidence, errors, candidate };
         Ok(if options.sparse == Some(true) || other.loss() < (1.0 - GAIN) * self.loss() { other } else { self })
     }
 }
@@ -443,56 +399,6 @@ fn thin(kernel: &Kernel, data: &Data, count: usize) -> Vec<usize> {
     chosen.extend((0..missing).map(|k| free[k * free.len() / missing]));
     chosen.sort_unstable();
     chosen
-}
-
-/// Regions of the motion that are left out in turn: a power of two.
-const REGIONS: usize = 8;
-
-/// Rows in regions of the inputs in `columns`: halved at the median of the input that varies most there, in its deviations
-/// over all rows, until there are [`REGIONS`]. The physics has seen them.
-///
-/// Source: J. H. Friedman, J. L. Bentley, R. A. Finkel, An algorithm for finding best matches in logarithmic expected time,
-/// ACM TOMS 3(3) (1977), for the division.
-fn regions(rows: &Rows, columns: &[usize]) -> Vec<LeftOut> {
-    let width = rows.x.len() / rows.residual.len().max(1);
-    let value = |row: usize, column: usize| rows.x[row * width + column];
-    let deviation = |part: &[usize], column: usize| {
-        let count = part.len().max(1) as f64;
-        let mean = part.iter().map(|row| value(*row, column)).sum::<f64>() / count;
-        (part.iter().map(|row| (value(*row, column) - mean).powi(2)).sum::<f64>() / count).sqrt()
-    };
-    let all: Vec<usize> = (0..rows.residual.len()).collect();
-    let scale: Vec<f64> = columns.iter().map(|column| deviation(&all, *column).max(f64::MIN_POSITIVE)).collect();
-    let mut parts = vec![all];
-    while parts.len() < REGIONS {
-        let halves = parts.into_iter().flat_map(|mut part| {
-            let spread = |k: usize| deviation(&part, columns[k]) / scale[k];
-            let widest = (0..columns.len()).max_by(|a, b| spread(*a).total_cmp(&spread(*b))).expect("an input");
-            part.sort_by(|a, b| value(*a, columns[widest]).total_cmp(&value(*b, columns[widest])));
-            let upper = part.split_off(part.len() / 2);
-            [part, upper]
-        });
-        parts = halves.collect();
-    }
-    parts.iter_mut().for_each(|part| part.sort_unstable());
-    parts.into_iter().map(|part| LeftOut { part, residual: rows.residual.clone() }).collect()
-}
-
-/// What a process saves on parts that were left out. Sizes of errors are compared, not squares: rows in which dry friction
-/// turns are wrong for both.
-///
-/// - `errors`: at the rows of the parts, part by part; of none, nothing is said
-pub(super) fn judgement(errors: &[(f64, f64)], left_out: &[LeftOut]) -> Judgement {
-    let parts = || left_out.iter().filter(|part| !part.part.is_empty());
-    if errors.len() != parts().map(|part| part.part.len()).sum::<usize>() {
-        return Judgement::of(&[]);
-    }
-    let mut sizes = errors.iter().map(|(error, _)| error.abs());
-    let mut pair = |part: &LeftOut| {
-        let alone = part.measured().map(f64::abs).sum::<f64>();
-        (alone, sizes.by_ref().take(part.part.len()).sum::<f64>())
-    };
-    Judgement::of(&parts().map(&mut pair).collect::<Vec<_>>())
 }
 
 fn loss_of(errors: &[(f64, f64)]) -> f64 {
