@@ -51,9 +51,10 @@ fn not_finite(recording: &Recording) -> Vec<Issue> {
             severity,
             time: Some(seconds(recording.time()[0], recording.time()[at])),
             message: format!(
-                "`{name}` is missing or not finite in {} ({}), first in sample {at}: drop these samples",
+                "`{name}` is missing or not finite in {} ({}), first in sample {at}: drop these samples{}",
                 counted(count, "sample"),
                 percent(count, recording.len()),
+                if severity == Severity::Error { " (repair: drop_not_finite)" } else { "" },
             ),
             channel: Some(name),
             count,
@@ -92,7 +93,7 @@ fn repeated(recording: &Recording) -> Option<Issue> {
         channel: None,
         count: found.len(),
         message: format!(
-            "{} ({}) {} all values of the one before under a new stamp while the arm moves: drop them before differentiating",
+            "{} ({}) {} all values of the one before under a new stamp while the arm moves: drop them before differentiating (repair: drop_repeated)",
             counted(found.len(), "sample"),
             percent(found.len(), recording.len()),
             if found.len() == 1 { "repeats" } else { "repeat" },
