@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from . import _bags, _npz, _parquet
+from . import _bags, _frames, _npz, _parquet
 from ._sgpr import Recording, RecordingError, read_csv, read_mcap
 
 
@@ -53,13 +53,13 @@ _BEGINNINGS = {
 }
 
 
-def read(path: str | os.PathLike[str], joints: Sequence[str] | None = None, **options: Any) -> Recording:
-    """Reads a log: CSV, MCAP, ROS bag, NumPy archive or Parquet.
+def read(path: str | os.PathLike[str] | Any, joints: Sequence[str] | None = None, **options: Any) -> Recording:
+    """Reads a log: CSV, MCAP, ROS bag, NumPy archive, Parquet, MATLAB or HDF5 file, or a DataFrame.
 
     Parameters
     ----------
-    path : str or os.PathLike
-        By its name: `.csv`, `.csv.gz`, `.txt`, `.tsv` as in `read_csv`; `.mcap` as in `read_mcap`; `.bag` (ROS 1),
+    path : str or os.PathLike, or DataFrame
+        A DataFrame of pandas or polars is read by the names of its columns, as a CSV file. A file by its name: `.csv`, `.csv.gz`, `.txt`, `.tsv` as in `read_csv`; `.mcap` as in `read_mcap`; `.bag` (ROS 1),
         `.db3` or the folder of a ROS 2 bag with `sensor_msgs/JointState` (needs `pip install sgpr[bags]`); `.npz` with
         the arrays `t`, `q`, `dq`, `tau` (or `time`, `position`, `velocity`, `torque` or `effort`) and `joint_names`;
         `.parquet` with columns as in a CSV file (needs `pip install sgpr[parquet]`). By its beginning if the name does
@@ -68,8 +68,9 @@ def read(path: str | os.PathLike[str], joints: Sequence[str] | None = None, **op
         Joints wanted, in order, e.g. `robot.joint_names`; by default those that the log names.
     **options
         Tables: `columns`, `units`, `torque_constants`, `rows`, `seconds`, `sample_rate_hz`, see `read_csv`. MCAP and
-        bags: `logged_names`, `topics`, `clock`, and for MCAP `recover`, see `read_mcap`. All: `limit_bytes`. An option
-        that does not apply to the format is an error.
+        bags: `logged_names`, `topics`, `clock`, and for MCAP `recover`, see `read_mcap`. All: `limit_bytes`, and
+        `accept`, findings that are right, see `Recording.accept`. An option that does not apply to the format is an
+        error.
 
     Returns
     -------
@@ -89,7 +90,10 @@ def read(path: str | os.PathLike[str], joints: Sequence[str] | None = None, **op
     >>> log.dof, log.sample_rate_hz
     (6, 250.0)
     """
+    if _frames.is_frame(path):
+        return _frames.read(path, joints, **options)
     file = Path(path)
+    accept = options.pop("accept", None)
     if not file.exists():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), os.fspath(path))
     chosen = _bag_of_folder(file) if file.is_dir() else _format_of(file)
@@ -103,7 +107,18 @@ def read(path: str | os.PathLike[str], joints: Sequence[str] | None = None, **op
             raise RecordingError(
                 f"{file}: the option `{name}` does not apply to {chosen.name} files; those that do: {allowed}"
             )
-    return chosen.read(file, joints, **given)
+    if accept is None:
+        return chosen.read(file, joints, **given)
+    if "columns" in chosen.options:
+        return chosen.read(file, joints, accept=accept, **given)
+    return chosen.read(file, joints, **given).accept(accept)
+
+
+def options_of(path: str | os.PathLike[str]) -> frozenset[str]:
+    """Options that apply to the format of a file."""
+    file = Path(path)
+    chosen = _bag_of_folder(file) if file.is_dir() else _format_of(file)
+    return chosen.options | {"accept"}
 
 
 def _format_of(file: Path) -> _Format:

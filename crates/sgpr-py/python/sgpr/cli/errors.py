@@ -23,6 +23,12 @@ OPTIONS = {
     r"\(resample: ([\d.]+) Hz\)": r"(--resample \1)",
     r"\(repair: sort, drop_duplicates\)": "(--sort, --drop-duplicates)",
     r"\(repair: drop_not_finite\)": "(--drop-not-finite)",
+    r"\(repair: drop_repeated\)": "(--drop-repeated)",
+    r"\(repair: drop_duplicates\)": "(--drop-duplicates)",
+    r"\(repair: sort\)": "(--sort)",
+    r"\(accept: (\w+)\)": r"(--accept \1)",
+    r"`accept=\[\"(\w+)\"\]`": r"`--accept \1`",
+    r"`units\.(\w+)`": r"`--units \1=...`",
     r"`columns\.(\w+)`": r"`--columns \1=...`",
     r"`sample_rate_hz`": "`--rate`",
     r"`joints`": "`--joints`",
@@ -74,7 +80,7 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
         except OSError as error:
             print_error(_of_system(error))
         except (BadData, SgprError) as error:
-            print_error(_of_command_line(str(error)))
+            print_error(of_command_line(str(error)))
         except BaseException as error:
             if not (isinstance(error, Exception) or type(error).__name__ == PANIC):
                 raise
@@ -84,7 +90,7 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
     return run
 
 
-def _of_command_line(message: str) -> str:
+def of_command_line(message: str) -> str:
     """A message of the library, with the options of the command line in the place of arguments."""
     for pattern, option in OPTIONS.items():
         message = re.sub(pattern, option, message)
