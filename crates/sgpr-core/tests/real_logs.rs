@@ -181,7 +181,7 @@ fn log(folder: &Path, robot: &Robot, name: &str, constants: Option<Vec<f64>>, re
     let rows: Option<[usize; 2]> = serde_json::from_value(rows).expect("rows");
     let options = ReadOptions {
         joints: Some(robot.joint_names().map(String::from).collect()),
-                    accept: vec![IssueKind::JointsByOrder],
+        accept: vec![IssueKind::JointsByOrder],
         rows: rows.map(|[first, last]| Rows::Numbers(first..=last)),
         torque_constants: constants,
         ..ReadOptions::default()

@@ -74,7 +74,9 @@ impl Model {
         let mut deviation = if return_std { torque.clone() } else { Vec::new() };
         for stretch in &found.logs {
             // Stamps increase, as the comparison has asked.
-            let Some(first) = stretch.time.first().and_then(|time| log.time().binary_search(time).ok()) else { continue };
+            let Some(first) = stretch.time.first().and_then(|time| log.time().binary_search(time).ok()) else {
+                continue;
+            };
             let place = first * n..first * n + stretch.predicted.len();
             torque[place.clone()].copy_from_slice(&stretch.predicted);
             if return_std {

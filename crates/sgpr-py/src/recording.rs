@@ -11,7 +11,8 @@ use sgpr_core::motion::average_periods;
 use sgpr_core::recording::csv::{self, ColumnMap, Columns, ReadOptions, Rows};
 use sgpr_core::recording::mcap::{self, Clock, McapOptions};
 use sgpr_core::recording::{
-    self as core, Channel, ColumnLayout, IssueKind, JointLayout, Layout, RecordingError, Repair, Resample, Severity, Units,
+    self as core, Channel, ColumnLayout, IssueKind, JointLayout, Layout, RecordingError, Repair, Resample, Severity,
+    Units,
 };
 
 use crate::convert::{Numbers, array, choice, items, kind_of, positive, texts, unknown, view};
@@ -635,7 +636,8 @@ fn issue_kinds(given: &Bound<'_, PyAny>) -> PyResult<Vec<IssueKind>> {
 pub fn require_units(recording: &core::Recording) -> PyResult<()> {
     let doubts = core::doubtful_units(recording);
     let Some(first) = doubts.first() else { return Ok(()) };
-    let more = if doubts.len() > 1 { format!(" ({} more findings like this)", doubts.len() - 1) } else { String::new() };
+    let more =
+        if doubts.len() > 1 { format!(" ({} more findings like this)", doubts.len() - 1) } else { String::new() };
     Err(RecordingError::Doubtful { recording: recording.source().into(), finding: first.message.clone() + &more }
         .into_py_err())
 }

@@ -156,6 +156,23 @@ pub enum RecordingError {
         /// Columns found.
         columns: Vec<String>,
     },
+    /// The log has joints, but others than those wanted.
+    #[error(
+        "{path}: the log has the joints {}, not {}: name its columns in the order of the robot with `columns.position`, such as position={}, and those of velocity and torque alike",
+        quoted(found),
+        quoted(joints),
+        columns.join(",")
+    )]
+    OtherJoints {
+        /// File.
+        path: String,
+        /// Joints wanted.
+        joints: Vec<String>,
+        /// Joints of the log.
+        found: Vec<String>,
+        /// Their columns.
+        columns: Vec<String>,
+    },
     /// Some joints have a column of this quantity and others none.
     #[error(
         "{path}: no {quantity} column for {}; the columns are {}; say which they are with `columns.{quantity}`, or name the joints wanted with `joints`",
@@ -267,7 +284,9 @@ pub enum RecordingError {
         columns: Vec<String>,
     },
     /// A unit in the name of a column, or in the line of units, that is not known.
-    #[error("{path}: column `{column}`: `{unit}` is no known unit of {quantity}: give the unit with `units.{quantity}`")]
+    #[error(
+        "{path}: column `{column}`: `{unit}` is no known unit of {quantity}: give the unit with `units.{quantity}`"
+    )]
     ColumnUnit {
         /// File.
         path: String,

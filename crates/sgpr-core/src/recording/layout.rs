@@ -39,8 +39,11 @@ pub struct ColumnLayout {
 
 impl JointLayout {
     fn columns(&self) -> impl Iterator<Item = (&'static str, &ColumnLayout)> {
-        let arrays =
-            [("position", Some(&self.position)), ("velocity", self.velocity.as_ref()), ("torque", self.torque.as_ref())];
+        let arrays = [
+            ("position", Some(&self.position)),
+            ("velocity", self.velocity.as_ref()),
+            ("torque", self.torque.as_ref()),
+        ];
         arrays.into_iter().filter_map(|(quantity, column)| Some((quantity, column?)))
     }
 
@@ -114,10 +117,7 @@ mod tests {
             joint: format!("joint_{number}"),
             position: column(&format!("q_{number}"), unit, stated),
             velocity: None,
-            torque: Some(ColumnLayout {
-                torque_constant: Some(9.5),
-                ..column(&format!("i_{number}"), "A", true)
-            }),
+            torque: Some(ColumnLayout { torque_constant: Some(9.5), ..column(&format!("i_{number}"), "A", true) }),
         };
         let layout = |joints| Layout { time: "t in s".into(), joints, by_order: false };
         assert_eq!(

@@ -26,8 +26,8 @@ use tempfile::NamedTempFile;
 
 pub use channel::Channel;
 pub use error::RecordingError;
-pub(crate) use inspect::{MOST_JITTER, is_still, jitter};
 pub use inspect::{Issue, IssueKind, Severity, doubtful_units, inspect};
+pub(crate) use inspect::{MOST_JITTER, is_still, jitter};
 pub use layout::{ColumnLayout, JointLayout, Layout};
 pub(crate) use part::stretches;
 pub use part::{GAP_FACTOR, split_at_gaps};

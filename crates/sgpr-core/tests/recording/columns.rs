@@ -134,8 +134,7 @@ fn joints_by_number_in_order_are_confirmed() {
     assert!(log.layout().expect("of a table").by_order);
     // A pattern of the caller numbers the joints, too.
     let columns = ColumnMap { torque: pattern("i{}"), ..ColumnMap::default() };
-    let options =
-        ReadOptions { columns, torque_constants: Some(vec![10.0, 100.0]), ..wanting(&["shoulder", "elbow"]) };
+    let options = ReadOptions { columns, torque_constants: Some(vec![10.0, 100.0]), ..wanting(&["shoulder", "elbow"]) };
     let log = read_csv_with("t,q1,q2,i1,i2\n0,1,2,3,4\n", &options).expect("readable");
     assert_eq!((log.position(), log.torque().expect("computed")), (&[1.0, 2.0][..], &[30.0, 400.0][..]));
 }
@@ -144,7 +143,8 @@ fn joints_by_number_in_order_are_confirmed() {
 fn numbers_of_all_quantities_agree() {
     // The third joint slides; its force has another name.
     let text = "t,q1,q2,q3,q4,tau1,tau2,f3,tau4\n0,1,2,3,4,10,20,30,40\n";
-    for options in [ReadOptions::default(), wanting_in_order(&["a", "b", "c", "d"]), wanting(&["j1", "j2", "j3", "j4"])] {
+    for options in [ReadOptions::default(), wanting_in_order(&["a", "b", "c", "d"]), wanting(&["j1", "j2", "j3", "j4"])]
+    {
         let error = message(read_csv_with(text, &options));
         assert!(error.starts_with("log.csv: no torque column for"), "{error}");
     }
@@ -325,6 +325,17 @@ fn a_joint_without_column() {
 fn no_positions_at_all() {
     let error = csv_error("t,x,y\n0,1,2\n");
     assert!(error.starts_with("log.csv: no joint positions among the columns `t`, `x`, `y`; say which"), "{error}");
+}
+
+#[test]
+fn joints_of_other_names_are_told() {
+    let text = "t,axis_a_position,axis_b_position\n0,1,2\n";
+    assert_eq!(
+        message(read_csv_with(text, &wanting(&["shoulder", "elbow"]))),
+        "log.csv: the log has the joints `axis_a`, `axis_b`, not `shoulder`, `elbow`: name its columns in the order of the \
+         robot with `columns.position`, such as position=axis_a_position,axis_b_position, and those of velocity and torque \
+         alike"
+    );
 }
 
 #[test]

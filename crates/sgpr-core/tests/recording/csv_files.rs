@@ -102,7 +102,10 @@ fn text_among_numbers() {
     assert!(error.starts_with("log.csv:2: column `t`: `now` is not a time in s"), "{error}");
     assert_eq!(csv_error("t,q1\n,1\n"), "log.csv:2: column `t`: `` is not a time in s");
     let error = csv_error("t,q1\ns,rad\nx,1\n");
-    assert!(error.starts_with("log.csv:3: column `t`: `x` is not a time in s (times are numbers, ISO 8601 "), "{error}");
+    assert!(
+        error.starts_with("log.csv:3: column `t`: `x` is not a time in s (times are numbers, ISO 8601 "),
+        "{error}"
+    );
 }
 
 #[test]

@@ -63,13 +63,22 @@ fn values_that_are_not_finite() {
     log.velocity[2 * 100 + 1] = f64::NAN;
     log.velocity[2 * 300 + 1] = f64::INFINITY;
     let issue = log.issue();
-    assert_eq!((issue.kind, issue.severity, issue.count), (IssueKind::NotFinite, Severity::Error, 2));
+    assert_eq!((issue.kind, issue.severity, issue.count), (IssueKind::NotFinite, Severity::Warning, 2));
     assert_eq!((issue.time, issue.channel.as_deref()), (Some(1.0), Some("b_velocity")));
     assert_eq!(
         issue.message,
         "`b_velocity` is missing or not finite in 2 samples (0.10 %), first in sample 100: drop these samples \
          (repair: drop_not_finite)"
     );
+}
+
+#[test]
+fn positions_and_torques_must_be_finite() {
+    for array in 0..2 {
+        let mut log = Log::new();
+        [&mut log.position, &mut log.torque][array][201] = f64::NAN;
+        assert_eq!((log.issue().kind, log.issue().severity), (IssueKind::NotFinite, Severity::Error));
+    }
 }
 
 #[test]

@@ -1,12 +1,14 @@
 """Tables in memory: pandas and polars frames, understood by the names of their columns as those of a CSV file."""
 
+import csv
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ._sgpr import Recording, RecordingError, SgprError, read_csv
 
@@ -34,6 +36,24 @@ def read(frame: Any, joints: Sequence[str] | None = None, **options: Any) -> Rec
         except RecordingError as error:
             raise type(error)(str(error).replace(str(copy), SOURCE)) from None
     return recording._from_source(SOURCE, [])
+
+
+def read_columns(
+    columns: Mapping[str, NDArray[Any]], source: str, joints: Sequence[str] | None, **options: Any
+) -> Recording:
+    """The same of columns of numbers, all of one length."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "table.csv"
+        with copy.open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.writer(stream)
+            writer.writerow(columns)
+            # repr of a float is exact.
+            writer.writerows(zip(*(map(repr, values.tolist()) for values in columns.values()), strict=True))
+        try:
+            recording = read_csv(copy, joints, **options)
+        except RecordingError as error:
+            raise type(error)(str(error).replace(str(copy), source)) from None
+    return recording._from_source(source, [])
 
 
 def _with_time_column(frame: Any) -> Any:

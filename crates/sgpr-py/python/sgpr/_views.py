@@ -1,7 +1,8 @@
-"""What a notebook shows: short tables (`_repr_html_`) and Plotly figures (`plot`) of robots, logs, models, diagnoses."""
+"""What a notebook shows of robots, logs, models and diagnoses: tables (`_repr_html_`) and Plotly figures (`plot`)."""
 
 from collections.abc import Sequence
 from html import escape
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -299,7 +300,7 @@ def _thinned(time: Array, values: Array) -> tuple[Array, Array]:
         return time, values
     edges = np.linspace(0, len(values), MOST_POINTS // 2 + 1).astype(int)
     kept: list[int] = []
-    for start, end in zip(edges[:-1], edges[1:], strict=True):
+    for start, end in pairwise(edges):
         part = values[start:end]
         if np.isfinite(part).any():
             kept += sorted({int(start + np.nanargmin(part)), int(start + np.nanargmax(part))})

@@ -41,9 +41,8 @@ impl<'a> JointColumns<'a> {
         let meanings = columns.iter().map(|name| header::meaning(name, options.joints.as_deref())).collect();
         let given = options.joints.is_some();
         let map = &options.columns;
-        let numbers_joints = |columns: &Option<Columns>| {
-            matches!(columns, Some(Columns::Pattern(pattern)) if pattern.contains("{}"))
-        };
+        let numbers_joints =
+            |columns: &Option<Columns>| matches!(columns, Some(Columns::Pattern(pattern)) if pattern.contains("{}"));
         let order_is_known = options.accept.contains(&IssueKind::JointsByOrder)
             || [&map.position, &map.velocity, &map.torque].into_iter().any(numbers_joints);
         let (joints, by_order) = (Vec::new(), Cell::new(false));
@@ -56,8 +55,23 @@ impl<'a> JointColumns<'a> {
         Ok(table)
     }
 
+    /// There are no positions; if the log has joints of other names, they are told.
     pub(super) fn no_positions(&self) -> RecordingError {
-        RecordingError::NoPositions { path: self.path.into(), columns: self.columns.to_vec() }
+        let of_others = |name: &String| {
+            let meaning = header::meaning(name, None).filter(|meaning| meaning.quantity == Quantity::Position)?;
+            Some((meaning.label, name.clone()))
+        };
+        let (labels, columns): (Vec<Label>, Vec<String>) = self.columns.iter().filter_map(of_others).unzip();
+        if !self.given || columns.is_empty() {
+            return RecordingError::NoPositions { path: self.path.into(), columns: self.columns.to_vec() };
+        }
+        let found = labels.into_iter().map(|label| match label {
+            Label::Name(name) => name,
+            Label::Number(number) => numbered(number),
+            Label::Unnamed => "one without name".into(),
+        });
+        let (path, joints) = (self.path.into(), self.joints.clone());
+        RecordingError::OtherJoints { path, joints, found: found.collect(), columns }
     }
 
     pub(super) fn incomplete(&self, quantity: Quantity, missing: Vec<String>) -> RecordingError {
@@ -167,11 +181,7 @@ impl<'a> JointColumns<'a> {
     /// One column per joint; `None` if the log has none of this quantity.
     ///
     /// - `agreed`: the numbers that the positions of the joints carry, if they carry any
-    pub(super) fn by_name(
-        &self,
-        quantity: Quantity,
-        agreed: Option<&[u32]>,
-    ) -> Result<Option<Found>, RecordingError> {
+    pub(super) fn by_name(&self, quantity: Quantity, agreed: Option<&[u32]>) -> Result<Option<Found>, RecordingError> {
         let Some(labels) = self.labels(quantity, agreed)? else { return Ok(None) };
         let mut found = Vec::with_capacity(labels.len());
         let mut missing = Vec::new();

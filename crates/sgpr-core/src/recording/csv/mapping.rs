@@ -75,9 +75,8 @@ impl Mapping {
             notes.extend(mapper.note_on_currents());
         }
         let position = table.sources(Quantity::Position, found.columns, units.position.map(StatedUnit::from))?;
-        let of_velocity = |found: Found| {
-            table.sources(Quantity::Velocity, found.columns, units.velocity.map(StatedUnit::from))
-        };
+        let of_velocity =
+            |found: Found| table.sources(Quantity::Velocity, found.columns, units.velocity.map(StatedUnit::from));
         let velocity = velocity.map(of_velocity).transpose()?;
         let arrays = Arrays { position: &position, velocity: velocity.as_deref(), torque: torque.as_deref() };
         let layout = Layout { by_order: table.by_order.get(), ..arrays.layout(&table.joints, columns) };
@@ -296,8 +295,7 @@ impl Mapper<'_> {
     /// Motor currents that nobody made torques of.
     fn note_on_currents(&self) -> Option<String> {
         let columns = &self.table.columns;
-        let currents: Vec<String> =
-            self.table.of(Quantity::Current).map(|(index, _)| columns[index].clone()).collect();
+        let currents: Vec<String> = self.table.of(Quantity::Current).map(|(index, _)| columns[index].clone()).collect();
         (!currents.is_empty()).then(|| {
             format!(
                 "there is no torque, but motor currents ({}): give `torque_constants`, N·m per A, to make torques of them",

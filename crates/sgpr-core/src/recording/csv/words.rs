@@ -130,9 +130,8 @@ impl<'a> Words<'a> {
     /// The unit in which the name ends, behind words that are not understood.
     pub(super) fn unit_at_end(&self, quantity: Quantity) -> Option<StatedUnit> {
         let places = [2, 1].into_iter().filter_map(|length| Some(self.len().checked_sub(length)?..self.len()));
-        let may_be_a_unit = |place: &Range<usize>| {
-            place.start > 0 && !NAMES_OF_JOINTS.contains(&self.lower[place.start].as_str())
-        };
+        let may_be_a_unit =
+            |place: &Range<usize>| place.start > 0 && !NAMES_OF_JOINTS.contains(&self.lower[place.start].as_str());
         places.filter(may_be_a_unit).find_map(|place| self.spelled_unit(quantity, &place))
     }
 
@@ -140,9 +139,8 @@ impl<'a> Words<'a> {
     pub(super) fn says_nothing(&self) -> bool {
         let is_number = |word: &str| word.chars().all(|letter| letter.is_ascii_digit());
         let is_quantity = |word: &str| Quantity::ALL.iter().any(|quantity| quantity.words().contains(&word));
-        let means_nothing = |word: &&str| {
-            FILLERS.contains(word) || MEASURED.contains(word) || is_number(word) || is_quantity(word)
-        };
+        let means_nothing =
+            |word: &&str| FILLERS.contains(word) || MEASURED.contains(word) || is_number(word) || is_quantity(word);
         self.lower().iter().all(means_nothing)
     }
 

@@ -162,7 +162,7 @@ fn degrees(recording: &Recording, joint: usize, comparison: Option<Comparison>) 
         time: None,
         message: format!(
             "`{name}` {reason}: it looks like degrees; give the unit of the position with `units.position` (deg, or rad if \
-             that is right)"
+             that is right), or confirm it (accept: position_in_degrees)"
         ),
         channel: Some(name),
         count: 1,

@@ -151,7 +151,11 @@ impl Log {
         }
         let message = format!(
             "the median step is {usual} s{}: if the log is not that {}, give the unit of the time with `units.time`; if it is, confirm it (accept: unlikely_rate)",
-            if slow_arm { format!(", and no joint is faster than {:.1e} rad/s (m/s)", self.fastest) } else { String::new() },
+            if slow_arm {
+                format!(", and no joint is faster than {:.1e} rad/s (m/s)", self.fastest)
+            } else {
+                String::new()
+            },
             if usual < LIKELY_PERIOD[0] { "fast" } else { "slow" }
         );
         let (kind, severity) = (IssueKind::UnlikelyRate, Severity::Error);

@@ -37,7 +37,11 @@ fn not_finite(recording: &Recording) -> Vec<Issue> {
     let n = recording.dof();
     let joints = recording.joint_names().iter().enumerate();
     let of_joints = joints.flat_map(|(joint, name)| {
-        recording.arrays().map(move |(array, values)| (format!("{name}_{array}"), joint, n, values, Severity::Error))
+        recording.arrays().map(move |(array, values)| {
+            // Models are identified from positions and torques; logged velocities are only compared with them.
+            let severity = if array == "velocity" { Severity::Warning } else { Severity::Error };
+            (format!("{name}_{array}"), joint, n, values, severity)
+        })
     });
     let channels = recording.channels().iter();
     let of_channels = channels.map(|channel| (channel.name.clone(), 0, 1, &channel.values[..], Severity::Note));
@@ -54,7 +58,7 @@ fn not_finite(recording: &Recording) -> Vec<Issue> {
                 "`{name}` is missing or not finite in {} ({}), first in sample {at}: drop these samples{}",
                 counted(count, "sample"),
                 percent(count, recording.len()),
-                if severity == Severity::Error { " (repair: drop_not_finite)" } else { "" },
+                if severity == Severity::Note { "" } else { " (repair: drop_not_finite)" },
             ),
             channel: Some(name),
             count,

@@ -20,7 +20,7 @@ from .limits import limits_of, verdicts
 from .options import Open, open_page
 from .output_folder import OutputFolder
 from .predictions import residuals_by_log
-from .reading import Log, ReadingOptions, read_log, read_logs, stretches
+from .reading import Log, ReadingOptions, read_log, read_logs, stretches, tell_layouts
 from .screening import repeated
 
 
@@ -116,6 +116,7 @@ def compare(
             )
             folder.write("comparison.json", to_json(data))
             folder.write("report.html", page.html())
+    tell_layouts(logs, output)
     show({labels[name]: each for name, each in found.items()}, judged, output)
     if data["structure"]:
         output.line("what the error on these logs depends on:")

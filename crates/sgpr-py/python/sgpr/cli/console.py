@@ -67,8 +67,8 @@ class Output:
     ) -> None:
         """A table of the result for people; numbers are aligned to the right and never cut.
 
-        Where the terminal is too narrow, columns of `spare` go, the first one first; what then is still too wide is said
-        in several tables, each with the first column.
+        Where the terminal is too narrow, columns of `spare` go, the first one first; what then is still too wide
+        is said in several tables, each with the first column.
         """
         if not self._talks:
             return

@@ -48,8 +48,8 @@ def demo(
 ) -> None:
     """Makes logs of a two-link arm that hides an effect, identifies it, and finds the effect.
 
-    The arm is 15 % heavier than its robot file says, and has friction. Writes to DIR: train_1.csv, train_2.csv, test.csv,
-    model.sgpr and report.html. No other file is needed.
+    The arm is 15 % heavier than its robot file says, and has friction. Writes to DIR: train_1.csv, train_2.csv,
+    test.csv, model.sgpr and report.html. No other file is needed.
     """
     one_of(effect, HIDDEN, "--effect", "effect of the demo")
     robot = two_link()
@@ -71,8 +71,8 @@ def demo(
     before, after = compare(robot, test, processing=better), compare(better, test)
     show_errors({BEFORE: before, AFTER: after}, output)
     output.heading(
-        f"On an unseen log the error is {percent(after.relative_error_percent)} % of the torque; with the robot file it was "
-        f"{percent(before.relative_error_percent)} %."
+        f"On an unseen log the error is {percent(after.relative_error_percent)} % of the torque; with the robot file "
+        f"it was {percent(before.relative_error_percent)} %."
     )
     output.line(f"hidden at joint_2: {effect}")
     for finding in diagnosis.findings:

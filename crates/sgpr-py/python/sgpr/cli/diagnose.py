@@ -26,7 +26,7 @@ from .inputs import kind_of, load_model
 from .options import Gravity, Joints, NoReport, Open, OutFolder, Strict, check_unseen, open_page
 from .output_folder import OutputFolder
 from .predictions import AFTER, BEFORE, left_out, predictions, residuals_by_log, write_before_and_after
-from .reading import Log, ReadingOptions, read_logs, stretches
+from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .robots import load_robot
 from .screening import repeated
 
@@ -122,6 +122,7 @@ def diagnose(
         if not no_report:
             folder.write("report.html", result.page(data).html())
         folder.write("diagnosis.json", to_json(data))
+    tell_layouts([*train_logs, *test_logs], output)
     show(result, data, output)
     found = [*of_texts(data["repeated_motions"]), *of_logs([*train_logs, *test_logs])]
     show_ranked(found, output, "see the report, or sgpr info")

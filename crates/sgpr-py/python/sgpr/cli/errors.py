@@ -11,6 +11,7 @@ import typer
 from .. import SgprError
 from .console import print_error
 
+FEW = 12
 BAD_DATA = 1
 LIMITS_NOT_MET = 1
 STOPPED = 130
@@ -54,13 +55,16 @@ def wrong_use(message: str, option: str | None = None) -> typer.BadParameter:
 
 
 def one_of(value: str, known: Iterable[str], option: str, what: str) -> str:
-    """`value`, if it is known; otherwise wrong use, with the nearest known value and all of them."""
+    """`value`, if it is known; otherwise wrong use, with the nearest known value and, if they are few, all of them."""
     known = list(known)
     if value in known:
         return value
     near = difflib.get_close_matches(value, known, n=1)
     hint = f", did you mean {near[0]}?" if near else "."
-    raise wrong_use(f"there is no {what} `{value}`{hint} Known are {', '.join(known)}.", option)
+    more = f"Known are {', '.join(known)}."
+    if what == "effect" and len(known) > FEW:
+        more = "`sgpr effects` lists all."
+    raise wrong_use(f"there is no {what} `{value}`{hint} {more}", option)
 
 
 def guarded(command: Callable[..., Any]) -> Callable[..., Any]:

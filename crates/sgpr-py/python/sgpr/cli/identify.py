@@ -33,7 +33,7 @@ from .predictions import (
     write_before_and_after,
     write_topics,
 )
-from .reading import Log, ReadingOptions, read_logs, stretches
+from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .robots import load_robot
 from .screening import excitation, outside, repeated, saturated
 
@@ -114,6 +114,7 @@ def identify(
         if not no_report:
             folder.write("report.html", result.page(data).html())
         folder.write("identification.json", to_json(data))
+    tell_layouts([*train_logs, *test_logs], output)
     show(result, data, output)
     for name in robot_files:
         if left := without_place(name, result.model):
@@ -283,8 +284,8 @@ def show(result: Result, data: dict[str, Any], output: Output) -> None:
     )
     if result.is_worse():
         output.bad(
-            "The model is worse on the test logs than the robot file: do not use it. Look at the findings below and at the "
-            "report; train on more varied motions, or with --consistent."
+            "The model is worse on the test logs than the robot file: do not use it. Look at the findings below and at "
+            "the report; train on more varied motions, or with --consistent."
         )
     for path, count in data["left_out_of_predictions"].items():
         output.warning(

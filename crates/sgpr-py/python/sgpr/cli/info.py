@@ -5,11 +5,11 @@ from typing import Annotated, Any
 
 import typer
 
+from .. import Robot
 from ..report.certificate import kept_out
 from ..report.numbers import MISSING, counted, percent, readable, relative_deviation, significant, with_deviation
 from ..report.parameters import left_out
 from ..report.rest import points_of
-from .. import Robot
 from . import describe
 from .console import Output
 from .effects import checked_effects

@@ -22,7 +22,7 @@ from .inputs import kind_of, load_model
 from .options import Gravity, Joints, NoReport, Open, OutFolder, Strict, check_unseen, open_page
 from .output_folder import OutputFolder
 from .predictions import AFTER, BEFORE, INTERVAL, STD, left_out, predictions, residuals_by_log, spread_of, write_table
-from .reading import Log, ReadingOptions, read_logs, stretches
+from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .robots import load_robot
 from .screening import repeated
 
@@ -138,6 +138,7 @@ def learn(
         if not no_report:
             folder.write("report.html", result.page(data).html())
         folder.write("learned.json", to_json(data))
+    tell_layouts([*train_logs, *test_logs], output)
     show(result, data, output)
     fewer = filter(None, map(fewer_rows_were_better, data["joints"]))
     texts = [*fewer, *data["repeated_motions"], *too_narrow(data["coverage"])]
@@ -162,8 +163,8 @@ def too_narrow(coverage: Sequence[dict[str, Any]]) -> list[str]:
     """Joints whose intervals hold far less than they say."""
     found = [one for one in coverage if one["percent_95"] is not None and one["percent_95"] < NARROW]
     return [
-        f"the interval of 95 % of {one['joint']} holds {percent(one['percent_95'])} % of the torques: it is too narrow; "
-        "learn from more logs of other motions"
+        f"the interval of 95 % of {one['joint']} holds {percent(one['percent_95'])} % of the torques: it is too "
+        "narrow; learn from more logs of other motions"
         for one in found
     ]
 

@@ -58,7 +58,6 @@ def predict(
     with OutputFolder(str(place.parent)) as folder:
         physics: Any = getattr(loaded, "physics_", loaded)
         log = read_log(file, reading, names, physics.reading)
-        tell_layouts([log], output)
         measured = log.raw.tau is not None
         if not measured:
             log = replace(log, raw=_with_torque(log.raw), stretches=[_with_torque(part) for part in log.stretches])
@@ -93,6 +92,7 @@ def predict(
         "actions": log.actions,
         "library_version": __version__,
     }
+    tell_layouts([log], output)
     output.line(f"{counted(len(row.time_ns), 'sample')} written to {out}")
     output.result(data)
     if measured:

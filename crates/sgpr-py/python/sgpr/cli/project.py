@@ -7,6 +7,7 @@ torque_constants = [9.6, 9.6, 6.0, 2.5, 2.5, 1.6]   # or { elbow = 9.6, ... }
 rows = [635, 3510]
 """
 
+import re
 import tomllib
 from collections.abc import Mapping
 from fnmatch import fnmatch
@@ -96,6 +97,10 @@ def _checked(place: Path, data: Mapping[str, Any]) -> dict[str, Any]:
     return {KEYS[key]: tuple(value) if key in ("rows", "trim") else value for key, value in data.items()}
 
 
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)
+
+
 def _toml(value: Any) -> str:
     match value:
         case bool():
@@ -103,7 +108,7 @@ def _toml(value: Any) -> str:
         case int() | float():
             return repr(value)
         case Mapping():
-            return "{ " + ", ".join(f"{_toml(str(key))} = {_toml(each)}" for key, each in value.items()) + " }"
+            return "{ " + ", ".join(f"{_key(str(key))} = {_toml(each)}" for key, each in value.items()) + " }"
         case str():
             escaped = value.replace("\\", "\\\\").replace('"', '\\"')
             return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04X}" for c in escaped) + '"'

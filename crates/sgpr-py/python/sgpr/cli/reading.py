@@ -130,7 +130,7 @@ class ReadingOptions:
         return read(path, wanted, **arguments)
 
     def settings(self, path: str, like: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Everything that is to be done with a log: as asked for, else as in sgpr.toml, else as with the logs of a model.
+        """All that is to be done with a log: as asked for, else as in sgpr.toml, else as with the logs of a model.
 
         - `like`: how the logs of the command's model were read
         """
@@ -249,7 +249,10 @@ def read_logs(
     output: Output,
     like: Mapping[str, Any] | None = None,
 ) -> list[Log]:
-    """Reads and repairs logs, telling which column is what and what was changed; copies are left out."""
+    """Reads and repairs logs, telling what was changed; copies are left out.
+
+    - `like`: how the logs of the command's model were read
+    """
     paths = expand_patterns(paths)
     logs: list[Log] = []
     with output.progress() as progress:
@@ -262,7 +265,6 @@ def read_logs(
             place = project.remember(path, options.to_dict())
             output.note(f"{place}: written; commands on logs in this folder read them the same way")
     logs = _without_copies(logs, output)
-    tell_layouts(logs, output)
     for log in logs:
         log.tell(output)
     return logs
@@ -289,7 +291,7 @@ def tell_layouts(logs: Sequence[Log], output: Output) -> None:
             groups.setdefault(log.raw.layout["text"], []).append(log.path)
     for text, paths in groups.items():
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
-        output.told(f"columns of {paths[0]}{more}: {text}")
+        output.line(f"columns of {paths[0]}{more}: {text}")
 
 
 def stretches(logs: Sequence[Log]) -> list[Recording]:

@@ -62,9 +62,6 @@ def saturated(robot: Robot, stretches: Sequence[Recording]) -> list[str]:
         if not len(torque) or limit <= 0.0:
             continue
         share = float(np.mean(torque >= AT_LIMIT * limit))
-        if share > MOST:
-            # No drive is at its limit most of the time: the limit is a placeholder, or the unit is not (`torque_scale`).
-            continue
         if share > FEW:
             unit = robot.torque_units[k]
             check = "what the drive could not give is not in the model; leave these times out, or move slower"
