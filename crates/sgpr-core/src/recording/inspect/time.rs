@@ -115,7 +115,9 @@ impl Log {
         let regular: Vec<f64> = self.steps.iter().copied().filter(|&step| step <= GAP_FACTOR * usual).collect();
         let off = |share: f64| self.where_step(|step| (step - usual).abs() > share * usual);
         let (by_10, by_50) = (off(0.1), off(0.5));
-        let worst = self.worst_jitter(usual);
+        // Of a time that does not run forward the order is to be mended first.
+        let runs_forward = self.steps.iter().all(|&step| step > 0.0);
+        let worst = if runs_forward { self.worst_jitter(usual) } else { 0.0 };
         if by_10.len() * 100 <= self.steps.len() && worst <= MOST_JITTER {
             return None;
         }
@@ -139,7 +141,7 @@ impl Log {
     /// The largest deviation of the steps of a stretch between gaps from its median, as a share of it.
     fn worst_jitter(&self, usual: f64) -> f64 {
         let longest = GAP_FACTOR * usual * 1e9;
-        let stretches = self.nanoseconds.split(|&step| step as f64 > longest || step <= 0);
+        let stretches = self.nanoseconds.split(|&step| step as f64 > longest);
         stretches.filter_map(jitter).map(|(_, share)| share).fold(0.0, f64::max)
     }
 
