@@ -74,7 +74,7 @@ DATASETS = [
         [Log("pair14_unloaded.csv", (195, 4966))],
         [Variant("automatic", {}, "4.0 to 5.5"), Variant("5 Hz", {"cutoff_hz": 5.0}, "4.0 to 5.5")],
         {"cutoff_hz": 5.0},
-        {"columns": {"torque": "i{}_A"}, "torque_constants": UR10E_GAINS},
+        {"columns": {"torque": "i{}_A"}, "torque_constants": UR10E_GAINS, "accept": ["joints_by_order"]},
         {"resample": 100.0},
     ),
     Dataset(

@@ -13,7 +13,7 @@ use sgpr_core::model::{
 };
 use sgpr_core::motion::{Conditioning, TorqueBand};
 use sgpr_core::recording::csv::{self, ReadOptions, Rows};
-use sgpr_core::recording::{Recording, Repair, Resample, repair};
+use sgpr_core::recording::{IssueKind, Recording, Repair, Resample, repair};
 use sgpr_core::robot::{Robot, UrdfOptions};
 
 /// The folder of a robot, if the logs are there.
@@ -49,6 +49,7 @@ impl Case {
                 let rows: Option<[usize; 2]> = serde_json::from_value(details["rows_1based"].clone()).expect("rows");
                 let options = ReadOptions {
                     joints: Some(robot.joint_names().map(String::from).collect()),
+                    accept: vec![IssueKind::JointsByOrder],
                     rows: rows.map(|[first, last]| Rows::Numbers(first..=last)),
                     torque_constants: serde_json::from_value(description["drive_gain_Nm_per_A"].clone())
                         .expect("gains"),
@@ -180,6 +181,7 @@ fn log(folder: &Path, robot: &Robot, name: &str, constants: Option<Vec<f64>>, re
     let rows: Option<[usize; 2]> = serde_json::from_value(rows).expect("rows");
     let options = ReadOptions {
         joints: Some(robot.joint_names().map(String::from).collect()),
+        accept: vec![IssueKind::JointsByOrder],
         rows: rows.map(|[first, last]| Rows::Numbers(first..=last)),
         torque_constants: constants,
         ..ReadOptions::default()

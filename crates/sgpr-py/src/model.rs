@@ -11,6 +11,7 @@ use sgpr_core::diagnosis::parameters_of;
 use sgpr_core::identification::{KeptOut, ParameterSet};
 use sgpr_core::model::{self as core, BaseParameter, StreamOptions, Term, TorqueModel};
 use sgpr_core::motion::Processing as CoreProcessing;
+use sgpr_core::recording as logs;
 
 use crate::compare::LogResidual;
 use crate::convert::{Numbers, Samples, array, texts, view};
@@ -18,6 +19,7 @@ use crate::diagnosis::Finding;
 use crate::dynamics::motion;
 use crate::errors::{IntoPyErr, invalid};
 use crate::identification::{IdentificationReport, differentiation_name};
+use crate::recording::Recording;
 use crate::robot::{Robot, urdf_options};
 use crate::user_effect::known_effects;
 
@@ -46,6 +48,46 @@ pub struct Model {
 impl From<TorqueModel> for Model {
     fn from(inner: TorqueModel) -> Self {
         Self { inner: Arc::new(inner), report: None }
+    }
+}
+
+impl Model {
+    /// The torque at the samples of a log, `(N, n)`, and if wished its standard deviation; NaN where stretches are too short.
+    fn predict_log<'py>(
+        &self,
+        py: Python<'py>,
+        log: &logs::Recording,
+        return_std: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let n = self.inner.robot().dof();
+        let with_torque = match log.torque() {
+            Some(_) => log.clone(),
+            None => {
+                let (names, time, q) = (log.joint_names().to_vec(), log.time().to_vec(), log.position().to_vec());
+                let torque = Some(vec![0.0; q.len()]);
+                logs::Recording::new(log.source(), names, time, q, None, torque, log.channels().to_vec())
+                    .map_err(IntoPyErr::into_py_err)?
+            }
+        };
+        let found = py.detach(|| core::compare(&self.inner, &[with_torque], None)).map_err(IntoPyErr::into_py_err)?;
+        let mut torque = vec![f64::NAN; log.len() * n];
+        let mut deviation = if return_std { torque.clone() } else { Vec::new() };
+        for stretch in &found.logs {
+            // Stamps increase, as the comparison has asked.
+            let Some(first) = stretch.time.first().and_then(|time| log.time().binary_search(time).ok()) else {
+                continue;
+            };
+            let place = first * n..first * n + stretch.predicted.len();
+            torque[place.clone()].copy_from_slice(&stretch.predicted);
+            if return_std {
+                deviation[place].copy_from_slice(&self.inner.standard_deviation_of(&stretch.motion));
+            }
+        }
+        let torque = array(py, &[log.len(), n], torque)?;
+        if !return_std {
+            return Ok(torque.into_any());
+        }
+        Ok((torque, array(py, &[log.len(), n], deviation)?).into_pyobject(py)?.into_any())
     }
 }
 
@@ -183,6 +225,27 @@ impl Model {
         self.inner.provenance().history.clone()
     }
 
+    /// How its logs were read, as `sgpr.read` and `Recording.repair` take it; None if nobody noted it.
+    #[getter]
+    fn reading<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let text = self.inner.provenance().reading.as_ref();
+        text.map(|text| py.import("json")?.call_method1("loads", (text,))).transpose()
+    }
+
+    /// The same model with a note on how its logs were read, for `reading`; what JSON can hold.
+    ///
+    /// Examples
+    /// --------
+    /// >>> model = sgpr.Model.nominal(sgpr.robots.two_link())
+    /// >>> model.with_reading({"units": {"position": "deg"}}).reading
+    /// {'units': {'position': 'deg'}}
+    fn with_reading(&self, py: Python<'_>, reading: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let dumps = |reading| py.import("json")?.call_method1("dumps", (reading,))?.extract::<String>();
+        let text = reading.map(dumps).transpose()?;
+        let inner = Arc::new(self.inner.as_ref().clone().with_reading(text));
+        Ok(Self { inner, report: self.report.as_ref().map(|report| report.clone_ref(py)) })
+    }
+
     /// Version of the library that made the model.
     #[getter]
     fn library_version(&self) -> &str {
@@ -221,9 +284,11 @@ impl Model {
     ///
     /// Parameters
     /// ----------
-    /// q, dq, ddq : array of shape (N, n) or (n,)
-    ///     rad, rad/s, rad/s² (m for prismatic joints).
-    ///
+    /// q : array of shape (N, n) or (n,), or Recording
+    ///     rad (m for prismatic joints). A recording is processed as `compare` does; NaN stands where it is too short for
+    ///     that.
+    /// dq, ddq : array of the shape of q
+    ///     rad/s, rad/s² (m for prismatic joints); not with a recording.
     /// return_std : bool, default False
     ///     Whether to return the standard deviation too that the uncertainty of the parameters makes; the noise of a
     ///     single torque, `fit["noise"]`, comes on top of it.
@@ -232,16 +297,22 @@ impl Model {
     /// -------
     /// array of the shape of q, or two
     ///     N·m (N).
-    #[pyo3(signature = (q, dq, ddq, *, return_std=false))]
+    #[pyo3(signature = (q, dq=None, ddq=None, *, return_std=false))]
     fn predict<'py>(
         &self,
         py: Python<'py>,
         q: &Bound<'py, PyAny>,
-        dq: &Bound<'py, PyAny>,
-        ddq: &Bound<'py, PyAny>,
+        dq: Option<&Bound<'py, PyAny>>,
+        ddq: Option<&Bound<'py, PyAny>>,
         return_std: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let n = self.inner.robot().dof();
+        let (dq, ddq) = match (q.cast::<Recording>(), dq, ddq) {
+            (Ok(log), None, None) => return self.predict_log(py, &log.get().inner, return_std),
+            (Err(_), Some(dq), Some(ddq)) => (dq, ddq),
+            (Ok(_), ..) => return Err(invalid("predict: a recording brings its motion along: give no dq and ddq")),
+            (Err(_), ..) => return Err(invalid("predict: give q, dq and ddq, or a recording")),
+        };
         let samples = Samples::together([("q", q), ("dq", dq), ("ddq", ddq)], n)?;
         let motion = motion(&samples);
         let tau = py.detach(|| self.inner.predict(motion));
@@ -406,9 +477,37 @@ impl Model {
         Ok(Predictor { inner: Mutex::new(inner), dof: self.inner.robot().dof(), stream })
     }
 
-    /// Writes the model to a file; the file is complete or not there. `load` reads it back to the bit.
+    /// Writes the model to a file, whose folder is made if need be; the file is complete or not there. `load` reads it back
+    /// to the bit.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        py.import("sgpr._files")?.call_method1("make_folder_of", (&path,))?;
         py.detach(|| self.inner.save(path)).map_err(IntoPyErr::into_py_err)
+    }
+
+    /// A Plotly figure of measured and predicted torque of logs, joint by joint.
+    ///
+    /// Examples
+    /// --------
+    /// >>> robot, log = sgpr.Robot.from_urdf("robot.urdf"), sgpr.read("train.csv.gz")
+    /// >>> figure = sgpr.identify(robot, [log]).plot([log])
+    /// >>> len(figure.data)
+    /// 12
+    fn plot<'py>(slf: &Bound<'py, Self>, recordings: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("sgpr._views")?.call_method1("plot_model", (slf, recordings))
+    }
+
+    /// Writes the page of `sgpr compare` for these logs: errors, what they depend on, measured and predicted torque.
+    ///
+    /// Examples
+    /// --------
+    /// >>> robot, log = sgpr.Robot.from_urdf("robot.urdf"), sgpr.read("train.csv.gz")
+    /// >>> sgpr.identify(robot, [log]).save_report("out/page.html", [log])
+    fn save_report(slf: &Bound<'_, Self>, path: PathBuf, recordings: &Bound<'_, PyAny>) -> PyResult<()> {
+        slf.py().import("sgpr._pages")?.call_method1("model_page", (slf, path, recordings)).map(drop)
+    }
+
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("sgpr._views")?.call_method1("model_html", (slf,))
     }
 
     /// The content of the file that `save` writes.

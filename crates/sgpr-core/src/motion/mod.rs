@@ -14,7 +14,7 @@ pub use processing::{Conditioning, Processing, TorqueBand};
 
 use crate::dynamics::Samples;
 use crate::identification::Row;
-use crate::recording::{GAP_FACTOR, Recording, stretches};
+use crate::recording::{GAP_FACTOR, MOST_JITTER, Recording, jitter, stretches};
 use crate::signal::LowPass;
 use standstill::separate_rests;
 
@@ -137,9 +137,6 @@ impl Motion {
 /// Samples that must remain between the ends.
 const SHORTEST: usize = 10;
 
-/// Steps may deviate from the median by this share of it (root mean square) before differences become wrong.
-const JITTER: f64 = 0.02;
-
 /// Sampling rate of a recording that is uniform enough to be differentiated.
 fn uniform_rate(recording: &Recording) -> Result<f64, MotionError> {
     let source = || recording.source().to_string();
@@ -161,14 +158,10 @@ fn uniform_rate(recording: &Recording) -> Result<f64, MotionError> {
         let seconds = (time[index] - time[0]) as f64 * 1e-9;
         return Err(MotionError::TimeNotIncreasing { recording: source(), row: index + 1, seconds });
     }
-    let mut sorted = steps.clone();
-    sorted.sort_unstable();
-    let Some(&median) = sorted.get(sorted.len() / 2) else {
+    let Some((median, jitter)) = jitter(&steps) else {
         return Err(MotionError::TooShort { recording: source(), seconds: 0.0, needed: 1.0 });
     };
-    let deviation = |step: &i64| (*step as f64 / median as f64 - 1.0).powi(2);
-    let jitter = (steps.iter().map(deviation).sum::<f64>() / steps.len() as f64).sqrt();
-    if jitter > JITTER {
+    if jitter > MOST_JITTER {
         return Err(MotionError::Irregular {
             recording: source(),
             median_ms: median as f64 * 1e-6,

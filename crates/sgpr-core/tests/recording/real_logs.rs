@@ -53,6 +53,7 @@ fn ur10e() {
     let joints = ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"];
     let options = ReadOptions {
         joints: Some(joints.map(|name| format!("{name}_joint")).to_vec()),
+        accept: vec![IssueKind::JointsByOrder],
         torque_constants: Some(vec![10.0, 10.6956, 8.4566, 9.0029, 9.48, 10.1232]),
         rows: Some(Rows::Numbers(635..=3510)),
         ..ReadOptions::default()

@@ -37,7 +37,11 @@ fn not_finite(recording: &Recording) -> Vec<Issue> {
     let n = recording.dof();
     let joints = recording.joint_names().iter().enumerate();
     let of_joints = joints.flat_map(|(joint, name)| {
-        recording.arrays().map(move |(array, values)| (format!("{name}_{array}"), joint, n, values, Severity::Error))
+        recording.arrays().map(move |(array, values)| {
+            // Models are identified from positions and torques; logged velocities are only compared with them.
+            let severity = if array == "velocity" { Severity::Warning } else { Severity::Error };
+            (format!("{name}_{array}"), joint, n, values, severity)
+        })
     });
     let channels = recording.channels().iter();
     let of_channels = channels.map(|channel| (channel.name.clone(), 0, 1, &channel.values[..], Severity::Note));
@@ -51,9 +55,10 @@ fn not_finite(recording: &Recording) -> Vec<Issue> {
             severity,
             time: Some(seconds(recording.time()[0], recording.time()[at])),
             message: format!(
-                "`{name}` is missing or not finite in {} ({}), first in sample {at}: drop these samples",
+                "`{name}` is missing or not finite in {} ({}), first in sample {at}: drop these samples{}",
                 counted(count, "sample"),
                 percent(count, recording.len()),
+                if severity == Severity::Note { "" } else { " (repair: drop_not_finite)" },
             ),
             channel: Some(name),
             count,
@@ -92,7 +97,7 @@ fn repeated(recording: &Recording) -> Option<Issue> {
         channel: None,
         count: found.len(),
         message: format!(
-            "{} ({}) {} all values of the one before under a new stamp while the arm moves: drop them before differentiating",
+            "{} ({}) {} all values of the one before under a new stamp while the arm moves: drop them before differentiating (repair: drop_repeated)",
             counted(found.len(), "sample"),
             percent(found.len(), recording.len()),
             if found.len() == 1 { "repeats" } else { "repeat" },
