@@ -39,7 +39,11 @@ def save_report(result: Excitation | Simulation, robot: Robot, path: str | os.Pa
         text = MotionPage(robot, result, {"versions": versions()}).html()
     else:
         text = TrackingPage(robot, result, {}, versions()).html()
-    place = Path(path)
+    place = Path(os.path.realpath(path)) if Path(path).is_file() else Path(path)
+    if place.exists() and not place.is_file() and not place.is_dir():
+        # A device or a pipe stays what it is.
+        place.write_text(text, encoding="utf-8", newline="\n")
+        return
     beside = place.with_name(f".{os.getpid()}-{place.name}")
     try:
         beside.write_text(text, encoding="utf-8", newline="\n")
