@@ -9,6 +9,7 @@ use pyo3::types::PyDict;
 use sgpr_core::model::{self as core, TorqueModel};
 
 use crate::convert::{array, view};
+use crate::detached::detached;
 use crate::errors::{IntoPyErr, invalid};
 use crate::identification::recordings;
 use crate::model::{Model, Processing, figure, html_table};
@@ -59,7 +60,7 @@ pub fn compare(
     }
     let recordings = self::recordings(recordings)?;
     let comparison =
-        py.detach(|| core::compare(&model, &recordings, processing.as_ref())).map_err(IntoPyErr::into_py_err)?;
+        detached(py, || core::compare(&model, &recordings, processing.as_ref())).map_err(IntoPyErr::into_py_err)?;
     Comparison::new(py, comparison)
 }
 

@@ -14,6 +14,7 @@ use sgpr_core::motion::Processing as CoreProcessing;
 
 use crate::compare::LogResidual;
 use crate::convert::{Numbers, Samples, array, texts, view};
+use crate::detached::detached;
 use crate::diagnosis::Finding;
 use crate::dynamics::motion;
 use crate::errors::{IntoPyErr, invalid};
@@ -55,7 +56,7 @@ impl Model {
     #[staticmethod]
     fn nominal(py: Python<'_>, robot: &Bound<'_, Robot>) -> Self {
         let robot = &robot.get().inner;
-        py.detach(|| TorqueModel::nominal(robot)).into()
+        detached(py, || TorqueModel::nominal(robot)).into()
     }
 
     /// A model with given parameters: ten per link, then those of `effects`, in the order of `all_parameter_names`.
@@ -244,12 +245,12 @@ impl Model {
         let n = self.inner.robot().dof();
         let samples = Samples::together([("q", q), ("dq", dq), ("ddq", ddq)], n)?;
         let motion = motion(&samples);
-        let tau = py.detach(|| self.inner.predict(motion));
+        let tau = detached(py, || self.inner.predict(motion));
         let tau = samples[0].result(py, &[n], tau)?;
         if !return_std {
             return Ok(tau.into_any());
         }
-        let deviation = py.detach(|| self.inner.standard_deviation(motion));
+        let deviation = detached(py, || self.inner.standard_deviation(motion));
         let deviation = samples[0].result(py, &[n], deviation)?;
         Ok((tau, deviation).into_pyobject(py)?.into_any())
     }
@@ -272,7 +273,7 @@ impl Model {
         if log.dof != n {
             return Err(invalid(format!("the log has {} joints, the model {n}", log.dof)));
         }
-        let deviation = py.detach(|| self.inner.standard_deviation_of(motion));
+        let deviation = detached(py, || self.inner.standard_deviation_of(motion));
         array(py, &[motion.len(), n], deviation)
     }
 
@@ -348,7 +349,7 @@ impl Model {
         let robot = self.inner.identified_robot();
         let mut options = urdf_options(None, locked, None)?;
         options.joints = Some(robot.joint_names().map(String::from).collect());
-        py.detach(|| robot.write_urdf(source, path, &options)).map_err(IntoPyErr::into_py_err)
+        detached(py, || robot.write_urdf(source, path, &options)).map_err(IntoPyErr::into_py_err)
     }
 
     /// The model as MJCF for MuJoCo: the tree with its inertias, and rotor inertia, viscous and Coulomb friction as
@@ -374,7 +375,7 @@ impl Model {
 
     /// Writes the model to a file; the file is complete or not there. `load` reads it back to the bit.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        py.detach(|| self.inner.save(path)).map_err(IntoPyErr::into_py_err)
+        detached(py, || self.inner.save(path)).map_err(IntoPyErr::into_py_err)
     }
 
     /// The content of the file that `save` writes.
@@ -445,7 +446,7 @@ fn of_limit<'py>(py: Python<'py>, limit: &str, (name, value): (&str, f64)) -> Py
 /// 2
 #[pyfunction]
 pub fn load(py: Python<'_>, path: PathBuf) -> PyResult<Model> {
-    py.detach(|| TorqueModel::load_with(path, &known_effects())).map(Model::from).map_err(IntoPyErr::into_py_err)
+    detached(py, || TorqueModel::load_with(path, &known_effects())).map(Model::from).map_err(IntoPyErr::into_py_err)
 }
 
 /// One base parameter of a model.
