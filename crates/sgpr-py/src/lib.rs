@@ -57,7 +57,8 @@ mod _sgpr {
     #[pymodule_export]
     use crate::user_effect::{UserEffect, register_effect};
     #[pymodule_init]
-    fn init(_: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
+    fn init(module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
+        let _ = module;
         sgpr_core::threads::remember_process();
         Ok(())
     }
