@@ -81,7 +81,7 @@ impl Change {
             Self::PositionSpikes(value) => q.iter_mut().step_by(211).for_each(|q| *q = value),
             Self::TorqueSpikes(value) => tau.iter_mut().step_by(211).for_each(|tau| *tau = value),
             Self::AlternatePosition(value) => {
-                q.iter_mut().enumerate().for_each(|(k, q)| *q = if k / n % 2 == 0 { value } else { -value });
+                q.iter_mut().enumerate().for_each(|(k, q)| *q = if (k / n).is_multiple_of(2) { value } else { -value });
             }
             Self::Constant(value) => q.iter_mut().for_each(|q| *q = value),
             Self::Period(period) => time.iter_mut().enumerate().for_each(|(k, t)| *t = k as i64 * period),
