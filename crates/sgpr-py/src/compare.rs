@@ -12,6 +12,7 @@ use sgpr_core::motion::Motion;
 use sgpr_core::recording::Channel;
 
 use crate::convert::{Numbers, array, view};
+use crate::detached::detached;
 use crate::errors::{IntoPyErr, invalid};
 use crate::identification::recordings;
 use crate::model::{Model, Processing, figure, html_table};
@@ -63,7 +64,7 @@ pub fn compare(
     }
     let recordings = self::recordings(recordings)?;
     let comparison =
-        py.detach(|| core::compare(&model, &recordings, processing.as_ref())).map_err(IntoPyErr::into_py_err)?;
+        detached(py, || core::compare(&model, &recordings, processing.as_ref())).map_err(IntoPyErr::into_py_err)?;
     Comparison::new(py, comparison)
 }
 
@@ -107,11 +108,11 @@ pub fn compare_streaming(
     let recordings = self::recordings(recordings)?;
     let comparison = if let Ok(model) = model.cast::<Model>() {
         let model = model.get().inner.clone();
-        py.detach(|| core::compare_streaming(&model, &recordings, processing.as_ref(), motion))
+        detached(py, || core::compare_streaming(&model, &recordings, processing.as_ref(), motion))
             .map_err(IntoPyErr::into_py_err)?
     } else if let Some(fitted) = semi_parametric(model)? {
         let fitted = fitted.get().inner.clone();
-        py.detach(|| fitted.compare_streaming(&recordings, motion)).map_err(IntoPyErr::into_py_err)?
+        detached(py, || fitted.compare_streaming(&recordings, motion)).map_err(IntoPyErr::into_py_err)?
     } else {
         return Err(wrong_type("model", model, "Model or SemiParametricModel"));
     };

@@ -12,6 +12,7 @@ use sgpr_core::model::{LogResidual, TorqueModel};
 use sgpr_core::recording as logs;
 
 use crate::compare::Comparison;
+use crate::detached::detached;
 use crate::errors::{IntoPyErr, invalid};
 use crate::identification::recordings;
 use crate::model::{Model, figure};
@@ -137,7 +138,7 @@ pub fn residual_structure<'py>(
         return Err(invalid("comparison: it is of another robot than the model"));
     }
     let logs: Vec<&LogResidual> = parts.iter().map(|part| &part.get().inner).collect();
-    let found = py.detach(|| core::structure_of_logs(&model, &logs));
+    let found = detached(py, || core::structure_of_logs(&model, &logs));
     of_joints(py, &found)
 }
 
@@ -271,7 +272,7 @@ impl Diagnosis {
         let mcap = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mcap"));
         let write =
             || if mcap { motion.write_mcap(robot, "/joint_trajectory", &path) } else { motion.write_csv(robot, &path) };
-        py.detach(write).map_err(IntoPyErr::into_py_err)
+        detached(py, write).map_err(IntoPyErr::into_py_err)
     }
 
     /// The model with all findings, all parameters refitted; the model itself if there is none.
@@ -334,7 +335,7 @@ impl Finding {
             )));
         }
         let model = model.inner.clone();
-        let added = py.detach(|| core::add(&model, &[&self.inner], &self.train));
+        let added = detached(py, || core::add(&model, &[&self.inner], &self.train));
         added.map(Model::from).map_err(IntoPyErr::into_py_err)
     }
 }

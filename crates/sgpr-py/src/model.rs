@@ -15,6 +15,7 @@ use sgpr_core::recording as logs;
 
 use crate::compare::LogResidual;
 use crate::convert::{Numbers, Samples, array, texts, view};
+use crate::detached::detached;
 use crate::diagnosis::Finding;
 use crate::dynamics::motion;
 use crate::errors::{IntoPyErr, invalid};
@@ -69,7 +70,7 @@ impl Model {
                     .map_err(IntoPyErr::into_py_err)?
             }
         };
-        let found = py.detach(|| core::compare(&self.inner, &[with_torque], None)).map_err(IntoPyErr::into_py_err)?;
+        let found = detached(py, || core::compare(&self.inner, &[with_torque], None)).map_err(IntoPyErr::into_py_err)?;
         let mut torque = vec![f64::NAN; log.len() * n];
         let mut deviation = if return_std { torque.clone() } else { Vec::new() };
         for stretch in &found.logs {
@@ -97,7 +98,7 @@ impl Model {
     #[staticmethod]
     fn nominal(py: Python<'_>, robot: &Bound<'_, Robot>) -> Self {
         let robot = &robot.get().inner;
-        py.detach(|| TorqueModel::nominal(robot)).into()
+        detached(py, || TorqueModel::nominal(robot)).into()
     }
 
     /// A model with given parameters: ten per link, then those of `effects`, in the order of `all_parameter_names`.
@@ -315,12 +316,12 @@ impl Model {
         };
         let samples = Samples::together([("q", q), ("dq", dq), ("ddq", ddq)], n)?;
         let motion = motion(&samples);
-        let tau = py.detach(|| self.inner.predict(motion));
+        let tau = detached(py, || self.inner.predict(motion));
         let tau = samples[0].result(py, &[n], tau)?;
         if !return_std {
             return Ok(tau.into_any());
         }
-        let deviation = py.detach(|| self.inner.standard_deviation(motion));
+        let deviation = detached(py, || self.inner.standard_deviation(motion));
         let deviation = samples[0].result(py, &[n], deviation)?;
         Ok((tau, deviation).into_pyobject(py)?.into_any())
     }
@@ -343,7 +344,7 @@ impl Model {
         if log.dof != n {
             return Err(invalid(format!("the log has {} joints, the model {n}", log.dof)));
         }
-        let deviation = py.detach(|| self.inner.standard_deviation_of(motion));
+        let deviation = detached(py, || self.inner.standard_deviation_of(motion));
         array(py, &[motion.len(), n], deviation)
     }
 
@@ -419,7 +420,7 @@ impl Model {
         let robot = self.inner.identified_robot();
         let mut options = urdf_options(None, locked, None)?;
         options.joints = Some(robot.joint_names().map(String::from).collect());
-        py.detach(|| robot.write_urdf(source, path, &options)).map_err(IntoPyErr::into_py_err)
+        detached(py, || robot.write_urdf(source, path, &options)).map_err(IntoPyErr::into_py_err)
     }
 
     /// The model as MJCF for MuJoCo: the tree with its inertias, and rotor inertia, viscous and Coulomb friction as
@@ -473,7 +474,7 @@ impl Model {
         keep: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Predictor> {
         let stream = stream_options(rate_hz, purpose, keep)?;
-        let inner = py.detach(|| self.inner.predictor(&stream)).map_err(IntoPyErr::into_py_err)?;
+        let inner = detached(py, || self.inner.predictor(&stream)).map_err(IntoPyErr::into_py_err)?;
         Ok(Predictor { inner: Mutex::new(inner), dof: self.inner.robot().dof(), stream })
     }
 
@@ -481,7 +482,7 @@ impl Model {
     /// to the bit.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         py.import("sgpr._files")?.call_method1("make_folder_of", (&path,))?;
-        py.detach(|| self.inner.save(path)).map_err(IntoPyErr::into_py_err)
+        detached(py, || self.inner.save(path)).map_err(IntoPyErr::into_py_err)
     }
 
     /// A Plotly figure of measured and predicted torque of logs, joint by joint.
@@ -578,7 +579,7 @@ fn of_limit<'py>(py: Python<'py>, limit: &str, (name, value): (&str, f64)) -> Py
 /// 2
 #[pyfunction]
 pub fn load(py: Python<'_>, path: PathBuf) -> PyResult<Model> {
-    py.detach(|| TorqueModel::load_with(path, &known_effects())).map(Model::from).map_err(IntoPyErr::into_py_err)
+    detached(py, || TorqueModel::load_with(path, &known_effects())).map(Model::from).map_err(IntoPyErr::into_py_err)
 }
 
 /// One base parameter of a model.

@@ -16,6 +16,7 @@ use sgpr_core::recording::{
 };
 
 use crate::convert::{Numbers, array, choice, items, kind_of, positive, texts, unknown, view};
+use crate::detached::detached;
 use crate::errors::{IntoPyErr, invalid};
 
 type Any<'py> = Bound<'py, PyAny>;
@@ -235,7 +236,7 @@ impl Recording {
     #[getter]
     fn issues(&self, py: Python<'_>) -> PyResult<Vec<Py<Issue>>> {
         let found = self.issues.get_or_try_init(py, || {
-            let issues = py.detach(|| core::inspect(&self.inner));
+            let issues = detached(py, || core::inspect(&self.inner));
             issues.into_iter().map(|issue| Py::new(py, Issue::from(issue))).collect::<PyResult<_>>()
         })?;
         Ok(found.iter().map(|issue| issue.clone_ref(py)).collect())
@@ -432,7 +433,7 @@ impl Recording {
         };
         let trim = trim.map(|(start, end)| range("trim", start, end)).transpose()?;
         let request = Repair { trim, sort, drop_duplicates, drop_not_finite, drop_repeated, split_gaps, resample };
-        let (parts, actions) = py.detach(|| core::repair(&self.inner, &request)).map_err(IntoPyErr::into_py_err)?;
+        let (parts, actions) = detached(py, || core::repair(&self.inner, &request)).map_err(IntoPyErr::into_py_err)?;
         let recordings = parts.into_iter().map(|part| Py::new(py, Self::from(part))).collect::<PyResult<_>>()?;
         Ok(Repaired { recordings, actions })
     }
@@ -466,7 +467,7 @@ impl Recording {
         if positive("period", period)? < step {
             return Err(invalid(format!("period = {period}: shorter than one step of the time, {step} s")));
         }
-        let average = py.detach(|| average_periods(&self.inner, period, skip)).map_err(IntoPyErr::into_py_err)?;
+        let average = detached(py, || average_periods(&self.inner, period, skip)).map_err(IntoPyErr::into_py_err)?;
         let noise = PyDict::new(py);
         noise.set_item("position_noise", array(py, &[self.dof()], average.position_noise)?)?;
         noise.set_item("torque_noise", array(py, &[self.dof()], average.torque_noise)?)?;
@@ -490,7 +491,7 @@ impl Recording {
         if ![".mcap", ".csv", ".csv.gz"].iter().any(|suffix| name.ends_with(suffix)) {
             return Err(invalid(format!("{}: expected a name that ends in .csv, .csv.gz or .mcap", path.display())));
         }
-        py.detach(write).map_err(IntoPyErr::into_py_err)
+        detached(py, write).map_err(IntoPyErr::into_py_err)
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Parts<'py>)> {
@@ -782,7 +783,7 @@ pub fn read_csv(
         sample_rate_hz,
         limit_bytes: limit_bytes.unwrap_or(ReadOptions::default().limit_bytes),
     };
-    let recording = py.detach(|| csv::read(&path, &options));
+    let recording = detached(py, || csv::read(&path, &options));
     recording.map(Recording::from).map_err(IntoPyErr::into_py_err)
 }
 
@@ -876,7 +877,7 @@ pub fn read_mcap(
         recover,
         limit_bytes: limit_bytes.unwrap_or(McapOptions::default().limit_bytes),
     };
-    let recording = py.detach(|| mcap::read(&path, &options));
+    let recording = detached(py, || mcap::read(&path, &options));
     recording.map(Recording::from).map_err(IntoPyErr::into_py_err)
 }
 
@@ -898,5 +899,5 @@ pub fn write_mcap(py: Python<'_>, path: PathBuf, topics: &Bound<'_, PyAny>) -> P
     let topics: Vec<(&str, &core::Recording)> =
         given.iter().map(|(topic, recording)| (topic.as_str(), &recording.get().inner)).collect();
     let path: &Path = &path;
-    py.detach(|| mcap::write(path, &topics)).map_err(IntoPyErr::into_py_err)
+    detached(py, || mcap::write(path, &topics)).map_err(IntoPyErr::into_py_err)
 }

@@ -11,6 +11,7 @@ use sgpr_core::robot::{self as core, DhConvention, DhRow, JointKind, Limits, Urd
 use sgpr_core::spatial::{PARAMETERS_PER_LINK, Vector3};
 
 use crate::convert::{Numbers, array, choice, items, texts, unknown, vector3};
+use crate::detached::detached;
 use crate::errors::{IntoPyErr, invalid};
 
 /// A robot arm on a fixed base: joints, links, limits. Never changes; share it freely.
@@ -82,7 +83,7 @@ impl Robot {
         gravity: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let options = urdf_options(joints, locked, gravity)?;
-        let robot = py.detach(|| core::Robot::from_urdf(path, &options));
+        let robot = detached(py, || core::Robot::from_urdf(path, &options));
         robot.map(Self::from).map_err(IntoPyErr::into_py_err)
     }
 
@@ -288,7 +289,7 @@ impl Robot {
         let effects = effects.map(|names| texts("effects", names)).transpose()?.unwrap_or_default();
         let set = ParameterSet::new(&self.inner, &effects).map_err(IntoPyErr::into_py_err)?;
         let find = if recursion { CoreBase::by_recursion } else { CoreBase::new };
-        let inner = py.detach(|| find(&self.inner, &set));
+        let inner = detached(py, || find(&self.inner, &set));
         let origin = (self.clone(), effects, recursion);
         Ok(BaseParameters { inner, parameter_names: set.names().to_vec(), origin })
     }

@@ -13,6 +13,7 @@ mod layout;
 pub mod mcap;
 mod names;
 mod part;
+mod plausible;
 mod repair;
 mod repetition;
 mod resample;
@@ -31,6 +32,7 @@ pub(crate) use inspect::{MOST_JITTER, is_still, jitter};
 pub use layout::{ColumnLayout, JointLayout, Layout};
 pub(crate) use part::stretches;
 pub use part::{GAP_FACTOR, split_at_gaps};
+pub(crate) use plausible::{Implausible, LARGEST_POSITION, LARGEST_TORQUE, PERIODS, SMALLEST_TORQUE};
 pub use repair::{Repair, Resample, repair};
 pub use repetition::repeated_share;
 pub use units::{PositionUnit, TimeUnit, TorqueUnit, Units, VelocityUnit};
@@ -290,7 +292,7 @@ fn write_file(
 }
 
 /// Seconds from one time stamp to another.
-fn seconds(from: i64, to: i64) -> f64 {
+pub(crate) fn seconds(from: i64, to: i64) -> f64 {
     (i128::from(to) - i128::from(from)) as f64 / 1e9
 }
 

@@ -34,6 +34,9 @@ pub struct Issue {
 pub enum IssueKind {
     /// Values that are NaN or infinite.
     NotFinite,
+    /// Values that no arm makes: positions beyond 1e9 rad (m) or 1e6 rad/s (m/s), torques beyond
+    /// 1e15 N·m (N).
+    Implausible,
     /// Stamps earlier than the one before.
     TimeBackwards,
     /// Stamps equal to the one before.

@@ -2,7 +2,7 @@
 
 use super::{Issue, IssueKind, Severity, counted, percent};
 use crate::recording::names::quoted;
-use crate::recording::{Recording, seconds, statistics};
+use crate::recording::{Implausible, Recording, seconds, statistics};
 
 /// A joint that moves less than this, rad (m), stands still.
 const STILL_RANGE: f64 = 0.002;
@@ -15,6 +15,7 @@ const FLAT_TOP: usize = 5;
 
 pub(super) fn issues(recording: &Recording) -> Vec<Issue> {
     let mut issues = not_finite(recording);
+    issues.extend(implausible(recording));
     issues.extend(repeated(recording));
     issues.extend(still_joints(recording));
     issues.extend(clipped(recording));
@@ -65,6 +66,20 @@ fn not_finite(recording: &Recording) -> Vec<Issue> {
         })
     };
     of_joints.chain(of_channels).filter_map(issue).collect()
+}
+
+/// A value that no arm makes.
+fn implausible(recording: &Recording) -> Option<Issue> {
+    let Implausible { quantity, joint, seconds, value, expected } = recording.implausible()?;
+    let name = format!("{}_{quantity}", recording.joint_names()[joint]);
+    Some(Issue {
+        kind: IssueKind::Implausible,
+        severity: Severity::Error,
+        time: Some(seconds),
+        message: format!("`{name}` is {value:.3e} {seconds:.3} s after the start; {expected}"),
+        channel: Some(name),
+        count: 1,
+    })
 }
 
 /// Samples that repeat all values of the one before while the arm moves, in increasing order.
