@@ -30,6 +30,9 @@ pub fn recordings(given: &Bound<'_, PyAny>) -> PyResult<Vec<logs::Recording>> {
         let found = found.get_type().name().map_or_else(|_| "?".into(), |name| name.to_string());
         PyTypeError::new_err(format!("recordings: got {found}, expected a list of Recording"))
     };
+    if given.is_instance_of::<Recording>() {
+        return Err(wrong(given));
+    }
     let mut recordings = Vec::new();
     for item in given.try_iter().map_err(|_| wrong(given))? {
         let item = item?;
@@ -40,32 +43,38 @@ pub fn recordings(given: &Bound<'_, PyAny>) -> PyResult<Vec<logs::Recording>> {
     Ok(recordings)
 }
 
-/// Refuses torques that cannot be those of the robot, and warns of copies, which would count twice.
-fn require_evidence(py: Python<'_>, robot: &Robot, recordings: &[logs::Recording], start: Start) -> PyResult<()> {
-    let mut seen: Vec<(u128, &str)> = Vec::new();
+/// The recordings that are evidence: torques that cannot be those of the robot are refused, and a copy of another
+/// recording, which would count twice, is left out with a warning.
+fn evidence(
+    py: Python<'_>,
+    robot: &Robot,
+    recordings: Vec<logs::Recording>,
+    start: Start,
+) -> PyResult<Vec<logs::Recording>> {
+    let mut kept: Vec<(u128, logs::Recording)> = Vec::new();
     for recording in recordings {
         let hash = recording.content_hash();
-        match seen.iter().find(|(other, _)| *other == hash) {
-            Some((_, other)) => {
-                let text = format!(
-                    "{} is a copy of {other}: its samples count twice, and uncertainties are too small",
-                    recording.source()
-                );
-                let category = py.get_type::<PyUserWarning>();
-                PyErr::warn(py, &category, &CString::new(text.replace('\0', ""))?, 2)?;
-            }
-            None => seen.push((hash, recording.source())),
+        if let Some((_, other)) = kept.iter().find(|(own, _)| *own == hash) {
+            let text = format!(
+                "{} is a copy of {} and is left out: the same samples would count twice",
+                recording.source(),
+                other.source()
+            );
+            let category = py.get_type::<PyUserWarning>();
+            PyErr::warn(py, &category, &CString::new(text.replace('\0', ""))?, 2)?;
+            continue;
         }
         // What an internal model leaves over is no weight.
         if start == Start::RobotFile {
-            let found = core::torque_scale(&robot.inner, recording).map_err(IntoPyErr::into_py_err)?;
+            let found = core::torque_scale(&robot.inner, &recording).map_err(IntoPyErr::into_py_err)?;
             if let Some(found) = found {
                 let (recording, finding) = (recording.source().into(), found.message);
                 return Err(logs::RecordingError::Doubtful { recording, finding }.into_py_err());
             }
         }
+        kept.push((hash, recording));
     }
-    Ok(())
+    Ok(kept.into_iter().map(|(_, recording)| recording).collect())
 }
 
 /// Share of its moving time in which a recording repeats paths of known ones.
@@ -360,8 +369,7 @@ pub fn identify(
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Model> {
     let Arguments { options, progress } = Arguments::new(robot.get(), options)?;
-    let recordings = self::recordings(recordings)?;
-    require_evidence(py, robot.get(), &recordings, options.start)?;
+    let recordings = evidence(py, robot.get(), self::recordings(recordings)?, options.start)?;
     let robot = &robot.get().inner;
     let (model, report) = listen(py, progress, |progress| core::identify(robot, &recordings, &options, progress))?;
     let report = Py::new(py, IdentificationReport::new(py, report)?)?;

@@ -70,7 +70,8 @@ impl Model {
                     .map_err(IntoPyErr::into_py_err)?
             }
         };
-        let found = detached(py, || core::compare(&self.inner, &[with_torque], None)).map_err(IntoPyErr::into_py_err)?;
+        let found =
+            detached(py, || core::compare(&self.inner, &[with_torque], None)).map_err(IntoPyErr::into_py_err)?;
         let mut torque = vec![f64::NAN; log.len() * n];
         let mut deviation = if return_std { torque.clone() } else { Vec::new() };
         for stretch in &found.logs {

@@ -28,7 +28,8 @@ pub fn torque_scale(robot: &Robot, recording: &Recording) -> Result<Option<Issue
     let recording = &own[0];
     let n = robot.dof();
     let Some(torque) = recording.torque() else { return Ok(None) };
-    if recording.accepted().contains(&IssueKind::TorqueScale) {
+    // What no arm makes at all has a message of its own.
+    if recording.accepted().contains(&IssueKind::TorqueScale) || recording.implausible().is_some() {
         return Ok(None);
     }
     let mut workspace = Workspace::new(robot);
@@ -47,11 +48,16 @@ pub fn torque_scale(robot: &Robot, recording: &Recording) -> Result<Option<Issue
     let largest = weight.iter().copied().fold(0.0, f64::max);
     let loaded: Vec<usize> =
         (0..n).filter(|&joint| weight[joint] > 0.0 && weight[joint] >= LOADED * LOADED * largest).collect();
-    let total = |values: &[f64]| loaded.iter().map(|&joint| values[joint]).sum::<f64>();
-    let factor = (total(&measured) / total(&weight)).sqrt();
-    if loaded.is_empty() || factor == 0.0 || (1.0 / LIMIT..LIMIT).contains(&factor) {
+    let mut factors: Vec<f64> = loaded.iter().map(|&joint| (measured[joint] / weight[joint]).sqrt()).collect();
+    factors.sort_by(f64::total_cmp);
+    // Of most joints: a single one in another unit is named by identification.
+    let count = factors.len();
+    let usual = if count == 0 { 1.0 } else { factors[(count - 1) / 2].max(1.0) * factors[count / 2].min(1.0) };
+    if usual == 0.0 || (1.0 / LIMIT..LIMIT).contains(&usual) {
         return Ok(None);
     }
+    let factor =
+        (loaded.iter().map(|&j| measured[j]).sum::<f64>() / loaded.iter().map(|&j| weight[j]).sum::<f64>()).sqrt();
     let size = if factor < 1.0 { format!("{factor:.2e}") } else { format!("{factor:.0}") };
     Ok(Some(Issue {
         kind: IssueKind::TorqueScale,

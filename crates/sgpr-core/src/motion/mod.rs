@@ -189,5 +189,6 @@ fn uniform_rate(recording: &Recording) -> Result<f64, MotionError> {
         });
     }
     // Over the whole stretch: the median of rounded stamps is a rounded number.
-    Ok(steps.len() as f64 / since_start(time[time.len() - 1]))
+    let nanoseconds = i128::from(time[time.len() - 1]) - i128::from(time[0]);
+    Ok(steps.len() as f64 * 1e9 / nanoseconds as f64)
 }

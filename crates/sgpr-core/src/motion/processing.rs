@@ -197,7 +197,7 @@ impl Processing {
             order: conditioning.order,
             differentiation: conditioning.differentiation,
             torque_cutoff_hz,
-            decimation,
+            decimation: decimation.max(1),
             standstill_speed: standstill_speed.collect(),
             turn_margin: conditioning.turn_margin,
         };

@@ -175,7 +175,9 @@ pub(super) fn places_of_numbers(own: &[u32], numbers: &[u32]) -> Option<Vec<u32>
     if distinct.len() != own.len() {
         return None;
     }
-    if own.iter().all(|number| numbers.binary_search(number).is_ok()) {
+    // More numbers than joints, from zero: the joint with number one may be the first or the second.
+    let either = numbers.first() == Some(&0) && !own.contains(&0) && numbers.len() > own.len();
+    if !either && own.iter().all(|number| numbers.binary_search(number).is_ok()) {
         return Some(own.to_vec());
     }
     let count = u32::try_from(own.len()).ok()?;
@@ -193,7 +195,8 @@ mod tests {
         assert_eq!(places_of_numbers(&[3, 2], &[1, 2, 3]), Some(vec![3, 2]));
         assert_eq!(places_of_numbers(&[2, 1, 3], &[0, 1, 2]), Some(vec![1, 0, 2]));
         assert_eq!(places_of_numbers(&[1, 1], &[0, 1]), None);
-        assert_eq!(places_of_numbers(&[1, 2], &[0, 1, 2, 3]), Some(vec![1, 2]));
+        assert_eq!(places_of_numbers(&[1, 2], &[0, 1, 2, 3]), None);
+        assert_eq!(places_of_numbers(&[1, 2], &[1, 2, 3]), Some(vec![1, 2]));
         assert_eq!(places_of_numbers(&[2, 3], &[0, 1]), None);
     }
 
@@ -238,7 +241,10 @@ mod tests {
         for (own, wanted) in [(["a", "b"], ["c", "d"]), (["joint_1", "joint_2"], ["joint_1", "joint_3"])] {
             assert!(logged(own).of_robot(&names(wanted)).is_err(), "{own:?} {wanted:?}");
         }
-        assert!(logged(["joint_1", "joint_2"]).of_robot(&["j1".into()]).is_err(), "not as many");
+        let second = logged(["joint_1", "joint_2"]).of_robot(&["j2".into()]).expect("its number is there");
+        assert_eq!(second.position()[..2], [1.0, 3.0]);
+        assert!(logged(["joint_1", "joint_2"]).of_robot(&["j3".into()]).is_err(), "no such number");
+        assert!(logged(["joint_0", "joint_1"]).of_robot(&["j1".into()]).is_err(), "counted from zero or from one");
     }
 
     #[test]

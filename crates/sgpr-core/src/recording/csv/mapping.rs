@@ -237,6 +237,7 @@ impl Mapper<'_> {
     }
 
     fn torque_from_current(&self, agreed: Option<&[u32]>) -> Result<Vec<Source>, RecordingError> {
+        self.check_constants()?;
         let columns = self.find(Quantity::Current, agreed)?;
         let found = columns.ok_or_else(|| self.table.incomplete(Quantity::Current, self.table.joints.clone()))?;
         let constants = self.constants(found.numbers.is_some())?;
@@ -249,23 +250,37 @@ impl Mapper<'_> {
         Ok(currents.into_iter().zip(constants).map(scaled).collect())
     }
 
+    /// Refuses torque constants that no columns could use.
+    fn check_constants(&self) -> Result<(), RecordingError> {
+        let (option, joints) = ("torque_constants", &self.table.joints);
+        let (listed, named) = (&self.options.torque_constants, &self.options.named_torque_constants);
+        if let Some(constants) = listed.as_ref().filter(|constants| constants.len() != joints.len()) {
+            return Err(RecordingError::EntriesPerJoint { option, expected: joints.len(), found: constants.len() });
+        }
+        let mut values = listed.iter().flatten().chain(named.iter().map(|(_, constant)| constant));
+        match values.find(|constant| !constant.is_finite() || **constant == 0.0) {
+            Some(constant) => {
+                let (value, expected) = (constant.to_string(), "numbers other than zero, N·m per A");
+                Err(RecordingError::InvalidOption { option, value, expected })
+            }
+            None => Ok(()),
+        }
+    }
+
     /// N·m per A, one per joint.
     ///
     /// - `are_numbered`: whether the numbers of columns tell the order of the joints
     fn constants(&self, are_numbered: bool) -> Result<Vec<f64>, RecordingError> {
-        let (option, joints) = ("torque_constants", &self.table.joints);
+        let joints = &self.table.joints;
         let named = &self.options.named_torque_constants;
-        let constants: Vec<f64> = match &self.options.torque_constants {
-            Some(constants) if constants.len() != joints.len() => {
-                return Err(RecordingError::EntriesPerJoint { option, expected: joints.len(), found: constants.len() });
-            }
+        match &self.options.torque_constants {
             Some(constants) => {
                 let ordered = self.options.joints.is_some() || are_numbered || joints.len() == 1;
                 if !ordered && self.options.columns.torque.is_none() {
                     let path = self.table.path.into();
                     return Err(RecordingError::ConstantsByOrder { path, joints: joints.clone() });
                 }
-                constants.clone()
+                Ok(constants.clone())
             }
             None => {
                 if let Some((name, _)) = named.iter().find(|(name, _)| !joints.contains(name)) {
@@ -280,15 +295,8 @@ impl Mapper<'_> {
                         hint: suggestion(joint, &named.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>()),
                     })
                 };
-                joints.iter().map(of_joint).collect::<Result<_, _>>()?
+                joints.iter().map(of_joint).collect()
             }
-        };
-        match constants.iter().find(|constant| !constant.is_finite() || **constant == 0.0) {
-            Some(constant) => {
-                let (value, expected) = (constant.to_string(), "numbers other than zero, N·m per A");
-                Err(RecordingError::InvalidOption { option, value, expected })
-            }
-            None => Ok(constants),
         }
     }
 

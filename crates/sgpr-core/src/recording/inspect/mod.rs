@@ -70,8 +70,9 @@ pub enum IssueKind {
 }
 
 impl IssueKind {
-    const NAMES: [(Self, &'static str); 16] = [
+    const NAMES: [(Self, &'static str); 17] = [
         (Self::NotFinite, "not_finite"),
+        (Self::Implausible, "implausible"),
         (Self::TimeBackwards, "time_backwards"),
         (Self::DuplicateStamps, "duplicate_stamps"),
         (Self::RepeatedSamples, "repeated_samples"),
