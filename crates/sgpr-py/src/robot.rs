@@ -14,6 +14,9 @@ use crate::convert::{Numbers, array, choice, items, texts, unknown, vector3};
 use crate::detached::detached;
 use crate::errors::{IntoPyErr, invalid};
 
+/// Robot, names of effects, and whether by the recursion: what base parameters are made of.
+type Origin = (Robot, Vec<String>, bool);
+
 /// A robot arm on a fixed base: joints, links, limits. Never changes; share it freely.
 ///
 /// Made by `from_urdf`, `from_urdf_text`, `from_dh`, or ready-made in `sgpr.robots`. Samples are rows, joints are
@@ -451,7 +454,7 @@ pub struct BaseParameters {
     inner: CoreBase,
     parameter_names: Vec<String>,
     /// Robot, effects and whether by recursion: what makes them again.
-    origin: (Robot, Vec<String>, bool),
+    origin: Origin,
 }
 
 #[pymethods]
@@ -517,7 +520,7 @@ impl BaseParameters {
         self.inner.rank()
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Robot, Vec<String>, bool))> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Origin)> {
         Ok((slf.get_type().getattr("_from_robot")?, slf.get().origin.clone()))
     }
 
