@@ -8,7 +8,8 @@ SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-core/src crates/sgpr-l
 	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name Cargo.toml) \
 	crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
 
-.PHONY: build demo demo-real estimators test test-rust test-python browser lint bench diagnosis-bench diagnosis-mujoco peers fuzz clean thesis
+.PHONY: build demo demo-real estimators test test-rust test-python skipped browser lint msrv deny bench diagnosis-bench \
+	diagnosis-mujoco peers fuzz soak clean thesis
 
 build: $(VENV)/.built
 
@@ -53,14 +54,20 @@ thesis: build
 	$(BIN)/sgpr reproduce thesis --out $(OUT)/thesis --page docs/thesis.md
 	@echo "figures: $(OUT)/thesis/report.html"
 
-test: test-rust test-python
+test: test-rust test-python skipped
 
 test-rust:
 	cargo test --locked --quiet --package sgpr-core --package sgpr-lapack
 
 test-python: build $(VENV)/.test browser
-	cd crates/sgpr-py && ../../$(BIN)/python -m pytest -q tests
-	$(BIN)/python -m pytest -q tests
+	cd crates/sgpr-py && ../../$(BIN)/python -m pytest -q -rs tests
+	$(BIN)/python -m pytest -q -rs tests
+
+# Tests on logs that are not part of the repository run where SGPR_DATA names their folder (docs/real-data.md). Each says
+# above that it was skipped; this is the last line that a person sees.
+skipped:
+	@test -n "$$SGPR_DATA" && echo "tests on logs of real robots: in $$SGPR_DATA" || \
+		echo "skipped: tests on logs of real robots, because SGPR_DATA does not name the folder that holds them"
 
 # The report is tested in a real browser; without one those tests say that they skip.
 browser:
@@ -76,6 +83,21 @@ lint: build $(VENV)/.test
 	$(BIN)/ruff check crates/sgpr-py examples tests benches
 	$(BIN)/ruff format --check crates/sgpr-py examples tests benches
 	$(BIN)/python -m mypy.stubtest sgpr._sgpr
+
+## The oldest Rust that Cargo.toml promises, if rustup has it (rustup toolchain install $(MSRV)).
+MSRV := $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
+msrv:
+	@if rustup run $(MSRV) cargo --version > /dev/null 2>&1; then \
+		rustup run $(MSRV) cargo check --locked --workspace --all-targets --target-dir target/msrv; \
+	else \
+		echo "skipped: no Rust $(MSRV) here; clippy checks what is used of the standard library instead"; \
+		cargo clippy --locked --quiet --workspace --all-targets -- -D clippy::incompatible_msrv; \
+	fi
+
+## Licences, known vulnerabilities and sources of all dependencies (deny.toml).
+deny:
+	@cargo deny --version > /dev/null 2>&1 || cargo install --locked --quiet cargo-deny
+	cargo deny --locked check
 
 bench:
 	cargo bench --locked --package benches
@@ -97,11 +119,19 @@ peers: build
 	$(BIN)/python benches/peers/gp.py --points 6006 --inputs 18 --no-fit
 	$(BIN)/python benches/peers/simulation.py
 
-## Damaged and made-up files of every kind, many of them.
+## Damaged and made-up files of every kind, many of them, and logs and models with values that no arm makes.
 FUZZ_CASES ?= 100000
+VALUE_CASES ?= 2000
 fuzz:
 	SGPR_FUZZ_CASES=$(FUZZ_CASES) cargo test --locked --release --package sgpr-core \
 		--test recording_hostile --test robot -- any changed damaged
+	SGPR_FUZZ_CASES=$(VALUE_CASES) cargo test --locked --release --package sgpr-core --test hostile_values
+
+## Millions of calls of a predictor and a thousand identifications, in which memory must not grow.
+SOAK_CALLS ?= 10000000
+SOAK_FITS ?= 1000
+soak:
+	SGPR_SOAK_CALLS=$(SOAK_CALLS) SGPR_SOAK_FITS=$(SOAK_FITS) cargo test --locked --release --package sgpr-core --test soak
 
 clean:
 	rm -rf $(OUT) $(VENV) target

@@ -6,14 +6,12 @@ The logs are not part of this repository; `docs/real-data.md` says where they co
 SGPR_DATA names the folder that holds them. The table is the one in `docs/estimators.md`.
 """
 
-import os
 import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import sgpr
-from real_robots import DATASETS, EFFECTS, Dataset, robot_and_logs
+from real_robots import DATASETS, EFFECTS, Dataset, data_folder, robot_and_logs
 
 FRICTION = ["viscous_friction", "coulomb_friction", "torque_offset"]
 # Behind the gear no sensor sees the rotor.
@@ -117,7 +115,7 @@ def reference_of(dataset: Dataset, effects: list[str]) -> str:
 
 def main() -> int:
     """Run every robot whose logs are there."""
-    data = Path(os.environ.get("SGPR_DATA") or "../shared/data/real")
+    data = data_folder()
     print(HEADER)
     found = False
     for dataset in DATASETS:

@@ -7,14 +7,13 @@ and one with a payload of 2.805 kg one after the other.
 """
 
 import argparse
-import os
 import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import sgpr
-from real_robots import DATASETS, EFFECTS, EMPS_SYMMETRIC, Dataset, Log, recordings, robot_and_logs
+from real_robots import DATASETS, EFFECTS, EMPS_SYMMETRIC, Dataset, Log, data_folder, recordings, robot_and_logs
 
 PAUSE_S = 5.0
 
@@ -75,8 +74,8 @@ def row(name: str, model: sgpr.Model, train: list[sgpr.Recording], test: list[sg
 def main() -> int:
     """Diagnose every robot whose logs are there."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, default=os.environ.get("SGPR_DATA"))
-    data = Path(parser.parse_args().data or "../shared/data/real")
+    parser.add_argument("--data", type=Path, help="folder of the logs (default: what SGPR_DATA names)")
+    data = data_folder(parser.parse_args().data)
     found = [dataset for dataset in DATASETS if (data / dataset.folder / dataset.urdf).exists()]
     if not found:
         print("no logs found: set SGPR_DATA to the folder that holds them (see docs/real-data.md)", file=sys.stderr)

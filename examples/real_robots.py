@@ -3,7 +3,8 @@
     python examples/real_robots.py --out out/real
 
 The logs are not part of this repository; `docs/real-data.md` says where they come from. The environment variable
-SGPR_DATA names the folder that holds `ur10e/`, `panda/`, `baxter/`, `kuka_lwr/` and `emps/`.
+SGPR_DATA names the folder that holds `real/` with `ur10e/`, `panda/`, `baxter/`, `kuka_lwr/` and `emps/`, or `real/`
+itself.
 """
 
 import argparse
@@ -74,7 +75,7 @@ DATASETS = [
         [Log("pair14_unloaded.csv", (195, 4966))],
         [Variant("automatic", {}, "4.0 to 5.5"), Variant("5 Hz", {"cutoff_hz": 5.0}, "4.0 to 5.5")],
         {"cutoff_hz": 5.0},
-        {"columns": {"torque": "i{}_A"}, "torque_constants": UR10E_GAINS},
+        {"columns": {"torque": "i{}_A"}, "torque_constants": UR10E_GAINS, "accept": ["joints_by_order"]},
         {"resample": 100.0},
     ),
     Dataset(
@@ -141,10 +142,18 @@ def robot_and_logs(folder: Path, dataset: Dataset) -> tuple[sgpr.Robot, list[sgp
     return robot, train, test
 
 
+def data_folder(given: Path | None = None) -> Path:
+    """The folder of the robots, in `given` or in what SGPR_DATA names; ends the program if neither is there."""
+    folder = given or Path(os.environ.get("SGPR_DATA") or "")
+    if folder == Path():
+        sys.exit("set SGPR_DATA to the folder that holds the logs (see docs/real-data.md)")
+    return folder / "real" if (folder / "real").is_dir() else folder
+
+
 def find_dataset(name: str) -> tuple[Path, Dataset]:
     """The data of one robot and the folder below SGPR_DATA that holds them; ends the program if they are not there."""
     dataset = next(dataset for dataset in DATASETS if dataset.folder == name)
-    folder = Path(os.environ.get("SGPR_DATA") or "../shared/data/real") / name
+    folder = data_folder() / name
     if not (folder / dataset.urdf).exists():
         sys.exit(f"no logs in {folder}: set SGPR_DATA (see docs/real-data.md)")
     return folder, dataset
@@ -216,10 +225,10 @@ HEADER = """\
 def main() -> int:
     """Run every robot whose logs are there."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, default=os.environ.get("SGPR_DATA"))
+    parser.add_argument("--data", type=Path, help="folder of the logs (default: what SGPR_DATA names)")
     parser.add_argument("--out", type=Path, default=Path("out/real"))
     arguments = parser.parse_args()
-    data = Path(arguments.data or "../shared/data/real")
+    data = data_folder(arguments.data)
     lines = [HEADER]
     for dataset in DATASETS:
         if not (data / dataset.folder / dataset.urdf).exists():

@@ -10,7 +10,6 @@ file is a random tenth of the recording, so these are not the published benchmar
 
 import argparse
 import json
-import os
 import resource
 import subprocess
 import sys
@@ -19,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import sgpr
+from real_robots import data_folder
 
 # Mean squared error over variance, joints 1 to 7, of an exact process of another package (squared exponential, ARD).
 REFERENCE = [0.0259, 0.0223, 0.0153, 0.0055, 0.0279, 0.0359, 0.0088]
@@ -111,7 +111,7 @@ def main() -> None:
     parser.add_argument("--evaluations", type=int, default=200, help="of the likelihood in each search")
     parser.add_argument("--one", nargs=2, metavar=("KIND", "JOINT"), help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    path = Path(os.environ.get("SGPR_DATA", "")) / "sarcos" / "sarcos_inv_test.npz"
+    path = data_folder() / "sarcos" / "sarcos_inv_test.npz"
     if not path.is_file():
         sys.exit(f"{path} is not there: set SGPR_DATA to the folder that holds sarcos/sarcos_inv_test.npz")
     if arguments.one:

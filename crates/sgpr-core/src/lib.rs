@@ -17,6 +17,7 @@
 //! - [`excitation`]: motions that reveal the parameters
 //! - [`diagnosis`]: which physical effect the model lacks
 //! - [`progress`]: how long work reports and is stopped
+//! - [`threads`]: what parallel work needs in forked processes
 //! - [`linalg`]: the factors and selections behind the identification
 #![forbid(unsafe_code)]
 
@@ -28,6 +29,7 @@ pub mod excitation;
 pub mod gp;
 pub mod identification;
 pub mod linalg;
+mod memory;
 pub mod model;
 pub mod motion;
 pub mod online;
@@ -39,3 +41,4 @@ pub mod signal;
 pub mod simd;
 pub mod simulation;
 pub mod spatial;
+pub mod threads;

@@ -294,7 +294,7 @@ fn logs_that_cannot_be_used_are_refused_with_advice() {
     let mut high = options();
     high.conditioning.cutoff_hz = Some(400.0);
     let text = identify(&robot, std::slice::from_ref(&log), &high, &()).expect_err("above Nyquist").to_string();
-    assert!(text.contains("between 0 and 125 Hz"), "{text}");
+    assert!(text.contains("between 2.5e-3 and 125 Hz"), "{text}");
     let mut unknown = options();
     unknown.effects.push("stiction".into());
     assert!(identify(&robot, &[log], &unknown, &()).expect_err("unknown").to_string().contains("`stiction`"));

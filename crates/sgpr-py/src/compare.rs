@@ -6,9 +6,13 @@ use numpy::PyArrayDyn;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use sgpr_core::identification::Row;
 use sgpr_core::model::{self as core, StreamedMotion, TorqueModel};
+use sgpr_core::motion::Motion;
+use sgpr_core::recording::Channel;
 
-use crate::convert::{array, view};
+use crate::convert::{Numbers, array, view};
+use crate::detached::detached;
 use crate::errors::{IntoPyErr, invalid};
 use crate::identification::recordings;
 use crate::model::{Model, Processing, figure, html_table};
@@ -60,7 +64,7 @@ pub fn compare(
     }
     let recordings = self::recordings(recordings)?;
     let comparison =
-        py.detach(|| core::compare(&model, &recordings, processing.as_ref())).map_err(IntoPyErr::into_py_err)?;
+        detached(py, || core::compare(&model, &recordings, processing.as_ref())).map_err(IntoPyErr::into_py_err)?;
     Comparison::new(py, comparison)
 }
 
@@ -104,11 +108,11 @@ pub fn compare_streaming(
     let recordings = self::recordings(recordings)?;
     let comparison = if let Ok(model) = model.cast::<Model>() {
         let model = model.get().inner.clone();
-        py.detach(|| core::compare_streaming(&model, &recordings, processing.as_ref(), motion))
+        detached(py, || core::compare_streaming(&model, &recordings, processing.as_ref(), motion))
             .map_err(IntoPyErr::into_py_err)?
     } else if let Some(fitted) = semi_parametric(model)? {
         let fitted = fitted.get().inner.clone();
-        py.detach(|| fitted.compare_streaming(&recordings, motion)).map_err(IntoPyErr::into_py_err)?
+        detached(py, || fitted.compare_streaming(&recordings, motion)).map_err(IntoPyErr::into_py_err)?
     } else {
         return Err(wrong_type("model", model, "Model or SemiParametricModel"));
     };
@@ -249,6 +253,40 @@ impl Comparison {
         Ok(dict)
     }
 
+    /// A Plotly figure of measured and predicted torque, joint by joint.
+    ///
+    /// Examples
+    /// --------
+    /// >>> robot, log = sgpr.Robot.from_urdf("robot.urdf"), sgpr.read("train.csv.gz")
+    /// >>> len(sgpr.compare(robot, [log]).plot().data)
+    /// 12
+    fn plot<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("sgpr._views")?.call_method1("plot_found", (slf,))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Parts<'py>)> {
+        let py = slf.py();
+        let own = slf.get();
+        let joints = own.joints.iter().map(|joint| joint_parts(joint.clone())).collect();
+        let errors = (own.relative_error_percent, own.relative_error_with_rests_percent);
+        let logs = own.logs.iter().map(|log| log_parts(log.bind(py))).collect::<PyResult<_>>()?;
+        Ok((slf.get_type().getattr("_from_parts")?, (joints, errors, logs)))
+    }
+
+    #[staticmethod]
+    fn _from_parts(
+        py: Python<'_>,
+        joints: Vec<JointParts>,
+        errors: (f64, f64),
+        logs: Vec<Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let joints: Vec<core::JointComparison> = joints.into_iter().map(joint_of).collect();
+        let dof = joints.len();
+        let residual = |log: &Bound<'_, PyDict>| Py::new(py, LogResidual { inner: log_of(log, dof)?, dof });
+        let logs = logs.iter().map(residual).collect::<PyResult<_>>()?;
+        Ok(Self { joints, relative_error_percent: errors.0, relative_error_with_rests_percent: errors.1, logs })
+    }
+
     fn __repr__(&self) -> String {
         let width = self.joints.iter().map(|joint| joint.joint.chars().count()).max().unwrap_or(0).max(5);
         let line = |cells: &[String]| {
@@ -265,6 +303,142 @@ impl Comparison {
 
     fn _repr_html_(&self) -> String {
         html_table(&HEAD, self.rows())
+    }
+}
+
+/// What builds a comparison again.
+type Parts<'py> = (Vec<JointParts>, (f64, f64), Vec<Bound<'py, PyDict>>);
+/// Joint, unit, samples; the errors; the log of the largest one.
+type JointParts = ((String, String, usize), [f64; 11], String);
+
+fn joint_parts(joint: core::JointComparison) -> JointParts {
+    let errors = [
+        joint.rmse,
+        joint.fit_percent,
+        joint.r2,
+        joint.relative_error_percent,
+        joint.largest_error,
+        joint.largest_error_time,
+        joint.rmse_zero,
+        joint.rmse_gravity,
+        joint.rmse_full_band,
+        joint.rmse_with_rests,
+        joint.relative_error_with_rests_percent,
+    ];
+    ((joint.joint, joint.unit.into(), joint.samples), errors, joint.largest_error_log)
+}
+
+fn joint_of(((joint, unit, samples), errors, largest_error_log): JointParts) -> core::JointComparison {
+    let [rmse, fit_percent, r2, relative_error_percent, largest_error, largest_error_time, others @ ..] = errors;
+    let [rmse_zero, rmse_gravity, rmse_full_band, rmse_with_rests, relative_error_with_rests_percent] = others;
+    core::JointComparison {
+        joint,
+        unit: if unit == "N" { "N" } else { "N·m" },
+        samples,
+        rmse,
+        fit_percent,
+        r2,
+        relative_error_percent,
+        largest_error,
+        largest_error_log,
+        largest_error_time,
+        rmse_zero,
+        rmse_gravity,
+        rmse_full_band,
+        rmse_with_rests,
+        relative_error_with_rests_percent,
+    }
+}
+
+fn log_parts<'py>(log: &Bound<'py, LogResidual>) -> PyResult<Bound<'py, PyDict>> {
+    let py = log.py();
+    let inner = &log.get().inner;
+    let flat = |values: &[f64]| array(py, &[values.len()], values.to_vec());
+    let dict = PyDict::new(py);
+    dict.set_item("source", &inner.source)?;
+    dict.set_item("time", array(py, &[inner.time.len()], inner.time.clone())?)?;
+    dict.set_item("measured", flat(&inner.measured)?)?;
+    dict.set_item("predicted", flat(&inner.predicted)?)?;
+    dict.set_item("measured_in_band", flat(&inner.measured_in_band)?)?;
+    dict.set_item("predicted_in_band", flat(&inner.predicted_in_band)?)?;
+    dict.set_item("counted", array(py, &[inner.counted.len()], inner.counted.clone())?)?;
+    let motion = &inner.motion;
+    dict.set_item("rate_hz", motion.rate_hz)?;
+    for (name, values) in [("q", &motion.q), ("dq", &motion.dq), ("ddq", &motion.ddq)] {
+        dict.set_item(name, flat(values)?)?;
+    }
+    dict.set_item("tau", motion.tau.as_deref().map(flat).transpose()?)?;
+    dict.set_item("inner", array(py, &[motion.inner.len()], motion.inner.clone())?)?;
+    let use_as: Vec<u8> = motion.use_as.iter().map(|row| row_number(*row)).collect();
+    dict.set_item("use_as", array(py, &[use_as.len()], use_as)?)?;
+    let channels = PyDict::new(py);
+    for channel in &motion.channels {
+        channels.set_item(&channel.name, flat(&channel.values)?)?;
+    }
+    dict.set_item("channels", channels)?;
+    Ok(dict)
+}
+
+/// What `log_parts` made a dict of; arrays of other lengths are refused.
+fn log_of(dict: &Bound<'_, PyDict>, dof: usize) -> PyResult<core::LogResidual> {
+    let item = |name: &str| dict.get_item(name)?.ok_or_else(|| invalid(format!("a comparison without `{name}`")));
+    let time: Vec<i64> = item("time")?.extract()?;
+    let samples = time.len();
+    let numbers = |name: &str| -> PyResult<Vec<f64>> {
+        Ok(Numbers::new(name, &item(name)?)?.shaped(&[samples * dof])?.values().to_vec())
+    };
+    let flags = |name: &str, length: usize| -> PyResult<Vec<bool>> {
+        let values: Vec<bool> = item(name)?.extract()?;
+        if values.len() == length { Ok(values) } else { Err(invalid(format!("a comparison with a damaged `{name}`"))) }
+    };
+    let rows: Vec<u8> = item("use_as")?.extract()?;
+    if rows.len() != samples * dof {
+        return Err(invalid("a comparison with a damaged `use_as`"));
+    }
+    let mut channels = Vec::new();
+    for (name, values) in item("channels")?.cast_into::<PyDict>()?.iter() {
+        let values = Numbers::new("channels", &values)?.shaped(&[samples])?.values().to_vec();
+        channels.push(Channel { name: name.extract()?, values });
+    }
+    let source: String = item("source")?.extract()?;
+    let tau = if item("tau")?.is_none() { None } else { Some(numbers("tau")?) };
+    let motion = Motion {
+        source: source.clone(),
+        rate_hz: item("rate_hz")?.extract()?,
+        time: time.clone(),
+        q: numbers("q")?,
+        dq: numbers("dq")?,
+        ddq: numbers("ddq")?,
+        tau,
+        channels,
+        inner: flags("inner", samples)?,
+        use_as: rows.into_iter().map(row_of).collect(),
+    };
+    Ok(core::LogResidual {
+        source,
+        time,
+        measured: numbers("measured")?,
+        predicted: numbers("predicted")?,
+        measured_in_band: numbers("measured_in_band")?,
+        predicted_in_band: numbers("predicted_in_band")?,
+        counted: flags("counted", samples * dof)?,
+        motion,
+    })
+}
+
+fn row_number(row: Row) -> u8 {
+    match row {
+        Row::Skip => 0,
+        Row::Moving => 1,
+        Row::Resting => 2,
+    }
+}
+
+fn row_of(number: u8) -> Row {
+    match number {
+        1 => Row::Moving,
+        2 => Row::Resting,
+        _ => Row::Skip,
     }
 }
 

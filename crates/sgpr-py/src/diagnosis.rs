@@ -8,10 +8,11 @@ use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyDict, PyString};
 use sgpr_core::diagnosis as core;
 use sgpr_core::effects::{Effect, by_name};
-use sgpr_core::model::LogResidual;
+use sgpr_core::model::{LogResidual, TorqueModel};
 use sgpr_core::recording as logs;
 
 use crate::compare::Comparison;
+use crate::detached::detached;
 use crate::errors::{IntoPyErr, invalid};
 use crate::identification::recordings;
 use crate::model::{Model, figure};
@@ -71,7 +72,7 @@ pub fn diagnose(
             return Err(error);
         }
     }
-    Ok(Diagnosis { inner: Arc::new(result?), train })
+    Ok(Diagnosis { inner: Arc::new(result?), before: inner, train, test: Arc::new(test) })
 }
 
 type Catalogue = (Vec<Arc<dyn Effect>>, Vec<UserEffect>);
@@ -137,7 +138,7 @@ pub fn residual_structure<'py>(
         return Err(invalid("comparison: it is of another robot than the model"));
     }
     let logs: Vec<&LogResidual> = parts.iter().map(|part| &part.get().inner).collect();
-    let found = py.detach(|| core::structure_of_logs(&model, &logs));
+    let found = detached(py, || core::structure_of_logs(&model, &logs));
     of_joints(py, &found)
 }
 
@@ -152,7 +153,10 @@ fn of_joints<'py>(py: Python<'py>, list: &[core::JointStructure]) -> PyResult<Bo
 #[pyclass(module = "sgpr", frozen)]
 pub struct Diagnosis {
     inner: Arc<core::Diagnosis>,
+    /// The model that was diagnosed.
+    before: Arc<TorqueModel>,
     train: Arc<Vec<logs::Recording>>,
+    test: Arc<Vec<logs::Recording>>,
 }
 
 impl Diagnosis {
@@ -268,7 +272,7 @@ impl Diagnosis {
         let mcap = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mcap"));
         let write =
             || if mcap { motion.write_mcap(robot, "/joint_trajectory", &path) } else { motion.write_csv(robot, &path) };
-        py.detach(write).map_err(IntoPyErr::into_py_err)
+        detached(py, write).map_err(IntoPyErr::into_py_err)
     }
 
     /// The model with all findings, all parameters refitted; the model itself if there is none.
@@ -282,12 +286,30 @@ impl Diagnosis {
         py.import("json")?.call_method1("loads", (self.inner.to_json(),))
     }
 
-    fn __repr__(&self) -> String {
-        let mut text = format!("Diagnosis: {}", self.word());
-        for finding in &self.inner.findings {
-            text += &format!("\n  {}", describe(finding));
-        }
-        text
+    /// A Plotly figure of the error of each joint, before and after each finding.
+    fn plot<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("sgpr._views")?.call_method1("plot_diagnosis", (slf,))
+    }
+
+    /// Writes the page of `sgpr diagnose`: the answer, where the model fails, what is missing, what is left.
+    fn report(slf: &Bound<'_, Self>, path: PathBuf) -> PyResult<()> {
+        let py = slf.py();
+        let own = slf.get();
+        let wrapped = |recordings: &[logs::Recording]| -> PyResult<Vec<Py<Recording>>> {
+            recordings.iter().map(|recording| Py::new(py, Recording::from(recording.clone()))).collect()
+        };
+        let before = Model { inner: own.before.clone(), report: None };
+        let arguments = (slf, path, before, wrapped(&own.train)?, wrapped(&own.test)?);
+        py.import("sgpr._pages")?.call_method1("diagnosis_page", arguments).map(drop)
+    }
+
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("sgpr._views")?.call_method1("diagnosis_html", (slf,))
+    }
+
+    fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
+        let lines = slf.py().import("sgpr._views")?.call_method1("diagnosis_lines", (slf,))?;
+        Ok(lines.extract::<Vec<String>>()?.join("\n"))
     }
 }
 
@@ -313,7 +335,7 @@ impl Finding {
             )));
         }
         let model = model.inner.clone();
-        let added = py.detach(|| core::add(&model, &[&self.inner], &self.train));
+        let added = detached(py, || core::add(&model, &[&self.inner], &self.train));
         added.map(Model::from).map_err(IntoPyErr::into_py_err)
     }
 }
@@ -382,6 +404,15 @@ impl Finding {
     #[getter]
     fn separating_experiment(&self) -> &str {
         &self.inner.separating_experiment
+    }
+
+    /// A Plotly figure of the error of each joint without and with the effect.
+    fn plot<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("sgpr._views")?.call_method1("plot_finding", (slf,))
+    }
+
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("sgpr._views")?.call_method1("finding_html", (slf,))
     }
 
     fn __repr__(&self) -> String {

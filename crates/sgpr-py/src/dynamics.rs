@@ -7,6 +7,7 @@ use sgpr_core::robot::{Frame, Robot as CoreRobot};
 use sgpr_core::spatial::{PARAMETERS_PER_LINK, Pose};
 
 use crate::convert::{Samples, zeros};
+use crate::detached::detached;
 use crate::errors::IntoPyErr;
 use crate::robot::Robot;
 
@@ -49,7 +50,7 @@ impl Robot {
         let samples = Samples::together([("q", q), ("dq", dq), ("ddq", ddq)], n)?;
         let mut tau = zeros(&[samples[0].count(), n])?;
         let motion = motion(&samples);
-        py.detach(|| core::rnea_batch(robot, &mut BatchWorkspace::new(robot), motion, &mut tau));
+        detached(py, || core::rnea_batch(robot, &mut BatchWorkspace::new(robot), motion, &mut tau));
         samples[0].result(py, &[n], tau)
     }
 
@@ -150,7 +151,7 @@ impl Robot {
         let samples = Samples::together([("q", q), ("dq", dq), ("ddq", ddq)], n)?;
         let mut matrix = zeros(&[samples[0].count(), n, columns])?;
         let motion = motion(&samples);
-        py.detach(|| core::regressor_batch(robot, &mut BatchWorkspace::new(robot), motion, &mut matrix));
+        detached(py, || core::regressor_batch(robot, &mut BatchWorkspace::new(robot), motion, &mut matrix));
         samples[0].result(py, &[n, columns], matrix)
     }
 
@@ -251,7 +252,7 @@ impl Robot {
         let width: usize = item.iter().product();
         let mut results = zeros(&[samples[0].count(), width])?;
         let values: [&[f64]; K] = std::array::from_fn(|input| samples[input].values());
-        py.detach(|| {
+        detached(py, || {
             let mut ws = Workspace::new(robot);
             for (k, result) in results.chunks_exact_mut(width).enumerate() {
                 one(robot, &mut ws, values.map(|rows| &rows[k * n..(k + 1) * n]), result);

@@ -86,7 +86,7 @@ impl IntoPyErr for model::ModelFileError {
 impl IntoPyErr for MotionError {
     fn into_py_err(self) -> PyErr {
         match self {
-            Self::NoRecording => IdentificationError::new_err(self.to_string()),
+            Self::NoRecording | Self::Processing { .. } => IdentificationError::new_err(self.to_string()),
             Self::Signal(error) => error.into_py_err(),
             error => RecordingError::new_err(error.to_string()),
         }

@@ -16,6 +16,7 @@ use sgpr_core::progress::{Interrupted, Progress};
 use sgpr_core::robot::Robot as CoreRobot;
 
 use crate::convert::{Numbers, array, choice, positive, texts, unknown, whole};
+use crate::detached::detached;
 use crate::errors::{IntoPyErr, invalid};
 use crate::model::Model;
 use crate::progress::listen;
@@ -226,7 +227,7 @@ impl Trajectory {
         let noise = noise.map(|noise| per_joint("noise", noise, &self.robot)).transpose()?;
         let (set, terms) = split(&self.robot, &effects, None, self.inner.duration())?;
         let samples = self.sampled(rate_hz, None)?;
-        let report = py.detach(|| {
+        let report = detached(py, || {
             let base = BaseParameters::new(&self.robot, &set);
             let nominal = nominal(&self.robot, &set, &base, None, terms, self.inner.duration());
             let report = core::evaluate(&self.robot, &set, &base, nominal.as_ref(), &samples, noise.as_deref());
@@ -253,7 +254,7 @@ impl Trajectory {
     #[pyo3(signature = (path, rate_hz=100.0))]
     fn save_csv(&self, py: Python<'_>, path: PathBuf, rate_hz: f64) -> PyResult<()> {
         let samples = self.whole(rate_hz)?;
-        py.detach(|| samples.write_csv(&self.robot, path)).map_err(IntoPyErr::into_py_err)
+        detached(py, || samples.write_csv(&self.robot, path)).map_err(IntoPyErr::into_py_err)
     }
 
     /// Writes an MCAP file with one trajectory_msgs/msg/JointTrajectory message, from rest to rest; the file is complete
@@ -261,7 +262,7 @@ impl Trajectory {
     #[pyo3(signature = (path, rate_hz=100.0, topic="/joint_trajectory"))]
     fn save_mcap(&self, py: Python<'_>, path: PathBuf, rate_hz: f64, topic: &str) -> PyResult<()> {
         let samples = self.whole(rate_hz)?;
-        py.detach(|| samples.write_mcap(&self.robot, topic, path)).map_err(IntoPyErr::into_py_err)
+        detached(py, || samples.write_mcap(&self.robot, topic, path)).map_err(IntoPyErr::into_py_err)
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Pickled)> {

@@ -12,6 +12,7 @@ use sgpr_core::gp::{
 };
 
 use crate::convert::{Numbers, array, choice, positive, whole};
+use crate::detached::detached;
 use crate::errors::{IntoPyErr, invalid};
 use crate::progress::listen_and_keep;
 
@@ -154,7 +155,7 @@ impl Kernel {
             return Err(a.wrong_shape(&format!("(N, {} or more)", self.inner.inputs())));
         }
         let (a, b) = (a.values(), b.values());
-        let values = py.detach(|| {
+        let values = detached(py, || {
             let pairs = a.chunks_exact(width).flat_map(|a| b.chunks_exact(width).map(move |b| (a, b)));
             pairs.map(|(a, b)| self.inner.value(a, b)).collect()
         });
@@ -323,7 +324,7 @@ pub fn fit_process(
         inference = Inference::within(budget, data.len(), start.correlated_noise.is_some());
     }
     if let Inference::Subset { points } = inference {
-        let chosen = py.detach(|| core::informative_points(&start.signal, data.x(), inputs, points));
+        let chosen = detached(py, || core::informative_points(&start.signal, data.x(), inputs, points));
         data = data.select(&chosen);
     }
     let work = |progress: &dyn sgpr_core::progress::Progress| -> Result<(Process, Report), GpError> {
@@ -390,7 +391,7 @@ pub fn restore_process(
         serde_json::from_str(covariance).map_err(|error| invalid(format!("not a Gaussian process: {error}")))?;
     let inducing = inducing.map(|given| points("inducing", given)).transpose()?.map(|points| points.values().to_vec());
     let compute = Compute { threads: threads.clamp(1, 1024), ..Compute::default() };
-    let process = py.detach(|| match inducing {
+    let process = detached(py, || match inducing {
         Some(inducing) => SparseGaussianProcess::fit(&data, covariance, inducing, &compute).map(Process::Sparse),
         None => GaussianProcess::fit(data.clone(), covariance, &compute).map(Process::Exact),
     });
@@ -440,7 +441,7 @@ impl FittedProcess {
             return Err(x.wrong_shape(&format!("(N, {})", self.data.inputs())));
         }
         let values = x.values();
-        let prediction = py.detach(|| match &self.process {
+        let prediction = detached(py, || match &self.process {
             Process::Exact(gp) => gp.predict(values, with_std),
             Process::Sparse(gp) => gp.predict(values, with_std),
         });
@@ -460,7 +461,7 @@ impl FittedProcess {
         let current = self.process.covariance();
         let numbers = Numbers::new("theta", theta)?.shaped(&[current.theta().len()])?.finite()?;
         let covariance = current.with_theta(numbers.values());
-        let result = py.detach(|| -> Result<(f64, Option<Vec<f64>>), GpError> {
+        let result = detached(py, || -> Result<(f64, Option<Vec<f64>>), GpError> {
             match &self.process {
                 Process::Exact(_) => {
                     let memory = || self.memory.lock().unwrap_or_else(PoisonError::into_inner);
@@ -499,7 +500,7 @@ impl FittedProcess {
 
     /// Means, (N, outputs), standard deviations of the measurements, (N,), and the log predictive density.
     fn leave_one_out<'py>(&self, py: Python<'py>) -> PyResult<(Array<'py>, Array<'py>, f64)> {
-        let found = py.detach(|| self.left_out()).map_err(IntoPyErr::into_py_err)?;
+        let found = detached(py, || self.left_out()).map_err(IntoPyErr::into_py_err)?;
         let rows = self.data.len();
         let deviations = found.variance.iter().map(|variance| variance.sqrt()).collect();
         let mean = array(py, &[rows, self.data.outputs()], found.mean)?;
@@ -514,7 +515,7 @@ impl FittedProcess {
         let factors = match known {
             Some(factors) => factors,
             None => {
-                let found = py.detach(|| self.left_out().map(|left_out| left_out.calibration(&self.data)));
+                let found = detached(py, || self.left_out().map(|left_out| left_out.calibration(&self.data)));
                 kept().insert(found.map_err(IntoPyErr::into_py_err)?).clone()
             }
         };
@@ -582,7 +583,7 @@ impl FittedProcess {
         compact: bool,
     ) -> PyResult<ProcessPredictor> {
         let options = predictor_options(single, variance_rank, compact);
-        let inner = py.detach(|| match &self.process {
+        let inner = detached(py, || match &self.process {
             Process::Exact(gp) => GpPredictor::new(gp, options),
             Process::Sparse(gp) => Ok(GpPredictor::from_sparse(gp, options)),
         });

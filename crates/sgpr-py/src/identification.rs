@@ -1,9 +1,10 @@
 //! From recordings to a model.
 
+use std::ffi::CString;
 use std::sync::Arc;
 
 use numpy::PyArrayDyn;
-use pyo3::exceptions::PyTypeError;
+use pyo3::exceptions::{PyTypeError, PyUserWarning};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use sgpr_core::effects::registry;
@@ -14,27 +15,66 @@ use sgpr_core::recording as logs;
 use sgpr_core::signal::{CutoffChoice as CoreChoice, Differentiation};
 
 use crate::convert::{Numbers, array, choice, not_negative, positive, texts, view, whole};
-use crate::errors::invalid;
+use crate::errors::{IntoPyErr, invalid};
 use crate::estimators::{ConsistencyArguments, method, uncertainty};
 use crate::model::Model;
 use crate::progress::listen;
-use crate::recording::Recording;
+use crate::recording::{Recording, require_units};
 use crate::robot::Robot;
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
-/// The recordings that were given, in memory of their own.
+/// The recordings that were given, in memory of their own; units that nobody can have meant are refused.
 pub fn recordings(given: &Bound<'_, PyAny>) -> PyResult<Vec<logs::Recording>> {
     let wrong = |found: &Bound<'_, PyAny>| {
         let found = found.get_type().name().map_or_else(|_| "?".into(), |name| name.to_string());
         PyTypeError::new_err(format!("recordings: got {found}, expected a list of Recording"))
     };
+    if given.is_instance_of::<Recording>() {
+        return Err(wrong(given));
+    }
     let mut recordings = Vec::new();
     for item in given.try_iter().map_err(|_| wrong(given))? {
         let item = item?;
-        recordings.push(item.cast::<Recording>().map_err(|_| wrong(&item))?.get().inner.clone());
+        let recording = item.cast::<Recording>().map_err(|_| wrong(&item))?.get().inner.clone();
+        require_units(&recording)?;
+        recordings.push(recording);
     }
     Ok(recordings)
+}
+
+/// The recordings that are evidence: torques that cannot be those of the robot are refused, and a copy of another
+/// recording, which would count twice, is left out with a warning.
+fn evidence(
+    py: Python<'_>,
+    robot: &Robot,
+    recordings: Vec<logs::Recording>,
+    start: Start,
+) -> PyResult<Vec<logs::Recording>> {
+    let mut kept: Vec<(u128, logs::Recording)> = Vec::new();
+    for recording in recordings {
+        let hash = recording.content_hash();
+        if let Some((_, other)) = kept.iter().find(|(own, _)| *own == hash) {
+            let text = format!(
+                "{} is a copy of {} and is left out: the same samples would count twice",
+                recording.source(),
+                other.source()
+            );
+            let category = py.get_type::<PyUserWarning>();
+            PyErr::warn(py, &category, &CString::new(text.replace('\0', ""))?, 2)?;
+            continue;
+        }
+        // What an internal model leaves over is no weight.
+        if start == Start::RobotFile {
+            let found = core::torque_scale(&robot.inner, &recording).map_err(IntoPyErr::into_py_err)?;
+            if let Some(found) = found {
+                let (recording, finding) = (recording.source().into(), found.message);
+                return Err(logs::RecordingError::Doubtful { recording, finding }.into_py_err());
+            }
+        }
+        kept.push((hash, recording));
+    }
+    Ok(kept.into_iter().map(|(_, recording)| recording).collect())
 }
 
 /// Share of its moving time in which a recording repeats paths of known ones.
@@ -333,7 +373,7 @@ pub fn identify(
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Model> {
     let Arguments { options, progress } = Arguments::new(robot.get(), options)?;
-    let recordings = self::recordings(recordings)?;
+    let recordings = evidence(py, robot.get(), self::recordings(recordings)?, options.start)?;
     let robot = &robot.get().inner;
     let (model, report) = listen(py, progress, |progress| core::identify(robot, &recordings, &options, progress))?;
     let report = Py::new(py, IdentificationReport::new(py, report)?)?;
@@ -399,7 +439,9 @@ pub fn cutoff_influence(
 /// Returns
 /// -------
 /// list of dict
-///     "name", "summary", and "parameters" of a joint as (symbol, unit, unit at a prismatic joint).
+///     "name", "summary", "parameters" of a joint as (symbol, unit, unit at a prismatic joint), "constants" as (symbol,
+///     unit, lowest, highest), and in words "class", "formula", "source", "signature", "confusable_with", "experiment" (that
+///     tells it apart), "excitation" (that it needs), "alias_of".
 ///
 /// Examples
 /// --------
@@ -414,6 +456,22 @@ pub fn effects(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
         dict.set_item("name", effect.name())?;
         dict.set_item("summary", effect.summary())?;
         dict.set_item("parameters", parameters)?;
+        let constants = effect.constants().iter();
+        let constants: Vec<_> = constants.map(|one| (one.symbol, one.unit, one.low, one.high)).collect();
+        dict.set_item("constants", constants)?;
+        let about = effect.about();
+        dict.set_item("class", about.class.to_string())?;
+        for (key, text) in [
+            ("formula", about.formula),
+            ("source", about.source),
+            ("signature", about.signature),
+            ("experiment", about.experiment),
+            ("excitation", about.excitation),
+        ] {
+            dict.set_item(key, text)?;
+        }
+        dict.set_item("confusable_with", about.confusable.to_vec())?;
+        dict.set_item("alias_of", about.alias_of)?;
         Ok(dict)
     };
     registry().into_iter().map(describe).collect()

@@ -2,6 +2,7 @@
 
 mod compare;
 mod convert;
+mod detached;
 mod diagnosis;
 mod dynamics;
 mod errors;
@@ -55,6 +56,13 @@ mod _sgpr {
     use crate::simulation::{Drive, Simulation, puma560_drives, simulate, two_link_drives};
     #[pymodule_export]
     use crate::user_effect::{UserEffect, register_effect};
+    #[pymodule_init]
+    fn init(module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
+        let _ = module;
+        sgpr_core::threads::remember_process();
+        Ok(())
+    }
+
     #[pymodule_export]
     #[allow(non_upper_case_globals)]
     const __version__: &str = env!("CARGO_PKG_VERSION");

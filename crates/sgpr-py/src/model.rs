@@ -11,13 +11,16 @@ use sgpr_core::diagnosis::parameters_of;
 use sgpr_core::identification::{KeptOut, ParameterSet};
 use sgpr_core::model::{self as core, BaseParameter, StreamOptions, Term, TorqueModel};
 use sgpr_core::motion::Processing as CoreProcessing;
+use sgpr_core::recording as logs;
 
 use crate::compare::LogResidual;
 use crate::convert::{Numbers, Samples, array, texts, view};
+use crate::detached::detached;
 use crate::diagnosis::Finding;
 use crate::dynamics::motion;
 use crate::errors::{IntoPyErr, invalid};
 use crate::identification::{IdentificationReport, differentiation_name};
+use crate::recording::Recording;
 use crate::robot::{Robot, urdf_options};
 use crate::user_effect::known_effects;
 
@@ -49,13 +52,54 @@ impl From<TorqueModel> for Model {
     }
 }
 
+impl Model {
+    /// The torque at the samples of a log, `(N, n)`, and if wished its standard deviation; NaN where stretches are too short.
+    fn predict_log<'py>(
+        &self,
+        py: Python<'py>,
+        log: &logs::Recording,
+        return_std: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let n = self.inner.robot().dof();
+        let with_torque = match log.torque() {
+            Some(_) => log.clone(),
+            None => {
+                let (names, time, q) = (log.joint_names().to_vec(), log.time().to_vec(), log.position().to_vec());
+                let torque = Some(vec![0.0; q.len()]);
+                logs::Recording::new(log.source(), names, time, q, None, torque, log.channels().to_vec())
+                    .map_err(IntoPyErr::into_py_err)?
+            }
+        };
+        let found =
+            detached(py, || core::compare(&self.inner, &[with_torque], None)).map_err(IntoPyErr::into_py_err)?;
+        let mut torque = vec![f64::NAN; log.len() * n];
+        let mut deviation = if return_std { torque.clone() } else { Vec::new() };
+        for stretch in &found.logs {
+            // Stamps increase, as the comparison has asked.
+            let Some(first) = stretch.time.first().and_then(|time| log.time().binary_search(time).ok()) else {
+                continue;
+            };
+            let place = first * n..first * n + stretch.predicted.len();
+            torque[place.clone()].copy_from_slice(&stretch.predicted);
+            if return_std {
+                deviation[place].copy_from_slice(&self.inner.standard_deviation_of(&stretch.motion));
+            }
+        }
+        let torque = array(py, &[log.len(), n], torque)?;
+        if !return_std {
+            return Ok(torque.into_any());
+        }
+        Ok((torque, array(py, &[log.len(), n], deviation)?).into_pyobject(py)?.into_any())
+    }
+}
+
 #[pymethods]
 impl Model {
     /// The model that the robot file describes: its inertias, and its damping and friction where given.
     #[staticmethod]
     fn nominal(py: Python<'_>, robot: &Bound<'_, Robot>) -> Self {
         let robot = &robot.get().inner;
-        py.detach(|| TorqueModel::nominal(robot)).into()
+        detached(py, || TorqueModel::nominal(robot)).into()
     }
 
     /// A model with given parameters: ten per link, then those of `effects`, in the order of `all_parameter_names`.
@@ -183,6 +227,27 @@ impl Model {
         self.inner.provenance().history.clone()
     }
 
+    /// How its logs were read, as `sgpr.read` and `Recording.repair` take it; None if nobody noted it.
+    #[getter]
+    fn reading<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let text = self.inner.provenance().reading.as_ref();
+        text.map(|text| py.import("json")?.call_method1("loads", (text,))).transpose()
+    }
+
+    /// The same model with a note on how its logs were read, for `reading`; what JSON can hold.
+    ///
+    /// Examples
+    /// --------
+    /// >>> model = sgpr.Model.nominal(sgpr.robots.two_link())
+    /// >>> model.with_reading({"units": {"position": "deg"}}).reading
+    /// {'units': {'position': 'deg'}}
+    fn with_reading(&self, py: Python<'_>, reading: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let dumps = |reading| py.import("json")?.call_method1("dumps", (reading,))?.extract::<String>();
+        let text = reading.map(dumps).transpose()?;
+        let inner = Arc::new(self.inner.as_ref().clone().with_reading(text));
+        Ok(Self { inner, report: self.report.as_ref().map(|report| report.clone_ref(py)) })
+    }
+
     /// Version of the library that made the model.
     #[getter]
     fn library_version(&self) -> &str {
@@ -221,9 +286,11 @@ impl Model {
     ///
     /// Parameters
     /// ----------
-    /// q, dq, ddq : array of shape (N, n) or (n,)
-    ///     rad, rad/s, rad/s² (m for prismatic joints).
-    ///
+    /// q : array of shape (N, n) or (n,), or Recording
+    ///     rad (m for prismatic joints). A recording is processed as `compare` does; NaN stands where it is too short for
+    ///     that.
+    /// dq, ddq : array of the shape of q
+    ///     rad/s, rad/s² (m for prismatic joints); not with a recording.
     /// return_std : bool, default False
     ///     Whether to return the standard deviation too that the uncertainty of the parameters makes; the noise of a
     ///     single torque, `fit["noise"]`, comes on top of it.
@@ -232,24 +299,30 @@ impl Model {
     /// -------
     /// array of the shape of q, or two
     ///     N·m (N).
-    #[pyo3(signature = (q, dq, ddq, *, return_std=false))]
+    #[pyo3(signature = (q, dq=None, ddq=None, *, return_std=false))]
     fn predict<'py>(
         &self,
         py: Python<'py>,
         q: &Bound<'py, PyAny>,
-        dq: &Bound<'py, PyAny>,
-        ddq: &Bound<'py, PyAny>,
+        dq: Option<&Bound<'py, PyAny>>,
+        ddq: Option<&Bound<'py, PyAny>>,
         return_std: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let n = self.inner.robot().dof();
+        let (dq, ddq) = match (q.cast::<Recording>(), dq, ddq) {
+            (Ok(log), None, None) => return self.predict_log(py, &log.get().inner, return_std),
+            (Err(_), Some(dq), Some(ddq)) => (dq, ddq),
+            (Ok(_), ..) => return Err(invalid("predict: a recording brings its motion along: give no dq and ddq")),
+            (Err(_), ..) => return Err(invalid("predict: give q, dq and ddq, or a recording")),
+        };
         let samples = Samples::together([("q", q), ("dq", dq), ("ddq", ddq)], n)?;
         let motion = motion(&samples);
-        let tau = py.detach(|| self.inner.predict(motion));
+        let tau = detached(py, || self.inner.predict(motion));
         let tau = samples[0].result(py, &[n], tau)?;
         if !return_std {
             return Ok(tau.into_any());
         }
-        let deviation = py.detach(|| self.inner.standard_deviation(motion));
+        let deviation = detached(py, || self.inner.standard_deviation(motion));
         let deviation = samples[0].result(py, &[n], deviation)?;
         Ok((tau, deviation).into_pyobject(py)?.into_any())
     }
@@ -272,7 +345,7 @@ impl Model {
         if log.dof != n {
             return Err(invalid(format!("the log has {} joints, the model {n}", log.dof)));
         }
-        let deviation = py.detach(|| self.inner.standard_deviation_of(motion));
+        let deviation = detached(py, || self.inner.standard_deviation_of(motion));
         array(py, &[motion.len(), n], deviation)
     }
 
@@ -348,7 +421,7 @@ impl Model {
         let robot = self.inner.identified_robot();
         let mut options = urdf_options(None, locked, None)?;
         options.joints = Some(robot.joint_names().map(String::from).collect());
-        py.detach(|| robot.write_urdf(source, path, &options)).map_err(IntoPyErr::into_py_err)
+        detached(py, || robot.write_urdf(source, path, &options)).map_err(IntoPyErr::into_py_err)
     }
 
     /// The model as MJCF for MuJoCo: the tree with its inertias, and rotor inertia, viscous and Coulomb friction as
@@ -402,13 +475,41 @@ impl Model {
         keep: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Predictor> {
         let stream = stream_options(rate_hz, purpose, keep)?;
-        let inner = py.detach(|| self.inner.predictor(&stream)).map_err(IntoPyErr::into_py_err)?;
+        let inner = detached(py, || self.inner.predictor(&stream)).map_err(IntoPyErr::into_py_err)?;
         Ok(Predictor { inner: Mutex::new(inner), dof: self.inner.robot().dof(), stream })
     }
 
-    /// Writes the model to a file; the file is complete or not there. `load` reads it back to the bit.
+    /// Writes the model to a file, whose folder is made if need be; the file is complete or not there. `load` reads it back
+    /// to the bit.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        py.detach(|| self.inner.save(path)).map_err(IntoPyErr::into_py_err)
+        py.import("sgpr._files")?.call_method1("make_folder_of", (&path,))?;
+        detached(py, || self.inner.save(path)).map_err(IntoPyErr::into_py_err)
+    }
+
+    /// A Plotly figure of measured and predicted torque of logs, joint by joint.
+    ///
+    /// Examples
+    /// --------
+    /// >>> robot, log = sgpr.Robot.from_urdf("robot.urdf"), sgpr.read("train.csv.gz")
+    /// >>> figure = sgpr.identify(robot, [log]).plot([log])
+    /// >>> len(figure.data)
+    /// 12
+    fn plot<'py>(slf: &Bound<'py, Self>, recordings: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("sgpr._views")?.call_method1("plot_model", (slf, recordings))
+    }
+
+    /// Writes the page of `sgpr compare` for these logs: errors, what they depend on, measured and predicted torque.
+    ///
+    /// Examples
+    /// --------
+    /// >>> robot, log = sgpr.Robot.from_urdf("robot.urdf"), sgpr.read("train.csv.gz")
+    /// >>> sgpr.identify(robot, [log]).save_report("out/page.html", [log])
+    fn save_report(slf: &Bound<'_, Self>, path: PathBuf, recordings: &Bound<'_, PyAny>) -> PyResult<()> {
+        slf.py().import("sgpr._pages")?.call_method1("model_page", (slf, path, recordings)).map(drop)
+    }
+
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("sgpr._views")?.call_method1("model_html", (slf,))
     }
 
     /// The content of the file that `save` writes.
@@ -479,7 +580,7 @@ fn of_limit<'py>(py: Python<'py>, limit: &str, (name, value): (&str, f64)) -> Py
 /// 2
 #[pyfunction]
 pub fn load(py: Python<'_>, path: PathBuf) -> PyResult<Model> {
-    py.detach(|| TorqueModel::load_with(path, &known_effects())).map(Model::from).map_err(IntoPyErr::into_py_err)
+    detached(py, || TorqueModel::load_with(path, &known_effects())).map(Model::from).map_err(IntoPyErr::into_py_err)
 }
 
 /// One base parameter of a model.

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use pyo3::prelude::*;
 use sgpr_core::progress::{Interrupted, Progress};
 
+use crate::detached::detached;
 use crate::errors::IntoPyErr;
 
 /// Work goes on at least this long before Python is asked again.
@@ -65,7 +66,7 @@ pub fn listen_and_keep<T: Send, E: IntoPyErr + Send>(
     work: impl FnOnce(&dyn Progress) -> Result<T, E> + Send,
 ) -> PyResult<(T, Option<PyErr>)> {
     let listener = Listener { callback, heard: Mutex::new(None), failure: Mutex::new(None) };
-    let result = py.detach(|| work(&listener));
+    let result = detached(py, || work(&listener));
     let failure = listener.failure.into_inner().unwrap_or_else(PoisonError::into_inner);
     match (result, failure) {
         (Ok(value), failure) => Ok((value, failure)),

@@ -6,13 +6,17 @@ use std::path::{Path, PathBuf};
 use numpy::{PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PySlice};
 use sgpr_core::motion::average_periods;
 use sgpr_core::recording::csv::{self, ColumnMap, Columns, ReadOptions, Rows};
 use sgpr_core::recording::mcap::{self, Clock, McapOptions};
-use sgpr_core::recording::{self as core, Channel, IssueKind, RecordingError, Repair, Resample, Severity, Units};
+use sgpr_core::recording::{
+    self as core, Channel, ColumnLayout, IssueKind, JointLayout, Layout, RecordingError, Repair, Resample, Severity,
+    Units,
+};
 
 use crate::convert::{Numbers, array, choice, items, kind_of, positive, texts, unknown, view};
+use crate::detached::detached;
 use crate::errors::{IntoPyErr, invalid};
 
 type Any<'py> = Bound<'py, PyAny>;
@@ -20,8 +24,10 @@ type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 type Times<'py> = Bound<'py, PyArrayDyn<i64>>;
 type Motion<'py> = (Times<'py>, Array<'py>, Option<Array<'py>>, Option<Array<'py>>, Vec<String>, Bound<'py, PyDict>);
 type Given<'py> = (Any<'py>, Any<'py>, Option<Any<'py>>, Option<Any<'py>>, Any<'py>, Any<'py>);
+/// Where a recording comes from: source, notes, layout, accepted findings.
+type Origin<'py> = (String, Vec<String>, Option<Any<'py>>, Vec<String>);
 /// What builds a recording again: its arrays, and where it comes from.
-type Parts<'py> = (Motion<'py>, (String, Vec<String>));
+type Parts<'py> = (Motion<'py>, Origin<'py>);
 
 /// One trajectory as it was logged. Samples are rows, joints are columns; SI units; time in integer nanoseconds.
 ///
@@ -171,6 +177,55 @@ impl Recording {
         self.inner.notes().to_vec()
     }
 
+    /// Which column of a table became what, in which unit; None for recordings that are not made from a table.
+    ///
+    /// Keys: "time" (in words), "joints" (a dict for each joint with its name, and "position", "velocity", "torque" with
+    /// "column", "unit", whether the unit was "stated", and "torque_constant"), "by_order" (whether joints were given columns
+    /// in the order of their numbers), and "text": all of it in one line.
+    ///
+    /// Examples
+    /// --------
+    /// >>> sgpr.read("train.csv.gz").layout["joints"][0]["torque"]["column"]
+    /// 'tau_1'
+    #[getter]
+    fn layout<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        self.inner.layout().map(|layout| layout_dict(py, layout)).transpose()
+    }
+
+    /// Findings that are taken as they are, see `accept`.
+    #[getter]
+    fn accepted(&self) -> Vec<&'static str> {
+        self.inner.accepted().iter().map(|kind| kind.name()).collect()
+    }
+
+    /// A hexadecimal number that recordings with the same joints, times and values share, and others do not.
+    ///
+    /// Examples
+    /// --------
+    /// >>> log = sgpr.read("train.csv.gz")
+    /// >>> log.content_hash == sgpr.read("train.csv.gz").content_hash
+    /// True
+    #[getter]
+    fn content_hash(&self) -> String {
+        format!("{:032x}", self.inner.content_hash())
+    }
+
+    /// The same recording, in which findings of these kinds are right: "position_in_degrees", "unlikely_rate",
+    /// "torque_scale", "joints_by_order".
+    ///
+    /// What looks like a wrong unit or order is refused until its unit is stated, or it is accepted.
+    ///
+    /// Examples
+    /// --------
+    /// >>> slow = sgpr.Recording([0.0, 2.0, 4.0], [[0.0], [0.1], [0.2]])
+    /// >>> [issue.rank for issue in slow.issues if issue.kind == "unlikely_rate"]
+    /// ['stop']
+    /// >>> [issue.rank for issue in slow.accept(["unlikely_rate"]).issues if issue.kind == "unlikely_rate"]
+    /// ['know']
+    fn accept(&self, kinds: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(self.inner.clone().accepting(&issue_kinds(kinds)?).into())
+    }
+
     /// What is wrong, or worth knowing, about the log: errors first, then warnings, then notes.
     ///
     /// Examples
@@ -181,7 +236,7 @@ impl Recording {
     #[getter]
     fn issues(&self, py: Python<'_>) -> PyResult<Vec<Py<Issue>>> {
         let found = self.issues.get_or_try_init(py, || {
-            let issues = py.detach(|| core::inspect(&self.inner));
+            let issues = detached(py, || core::inspect(&self.inner));
             issues.into_iter().map(|issue| Py::new(py, Issue::from(issue))).collect::<PyResult<_>>()
         })?;
         Ok(found.iter().map(|issue| issue.clone_ref(py)).collect())
@@ -229,6 +284,91 @@ impl Recording {
             (Ok(start), Ok(stop)) if start <= stop && stop <= samples => Ok(self.inner.slice(start..stop).into()),
             _ => Err(invalid(format!("samples {start} to {stop}: expected 0 <= start <= stop <= {samples}"))),
         }
+    }
+
+    /// The samples from `start` to `end`, both ends included, s since the first sample.
+    ///
+    /// Examples
+    /// --------
+    /// >>> log = sgpr.Recording(np.arange(100) / 10, np.zeros((100, 1)))
+    /// >>> len(log.between(2.0, 3.0))
+    /// 11
+    fn between(&self, start: f64, end: f64) -> PyResult<Self> {
+        let request = Repair { trim: Some(range("between", start, end)?), ..Repair::default() };
+        let (mut parts, _) = core::repair(&self.inner, &request).map_err(IntoPyErr::into_py_err)?;
+        parts.pop().map(Self::from).ok_or_else(|| invalid(format!("between({start}, {end}): there is no sample")))
+    }
+
+    /// Samples by number, `log[100:200]`, as a list would give them.
+    ///
+    /// Examples
+    /// --------
+    /// >>> log = sgpr.Recording(np.arange(100) / 10, np.zeros((100, 1)))
+    /// >>> len(log[-30:]), len(log.between(2.0, 3.0))
+    /// (30, 11)
+    fn __getitem__(&self, key: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let wrong = || {
+            let text = "expected a slice of sample numbers, log[100:200]; for seconds there is log.between(start, end)";
+            pyo3::exceptions::PyTypeError::new_err(text)
+        };
+        let part = key.cast::<PySlice>().map_err(|_| wrong())?;
+        let found = part.indices(self.inner.len().try_into().map_err(|_| wrong())?).map_err(|_| wrong())?;
+        if found.step != 1 {
+            return Err(invalid("samples are taken one after the other: a step would change the rate (see `repair`)"));
+        }
+        let start = usize::try_from(found.start).unwrap_or_default();
+        Ok(self.inner.slice(start..start + found.slicelength).into())
+    }
+
+    /// A pandas DataFrame: `t_s`, then `NAME_position`, `NAME_velocity`, `NAME_torque` for each joint, then the channels.
+    ///
+    /// Examples
+    /// --------
+    /// >>> log = sgpr.Recording([0.0, 0.1], [[1.0], [2.0]], joint_names=["elbow"])
+    /// >>> list(log.to_dataframe().columns)
+    /// ['t_s', 'elbow_position']
+    fn to_dataframe<'py>(slf: &Bound<'py, Self>) -> PyResult<Any<'py>> {
+        slf.py().import("sgpr._frames")?.call_method1("to_dataframe", (slf,))
+    }
+
+    /// A recording from a pandas or polars DataFrame whose columns are named as those of a CSV file.
+    ///
+    /// Parameters
+    /// ----------
+    /// frame : pandas.DataFrame or polars.DataFrame
+    ///     A time may also be its index. Dates are understood.
+    /// joints, **options
+    ///     As in `read_csv`.
+    ///
+    /// Examples
+    /// --------
+    /// >>> log = sgpr.read("train.csv.gz")
+    /// >>> again = sgpr.Recording.from_dataframe(log.to_dataframe(), joints=log.joint_names)
+    /// >>> bool(np.array_equal(again.tau, log.tau))
+    /// True
+    #[staticmethod]
+    #[pyo3(signature = (frame, joints=None, **options))]
+    fn from_dataframe<'py>(
+        frame: &Bound<'py, PyAny>,
+        joints: Option<&Bound<'py, PyAny>>,
+        options: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Any<'py>> {
+        frame.py().import("sgpr._frames")?.call_method("read", (frame, joints), options)
+    }
+
+    /// A Plotly figure of position, velocity and torque over time.
+    ///
+    /// Examples
+    /// --------
+    /// >>> log = sgpr.Recording([0.0, 0.1], [[1.0], [2.0]])
+    /// >>> len(log.plot().data)
+    /// 1
+    fn plot<'py>(slf: &Bound<'py, Self>) -> PyResult<Any<'py>> {
+        slf.py().import("sgpr._views")?.call_method1("plot_recording", (slf,))
+    }
+
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Any<'py>> {
+        slf.py().import("sgpr._views")?.call_method1("recording_html", (slf,))
     }
 
     /// The same recording from another source and with more notes, for readers that go through another file.
@@ -293,7 +433,7 @@ impl Recording {
         };
         let trim = trim.map(|(start, end)| range("trim", start, end)).transpose()?;
         let request = Repair { trim, sort, drop_duplicates, drop_not_finite, drop_repeated, split_gaps, resample };
-        let (parts, actions) = py.detach(|| core::repair(&self.inner, &request)).map_err(IntoPyErr::into_py_err)?;
+        let (parts, actions) = detached(py, || core::repair(&self.inner, &request)).map_err(IntoPyErr::into_py_err)?;
         let recordings = parts.into_iter().map(|part| Py::new(py, Self::from(part))).collect::<PyResult<_>>()?;
         Ok(Repaired { recordings, actions })
     }
@@ -327,7 +467,7 @@ impl Recording {
         if positive("period", period)? < step {
             return Err(invalid(format!("period = {period}: shorter than one step of the time, {step} s")));
         }
-        let average = py.detach(|| average_periods(&self.inner, period, skip)).map_err(IntoPyErr::into_py_err)?;
+        let average = detached(py, || average_periods(&self.inner, period, skip)).map_err(IntoPyErr::into_py_err)?;
         let noise = PyDict::new(py);
         noise.set_item("position_noise", array(py, &[self.dof()], average.position_noise)?)?;
         noise.set_item("torque_noise", array(py, &[self.dof()], average.torque_noise)?)?;
@@ -351,21 +491,27 @@ impl Recording {
         if ![".mcap", ".csv", ".csv.gz"].iter().any(|suffix| name.ends_with(suffix)) {
             return Err(invalid(format!("{}: expected a name that ends in .csv, .csv.gz or .mcap", path.display())));
         }
-        py.detach(write).map_err(IntoPyErr::into_py_err)
+        detached(py, write).map_err(IntoPyErr::into_py_err)
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Parts<'py>)> {
         let (time, q) = (Self::time_ns(slf)?, Self::q(slf)?);
         let motion = (time, q, Self::dq(slf)?, Self::tau(slf)?, slf.get().joint_names(), Self::channels(slf)?);
-        let origin = (slf.get().source().into(), slf.get().notes());
+        let layout = slf.get().layout(slf.py())?.map(Bound::into_any);
+        let accepted = slf.get().accepted().into_iter().map(String::from).collect();
+        let origin = (slf.get().source().into(), slf.get().notes(), layout, accepted);
         Ok((slf.get_type().getattr("_from_parts")?, (motion, origin)))
     }
 
     #[staticmethod]
-    fn _from_parts(motion: Given<'_>, origin: (String, Vec<String>)) -> PyResult<Self> {
-        let ((t, q, dq, tau, joint_names, channels), (source, notes)) = (motion, origin);
+    fn _from_parts(motion: Given<'_>, origin: Origin<'_>) -> PyResult<Self> {
+        let ((t, q, dq, tau, joint_names, channels), (source, notes, layout, accepted)) = (motion, origin);
         let made = Self::new(&t, &q, dq.as_ref(), tau.as_ref(), Some(&joint_names), Some(&channels), &source)?;
-        Ok(notes.into_iter().fold(made.inner, core::Recording::with_note).into())
+        let accepted = accepted.iter().map(|kind| kind.parse()).collect::<Result<Vec<IssueKind>, _>>();
+        let accepted = accepted.map_err(RecordingError::into_py_err)?;
+        let layout = layout.map(|layout| layout_of(&layout)).transpose()?;
+        let recording = notes.into_iter().fold(made.inner, core::Recording::with_note);
+        Ok(recording.with_layout(layout).accepting(&accepted).into())
     }
 
     fn __repr__(&self) -> String {
@@ -433,6 +579,70 @@ fn from_seconds(seconds: &Numbers<'_>) -> PyResult<Vec<i64>> {
     seconds.values().iter().enumerate().map(convert).collect()
 }
 
+fn layout_dict<'py>(py: Python<'py>, layout: &Layout) -> PyResult<Bound<'py, PyDict>> {
+    let column_dict = |column: &ColumnLayout| -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        dict.set_item("column", &column.column)?;
+        dict.set_item("unit", &column.unit)?;
+        dict.set_item("stated", column.stated)?;
+        dict.set_item("torque_constant", column.torque_constant)?;
+        Ok(dict)
+    };
+    let mut joints = Vec::new();
+    for joint in &layout.joints {
+        let dict = PyDict::new(py);
+        dict.set_item("joint", &joint.joint)?;
+        dict.set_item("position", column_dict(&joint.position)?)?;
+        dict.set_item("velocity", joint.velocity.as_ref().map(column_dict).transpose()?)?;
+        dict.set_item("torque", joint.torque.as_ref().map(column_dict).transpose()?)?;
+        joints.push(dict);
+    }
+    let dict = PyDict::new(py);
+    dict.set_item("time", &layout.time)?;
+    dict.set_item("joints", joints)?;
+    dict.set_item("by_order", layout.by_order)?;
+    dict.set_item("text", layout.to_string())?;
+    Ok(dict)
+}
+
+/// What `layout_dict` made a dict of.
+fn layout_of(dict: &Bound<'_, PyAny>) -> PyResult<Layout> {
+    let column = |dict: &Bound<'_, PyAny>| -> PyResult<ColumnLayout> {
+        Ok(ColumnLayout {
+            column: dict.get_item("column")?.extract()?,
+            unit: dict.get_item("unit")?.extract()?,
+            stated: dict.get_item("stated")?.extract()?,
+            torque_constant: dict.get_item("torque_constant")?.extract()?,
+        })
+    };
+    let optional = |dict: Bound<'_, PyAny>| if dict.is_none() { Ok(None) } else { column(&dict).map(Some) };
+    let joint = |dict: Bound<'_, PyAny>| -> PyResult<JointLayout> {
+        Ok(JointLayout {
+            joint: dict.get_item("joint")?.extract()?,
+            position: column(&dict.get_item("position")?)?,
+            velocity: optional(dict.get_item("velocity")?)?,
+            torque: optional(dict.get_item("torque")?)?,
+        })
+    };
+    let joints = dict.get_item("joints")?.try_iter()?.map(|dict| joint(dict?)).collect::<PyResult<_>>()?;
+    let by_order = dict.get_item("by_order")?.extract()?;
+    Ok(Layout { time: dict.get_item("time")?.extract()?, joints, by_order })
+}
+
+fn issue_kinds(given: &Bound<'_, PyAny>) -> PyResult<Vec<IssueKind>> {
+    texts("accept", given)?.iter().map(|kind| kind.parse().map_err(RecordingError::into_py_err)).collect()
+}
+
+/// Refuses a recording whose units nobody can have meant.
+pub fn require_units(recording: &core::Recording) -> PyResult<()> {
+    let doubts = core::doubtful_units(recording);
+    let Some(first) = doubts.first() else { return Ok(()) };
+    let more =
+        if doubts.len() > 1 { format!(" ({} more findings like this)", doubts.len() - 1) } else { String::new() };
+    Err(RecordingError::Doubtful { recording: recording.source().into(), finding: first.message.clone() + &more }
+        .into_py_err())
+}
+
 /// Something found in a recording.
 #[pyclass(module = "sgpr", frozen, get_all)]
 pub struct Issue {
@@ -440,6 +650,8 @@ pub struct Issue {
     kind: &'static str,
     /// "error": nothing can be computed before it is repaired; "warning": results may suffer; "note": good to know.
     severity: &'static str,
+    /// The same as what to do about it: "stop", "look", "know".
+    rank: &'static str,
     /// First occurrence, s since the first sample; None if it concerns the whole log.
     time: Option<f64>,
     /// The quantity concerned; None if it concerns all.
@@ -453,32 +665,13 @@ pub struct Issue {
 impl From<core::Issue> for Issue {
     fn from(issue: core::Issue) -> Self {
         let core::Issue { kind, severity, time, channel, count, message } = issue;
+        let rank = severity.rank();
         let severity = match severity {
             Severity::Error => "error",
             Severity::Warning => "warning",
             Severity::Note => "note",
         };
-        Self { kind: kind_name(kind), severity, time, channel, count, message }
-    }
-}
-
-fn kind_name(kind: IssueKind) -> &'static str {
-    match kind {
-        IssueKind::NotFinite => "not_finite",
-        IssueKind::TimeBackwards => "time_backwards",
-        IssueKind::DuplicateStamps => "duplicate_stamps",
-        IssueKind::RepeatedSamples => "repeated_samples",
-        IssueKind::Gap => "gap",
-        IssueKind::IrregularSampling => "irregular_sampling",
-        IssueKind::UnlikelyRate => "unlikely_rate",
-        IssueKind::StillJoint => "still_joint",
-        IssueKind::PositionJump => "position_jump",
-        IssueKind::PositionInDegrees => "position_in_degrees",
-        IssueKind::VelocityMismatch => "velocity_mismatch",
-        IssueKind::VelocityLag => "velocity_lag",
-        IssueKind::ClippedTorque => "clipped_torque",
-        IssueKind::EncoderStep => "encoder_step",
-        _ => "other",
+        Self { kind: kind.name(), severity, rank, time, channel, count, message }
     }
 }
 
@@ -509,8 +702,10 @@ impl Repaired {
 /// Reads a table of numbers, `.csv` or `.csv.gz`, whose first line names the columns.
 ///
 /// Columns are found by their names, with or without a unit at their end: `t`, `time_ns`, `header.stamp.sec`;
-/// `q1_rad`, `pos_1`, `elbow_position`; `dq1_rad_s`, `elbow_velocity`; `tau1_Nm`, `effort_1`; currents `i1_A`. What was
-/// assumed or left out is in `Recording.notes`; numeric columns that belong to no joint become channels.
+/// `q1_rad`, `pos_1`, `elbow_position`; `dq1_rad_s`, `elbow_velocity`; `tau1_Nm`, `effort_1`; currents `i1_A`. Titles above
+/// the names, a line of units below them, dates, Latin-1 and decimal commas are understood. Which column became what is in
+/// `Recording.layout`, what was assumed or left out in `Recording.notes`; numeric columns that belong to no joint become
+/// channels.
 ///
 /// Parameters
 /// ----------
@@ -522,8 +717,11 @@ impl Repaired {
 ///     (`"i{}_A"`, where {} is the number of the joint from 1 and {name} its name) or a list of names in joint order.
 /// units : dict, optional
 ///     Units, where the names do not tell: keys as in `columns`; `"deg"`, `"rpm"`, `"mNm"`, `"ms"`, ...
-/// torque_constants : array of shape (n,), optional
+/// torque_constants : array of shape (n,) in the order of the joints, or dict of str to float, optional
 ///     N·m per A: the torque is computed from the currents, which are the columns of "torque" or those named `i1_A`.
+/// accept : list of str, optional
+///     Findings that are right, as in `Recording.accept`; "joints_by_order": joints with names are columns with numbers, in
+///     the order of the joints.
 /// rows : (int, int), optional
 ///     Data rows to read, counted from 1, both ends included.
 /// seconds : (float, float), optional
@@ -539,8 +737,8 @@ impl Repaired {
 /// >>> len(rec), rec.dof
 /// (2501, 6)
 #[pyfunction]
-#[pyo3(signature = (path, joints=None, *, columns=None, units=None, torque_constants=None, rows=None, seconds=None,
-    sample_rate_hz=None, limit_bytes=None))]
+#[pyo3(signature = (path, joints=None, *, columns=None, units=None, torque_constants=None, accept=None, rows=None,
+    seconds=None, sample_rate_hz=None, limit_bytes=None))]
 #[expect(clippy::too_many_arguments, reason = "the options of a format")]
 pub fn read_csv(
     py: Python<'_>,
@@ -549,12 +747,22 @@ pub fn read_csv(
     columns: Option<&Bound<'_, PyAny>>,
     units: Option<&Bound<'_, PyAny>>,
     torque_constants: Option<&Bound<'_, PyAny>>,
+    accept: Option<&Bound<'_, PyAny>>,
     rows: Option<(usize, usize)>,
     seconds: Option<(f64, f64)>,
     sample_rate_hz: Option<f64>,
     limit_bytes: Option<u64>,
 ) -> PyResult<Recording> {
-    let constants = torque_constants.map(|values| Numbers::new("torque_constants", values)).transpose()?;
+    let (mut constants, mut named) = (None, Vec::new());
+    match torque_constants {
+        Some(given) if given.is_instance_of::<PyDict>() => {
+            for (joint, constant) in items("torque_constants", given)? {
+                named.push((joint, constant.extract()?));
+            }
+        }
+        Some(given) => constants = Some(Numbers::new("torque_constants", given)?),
+        None => {}
+    }
     let rows = match (rows, seconds) {
         (Some(_), Some(_)) => return Err(invalid("rows and seconds: give one of them")),
         (Some((first, last)), None) if (1..=last).contains(&first) => Some(Rows::Numbers(first..=last)),
@@ -569,11 +777,13 @@ pub fn read_csv(
         columns: columns.map_or(Ok(ColumnMap::default()), column_map)?,
         units: units.map_or(Ok(Units::default()), unit_map)?,
         torque_constants: constants.map(|numbers| numbers.values().to_vec()),
+        named_torque_constants: named,
+        accept: accept.map_or(Ok(Vec::new()), issue_kinds)?,
         rows,
         sample_rate_hz,
         limit_bytes: limit_bytes.unwrap_or(ReadOptions::default().limit_bytes),
     };
-    let recording = py.detach(|| csv::read(&path, &options));
+    let recording = detached(py, || csv::read(&path, &options));
     recording.map(Recording::from).map_err(IntoPyErr::into_py_err)
 }
 
@@ -667,7 +877,7 @@ pub fn read_mcap(
         recover,
         limit_bytes: limit_bytes.unwrap_or(McapOptions::default().limit_bytes),
     };
-    let recording = py.detach(|| mcap::read(&path, &options));
+    let recording = detached(py, || mcap::read(&path, &options));
     recording.map(Recording::from).map_err(IntoPyErr::into_py_err)
 }
 
@@ -689,5 +899,5 @@ pub fn write_mcap(py: Python<'_>, path: PathBuf, topics: &Bound<'_, PyAny>) -> P
     let topics: Vec<(&str, &core::Recording)> =
         given.iter().map(|(topic, recording)| (topic.as_str(), &recording.get().inner)).collect();
     let path: &Path = &path;
-    py.detach(|| mcap::write(path, &topics)).map_err(IntoPyErr::into_py_err)
+    detached(py, || mcap::write(path, &topics)).map_err(IntoPyErr::into_py_err)
 }

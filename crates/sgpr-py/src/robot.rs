@@ -11,7 +11,11 @@ use sgpr_core::robot::{self as core, DhConvention, DhRow, JointKind, Limits, Urd
 use sgpr_core::spatial::{PARAMETERS_PER_LINK, Vector3};
 
 use crate::convert::{Numbers, array, choice, items, texts, unknown, vector3};
+use crate::detached::detached;
 use crate::errors::{IntoPyErr, invalid};
+
+/// Robot, names of effects, and whether by the recursion: what base parameters are made of.
+type Origin = (Robot, Vec<String>, bool);
 
 /// A robot arm on a fixed base: joints, links, limits. Never changes; share it freely.
 ///
@@ -28,6 +32,7 @@ use crate::errors::{IntoPyErr, invalid};
 /// >>> robot.inverse_dynamics([0.0, 0.0], [0.0, 0.0], [0.0, 0.0])  # stretched out level
 /// array([19.62 ,  4.905])
 #[pyclass(module = "sgpr", frozen)]
+#[derive(Clone)]
 pub struct Robot {
     /// Of the core.
     pub inner: core::Robot,
@@ -81,7 +86,7 @@ impl Robot {
         gravity: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let options = urdf_options(joints, locked, gravity)?;
-        let robot = py.detach(|| core::Robot::from_urdf(path, &options));
+        let robot = detached(py, || core::Robot::from_urdf(path, &options));
         robot.map(Self::from).map_err(IntoPyErr::into_py_err)
     }
 
@@ -287,8 +292,24 @@ impl Robot {
         let effects = effects.map(|names| texts("effects", names)).transpose()?.unwrap_or_default();
         let set = ParameterSet::new(&self.inner, &effects).map_err(IntoPyErr::into_py_err)?;
         let find = if recursion { CoreBase::by_recursion } else { CoreBase::new };
-        let inner = py.detach(|| find(&self.inner, &set));
-        Ok(BaseParameters { inner, parameter_names: set.names().to_vec() })
+        let inner = detached(py, || find(&self.inner, &set));
+        let origin = (self.clone(), effects, recursion);
+        Ok(BaseParameters { inner, parameter_names: set.names().to_vec(), origin })
+    }
+
+    /// A Plotly figure of the joints in space, at positions `q`, (n,), zero by default.
+    ///
+    /// Examples
+    /// --------
+    /// >>> len(sgpr.robots.two_link().plot([0.0, 1.0]).data)
+    /// 1
+    #[pyo3(signature = (q=None))]
+    fn plot<'py>(slf: &Bound<'py, Self>, q: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("sgpr._views")?.call_method1("plot_robot", (slf, q))
+    }
+
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("sgpr._views")?.call_method1("robot_html", (slf,))
     }
 
     fn __repr__(&self) -> String {
@@ -432,6 +453,8 @@ fn limit(label: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
 pub struct BaseParameters {
     inner: CoreBase,
     parameter_names: Vec<String>,
+    /// Robot, effects and whether by recursion: what makes them again.
+    origin: Origin,
 }
 
 #[pymethods]
@@ -495,6 +518,16 @@ impl BaseParameters {
 
     fn __len__(&self) -> usize {
         self.inner.rank()
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Origin)> {
+        Ok((slf.get_type().getattr("_from_robot")?, slf.get().origin.clone()))
+    }
+
+    #[staticmethod]
+    fn _from_robot(robot: &Bound<'_, Robot>, effects: Vec<String>, recursion: bool) -> PyResult<Self> {
+        let effects = effects.into_pyobject(robot.py())?;
+        robot.get().base_parameters(robot.py(), Some(effects.as_any()), recursion)
     }
 
     fn __repr__(&self) -> String {

@@ -10,6 +10,7 @@ use sgpr_core::model::{self as core, Inputs, Mean, SemiParametricError, SemiPara
 
 use crate::compare::Comparison;
 use crate::convert::{Numbers, Samples, array, choice, whole};
+use crate::detached::detached;
 use crate::dynamics::motion;
 use crate::errors::{IntoPyErr, invalid};
 use crate::gp::{predictor_options, shape, status_name};
@@ -85,15 +86,14 @@ impl FittedSemiParametric {
     /// Reads a file that `save` wrote.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let model = py
-            .detach(|| core::SemiParametricModel::load_with(path, &known_effects()))
+        let model = detached(py, || core::SemiParametricModel::load_with(path, &known_effects()))
             .map_err(IntoPyErr::into_py_err)?;
         Ok(Self { inner: Arc::new(model) })
     }
 
     /// Writes the model to a file; the file is complete or not there.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        py.detach(|| self.inner.save(path)).map_err(IntoPyErr::into_py_err)
+        detached(py, || self.inner.save(path)).map_err(IntoPyErr::into_py_err)
     }
 
     /// The physics.
@@ -131,7 +131,7 @@ impl FittedSemiParametric {
         let n = self.inner.physics().robot().dof();
         let samples = Samples::together([("q", q), ("dq", dq), ("ddq", ddq)], n)?;
         let motion = motion(&samples);
-        let prediction = py.detach(|| self.inner.predict(motion, with_std)).map_err(IntoPyErr::into_py_err)?;
+        let prediction = detached(py, || self.inner.predict(motion, with_std)).map_err(IntoPyErr::into_py_err)?;
         let result = |values| samples[0].result(py, &[n], values);
         let tau = result(prediction.tau)?;
         if !with_std {
@@ -145,7 +145,7 @@ impl FittedSemiParametric {
     /// Compares with recordings, as `sgpr.compare` does.
     fn compare(&self, py: Python<'_>, recordings: &Bound<'_, PyAny>) -> PyResult<Comparison> {
         let recordings = self::recordings(recordings)?;
-        let comparison = py.detach(|| self.inner.compare(&recordings)).map_err(IntoPyErr::into_py_err)?;
+        let comparison = detached(py, || self.inner.compare(&recordings)).map_err(IntoPyErr::into_py_err)?;
         Comparison::new(py, comparison)
     }
 
@@ -157,7 +157,7 @@ impl FittedSemiParametric {
         recordings: &Bound<'py, PyAny>,
     ) -> PyResult<(Comparison, Vec<[Array<'py>; 3]>)> {
         let recordings = self::recordings(recordings)?;
-        let found = py.detach(|| self.inner.compare_with_spread(&recordings));
+        let found = detached(py, || self.inner.compare_with_spread(&recordings));
         let (comparison, predictions) = found.map_err(IntoPyErr::into_py_err)?;
         let n = self.inner.physics().robot().dof();
         let spread = |prediction: core::TorquePrediction| -> PyResult<[Array<'py>; 3]> {
@@ -172,7 +172,7 @@ impl FittedSemiParametric {
     /// Mean over joints of the share of the variance that is explained.
     fn score(&self, py: Python<'_>, recordings: &Bound<'_, PyAny>) -> PyResult<f64> {
         let recordings = self::recordings(recordings)?;
-        py.detach(|| self.inner.score(&recordings)).map_err(IntoPyErr::into_py_err)
+        detached(py, || self.inner.score(&recordings)).map_err(IntoPyErr::into_py_err)
     }
 
     /// One dict per joint: how many measurements fall within their predicted intervals.
@@ -183,7 +183,7 @@ impl FittedSemiParametric {
         following: bool,
     ) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let recordings = self::recordings(recordings)?;
-        let rows = py.detach(|| self.inner.coverage(&recordings, following)).map_err(IntoPyErr::into_py_err)?;
+        let rows = detached(py, || self.inner.coverage(&recordings, following)).map_err(IntoPyErr::into_py_err)?;
         let describe = |row: core::Coverage| {
             let dict = PyDict::new(py);
             dict.set_item("joint", row.joint)?;
@@ -246,7 +246,7 @@ impl FittedSemiParametric {
         let options = predictor_options(single, variance_rank, compact);
         let (rate_hz, purpose, keep) = stream;
         let stream = StreamOptions { keep, ..stream_options(rate_hz, &purpose, None)? };
-        let inner = py.detach(|| core::SemiParametricPredictor::streaming(&self.inner, options, &stream));
+        let inner = detached(py, || core::SemiParametricPredictor::streaming(&self.inner, options, &stream));
         Ok(SemiParametricPredictor {
             inner: Mutex::new(inner.map_err(IntoPyErr::into_py_err)?),
             dof: self.inner.physics().robot().dof(),
@@ -263,7 +263,7 @@ impl FittedSemiParametric {
     /// The model of which `data` is the file.
     #[staticmethod]
     fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
-        let model = py.detach(|| core::SemiParametricModel::from_bytes_with(data, "bytes", &known_effects()));
+        let model = detached(py, || core::SemiParametricModel::from_bytes_with(data, "bytes", &known_effects()));
         Ok(Self { inner: Arc::new(model.map_err(IntoPyErr::into_py_err)?) })
     }
 

@@ -281,7 +281,7 @@ impl Effect for UserEffect {
     fn not_testable(&self, context: &Context<'_>) -> Option<String> {
         let missing = self.channels.iter().find(|name| Self::channel(name, context).is_none())?;
         Some(match missing.as_str() {
-            "time" => "the logs do not share a clock: their times overlap".into(),
+            "time" => "the logs do not share a clock: their times overlap, or span more than four hours".into(),
             name => format!("no channel `{name}` in the logs"),
         })
     }

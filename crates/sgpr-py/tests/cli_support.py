@@ -72,5 +72,5 @@ def write_log(path: Path, seed: int, change: Callable[[Array], Array] = lambda t
     """A log of the two-link arm with the columns t q_1 q_2 tau_1 tau_2, changed before it is written."""
     t, q, tau = torque(seed)
     table = change(np.column_stack([t, q, tau]))
-    np.savetxt(path, table, delimiter=",", header="t,q_1,q_2,tau_1,tau_2", comments="", fmt="%.9g")
+    np.savetxt(path, table, delimiter=",", header="t,q_1,q_2,tau_1,tau_2", comments="", fmt="%.12g")
     return str(path)

@@ -1,6 +1,7 @@
 """What the tests share: bundled data, reference robots, and recordings that follow formulas."""
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,19 @@ REFERENCE_ROBOTS = [
     "scara",
     "gripper_tree",
 ]
+
+
+def outside(name: str) -> Path:
+    """The folder `name`, such as `real/emps`, of data that are not part of the repository: below the one that SGPR_DATA
+    names, or, for the robots, in it. The test is skipped without."""
+    folder = os.environ.get("SGPR_DATA")
+    if not folder:
+        pytest.skip(f"SGPR_DATA does not name the folder that holds {name} (docs/real-data.md)")
+    places = [Path(folder) / name, Path(folder) / name.removeprefix("real/")]
+    found = next((place for place in places if place.is_dir()), None)
+    if found is None:
+        pytest.skip(f"there is no {name} in {folder} (docs/real-data.md)")
+    return found
 
 
 class Reference:

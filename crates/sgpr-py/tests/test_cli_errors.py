@@ -140,7 +140,7 @@ def test_positions_that_are_wrapped_are_told(tmp_path: Path) -> None:
 
     path = write_log(tmp_path / "log.csv", 1, wrapped)
     options = ("--robot", "two_link", "--train", path, "--out", tmp_path / "out", "--no-report")
-    assert "warning: `joint_1_position` jumps by a full turn" in run("identify", *options).err
+    assert f"look: {path}: `joint_1_position` jumps by a full turn" in run("identify", *options).err
 
 
 def test_a_panic_is_one_message(capsys: pytest.CaptureFixture[str]) -> None:

@@ -125,11 +125,13 @@ def test_degrees_are_suspected(tmp_path: Path) -> None:
 
     path = write_log(tmp_path / "degrees.csv", 1, in_degrees)
     found = run("info", path)
-    assert found.code == 0
-    assert "degree" in found.out
-    # A unit that is wrong is said where the numbers are that it spoils, not only counted.
+    assert found.code == 1
+    assert "stop: `joint_1_position` has a range of" in found.out
     identified = run("identify", "--robot", "two_link", "--train", path, "--out", tmp_path / "out")
-    assert "looks like degrees; give the unit" in identified.out + identified.err
+    assert identified.code == 1
+    assert "looks like degrees; give the unit of the position with `--units position=...`" in identified.err
+    for confirmation in (("--units", "position=rad"), ("--accept", "position_in_degrees")):
+        assert run("info", path, *confirmation).code == 0
     [data] = json.loads(run("info", path, "--units", "position=deg", "--json").out)
     assert not any("degree" in issue["message"] for issue in data["issues"])
 

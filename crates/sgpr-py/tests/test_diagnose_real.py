@@ -1,14 +1,13 @@
 """Real robots whose logs lack an effect that is documented."""
 
-import os
 import sys
 from pathlib import Path
 
 import pytest
 import sgpr
+from conftest import outside
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
-DATA = Path(os.environ.get("SGPR_DATA") or Path(__file__).parents[4] / "shared" / "data" / "real")
 
 
 @pytest.mark.parametrize(
@@ -21,17 +20,16 @@ DATA = Path(os.environ.get("SGPR_DATA") or Path(__file__).parents[4] / "shared" 
     ],
 )
 def test_the_documented_effect_comes_first(name: str, effect: str, joint: str, reference: float) -> None:
-    if not (DATA / name).exists():
-        pytest.skip(f"the logs of {name} are not part of this repository: see docs/real-data.md")
+    folder = outside(f"real/{name}")
     sys.path.insert(0, str(EXAMPLES))
     try:
         from diagnose_real_robots import DATASETS, model_of, recordings
     finally:
         sys.path.remove(str(EXAMPLES))
     dataset = next(dataset for dataset in DATASETS if dataset.folder == name)
-    robot = sgpr.Robot.from_urdf(DATA / name / dataset.urdf)
-    train = recordings(DATA / name, robot, dataset, dataset.train)
-    test = recordings(DATA / name, robot, dataset, dataset.test)
+    robot = sgpr.Robot.from_urdf(folder / dataset.urdf)
+    train = recordings(folder, robot, dataset, dataset.train)
+    test = recordings(folder, robot, dataset, dataset.test)
     model = model_of(robot, dataset, train)
 
     diagnosis = sgpr.diagnose(model, train, test)

@@ -262,5 +262,7 @@ def test_a_page_shows_motion_and_search(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["motion.html"]
     with pytest.raises(sgpr.SgprError, match="robot: its joints are joint_1, joint_2, joint_3"):
         sgpr.save_report(found, sgpr.robots.puma560(), tmp_path / "motion.html")
-    with pytest.raises(FileNotFoundError, match=r"none.motion\.html"):
-        sgpr.save_report(found, ROBOT, tmp_path / "none" / "motion.html")
+    sgpr.save_report(found, ROBOT, tmp_path / "new" / "motion.html")
+    assert (tmp_path / "new" / "motion.html").read_text() == page
+    with pytest.raises((FileExistsError, NotADirectoryError)):
+        sgpr.save_report(found, ROBOT, tmp_path / "motion.html" / "motion.html")

@@ -222,9 +222,22 @@ def test_other_cutoffs_change_little(
         sgpr.cutoff_influence(demo_robot, demo_logs, demo_model, methods="wls")
 
 
+def many(logs: list[sgpr.Recording], count: int) -> list[sgpr.Recording]:
+    """Each log `count` times with a torque that differs by a millionth, so that none is a copy."""
+    changed = [(log, log.tau * (1.0 + 1e-6 * k)) for log in logs for k in range(count)]
+    return [sgpr.Recording(log.time_ns, log.q, log.dq, tau, joint_names=log.joint_names) for log, tau in changed]
+
+
+def test_a_copy_of_a_log_counts_once(demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording]) -> None:
+    once = sgpr.identify(demo_robot, demo_logs)
+    with pytest.warns(UserWarning, match="is a copy of .* and is left out"):
+        twice = sgpr.identify(demo_robot, [*demo_logs, demo_logs[1]])
+    assert once.to_bytes() == twice.to_bytes()
+
+
 def test_progress_is_told_from_start_to_end(demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording]) -> None:
     steps: list[tuple[str, int, int]] = []
-    sgpr.identify(demo_robot, demo_logs * 20, progress=lambda *step: steps.append(step))
+    sgpr.identify(demo_robot, many(demo_logs, 20), progress=lambda *step: steps.append(step))
     stages = {stage for stage, _, _ in steps}
     for stage in stages:
         own = [(done, total) for name, done, total in steps if name == stage]
@@ -288,7 +301,7 @@ def test_python_goes_on_while_a_model_is_identified(demo_robot: sgpr.Robot, demo
 
     thread = threading.Thread(target=count)
     thread.start()
-    sgpr.identify(demo_robot, demo_logs * 5)
+    sgpr.identify(demo_robot, many(demo_logs, 5))
     stop.set()
     thread.join()
     # With the interpreter held this would be two at most.

@@ -102,8 +102,10 @@ def test_files_that_hold_no_model(demo_model: sgpr.Model, tmp_path: Path) -> Non
     path = tmp_path / "model.sgpr"
     with pytest.raises(FileNotFoundError):
         sgpr.load(path)
-    with pytest.raises(FileNotFoundError):
-        demo_model.save(tmp_path / "nowhere" / "model.sgpr")
+    file = tmp_path / "file"
+    file.touch()
+    with pytest.raises((FileExistsError, NotADirectoryError)):
+        demo_model.save(file / "model.sgpr")
     content = demo_model.to_bytes()
     for damaged in (b"", b"nonsense", content[:-8], content[: len(content) // 2], b"\xff" * 100):
         path.write_bytes(damaged)

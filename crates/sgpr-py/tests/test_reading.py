@@ -391,7 +391,7 @@ def test_options_that_do_not_apply(data: Path, log: sgpr.Recording, tmp_path: Pa
     with pytest.raises(sgpr.RecordingError, match="the option `recover` does not apply to ROS bag files"):
         (tmp_path / "log.bag").touch()
         sgpr.read(tmp_path / "log.bag", recover=True)
-    with pytest.raises(TypeError, match="unexpected keyword argument 'colums'; options are clock, columns"):
+    with pytest.raises(TypeError, match="unexpected keyword argument 'colums'; options are accept, clock, columns"):
         sgpr.read(mcap, colums={})
     # What is not given is not there.
     assert len(sgpr.read(mcap, columns=None, units=None)) == 50

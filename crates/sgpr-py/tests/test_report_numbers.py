@@ -61,6 +61,9 @@ def test_with_deviation(value: float, deviation: float | None, texts: tuple[str,
         ("a.m + 0.25 b.m - b.Ixx", "a.m + 0.25 b.m - b.Ixx"),
         ("a.Fv - 0.000000001774 b.Ia + c.m", "a.Fv + c.m"),
         ("a.m + 1.2e-9 b.m", "a.m"),
+        ('first joint.m + 0.25 the 2nd, "odd" one.m', 'first joint.m + 0.25 the 2nd, "odd" one.m'),
+        ("first joint.m - 1e-9 second joint.m", "first joint.m"),
+        ("a\nb.m + 2 <a href='x'>.m", "a\nb.m + 2 <a href='x'>.m"),
     ],
 )
 def test_specks_are_left_out_of_expressions(expression: str, text: str) -> None:

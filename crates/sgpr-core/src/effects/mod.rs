@@ -116,7 +116,7 @@ pub trait Effect: Send + Sync + Debug {
     /// share.
     fn not_testable(&self, context: &Context<'_>) -> Option<String> {
         (self.about().depends_on_time && context.time.is_empty())
-            .then(|| "the logs do not share a clock: their times overlap".into())
+            .then(|| "the logs do not share a clock: their times overlap, or span more than four hours".into())
     }
 
     /// Derivative of the joint's torque by each parameter, for an effect that enters by [`Entry::State`].

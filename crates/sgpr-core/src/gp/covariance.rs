@@ -1,5 +1,6 @@
 use serde::{Deserialize, Serialize};
 
+use super::kernels::is_hyperparameter;
 use super::{GpError, Kernel};
 
 /// Covariance of the measurements: signal + correlated noise + noise_variance on the diagonal.
@@ -82,7 +83,7 @@ impl Covariance {
     pub fn validate(&self, inputs: usize) -> Result<(), GpError> {
         self.signal.validate(inputs)?;
         self.correlated_noise.iter().try_for_each(|kernel| kernel.validate(inputs))?;
-        if !(self.noise_variance >= 0.0 && self.noise_variance.is_finite()) {
+        if self.noise_variance != 0.0 && !is_hyperparameter(self.noise_variance) {
             return Err(GpError::Hyperparameter { name: "noise_variance".into(), value: self.noise_variance });
         }
         Ok(())

@@ -102,7 +102,7 @@ pub struct Compute {
 
 impl Default for Compute {
     fn default() -> Self {
-        Self { threads: 1, memory_limit: free_memory() / 5 * 4 }
+        Self { threads: 1, memory_limit: crate::memory::usable() }
     }
 }
 
@@ -134,13 +134,4 @@ impl Compute {
 fn needed(points: usize, matrices: u64) -> u64 {
     let points = points as u64;
     (8 * matrices).saturating_mul(points.saturating_mul(points))
-}
-
-/// Bytes that can be taken without swapping; 8 GB where the system does not say.
-fn free_memory() -> u64 {
-    let parse = |text: String| -> Option<u64> {
-        let line = text.lines().find(|line| line.starts_with("MemAvailable:"))?;
-        Some(line.split_whitespace().nth(1)?.parse::<u64>().ok()? * 1024)
-    };
-    std::fs::read_to_string("/proc/meminfo").ok().and_then(parse).unwrap_or(8 << 30)
 }

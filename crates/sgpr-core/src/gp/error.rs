@@ -35,8 +35,8 @@ pub enum GpError {
         /// Number of inputs.
         inputs: usize,
     },
-    /// Length scales, variances and periods are positive and finite.
-    #[error("{name} is {value}; it must be positive and finite")]
+    /// Length scales, variances and periods are positive, and have squares that are numbers.
+    #[error("{name} is {value}; it must be positive and finite, from 1e-150 to 1e150")]
     Hyperparameter {
         /// Name.
         name: String,

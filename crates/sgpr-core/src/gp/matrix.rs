@@ -293,8 +293,9 @@ pub(super) fn assemble_and_factor(
             return Ok(jitter);
         }
         jitter = if jitter == 0.0 { FIRST_JITTER * plan.variance() } else { 10.0 * jitter };
-        // The product of rounding can fall on either side of the limit.
-        if jitter.is_nan() || jitter > 1.5 * LARGEST_JITTER * plan.variance() {
+        // The product of rounding can fall on either side of the limit; that of a tiny variance can
+        // vanish.
+        if !(jitter > 0.0 && jitter <= 1.5 * LARGEST_JITTER * plan.variance()) {
             return Err(GpError::NotPositiveDefinite { jitter: LARGEST_JITTER * plan.variance() });
         }
     }

@@ -19,7 +19,7 @@ const MOST_ITERATIONS: usize = 100;
 const SMALL_STEP: f64 = 1e-4;
 
 /// The median of |normal noise| is this share of its standard deviation.
-const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_081_7;
+pub(super) const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_081_7;
 
 /// A log with fewer rows of a joint has the scale of all logs.
 const FEWEST_ROWS: usize = 100;

@@ -3,6 +3,8 @@
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor as llt;
 use faer::linalg::evd::{self, ComputeEigenvectors};
+use faer::linalg::lu::partial_pivoting::factor as lu;
+use faer::linalg::lu::partial_pivoting::solve::{solve_in_place, solve_in_place_scratch};
 use faer::linalg::qr::no_pivoting::factor as qr;
 use faer::linalg::svd::{self, ComputeSvdVectors};
 use faer::{Mat, MatRef, Par};
@@ -62,8 +64,27 @@ pub(crate) fn cholesky(matrix: MatRef<'_, f64>) -> Option<Mat<f64>> {
     Some(Mat::from_fn(k, k, |i, j| if i <= j { work[(j, i)] } else { 0.0 }))
 }
 
+/// A power of two that brings entries whose squares are no numbers near one; one for others, and
+/// for zeros.
+fn range_factor(matrix: MatRef<'_, f64>) -> f64 {
+    let largest = matrix.norm_max();
+    if largest == 0.0 || (1e-120..=1e120).contains(&largest) {
+        1.0
+    } else {
+        (-largest.log2().round()).clamp(-1022.0, 1022.0).exp2()
+    }
+}
+
 /// Eigenvalues, ascending, and eigenvectors of a symmetric matrix, of which the lower triangle is read.
+///
+/// # Panics
+/// If an entry is not finite.
 pub(crate) fn symmetric_eigen(matrix: MatRef<'_, f64>) -> (Vec<f64>, Mat<f64>) {
+    let factor = range_factor(matrix);
+    if factor != 1.0 {
+        let (values, vectors) = symmetric_eigen((matrix * faer::Scale(factor)).as_ref());
+        return (values.into_iter().map(|value| value / factor).collect(), vectors);
+    }
     let k = matrix.nrows();
     let mut vectors = Mat::zeros(k, k);
     let mut values = faer::Col::<f64>::zeros(k);
@@ -80,36 +101,25 @@ pub(crate) fn symmetric_eigen(matrix: MatRef<'_, f64>) -> (Vec<f64>, Mat<f64>) {
     (values.iter().copied().collect(), vectors)
 }
 
-/// Solves A X = B by elimination with row exchanges; `None` if A is singular. For matrices of base parameters' size.
+/// Solves A X = B with an LU decomposition; `None` if A is singular or not finite.
 pub(crate) fn solve_general(a: &Mat<f64>, b: &Mat<f64>) -> Option<Mat<f64>> {
     let n = a.nrows();
-    let (mut a, mut x) = (a.clone(), b.clone());
-    for k in 0..n {
-        let pivot = (k..n).max_by(|&i, &j| a[(i, k)].abs().total_cmp(&a[(j, k)].abs()))?;
-        if a[(pivot, k)].is_nan() || a[(pivot, k)] == 0.0 {
-            return None;
-        }
-        for matrix in [&mut a, &mut x] {
-            for j in 0..matrix.ncols() {
-                let kept = matrix[(k, j)];
-                matrix[(k, j)] = matrix[(pivot, j)];
-                matrix[(pivot, j)] = kept;
-            }
-        }
-        for i in k + 1..n {
-            let factor = a[(i, k)] / a[(k, k)];
-            if factor != 0.0 {
-                (k..n).for_each(|j| a[(i, j)] -= factor * a[(k, j)]);
-                (0..x.ncols()).for_each(|j| x[(i, j)] -= factor * x[(k, j)]);
-            }
-        }
+    if !a.is_all_finite() {
+        return None;
     }
-    for j in 0..x.ncols() {
-        for i in (0..n).rev() {
-            let known: f64 = (i + 1..n).map(|k| a[(i, k)] * x[(k, j)]).sum();
-            x[(i, j)] = (x[(i, j)] - known) / a[(i, i)];
-        }
+    let (mut factors, mut x) = (a.clone(), b.clone());
+    let (mut rows, mut rows_inverse) = (vec![0usize; n], vec![0usize; n]);
+    let scratch = lu::lu_in_place_scratch::<usize, f64>(n, n, Par::Seq, Default::default())
+        .or(solve_in_place_scratch::<usize, f64>(n, b.ncols(), Par::Seq));
+    let mut buffer = MemBuffer::new(scratch);
+    let stack = MemStack::new(&mut buffer);
+    let (matrix, settings) = (factors.as_mut(), Default::default());
+    let (_, order) = lu::lu_in_place(matrix, &mut rows, &mut rows_inverse, Par::Seq, stack, settings);
+    if (0..n).any(|k| factors[(k, k)] == 0.0 || !factors[(k, k)].is_finite()) {
+        return None;
     }
+    let factors = factors.as_ref();
+    solve_in_place(factors, factors, order, x.as_mut(), Par::Seq, stack);
     Some(x)
 }
 
@@ -121,7 +131,14 @@ pub(crate) struct Svd {
 }
 
 impl Svd {
+    /// # Panics
+    /// If an entry is not finite.
     pub fn new(matrix: MatRef<'_, f64>) -> Self {
+        let factor = range_factor(matrix);
+        if factor != 1.0 {
+            let scaled = Self::new((matrix * faer::Scale(factor)).as_ref());
+            return Self { values: scaled.values.iter().map(|value| value / factor).collect(), ..scaled };
+        }
         let (rows, columns) = (matrix.nrows(), matrix.ncols());
         let size = rows.min(columns);
         let mut u = Mat::zeros(rows, size);
@@ -146,6 +163,42 @@ impl Svd {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn table(i: usize, j: usize) -> f64 {
+        (1.7 * (3 * i + j) as f64 + 0.3).sin() + if i == j { 2.0 } else { 0.0 }
+    }
+
+    #[test]
+    fn general_systems_are_solved_and_singular_ones_told() {
+        for n in 1..=20 {
+            let (a, x) = (Mat::from_fn(n, n, table), Mat::from_fn(n, 3, |i, j| table(j, i)));
+            let found = solve_general(&a, &(&a * &x)).expect("regular");
+            assert!((found - x).norm_max() < 1e-10, "{n}");
+        }
+        // Pivots are needed: the first is zero.
+        let swap = Mat::from_fn(2, 2, |i, j| if i == j { 0.0 } else { 1.0 });
+        let found = solve_general(&swap, &Mat::from_fn(2, 1, |i, _| i as f64 + 1.0)).expect("a permutation");
+        assert_eq!([found[(0, 0)], found[(1, 0)]], [2.0, 1.0]);
+        let right = Mat::from_fn(3, 1, |i, _| i as f64);
+        assert!(solve_general(&Mat::zeros(3, 3), &right).is_none());
+        assert!(solve_general(&Mat::from_fn(3, 3, |i, _| i as f64), &right).is_none());
+        assert!(solve_general(&Mat::from_fn(3, 3, |i, j| table(i, j) / f64::from(u8::from(i != 1))), &right).is_none());
+    }
+
+    #[test]
+    fn numbers_of_any_size_have_singular_and_eigenvalues() {
+        let plain = Mat::from_fn(4, 4, |i, j| table(i.min(j), i.max(j)));
+        let (values, singular) = (symmetric_eigen(plain.as_ref()).0, Svd::new(plain.as_ref()).values);
+        for size in [f64::MIN_POSITIVE, 1e-200, 1e200, 1e307] {
+            let scaled = Mat::from_fn(4, 4, |i, j| size * plain[(i, j)]);
+            for (found, expected) in symmetric_eigen(scaled.as_ref()).0.iter().zip(&values) {
+                assert!((found / size - expected).abs() < 1e-13 * values[3], "{size}: {found} {expected}");
+            }
+            for (found, expected) in Svd::new(scaled.as_ref()).values.iter().zip(&singular) {
+                assert!((found / size - expected).abs() < 1e-13 * singular[0], "{size}: {found} {expected}");
+            }
+        }
+    }
 
     #[test]
     fn what_dependent_columns_leave_of_the_last_one_is_in_its_last_entry() {

@@ -60,6 +60,19 @@ pub enum ModelFileError {
         /// Largest size that is read.
         limit: u64,
     },
+    /// Processes that do not fit into memory.
+    #[error(
+        "{path}: its Gaussian processes need {needed_gb:.1} GB, {limit_gb:.1} GB may be taken: use a machine with more \
+         memory, or learn them with fewer points (`points`, `--points`)"
+    )]
+    Memory {
+        /// File.
+        path: String,
+        /// Memory needed, GB.
+        needed_gb: f64,
+        /// Memory that may be taken, GB.
+        limit_gb: f64,
+    },
     /// Not a model file, or a damaged one.
     #[error("{path}: not a torque model, or damaged: {message}")]
     Malformed {
@@ -174,9 +187,8 @@ impl TorqueModel {
         if let Some(index) = parameters.iter().position(|value| !value.is_finite()) {
             return Err(format!("the parameter {} is {}", parameter_names[index], parameters[index]));
         }
-        let joints = robot.dof();
-        if processing.as_ref().is_some_and(|processing| processing.standstill_speed.len() != joints) {
-            return Err("its processing is for another number of joints".into());
+        if let Some(processing) = &processing {
+            processing.check(robot.dof()).map_err(|error| format!("its processing: {error}"))?;
         }
         let mut model = Self::from_parameters(robot, set, parameters, vec![]);
         (model.provenance, model.processing) = (provenance, processing);

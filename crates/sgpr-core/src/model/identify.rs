@@ -17,7 +17,7 @@ use crate::identification::{
 };
 use crate::motion::{Conditioning, Motion, MotionError, Processing};
 use crate::progress::{Interrupted, Progress};
-use crate::recording::{Recording, RecordingError, is_still};
+use crate::recording::{Recording, RecordingError, SMALLEST_TORQUE, is_still};
 use crate::robot::Robot;
 use crate::signal::{CutoffChoice, SignalError};
 
@@ -489,7 +489,8 @@ fn set_uncertainty(
 /// Zeros in the place of a torque would be believed more than any measurement, as they have no noise.
 pub(super) fn require_torque(robot: &Robot, recordings: &[Recording]) -> Result<(), IdentifyError> {
     let is_zero = |log: &Recording, joint| {
-        log.torque().is_some_and(|tau| tau.iter().skip(joint).step_by(robot.dof()).all(|tau| *tau == 0.0))
+        log.torque()
+            .is_some_and(|tau| tau.iter().skip(joint).step_by(robot.dof()).all(|tau| tau.abs() < SMALLEST_TORQUE))
     };
     let unmeasured = (0..robot.dof()).find(|&joint| {
         recordings.iter().any(|log| !is_still(log, joint)) && recordings.iter().all(|log| is_zero(log, joint))

@@ -11,6 +11,7 @@ mod semi_parametric;
 mod stream;
 mod terms;
 mod torque_model;
+mod torque_scale;
 mod variable_projection;
 
 pub(crate) use experiment::{select_joints, torque_of};
@@ -35,3 +36,4 @@ pub(crate) use terms::{Rigid, common_clock, seconds_since};
 pub use terms::{Term, Trajectory};
 pub(crate) use torque_model::nominal_parameters;
 pub use torque_model::{BaseParameter, Certificate, Fit, Provenance, TorqueModel};
+pub use torque_scale::torque_scale;

@@ -4,9 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::TorqueModel;
 use crate::dynamics::{BatchWorkspace, Samples, rnea_batch};
-use crate::effects::{Context, Effect, Entry, JointState, LinkMotion, Reach, Site};
+use crate::effects::{Constant, Context, Effect, Entry, JointState, LinkMotion, Reach, Scale, Site};
 use crate::motion::Motion;
-use crate::recording::Channel;
+use crate::recording::{Channel, LARGEST_POSITION, LARGEST_TORQUE, SMALLEST_TORQUE, seconds};
 use crate::robot::Robot;
 
 /// An effect at one site of a robot, with its constants and parameters.
@@ -54,14 +54,16 @@ impl Term {
         }
     }
 
-    /// Columns along a trajectory, `[samples]` or `[samples, n]` each.
+    /// Columns along a trajectory, `[samples]` or `[samples, n]` each; zero where an effect of time
+    /// has no clock.
     pub(crate) fn columns(&self, context: &Context<'_>) -> Vec<Vec<f64>> {
         let length = match self.effect.reach() {
             Reach::Own => context.len(),
             Reach::All => context.q.len(),
         };
         let mut out = vec![vec![0.0; length]; self.effect.parameters().len()];
-        if !out.is_empty() {
+        let lacks_time = context.time.is_empty() && self.effect.about().depends_on_time;
+        if !out.is_empty() && !lacks_time {
             self.effect.trajectory_columns(self.site, context, &self.constants, &mut out);
         }
         out
@@ -113,8 +115,38 @@ impl TermDescription {
         if self.constants.iter().chain(&self.coefficients).any(|value| !value.is_finite()) {
             return Err(format!("a parameter of `{}` is not a number", self.effect));
         }
+        for (constant, value) in effect.constants().iter().zip(&self.constants) {
+            let [low, high] = usable_range(constant);
+            if !(low..=high).contains(value) {
+                let symbol = constant.symbol;
+                return Err(format!(
+                    "the constant `{symbol}` of `{}` is {value:e}, which should be from {low:e} to {high:e}",
+                    self.effect
+                ));
+            }
+        }
         let Self { site, constants, coefficients, constant_deviations, coefficient_deviations, .. } = self;
         Ok(Term { effect, site, constants, coefficients, constant_deviations, coefficient_deviations })
+    }
+}
+
+/// What the arithmetic of effects can take of a constant: no fit leaves its bounds, and what a
+/// person put in by hand is no more than a thousand times beyond them.
+fn usable_range(constant: &Constant) -> [f64; 2] {
+    const BEYOND: f64 = 1e3;
+    // Seconds between two stamps of 64 bits.
+    const LONGEST_TIME: f64 = 2e10;
+    let least = |smallest: f64| if constant.low > 0.0 { smallest } else { 0.0 };
+    match constant.scale {
+        Scale::Position => [-LARGEST_POSITION, LARGEST_POSITION],
+        Scale::PositionWidth => [least(1.0 / LARGEST_POSITION), LARGEST_POSITION],
+        Scale::Torque => [least(SMALLEST_TORQUE), LARGEST_TORQUE],
+        Scale::Time => [-LONGEST_TIME, LONGEST_TIME],
+        _ => {
+            let low = if constant.low > 0.0 { constant.low / BEYOND } else { constant.low * BEYOND };
+            let high = if constant.high < 0.0 { constant.high / BEYOND } else { constant.high * BEYOND };
+            [low, high]
+        }
     }
 }
 
@@ -304,16 +336,26 @@ impl TorqueModel {
     }
 }
 
-/// The earliest stamp, if no two logs overlap in time. A clock that starts near zero starts at zero.
+/// Longest time that logs of one session span, s: the clock of the session tells warming up and
+/// changes of load, which take minutes, and everything that is asked of every moment of it takes
+/// memory for every moment.
+const LONGEST_SESSION: f64 = 4.0 * 3600.0;
+
+/// A clock that starts within this of zero counts from zero, ns.
+const NEAR_ZERO: u64 = 3_600_000_000_000;
+
+/// The earliest stamp, if no two logs overlap in time and all belong to one session. A clock that
+/// starts near zero starts at zero.
 pub(crate) fn common_clock(motions: &[Motion]) -> Option<i64> {
     let mut spans: Vec<(i64, i64)> = motions.iter().filter_map(|m| Some((*m.time.first()?, *m.time.last()?))).collect();
     spans.sort_unstable();
     let apart = spans.windows(2).all(|pair| pair[0].1 <= pair[1].0);
-    let first = spans.first()?.0;
-    apart.then_some(if first.abs() < 3_600_000_000_000 { 0 } else { first })
+    let (first, last) = (spans.first()?.0, spans.last()?.1);
+    let together = seconds(first, last) <= LONGEST_SESSION;
+    (apart && together).then_some(if first.unsigned_abs() < NEAR_ZERO { 0 } else { first })
 }
 
 /// Stamps in seconds since `start`.
 pub(crate) fn seconds_since(start: i64, stamps: &[i64]) -> Vec<f64> {
-    stamps.iter().map(|stamp| (stamp - start) as f64 * 1e-9).collect()
+    stamps.iter().map(|stamp| seconds(start, *stamp)).collect()
 }

@@ -144,6 +144,9 @@ pub struct Provenance {
     pub logs: Vec<String>,
     /// What was done, in order, one sentence each.
     pub history: Vec<String>,
+    /// How its logs were read, for those who read others like them: text that the library keeps and does not look at.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reading: Option<String>,
 }
 
 /// One base parameter for a table.
@@ -198,7 +201,8 @@ impl TorqueModel {
 
     pub(crate) fn from_parameters(robot: Robot, set: ParameterSet, parameters: Vec<f64>, history: Vec<String>) -> Self {
         assert_eq!(parameters.len(), set.len(), "every parameter of the set");
-        let provenance = Provenance { library_version: env!("CARGO_PKG_VERSION").into(), logs: vec![], history };
+        let library_version = env!("CARGO_PKG_VERSION").into();
+        let provenance = Provenance { library_version, logs: vec![], history, reading: None };
         Self {
             base: BaseParameters::new(&robot, &set),
             dynamics: identified(&robot, &set, &parameters),
@@ -252,6 +256,13 @@ impl TorqueModel {
     /// How logs are processed for this model, if it was identified.
     pub fn processing(&self) -> Option<&Processing> {
         self.processing.as_ref()
+    }
+
+    /// The same model with a note on how its logs were read, see [`Provenance::reading`].
+    #[must_use]
+    pub fn with_reading(mut self, reading: Option<String>) -> Self {
+        self.provenance.reading = reading;
+        self
     }
 
     /// Where the model comes from.

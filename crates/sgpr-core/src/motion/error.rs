@@ -16,6 +16,36 @@ pub enum MotionError {
         /// Time since the start, s.
         seconds: f64,
     },
+    /// A value that no arm makes.
+    #[error("{recording}: the {quantity} of `{joint}` is {value:.3e} {seconds:.3} s after the start; {expected}")]
+    Implausible {
+        /// Recording.
+        recording: String,
+        /// Position or torque.
+        quantity: &'static str,
+        /// Joint.
+        joint: String,
+        /// Time since the start, s.
+        seconds: f64,
+        /// The value, rad (m) or N·m (N).
+        value: f64,
+        /// What is possible, and what to check.
+        expected: String,
+    },
+    /// Samples that come faster or slower than those of any arm's log.
+    #[error(
+        "{recording}: samples come every {period} s, where {} to {} s are possible; give the unit of the time",
+        periods[0],
+        periods[1]
+    )]
+    Rate {
+        /// Recording.
+        recording: String,
+        /// Median step, s.
+        period: f64,
+        /// Shortest and longest step, s.
+        periods: [f64; 2],
+    },
     /// Time stands still or runs backwards.
     #[error(
         "{recording}: time does not increase after sample {row}, {seconds:.3} s after the start; sort or drop such samples (repair: sort, drop_duplicates)"
@@ -53,6 +83,16 @@ pub enum MotionError {
         seconds: f64,
         /// Length needed, s.
         needed: f64,
+    },
+    /// Processing that cannot be done, by a file or by an option.
+    #[error("{option} is {value}, which should be {expected}")]
+    Processing {
+        /// What is out of its range.
+        option: &'static str,
+        /// What it is.
+        value: String,
+        /// What it should be.
+        expected: String,
     },
     /// A threshold of standstill that nothing exceeds.
     #[error(

@@ -14,7 +14,9 @@ pub use processing::{Conditioning, Processing, TorqueBand};
 
 use crate::dynamics::Samples;
 use crate::identification::Row;
-use crate::recording::{GAP_FACTOR, Recording, stretches};
+use crate::recording::{
+    GAP_FACTOR, Implausible, MOST_JITTER, PERIODS, Recording, SMALLEST_TORQUE, jitter, seconds, stretches,
+};
 use crate::signal::LowPass;
 use standstill::separate_rests;
 
@@ -33,7 +35,7 @@ pub struct Motion {
     pub dq: Vec<f64>,
     /// Their second derivative; zero while a joint rests.
     pub ddq: Vec<f64>,
-    /// Torques as logged, if they were.
+    /// Torques as logged, if they were; what is only rounding of zero is zero.
     pub tau: Option<Vec<f64>>,
     /// What else was logged.
     pub channels: Vec<crate::recording::Channel>,
@@ -47,9 +49,11 @@ impl Motion {
     /// The stretches of a recording between its gaps, processed. Stretches shorter than the filter are left out.
     ///
     /// # Errors
-    /// If the recording has samples that are not finite, time that does not run forward or is irregular, or is shorter
-    /// than the filter needs.
+    /// If the recording has samples that are not finite or that no arm makes, time that does not
+    /// run forward or is irregular, or is shorter than the filter needs; if the processing cannot
+    /// be done.
     pub fn from_recording(recording: &Recording, processing: &Processing) -> Result<Vec<Self>, MotionError> {
+        processing.check(recording.dof())?;
         let mut motions = Vec::new();
         let mut too_short = None;
         for stretch in stretches(recording, GAP_FACTOR) {
@@ -96,7 +100,7 @@ impl Motion {
             q,
             dq,
             ddq,
-            tau: recording.torque().map(<[f64]>::to_vec),
+            tau: recording.torque().map(|tau| tau.iter().copied().map(without_rounding).collect()),
             channels: recording.channels().to_vec(),
             inner,
             use_as,
@@ -134,17 +138,20 @@ impl Motion {
     }
 }
 
+/// A torque, zero where it is no more than the rounding of one.
+fn without_rounding(torque: f64) -> f64 {
+    if torque.abs() < SMALLEST_TORQUE { 0.0 } else { torque }
+}
+
 /// Samples that must remain between the ends.
 const SHORTEST: usize = 10;
-
-/// Steps may deviate from the median by this share of it (root mean square) before differences become wrong.
-const JITTER: f64 = 0.02;
 
 /// Sampling rate of a recording that is uniform enough to be differentiated.
 fn uniform_rate(recording: &Recording) -> Result<f64, MotionError> {
     let source = || recording.source().to_string();
     let time = recording.time();
     let n = recording.dof();
+    let since_start = |stamp: i64| seconds(time[0], stamp);
     let columns = [Some(("position", recording.position())), recording.torque().map(|tau| ("torque", tau))];
     for (quantity, values) in columns.into_iter().flatten() {
         if let Some(index) = values.iter().position(|value| !value.is_finite()) {
@@ -152,23 +159,28 @@ fn uniform_rate(recording: &Recording) -> Result<f64, MotionError> {
                 recording: source(),
                 quantity,
                 joint: recording.joint_names()[index % n].clone(),
-                seconds: (time[index / n] - time[0]) as f64 * 1e-9,
+                seconds: since_start(time[index / n]),
             });
         }
     }
-    let steps: Vec<i64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let steps: Vec<i64> = time.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).collect();
     if let Some(index) = steps.iter().position(|step| *step <= 0) {
-        let seconds = (time[index] - time[0]) as f64 * 1e-9;
+        let seconds = since_start(time[index]);
         return Err(MotionError::TimeNotIncreasing { recording: source(), row: index + 1, seconds });
     }
-    let mut sorted = steps.clone();
-    sorted.sort_unstable();
-    let Some(&median) = sorted.get(sorted.len() / 2) else {
+    let Some((median, jitter)) = jitter(&steps) else {
         return Err(MotionError::TooShort { recording: source(), seconds: 0.0, needed: 1.0 });
     };
-    let deviation = |step: &i64| (*step as f64 / median as f64 - 1.0).powi(2);
-    let jitter = (steps.iter().map(deviation).sum::<f64>() / steps.len() as f64).sqrt();
-    if jitter > JITTER {
+    let period = median as f64 * 1e-9;
+    if !(PERIODS[0]..=PERIODS[1]).contains(&period) {
+        return Err(MotionError::Rate { recording: source(), period, periods: PERIODS });
+    }
+    if let Some(found) = recording.implausible() {
+        let Implausible { quantity, joint, seconds, value, expected } = found;
+        let joint = recording.joint_names()[joint].clone();
+        return Err(MotionError::Implausible { recording: source(), quantity, joint, seconds, value, expected });
+    }
+    if jitter > MOST_JITTER {
         return Err(MotionError::Irregular {
             recording: source(),
             median_ms: median as f64 * 1e-6,
@@ -177,5 +189,6 @@ fn uniform_rate(recording: &Recording) -> Result<f64, MotionError> {
         });
     }
     // Over the whole stretch: the median of rounded stamps is a rounded number.
-    Ok(steps.len() as f64 * 1e9 / (time[time.len() - 1] - time[0]) as f64)
+    let nanoseconds = i128::from(time[time.len() - 1]) - i128::from(time[0]);
+    Ok(steps.len() as f64 * 1e9 / nanoseconds as f64)
 }

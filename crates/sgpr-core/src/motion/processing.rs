@@ -2,7 +2,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{MotionError, uniform_rate};
 use crate::recording::{GAP_FACTOR, Recording, stretches};
-use crate::signal::{CutoffChoice, Differentiation, choose_cutoff};
+use crate::signal::{CutoffChoice, Differentiation, HIGHEST_ORDER, choose_cutoff};
 
 /// What the user asks for; what is left open is chosen from the logs.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,7 +82,61 @@ const SPEED_SHARE: f64 = 5e-4;
 /// ... and below this, rad/s (m/s), whatever the noise.
 const SLOWEST: f64 = 1e-6;
 
+/// No stamp of integer nanoseconds tells more, Hz; what a log can hold is checked beside the log.
+const HIGHEST_CUTOFF_HZ: f64 = 1e9;
+
+/// Most rows of the filtered equation for one that is taken: of stamps of a nanosecond, one in a second.
+const HIGHEST_DECIMATION: usize = 1_000_000_000;
+
+/// Longest window of a derivative, samples: ten seconds at a kilohertz.
+const LONGEST_WINDOW: usize = 10_001;
+
+/// Longest margin about turns and rests, periods of the cut-off.
+const WIDEST_TURN_MARGIN: f64 = 1e3;
+
 impl Processing {
+    /// Checks everything that the arithmetic relies on, as it may come from a file or from a user.
+    ///
+    /// - `joints`: of the robot
+    ///
+    /// # Errors
+    /// If a number is out of its range, or a list has not one number per joint.
+    pub fn check(&self, joints: usize) -> Result<(), MotionError> {
+        let wrong = |option, value: String, expected: String| Err(MotionError::Processing { option, value, expected });
+        let is_cutoff = |hz: f64| hz > 0.0 && hz < HIGHEST_CUTOFF_HZ;
+        let cutoffs = [("cutoff_hz", Some(self.cutoff_hz)), ("torque_cutoff_hz", self.torque_cutoff_hz)];
+        for (option, hz) in cutoffs {
+            if let Some(hz) = hz.filter(|hz| !is_cutoff(*hz)) {
+                return wrong(
+                    option,
+                    format!("{hz} Hz"),
+                    format!("more than 0 and less than {HIGHEST_CUTOFF_HZ:e} Hz"),
+                );
+            }
+        }
+        if !(1..=HIGHEST_ORDER).contains(&self.order) {
+            return wrong("order", self.order.to_string(), format!("1 to {HIGHEST_ORDER}"));
+        }
+        if !(1..=HIGHEST_DECIMATION).contains(&self.decimation) {
+            return wrong("decimation", self.decimation.to_string(), format!("1 to {HIGHEST_DECIMATION}"));
+        }
+        if !(0.0..=WIDEST_TURN_MARGIN).contains(&self.turn_margin) {
+            return wrong("turn_margin", self.turn_margin.to_string(), format!("0 to {WIDEST_TURN_MARGIN}"));
+        }
+        if self.standstill_speed.len() != joints {
+            let found = self.standstill_speed.len();
+            return wrong("standstill_speed", format!("{found} numbers"), format!("one for each of {joints} joints"));
+        }
+        if let Some(speed) = self.standstill_speed.iter().find(|speed| !(**speed >= 0.0 && speed.is_finite())) {
+            return wrong("standstill_speed", speed.to_string(), "a finite number not below 0".into());
+        }
+        if self.differentiation.edge() > LONGEST_WINDOW / 2 {
+            let expected = format!("a window of at most {LONGEST_WINDOW} samples");
+            return wrong("differentiation", format!("{:?}", self.differentiation), expected);
+        }
+        Ok(self.differentiation.check()?)
+    }
+
     /// Makes the choices that `conditioning` leaves open, from the recordings a model is fitted to, and says how the
     /// cut-off was found.
     ///
@@ -151,6 +205,7 @@ impl Processing {
             standstill_speed: standstill_speed.collect(),
             turn_margin: conditioning.turn_margin,
         };
+        processing.check(top_speed.len())?;
         Ok((processing, choices))
     }
 }

@@ -156,6 +156,23 @@ pub enum RecordingError {
         /// Columns found.
         columns: Vec<String>,
     },
+    /// The log has joints, but others than those wanted.
+    #[error(
+        "{path}: the log has the joints {}, not {}: name its columns in the order of the robot with `columns.position`, such as position={}, and those of velocity and torque alike",
+        quoted(found),
+        quoted(joints),
+        columns.join(",")
+    )]
+    OtherJoints {
+        /// File.
+        path: String,
+        /// Joints wanted.
+        joints: Vec<String>,
+        /// Joints of the log.
+        found: Vec<String>,
+        /// Their columns.
+        columns: Vec<String>,
+    },
     /// Some joints have a column of this quantity and others none.
     #[error(
         "{path}: no {quantity} column for {}; the columns are {}; say which they are with `columns.{quantity}`, or name the joints wanted with `joints`",
@@ -203,6 +220,83 @@ pub enum RecordingError {
         /// Numbered columns.
         candidates: Vec<String>,
     },
+    /// Columns of one quantity that carry other numbers than those of the positions.
+    #[error(
+        "{path}: the {quantity} columns {} are numbered otherwise than the position columns {}: say which belong to which joint with `columns.{quantity}`",
+        quoted(columns),
+        quoted(positions)
+    )]
+    NumbersDiffer {
+        /// File.
+        path: String,
+        /// `velocity` or `torque`.
+        quantity: &'static str,
+        /// Its numbered columns.
+        columns: Vec<String>,
+        /// Numbered columns of positions.
+        positions: Vec<String>,
+    },
+    /// Joints with names and columns with numbers, and nothing that tells which is which.
+    #[error(
+        "{recording}: no name tells which of the joints {} is which of the columns {}: if the columns are numbered in the order of the joints, confirm it with `accept=[\"joints_by_order\"]`; else name them with `columns.position`",
+        quoted(joints),
+        quoted(columns)
+    )]
+    JointsByOrder {
+        /// File or recording.
+        recording: String,
+        /// Joints wanted.
+        joints: Vec<String>,
+        /// Numbered columns.
+        columns: Vec<String>,
+    },
+    /// Constants in the order of joints whose order nobody has told.
+    #[error(
+        "{path}: torque constants come in the order of the robot's joints, but only the log tells the joints here ({}): name the joints in order with `joints`, or the joint of each constant ({}=...)",
+        quoted(joints),
+        joints[0]
+    )]
+    ConstantsByOrder {
+        /// File.
+        path: String,
+        /// Joints in the order of their columns.
+        joints: Vec<String>,
+    },
+    /// A joint without a torque constant.
+    #[error("{path}: there is no torque constant for joint `{joint}`{hint}")]
+    NoConstant {
+        /// File.
+        path: String,
+        /// Joint.
+        joint: String,
+        /// A name that may have been meant.
+        hint: String,
+    },
+    /// Motor currents named as torques.
+    #[error(
+        "{path}: the columns {} hold motor currents in A, not torques: give `torque_constants`, N·m per A; or, if they are torques, their unit with `units.torque`",
+        quoted(columns)
+    )]
+    CurrentsAsTorques {
+        /// File.
+        path: String,
+        /// Columns.
+        columns: Vec<String>,
+    },
+    /// A unit in the name of a column, or in the line of units, that is not known.
+    #[error(
+        "{path}: column `{column}`: `{unit}` is no known unit of {quantity}: give the unit with `units.{quantity}`"
+    )]
+    ColumnUnit {
+        /// File.
+        path: String,
+        /// Column.
+        column: String,
+        /// `position`, `velocity` or `torque`.
+        quantity: &'static str,
+        /// What is there.
+        unit: String,
+    },
     /// A column the caller named is not there.
     #[error(
         "{path}: there is no column `{column}`{}; the columns are {}",
@@ -244,6 +338,22 @@ pub enum RecordingError {
         value: String,
         /// What it should be.
         expected: &'static str,
+    },
+    /// Units that nobody can have meant.
+    #[error("{recording}: {finding}")]
+    Doubtful {
+        /// File or recording.
+        recording: String,
+        /// What looks wrong, and what to do.
+        finding: String,
+    },
+    /// A finding that cannot be taken as it is.
+    #[error("accept: `{kind}` cannot be confirmed{}; what can be are {}", suggestion(kind, known), quoted(known))]
+    NotConfirmable {
+        /// What was given.
+        kind: String,
+        /// Names to choose from.
+        known: Vec<String>,
     },
     /// A unit that is not known.
     #[error("`{unit}` is no unit of {quantity}; known are {}", quoted(known))]
@@ -397,6 +507,9 @@ fn why_no_time(text: &str) -> &'static str {
     match text.parse::<f64>() {
         Ok(_) => " (64 bits of nanoseconds reach 292 years)",
         Err(_) if text.is_empty() => "",
-        Err(_) => "; if this is a row of units, take it out",
+        Err(_) => {
+            " (times are numbers, ISO 8601 such as 2026-03-03T09:15:00.000Z, or times of day such as 09:15:00.000; a line of \
+             units is understood right below the names)"
+        }
     }
 }

@@ -3,14 +3,17 @@
 //! A [`Recording`] is one trajectory as it was logged. Readers ([`csv`], [`mcap`]) convert units at the border, check
 //! nothing away and repair nothing: what is wrong with a log is found by [`inspect`], and changed only by [`repair`].
 
+mod calendar;
 mod channel;
 pub mod csv;
 mod decimal;
 mod error;
 mod inspect;
+mod layout;
 pub mod mcap;
 mod names;
 mod part;
+mod plausible;
 mod repair;
 mod repetition;
 mod resample;
@@ -24,10 +27,12 @@ use tempfile::NamedTempFile;
 
 pub use channel::Channel;
 pub use error::RecordingError;
-pub(crate) use inspect::is_still;
-pub use inspect::{Issue, IssueKind, Severity, inspect};
+pub use inspect::{Issue, IssueKind, Severity, doubtful_units, inspect};
+pub(crate) use inspect::{MOST_JITTER, is_still, jitter};
+pub use layout::{ColumnLayout, JointLayout, Layout};
 pub(crate) use part::stretches;
 pub use part::{GAP_FACTOR, split_at_gaps};
+pub(crate) use plausible::{Implausible, LARGEST_POSITION, LARGEST_TORQUE, PERIODS, SMALLEST_TORQUE};
 pub use repair::{Repair, Resample, repair};
 pub use repetition::repeated_share;
 pub use units::{PositionUnit, TimeUnit, TorqueUnit, Units, VelocityUnit};
@@ -46,6 +51,8 @@ pub struct Recording {
     torque: Option<Vec<f64>>,
     channels: Vec<Channel>,
     notes: Vec<String>,
+    layout: Option<Layout>,
+    accepted: Vec<IssueKind>,
 }
 
 impl Recording {
@@ -85,7 +92,18 @@ impl Recording {
             let (array, found) = (channel.name.clone(), channel.values.len());
             return Err(RecordingError::Length { recording: source, array, expected: time.len(), found });
         }
-        Ok(Self { source, joint_names, time, position, velocity, torque, channels, notes: Vec::new() })
+        Ok(Self {
+            source,
+            joint_names,
+            time,
+            position,
+            velocity,
+            torque,
+            channels,
+            notes: Vec::new(),
+            layout: None,
+            accepted: Vec::new(),
+        })
     }
 
     fn with_notes(mut self, notes: Vec<String>) -> Self {
@@ -107,6 +125,23 @@ impl Recording {
         self
     }
 
+    /// The same recording with a record of how it was read.
+    #[must_use]
+    pub fn with_layout(mut self, layout: Option<Layout>) -> Self {
+        self.layout = layout;
+        self
+    }
+
+    /// The same recording with findings that its owner has looked at and takes as they are: [`inspect`] makes notes of
+    /// them.
+    #[must_use]
+    pub fn accepting(mut self, kinds: &[IssueKind]) -> Self {
+        self.accepted.extend(kinds);
+        self.accepted.sort_unstable();
+        self.accepted.dedup();
+        self
+    }
+
     /// The same recording with other names for its joints, in column order.
     ///
     /// # Errors
@@ -117,6 +152,7 @@ impl Recording {
             return Err(RecordingError::EntriesPerJoint { option, expected, found });
         }
         require_joint_list(&self.source, &names)?;
+        self.layout = self.layout.map(|layout| layout.renamed(&names));
         self.joint_names = names;
         Ok(self)
     }
@@ -181,6 +217,34 @@ impl Recording {
         &self.notes
     }
 
+    /// Which column became what in which unit, if a reader of tables made the recording.
+    pub fn layout(&self) -> Option<&Layout> {
+        self.layout.as_ref()
+    }
+
+    /// Findings that are taken as they are, see [`Recording::accepting`].
+    pub fn accepted(&self) -> &[IssueKind] {
+        &self.accepted
+    }
+
+    /// A number that recordings with the same joints, times and values share, whatever their source, and others do not: two
+    /// recordings with one hash are copies. Channels do not count.
+    ///
+    /// Source: FNV-1a of 128 bits (Fowler, Noll, Vo; RFC 9923).
+    pub fn content_hash(&self) -> u128 {
+        const PRIME: u128 = 0x0000_0000_0100_0000_0000_0000_0000_013b;
+        const OFFSET: u128 = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d;
+        let fold = |hash: u128, byte: u8| (hash ^ u128::from(byte)).wrapping_mul(PRIME);
+        // A name ends in a byte that no text holds, and the name of an array stands before it: a torque is no velocity.
+        let text = |hash: u128, text: &str| text.bytes().chain([0xff]).fold(hash, fold);
+        let mut hash = self.joint_names.iter().fold(OFFSET, |hash, name| text(hash, name));
+        hash = self.time.iter().flat_map(|time| time.to_le_bytes()).fold(hash, fold);
+        for (name, values) in self.arrays() {
+            hash = values.iter().flat_map(|value| value.to_bits().to_le_bytes()).fold(text(hash, name), fold);
+        }
+        hash
+    }
+
     /// Time since the first sample, `[samples]`, s.
     pub fn time_seconds(&self) -> Vec<f64> {
         let start = self.time.first().copied().unwrap_or_default();
@@ -228,7 +292,7 @@ fn write_file(
 }
 
 /// Seconds from one time stamp to another.
-fn seconds(from: i64, to: i64) -> f64 {
+pub(crate) fn seconds(from: i64, to: i64) -> f64 {
     (i128::from(to) - i128::from(from)) as f64 / 1e9
 }
 

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::fmt::Display;
 use std::ops::Range;
 
-use super::{Channel, Recording, RecordingError, require_joint_list, seconds};
+use super::{Channel, IssueKind, Recording, RecordingError, require_joint_list, seconds};
 
 /// A step of the time longer than this many median steps is a gap.
 pub const GAP_FACTOR: f64 = 5.0;
@@ -31,6 +31,7 @@ impl Recording {
         let pick = |values: &[f64]| values.chunks_exact(n).flat_map(|row| columns.iter().map(|&j| row[j])).collect();
         Ok(Self {
             joint_names: names,
+            layout: self.layout.as_ref().map(|layout| layout.select(&columns)),
             position: pick(&self.position),
             velocity: self.velocity.as_deref().map(pick),
             torque: self.torque.as_deref().map(pick),
@@ -38,27 +39,43 @@ impl Recording {
         })
     }
 
-    /// The joints `names` of a robot. A log that only numbers as many joints (`joint_1`, ..., what a reader makes of
-    /// `q_1`) is taken by the numbers that the names end in, else in the order of its numbers.
+    /// The joints `names` of a robot. A log that only numbers its joints (`joint_1`, ..., what a reader makes of `q_1`) is
+    /// taken by the numbers that the names end in. If these have none and there are as many, it is taken in the order of
+    /// its numbers: arrays without further word, as they come in the order of the robot; files if
+    /// [`IssueKind::JointsByOrder`] is accepted.
     ///
     /// # Errors
-    /// Those of [`Recording::select`].
+    /// Those of [`Recording::select`], and numbers that do not tell which joint is which.
     pub(crate) fn of_robot(&self, names: &[String]) -> Result<Self, RecordingError> {
-        let Some(numbers) = self.numbers().filter(|numbers| numbers.len() == names.len()) else {
-            return self.select(names);
-        };
+        let Some(numbers) = self.numbers() else { return self.select(names) };
         if names.iter().any(|name| self.joint_names.contains(name)) {
             return self.select(names);
         }
-        let sorted = |mut numbers: Vec<u32>| {
-            numbers.sort_unstable();
-            numbers
-        };
-        let in_order = sorted(numbers);
+        let mut in_order = numbers;
+        in_order.sort_unstable();
         let own: Option<Vec<u32>> = names.iter().map(|name| ending_number(name)).collect();
-        let wanted = own.filter(|own| sorted(own.clone()) == in_order).unwrap_or(in_order);
-        let called: Vec<String> = wanted.into_iter().map(numbered).collect();
-        Ok(Self { joint_names: names.to_vec(), ..self.select(&called)? })
+        let own = own.and_then(|own| places_of_numbers(&own, &in_order));
+        if own.is_none() && in_order.len() != names.len() {
+            return self.select(names);
+        }
+        let confirmed = names.len() == 1
+            || self.layout.as_ref().is_none_or(|layout| layout.by_order)
+            || self.accepted.contains(&IssueKind::JointsByOrder);
+        if own.is_none() && !confirmed {
+            let columns = self.layout.as_ref().map(|layout| &layout.joints[..]).unwrap_or_default();
+            return Err(RecordingError::JointsByOrder {
+                recording: self.source.clone(),
+                joints: names.to_vec(),
+                columns: columns.iter().map(|joint| joint.position.column.clone()).collect(),
+            });
+        }
+        let called: Vec<String> = own.unwrap_or(in_order).into_iter().map(numbered).collect();
+        let chosen = self.select(&called)?;
+        Ok(Self {
+            joint_names: names.to_vec(),
+            layout: chosen.layout.clone().map(|layout| layout.renamed(names)),
+            ..chosen
+        })
     }
 
     /// The numbers of the joints if they have no other names.
@@ -97,6 +114,8 @@ impl Recording {
                 .map(|channel| Channel { name: channel.name.clone(), values: of_channel(channel) })
                 .collect(),
             notes: self.notes.clone(),
+            layout: self.layout.clone(),
+            accepted: self.accepted.clone(),
         }
     }
 
@@ -145,9 +164,41 @@ pub(super) fn ending_number(name: &str) -> Option<u32> {
     name[stem.len()..].parse().ok()
 }
 
+/// Which of `numbers` each of the joints is that are numbered `own`: its own one, or, where all count from one and the
+/// numbers as many from zero, the one below. `None` if that does not tell.
+///
+/// - `numbers`: increasing
+pub(super) fn places_of_numbers(own: &[u32], numbers: &[u32]) -> Option<Vec<u32>> {
+    let mut distinct = own.to_vec();
+    distinct.sort_unstable();
+    distinct.dedup();
+    if distinct.len() != own.len() {
+        return None;
+    }
+    // More numbers than joints, from zero: the joint with number one may be the first or the second.
+    let either = numbers.first() == Some(&0) && !own.contains(&0) && numbers.len() > own.len();
+    if !either && own.iter().all(|number| numbers.binary_search(number).is_ok()) {
+        return Some(own.to_vec());
+    }
+    let count = u32::try_from(own.len()).ok()?;
+    let from_one = distinct.iter().copied().eq(1..=count);
+    let from_zero = numbers.iter().copied().eq(0..count);
+    (from_one && from_zero).then(|| own.iter().map(|number| number - 1).collect())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn joints_are_found_by_their_numbers() {
+        assert_eq!(places_of_numbers(&[3, 2], &[1, 2, 3]), Some(vec![3, 2]));
+        assert_eq!(places_of_numbers(&[2, 1, 3], &[0, 1, 2]), Some(vec![1, 0, 2]));
+        assert_eq!(places_of_numbers(&[1, 1], &[0, 1]), None);
+        assert_eq!(places_of_numbers(&[1, 2], &[0, 1, 2, 3]), None);
+        assert_eq!(places_of_numbers(&[1, 2], &[1, 2, 3]), Some(vec![1, 2]));
+        assert_eq!(places_of_numbers(&[2, 3], &[0, 1]), None);
+    }
 
     fn recording() -> Recording {
         let time = [0, 1, 2, 30, 31].map(|ms| ms * 1_000_000).to_vec();
@@ -190,7 +241,10 @@ mod tests {
         for (own, wanted) in [(["a", "b"], ["c", "d"]), (["joint_1", "joint_2"], ["joint_1", "joint_3"])] {
             assert!(logged(own).of_robot(&names(wanted)).is_err(), "{own:?} {wanted:?}");
         }
-        assert!(logged(["joint_1", "joint_2"]).of_robot(&["j1".into()]).is_err(), "not as many");
+        let second = logged(["joint_1", "joint_2"]).of_robot(&["j2".into()]).expect("its number is there");
+        assert_eq!(second.position()[..2], [1.0, 3.0]);
+        assert!(logged(["joint_1", "joint_2"]).of_robot(&["j3".into()]).is_err(), "no such number");
+        assert!(logged(["joint_0", "joint_1"]).of_robot(&["j1".into()]).is_err(), "counted from zero or from one");
     }
 
     #[test]

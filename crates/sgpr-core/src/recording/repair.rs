@@ -4,6 +4,8 @@ use super::inspect::{is_finite_row, repeated_samples};
 use super::resample::resample;
 use super::{GAP_FACTOR, Recording, RecordingError, seconds};
 
+/// A shorter stretch holds no motion: derivatives need a few samples on either side.
+const SHORTEST_STRETCH: usize = 10;
 /// More new samples than this per old one are a slip of the pen.
 const MOST_NEW_SAMPLES: f64 = 1000.0;
 
@@ -168,7 +170,20 @@ impl Work {
             let lengths = lengths.join(", ");
             self.note(format!("cut at {cuts} steps longer than {longest:.6} s into {lengths} samples"));
         }
-        parts
+        self.without_crumbs(parts)
+    }
+
+    /// Without stretches that are too short to be differentiated, such as a single sample that strayed before the log
+    /// began, if others remain.
+    fn without_crumbs(&mut self, parts: Vec<Recording>) -> Vec<Recording> {
+        let (long, short): (Vec<Recording>, Vec<Recording>) =
+            parts.into_iter().partition(|part| part.len() >= SHORTEST_STRETCH);
+        if long.is_empty() || short.is_empty() {
+            return if long.is_empty() { short } else { long };
+        }
+        let samples: usize = short.iter().map(Recording::len).sum();
+        self.note(format!("left out {samples} samples in {} stretches of fewer than {SHORTEST_STRETCH}", short.len()));
+        long
     }
 
     fn resample(&mut self, parts: Vec<Recording>, rate: Resample) -> Result<Vec<Recording>, RecordingError> {

@@ -31,6 +31,8 @@ pub(super) fn resample(recording: &Recording, period: u64) -> Recording {
         torque: recording.torque.as_deref().map(linear),
         channels: channels.map(|channel| Channel { name: channel.name.clone(), values: of_channel(channel) }).collect(),
         notes: recording.notes.clone(),
+        layout: recording.layout.clone(),
+        accepted: recording.accepted.clone(),
         time: stamps,
     }
 }

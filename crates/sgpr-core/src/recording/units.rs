@@ -56,10 +56,17 @@ macro_rules! unit {
             }
         }
 
+        impl $unit {
+            /// Its usual spelling.
+            pub fn name(self) -> &'static str {
+                let (_, names) = Self::SPELLINGS.iter().find(|(unit, _)| *unit == self).expect("each unit is listed");
+                names[0]
+            }
+        }
+
         impl fmt::Display for $unit {
             fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                let (_, names) = Self::SPELLINGS.iter().find(|(unit, _)| unit == self).expect("each unit is listed");
-                f.write_str(names[0])
+                f.write_str(self.name())
             }
         }
     };
@@ -80,9 +87,11 @@ pub enum PositionUnit {
     Millimetre,
 }
 
+// Beside the degree sign stand signs that look like it, and what it becomes in text of another encoding than was thought:
+// `ø` (code page 850), `¡` (Mac), U+FFFD (lost).
 unit!(PositionUnit, "position",
     Radian: ["rad", "radian", "radians"],
-    Degree: ["deg", "degree", "degrees", "°"],
+    Degree: ["deg", "degree", "degrees", "°", "º", "˚", "∘", "\u{fffd}", "ø", "¡"],
     Turn: ["turn", "turns", "rev", "revolutions"],
     Metre: ["m", "metre", "metres", "meter", "meters"],
     Millimetre: ["mm", "millimetre", "millimetres", "millimeter", "millimeters"]);
@@ -116,7 +125,9 @@ pub enum VelocityUnit {
 
 unit!(VelocityUnit, "velocity",
     RadianPerSecond: ["rad/s", "rad_s", "radps", "rads"],
-    DegreePerSecond: ["deg/s", "deg_s", "degps", "degs", "°/s"],
+    DegreePerSecond: [
+        "deg/s", "deg_s", "degps", "degs", "°/s", "°_s", "º/s", "º_s", "˚/s", "˚_s", "\u{fffd}/s", "\u{fffd}_s", "ø/s", "ø_s"
+    ],
     Rpm: ["rpm", "1/min", "rev/min"],
     MetrePerSecond: ["m/s", "m_s", "mps"],
     MillimetrePerSecond: ["mm/s", "mm_s", "mmps"]);
@@ -201,7 +212,7 @@ pub enum TimeUnit {
 unit!(TimeUnit, "time",
     Second: ["s", "sec", "secs", "second", "seconds"],
     Millisecond: ["ms", "msec", "millis", "milliseconds"],
-    Microsecond: ["us", "µs", "usec", "micros", "microseconds"],
+    Microsecond: ["us", "µs", "μs", "usec", "micros", "microseconds"],
     Nanosecond: ["ns", "nsec", "nanos", "nanosec", "nanoseconds"]);
 
 impl TimeUnit {
@@ -262,6 +273,17 @@ mod tests {
     fn unknown_units_are_answered_with_the_known_ones() {
         let message = "grad".parse::<PositionUnit>().expect_err("not a unit").to_string();
         assert_eq!(message, "`grad` is no unit of position; known are `rad`, `deg`, `turn`, `m`, `mm`");
+    }
+
+    #[test]
+    fn degree_signs_of_all_encodings() {
+        for sign in ["°", "º", "˚", "∘", "\u{fffd}", "ø", "¡"] {
+            assert_eq!(sign.parse::<PositionUnit>().expect(sign), PositionUnit::Degree);
+        }
+        assert_eq!("°/s".parse::<VelocityUnit>().expect("known"), VelocityUnit::DegreePerSecond);
+        // Micro sign and Greek mu.
+        assert_eq!("\u{b5}s".parse::<TimeUnit>().expect("known"), TimeUnit::Microsecond);
+        assert_eq!("\u{3bc}s".parse::<TimeUnit>().expect("known"), TimeUnit::Microsecond);
     }
 
     #[test]

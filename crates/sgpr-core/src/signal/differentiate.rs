@@ -1,9 +1,9 @@
 //! Derivatives of uniformly sampled signals.
 
-use sci_rs::signal::filter::savgol_coeffs_dyn;
 use serde::{Deserialize, Serialize};
 
 use super::SignalError;
+use super::savitzky_golay::weights;
 
 /// How velocity and acceleration are taken from a sampled position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -45,9 +45,10 @@ impl Differentiation {
         columns: usize,
         rate_hz: f64,
     ) -> Result<(Vec<f64>, Vec<f64>), SignalError> {
+        self.check()?;
         let samples = position.len() / columns;
-        if samples <= 2 * self.edge() {
-            return Err(SignalError::TooShort { samples, needed: 2 * self.edge() });
+        if samples <= self.edge().saturating_mul(2) {
+            return Err(SignalError::TooShort { samples, needed: self.edge().saturating_mul(2) });
         }
         match *self {
             Self::Central { accuracy } => {
@@ -58,21 +59,27 @@ impl Differentiation {
                 Ok((velocity, acceleration))
             }
             Self::SavitzkyGolay { window, degree } => {
-                if window % 2 == 0 || degree < 2 || degree >= window {
-                    let message = format!(
-                        "a Savitzky-Golay window of {window} samples with a polynomial of degree {degree} gives no \
-                         acceleration: take an odd window and a degree from 2 to window - 1"
-                    );
-                    return Err(SignalError::Window { message });
-                }
-                let weights = |derivative: usize| -> Vec<f64> {
-                    // The library returns them for a convolution, last sample first.
-                    savgol_coeffs_dyn(window, degree, Some(derivative), None).into_iter().rev().collect()
-                };
+                let weights = |derivative| weights(window / 2, degree, derivative);
                 let velocity = convolve(position, columns, &weights(1), rate_hz);
                 let acceleration = convolve(position, columns, &weights(2), rate_hz * rate_hz);
                 Ok((velocity, acceleration))
             }
+        }
+    }
+
+    /// # Errors
+    /// If no derivatives can be taken in this way, for signals of any length.
+    pub(crate) fn check(&self) -> Result<(), SignalError> {
+        match *self {
+            Self::Central { accuracy } => central_weights(accuracy).map(|_| ()),
+            Self::SavitzkyGolay { window, degree } if window % 2 == 0 || degree < 2 || degree >= window => {
+                let message = format!(
+                    "a Savitzky-Golay window of {window} samples with a polynomial of degree {degree} gives no \
+                     acceleration: take an odd window and a degree from 2 to window - 1"
+                );
+                Err(SignalError::Window { message })
+            }
+            Self::SavitzkyGolay { .. } => Ok(()),
         }
     }
 

@@ -3,12 +3,14 @@
 #[non_exhaustive]
 pub enum SignalError {
     /// A cut-off that the sampling rate cannot represent.
-    #[error("a cut-off of {cutoff_hz} Hz lies outside of what {rate_hz} Hz of sampling can hold: choose between 0 and {} Hz", rate_hz / 2.0)]
+    #[error("a cut-off of {cutoff_hz} Hz lies outside of what {rate_hz} Hz of sampling can hold: choose between {lowest_hz:.1e} and {} Hz", rate_hz / 2.0)]
     CutoffOutOfRange {
         /// Requested cut-off, Hz.
         cutoff_hz: f64,
         /// Sampling rate, Hz.
         rate_hz: f64,
+        /// Lowest cut-off at this rate, Hz.
+        lowest_hz: f64,
     },
     /// A filter order that makes no sense.
     #[error("a Butterworth filter of order {order} is not supported: choose 1 to 10")]

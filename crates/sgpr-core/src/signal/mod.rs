@@ -3,14 +3,17 @@
 //! Arrays are `[samples, columns]`, row-major: a filter runs down the samples of every column at once.
 
 mod autoregression;
+mod butterworth;
 mod differentiate;
 mod error;
 mod low_pass;
+mod savitzky_golay;
 mod spectrum;
 
 pub(crate) use autoregression::Autoregression;
 pub use differentiate::Differentiation;
 pub use error::SignalError;
+pub(crate) use low_pass::HIGHEST_ORDER;
 pub use low_pass::LowPass;
 pub(crate) use spectrum::power_by_order;
 pub use spectrum::{CutoffChoice, Spectrum, choose_cutoff};

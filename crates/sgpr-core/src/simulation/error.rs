@@ -24,6 +24,19 @@ pub enum SimulationError {
         /// Values given.
         found: usize,
     },
+    /// More samples than fit.
+    #[error(
+        "{samples} samples need {needed_gb:.1} GB, {limit_gb:.1} GB may be taken: choose a shorter duration or delay, or a \
+         longer `record_period`"
+    )]
+    TooLong {
+        /// Samples of the record.
+        samples: usize,
+        /// Memory needed, GB.
+        needed_gb: f64,
+        /// Memory that may be taken, GB.
+        limit_gb: f64,
+    },
     /// A drive that no machine has.
     #[error("the {quantity} of joint `{joint}` is {value}: it is finite and not negative")]
     InvalidDrive {

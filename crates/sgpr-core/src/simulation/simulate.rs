@@ -69,6 +69,9 @@ pub struct SimulationRecord {
 }
 
 impl SimulationRecord {
+    /// Arrays of one number per sample and joint.
+    const ARRAYS: u64 = 11;
+
     fn with_capacity(joint_names: Vec<String>, samples: usize) -> Self {
         let array = || Vec::with_capacity(samples * joint_names.len());
         Self {
@@ -184,6 +187,20 @@ pub fn simulate(
     Ok(run.record)
 }
 
+/// Refuses a record, and commands on their way, that do not fit before memory is taken.
+fn require_memory(samples: usize, commands: usize, joints: usize) -> Result<(), SimulationError> {
+    let (samples, commands, joints) = (samples as u64, commands as u64, joints as u64);
+    let per_sample = 1 + SimulationRecord::ARRAYS * joints;
+    let numbers = samples.saturating_mul(per_sample).saturating_add(commands.saturating_mul(joints));
+    let needed = numbers.saturating_mul(8);
+    let limit = crate::memory::usable();
+    if needed <= limit {
+        return Ok(());
+    }
+    let (needed_gb, limit_gb) = (needed as f64 / 1e9, limit as f64 / 1e9);
+    Err(SimulationError::TooLong { samples: samples as usize, needed_gb, limit_gb })
+}
+
 /// Buffers of a run.
 struct Run {
     steps: usize,
@@ -244,6 +261,8 @@ impl Run {
         if reference.dof() != n {
             return Err(SimulationError::Length { what: "reference", expected: n, found: reference.dof() });
         }
+        let (samples, commands) = (steps.div_ceil(control_steps * records), delay / control_steps + 2);
+        require_memory(samples, commands, n)?;
         let zeros = vec![0.0; n];
         let mut wanted = [zeros.clone(), zeros.clone(), zeros.clone()];
         if simulator.time() == 0.0 {

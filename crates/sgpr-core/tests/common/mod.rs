@@ -1,6 +1,8 @@
 //! What several test files share: the reference robots of `data/reference`.
 #![allow(dead_code, missing_docs)]
 
+pub mod outside;
+
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
@@ -17,11 +19,7 @@ pub fn data(path: &str) -> PathBuf {
 
 /// Robot, training logs and test log of a case with a hidden effect; none, with a word about it, where the folder is not.
 pub fn hidden_case(name: &str) -> Option<(Robot, [Recording; 3], [Recording; 1])> {
-    let folder = data("../../shared/data/hidden_effects").join(name);
-    if !folder.is_dir() {
-        println!("skipped: no logs in {}", folder.display());
-        return None;
-    }
+    let folder = outside::outside(&format!("hidden_effects/{name}"))?;
     let robot = Robot::from_urdf(folder.join("robot.urdf"), &UrdfOptions::default()).expect("a robot");
     let read = |name: &str| csv::read(folder.join(format!("{name}.csv")), &Default::default()).expect("a log");
     Some((robot, ["train_1", "train_2", "train_3"].map(read), [read("test")]))

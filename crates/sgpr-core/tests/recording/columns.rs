@@ -1,7 +1,7 @@
 //! Which column of a table is what.
 
 use sgpr_core::recording::csv::{ColumnMap, Columns, ReadOptions};
-use sgpr_core::recording::{PositionUnit, TimeUnit, TorqueUnit, Units, VelocityUnit};
+use sgpr_core::recording::{IssueKind, PositionUnit, TimeUnit, TorqueUnit, Units, VelocityUnit};
 
 use super::{assert_close, csv_error, message, names, read_csv, read_csv_with};
 
@@ -111,14 +111,129 @@ fn a_joint_called_like_a_unit() {
     assert_eq!(log.torque(), Some(&[3.0, 4.0][..]));
 }
 
+/// The same, taking joints in the order of the numbers of columns.
+fn wanting_in_order(joints: &[&str]) -> ReadOptions {
+    ReadOptions { accept: vec![IssueKind::JointsByOrder], ..wanting(joints) }
+}
+
 #[test]
-fn joints_by_number_in_order() {
-    let options = wanting(&["shoulder_pan_joint", "elbow_joint"]);
-    let log = read_csv_with("t,q1,q2,q3\n0,1,2,3\n", &options).expect("readable");
+fn joints_by_number_in_order_are_confirmed() {
+    let joints = ["shoulder_pan_joint", "elbow_joint"];
+    let text = "t,q1,q2,q3\n0,1,2,3\n";
+    assert_eq!(
+        message(read_csv_with(text, &wanting(&joints))),
+        "log.csv: no name tells which of the joints `shoulder_pan_joint`, `elbow_joint` is which of the columns `q1`, \
+         `q2`, `q3`: if the columns are numbered in the order of the joints, confirm it with \
+         `accept=[\"joints_by_order\"]`; else name them with `columns.position`"
+    );
+    let log = read_csv_with(text, &wanting_in_order(&joints)).expect("readable");
     assert_eq!(log.position(), [1.0, 2.0]);
     assert_eq!(log.joint_names(), ["shoulder_pan_joint", "elbow_joint"]);
     assert_eq!(log.notes(), ["joints by number: `shoulder_pan_joint`, `elbow_joint` are the columns `q1`, `q2`"]);
     assert_eq!(log.channel("q3").expect("kept").values, [3.0]);
+    assert!(log.layout().expect("of a table").by_order);
+    // A pattern of the caller numbers the joints, too.
+    let columns = ColumnMap { torque: pattern("i{}"), ..ColumnMap::default() };
+    let options = ReadOptions { columns, torque_constants: Some(vec![10.0, 100.0]), ..wanting(&["shoulder", "elbow"]) };
+    let log = read_csv_with("t,q1,q2,i1,i2\n0,1,2,3,4\n", &options).expect("readable");
+    assert_eq!((log.position(), log.torque().expect("computed")), (&[1.0, 2.0][..], &[30.0, 400.0][..]));
+}
+
+#[test]
+fn numbers_of_all_quantities_agree() {
+    // The third joint slides; its force has another name.
+    let text = "t,q1,q2,q3,q4,tau1,tau2,f3,tau4\n0,1,2,3,4,10,20,30,40\n";
+    for options in [ReadOptions::default(), wanting_in_order(&["a", "b", "c", "d"]), wanting(&["j1", "j2", "j3", "j4"])]
+    {
+        let error = message(read_csv_with(text, &options));
+        assert!(error.starts_with("log.csv: no torque column for"), "{error}");
+    }
+    let torque = Some(Columns::Names(names(&["tau1", "tau2", "f3", "tau4"])));
+    let options = ReadOptions { columns: ColumnMap { torque, ..ColumnMap::default() }, ..ReadOptions::default() };
+    let log = read_csv_with(text, &options).expect("told");
+    assert_eq!(log.torque().expect("told"), [10.0, 20.0, 30.0, 40.0]);
+    // One joint less than the numbers: the torque of the third is not that of the fourth.
+    let error = message(read_csv_with(text, &wanting_in_order(&["a", "b", "c"])));
+    assert!(error.starts_with("log.csv: no torque column for `c`"), "{error}");
+    // Counted from zero and from one.
+    let text = "t,q1,q2,tau0,tau1\n0,1,2,3,4\n";
+    for options in [ReadOptions::default(), wanting(&["j1", "j2"])] {
+        assert_eq!(
+            message(read_csv_with(text, &options)),
+            "log.csv: the torque columns `tau0`, `tau1` are numbered otherwise than the position columns `q1`, `q2`: say \
+             which belong to which joint with `columns.torque`"
+        );
+    }
+}
+
+#[test]
+fn a_unit_counts_whatever_else_the_name_says() {
+    let half_turn = std::f64::consts::PI;
+    for (name, options) in [
+        ("robot/axis1/actual_angle_deg", pattern("robot/axis{}/actual_angle_deg")),
+        ("A1_Istposition [deg]", pattern("A{}_Istposition [deg]")),
+        ("A1_Istposition [°]", pattern("A{}_Istposition [°]")),
+    ] {
+        let columns = ColumnMap { position: options, ..ColumnMap::default() };
+        let text = format!("t,{name}\n0,180\n");
+        for joints in [None, Some(names(&["joint_1"])), Some(names(&["elbow"]))] {
+            let options = ReadOptions { columns: columns.clone(), joints, ..ReadOptions::default() };
+            let log = read_csv_with(&text, &options).expect("readable");
+            assert_close(log.position(), &[half_turn], 1e-15);
+            assert!(log.layout().expect("of a table").to_string().contains("position in deg;"));
+        }
+    }
+    let columns = ColumnMap { position: pattern("A{} [inc]"), ..ColumnMap::default() };
+    let options = ReadOptions { columns, ..ReadOptions::default() };
+    assert_eq!(
+        message(read_csv_with("t,A1 [inc]\n0,4096\n", &options)),
+        "log.csv: column `A1 [inc]`: `inc` is no known unit of position: give the unit with `units.position`"
+    );
+}
+
+#[test]
+fn currents_are_no_torques() {
+    let columns = ColumnMap { torque: pattern("drive{}_cur_A"), ..ColumnMap::default() };
+    let options = ReadOptions { columns, ..ReadOptions::default() };
+    let text = "t,q1,drive1_cur_A\n0,1,2\n";
+    assert_eq!(
+        message(read_csv_with(text, &options)),
+        "log.csv: the columns `drive1_cur_A` hold motor currents in A, not torques: give `torque_constants`, N·m per A; \
+         or, if they are torques, their unit with `units.torque`"
+    );
+    let units = Units { torque: Some(TorqueUnit::NewtonMetre), ..Units::default() };
+    assert_eq!(read_csv_with(text, &ReadOptions { units, ..options }).expect("told").torque(), Some(&[2.0][..]));
+    let log = read_csv("t,q1,i1_A\n0,1,2\n");
+    assert!(log.notes()[0].starts_with("there is no torque, but motor currents (`i1_A`): give `torque_constants`"));
+}
+
+#[test]
+fn torque_constants_by_name() {
+    let text = "t,wrist_position,elbow_position,wrist_current,elbow_current\n0,1,2,10,20\n";
+    let listed = ReadOptions { torque_constants: Some(vec![3.0, 5.0]), ..ReadOptions::default() };
+    let error = message(read_csv_with(text, &listed));
+    assert_eq!(
+        error,
+        "log.csv: torque constants come in the order of the robot's joints, but only the log tells the joints here \
+         (`wrist`, `elbow`): name the joints in order with `joints`, or the joint of each constant (wrist=...)"
+    );
+    let constants = vec![("elbow".into(), 3.0), ("wrist".into(), 5.0)];
+    let named = ReadOptions { named_torque_constants: constants, ..ReadOptions::default() };
+    assert_eq!(read_csv_with(text, &named).expect("told").torque(), Some(&[50.0, 60.0][..]));
+    let robot = ReadOptions { joints: Some(names(&["elbow", "wrist"])), ..named.clone() };
+    assert_eq!(read_csv_with(text, &robot).expect("told").torque(), Some(&[60.0, 50.0][..]));
+    let robot = ReadOptions { joints: Some(names(&["elbow", "wrist"])), ..listed };
+    let log = read_csv_with(text, &robot).expect("ordered");
+    assert_eq!(log.torque(), Some(&[60.0, 50.0][..]));
+    assert_eq!(
+        log.layout().expect("of a table").to_string(),
+        "elbow = elbow_position, elbow_current * 3; wrist = wrist_position, wrist_current * 5; position in rad (m) \
+         (assumed), torque in A times the torque constant (assumed); time t in s (assumed)"
+    );
+    let lacking = ReadOptions { named_torque_constants: vec![("elbw".into(), 3.0)], ..ReadOptions::default() };
+    assert!(message(read_csv_with(text, &lacking)).contains("there is no joint `elbw` (did you mean `elbow`?)"));
+    let lacking = ReadOptions { named_torque_constants: vec![("elbow".into(), 3.0)], ..ReadOptions::default() };
+    assert_eq!(message(read_csv_with(text, &lacking)), "log.csv: there is no torque constant for joint `wrist`");
 }
 
 #[test]
@@ -202,12 +317,25 @@ fn a_joint_without_column() {
     assert!(error.starts_with("log.csv: no position column for `b`"), "{error}");
     let error = message(read_csv_with("t,q1\n0,1\n", &wanting(&["a", "b"])));
     assert!(error.starts_with("log.csv: no position column for `b`"), "{error}");
+    let log = read_csv_with("t,q1\n0,1\n", &wanting(&["a"])).expect("one joint, one column");
+    assert!(!log.layout().expect("of a table").by_order);
 }
 
 #[test]
 fn no_positions_at_all() {
     let error = csv_error("t,x,y\n0,1,2\n");
     assert!(error.starts_with("log.csv: no joint positions among the columns `t`, `x`, `y`; say which"), "{error}");
+}
+
+#[test]
+fn joints_of_other_names_are_told() {
+    let text = "t,axis_a_position,axis_b_position\n0,1,2\n";
+    assert_eq!(
+        message(read_csv_with(text, &wanting(&["shoulder", "elbow"]))),
+        "log.csv: the log has the joints `axis_a`, `axis_b`, not `shoulder`, `elbow`: name its columns in the order of the \
+         robot with `columns.position`, such as position=axis_a_position,axis_b_position, and those of velocity and torque \
+         alike"
+    );
 }
 
 #[test]

@@ -101,8 +101,114 @@ fn text_among_numbers() {
     let error = csv_error("t,q1\nnow,1\n");
     assert!(error.starts_with("log.csv:2: column `t`: `now` is not a time in s"), "{error}");
     assert_eq!(csv_error("t,q1\n,1\n"), "log.csv:2: column `t`: `` is not a time in s");
-    let error = csv_error("t,q1\ns,rad\n0,1\n");
-    assert_eq!(error, "log.csv:2: column `t`: `s` is not a time in s; if this is a row of units, take it out");
+    let error = csv_error("t,q1\ns,rad\nx,1\n");
+    assert!(
+        error.starts_with("log.csv:3: column `t`: `x` is not a time in s (times are numbers, ISO 8601 "),
+        "{error}"
+    );
+}
+
+#[test]
+fn titles_above_the_names() {
+    for text in [
+        "Aufzeichnung KR6;;\nt;q1;q2\n0;1,5;2\n",
+        "Aufzeichnung KR6\nvom 3. Maerz, 14 Uhr\n\nt;q1;q2\n0;1,5;2\n",
+        "sep=;\nt;q1;q2\n0;1,5;2\n",
+        "robot,KR6,12\nt,q1,q2\n0,1.5,2\n",
+    ] {
+        let log = read_csv(text);
+        assert_eq!(log.position(), [1.5, 2.0], "{text}");
+        assert!(log.notes()[0].ends_with("above the names of the columns"), "{:?}", log.notes());
+    }
+    // What is no header nowhere is spoken of as before.
+    let error = csv_error("x,y\n0,1\n1,2\n");
+    assert!(error.starts_with("log.csv: no time column among `x`, `y`"), "{error}");
+    let error = csv_error("title\nx,y\n0,1\n");
+    assert!(error.starts_with("log.csv: no time column among `title`"), "{error}");
+    // Line numbers count titles.
+    assert!(csv_error("title\nt,q1\n0,x\n").starts_with("log.csv:3: column `q1`"));
+}
+
+#[test]
+fn a_line_of_units_below_the_names() {
+    let expected = [std::f64::consts::PI, 0.25];
+    for text in [
+        "t,q1,q2,tau1,tau2\nms,deg,mm,Nm,N\n1500,180,250,3,4\n",
+        "t;q1;q2;tau1;tau2\n[ms];[°];[mm];[Nm];[N]\n1500;180;250;3;4\n",
+        "t\tq1\tq2\ttau1\ttau2\nms\tdeg\tmm\t\t-\n1500\t180\t250\t3\t4\n",
+        "t,q1_deg,q2_mm,tau1,tau2\nms,,,N.m,N\n1500,180,250,3,4\n",
+    ] {
+        let log = read_csv(text);
+        assert_eq!(log.time(), [1_500_000_000], "{text}");
+        assert_eq!(log.position(), expected, "{text}");
+        assert_eq!(log.torque(), Some(&[3.0, 4.0][..]), "{text}");
+    }
+    assert_eq!(
+        csv_error("t,q1\nms,inc\n0,1\n"),
+        "log.csv: column `q1`: `inc` is no known unit of position: give the unit with `units.position`"
+    );
+}
+
+#[test]
+fn degrees_in_every_encoding() {
+    let half_turn = std::f64::consts::PI;
+    for header in [
+        "t,q_1 [°]".as_bytes(),
+        b"t,q_1 [\xb0]",
+        b"t,q_1 [\xf8]",
+        "t,q_1 [Â°]".as_bytes(),
+        "t,q_1 [º]".as_bytes(),
+        "t,q_1 [\u{fffd}]".as_bytes(),
+    ] {
+        let log = read_csv([header, b"\n0,180\n"].concat());
+        assert_eq!(log.position(), [half_turn], "{header:?}");
+    }
+    // A pattern of the caller, who sees the sign, fits the name in Latin-1.
+    let position = Some(csv::Columns::Pattern("Achse {} [°]".into()));
+    let columns = csv::ColumnMap { position, ..csv::ColumnMap::default() };
+    let options = ReadOptions { columns, ..ReadOptions::default() };
+    let log = read_csv_with(b"t;Achse 1 [\xb0]\n0;180\n", &options).expect("readable");
+    assert_eq!(log.position(), [half_turn]);
+}
+
+#[test]
+fn dates_and_times_of_day() {
+    let start = 1_772_529_300_000_000_000;
+    for text in [
+        "time,q1\n2026-03-03T09:15:00.000+00:00,0\n2026-03-03T09:15:00.004+00:00,1\n",
+        "time,q1\n2026-03-03 09:15:00.000,0\n2026-03-03 09:15:00.004,1\n",
+        "time;q1\n03.03.2026 09:15:00,000;0\n03.03.2026 09:15:00,004;1\n",
+        "time_s,q1\n2026-03-03T09:15:00Z,0\n2026-03-03T09:15:00.004Z,1\n",
+        "time,q1\n\"2026-03-03T10:15:00,000+01:00\",0\n\"2026-03-03T10:15:00,004+01:00\",1\n",
+    ] {
+        let log = read_csv(text);
+        assert_eq!(log.time(), [start, start + 4_000_000], "{text}");
+        assert_eq!(log.position(), [0.0, 1.0]);
+    }
+    let log = read_csv("time,q1\n23:59:59.998,0\n00:00:00.002,1\n00:00:00.001,2\n");
+    let steps: Vec<i64> = log.time().windows(2).map(|pair| pair[1] - pair[0]).collect();
+    assert_eq!(steps, [4_000_000, -1_000_000], "midnight passes, a small step back remains one");
+    assert_eq!(log.layout().expect("of a table").time, "time as dates or times of day");
+    let error = csv_error("time,q1\n09:15:00,0\nsoon,1\n");
+    assert!(error.starts_with("log.csv:3: column `time`: `soon` is not a time in dates and times of day"), "{error}");
+    let error = csv_error("time,q1\n03/04/2026 09:15:00,0\n");
+    assert!(error.starts_with("log.csv:2: column `time`: `03/04/2026 09:15:00` is not a time"), "{error}");
+}
+
+#[test]
+fn copies_have_one_hash() {
+    let text = "t,q1,tau1\n0,1,2\n1,3,4\n";
+    let hash = read_csv(text).content_hash();
+    assert_eq!(read_csv(text.replace("tau1", "torque_1")).content_hash(), hash);
+    for other in [
+        "t,q1,tau1\n0,1,2\n1,3,5\n",
+        "t,q1,tau1\n0,1,2\n2,3,4\n",
+        "t,q1,dq1\n0,1,2\n1,3,4\n",
+        "t,q2,tau2\n0,1,2\n1,3,4\n",
+        "t,q1,tau1\n0,1,2\n",
+    ] {
+        assert_ne!(read_csv(other).content_hash(), hash, "{other}");
+    }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! What is found in logs that are made to have it.
 
-use sgpr_core::recording::{Channel, Issue, IssueKind, Recording, Severity, inspect};
+use sgpr_core::recording::{Channel, Issue, IssueKind, Recording, Severity, doubtful_units, inspect};
 
 use super::names;
 
@@ -63,12 +63,22 @@ fn values_that_are_not_finite() {
     log.velocity[2 * 100 + 1] = f64::NAN;
     log.velocity[2 * 300 + 1] = f64::INFINITY;
     let issue = log.issue();
-    assert_eq!((issue.kind, issue.severity, issue.count), (IssueKind::NotFinite, Severity::Error, 2));
+    assert_eq!((issue.kind, issue.severity, issue.count), (IssueKind::NotFinite, Severity::Warning, 2));
     assert_eq!((issue.time, issue.channel.as_deref()), (Some(1.0), Some("b_velocity")));
     assert_eq!(
         issue.message,
-        "`b_velocity` is missing or not finite in 2 samples (0.10 %), first in sample 100: drop these samples"
+        "`b_velocity` is missing or not finite in 2 samples (0.10 %), first in sample 100: drop these samples \
+         (repair: drop_not_finite)"
     );
+}
+
+#[test]
+fn positions_and_torques_must_be_finite() {
+    for array in 0..2 {
+        let mut log = Log::new();
+        [&mut log.position, &mut log.torque][array][201] = f64::NAN;
+        assert_eq!((log.issue().kind, log.issue().severity), (IssueKind::NotFinite, Severity::Error));
+    }
 }
 
 #[test]
@@ -140,9 +150,10 @@ fn long_steps() {
 fn irregular_steps() {
     let log = Log::with_time((0..2000).map(|k| k * 10 * MS + if k % 3 == 0 { 4 * MS } else { 0 }).collect());
     let issue = log.issue();
-    assert_eq!((issue.kind, issue.severity), (IssueKind::IrregularSampling, Severity::Warning));
+    assert_eq!((issue.kind, issue.severity), (IssueKind::IrregularSampling, Severity::Error));
     assert!(issue.message.contains("1 % to 99 % of the steps 6.000 ms to 14.000 ms"), "{}", issue.message);
     assert!(issue.message.contains("67 % of the steps are off by more than 10 %, 0.00 % by more than 50 %"));
+    assert!(issue.message.ends_with("too irregular to differentiate, resample first (resample: 100 Hz)"));
 }
 
 #[test]
@@ -150,7 +161,23 @@ fn a_time_in_the_wrong_unit() {
     let log = Log::with_time((0..2000).map(|k| k * 10_000 * 1000 * MS).collect());
     let issues = log.issues();
     let issue = issues.iter().find(|issue| issue.kind == IssueKind::UnlikelyRate).expect("hours from sample to sample");
-    assert_eq!(issue.message, "the median step is 10000 s: if the log is not that slow, give the unit of the time");
+    assert_eq!(issue.severity, Severity::Error);
+    assert_eq!(
+        issue.message,
+        "the median step is 10000 s, and no joint is faster than 2.1e-4 rad/s (m/s): if the log is not that slow, give the \
+         unit of the time with `units.time`; if it is, confirm it (accept: unlikely_rate)"
+    );
+    assert_eq!(kinds(&doubtful_units(&log.recording())), [IssueKind::UnlikelyRate]);
+    let accepted = log.recording().accepting(&[IssueKind::UnlikelyRate]);
+    assert_eq!(doubtful_units(&accepted), []);
+    assert!(inspect(&accepted).iter().all(|issue| issue.severity < Severity::Error), "{:?}", inspect(&accepted));
+    // Milliseconds of a fast log are no long steps, but then no joint moves.
+    let mut log = Log::with_time((0..2000).map(|k| k * 100 * MS).collect());
+    log.position.iter_mut().for_each(|q| *q *= 1e-3);
+    log.velocity.iter_mut().for_each(|dq| *dq *= 1e-3);
+    assert!(kinds(&log.issues()).contains(&IssueKind::UnlikelyRate));
+    let log = Log::with_time((0..2000).map(|k| k * 100 * MS).collect());
+    assert!(!kinds(&log.issues()).contains(&IssueKind::UnlikelyRate));
 }
 
 #[test]
@@ -189,6 +216,10 @@ fn positions_in_degrees() {
     let issues = log.issues();
     assert_eq!(kinds(&issues), [IssueKind::PositionInDegrees; 2]);
     assert!(issues[0].message.contains("changes 57.3 times as fast as the velocity says"), "{}", issues[0].message);
+    assert_eq!(issues[0].severity, Severity::Error);
+    assert_eq!(kinds(&doubtful_units(&log.recording())), [IssueKind::PositionInDegrees; 2]);
+    let accepted = log.recording().accepting(&[IssueKind::PositionInDegrees]);
+    assert_eq!(doubtful_units(&accepted), []);
     // Both in degrees: only the range tells.
     log.velocity.iter_mut().for_each(|dq| *dq = dq.to_degrees());
     let issues = log.issues();

@@ -1,18 +1,17 @@
-//! Logs of real arms. They are not part of the repository: `SGPR_DATA` names their folder; without it the tests pass over.
+//! Logs of real arms. They are not part of the repository: `SGPR_DATA` names their folder; without
+//! it the tests are skipped.
 
 use std::path::{Path, PathBuf};
 
 use sgpr_core::recording::csv::{self, ReadOptions, Rows};
 use sgpr_core::recording::{IssueKind, Recording, Repair, Resample, inspect, repair};
 
+#[path = "../common/outside.rs"]
+mod outside;
+
+/// The folder of the robots' folders, if the logs are there.
 fn folder() -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/real");
-    let folder = std::env::var_os("SGPR_DATA").map_or(beside, PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: no logs in {}", folder.display());
-    None
+    outside::outside("real/panda")?.parent().map(PathBuf::from)
 }
 
 fn read(folder: &Path, name: &str, options: &ReadOptions) -> Recording {
@@ -53,6 +52,7 @@ fn ur10e() {
     let joints = ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"];
     let options = ReadOptions {
         joints: Some(joints.map(|name| format!("{name}_joint")).to_vec()),
+        accept: vec![IssueKind::JointsByOrder],
         torque_constants: Some(vec![10.0, 10.6956, 8.4566, 9.0029, 9.48, 10.1232]),
         rows: Some(Rows::Numbers(635..=3510)),
         ..ReadOptions::default()

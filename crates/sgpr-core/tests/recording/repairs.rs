@@ -148,3 +148,18 @@ fn arrays_of_wrong_length() {
     let channel = Channel { name: "x".into(), values: vec![1.0, 2.0] };
     assert_eq!(message(new(None, vec![channel])), "log: `x` has 2 values, expected 1");
 }
+
+#[test]
+fn a_sample_that_strayed_before_the_log_is_left_out() {
+    let time: Vec<i64> = [0].into_iter().chain((0..100).map(|k| 1_700_000_000_000_000_000 + k * 10_000_000)).collect();
+    let position: Vec<f64> = (0..101).map(f64::from).collect();
+    let log = Recording::new("log", names(&["a"]), time, position, None, None, vec![]).expect("fits");
+    for request in [
+        Repair { resample: Some(Resample::MedianRate), ..Repair::default() },
+        Repair { split_gaps: Some(1.0), ..Repair::default() },
+    ] {
+        let (parts, actions) = repair(&log, &request).expect("sorted");
+        assert_eq!(parts.iter().map(Recording::len).collect::<Vec<_>>(), [100]);
+        assert!(actions.iter().any(|action| action.contains("left out 1 samples in 1 stretches")), "{actions:?}");
+    }
+}

@@ -13,7 +13,7 @@ from ._sgpr import Recording, RecordingError
 
 _DEFAULT_LIMIT = 4 << 30
 
-_NAMES = {
+NAMES = {
     "t": ("t", "time", "time_ns"),
     "q": ("q", "position"),
     "dq": ("dq", "velocity"),
@@ -33,10 +33,15 @@ def read(path: Path, joints: Sequence[str] | None = None, *, limit_bytes: int | 
         if error.filename is not None:  # The file could not be opened; else an offset in it leads nowhere.
             raise
         raise RecordingError(f"{path}: not a NumPy archive, or damaged: {error}") from None
-    chosen = {role: _one_of(path, arrays, names) for role, names in _NAMES.items()}
+    return recording_of(path, arrays, joints)
+
+
+def recording_of(path: Path, arrays: dict[str, NDArray[Any]], joints: Sequence[str] | None) -> Recording:
+    """A recording of `t`, `q` and, if logged, `dq`, `tau`, `joint_names`; other columns become channels."""
+    chosen = {role: _one_of(path, arrays, names) for role, names in NAMES.items()}
     for role, expected in (("t", "(N,)"), ("q", "(N, n)")):
         if chosen[role] is None:
-            wanted = " or ".join(f"`{name}`" for name in _NAMES[role])
+            wanted = " or ".join(f"`{name}`" for name in NAMES[role])
             found = ", ".join(f"`{name}`" for name in arrays) or "none"
             raise RecordingError(f"{path}: no array {wanted} of shape {expected}; the arrays are {found}")
     time, position = arrays[chosen["t"] or ""], arrays[chosen["q"] or ""]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from . import _bags, _npz, _parquet
+from . import _bags, _containers, _frames, _npz, _parquet
 from ._sgpr import Recording, RecordingError, read_csv, read_mcap
 
 
@@ -29,6 +29,8 @@ _PARQUET = _Format("Parquet", _parquet.read, _TABLE_OPTIONS)
 _MCAP = _Format("MCAP", read_mcap, _TOPIC_OPTIONS | {"recover"})
 _BAG = _Format("ROS bag", _bags.read, _TOPIC_OPTIONS)
 _NPZ = _Format("NumPy archive", _npz.read, frozenset({"limit_bytes"}))
+_MAT = _Format("MATLAB", _containers.read_mat, _TABLE_OPTIONS)
+_HDF5 = _Format("HDF5", _containers.read_hdf5, _TABLE_OPTIONS)
 
 _SUFFIXES = {
     ".csv": _CSV,
@@ -42,6 +44,9 @@ _SUFFIXES = {
     ".bag": _BAG,
     ".db3": _BAG,
     ".npz": _NPZ,
+    ".mat": _MAT,
+    ".h5": _HDF5,
+    ".hdf5": _HDF5,
 }
 
 _BEGINNINGS = {
@@ -49,27 +54,32 @@ _BEGINNINGS = {
     b"#ROSBAG V2": _BAG,
     b"SQLite format 3\0": _BAG,
     b"PAR1": _PARQUET,
+    b"MATLAB 5.0 MAT": _MAT,
+    b"\x89HDF\r\n\x1a\n": _HDF5,
     b"\x1f\x8b": _CSV,
 }
 
 
-def read(path: str | os.PathLike[str], joints: Sequence[str] | None = None, **options: Any) -> Recording:
-    """Reads a log: CSV, MCAP, ROS bag, NumPy archive or Parquet.
+def read(path: str | os.PathLike[str] | Any, joints: Sequence[str] | None = None, **options: Any) -> Recording:
+    """Reads a log: CSV, MCAP, ROS bag, NumPy archive, Parquet, MATLAB or HDF5 file, or a DataFrame.
 
     Parameters
     ----------
-    path : str or os.PathLike
-        By its name: `.csv`, `.csv.gz`, `.txt`, `.tsv` as in `read_csv`; `.mcap` as in `read_mcap`; `.bag` (ROS 1),
-        `.db3` or the folder of a ROS 2 bag with `sensor_msgs/JointState` (needs `pip install sgpr[bags]`); `.npz` with
-        the arrays `t`, `q`, `dq`, `tau` (or `time`, `position`, `velocity`, `torque` or `effort`) and `joint_names`;
-        `.parquet` with columns as in a CSV file (needs `pip install sgpr[parquet]`). By its beginning if the name does
-        not tell.
+    path : str or os.PathLike, or DataFrame
+        A DataFrame of pandas or polars is read by the names of its columns, as a CSV file. A file by its name: `.csv`,
+        `.csv.gz`, `.txt`, `.tsv` as in `read_csv`; `.mcap` as in `read_mcap`; `.bag` (ROS 1), `.db3` or the folder of a
+        ROS 2 bag with `sensor_msgs/JointState` (needs `pip install sgpr[bags]`); `.npz` with the arrays `t`, `q`, `dq`,
+        `tau` (or `time`, `position`, `velocity`, `torque` or `effort`) and `joint_names`; `.mat` (needs
+        `pip install sgpr[matlab]`) and `.h5`, `.hdf5` (needs `pip install sgpr[hdf5]`) with such arrays, also in a
+        structure or group, or with one vector per column as in a CSV file; `.parquet` with columns as in a CSV file
+        (needs `pip install sgpr[parquet]`). By its beginning if the name does not tell.
     joints : list of str, optional
         Joints wanted, in order, e.g. `robot.joint_names`; by default those that the log names.
     **options
         Tables: `columns`, `units`, `torque_constants`, `rows`, `seconds`, `sample_rate_hz`, see `read_csv`. MCAP and
-        bags: `logged_names`, `topics`, `clock`, and for MCAP `recover`, see `read_mcap`. All: `limit_bytes`. An option
-        that does not apply to the format is an error.
+        bags: `logged_names`, `topics`, `clock`, and for MCAP `recover`, see `read_mcap`. All: `limit_bytes`, and
+        `accept`, findings that are right, see `Recording.accept`. An option that does not apply to the format is an
+        error.
 
     Returns
     -------
@@ -89,21 +99,35 @@ def read(path: str | os.PathLike[str], joints: Sequence[str] | None = None, **op
     >>> log.dof, log.sample_rate_hz
     (6, 250.0)
     """
+    if _frames.is_frame(path):
+        return _frames.read(path, joints, **options)
     file = Path(path)
+    accept = options.pop("accept", None)
     if not file.exists():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), os.fspath(path))
     chosen = _bag_of_folder(file) if file.is_dir() else _format_of(file)
     given = {name: value for name, value in options.items() if value is not None}
     for name in given:
         if name not in _TABLE_OPTIONS | _MCAP.options:
-            known = ", ".join(sorted(_TABLE_OPTIONS | _MCAP.options))
+            known = ", ".join(sorted(_TABLE_OPTIONS | _MCAP.options | {"accept"}))
             raise TypeError(f"read() got an unexpected keyword argument '{name}'; options are {known}")
         if name not in chosen.options:
             allowed = ", ".join(sorted(chosen.options))
             raise RecordingError(
                 f"{file}: the option `{name}` does not apply to {chosen.name} files; those that do: {allowed}"
             )
-    return chosen.read(file, joints, **given)
+    if accept is None:
+        return chosen.read(file, joints, **given)
+    if "columns" in chosen.options:
+        return chosen.read(file, joints, accept=accept, **given)
+    return chosen.read(file, joints, **given).accept(accept)
+
+
+def options_of(path: str | os.PathLike[str]) -> frozenset[str]:
+    """Options that apply to the format of a file."""
+    file = Path(path)
+    chosen = _bag_of_folder(file) if file.is_dir() else _format_of(file)
+    return chosen.options | {"accept"}
 
 
 def _format_of(file: Path) -> _Format:

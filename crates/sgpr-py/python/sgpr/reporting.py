@@ -1,8 +1,8 @@
 """Pages with plots of what Python holds."""
 
 import os
-from pathlib import Path
 
+from ._pages import write_page
 from ._sgpr import Excitation, Robot, SgprError, Simulation
 
 
@@ -39,12 +39,4 @@ def save_report(result: Excitation | Simulation, robot: Robot, path: str | os.Pa
         text = MotionPage(robot, result, {"versions": versions()}).html()
     else:
         text = TrackingPage(robot, result, {}, versions()).html()
-    place = Path(path)
-    beside = place.with_name(f".{os.getpid()}-{place.name}")
-    try:
-        beside.write_text(text, encoding="utf-8", newline="\n")
-        os.replace(beside, place)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(place)) from error
-    finally:
-        beside.unlink(missing_ok=True)
+    write_page(path, text)

@@ -77,6 +77,12 @@ pub struct Input {
 /// More leaves, or deeper trees, come from a damaged file.
 const MOST_NODES: usize = 256;
 
+/// Whether a length scale, a variance or a period can be computed with: its square, and one over
+/// that, are numbers.
+pub(crate) fn is_hyperparameter(value: f64) -> bool {
+    (1e-150..=1e150).contains(&value)
+}
+
 impl Kernel {
     /// One length scale for the inputs 0..`inputs`.
     pub fn isotropic(shape: Shape, inputs: usize, length_scale: f64) -> Self {
@@ -246,7 +252,7 @@ impl Kernel {
         self.validate_node(inputs, 0, &mut nodes)?;
         let mut result = Ok(());
         self.clone().for_each_parameter(&mut |name, value| {
-            if result.is_ok() && !(*value > 0.0 && value.is_finite()) {
+            if result.is_ok() && !is_hyperparameter(*value) {
                 result = Err(GpError::Hyperparameter { name, value: *value });
             }
         });
@@ -274,7 +280,7 @@ impl Kernel {
                     if input.index >= inputs {
                         return Err(GpError::Input { input: input.index, inputs });
                     }
-                    if let Some(period) = input.period.filter(|period| !(*period > 0.0 && period.is_finite())) {
+                    if let Some(period) = input.period.filter(|period| !is_hyperparameter(*period)) {
                         return Err(GpError::Hyperparameter { name: "the period".into(), value: period });
                     }
                 }

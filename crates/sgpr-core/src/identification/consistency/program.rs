@@ -7,6 +7,7 @@ use clarabel::solver::{
 };
 
 // The symbols that clarabel's cone of semidefinite matrices calls.
+#[cfg(feature = "bundled-lapack")]
 extern crate sgpr_lapack as _;
 
 /// constant + sum of factor * variable.

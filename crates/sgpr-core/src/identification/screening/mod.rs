@@ -14,6 +14,7 @@ pub use delays::screen_delays;
 use super::estimate::Groups;
 use super::extended_factor::{ExtendedFactor, own_noise};
 use super::least_squares::{Directions, Solution, stack, torque_norm};
+use super::robust::MEDIAN_OF_NORMAL;
 use super::{BaseParameters, Equations, Estimate, IdentificationError, JointFactor, ParameterSet};
 
 /// Something suspicious in the data of an identification.
@@ -622,7 +623,6 @@ pub fn screen_rows(
 ) -> Result<Vec<Finding>, IdentificationError> {
     // Normal noise has one row in 1e15 beyond eight deviations; friction and filters have tails.
     const FAR: f64 = 8.0;
-    const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_081_7;
     // A hundredth of the time may carry this much of the information.
     const SHARE: f64 = 0.3;
     const TIME: f64 = 0.02;

@@ -141,6 +141,11 @@ impl SemiParametricModel {
             Ok(bytes) => Some(TorqueModel::from_bytes_with(bytes.data(), origin, effects)?),
             Err(_) => None,
         };
+        let (needed, limit) = (memory_for(&tensors, head.joints.len()), crate::memory::usable());
+        if needed > limit {
+            let (needed_gb, limit_gb) = (needed as f64 / 1e9, limit as f64 / 1e9);
+            return Err(ModelFileError::Memory { path: origin.into(), needed_gb, limit_gb });
+        }
         Self::from_head(head, physics, identified, &tensors).map_err(malformed)
     }
 
@@ -189,6 +194,21 @@ impl SemiParametricModel {
         }
         Ok(model)
     }
+}
+
+/// Bytes that the processes of a file take once they are conditioned: a square matrix of the points
+/// of an exact one, and six for one that sees all rows through them.
+fn memory_for(tensors: &SafeTensors<'_>, joints: usize) -> u64 {
+    let points = |joint: usize, name: &str| {
+        let view = tensors.tensor(&format!("joint_{}.{name}", joint + 1)).ok()?;
+        Some((view.data().len() / size_of::<f64>()) as u64)
+    };
+    let bytes = |points: u64, matrices: u64| points.saturating_mul(points).saturating_mul(8 * matrices);
+    let of_joint = |joint: usize| {
+        let sparse = points(joint, "projection").map(|points| bytes(points, 6));
+        sparse.or_else(|| points(joint, "residual").map(|points| bytes(points, 1))).unwrap_or_default()
+    };
+    (0..joints).map(of_joint).fold(0, u64::saturating_add)
 }
 
 /// The process of a joint.

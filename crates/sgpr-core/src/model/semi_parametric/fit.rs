@@ -200,6 +200,7 @@ fn fit_joints(
     };
     let (stopped, done, next) = (AtomicBool::new(false), AtomicUsize::new(0), AtomicUsize::new(0));
     let work = || {
+        crate::threads::prepare();
         let relay = Relay { stopped: &stopped, done: &done };
         let mut found = Vec::new();
         if options.shared {

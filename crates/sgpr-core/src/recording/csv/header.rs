@@ -48,16 +48,46 @@ impl Quantity {
         }
     }
 
-    /// What one unit, spelled `unit`, is in SI.
-    pub(super) fn factor(self, unit: &str) -> Option<f64> {
+    /// The unit spelled `text`.
+    pub(super) fn unit(self, text: &str) -> Option<StatedUnit> {
         match self {
-            Self::Position => unit.parse().ok().map(PositionUnit::factor),
-            Self::Velocity => unit.parse().ok().map(VelocityUnit::factor),
-            Self::Torque => unit.parse().ok().map(TorqueUnit::factor),
-            Self::Current => unit.parse().ok().map(CurrentUnit::factor),
+            Self::Position => text.parse::<PositionUnit>().ok().map(StatedUnit::from),
+            Self::Velocity => text.parse::<VelocityUnit>().ok().map(StatedUnit::from),
+            Self::Torque => text.parse::<TorqueUnit>().ok().map(StatedUnit::from),
+            Self::Current => text.parse::<CurrentUnit>().ok().map(StatedUnit::from),
+        }
+    }
+
+    /// What is taken where nobody says a unit.
+    pub(super) fn usual_unit(self) -> &'static str {
+        match self {
+            Self::Position => "rad (m)",
+            Self::Velocity => "rad/s (m/s)",
+            Self::Torque => "N·m (N)",
+            Self::Current => "A",
         }
     }
 }
+
+/// A unit that somebody stated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct StatedUnit {
+    pub(super) name: &'static str,
+    /// What one of it is in SI.
+    pub(super) factor: f64,
+}
+
+macro_rules! stated {
+    ($($unit:ident),+) => {
+        $(impl From<$unit> for StatedUnit {
+            fn from(unit: $unit) -> Self {
+                Self { name: unit.name(), factor: unit.factor() }
+            }
+        })+
+    };
+}
+
+stated!(PositionUnit, VelocityUnit, TorqueUnit, CurrentUnit);
 
 /// How a column names its joint.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -75,8 +105,8 @@ pub(super) enum Label {
 pub(super) struct Meaning {
     pub(super) quantity: Quantity,
     pub(super) label: Label,
-    /// What one unit is in SI; `None` if the name is silent.
-    pub(super) factor: Option<f64>,
+    /// `None` if the name is silent.
+    pub(super) unit: Option<StatedUnit>,
 }
 
 /// Longer names, in bytes, are not looked at.
@@ -90,12 +120,40 @@ pub(super) fn meaning(name: &str, joints: Option<&[String]>) -> Option<Meaning> 
     let words = Words::of(name);
     let of_known_joint = joints.unwrap_or_default().iter().filter_map(|joint| {
         let place = words.find(joint)?;
-        let (quantity, factor) = words.without(place).quantity_alone()?;
+        let (quantity, unit) = words.without(place).quantity_alone()?;
         // Of `arm` and `upper_arm` the longer name is meant.
-        Some((joint.len(), Meaning { quantity, label: Label::Name(joint.clone()), factor }))
+        Some((joint.len(), Meaning { quantity, label: Label::Name(joint.clone()), unit }))
     });
     let known = of_known_joint.max_by_key(|(length, _)| *length).map(|(_, meaning)| meaning);
     known.or_else(|| words.quantity_and_label(joints.is_none()))
+}
+
+/// The unit in which a name ends whose other words are not understood: `axis3/angle_deg`, `A1_Istposition [°]`.
+pub(super) fn unit_at_end(name: &str, quantity: Quantity) -> Option<StatedUnit> {
+    if name.len() > LONGEST_NAME {
+        return None;
+    }
+    match bracketed(name) {
+        Some(text) => quantity.unit(text),
+        None => Words::of(name).unit_at_end(quantity),
+    }
+}
+
+/// What stands in brackets at the end of a name, unless it is the number of a joint.
+pub(super) fn bracketed(name: &str) -> Option<&str> {
+    let name = name.trim_end();
+    let open = match name.chars().last()? {
+        ']' => '[',
+        ')' => '(',
+        _ => return None,
+    };
+    let text = name[name.rfind(open)? + 1..name.len() - 1].trim();
+    (!text.is_empty() && !text.chars().all(|letter| letter.is_ascii_digit())).then_some(text)
+}
+
+/// Whether the words of a text in brackets are no unit but say that this is the measurement of a joint.
+pub(super) fn says_nothing(text: &str) -> bool {
+    Words::of(text).says_nothing()
 }
 
 /// The unit of a time column, or `None` if `name` is none. The unit is `None` if the name does not say it.
@@ -132,7 +190,26 @@ mod tests {
     use super::*;
 
     fn read(name: &str) -> Option<(Quantity, Label, Option<f64>)> {
-        meaning(name, None).map(|meaning| (meaning.quantity, meaning.label, meaning.factor))
+        let factor = |unit: StatedUnit| unit.factor;
+        meaning(name, None).map(|meaning| (meaning.quantity, meaning.label, meaning.unit.map(factor)))
+    }
+
+    #[test]
+    fn units_behind_words_that_are_not_understood() {
+        let unit = |name, quantity| unit_at_end(name, quantity).map(|unit| unit.name);
+        assert_eq!(unit("robot/axis3/actual_angle_deg", Quantity::Position), Some("deg"));
+        assert_eq!(unit("A1_Istposition [°]", Quantity::Position), Some("deg"));
+        assert_eq!(unit("A1_Istposition (mm)", Quantity::Position), Some("mm"));
+        assert_eq!(unit("A1_Drehzahl [1/min]", Quantity::Velocity), Some("rpm"));
+        assert_eq!(unit("drive 2 speed_deg_s", Quantity::Velocity), Some("deg/s"));
+        assert_eq!(unit("drive_2_mNm", Quantity::Torque), Some("mNm"));
+        assert_eq!(unit("drive_2_cur_A", Quantity::Current), Some("A"));
+        // Names of joints, numbers of joints, other quantities.
+        assert_eq!(unit("encoder turn", Quantity::Position), None);
+        assert_eq!(unit("encoder[3]", Quantity::Position), None);
+        assert_eq!(unit("encoder_Nm", Quantity::Position), None);
+        assert_eq!(bracketed("counts [inc]"), Some("inc"));
+        assert_eq!(bracketed("position[0]"), None);
     }
 
     #[test]

@@ -1,10 +1,12 @@
 //! Columns of joints, by what their names say.
 
-use super::header::{self, Label, Meaning, Quantity};
+use std::cell::Cell;
+
+use super::header::{self, Label, Meaning, Quantity, StatedUnit};
 use super::mapping::Source;
 use super::{Columns, ReadOptions};
-use crate::recording::RecordingError;
-use crate::recording::part::{ending_number, numbered};
+use crate::recording::part::{ending_number, numbered, places_of_numbers};
+use crate::recording::{IssueKind, RecordingError};
 
 /// The columns of a log and the joints they are for.
 pub(super) struct JointColumns<'a> {
@@ -12,15 +14,39 @@ pub(super) struct JointColumns<'a> {
     pub(super) columns: &'a [String],
     pub(super) meanings: Vec<Option<Meaning>>,
     pub(super) joints: Vec<String>,
+    /// Cells of the line of units, one per column; empty if there is none.
+    units: &'a [String],
     /// Whether the joints are those that the caller asks for.
     given: bool,
+    /// Whether the caller has said that joints are numbered in their order.
+    order_is_known: bool,
+    /// Whether joints were given columns in the order of their numbers.
+    pub(super) by_order: Cell<bool>,
+}
+
+/// The columns of a quantity.
+pub(super) struct Found {
+    pub(super) columns: Vec<usize>,
+    /// Numbers that the columns carry, if they are told apart by them.
+    pub(super) numbers: Option<Vec<u32>>,
 }
 
 impl<'a> JointColumns<'a> {
-    pub(super) fn new(path: &'a str, columns: &'a [String], options: &ReadOptions) -> Result<Self, RecordingError> {
+    pub(super) fn new(
+        path: &'a str,
+        columns: &'a [String],
+        units: &'a [String],
+        options: &ReadOptions,
+    ) -> Result<Self, RecordingError> {
         let meanings = columns.iter().map(|name| header::meaning(name, options.joints.as_deref())).collect();
         let given = options.joints.is_some();
-        let mut table = Self { path, columns, meanings, joints: Vec::new(), given };
+        let map = &options.columns;
+        let numbers_joints =
+            |columns: &Option<Columns>| matches!(columns, Some(Columns::Pattern(pattern)) if pattern.contains("{}"));
+        let order_is_known = options.accept.contains(&IssueKind::JointsByOrder)
+            || [&map.position, &map.velocity, &map.torque].into_iter().any(numbers_joints);
+        let (joints, by_order) = (Vec::new(), Cell::new(false));
+        let mut table = Self { path, columns, meanings, joints, units, given, order_is_known, by_order };
         table.joints = match (&options.joints, &options.columns.position) {
             (Some(joints), _) => joints.clone(),
             (None, Some(columns)) => table.joints_of_option(columns),
@@ -29,8 +55,23 @@ impl<'a> JointColumns<'a> {
         Ok(table)
     }
 
+    /// There are no positions; if the log has joints of other names, they are told.
     pub(super) fn no_positions(&self) -> RecordingError {
-        RecordingError::NoPositions { path: self.path.into(), columns: self.columns.to_vec() }
+        let of_others = |name: &String| {
+            let meaning = header::meaning(name, None).filter(|meaning| meaning.quantity == Quantity::Position)?;
+            Some((meaning.label, name.clone()))
+        };
+        let (labels, columns): (Vec<Label>, Vec<String>) = self.columns.iter().filter_map(of_others).unzip();
+        if !self.given || columns.is_empty() {
+            return RecordingError::NoPositions { path: self.path.into(), columns: self.columns.to_vec() };
+        }
+        let found = labels.into_iter().map(|label| match label {
+            Label::Name(name) => name,
+            Label::Number(number) => numbered(number),
+            Label::Unnamed => "one without name".into(),
+        });
+        let (path, joints) = (self.path.into(), self.joints.clone());
+        RecordingError::OtherJoints { path, joints, found: found.collect(), columns }
     }
 
     pub(super) fn incomplete(&self, quantity: Quantity, missing: Vec<String>) -> RecordingError {
@@ -38,11 +79,51 @@ impl<'a> JointColumns<'a> {
         RecordingError::IncompleteColumns { path, quantity: quantity.name(), missing, columns }
     }
 
-    /// Columns with their factors: as the caller says, else as the column says, else 1.
-    pub(super) fn sources(&self, columns: Vec<usize>, unit: Option<f64>) -> Vec<Source> {
-        let stated = |index: usize| self.meanings[index].as_ref().and_then(|meaning| meaning.factor);
-        let factor = |index| unit.or(stated(index)).unwrap_or(1.0);
-        columns.into_iter().map(|index| Source { index, factor: factor(index) }).collect()
+    /// Columns with their units: as the caller says, else as the column says, else the line of units, else SI.
+    pub(super) fn sources(
+        &self,
+        quantity: Quantity,
+        columns: Vec<usize>,
+        given: Option<StatedUnit>,
+    ) -> Result<Vec<Source>, RecordingError> {
+        let source = |index| {
+            let unit = given.map_or_else(|| self.stated_unit(quantity, index), |unit| Ok(Some(unit)))?;
+            Ok(Source { index, unit, factor: unit.map_or(1.0, |unit| unit.factor), constant: None })
+        };
+        columns.into_iter().map(source).collect()
+    }
+
+    fn stated_unit(&self, quantity: Quantity, index: usize) -> Result<Option<StatedUnit>, RecordingError> {
+        let name = &self.columns[index];
+        let understood = self.meanings[index].as_ref().filter(|meaning| meaning.quantity == quantity);
+        let of_name = understood.and_then(|meaning| meaning.unit).or_else(|| header::unit_at_end(name, quantity));
+        if of_name.is_some() {
+            return Ok(of_name);
+        }
+        let cell = self.units.get(index).map(|cell| header::bracketed(cell).unwrap_or(cell));
+        let of_line = cell.and_then(|cell| quantity.unit(cell));
+        let unknown = |unit: &str| RecordingError::ColumnUnit {
+            path: self.path.into(),
+            column: name.clone(),
+            quantity: quantity.name(),
+            unit: unit.into(),
+        };
+        match (of_line, cell, header::bracketed(name).filter(|_| name.ends_with(']'))) {
+            (Some(unit), ..) => Ok(Some(unit)),
+            (None, Some(cell), _) if !cell.is_empty() && cell != "-" => Err(unknown(cell)),
+            (None, _, Some(text)) if understood.is_none() && !header::says_nothing(text) => Err(unknown(text)),
+            _ => Ok(None),
+        }
+    }
+
+    /// Whether columns named by the caller as torques are motor currents by their units.
+    pub(super) fn are_currents(&self, columns: &[usize]) -> bool {
+        let is_current = |&index: &usize| {
+            let unit = |quantity| self.stated_unit(quantity, index).ok().flatten();
+            let named = self.meanings[index].as_ref().map(|meaning| meaning.quantity);
+            named == Some(Quantity::Current) || unit(Quantity::Torque).is_none() && unit(Quantity::Current).is_some()
+        };
+        !columns.is_empty() && columns.iter().all(is_current)
     }
 
     /// Columns of `quantity` with what they say of their joint.
@@ -98,8 +179,10 @@ impl<'a> JointColumns<'a> {
     }
 
     /// One column per joint; `None` if the log has none of this quantity.
-    pub(super) fn by_name(&self, quantity: Quantity) -> Result<Option<Vec<usize>>, RecordingError> {
-        let Some(labels) = self.labels(quantity)? else { return Ok(None) };
+    ///
+    /// - `agreed`: the numbers that the positions of the joints carry, if they carry any
+    pub(super) fn by_name(&self, quantity: Quantity, agreed: Option<&[u32]>) -> Result<Option<Found>, RecordingError> {
+        let Some(labels) = self.labels(quantity, agreed)? else { return Ok(None) };
         let mut found = Vec::with_capacity(labels.len());
         let mut missing = Vec::new();
         for (joint, label) in self.joints.iter().zip(&labels) {
@@ -115,20 +198,32 @@ impl<'a> JointColumns<'a> {
                 }
             }
         }
-        if missing.is_empty() { Ok(Some(found)) } else { Err(self.incomplete(quantity, missing)) }
+        if !missing.is_empty() {
+            return Err(self.incomplete(quantity, missing));
+        }
+        let number = |label: &Label| if let Label::Number(number) = label { Some(*number) } else { None };
+        Ok(Some(Found { columns: found, numbers: labels.iter().map(number).collect() }))
     }
 
     /// How the columns of `quantity` call the joints: by their names, else by number, else (one joint) not at all.
     /// If some joints have no column, the result names them all the same.
-    fn labels(&self, quantity: Quantity) -> Result<Option<Vec<Label>>, RecordingError> {
+    fn labels(&self, quantity: Quantity, agreed: Option<&[u32]>) -> Result<Option<Vec<Label>>, RecordingError> {
         let has = |wanted: &Label| self.of(quantity).any(|(_, label)| label == wanted);
         let names: Vec<Label> = self.joints.iter().cloned().map(Label::Name).collect();
         if names.iter().all(has) {
             return Ok(Some(names));
         }
         let numbers = self.numbers(quantity);
+        let labelled = |numbers: &[u32]| numbers.iter().copied().map(Label::Number).collect();
+        match agreed {
+            Some(agreed) if !numbers.is_empty() => {
+                self.require_agreement(quantity, &numbers)?;
+                return Ok(Some(labelled(agreed)));
+            }
+            _ => {}
+        }
         if let Some(chosen) = self.choose(&numbers, quantity)? {
-            return Ok(Some(chosen.into_iter().map(Label::Number).collect()));
+            return Ok(Some(labelled(&chosen)));
         }
         if self.joints.len() == 1 && has(&Label::Unnamed) {
             return Ok(Some(vec![Label::Unnamed]));
@@ -140,29 +235,55 @@ impl<'a> JointColumns<'a> {
         Ok((!numbers.is_empty()).then(|| (0..self.joints.len()).map(in_order).collect()))
     }
 
+    /// Refuses a quantity with numbers that no position has: its columns are counted otherwise.
+    fn require_agreement(&self, quantity: Quantity, numbers: &[u32]) -> Result<(), RecordingError> {
+        let of_positions = self.numbers(Quantity::Position);
+        if of_positions.is_empty() || numbers.iter().all(|number| of_positions.contains(number)) {
+            return Ok(());
+        }
+        Err(RecordingError::NumbersDiffer {
+            path: self.path.into(),
+            quantity: quantity.name(),
+            columns: self.numbered_columns(quantity),
+            positions: self.numbered_columns(Quantity::Position),
+        })
+    }
+
+    fn numbered_columns(&self, quantity: Quantity) -> Vec<String> {
+        let numbered = self.of(quantity).filter(|(_, label)| matches!(label, Label::Number(_)));
+        numbered.map(|(index, _)| self.columns[index].clone()).collect()
+    }
+
     /// The number of each joint: the one its name ends in, else its place; `None` if there are too few numbers.
     fn choose(&self, numbers: &[u32], quantity: Quantity) -> Result<Option<Vec<u32>>, RecordingError> {
-        let own: Vec<u32> = self.joints.iter().filter_map(|joint| ending_number(joint)).collect();
         let wanted = self.joints.len();
-        let from_zero = numbers.first() == Some(&0) && !own.contains(&0);
-        if self.given && from_zero && numbers.len() > wanted {
-            let is_numbered = |(index, label): (usize, &Label)| {
-                matches!(label, Label::Number(_)).then(|| self.columns[index].clone())
-            };
+        let own: Option<Vec<u32>> = self.joints.iter().map(|joint| ending_number(joint)).collect();
+        if let Some(chosen) = own.as_deref().and_then(|own| places_of_numbers(own, numbers)) {
+            return Ok(Some(chosen));
+        }
+        if !self.given || numbers.len() < wanted {
+            return Ok(None);
+        }
+        let candidates = || self.numbered_columns(quantity);
+        let own = own.unwrap_or_default();
+        if numbers.first() == Some(&0) && !own.contains(&0) && numbers.len() > wanted {
             return Err(RecordingError::AmbiguousNumbers {
                 path: self.path.into(),
                 quantity: quantity.name(),
                 joints: self.joints.clone(),
-                candidates: self.of(quantity).filter_map(is_numbered).collect(),
+                candidates: candidates(),
             });
         }
-        let mut distinct = own.clone();
-        distinct.sort_unstable();
-        distinct.dedup();
-        if distinct.len() == wanted && distinct.iter().all(|number| numbers.binary_search(number).is_ok()) {
-            return Ok(Some(own));
+        let only_one = wanted == 1 && numbers.len() == 1;
+        if !self.order_is_known && !only_one {
+            return Err(RecordingError::JointsByOrder {
+                recording: self.path.into(),
+                joints: self.joints.clone(),
+                columns: candidates(),
+            });
         }
-        Ok((self.given && numbers.len() >= wanted).then(|| numbers[..wanted].to_vec()))
+        self.by_order.set(!only_one);
+        Ok(Some(numbers[..wanted].to_vec()))
     }
 }
 

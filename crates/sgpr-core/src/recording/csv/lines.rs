@@ -1,12 +1,16 @@
 //! The header of a table and its rows, cut into cells.
 
 use std::borrow::Cow;
+use std::collections::VecDeque;
 use std::io::{self, BufRead};
 
 use crate::recording::RecordingError;
 
 /// Tables with more columns are not logs.
 const MOST_COLUMNS: usize = 10_000;
+/// Lines, and bytes in them, among which the line of column names is looked for.
+const MOST_TITLE_LINES: usize = 50;
+const MOST_TITLE_BYTES: usize = 1 << 18;
 
 /// The lines of a table, one at a time: first the header, then the rows.
 pub(super) struct Lines<R> {
@@ -14,19 +18,22 @@ pub(super) struct Lines<R> {
     line: Vec<u8>,
     /// Number of the line, from 1.
     number: u64,
-    /// Whether the line is to be given again.
-    held: bool,
+    /// Lines that were looked at and are still to be given, with their numbers.
+    ahead: VecDeque<(u64, Vec<u8>)>,
+    /// Lines taken from the text.
+    taken: u64,
     delimiter: u8,
 }
 
 impl<R: BufRead> Lines<R> {
     pub(super) fn new(text: R) -> Self {
-        Self { text, line: Vec::new(), number: 0, held: false, delimiter: b',' }
+        Self { text, line: Vec::new(), number: 0, ahead: VecDeque::new(), taken: 0, delimiter: b',' }
     }
 
     /// Goes to the next line that is not empty; `false` after the last one.
     fn next_line(&mut self) -> io::Result<bool> {
-        if std::mem::take(&mut self.held) {
+        if let Some((number, line)) = self.ahead.pop_front() {
+            (self.number, self.line) = (number, line);
             return Ok(true);
         }
         loop {
@@ -34,11 +41,17 @@ impl<R: BufRead> Lines<R> {
             if self.text.read_until(b'\n', &mut self.line)? == 0 {
                 return Ok(false);
             }
-            self.number += 1;
+            self.taken += 1;
             if !self.line.trim_ascii().is_empty() {
+                self.number = self.taken;
                 return Ok(true);
             }
         }
+    }
+
+    /// Gives the line again.
+    fn hold(&mut self) {
+        self.ahead.push_front((self.number, std::mem::take(&mut self.line)));
     }
 
     /// Goes to the next row; `false` after the last one.
@@ -51,8 +64,42 @@ impl<R: BufRead> Lines<R> {
         Ok(false)
     }
 
-    /// The header: the first line that is no comment, or, above numbers, the last comment.
-    pub(super) fn header(&mut self) -> io::Result<Header> {
+    /// The header: the first line that is no comment, or, above numbers, the last comment. If that names no columns of a
+    /// log but a line below it and above the numbers does, it is that one, and what stands above is a title.
+    ///
+    /// - `names_columns`: whether cells are column names of a log
+    pub(super) fn header(&mut self, names_columns: impl Fn(&[String]) -> bool) -> io::Result<Header> {
+        let first = self.first_header()?;
+        if is_numeric(&first.line) || names_columns(&first.names()) {
+            return Ok(first);
+        }
+        let mut below: VecDeque<(u64, Vec<u8>)> = VecDeque::new();
+        let mut bytes = 0;
+        let mut found = None;
+        while below.len() < MOST_TITLE_LINES && bytes < MOST_TITLE_BYTES && self.next_row()? {
+            let line = self.line.trim_ascii().to_vec();
+            bytes += line.len();
+            let candidate = Header { delimiter: delimiter_of(&line), line, titles: 1 + below.len() };
+            if is_numeric(&candidate.line) {
+                self.hold();
+                break;
+            }
+            if names_columns(&candidate.names()) {
+                found = Some(candidate);
+                break;
+            }
+            below.push_back((self.number, std::mem::take(&mut self.line)));
+        }
+        let header = found.unwrap_or_else(|| {
+            below.append(&mut self.ahead);
+            self.ahead = below;
+            first
+        });
+        self.delimiter = header.delimiter;
+        Ok(header)
+    }
+
+    fn first_header(&mut self) -> io::Result<Header> {
         let mut comment: Option<Vec<u8>> = None;
         while self.next_line()? {
             let line = self.line.trim_ascii();
@@ -60,16 +107,33 @@ impl<R: BufRead> Lines<R> {
                 comment = Some(names.trim_ascii().to_vec());
                 continue;
             }
-            let above = comment.take().filter(|_| is_numeric(line));
-            self.held = above.is_some();
-            return Ok(self.header_of(above.unwrap_or_else(|| line.to_vec())));
+            let own = line.to_vec();
+            let above = comment.take().filter(|_| is_numeric(&own));
+            if above.is_some() {
+                self.hold();
+            }
+            return Ok(self.header_of(above.unwrap_or(own)));
         }
         Ok(self.header_of(comment.unwrap_or_default()))
     }
 
     fn header_of(&mut self, line: Vec<u8>) -> Header {
         self.delimiter = delimiter_of(&line);
-        Header { line, delimiter: self.delimiter }
+        Header { line, delimiter: self.delimiter, titles: 0 }
+    }
+
+    /// The cells of the next line if they are units of the columns, which `are_units` tells; else that line is still to
+    /// come.
+    pub(super) fn units(&mut self, are_units: impl Fn(&[String]) -> bool) -> io::Result<Option<Vec<String>>> {
+        if !self.next_row()? {
+            return Ok(None);
+        }
+        let units: Vec<String> = self.cells().iter().map(|cell| decoded(cell).trim().to_string()).collect();
+        if are_units(&units) {
+            return Ok(Some(units));
+        }
+        self.hold();
+        Ok(None)
     }
 
     /// Number of the line, from 1.
@@ -92,9 +156,16 @@ impl<R: BufRead> Lines<R> {
 pub(super) struct Header {
     line: Vec<u8>,
     delimiter: u8,
+    /// Lines above it that are no comments.
+    pub(super) titles: usize,
 }
 
 impl Header {
+    fn names(&self) -> Vec<String> {
+        let cells = cells(&self.line, self.delimiter);
+        cells.iter().take(MOST_COLUMNS + 1).map(|name| decoded(name).trim().to_string()).collect()
+    }
+
     pub(super) fn columns(&self, path: &str) -> Result<Vec<String>, RecordingError> {
         if self.line.is_empty() {
             return Err(RecordingError::Empty { path: path.into() });
@@ -103,13 +174,22 @@ impl Header {
             let first_line: String = String::from_utf8_lossy(&self.line).chars().take(40).collect();
             return Err(RecordingError::NoHeader { path: path.into(), first_line });
         }
-        let names = cells(&self.line, self.delimiter);
-        if names.len() > MOST_COLUMNS {
-            let (path, found) = (path.into(), names.len());
-            return Err(RecordingError::TooManyColumns { path, found, limit: MOST_COLUMNS });
+        let found = cells(&self.line, self.delimiter).len();
+        if found > MOST_COLUMNS {
+            return Err(RecordingError::TooManyColumns { path: path.into(), found, limit: MOST_COLUMNS });
         }
-        Ok(names.iter().map(|name| String::from_utf8_lossy(name).trim().to_string()).collect())
+        Ok(self.names())
     }
+}
+
+/// Text in UTF-8, else in Latin-1; signs that were UTF-8 and were written again as if they were Latin-1 are mended.
+pub(super) fn decoded(text: &[u8]) -> Cow<'_, str> {
+    let text: Cow<'_, str> = match std::str::from_utf8(text) {
+        Ok(text) => text.into(),
+        Err(_) => text.iter().map(|&byte| char::from(byte)).collect::<String>().into(),
+    };
+    let twice = ["Â°", "Âº", "Â·", "Âµ", "Â²"];
+    if twice.iter().any(|signs| text.contains(signs)) { text.replace('Â', "").into() } else { text }
 }
 
 /// Whether all cells are numbers.
@@ -171,6 +251,14 @@ mod tests {
     fn texts(line: &str, delimiter: u8) -> Vec<String> {
         let cells = cells(line.as_bytes(), delimiter);
         cells.iter().map(|cell| String::from_utf8_lossy(cell).into_owned()).collect()
+    }
+
+    #[test]
+    fn text_of_several_encodings() {
+        assert_eq!(decoded("q_1 [°]".as_bytes()), "q_1 [°]");
+        assert_eq!(decoded(b"q_1 [\xb0]"), "q_1 [°]");
+        assert_eq!(decoded("q_1 [Â°]".as_bytes()), "q_1 [°]");
+        assert_eq!(decoded(b"tau [N\xb7m]"), "tau [N·m]");
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! Logs as tables: `.csv` and `.csv.gz`.
 //!
-//! The first line names the columns. Comma, semicolon, tab and blanks separate them; after a semicolon, tab or blank a
-//! decimal comma is understood too. Lines that begin with `#` are comments; one right above the numbers (as NumPy writes) is
-//! the header if there is no other.
+//! The first line names the columns; lines above it that name none, such as a title, are passed over. Comma, semicolon, tab
+//! and blanks separate them; after a semicolon, tab or blank a decimal comma is understood too. Lines that begin with `#` are
+//! comments; one right above the numbers (as NumPy writes) is the header if there is no other. A line of units may stand
+//! between names and numbers. Text is UTF-8 or Latin-1.
 //!
 //! # Which column is what
 //! Without further word, names like these are understood, with or without a unit at their end
@@ -13,14 +14,18 @@
 //! | `t`, `t_s`, `time_ns`, `timestamp`, `header.stamp.sec` with `.nanosec` | `q1_rad`, `q_1`, `pos_1`, `joint_1_position`, `position.joint_1`, `shoulder_pan_joint_position` | `dq1_rad_s`, `qd_1`, `vel_1`, `joint_1/velocity` | `tau1_Nm`, `torque_1`, `effort_1`, `force_N` | `i1_A` |
 //!
 //! A name with a word that is none of these (`tau_des1_Nm`, `q_ref_m`) is no measurement: such columns become channels.
-//! The unit of a column is the one in [`ReadOptions::units`], else the one in its name, else SI. Currents are torques only
-//! with [`ReadOptions::torque_constants`].
+//! The unit of a column is the one in [`ReadOptions::units`], else the one in which its name ends, whether its other words
+//! are understood or not, else that in the line of units, else SI. Currents are torques only with
+//! [`ReadOptions::torque_constants`].
 //!
-//! Joints that are wanted by name are matched by name; else by the number their names end in; else by number in order.
-//! Where that leaves a choice, an error says so. [`ReadOptions::columns`] overrules all of it.
+//! Joints that are wanted by name are matched by name, else by the number their names end in, and from names to numbers
+//! without further word only if [`ReadOptions::accept`] holds [`IssueKind::JointsByOrder`] or a pattern with `{}` has said
+//! that joints are numbered in their order. Velocities and torques carry the numbers of the positions. Where that leaves a
+//! choice, an error says so. [`ReadOptions::columns`] overrules all of it. What was done is in
+//! [`Recording::layout`](super::Recording::layout).
 //!
 //! A time column without a unit holds seconds, unless its first value is so large (10^11 and more) that it can only be
-//! milliseconds, microseconds or nanoseconds since 1970.
+//! milliseconds, microseconds or nanoseconds since 1970, or a date with a time (ISO 8601), or a time of day.
 
 mod header;
 mod joints;
@@ -37,7 +42,7 @@ use std::ops::RangeInclusive;
 pub use read::read;
 pub use write::write;
 
-use super::Units;
+use super::{IssueKind, Units};
 
 /// How to read a table.
 ///
@@ -61,6 +66,10 @@ pub struct ReadOptions {
     /// N·m per A (N per A), one per joint: torque = constant · current. The current columns are those of
     /// `columns.torque`, else those named like `i1_A`.
     pub torque_constants: Option<Vec<f64>>,
+    /// The same by the names of the joints, in the place of `torque_constants`: no order to mistake.
+    pub named_torque_constants: Vec<(String, f64)>,
+    /// Findings that the caller has looked at and takes as they are. Units in `units` count as looked at.
+    pub accept: Vec<IssueKind>,
     /// Part of the log to read; all of it if `None`.
     pub rows: Option<Rows>,
     /// Rate of a log without time column (or whose time column is not to be used), Hz. The first row has time zero.
@@ -77,10 +86,19 @@ impl Default for ReadOptions {
             columns: ColumnMap::default(),
             units: Units::default(),
             torque_constants: None,
+            named_torque_constants: Vec::new(),
+            accept: Vec::new(),
             rows: None,
             sample_rate_hz: None,
             limit_bytes: super::DEFAULT_LIMIT_BYTES,
         }
+    }
+}
+
+impl ReadOptions {
+    /// Whether torques are made of currents.
+    fn has_torque_constants(&self) -> bool {
+        self.torque_constants.is_some() || !self.named_torque_constants.is_empty()
     }
 }
 

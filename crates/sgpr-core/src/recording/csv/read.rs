@@ -2,12 +2,15 @@ use std::borrow::Cow;
 use std::io::BufRead;
 use std::path::Path;
 
-use super::lines::Lines;
+use super::header::{self, Quantity};
+use super::joints::expand;
+use super::lines::{Lines, decoded};
 use super::mapping::{Clock, Mapping, Source};
-use super::{ReadOptions, Rows, source};
+use super::{Columns, ReadOptions, Rows, source};
+use crate::recording::calendar::{Moment, moment};
 use crate::recording::decimal::nanoseconds;
 use crate::recording::names::quoted;
-use crate::recording::{self, Channel, Recording, RecordingError, TimeUnit};
+use crate::recording::{self, Channel, IssueKind, Layout, Recording, RecordingError, TimeUnit, Units};
 
 /// Reads a table. How columns are understood is told in the [module documentation](super).
 ///
@@ -34,13 +37,58 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Recording, 
     let explain = |error| source::explain(&name, options.limit_bytes, error);
 
     let mut lines = Lines::new(source::open(path, options.limit_bytes)?);
-    let columns = lines.header().map_err(explain)?.columns(&name)?;
-    let mapping = Mapping::new(&name, &columns, options)?;
+    let header = lines.header(|cells| names_a_log(cells, options)).map_err(explain)?;
+    let columns = header.columns(&name)?;
+    let units = lines.units(|cells| are_units(cells, &columns, options)).map_err(explain)?.unwrap_or_default();
+    let mut mapping = Mapping::new(&name, &columns, &units, options)?;
+    if header.titles > 0 {
+        mapping.notes.insert(0, format!("passed over {} above the names of the columns", counted_lines(header.titles)));
+    }
     let mut table = Table::new(&name, &columns, mapping, options);
     while lines.next_row().map_err(explain)? {
         table.take_row(Row::new(&name, &columns, &lines)?)?;
     }
     table.finish()
+}
+
+fn counted_lines(count: usize) -> String {
+    if count == 1 { "1 line".into() } else { format!("{count} lines") }
+}
+
+/// Whether cells name the columns of a log: a time, unless it is counted, and a position.
+fn names_a_log(cells: &[String], options: &ReadOptions) -> bool {
+    let is_stamp = |cell: &String| header::stamp_part(cell).is_some();
+    let is_time = |cell: &String| header::time_unit(cell).is_some() || is_stamp(cell);
+    let has_time = match &options.columns.time {
+        Some(name) => cells.contains(name),
+        None => options.sample_rate_hz.is_some() || cells.iter().any(is_time),
+    };
+    let joints = options.joints.as_deref();
+    let is_position =
+        |cell: &String| header::meaning(cell, joints).is_some_and(|meaning| meaning.quantity == Quantity::Position);
+    let first_joint = joints.and_then(<[String]>::first).map_or("", String::as_str);
+    let has_position = match &options.columns.position {
+        Some(Columns::Names(names)) => names.iter().any(|name| cells.contains(name)),
+        Some(Columns::Pattern(pattern)) => cells.contains(&expand(pattern, 1, first_joint)),
+        None => cells.iter().any(is_position),
+    };
+    has_time && has_position
+}
+
+/// Whether cells are units: no numbers, and each that stands in a column of time or of a joint is a unit of it, or in
+/// brackets.
+fn are_units(cells: &[String], columns: &[String], options: &ReadOptions) -> bool {
+    let is_number = |cell: &String| cell.parse::<f64>().is_ok() || moment(cell).is_some();
+    if cells.len() != columns.len() || cells.iter().any(is_number) {
+        return false;
+    }
+    let is_unit = |cell: &String| {
+        let text = header::bracketed(cell).unwrap_or(cell);
+        text.parse::<TimeUnit>().is_ok() || Quantity::ALL.iter().any(|quantity| quantity.unit(text).is_some())
+    };
+    let is_time = |name: &String| options.columns.time.as_ref() == Some(name) || header::time_unit(name).is_some();
+    let of_time = cells.iter().zip(columns).find(|(_, name)| is_time(name)).map(|(cell, _)| cell);
+    of_time.map_or_else(|| cells.iter().any(is_unit), is_unit)
 }
 
 /// Refuses options that no log could satisfy.
@@ -56,6 +104,19 @@ fn check(path: &str, options: &ReadOptions) -> Result<(), RecordingError> {
         }),
         _ => Ok(()),
     }
+}
+
+/// ns
+const DAY: i64 = 86_400_000_000_000;
+
+/// Findings on units that the caller has answered by stating the unit.
+fn stated_by_caller(units: &Units) -> Vec<IssueKind> {
+    let stated = [
+        (units.position.is_some(), IssueKind::PositionInDegrees),
+        (units.time.is_some(), IssueKind::UnlikelyRate),
+        (units.torque.is_some(), IssueKind::TorqueScale),
+    ];
+    stated.into_iter().filter(|(is_stated, _)| *is_stated).map(|(_, kind)| kind).collect()
 }
 
 /// One row of text.
@@ -101,20 +162,30 @@ impl<'a> Row<'a> {
             path: self.path.into(),
             line: self.line,
             column: self.columns[column].clone(),
-            text: self.text(column).chars().take(40).collect(),
+            text: decoded(&self.cells[column]).chars().take(40).collect(),
         }
+    }
+
+    /// The date or the time of day in a cell, if there is one and no number.
+    fn moment(&self, column: usize) -> Option<Moment> {
+        let text = self.text(column);
+        if text.parse::<f64>().is_ok() { None } else { moment(&text) }
     }
 
     /// The time in a cell, ns.
     fn time(&self, column: usize, unit: TimeUnit) -> Result<i64, RecordingError> {
         let text = self.text(column);
-        nanoseconds(&text, unit.power_of_ten()).ok_or_else(|| RecordingError::NotATime {
+        nanoseconds(&text, unit.power_of_ten()).ok_or_else(|| self.not_a_time(column, unit.name()))
+    }
+
+    fn not_a_time(&self, column: usize, unit: &str) -> RecordingError {
+        RecordingError::NotATime {
             path: self.path.into(),
             line: self.line,
             column: self.columns[column].clone(),
-            text: text.chars().take(40).collect(),
-            unit: unit.to_string(),
-        })
+            text: decoded(&self.cells[column]).chars().take(40).collect(),
+            unit: unit.into(),
+        }
     }
 }
 
@@ -131,7 +202,7 @@ impl Array {
     }
 
     fn take(&mut self, row: &Row) -> Result<(), RecordingError> {
-        for Source { index, factor } in &self.sources {
+        for Source { index, factor, .. } in &self.sources {
             self.values.push(row.number(*index).ok_or_else(|| row.not_a_number(*index))? * factor);
         }
         Ok(())
@@ -180,6 +251,7 @@ struct Table<'a> {
     torque: Option<Array>,
     channels: Vec<ChannelColumn>,
     notes: Vec<String>,
+    layout: Layout,
     /// Data rows seen, and the times of the first and the last one.
     rows: usize,
     span: [i64; 2],
@@ -187,10 +259,10 @@ struct Table<'a> {
 
 impl<'a> Table<'a> {
     fn new(path: &'a str, columns: &'a [String], mapping: Mapping, options: &'a ReadOptions) -> Self {
-        let Mapping { joints, clock, position, velocity, torque, notes } = mapping;
+        let Mapping { joints, clock, position, velocity, torque, notes, layout } = mapping;
         let mut used: Vec<usize> = match clock {
             Clock::Rate(_) => vec![],
-            Clock::Column { index, .. } => vec![index],
+            Clock::Column { index, .. } | Clock::Calendar { index, .. } => vec![index],
             Clock::Stamp { seconds, nanoseconds } => vec![seconds, nanoseconds],
         };
         let arrays = [Some(&position), velocity.as_ref(), torque.as_ref()];
@@ -209,6 +281,7 @@ impl<'a> Table<'a> {
             torque: torque.map(Array::new),
             channels: free.map(channel).collect(),
             notes,
+            layout,
             rows: 0,
             span: [0, 0],
         }
@@ -229,21 +302,55 @@ impl<'a> Table<'a> {
     }
 
     fn time_of(&mut self, row: &Row) -> Result<i64, RecordingError> {
+        if let (1, Clock::Column { index, unit }) = (self.rows, self.clock) {
+            self.clock = self.clock_of(row, index, unit);
+        }
         match self.clock {
             Clock::Rate(rate) => Ok(((self.rows - 1) as f64 * 1e9 / rate).round() as i64),
-            Clock::Column { index, unit: Some(unit) } => row.time(index, unit),
-            Clock::Column { index, unit: None } => {
-                let unit = TimeUnit::likely(row.number(index).unwrap_or(0.0));
-                self.clock = Clock::Column { index, unit: Some(unit) };
-                if unit != TimeUnit::Second {
-                    self.notes.push(format!("the column `{}` is taken for {unit} since 1970", self.columns[index]));
-                }
-                row.time(index, unit)
-            }
+            Clock::Column { index, unit } => row.time(index, unit.unwrap_or(TimeUnit::Second)),
             Clock::Stamp { seconds, nanoseconds } => {
                 let whole = row.time(seconds, TimeUnit::Second)?;
                 Ok(whole.saturating_add(row.time(nanoseconds, TimeUnit::Nanosecond)?))
             }
+            Clock::Calendar { index, midnights, before } => {
+                let now = match row.moment(index) {
+                    Some(Moment::Instant(now)) => return Ok(now),
+                    Some(Moment::TimeOfDay(now)) => now,
+                    None => return Err(row.not_a_time(index, "dates and times of day")),
+                };
+                // A clock that goes back by more than half a day has passed midnight.
+                let midnights = midnights + i64::from(before - now > DAY / 2);
+                self.clock = Clock::Calendar { index, midnights, before: now };
+                Ok(midnights.saturating_mul(DAY).saturating_add(now))
+            }
+        }
+    }
+
+    /// What the first row tells of a time column.
+    fn clock_of(&mut self, row: &Row, index: usize, unit: Option<TimeUnit>) -> Clock {
+        if let Some(moment) = row.moment(index) {
+            let before = if let Moment::TimeOfDay(now) = moment { now } else { 0 };
+            return Clock::Calendar { index, midnights: 0, before };
+        }
+        let likely = unit.unwrap_or_else(|| TimeUnit::likely(row.number(index).unwrap_or(0.0)));
+        if unit.is_none() && likely != TimeUnit::Second {
+            self.notes.push(format!("the column `{}` is taken for {likely} since 1970", self.columns[index]));
+        }
+        self.layout.time = match unit {
+            None => format!("{} in {likely} (assumed)", self.columns[index]),
+            Some(unit) => format!("{} in {unit}", self.columns[index]),
+        };
+        Clock::Column { index, unit: Some(likely) }
+    }
+
+    /// Where the time comes from, in words.
+    fn time_in_words(&self) -> String {
+        let name = |index: usize| &self.columns[index];
+        match self.clock {
+            Clock::Rate(rate) => format!("counted at {rate} Hz"),
+            Clock::Column { .. } => self.layout.time.clone(),
+            Clock::Stamp { seconds, nanoseconds } => format!("{} in s and {} in ns", name(seconds), name(nanoseconds)),
+            Clock::Calendar { index, .. } => format!("{} as dates or times of day", name(index)),
         }
     }
 
@@ -275,6 +382,9 @@ impl<'a> Table<'a> {
             let (path, rows) = (self.path.into(), rows.to_string());
             return Err(RecordingError::NoRowsChosen { path, rows, samples: self.rows, duration });
         }
+        let layout = Layout { time: self.time_in_words(), ..self.layout.clone() };
+        let mut accepted = self.options.accept.clone();
+        accepted.extend(stated_by_caller(&self.options.units));
         let (text, numeric): (Vec<_>, Vec<_>) = self.channels.into_iter().partition(|channel| channel.text);
         let skipped: Vec<String> = text.iter().map(|channel| self.columns[channel.index].clone()).collect();
         if !skipped.is_empty() {
@@ -291,6 +401,6 @@ impl<'a> Table<'a> {
             self.torque.map(|array| array.values),
             numeric.into_iter().map(channel).collect(),
         )?;
-        Ok(recording.with_notes(self.notes))
+        Ok(recording.with_notes(self.notes).with_layout(Some(layout)).accepting(&accepted))
     }
 }

@@ -2,8 +2,12 @@
 
 use std::ops::Range;
 
-use super::header::{Label, Meaning, Quantity};
+use super::header::{Label, Meaning, Quantity, StatedUnit};
 
+/// Signs of degrees that are neither letters nor digits.
+const DEGREE_SIGNS: [char; 5] = ['°', '˚', '∘', '¡', '\u{fffd}'];
+/// Units that may as well be the name of a joint.
+const NAMES_OF_JOINTS: [&str; 4] = ["turn", "turns", "rev", "revolutions"];
 /// Words that say "this is the measurement".
 const MEASURED: [&str; 5] = ["actual", "act", "measured", "meas", "msr"];
 /// Words around a number or a name that say nothing more.
@@ -26,7 +30,7 @@ impl<'a> Words<'a> {
         let mut former: Option<char> = None;
         for (at, letter) in name.char_indices() {
             let end = at + letter.len_utf8();
-            let is_word = letter.is_alphanumeric() || letter == '°';
+            let is_word = letter.is_alphanumeric() || DEGREE_SIGNS.contains(&letter);
             let continues = former.is_some_and(|former| former.is_numeric() == letter.is_numeric());
             match places.last_mut() {
                 Some(place) if is_word && continues => place.end = end,
@@ -69,19 +73,19 @@ impl<'a> Words<'a> {
     }
 
     /// Quantity and unit, if there is nothing else.
-    pub(super) fn quantity_alone(&self) -> Option<(Quantity, Option<f64>)> {
+    pub(super) fn quantity_alone(&self) -> Option<(Quantity, Option<StatedUnit>)> {
         let readings = self.readings();
         let complete = readings.into_iter().find(|reading| reading.rest.is_filler());
-        complete.map(|reading| (reading.quantity, reading.factor))
+        complete.map(|reading| (reading.quantity, reading.unit))
     }
 
     /// Quantity, unit and joint; `free` if the joint may have any name.
     pub(super) fn quantity_and_label(&self, free: bool) -> Option<Meaning> {
         self.readings().into_iter().find_map(|reading| {
-            let Reading { quantity, factor, rest, symbol } = reading;
+            let Reading { quantity, unit, rest, symbol } = reading;
             let any_name = || if free && !symbol { rest.joint_name() } else { None };
             let label = rest.number_or_nothing().or_else(any_name)?;
-            Some(Meaning { quantity, label, factor })
+            Some(Meaning { quantity, label, unit })
         })
     }
 
@@ -98,11 +102,11 @@ impl<'a> Words<'a> {
                 // A torque in ampere is a current.
                 let kinds = [Some(quantity), (quantity == Quantity::Torque).then_some(Quantity::Current)];
                 for quantity in kinds.into_iter().flatten() {
-                    if let Some((place, factor)) = rest.unit(quantity, word) {
-                        readings.push(Reading { quantity, factor: Some(factor), rest: rest.without(place), symbol });
+                    if let Some((place, unit)) = rest.unit(quantity, word) {
+                        readings.push(Reading { quantity, unit: Some(unit), rest: rest.without(place), symbol });
                     }
                 }
-                readings.push(Reading { quantity, factor: None, rest, symbol });
+                readings.push(Reading { quantity, unit: None, rest, symbol });
             }
         }
         readings
@@ -110,14 +114,34 @@ impl<'a> Words<'a> {
 
     /// A unit of `quantity` at `after`, or behind it at the end, the longest first, with its factor. What stands before
     /// the quantity is no unit: a joint may be called `turn`.
-    fn unit(&self, quantity: Quantity, after: usize) -> Option<(Range<usize>, f64)> {
+    fn unit(&self, quantity: Quantity, after: usize) -> Option<(Range<usize>, StatedUnit)> {
         let at_end = [2, 1].into_iter().filter_map(|length| Some(self.len().checked_sub(length)?..self.len()));
         let at_end = at_end.filter(|place| place.start >= after);
         let behind = [2, 1].map(|length| after..after + length).into_iter().filter(|place| place.end <= self.len());
-        at_end.chain(behind).find_map(|place| {
-            let spelled: Vec<&str> = place.clone().map(|word| self.text(word)).collect();
-            quantity.factor(&spelled.join("_")).map(|factor| (place, factor))
-        })
+        at_end.chain(behind).find_map(|place| self.spelled_unit(quantity, &place).map(|unit| (place, unit)))
+    }
+
+    /// The unit that the words at `place` spell.
+    fn spelled_unit(&self, quantity: Quantity, place: &Range<usize>) -> Option<StatedUnit> {
+        let spelled: Vec<&str> = place.clone().map(|word| self.text(word)).collect();
+        quantity.unit(&spelled.join("_"))
+    }
+
+    /// The unit in which the name ends, behind words that are not understood.
+    pub(super) fn unit_at_end(&self, quantity: Quantity) -> Option<StatedUnit> {
+        let places = [2, 1].into_iter().filter_map(|length| Some(self.len().checked_sub(length)?..self.len()));
+        let may_be_a_unit =
+            |place: &Range<usize>| place.start > 0 && !NAMES_OF_JOINTS.contains(&self.lower[place.start].as_str());
+        places.filter(may_be_a_unit).find_map(|place| self.spelled_unit(quantity, &place))
+    }
+
+    /// Whether there are only words that say nothing of a unit: what is measured, and numbers.
+    pub(super) fn says_nothing(&self) -> bool {
+        let is_number = |word: &str| word.chars().all(|letter| letter.is_ascii_digit());
+        let is_quantity = |word: &str| Quantity::ALL.iter().any(|quantity| quantity.words().contains(&word));
+        let means_nothing =
+            |word: &&str| FILLERS.contains(word) || MEASURED.contains(word) || is_number(word) || is_quantity(word);
+        self.lower().iter().all(means_nothing)
     }
 
     /// Whether the words say nothing more.
@@ -154,7 +178,7 @@ impl<'a> Words<'a> {
 /// One way to understand a name.
 struct Reading<'a> {
     quantity: Quantity,
-    factor: Option<f64>,
+    unit: Option<StatedUnit>,
     /// Words besides quantity and unit.
     rest: Words<'a>,
     /// Whether the quantity is a short symbol.

@@ -4,7 +4,10 @@ mod motion;
 mod time;
 mod values;
 
-use super::Recording;
+use std::str::FromStr;
+
+use super::{Recording, RecordingError};
+pub(crate) use time::{MOST_JITTER, jitter};
 pub(crate) use values::is_still;
 pub(super) use values::{is_finite_row, repeated_samples};
 
@@ -26,11 +29,14 @@ pub struct Issue {
 }
 
 /// Kinds of [`Issue`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum IssueKind {
     /// Values that are NaN or infinite.
     NotFinite,
+    /// Values that no arm makes: positions beyond 1e9 rad (m) or 1e6 rad/s (m/s), torques beyond
+    /// 1e15 N·m (N).
+    Implausible,
     /// Stamps earlier than the one before.
     TimeBackwards,
     /// Stamps equal to the one before.
@@ -57,6 +63,56 @@ pub enum IssueKind {
     ClippedTorque,
     /// Positions that move in steps.
     EncoderStep,
+    /// Columns that were given to joints in the order of their numbers, as no name told.
+    JointsByOrder,
+    /// Torques that are far from what gravity asks of the arm in the robot file.
+    TorqueScale,
+}
+
+impl IssueKind {
+    const NAMES: [(Self, &'static str); 17] = [
+        (Self::NotFinite, "not_finite"),
+        (Self::Implausible, "implausible"),
+        (Self::TimeBackwards, "time_backwards"),
+        (Self::DuplicateStamps, "duplicate_stamps"),
+        (Self::RepeatedSamples, "repeated_samples"),
+        (Self::Gap, "gap"),
+        (Self::IrregularSampling, "irregular_sampling"),
+        (Self::UnlikelyRate, "unlikely_rate"),
+        (Self::StillJoint, "still_joint"),
+        (Self::PositionJump, "position_jump"),
+        (Self::PositionInDegrees, "position_in_degrees"),
+        (Self::VelocityMismatch, "velocity_mismatch"),
+        (Self::VelocityLag, "velocity_lag"),
+        (Self::ClippedTorque, "clipped_torque"),
+        (Self::EncoderStep, "encoder_step"),
+        (Self::JointsByOrder, "joints_by_order"),
+        (Self::TorqueScale, "torque_scale"),
+    ];
+
+    /// Findings that an owner of a log can know to be right: units, orders and sizes that are only unlikely. What breaks
+    /// the computation, such as values that are not finite, is not among them.
+    pub const CONFIRMABLE: [Self; 4] =
+        [Self::JointsByOrder, Self::PositionInDegrees, Self::UnlikelyRate, Self::TorqueScale];
+
+    /// Its name in files and Python: `position_in_degrees`.
+    pub fn name(self) -> &'static str {
+        let named = Self::NAMES.iter().find(|(kind, _)| *kind == self);
+        named.map(|(_, name)| *name).expect("each kind has a name")
+    }
+}
+
+impl FromStr for IssueKind {
+    type Err = RecordingError;
+
+    /// One of [`IssueKind::CONFIRMABLE`] by its name.
+    fn from_str(text: &str) -> Result<Self, RecordingError> {
+        let found = Self::CONFIRMABLE.into_iter().find(|kind| kind.name() == text);
+        found.ok_or_else(|| RecordingError::NotConfirmable {
+            kind: text.into(),
+            known: Self::CONFIRMABLE.iter().map(|kind| kind.name().to_string()).collect(),
+        })
+    }
 }
 
 /// How much an [`Issue`] matters.
@@ -66,15 +122,30 @@ pub enum Severity {
     Note,
     /// Results may suffer.
     Warning,
-    /// Nothing can be computed before it is repaired.
+    /// Nothing is computed before it is repaired, or confirmed if it is one of [`IssueKind::CONFIRMABLE`].
     Error,
+}
+
+impl Severity {
+    /// What to do about it, in one word: `know`, `look` or `stop`.
+    pub fn rank(self) -> &'static str {
+        match self {
+            Self::Note => "know",
+            Self::Warning => "look",
+            Self::Error => "stop",
+        }
+    }
 }
 
 /// Everything found in a recording: errors first, then warnings, then notes.
 ///
 /// The rules, where they need numbers:
 /// - a gap is a step longer than [`GAP_FACTOR`](super::GAP_FACTOR) median steps;
-/// - sampling is irregular if more than 1 % of the steps are off the median by more than 10 %;
+/// - sampling is irregular if more than 1 % of the steps are off the median by more than 10 %, and too irregular to be
+///   differentiated if the steps of a stretch between gaps are off its median by more than 2 % (root mean square);
+/// - the unit of the time is in doubt below 10 µs and above 0.5 s from sample to sample, and above 0.05 s if no joint is
+///   faster than 0.01 rad/s (m/s);
+/// - positions are degrees if half of the moving joints look so;
 /// - a joint stands still if it moves less than 0.002 rad (m);
 /// - a position jumps if it changes by more than 0.5 rad (m), at more than 50 rad/s (m/s) and by more than ten times what
 ///   nine of ten samples change by;
@@ -95,6 +166,25 @@ pub fn inspect(recording: &Recording) -> Vec<Issue> {
     let mut issues = time::issues(recording);
     issues.extend(values::issues(recording));
     issues.extend(motion::issues(recording));
+    sorted(recording, issues)
+}
+
+/// Units that are so unlikely that nothing is computed before somebody states or confirms them: the part of [`inspect`] that
+/// no computation would stumble over.
+pub fn doubtful_units(recording: &Recording) -> Vec<Issue> {
+    let mut issues: Vec<Issue> = time::unlikely_rate(recording).into_iter().collect();
+    issues.extend(motion::positions_in_degrees(recording));
+    let mut issues = sorted(recording, issues);
+    issues.retain(|issue| issue.severity == Severity::Error);
+    issues
+}
+
+/// Errors first; what is accepted is a note.
+fn sorted(recording: &Recording, mut issues: Vec<Issue>) -> Vec<Issue> {
+    for issue in issues.iter_mut().filter(|issue| recording.accepted().contains(&issue.kind)) {
+        issue.severity = Severity::Note;
+        issue.message += " (accepted)";
+    }
     issues.sort_by_key(|issue| std::cmp::Reverse(issue.severity));
     issues
 }

@@ -1,6 +1,6 @@
 //! Issues of position and velocity together.
 
-use super::values::column;
+use super::values::{column, is_still};
 use super::{Issue, IssueKind, Severity, counted, milliseconds};
 use crate::recording::resample::resample;
 use crate::recording::statistics::{self, rms};
@@ -28,7 +28,7 @@ const LONGEST_PIECE: usize = 20_000;
 pub(super) fn issues(recording: &Recording) -> Vec<Issue> {
     let clean = without_faults(recording);
     let ratios: Vec<Option<Comparison>> = (0..clean.dof()).map(|joint| Comparison::of_joint(&clean, joint)).collect();
-    let mut issues: Vec<Issue> = (0..clean.dof()).filter_map(|joint| degrees(&clean, joint, ratios[joint])).collect();
+    let mut issues = all_degrees(&clean, &ratios);
     let suspected: Vec<Option<String>> = issues.iter().map(|issue| issue.channel.clone()).collect();
     let mismatches = (0..clean.dof()).filter_map(|joint| mismatch(&clean, joint, ratios[joint]?));
     issues.extend(mismatches.filter(|issue| {
@@ -37,6 +37,23 @@ pub(super) fn issues(recording: &Recording) -> Vec<Issue> {
     }));
     issues.extend(lag(&clean, &ratios));
     issues.extend((0..clean.dof()).filter_map(|joint| jumps(&clean, joint)));
+    issues
+}
+
+/// Positions that look like degrees.
+pub(super) fn positions_in_degrees(recording: &Recording) -> Vec<Issue> {
+    let clean = without_faults(recording);
+    let ratios: Vec<Option<Comparison>> = (0..clean.dof()).map(|joint| Comparison::of_joint(&clean, joint)).collect();
+    all_degrees(&clean, &ratios)
+}
+
+/// An error where half of the moving joints look so, else a warning.
+fn all_degrees(clean: &Recording, ratios: &[Option<Comparison>]) -> Vec<Issue> {
+    let mut issues: Vec<Issue> = (0..clean.dof()).filter_map(|joint| degrees(clean, joint, ratios[joint])).collect();
+    let moving = (0..clean.dof()).filter(|&joint| !is_still(clean, joint)).count();
+    if 2 * issues.len() >= moving {
+        issues.iter_mut().for_each(|issue| issue.severity = Severity::Error);
+    }
     issues
 }
 
@@ -143,7 +160,10 @@ fn degrees(recording: &Recording, joint: usize, comparison: Option<Comparison>) 
         kind: IssueKind::PositionInDegrees,
         severity: Severity::Warning,
         time: None,
-        message: format!("`{name}` {reason}: it looks like degrees; give the unit of the position"),
+        message: format!(
+            "`{name}` {reason}: it looks like degrees; give the unit of the position with `units.position` (deg, or rad if \
+             that is right), or confirm it (accept: position_in_degrees)"
+        ),
         channel: Some(name),
         count: 1,
     })

@@ -4,13 +4,34 @@ use super::{Issue, IssueKind, Severity, counted, milliseconds, percent};
 use crate::recording::statistics::{median, quantile};
 use crate::recording::{GAP_FACTOR, Recording};
 
-/// Periods outside this range, s, are more likely a wrong unit than a log of an arm.
-const LIKELY_PERIOD: [f64; 2] = [1e-5, 1.0];
+/// Periods outside this range, s, are more likely a wrong unit than a log of an arm: no drive reports more often, and a
+/// motion that shows inertia is over in the time of the few samples that are left.
+const LIKELY_PERIOD: [f64; 2] = [1e-5, 0.5];
+/// From this period on, s, ...
+const SLOW_PERIOD: f64 = 0.05;
+/// ... an arm in which no joint is faster, rad/s (m/s), is more likely one whose time is in milliseconds.
+const SLOW_MOTION: f64 = 0.01;
+/// Steps of a stretch may deviate from their median by this share of it (root mean square) before differences become wrong.
+pub(crate) const MOST_JITTER: f64 = 0.02;
+
+/// Median of steps, and their root mean square deviation from it as a share of it; `None` without steps.
+pub(crate) fn jitter(steps: &[i64]) -> Option<(i64, f64)> {
+    let mut sorted = steps.to_vec();
+    sorted.sort_unstable();
+    let median = *sorted.get(sorted.len() / 2)?;
+    let deviation = |step: &i64| (*step as f64 / median as f64 - 1.0).powi(2);
+    Some((median, (steps.iter().map(deviation).sum::<f64>() / steps.len() as f64).sqrt()))
+}
 
 pub(super) fn issues(recording: &Recording) -> Vec<Issue> {
-    let log = Log { time: recording.time_seconds(), steps: recording.steps() };
+    let log = Log::new(recording);
     let issues = [log.backwards(), log.duplicates(), log.gaps(), log.irregular(), log.unlikely_rate()];
     issues.into_iter().flatten().collect()
+}
+
+/// A time whose unit nobody can have meant.
+pub(super) fn unlikely_rate(recording: &Recording) -> Option<Issue> {
+    Log::new(recording).unlikely_rate()
 }
 
 struct Log {
@@ -18,9 +39,32 @@ struct Log {
     time: Vec<f64>,
     /// s
     steps: Vec<f64>,
+    /// The same, ns.
+    nanoseconds: Vec<i64>,
+    /// Speed that the fastest joint exceeds in a tenth of the steps, rad/s (m/s).
+    fastest: f64,
+}
+
+/// Of the joints' speeds from sample to sample, those that nine of ten do not exceed, the largest one.
+fn fastest(recording: &Recording) -> f64 {
+    let n = recording.dof();
+    let steps = recording.steps();
+    let of_joint = |joint: usize| {
+        let q = |sample: usize| recording.position()[sample * n + joint];
+        let speeds = (0..steps.len()).map(|k| (q(k + 1) - q(k)).abs() / steps[k]);
+        let mut speeds: Vec<f64> = speeds.filter(|speed| speed.is_finite()).collect();
+        quantile(&mut speeds, 0.9)
+    };
+    (0..n).map(of_joint).fold(0.0, f64::max)
 }
 
 impl Log {
+    fn new(recording: &Recording) -> Self {
+        let nanoseconds = recording.time().windows(2).map(|pair| pair[1].saturating_sub(pair[0])).collect();
+        let fastest = fastest(recording);
+        Self { time: recording.time_seconds(), steps: recording.steps(), nanoseconds, fastest }
+    }
+
     /// An issue of the steps `found`, unless there are none.
     fn issue(&self, kind: IssueKind, severity: Severity, found: &[usize], message: String) -> Option<Issue> {
         let first = *found.first()?;
@@ -35,7 +79,7 @@ impl Log {
         let found = self.where_step(|step| step < 0.0);
         let first = *found.first()?;
         let message = format!(
-            "the time runs backwards {}, first by {} at sample {}: sort the samples, or cut the log there if it was restarted",
+            "the time runs backwards {}, first by {} at sample {}: sort the samples (repair: sort), or cut the log there if it was restarted",
             counted(found.len(), "time"),
             milliseconds(-self.steps[first]),
             first + 1,
@@ -46,7 +90,7 @@ impl Log {
     fn duplicates(&self) -> Option<Issue> {
         let found = self.where_step(|step| step == 0.0);
         let message = format!(
-            "{} {} the stamp of the one before: drop the duplicates, or check the resolution of the time",
+            "{} {} the stamp of the one before: drop the duplicates (repair: drop_duplicates), or check the resolution of the time",
             counted(found.len(), "sample"),
             if found.len() == 1 { "has" } else { "have" },
         );
@@ -71,32 +115,52 @@ impl Log {
         let regular: Vec<f64> = self.steps.iter().copied().filter(|&step| step <= GAP_FACTOR * usual).collect();
         let off = |share: f64| self.where_step(|step| (step - usual).abs() > share * usual);
         let (by_10, by_50) = (off(0.1), off(0.5));
-        if by_10.len() * 100 <= self.steps.len() {
+        // Of a time that does not run forward the order is to be mended first.
+        let runs_forward = self.steps.iter().all(|&step| step > 0.0);
+        let worst = if runs_forward { self.worst_jitter(usual) } else { 0.0 };
+        if by_10.len() * 100 <= self.steps.len() && worst <= MOST_JITTER {
             return None;
         }
         let mean = regular.iter().sum::<f64>() / regular.len() as f64;
         let message = format!(
-            "irregular sampling: median step {}, mean {}, 1 % to 99 % of the steps {} to {}; {} of the steps are off by more than 10 %, {} by more than 50 %: resample before filtering or differentiating",
+            "irregular sampling: median step {}, mean {}, 1 % to 99 % of the steps {} to {}; {} of the steps are off by more than 10 %, {} by more than 50 %: {} (resample: {:.0} Hz)",
             milliseconds(usual),
             milliseconds(mean),
             milliseconds(quantile(&mut regular.clone(), 0.01)),
             milliseconds(quantile(&mut regular.clone(), 0.99)),
             percent(by_10.len(), self.steps.len()),
             percent(by_50.len(), self.steps.len()),
+            if worst > MOST_JITTER { "too irregular to differentiate, resample first" } else { "resample" },
+            1.0 / usual,
         );
-        self.issue(IssueKind::IrregularSampling, Severity::Warning, &by_10, message)
+        let severity = if worst > MOST_JITTER { Severity::Error } else { Severity::Warning };
+        let found = if by_10.is_empty() { self.where_step(|step| step != usual) } else { by_10 };
+        self.issue(IssueKind::IrregularSampling, severity, &found, message)
+    }
+
+    /// The largest deviation of the steps of a stretch between gaps from its median, as a share of it.
+    fn worst_jitter(&self, usual: f64) -> f64 {
+        let longest = GAP_FACTOR * usual * 1e9;
+        let stretches = self.nanoseconds.split(|&step| step as f64 > longest);
+        stretches.filter_map(jitter).map(|(_, share)| share).fold(0.0, f64::max)
     }
 
     fn unlikely_rate(&self) -> Option<Issue> {
         let usual = self.usual_period()?;
-        if (LIKELY_PERIOD[0]..=LIKELY_PERIOD[1]).contains(&usual) {
+        let slow_arm = usual > SLOW_PERIOD && self.fastest < SLOW_MOTION && self.fastest > 0.0;
+        if (LIKELY_PERIOD[0]..=LIKELY_PERIOD[1]).contains(&usual) && !slow_arm {
             return None;
         }
         let message = format!(
-            "the median step is {usual} s: if the log is not that {}, give the unit of the time",
+            "the median step is {usual} s{}: if the log is not that {}, give the unit of the time with `units.time`; if it is, confirm it (accept: unlikely_rate)",
+            if slow_arm {
+                format!(", and no joint is faster than {:.1e} rad/s (m/s)", self.fastest)
+            } else {
+                String::new()
+            },
             if usual < LIKELY_PERIOD[0] { "fast" } else { "slow" }
         );
-        let (kind, severity) = (IssueKind::UnlikelyRate, Severity::Warning);
+        let (kind, severity) = (IssueKind::UnlikelyRate, Severity::Error);
         Some(Issue { kind, severity, time: None, channel: None, count: self.time.len(), message })
     }
 

@@ -2,7 +2,7 @@
 
 use super::{Issue, IssueKind, Severity, counted, percent};
 use crate::recording::names::quoted;
-use crate::recording::{Recording, seconds, statistics};
+use crate::recording::{Implausible, Recording, seconds, statistics};
 
 /// A joint that moves less than this, rad (m), stands still.
 const STILL_RANGE: f64 = 0.002;
@@ -15,6 +15,7 @@ const FLAT_TOP: usize = 5;
 
 pub(super) fn issues(recording: &Recording) -> Vec<Issue> {
     let mut issues = not_finite(recording);
+    issues.extend(implausible(recording));
     issues.extend(repeated(recording));
     issues.extend(still_joints(recording));
     issues.extend(clipped(recording));
@@ -37,7 +38,11 @@ fn not_finite(recording: &Recording) -> Vec<Issue> {
     let n = recording.dof();
     let joints = recording.joint_names().iter().enumerate();
     let of_joints = joints.flat_map(|(joint, name)| {
-        recording.arrays().map(move |(array, values)| (format!("{name}_{array}"), joint, n, values, Severity::Error))
+        recording.arrays().map(move |(array, values)| {
+            // Models are identified from positions and torques; logged velocities are only compared with them.
+            let severity = if array == "velocity" { Severity::Warning } else { Severity::Error };
+            (format!("{name}_{array}"), joint, n, values, severity)
+        })
     });
     let channels = recording.channels().iter();
     let of_channels = channels.map(|channel| (channel.name.clone(), 0, 1, &channel.values[..], Severity::Note));
@@ -51,15 +56,30 @@ fn not_finite(recording: &Recording) -> Vec<Issue> {
             severity,
             time: Some(seconds(recording.time()[0], recording.time()[at])),
             message: format!(
-                "`{name}` is missing or not finite in {} ({}), first in sample {at}: drop these samples",
+                "`{name}` is missing or not finite in {} ({}), first in sample {at}: drop these samples{}",
                 counted(count, "sample"),
                 percent(count, recording.len()),
+                if severity == Severity::Note { "" } else { " (repair: drop_not_finite)" },
             ),
             channel: Some(name),
             count,
         })
     };
     of_joints.chain(of_channels).filter_map(issue).collect()
+}
+
+/// A value that no arm makes.
+fn implausible(recording: &Recording) -> Option<Issue> {
+    let Implausible { quantity, joint, seconds, value, expected } = recording.implausible()?;
+    let name = format!("{}_{quantity}", recording.joint_names()[joint]);
+    Some(Issue {
+        kind: IssueKind::Implausible,
+        severity: Severity::Error,
+        time: Some(seconds),
+        message: format!("`{name}` is {value:.3e} {seconds:.3} s after the start; {expected}"),
+        channel: Some(name),
+        count: 1,
+    })
 }
 
 /// Samples that repeat all values of the one before while the arm moves, in increasing order.
@@ -92,7 +112,7 @@ fn repeated(recording: &Recording) -> Option<Issue> {
         channel: None,
         count: found.len(),
         message: format!(
-            "{} ({}) {} all values of the one before under a new stamp while the arm moves: drop them before differentiating",
+            "{} ({}) {} all values of the one before under a new stamp while the arm moves: drop them before differentiating (repair: drop_repeated)",
             counted(found.len(), "sample"),
             percent(found.len(), recording.len()),
             if found.len() == 1 { "repeats" } else { "repeat" },

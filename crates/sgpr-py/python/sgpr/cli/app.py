@@ -9,7 +9,9 @@ import typer
 from .. import __version__
 from .arguments import Command
 from .compare import compare
+from .demo import demo
 from .diagnose import diagnose
+from .effects import effects
 from .errors import guarded
 from .excite import excite
 from .identify import identify
@@ -26,7 +28,6 @@ app = typer.Typer(
     help="Identifies torque models of robot arms from logs, says how good they are and what they lack.\n\n"
     "Exit code: 0 success, 2 wrong use, 1 bad data (one message on standard error says what to do).",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 
@@ -34,10 +35,11 @@ app = typer.Typer(
 def register(command: Callable[..., Any]) -> None:
     """Makes a function a command of its name."""
     epilog = "Options whose value ends in ... take several values, up to the next option or --: --effects a b c."
-    app.command(cls=Command, epilog=epilog, no_args_is_help=True)(with_option_groups(guarded(command)))
+    alone = command in (demo, effects)
+    app.command(cls=Command, epilog=epilog, no_args_is_help=not alone)(with_option_groups(guarded(command)))
 
 
-for each in (info, identify, compare, diagnose, learn, predict, payload, excite, simulate, reproduce):
+for each in (demo, info, identify, compare, diagnose, learn, predict, effects, payload, excite, simulate, reproduce):
     register(each)
 
 

@@ -26,9 +26,10 @@ from .error_table import show_errors
 from .errors import LIMITS_NOT_MET, BadData
 from .inputs import load_any_model
 from .limits import limits_of, verdicts
+from .options import Open, open_page
 from .output_folder import OutputFolder
 from .predictions import residuals_by_log
-from .reading import Log, ReadingOptions, read_log, read_logs, stretches
+from .reading import Log, ReadingOptions, read_log, read_logs, stretches, tell_layouts
 from .screening import repeated
 
 
@@ -73,6 +74,7 @@ def compare(
     out: Annotated[
         str | None, typer.Option("--out", metavar="DIR", help="Folder for report.html and comparison.json.")
     ] = None,
+    open_report: Open = False,
 ) -> None:
     """Compares the torque that a model predicts with the torque in logs, joint by joint."""
     main_model = load_any_model(model, joints)
@@ -84,7 +86,7 @@ def compare(
         # What is shown last is what matters.
         models = {against if against != model else f"{against} (again)": other, model: main_model}
     folder = OutputFolder(out) if out else None
-    logs = read_logs(files, reading, names, output)
+    logs = read_logs(files, reading, names, output, _physics(main_model).reading)
     recordings = stretches(logs)
     physics = {name: _physics(each) for name, each in models.items()}
     processed = [*physics.values()][::-1]
@@ -134,14 +136,23 @@ def compare(
             )
             folder.write("comparison.json", to_json(data))
             folder.write("report.html", page.html())
+    tell_layouts(logs, output)
     show({labels[name]: each for name, each in found.items()}, judged, output)
     if streamed:
         _show_streamed(found[model], streamed, output)
+    if data["structure"]:
+        output.line("what the error on these logs depends on:")
     for joint in data["structure"]:
-        output.line(joint["summary"])
+        output.line(f"  {joint['summary']}")
     if folder:
         output.line(f"report: {folder.path / 'report.html'}")
     output.result(data)
+    if folder and open_report:
+        open_page(folder.path / "report.html")
+    if not folder:
+        output.next("sgpr", "compare", model, *files, "--out", "comparison", why="a page with the torques")
+    else:
+        output.next("sgpr", "predict", model, files[0], "--out", "torque.csv")
     if strict and failed:
         raise typer.Exit(LIMITS_NOT_MET)
 
@@ -185,7 +196,7 @@ def _training_logs(model: Model, reading: ReadingOptions) -> list[Log]:
     logs = []
     for path in dict.fromkeys(model.logs):
         try:
-            logs.append(read_log(path, reading, model.robot.joint_names))
+            logs.append(read_log(path, reading, model.robot.joint_names, model.reading))
         except (SgprError, BadData, OSError):
             continue
     return logs
@@ -209,7 +220,8 @@ def show(found: dict[str, Comparison], judged: list[dict[str, Any]], output: Out
             [v["joint"], v["figure"], significant(v["value"]), significant(v["limit"]), v["unit"], v["verdict"]]
             for v in judged
         ]
-        output.table(["joint", "figure", "found", "limit", "unit", "verdict"], rows, text_columns=(0, 1, 4, 5))
+        columns = ["joint", "figure", "found", "limit", "unit", "verdict"]
+        output.table(columns, rows, text_columns=(0, 1, 4, 5), spare=("unit",))
         failed = sum(v["verdict"] == "fail" for v in judged)
         text = f"{failed} of {len(judged)} limits not met" if failed else f"all {len(judged)} limits met"
         output.line(text, "red" if failed else "green")

@@ -2,6 +2,7 @@
 
 import json
 import math
+import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -11,6 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from rich import box
+from rich.cells import cell_len
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -61,22 +63,64 @@ class Output:
         *,
         text_columns: Sequence[int] = (0,),
         title: str | None = None,
+        spare: Sequence[str] = (),
     ) -> None:
-        """A table of the result for people; numbers are aligned to the right."""
+        """A table of the result for people; numbers are aligned to the right and never cut.
+
+        Where the terminal is too narrow, columns of `spare` go, the first one first; what then is still too wide
+        is said in several tables, each with the first column.
+        """
         if not self._talks:
             return
-        table = Table(box=box.SIMPLE_HEAD, title=title and escape(title), title_justify="left", title_style="bold")
-        for index, column in enumerate(columns):
-            justify: Any = "left" if index in text_columns else "right"
-            table.add_column(escape(column), justify=justify, overflow="fold")
-        for row in rows:
-            table.add_row(*map(escape, row))
-        _console(sys.stdout).print(table)
+        console = _console(sys.stdout)
+        widths = [max([_width(head), *(_width(row[k]) for row in rows)]) for k, head in enumerate(columns)]
+        kept = _fitting(columns, widths, spare, console.width)
+        for number, part in enumerate(_parts(kept, widths, console.width)):
+            table = Table(
+                box=box.SIMPLE_HEAD,
+                title=escape(title) if title and number == 0 else None,
+                title_justify="left",
+                title_style="bold",
+            )
+            for k in part:
+                justify: Any = "left" if k in text_columns else "right"
+                alone = len(part) <= 2 and k in text_columns
+                table.add_column(
+                    escape(columns[k]), justify=justify, no_wrap=not alone, overflow="fold" if alone else "ellipsis"
+                )
+            for row in rows:
+                table.add_row(*(escape(row[k]) for k in part))
+            console.print(table)
+        gone = [column for k, column in enumerate(columns) if k not in kept]
+        if gone:
+            console.print(Text(f"not shown at this width: {', '.join(gone)}", style="dim"), soft_wrap=True)
+
+    def told(self, text: str) -> None:
+        """How the input was understood, on standard error; JSON has it in its own way."""
+        if self._talks:
+            _console(sys.stderr).print(Text(text, style="dim"), soft_wrap=True)
+
+    def next(self, *command: str, why: str = "") -> None:
+        """The command that makes sense now."""
+        if self._talks:
+            reason = f"  ({why})" if why else ""
+            text = Text("next: ", style="bold") + Text(shlex.join(command)) + Text(reason, style="dim")
+            _console(sys.stdout).print(text, soft_wrap=True)
+
+    def bad(self, text: str) -> None:
+        """A result that the user cannot want."""
+        if not self.quiet:
+            _console(sys.stderr).print(Text(text, style="bold red"), soft_wrap=True)
 
     def note(self, text: str) -> None:
         """Something worth knowing, on standard error."""
         if not self.quiet:
             _console(sys.stderr).print(Text(text, style="dim"), soft_wrap=True)
+
+    def finding(self, text: str, style: str) -> None:
+        """Something found, on standard error."""
+        if not self.quiet:
+            _console(sys.stderr).print(Text(text, style=style), soft_wrap=True)
 
     def warning(self, text: str) -> None:
         """Something the user should read, on standard error."""
@@ -100,6 +144,39 @@ class Output:
                 bar.update(tasks[stage], completed=done, total=total)
 
             yield step
+
+
+BETWEEN_COLUMNS = 2
+"""Blanks that a table has beside each of its columns, all in all, and two at its ends."""
+
+
+def _width(cell: str) -> int:
+    return max((cell_len(line) for line in cell.splitlines()), default=0)
+
+
+def _total(part: Sequence[int], widths: Sequence[int]) -> int:
+    return sum(widths[k] + BETWEEN_COLUMNS for k in part) + len(part) + 1
+
+
+def _fitting(columns: Sequence[str], widths: Sequence[int], spare: Sequence[str], width: int) -> list[int]:
+    """Numbers of the columns that stay."""
+    kept = list(range(len(columns)))
+    for name in spare:
+        if _total(kept, widths) <= width:
+            break
+        kept = [k for k in kept if columns[k] != name]
+    return kept
+
+
+def _parts(kept: Sequence[int], widths: Sequence[int], width: int) -> list[list[int]]:
+    """Columns in tables that fit, each with the first column."""
+    first, *others = kept
+    parts = [[first]]
+    for k in others:
+        if len(parts[-1]) > 1 and _total([*parts[-1], k], widths) > width:
+            parts.append([first])
+        parts[-1].append(k)
+    return parts
 
 
 def print_error(message: str) -> None:

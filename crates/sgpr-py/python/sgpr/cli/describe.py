@@ -59,6 +59,8 @@ def log(recording: Recording, path: str) -> dict[str, Any]:
         "has_velocity": recording.dq is not None,
         "has_torque": recording.tau is not None,
         "channels": {name: _range(values) for name, values in recording.channels.items()},
+        "columns": recording.layout,
+        "content_hash": recording.content_hash,
         "notes": list(recording.notes),
         "issues": [issue(found) for found in recording.issues],
     }
@@ -76,7 +78,7 @@ def repaired_log(log_: Log, role: str) -> dict[str, Any]:
 
 def issue(found: Issue) -> dict[str, Any]:
     """Something found in a recording."""
-    keys = ("kind", "severity", "time", "channel", "count", "message")
+    keys = ("kind", "severity", "rank", "time", "channel", "count", "message")
     return {key: getattr(found, key) for key in keys}
 
 
@@ -94,6 +96,7 @@ def model(model: Model, path: str) -> dict[str, Any]:
         "fit": model.fit,
         "certificate": model.certificate,
         "logs": model.logs,
+        "reading": model.reading,
         "history": model.history,
         "library_version": model.library_version,
     }

@@ -19,12 +19,14 @@ from . import describe
 from .console import Output, to_json
 from .effects import DEFAULT_EFFECTS, checked_effects
 from .error_table import show_errors
-from .errors import wrong_use
+from .errors import LIMITS_NOT_MET, wrong_use
+from .findings import of_logs, of_texts
+from .findings import show as show_ranked
 from .inputs import kind_of, load_model
-from .options import Gravity, Joints, NoReport, OutFolder, check_unseen
+from .options import Gravity, Joints, NoReport, Open, OutFolder, Strict, check_unseen, open_page
 from .output_folder import OutputFolder
 from .predictions import AFTER, BEFORE, left_out, predictions, residuals_by_log, write_before_and_after
-from .reading import Log, ReadingOptions, read_logs, stretches
+from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .robots import load_robot
 from .screening import repeated
 
@@ -75,6 +77,8 @@ def diagnose(
     joints: Joints = None,
     gravity: Gravity = None,
     no_report: NoReport = False,
+    open_report: Open = False,
+    strict: Strict = False,
 ) -> None:
     """Finds out which physical effects a model lacks, adds them, and shows the error before and after.
 
@@ -89,8 +93,9 @@ def diagnose(
     known = given.effects if given else checked_effects(DEFAULT_EFFECTS if effects is None else effects)
     folder = OutputFolder(out)
     arm = given.robot if given else load_robot(robot, joints, gravity)
-    train_logs = read_logs(train, reading, arm.joint_names, output)
-    test_logs = read_logs(test or [], reading, arm.joint_names, output)
+    like = given.reading if given else None
+    train_logs = read_logs(train, reading, arm.joint_names, output, like)
+    test_logs = read_logs(test or [], reading, arm.joint_names, output, like)
     result = run(given or arm, train_logs, test_logs, known, wanted, output)
     data = result.to_dict()
     data["settings"] = {
@@ -103,7 +108,8 @@ def diagnose(
     }
     data["repeated_motions"] = repeated(train_logs, test_logs)
     with folder:
-        result.after.save(folder.file("model.sgpr")) if apply else result.before.save(folder.file("model.sgpr"))
+        written = result.after if apply else result.before
+        written.with_reading(like or reading.lasting(train)).save(folder.file("model.sgpr"))
         if test_logs:
             comparisons = {BEFORE: result.errors_before, AFTER: result.errors_after}
             rows = predictions(test_logs, comparisons, arm.joint_names)
@@ -116,11 +122,29 @@ def diagnose(
         if not no_report:
             folder.write("report.html", result.page(data).html())
         folder.write("diagnosis.json", to_json(data))
+    tell_layouts([*train_logs, *test_logs], output)
     show(result, data, output)
-    for text in data["repeated_motions"]:
-        output.warning(text)
+    found = [*of_texts(data["repeated_motions"]), *of_logs([*train_logs, *test_logs])]
+    show_ranked(found, output, "see the report, or sgpr info")
     output.line(f"results: {folder.path}")
     output.result(data)
+    if not no_report and open_report:
+        open_page(folder.path / "report.html")
+    model_file = str(folder.path / "model.sgpr")
+    if data["findings"] and apply:
+        another = (test or ["ANOTHER_LOG"])[0]
+        output.next("sgpr", "compare", model_file, another, "--out", "comparison", why="or a log of another motion")
+    elif data["verdict"] == "unexplained_structure":
+        output.next(
+            "sgpr", "learn", "--robot", model_file, "--train", *train, *(["--test", *test] if test else []),
+            "--out", "learned", why="Gaussian processes for what no known effect explains",
+        )  # fmt: skip
+    else:
+        output.next("sgpr", "predict", model_file, (test or train)[0], "--out", "torque.csv")
+    if result.is_worse():
+        output.bad("The model with the findings is worse on the test logs than the one before: do not use it.")
+        if strict:
+            raise typer.Exit(LIMITS_NOT_MET)
 
 
 @dataclass(frozen=True)
@@ -139,6 +163,11 @@ class Result:
     def judged(self) -> list[Log]:
         """The logs of the comparisons."""
         return self.test or self.train
+
+    def is_worse(self) -> bool:
+        """Whether the findings make unseen torque worse."""
+        before, after = self.errors_before.relative_error_percent, self.errors_after.relative_error_percent
+        return bool(self.test) and after > before
 
     def to_dict(self) -> dict[str, Any]:
         """All figures: those of the diagnosis, and what they are for."""
@@ -212,8 +241,10 @@ def show(result: Result, data: dict[str, Any], output: Output) -> None:
         f"probability that nothing is missing {data['probability_nothing_missing']:.2f}, that something unknown is "
         f"{data['probability_unexplained']:.2f}"
     )
+    if data["structure"]:
+        output.line("what the error on the training logs depends on:")
     for joint in data["structure"]:
-        output.line(joint["summary"])
+        output.line(f"  {joint['summary']}")
     for number, finding in enumerate(data["findings"], start=1):
         at = ", ".join(finding["joints"]) or "whole arm"
         output.heading(f"{number}. {finding['effect']} ({at}), probability {finding['probability']:.2f}")
@@ -248,4 +279,4 @@ def show(result: Result, data: dict[str, Any], output: Output) -> None:
     for line in data["history"]:
         output.line(f"history: {line}")
     if data["not_testable"]:
-        output.note(f"not testable with these logs: {', '.join(entry['effect'] for entry in data['not_testable'])}")
+        output.told(f"not testable with these logs: {', '.join(entry['effect'] for entry in data['not_testable'])}")

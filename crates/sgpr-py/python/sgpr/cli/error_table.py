@@ -33,7 +33,8 @@ def show_errors(comparisons: Mapping[str, Comparison], output: Output) -> None:
                 significant(last.rmse_gravity),
             ]
         )
-    output.table(columns, rows, text_columns=(0, 1))
+    spare = ("R²", "zero", "gravity only", "at", "largest", "fit %", "unit")
+    output.table(columns, rows, text_columns=(0, 1), spare=spare)
     unmoved = [
         joints[0].joint
         for joints in zip(*(c.joints for c in comparisons.values()), strict=True)

@@ -11,6 +11,7 @@ import typer
 from .. import SgprError
 from .console import print_error
 
+FEW = 12
 BAD_DATA = 1
 LIMITS_NOT_MET = 1
 STOPPED = 130
@@ -23,6 +24,12 @@ OPTIONS = {
     r"\(resample: ([\d.]+) Hz\)": r"(--resample \1)",
     r"\(repair: sort, drop_duplicates\)": "(--sort, --drop-duplicates)",
     r"\(repair: drop_not_finite\)": "(--drop-not-finite)",
+    r"\(repair: drop_repeated\)": "(--drop-repeated)",
+    r"\(repair: drop_duplicates\)": "(--drop-duplicates)",
+    r"\(repair: sort\)": "(--sort)",
+    r"\(accept: (\w+)\)": r"(--accept \1)",
+    r"`accept=\[\"(\w+)\"\]`": r"`--accept \1`",
+    r"`units\.(\w+)`": r"`--units \1=...`",
     r"`columns\.(\w+)`": r"`--columns \1=...`",
     r"`sample_rate_hz`": "`--rate`",
     r"`joints`": "`--joints`",
@@ -48,13 +55,16 @@ def wrong_use(message: str, option: str | None = None) -> typer.BadParameter:
 
 
 def one_of(value: str, known: Iterable[str], option: str, what: str) -> str:
-    """`value`, if it is known; otherwise wrong use, with the nearest known value and all of them."""
+    """`value`, if it is known; otherwise wrong use, with the nearest known value and, if they are few, all of them."""
     known = list(known)
     if value in known:
         return value
     near = difflib.get_close_matches(value, known, n=1)
     hint = f", did you mean {near[0]}?" if near else "."
-    raise wrong_use(f"there is no {what} `{value}`{hint} Known are {', '.join(known)}.", option)
+    more = f"Known are {', '.join(known)}."
+    if what == "effect" and len(known) > FEW:
+        more = "`sgpr effects` lists all."
+    raise wrong_use(f"there is no {what} `{value}`{hint} {more}", option)
 
 
 def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -74,7 +84,7 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
         except OSError as error:
             print_error(_of_system(error))
         except (BadData, SgprError) as error:
-            print_error(_of_command_line(str(error)))
+            print_error(of_command_line(str(error)))
         except BaseException as error:
             if not (isinstance(error, Exception) or type(error).__name__ == PANIC):
                 raise
@@ -84,7 +94,7 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
     return run
 
 
-def _of_command_line(message: str) -> str:
+def of_command_line(message: str) -> str:
     """A message of the library, with the options of the command line in the place of arguments."""
     for pattern, option in OPTIONS.items():
         message = re.sub(pattern, option, message)

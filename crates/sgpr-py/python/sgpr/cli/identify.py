@@ -17,10 +17,12 @@ from ..report.versions import versions
 from . import describe
 from .console import Output, to_json
 from .error_table import show_errors
-from .errors import wrong_use
+from .errors import LIMITS_NOT_MET, wrong_use
+from .findings import Found, as_data, of_logs, of_texts, ranked
+from .findings import show as show_ranked
 from .fit_options import BodyOptions, EquationOptions, IdentificationOptions
 from .info import show_certificate, show_parameters, show_terms
-from .options import Gravity, Joints, NoReport, OutFolder, check_unseen
+from .options import Gravity, Joints, NoReport, Open, OutFolder, Strict, check_unseen, open_page
 from .output_folder import OutputFolder
 from .predictions import (
     AFTER,
@@ -31,12 +33,9 @@ from .predictions import (
     write_before_and_after,
     write_topics,
 )
-from .reading import Log, ReadingOptions, read_logs, stretches
+from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .robots import load_robot
 from .screening import excitation, outside, repeated, saturated
-
-WRONG_POSITION = ("position_in_degrees", "position_jump", "velocity_mismatch")
-"""Kinds of findings after which no result can be believed."""
 
 IN_ROBOT_FILES = {
     "robot.xml": ("rotor_inertia", "viscous_friction", "coulomb_friction"),
@@ -62,6 +61,8 @@ def identify(
     joints: Joints = None,
     gravity: Gravity = None,
     no_report: NoReport = False,
+    open_report: Open = False,
+    strict: Strict = False,
     mcap: Annotated[
         str | None,
         typer.Option(
@@ -101,7 +102,7 @@ def identify(
     if options["consistent"]:
         robot_files = ["robot.xml", "robot.urdf"] if Path(robot).suffix.lower() == ".urdf" else ["robot.xml"]
     with folder:
-        result.model.save(folder.file("model.sgpr"))
+        result.model.with_reading(reading.lasting(train)).save(folder.file("model.sgpr"))
         if "robot.xml" in robot_files:
             folder.write("robot.xml", result.model.to_mjcf())
         if "robot.urdf" in robot_files:
@@ -115,12 +116,22 @@ def identify(
         if not no_report:
             folder.write("report.html", result.page(data).html())
         folder.write("identification.json", to_json(data))
+    tell_layouts([*train_logs, *test_logs], output)
     show(result, data, output)
     for name in robot_files:
         if left := without_place(name, result.model):
             output.note(f"{name} has bodies and friction, but no place for {', '.join(left)}")
     output.line(f"results: {folder.path}")
+    if not no_report and open_report:
+        open_page(folder.path / "report.html")
     output.result(data)
+    output.next(
+        "sgpr", "diagnose", "--robot", str(folder.path / "model.sgpr"), "--train", *train,
+        *(["--test", *test] if test else []), "--out", str(folder.path.with_name(f"{folder.path.name}_diagnosis")),
+        why="which effect is missing?",
+    )  # fmt: skip
+    if result.is_worse() and strict:
+        raise typer.Exit(LIMITS_NOT_MET)
 
 
 @dataclass(frozen=True)
@@ -180,6 +191,8 @@ class Result:
             "screening": self.screening(),
             "essential": report.essential,
             "warnings": [*self.repeated, *report.warnings, *self.findings],
+            "findings": as_data(self.ranked()),
+            "worse_than_before": self.is_worse(),
             "repeated_motions": self.repeated,
             "logs": [
                 *(describe.repaired_log(log, "train") for log in self.train),
@@ -190,6 +203,17 @@ class Result:
             "versions": versions(),
             "library_version": __version__,
         }
+
+    def ranked(self) -> list[Found]:
+        """Findings in the logs and of the fit, in one list."""
+        report = self.model.report
+        assert report is not None, "just identified"
+        texts = [*self.repeated, *report.warnings, *self.findings]
+        return ranked([*of_texts(texts), *of_logs([*self.train, *self.test])])
+
+    def is_worse(self) -> bool:
+        """Whether the model is worse on unseen logs than the robot file."""
+        return bool(self.test) and self.after.relative_error_percent > self.before.relative_error_percent
 
     def screening(self) -> list[str]:
         """How well the motion excites the parameters, and what the physics finds suspicious in the training logs."""
@@ -260,17 +284,13 @@ def show(result: Result, data: dict[str, Any], output: Output) -> None:
         f"{where} the error is {percent(result.after.relative_error_percent)} % of the torque; before, with the robot "
         f"file, it was {percent(result.before.relative_error_percent)} %."
     )
-    for text in data["warnings"]:
-        output.warning(text)
+    if result.is_worse():
+        output.bad(
+            "The model is worse on the test logs than the robot file: do not use it. Look at the findings below and at "
+            "the report; train on more varied motions, or with --consistent."
+        )
     for path, count in data["left_out_of_predictions"].items():
         output.warning(
             f"{path}: {counted(count, 'sample')} without prediction (repairs, or stretches too short to filter)"
         )
-    findings = [found for log in data["logs"] for found in log["issues"] if found["severity"] != "note"]
-    # A wrong unit spoils all of the above, so it is said here, once for all logs.
-    units = [found for found in findings if found["kind"] in WRONG_POSITION]
-    for text in dict.fromkeys(found["message"] for found in units):
-        output.warning(text)
-    if len(findings) > len(units):
-        more = counted(len(findings) - len(units), "finding")
-        output.warning(f"the logs have {more}{' more' if units else ''}; see the report, or sgpr info")
+    show_ranked(result.ranked(), output, "see the report, or sgpr info")

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
+from .. import Robot
 from ..report.certificate import kept_out
 from ..report.numbers import MISSING, counted, percent, readable, relative_deviation, significant, with_deviation
 from ..report.parameters import left_out
@@ -12,9 +13,12 @@ from ..report.rest import points_of
 from . import describe
 from .console import Output
 from .effects import checked_effects
+from .errors import BAD_DATA, of_command_line
+from .findings import STYLES, of_texts
 from .inputs import kind_of, load_any_model
 from .options import Gravity
-from .reading import ReadingOptions, expand_patterns
+from .project import remember
+from .reading import ReadingOptions, expand_patterns, read_log
 from .robots import load_robot
 from .screening import screened
 
@@ -51,25 +55,52 @@ def info(
     ] = None,
     gravity: Gravity = None,
 ) -> None:
-    """Shows what robots, logs and saved models hold, and what is wrong with them."""
+    """Shows what robots, logs and saved models hold, and what is wrong with them.
+
+    Exits with 1 if `sgpr identify` would refuse one of the logs.
+    """
     chosen = checked_effects(effects or [])
     arm = None if robot is None else load_robot(robot, joints, gravity)
-    results = []
+    results: list[dict[str, Any]] = []
+    logs: list[str] = []
+    robots = [robot] if robot else []
     for path in expand_patterns(files):
         match kind_of(path):
             case "robot":
+                robots.append(path)
                 data = describe.robot(load_robot(path, joints, gravity), path, chosen)
                 show_robot(data, output, formulas=base_parameters)
             case "model":
                 data = describe.any_model(load_any_model(path), path)
                 show_model(data, output)
             case "log":
-                data = describe.log(reading.read(path, joints), path)
-                if arm is not None:
-                    data["screening"] = screened(arm, path, reading, effects)
+                logs.append(path)
+                data = look_at_log(path, reading, arm, joints, effects)
                 show_log(data, output)
         results.append(data)
     output.result(results)
+    if any(data.get("refused") for data in results):
+        raise typer.Exit(BAD_DATA)
+    if logs:
+        named = robots[0] if robots else "ROBOT"
+        output.next("sgpr", "identify", "--robot", named, "--train", *logs, "--out", "result")
+
+
+def look_at_log(
+    path: str, reading: ReadingOptions, arm: Robot | None, joints: Sequence[str] | None, effects: list[str] | None
+) -> dict[str, Any]:
+    """A log after its repairs, with what would stop `sgpr identify`: `refused`."""
+    log = read_log(path, reading, joints if arm is None else arm.joint_names)
+    if reading.remember:
+        remember(path, reading.to_dict())
+    parts = log.stretches
+    issues = [describe.issue(found) for part in parts for found in part.issues]
+    data = {**describe.log(log.raw, path), "issues": issues, "actions": log.actions}
+    data["refused"] = [found["message"] for found in issues if found["rank"] == "stop"]
+    if arm is not None:
+        data["screening"] = screened(arm, log, effects)
+        data["refused"] += [text for text in [data["screening"]["refused"]] if text is not None]
+    return data
 
 
 def show_robot(data: dict[str, Any], output: Output, *, formulas: bool = False) -> None:
@@ -112,7 +143,7 @@ def show_robot(data: dict[str, Any], output: Output, *, formulas: bool = False) 
         names = [name for name, found in classes.items() if found == kind]
         output.line(f"{len(names)} parameters {kind} ({meaning}): {', '.join(names) or 'none'}")
     for text in data["warnings"]:
-        output.line(f"warning: {text}", "yellow")
+        output.line(f"look: {text}", "yellow")
     output.line("")
 
 
@@ -130,7 +161,11 @@ def show_log(data: dict[str, Any], output: Output) -> None:
     output.table(["joint", "position [rad, m]", "speed [rad/s, m/s]", "torque [N·m, N]"], rows)
     if data["channels"]:
         output.table(["other channel", "range"], [[name, _bounds(found)] for name, found in data["channels"].items()])
-    show_findings(data["issues"], data["notes"], output)
+    if data["columns"] is not None:
+        output.line(f"columns: {data['columns']['text']}")
+    if not data["has_torque"]:
+        output.line("look: no torque in this log: sgpr predict can use it, sgpr identify and compare cannot", "yellow")
+    show_findings(data["issues"], [*data["notes"], *data["actions"]], output)
     if "screening" in data:
         show_screening(data["screening"], output)
     output.line("")
@@ -138,11 +173,10 @@ def show_log(data: dict[str, Any], output: Output) -> None:
 
 def show_findings(issues: Sequence[dict[str, Any]], notes: Sequence[str], output: Output) -> None:
     """What was found in a log, worst first."""
-    styles = {"error": "red", "warning": "yellow", "note": ""}
     for found in issues:
-        output.line(f"{found['severity']}: {found['message']}", styles[found["severity"]])
+        output.line(f"{found['rank']}: {of_command_line(found['message'])}", STYLES[found["rank"]])
     for text in notes:
-        output.line(f"note: {text}")
+        output.line(f"know: {of_command_line(text)}")
     if not issues:
         output.line("nothing suspicious found")
 
@@ -150,11 +184,11 @@ def show_findings(issues: Sequence[dict[str, Any]], notes: Sequence[str], output
 def show_screening(found: dict[str, Any], output: Output) -> None:
     """What the physics of the robot says of a log."""
     if found["refused"] is not None:
-        output.line(f"not screened against the robot: {found['refused']}", "yellow")
+        output.line(f"stop: {of_command_line(found['refused'])}", STYLES["stop"])
         return
     output.line(found["excitation"])
-    for text in found["findings"]:
-        output.line(f"warning: {text}", "yellow")
+    for one in of_texts(found["findings"]):
+        output.line(one.line(), STYLES[one.rank])
     if not found["findings"]:
         output.line("the physics of the robot finds nothing suspicious")
 
@@ -207,7 +241,7 @@ def show_parameters(parameters: Sequence[dict[str, Any]], output: Output) -> Non
             value, deviation, relative = "0", "left out", MISSING
         rows.append([p["name"], value, deviation, relative, significant(p["nominal"], 4), p["unit"]])
     columns = ["base parameter", "value", "std. deviation", "%", "nominal", "unit"]
-    output.table(columns, rows, text_columns=(0, 5))
+    output.table(columns, rows, text_columns=(0, 5), spare=("nominal",))
 
 
 def show_terms(terms: Sequence[dict[str, Any]], output: Output) -> None:

@@ -7,12 +7,16 @@ from typing import Literal
 from .. import Model, SemiParametricModel
 from .._sgpr import load
 from ..loading import load as load_either
+from .console import Output
 from .errors import BadData
 from .robots import READY_MADE, load_robot
 
 Kind = Literal["robot", "model", "log"]
 
 HEAD_BYTES = 256
+
+SLOW_BYTES = 5_000_000
+"""More points than in a file of this size take longer than a person waits without a word: their cube counts."""
 
 
 def kind_of(name: str) -> Kind:
@@ -47,6 +51,10 @@ def load_any_model(name: str, joints: Sequence[str] | None = None) -> Model | Se
     """The same, or a saved model of physics and what it leaves over."""
     if kind_of(name) != "model":
         return load_model(name, joints)
+    size = Path(name).stat().st_size
+    if size > SLOW_BYTES:
+        # On standard error, whatever the command prints: silence would look like a program that hangs.
+        Output().note(f"{name}: {size / 1e6:.0f} MB of points are computed with again, which may take minutes")
     model = load_either(name)
     if joints and list(joints) != model.robot.joint_names:
         raise BadData(f"{name}: this model has the joints {', '.join(model.robot.joint_names)}")

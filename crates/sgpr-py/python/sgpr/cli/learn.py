@@ -15,12 +15,14 @@ from . import describe
 from .console import Output, to_json
 from .effects import DEFAULT_EFFECTS, checked_effects
 from .error_table import show_errors
-from .errors import one_of, wrong_use
+from .errors import LIMITS_NOT_MET, one_of, wrong_use
+from .findings import of_logs, of_texts
+from .findings import show as show_ranked
 from .inputs import kind_of, load_model
-from .options import Gravity, Joints, NoReport, OutFolder, check_unseen
+from .options import Gravity, Joints, NoReport, Open, OutFolder, Strict, check_unseen, open_page
 from .output_folder import OutputFolder
 from .predictions import AFTER, BEFORE, INTERVAL, STD, left_out, predictions, residuals_by_log, spread_of, write_table
-from .reading import Log, ReadingOptions, read_logs, stretches
+from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .robots import load_robot
 from .screening import repeated
 
@@ -85,6 +87,8 @@ def learn(
     joints: Joints = None,
     gravity: Gravity = None,
     no_report: NoReport = False,
+    open_report: Open = False,
+    strict: Strict = False,
 ) -> None:
     """Learns what the physics leaves over, joint by joint, and says how sure predictions are.
 
@@ -103,8 +107,9 @@ def learn(
     known = given.effects if given else checked_effects(DEFAULT_EFFECTS if effects is None else effects)
     folder = OutputFolder(out)
     arm = given.robot if given else load_robot(robot, joints, gravity)
-    train_logs = read_logs(train, reading, arm.joint_names, output)
-    test_logs = read_logs(test or [], reading, arm.joint_names, output)
+    like = given.reading if given else None
+    train_logs = read_logs(train, reading, arm.joint_names, output, like)
+    test_logs = read_logs(test or [], reading, arm.joint_names, output, like)
     settings = {"points": points, "sparse": sparse, "kernel": kernel, "inputs": inputs, "mean": mean}
     with output.progress() as progress:
         model = SemiParametricModel(
@@ -133,12 +138,35 @@ def learn(
         if not no_report:
             folder.write("report.html", result.page(data).html())
         folder.write("learned.json", to_json(data))
+    tell_layouts([*train_logs, *test_logs], output)
     show(result, data, output)
     fewer = filter(None, map(fewer_rows_were_better, data["joints"]))
-    for said in [*fewer, *data["repeated_motions"]]:
-        output.warning(said)
+    texts = [*fewer, *data["repeated_motions"], *too_narrow(data["coverage"])]
+    show_ranked([*of_texts(texts), *of_logs([*train_logs, *test_logs])], output, "see the report, or sgpr info")
     output.line(f"results: {folder.path}")
     output.result(data)
+    if not no_report and open_report:
+        open_page(folder.path / "report.html")
+    example = (test or train)[0]
+    output.next("sgpr", "predict", str(folder.path / "model.sgpr"), example, "--out", "torque.csv")
+    if result.is_worse():
+        output.bad("The processes make the torque of the test logs worse than the physics alone: do not use them.")
+        if strict:
+            raise typer.Exit(LIMITS_NOT_MET)
+
+
+NARROW = 85.0
+"""Percent of the samples in the interval of 95 %, below which it says too much."""
+
+
+def too_narrow(coverage: Sequence[dict[str, Any]]) -> list[str]:
+    """Joints whose intervals hold far less than they say."""
+    found = [one for one in coverage if one["percent_95"] is not None and one["percent_95"] < NARROW]
+    return [
+        f"the interval of 95 % of {one['joint']} holds {percent(one['percent_95'])} % of the torques: it is too "
+        "narrow; learn from more logs of other motions"
+        for one in found
+    ]
 
 
 def fit(model: SemiParametricModel, logs: Sequence[Log], output: Output) -> None:
@@ -170,6 +198,11 @@ class Result:
         after, spread = model.compare_with_spread(judged)
         before = compare_with(model.physics_, judged)
         return cls(model, train, test, before, after, spread, model.coverage(judged))
+
+    def is_worse(self) -> bool:
+        """Whether the processes make unseen torque worse."""
+        before, after = self.errors_before.relative_error_percent, self.errors_after.relative_error_percent
+        return bool(self.test) and after > before
 
     @property
     def judged(self) -> list[Log]:
@@ -231,7 +264,7 @@ def show(result: Result, data: dict[str, Any], output: Output) -> None:
             ]
         )
     columns = ["joint", "looks at", "points", "left out: physics", "best process", "within 68 %", "within 95 %"]
-    output.table(columns, rows, text_columns=(0, 1, 2))
+    output.table(columns, rows, text_columns=(0, 1, 2), spare=("within 68 %", "points", "looks at"))
     show_errors({BEFORE: result.errors_before, AFTER: result.errors_after}, output)
     where = f"On {counted(len(result.test), 'unseen log')}" if result.test else "On the training logs"
     before, after = (c.relative_error_percent for c in (result.errors_before, result.errors_after))

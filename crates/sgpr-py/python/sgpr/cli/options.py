@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import inspect
+import webbrowser
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
@@ -23,6 +24,10 @@ Gravity = Annotated[
     typer.Option("--gravity", metavar="X Y Z", help="Gravity in base axes, m/s².", show_default="0 0 -9.81"),
 ]
 NoReport = Annotated[bool, typer.Option("--no-report", help="Write no report.html.")]
+Open = Annotated[bool, typer.Option("--open", help="Show the report in the browser.")]
+Strict = Annotated[
+    bool, typer.Option("--strict", help="Exit with 1 if the model is worse on the test logs than the one before.")
+]
 
 
 def check_unseen(train: Sequence[str], test: Sequence[str] | None) -> None:
@@ -30,6 +35,11 @@ def check_unseen(train: Sequence[str], test: Sequence[str] | None) -> None:
     both = sorted(set(train) & set(test or ()))
     if both:
         raise wrong_use(f"{', '.join(both)}: a log that trains the model cannot test it", "--test")
+
+
+def open_page(path: Path) -> None:
+    """Shows a page in the browser of the user."""
+    webbrowser.open(path.resolve().as_uri())
 
 
 def check_not_input(out: str, inputs: Sequence[str]) -> None:

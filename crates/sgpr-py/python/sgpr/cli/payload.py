@@ -11,7 +11,7 @@ from .errors import one_of, wrong_use
 from .fit_options import BodyOptions, EquationOptions
 from .options import Gravity, Joints
 from .output_folder import OutputFolder
-from .reading import ReadingOptions, read_logs, stretches
+from .reading import ReadingOptions, read_logs, stretches, tell_layouts
 from .robots import load_robot
 
 
@@ -92,8 +92,9 @@ def payload(
     if link is not None and link not in arm.joint_names:
         raise wrong_use(f"`{link}`: the joints are {', '.join(arm.joint_names)}", "--link")
     folder = OutputFolder(out) if out else None
-    without = stretches(read_logs(unloaded, reading, arm.joint_names, output))
-    with_it = stretches(read_logs(loaded, reading, arm.joint_names, output))
+    unloaded_logs = read_logs(unloaded, reading, arm.joint_names, output)
+    loaded_logs = read_logs(loaded, reading, arm.joint_names, output)
+    without, with_it = stretches(unloaded_logs), stretches(loaded_logs)
     data: dict[str, Any] = {
         "command": "payload",
         "robot": {"name": arm.name, "joints": arm.joint_names},
@@ -128,6 +129,7 @@ def payload(
     if folder:
         with folder:
             folder.write("payload.json", to_json(data))
+    tell_layouts([*unloaded_logs, *loaded_logs], output)
     if payload_of:
         show_gains(data, output)
     else:

@@ -16,7 +16,7 @@ from .inputs import load_any_model
 from .options import check_not_input
 from .output_folder import OutputFolder
 from .predictions import INTERVAL, STD, Pieces, beside, predictions, spread_of, write_table, write_topics
-from .reading import ReadingOptions, read_log
+from .reading import ReadingOptions, read_log, tell_layouts
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
 PREDICTED = "predicted"
@@ -56,7 +56,8 @@ def predict(
     loaded = load_any_model(model, joints)
     names = loaded.robot.joint_names
     with OutputFolder(str(place.parent)) as folder:
-        log = read_log(file, reading, names)
+        physics: Any = getattr(loaded, "physics_", loaded)
+        log = read_log(file, reading, names, physics.reading)
         measured = log.raw.tau is not None
         if not measured:
             log = replace(log, raw=_with_torque(log.raw), stretches=[_with_torque(part) for part in log.stretches])
@@ -91,8 +92,11 @@ def predict(
         "actions": log.actions,
         "library_version": __version__,
     }
+    tell_layouts([log], output)
     output.line(f"{counted(len(row.time_ns), 'sample')} written to {out}")
     output.result(data)
+    if measured:
+        output.next("sgpr", "compare", model, file, "--out", "comparison", why="how good is the prediction?")
 
 
 def _bands(model: Model, found: Comparison) -> dict[str, Pieces]:

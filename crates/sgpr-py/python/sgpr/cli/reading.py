@@ -1,7 +1,7 @@
 """How logs are read and repaired: the options that all commands with logs share."""
 
 import glob
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,11 +9,16 @@ from typing import Annotated, Any
 import typer
 
 from .. import Recording, read
+from ..loading import load as load_either
+from ..reading import options_of
+from . import project
 from .console import Output
 from .errors import BadData, one_of, wrong_use
 
 READING = "Reading logs"
 REPAIR = "Repairing logs (nothing is changed unless asked for)"
+REPAIRS = ("trim", "sort", "drop_duplicates", "drop_not_finite", "drop_repeated", "split_gaps", "resample")
+"""What `Recording.repair` takes."""
 
 
 def reading(*names: str, **settings: Any) -> Any:
@@ -49,9 +54,31 @@ class ReadingOptions:
         ),
     ] = None
     torque_constants: Annotated[
-        list[float] | None,
-        reading("--torque-constants", metavar="K...", help="N·m per A, one per joint: torque = constant · current."),
+        list[str] | None,
+        reading(
+            "--torque-constants",
+            metavar="K...",
+            help="N·m per A: torque = constant · current. One per joint in the order of the robot, or by the names of "
+            "the joints, elbow=9.6 wrist=2.5.",
+        ),
     ] = None
+    accept: Annotated[
+        list[str] | None,
+        reading(
+            "--accept",
+            metavar="FINDING...",
+            help="Findings that stop a command although they are right: joints_by_order (joints with names are columns "
+            "with numbers, in the order of the robot), position_in_degrees, unlikely_rate, torque_scale.",
+        ),
+    ] = None
+    like: Annotated[
+        str | None,
+        reading("--like", metavar="MODEL", help="Read the logs as those that this model was identified from."),
+    ] = None
+    remember: Annotated[
+        bool,
+        reading("--remember", help="Write these options to sgpr.toml beside the logs, where all commands find them."),
+    ] = False
     rate: Annotated[
         float | None, reading("--rate", metavar="HZ", help="Sampling rate of tables without a time column.")
     ] = None
@@ -95,9 +122,41 @@ class ReadingOptions:
         repairing("--resample", metavar="HZ|median", help="Bring samples to equal steps, of this rate."),
     ] = None
 
-    def read(self, path: str, joints: Sequence[str] | None) -> Recording:
+    def read(self, path: str, joints: Sequence[str] | None, like: Mapping[str, Any] | None = None) -> Recording:
         """The log as it is in the file."""
-        return read(path, joints, **self.arguments())
+        settings = self.settings(path, like)
+        wanted = settings.pop("joints", None) if joints is None else joints
+        arguments = {key: value for key, value in settings.items() if key not in REPAIRS}
+        return read(path, wanted, **arguments)
+
+    def settings(self, path: str, like: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """All that is to be done with a log: as asked for, else as in sgpr.toml, else as with the logs of a model.
+
+        - `like`: how the logs of the command's model were read
+        """
+        of_project, _ = project.settings_of(path)
+        of_model = dict(like or {}) if self.like is None else self._like()
+        inherited = {**of_model, **of_project}
+        if any(key not in REPAIRS for key in inherited):
+            known = options_of(path) | set(REPAIRS) | {"joints"}
+            inherited = {key: value for key, value in inherited.items() if key in known}
+        own = self.to_dict()
+        if "accept" in own:
+            own["accept"] = sorted({*own["accept"], *inherited.get("accept", ())})
+        return {**inherited, **own}
+
+    def _like(self) -> dict[str, Any]:
+        assert self.like is not None, "asked before"
+        model = load_either(self.like)
+        physics: Any = getattr(model, "physics_", model)
+        if physics.reading is None:
+            raise BadData(f"{self.like}: this model does not say how its logs were read; identify it again")
+        return dict(physics.reading)
+
+    def lasting(self, paths: Sequence[str]) -> dict[str, Any] | None:
+        """What to note in a model of logs like these, for others to come."""
+        found = self.settings(paths[0]) if paths else {}
+        return {key: value for key, value in found.items() if key not in (*project.OF_ONE_LOG, "joints")}
 
     def arguments(self) -> dict[str, Any]:
         """What `sgpr.read` takes, as far as it is not left to itself."""
@@ -106,7 +165,8 @@ class ReadingOptions:
         wishes: dict[str, Any] = {
             "columns": columns or None,
             "units": _pairs(self.units, "--units", keys) or None,
-            "torque_constants": self.torque_constants,
+            "torque_constants": _constants(self.torque_constants),
+            "accept": self.accept,
             "sample_rate_hz": self.rate,
             "rows": self.rows,
             "logged_names": self.logged_joints,
@@ -166,10 +226,15 @@ class Log:
             output.note(f"{self.path}: {said}")
 
 
-def read_log(path: str, options: ReadingOptions, joints: Sequence[str] | None) -> Log:
-    """Reads and repairs one log."""
-    raw = options.read(path, joints)
-    repairs = options.repairs()
+def read_log(
+    path: str, options: ReadingOptions, joints: Sequence[str] | None, like: Mapping[str, Any] | None = None
+) -> Log:
+    """Reads and repairs one log.
+
+    - `like`: how the logs of the command's model were read
+    """
+    raw = options.read(path, joints, like)
+    repairs = {key: value for key, value in options.settings(path, like).items() if key in REPAIRS}
     if not repairs:
         return Log(path, raw, [raw], [])
     repaired = raw.repair(**repairs)
@@ -177,18 +242,56 @@ def read_log(path: str, options: ReadingOptions, joints: Sequence[str] | None) -
     return Log(path, raw, repaired.recordings, actions, "resample" in repairs)
 
 
-def read_logs(paths: Sequence[str], options: ReadingOptions, joints: Sequence[str] | None, output: Output) -> list[Log]:
-    """Reads and repairs logs, telling what was changed."""
+def read_logs(
+    paths: Sequence[str],
+    options: ReadingOptions,
+    joints: Sequence[str] | None,
+    output: Output,
+    like: Mapping[str, Any] | None = None,
+) -> list[Log]:
+    """Reads and repairs logs, telling what was changed; copies are left out.
+
+    - `like`: how the logs of the command's model were read
+    """
     paths = expand_patterns(paths)
-    logs = []
+    logs: list[Log] = []
     with output.progress() as progress:
         for index, path in enumerate(paths):
             if progress:
                 progress("read", index, len(paths))
-            logs.append(read_log(path, options, joints))
+            logs.append(read_log(path, options, joints, like))
+    if options.remember:
+        for path in paths:
+            place = project.remember(path, options.to_dict())
+            output.note(f"{place}: written; commands on logs in this folder read them the same way")
+    logs = _without_copies(logs, output)
     for log in logs:
         log.tell(output)
     return logs
+
+
+def _without_copies(logs: Sequence[Log], output: Output) -> list[Log]:
+    """Of logs with the same content the first."""
+    first: dict[str, str] = {}
+    kept = []
+    for log in logs:
+        other = first.setdefault(log.raw.content_hash, log.path)
+        if other == log.path:
+            kept.append(log)
+        else:
+            output.warning(f"{log.path} is a copy of {other} and is left out: the same samples would count twice")
+    return kept
+
+
+def tell_layouts(logs: Sequence[Log], output: Output) -> None:
+    """Says in one line which column became which joint in which unit; logs of one layout share it."""
+    groups: dict[str, list[str]] = {}
+    for log in logs:
+        if log.raw.layout is not None:
+            groups.setdefault(log.raw.layout["text"], []).append(log.path)
+    for text, paths in groups.items():
+        more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
+        output.line(f"columns of {paths[0]}{more}: {text}")
 
 
 def stretches(logs: Sequence[Log]) -> list[Recording]:
@@ -215,6 +318,27 @@ def _pairs(values: Sequence[str] | None, option: str, keys: Sequence[str]) -> di
             raise wrong_use(f"`{value}` is not of the form KEY=VALUE, with a KEY of {', '.join(keys)}", option)
         pairs[one_of(key, keys, option, "quantity")] = text
     return pairs
+
+
+def _constants(values: Sequence[str] | None) -> list[float] | dict[str, float] | None:
+    """Torque constants in the order of the joints, or by their names."""
+    if values is None:
+        return None
+    named: dict[str, float] = {}
+    listed: list[float] = []
+    for value in values:
+        name, _, text = value.rpartition("=")
+        try:
+            number = float(text)
+        except ValueError:
+            raise wrong_use(f"`{value}` is neither a number nor JOINT=NUMBER", "--torque-constants") from None
+        if name:
+            named[name] = number
+        else:
+            listed.append(number)
+    if named and listed:
+        raise wrong_use("give all constants in the order of the joints, or all by name", "--torque-constants")
+    return named or listed
 
 
 def _columns(text: str) -> str | list[str]:

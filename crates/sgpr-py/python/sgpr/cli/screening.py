@@ -10,25 +10,23 @@ from .. import identify as identify_from
 from .. import screen as screen_with
 from ..report.numbers import counted, percent, significant
 from .effects import DEFAULT_EFFECTS, checked_effects
-from .reading import Log, ReadingOptions, read_log, stretches
+from .reading import Log, stretches
 
 GOOD, POOR = 100.0, 500.0
 """Condition numbers, columns scaled: optimised excitations reach 50 to 100."""
 
 AT_LIMIT = 0.995
-MILLI = 1e-3
 FEW, MOST = 0.001, 0.5
 
 REPEATED = 0.5
 """Share of a test log: motions of their own reach a third, as arms start at the same pose."""
 
 
-def screened(robot: Robot, path: str, reading: ReadingOptions, effects: list[str] | None) -> dict[str, Any]:
+def screened(robot: Robot, log: Log, effects: list[str] | None) -> dict[str, Any]:
     """What the physics of a robot says of a log: how well it excites the parameters, and what is suspicious."""
     wanted = checked_effects(DEFAULT_EFFECTS if effects is None else effects)
     found: dict[str, Any] = {"refused": None, "excitation": None, "condition": None, "findings": []}
     try:
-        log = read_log(path, reading, robot.joint_names)
         model = identify_from(robot, log.stretches, effects=wanted)
     except SgprError as error:
         return {**found, "refused": str(error)}
@@ -63,14 +61,10 @@ def saturated(robot: Robot, stretches: Sequence[Recording]) -> list[str]:
         torque = np.concatenate([np.abs(part.tau[:, k]) for part in stretches if part.tau is not None])
         if not len(torque) or limit <= 0.0:
             continue
-        share, as_milli = (float(np.mean(given >= AT_LIMIT * limit)) for given in (torque, MILLI * torque))
+        share = float(np.mean(torque >= AT_LIMIT * limit))
         if share > FEW:
             unit = robot.torque_units[k]
-            check = (
-                f"read as m{unit} it is inside; give the unit of the torque"
-                if share > MOST and as_milli <= FEW
-                else "what the drive could not give is not in the model; leave these times out, or move slower"
-            )
+            check = "what the drive could not give is not in the model; leave these times out, or move slower"
             texts.append(
                 f"the torque of {name} is at or above its limit of {significant(limit)} {unit} in "
                 f"{percent(100.0 * share)} % of the samples: {check}"

@@ -5,6 +5,7 @@ import re
 
 MISSING = "–"
 SPECK = 1e-6
+FACTOR = re.compile(r"(?:[+-] )?(\d+(?:\.\d+)?(?:e[+-]?\d+)?) .")
 MEANINGLESS = 1000.0
 """A deviation of so many percent of the value says that the value is unknown; more says no more."""
 
@@ -42,9 +43,9 @@ def readable(expression: str) -> str:
     """A combination of parameters without the terms whose factors are nothing but rounding of the robot file."""
     kept: list[str] = []
     for term in re.split(r" (?=[+-] )", expression):
-        parts = term.split()
-        factor = parts[-2] if len(parts) > 1 and parts[-2] not in "+-" else "1"
-        if abs(float(factor)) >= SPECK or not kept:
+        # The name of a joint may hold anything, blanks and numbers too: only what stands before it is a factor.
+        factor = FACTOR.match(term)
+        if factor is None or abs(float(factor[1])) >= SPECK or not kept:
             kept.append(term)
     return " ".join(kept)
 

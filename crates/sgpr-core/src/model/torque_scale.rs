@@ -1,0 +1,74 @@
+//! Whether torques are of the size that the weight of the arm asks for.
+
+use crate::dynamics::{Workspace, gravity_torque};
+use crate::recording::{Issue, IssueKind, Recording, RecordingError, Severity};
+use crate::robot::Robot;
+
+use super::select_joints;
+
+/// Robot files, friction and inertia make torques differ from those of gravity by a factor of ten, a wrong unit by a thousand:
+/// between them, in the geometric mean, lies the limit.
+const LIMIT: f64 = 100.0;
+
+/// Joints that bear at least this share of the largest weight are looked at.
+const LOADED: f64 = 0.1;
+
+/// Most samples that are looked at.
+const SAMPLES: usize = 1000;
+
+/// Says so if the torques of a log are a hundred times what gravity asks of the arm in the robot file, or a hundredth: then
+/// they are in another unit, or motor currents, or the masses of the file are no masses.
+///
+/// Nothing is said of a log without torque, of an arm without weight, and where [`IssueKind::TorqueScale`] is accepted.
+///
+/// # Errors
+/// If the recording lacks a joint of the robot.
+pub fn torque_scale(robot: &Robot, recording: &Recording) -> Result<Option<Issue>, RecordingError> {
+    let own = select_joints(robot, std::slice::from_ref(recording))?;
+    let recording = &own[0];
+    let n = robot.dof();
+    let Some(torque) = recording.torque() else { return Ok(None) };
+    // What no arm makes at all has a message of its own.
+    if recording.accepted().contains(&IssueKind::TorqueScale) || recording.implausible().is_some() {
+        return Ok(None);
+    }
+    let mut workspace = Workspace::new(robot);
+    let (mut weight, mut measured) = (vec![0.0; n], vec![0.0; n]);
+    for sample in (0..recording.len()).step_by(recording.len().div_ceil(SAMPLES).max(1)) {
+        let row = sample * n..(sample + 1) * n;
+        let (q, tau) = (&recording.position()[row.clone()], &torque[row]);
+        if !q.iter().chain(tau).all(|value| value.is_finite()) {
+            continue;
+        }
+        for (joint, gravity) in gravity_torque(robot, &mut workspace, q).iter().enumerate() {
+            weight[joint] += gravity * gravity;
+            measured[joint] += tau[joint] * tau[joint];
+        }
+    }
+    let largest = weight.iter().copied().fold(0.0, f64::max);
+    let loaded: Vec<usize> =
+        (0..n).filter(|&joint| weight[joint] > 0.0 && weight[joint] >= LOADED * LOADED * largest).collect();
+    let mut factors: Vec<f64> = loaded.iter().map(|&joint| (measured[joint] / weight[joint]).sqrt()).collect();
+    factors.sort_by(f64::total_cmp);
+    // Of most joints: a single one in another unit is named by identification.
+    let count = factors.len();
+    let usual = if count == 0 { 1.0 } else { factors[(count - 1) / 2].max(1.0) * factors[count / 2].min(1.0) };
+    if usual == 0.0 || (1.0 / LIMIT..LIMIT).contains(&usual) {
+        return Ok(None);
+    }
+    let factor =
+        (loaded.iter().map(|&j| measured[j]).sum::<f64>() / loaded.iter().map(|&j| weight[j]).sum::<f64>()).sqrt();
+    let size = if factor < 1.0 { format!("{factor:.2e}") } else { format!("{factor:.0}") };
+    Ok(Some(Issue {
+        kind: IssueKind::TorqueScale,
+        severity: Severity::Error,
+        time: None,
+        channel: None,
+        count: loaded.len(),
+        message: format!(
+            "the torques are {size} times what gravity asks of the arm in the robot file: give their unit with \
+             `units.torque` (mNm, kNm), make torques of motor currents with `torque_constants`, or correct the masses of \
+             the robot file; if all is right, confirm it (accept: torque_scale)"
+        ),
+    }))
+}

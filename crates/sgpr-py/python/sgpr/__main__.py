@@ -1,0 +1,5 @@
+"""`python -m sgpr`."""
+
+from .cli import main
+
+main()

@@ -1,0 +1,148 @@
+"""MATLAB and HDF5 files: arrays by name, as in a NumPy archive, or one vector per column, as in a table."""
+
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _npz
+from ._frames import read_columns
+from ._sgpr import Recording, RecordingError, SgprError
+
+_DEFAULT_LIMIT = 4 << 30
+_HDF5_BEGINNING = b"\x89HDF\r\n\x1a\n"
+_MOST_ARRAYS = 10_000
+
+Arrays = dict[str, NDArray[Any]]
+
+
+def read_mat(
+    path: Path, joints: Sequence[str] | None = None, *, limit_bytes: int | None = None, **options: Any
+) -> Recording:
+    """Reads a MATLAB file, those of version 7.3 through the HDF5 that they are."""
+    with path.open("rb") as stream:
+        beginning = stream.read(520)
+    if _HDF5_BEGINNING in (beginning[:8], beginning[512:520]):
+        return read_hdf5(path, joints, limit_bytes=limit_bytes, **options)
+    try:
+        scipy = import_module("scipy.io")
+    except ImportError:
+        raise SgprError(f"{path}: MATLAB files need SciPy: pip install sgpr[matlab]") from None
+    limit = _DEFAULT_LIMIT if limit_bytes is None else limit_bytes
+    try:
+        sizes = [int(np.prod(shape)) for _, shape, kind in scipy.whosmat(path) if kind not in ("function", "opaque")]
+        if 8 * sum(sizes) > limit:
+            raise _too_large(path, limit)
+        content = scipy.loadmat(path, struct_as_record=False, squeeze_me=True)
+    except (OSError, SgprError, MemoryError):
+        raise
+    except Exception as error:
+        # A damaged file surfaces as whatever the parts of SciPy raise.
+        raise RecordingError(f"{path}: not a MATLAB file, or damaged: {error}") from None
+    found: Arrays = {}
+    _collect({key: value for key, value in content.items() if not key.startswith("__")}, "", found)
+    return _recording(path, found, joints, options)
+
+
+def _collect(content: Mapping[str, Any], prefix: str, found: Arrays) -> None:
+    """Arrays of numbers and texts, those in structures under their own names."""
+    for name, value in content.items():
+        if hasattr(value, "_fieldnames"):
+            _collect({field: getattr(value, field) for field in value._fieldnames}, f"{prefix}{name}.", found)
+        else:
+            array = np.asarray(value)
+            if array.dtype.kind == "O" and array.ndim == 1 and all(isinstance(each, str) for each in array):
+                array = array.astype(str)
+            if array.dtype.kind in "fiubU" and len(found) < _MOST_ARRAYS:
+                found[f"{prefix}{name}"] = array
+
+
+def read_hdf5(
+    path: Path, joints: Sequence[str] | None = None, *, limit_bytes: int | None = None, **options: Any
+) -> Recording:
+    """Reads an HDF5 file."""
+    try:
+        hdf5 = import_module("h5py")
+    except ImportError:
+        raise SgprError(f"{path}: HDF5 files need h5py: pip install sgpr[hdf5]") from None
+    limit = _DEFAULT_LIMIT if limit_bytes is None else limit_bytes
+    found: Arrays = {}
+    total = 0
+    try:
+        with hdf5.File(path, "r") as file:
+            chosen: dict[str, Any] = {}
+
+            def visit(name: str, thing: Any) -> None:
+                if isinstance(thing, hdf5.Dataset) and thing.shape is not None and len(chosen) < _MOST_ARRAYS:
+                    chosen[name] = thing
+
+            file.visititems(visit)
+            for name, data in chosen.items():
+                text = hdf5.check_string_dtype(data.dtype) is not None
+                if not text and data.dtype.kind not in "fiub":
+                    continue
+                total += data.size * max(data.dtype.itemsize, 1)
+                if total > limit:
+                    raise _too_large(path, limit)
+                # MATLAB writes columns first.
+                array = np.asarray(data.asstr()[()] if text else data[()])
+                of_matlab = "MATLAB_class" in data.attrs and array.ndim == 2
+                found[name.replace("/", ".")] = np.atleast_1d((array.T if of_matlab else array).squeeze())
+    except (SgprError, MemoryError):
+        raise
+    except OSError as error:
+        if error.errno is not None and error.filename is not None:
+            raise
+        raise RecordingError(f"{path}: not an HDF5 file, or damaged: {error}") from None
+    except Exception as error:
+        raise RecordingError(f"{path}: not an HDF5 file, or damaged: {error}") from None
+    texts = {name: array.astype(str) for name, array in found.items() if array.dtype.kind in "OS"}
+    return _recording(path, found | texts, joints, options)
+
+
+def _too_large(path: Path, limit: int) -> RecordingError:
+    return RecordingError(f"{path}: more than {limit} bytes of unpacked data; if that is right, raise `limit_bytes`")
+
+
+def _recording(path: Path, found: Arrays, joints: Sequence[str] | None, options: dict[str, Any]) -> Recording:
+    """Of arrays with a column per joint if there are such, else of vectors with one value per sample."""
+    short = _short_names(found)
+    roles = [name for names in _npz.NAMES.values() for name in names]
+    time = next((short[name] for name in _npz.NAMES["t"] if name in short), None)
+    position = next((short[name] for name in _npz.NAMES["q"] if name in short), None)
+    if time is not None and position is not None and position.ndim <= 2 and time.ndim == 1:
+        upright = {name: _upright(array, len(time)) if name in roles else array for name, array in short.items()}
+        refused = sorted(set(options) - {"accept"})
+        if refused:
+            raise RecordingError(f"{path}: `{refused[0]}` does not apply to arrays with one column per joint")
+        recording = _npz.recording_of(path, upright, joints)
+        return recording.accept(options["accept"]) if "accept" in options else recording
+    lengths = [len(array) for array in short.values() if array.ndim == 1 and array.dtype.kind in "fiub"]
+    samples = max(lengths, key=lengths.count, default=0)
+    columns = {
+        name: array
+        for name, array in short.items()
+        if array.ndim == 1 and len(array) == samples and array.dtype.kind in "fiub"
+    }
+    if samples < 2:
+        names = ", ".join(f"`{name}` {array.shape}" for name, array in list(short.items())[:40]) or "none"
+        raise RecordingError(f"{path}: no time and positions among the arrays {names}: name them `t` and `q`")
+    return read_columns(columns, str(path), joints, **options)
+
+
+def _short_names(found: Arrays) -> Arrays:
+    """Names without the structures or groups around them, where that leaves them different."""
+    short = [name.rpartition(".")[2] for name in found]
+    unique = len(set(short)) == len(short)
+    return dict(zip(short if unique else found, found.values(), strict=True))
+
+
+def _upright(array: NDArray[Any], samples: int) -> NDArray[Any]:
+    """Samples as rows."""
+    if array.ndim == 1 and len(array) == samples:
+        return array
+    rows = np.atleast_2d(array)
+    return rows.T if rows.shape[0] != samples and rows.shape[1] == samples else rows

@@ -1,0 +1,84 @@
+"""Pages about what Python holds: those that the commands write."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ._files import make_folder_of
+from ._sgpr import Diagnosis, Model, Recording, compare, residual_structure
+
+
+def write_page(path: str | os.PathLike[str], text: str) -> None:
+    """Writes a page, complete or not there; its folder is made if need be."""
+    make_folder_of(path)
+    place = Path(path)
+    beside = place.with_name(f".{os.getpid()}-{place.name}")
+    try:
+        beside.write_text(text, encoding="utf-8", newline="\n")
+        os.replace(beside, place)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(place)) from error
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def diagnosis_page(
+    diagnosis: Diagnosis,
+    path: str | os.PathLike[str],
+    before: Model,
+    train: Sequence[Recording],
+    test: Sequence[Recording],
+) -> None:
+    """The page of `sgpr diagnose`."""
+    # The commands need this package themselves.
+    from .cli import diagnose as command
+    from .cli.screening import repeated
+
+    train_logs, test_logs = _logs(train), _logs(test)
+    judged = list(test) or list(train)
+    after = diagnosis.model
+    result = command.Result(
+        diagnosis=diagnosis,
+        before=before,
+        after=after,
+        train=train_logs,
+        test=test_logs,
+        errors_before=compare(before, judged, processing=after),
+        errors_after=compare(after, judged),
+    )
+    data = result.to_dict()
+    data["settings"] = {"effects": before.effects}
+    data["repeated_motions"] = repeated(train_logs, test_logs)
+    write_page(path, result.page(data).html())
+
+
+def model_page(model: Model, path: str | os.PathLike[str], recordings: Sequence[Recording]) -> None:
+    """The page of `sgpr compare`."""
+    from .cli import describe
+    from .cli.predictions import residuals_by_log
+    from .report.comparison import ComparisonPage
+    from .report.versions import versions
+
+    logs = _logs(recordings)
+    found = compare(model, list(recordings))
+    data: dict[str, Any] = {
+        "command": "compare",
+        "model": model.robot.name,
+        "against": None,
+        "reading": {},
+        "logs": [describe.repaired_log(log, "compared") for log in logs],
+        "structure": residual_structure(model, found),
+        "trained_on": [log.path for log in logs if log.path in model.logs],
+        "repeated_motions": [],
+        "limits": [],
+        "versions": versions(),
+    }
+    page = ComparisonPage(model, {"model": found}, {"model": residuals_by_log(logs, found)}, data)
+    write_page(path, page.html())
+
+
+def _logs(recordings: Sequence[Recording]) -> list[Any]:
+    from .cli.reading import Log
+
+    return [Log(recording.source, recording, [recording], []) for recording in recordings]

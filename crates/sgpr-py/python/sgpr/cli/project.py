@@ -1,0 +1,115 @@
+"""`sgpr.toml` beside the logs: what was said once about reading them holds for all commands.
+
+units = { position = "deg" }
+torque_constants = [9.6, 9.6, 6.0, 2.5, 2.5, 1.6]   # or { elbow = 9.6, ... }
+
+[files."day1_*.csv"]
+rows = [635, 3510]
+"""
+
+import re
+import tomllib
+from collections.abc import Mapping
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import Any
+
+from .errors import BadData
+
+NAME = "sgpr.toml"
+
+KEYS = {
+    "columns": "columns",
+    "units": "units",
+    "torque_constants": "torque_constants",
+    "rate": "sample_rate_hz",
+    "rows": "rows",
+    "logged_joints": "logged_names",
+    "topics": "topics",
+    "clock": "clock",
+    "recover": "recover",
+    "accept": "accept",
+    "trim": "trim",
+    "sort": "sort",
+    "drop_duplicates": "drop_duplicates",
+    "drop_not_finite": "drop_not_finite",
+    "drop_repeated": "drop_repeated",
+    "split_gaps": "split_gaps",
+    "resample": "resample",
+    "joints": "joints",
+}
+"""Key in the file -> argument of `sgpr.read` or `Recording.repair`."""
+
+OF_ONE_LOG = ("rows", "trim", "seconds")
+"""What holds for the log that it was said of, not for others like it."""
+
+
+def project_file(log: str) -> Path | None:
+    """The file that holds for a log: beside it, or in the folder where the command runs."""
+    for folder in (Path(log).parent, Path()):
+        if (folder / NAME).is_file():
+            return folder / NAME
+    return None
+
+
+def settings_of(log: str) -> tuple[dict[str, Any], Path | None]:
+    """What the project says of a log, and where."""
+    place = project_file(log)
+    if place is None:
+        return {}, None
+    try:
+        data = tomllib.loads(place.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise BadData(f"{place}: {error}") from error
+    files = data.pop("files", {})
+    if not isinstance(files, dict) or not all(isinstance(each, dict) for each in files.values()):
+        raise BadData(f'{place}: `files` holds one table for each pattern of names: [files."day1_*.csv"]')
+    found = _checked(place, data)
+    for pattern, own in files.items():
+        checked = _checked(place, own)
+        if fnmatch(Path(log).name, pattern):
+            found |= checked
+    return found, place
+
+
+def remember(log: str, settings: Mapping[str, Any]) -> Path:
+    """Writes settings beside a log, those of one log under its name; what is there already stays if it is not named."""
+    place = Path(log).parent / NAME
+    known: dict[str, Any] = tomllib.loads(place.read_text(encoding="utf-8")) if place.is_file() else {}
+    names = {argument: key for key, argument in KEYS.items()}
+    for argument, value in settings.items():
+        if argument in OF_ONE_LOG:
+            known.setdefault("files", {}).setdefault(Path(log).name, {})[names[argument]] = value
+        else:
+            known[names[argument]] = value
+    files = known.pop("files", {})
+    lines = [f"{key} = {_toml(value)}" for key, value in known.items()]
+    for name, own in files.items():
+        lines += ["", f"[files.{_toml(name)}]", *(f"{key} = {_toml(value)}" for key, value in own.items())]
+    place.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return place
+
+
+def _checked(place: Path, data: Mapping[str, Any]) -> dict[str, Any]:
+    unknown = sorted(set(data) - set(KEYS))
+    if unknown:
+        raise BadData(f'{place}: there is no setting `{unknown[0]}`; known are {", ".join(KEYS)} and [files."..."]')
+    return {KEYS[key]: tuple(value) if key in ("rows", "trim") else value for key, value in data.items()}
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)
+
+
+def _toml(value: Any) -> str:
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case int() | float():
+            return repr(value)
+        case Mapping():
+            return "{ " + ", ".join(f"{_key(str(key))} = {_toml(each)}" for key, each in value.items()) + " }"
+        case str():
+            escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+            return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04X}" for c in escaped) + '"'
+    return "[" + ", ".join(map(_toml, value)) + "]"

@@ -1,0 +1,293 @@
+"""What a user meets in the first hour: nothing is silent, nothing is to be guessed."""
+
+import io
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sgpr
+from cli_support import DEMO_ROBOT, DEMO_TEST, DEMO_TRAIN, Array, run, torque, write_log
+from rich.console import Console
+from sgpr.cli import console as cli_console
+from sgpr.cli.console import Output
+
+
+def identify(train: object, out: Path, *more: object) -> object:
+    return run("identify", "--robot", "two_link", "--train", train, "--out", out, "--no-report", *more)
+
+
+def in_degrees(table: Array) -> Array:
+    table[:, 1:3] = np.rad2deg(table[:, 1:3])
+    return table
+
+
+def a_thousandfold(table: Array) -> Array:
+    table[:, 3:] *= 1000.0
+    return table
+
+
+def with_lost_rows(table: Array) -> Array:
+    return np.delete(table, [100, 500, 501, 900, 1300, 1700], axis=0)
+
+
+@pytest.mark.parametrize("change", [in_degrees, a_thousandfold, with_lost_rows])
+def test_info_refuses_what_identify_refuses(tmp_path: Path, change: object) -> None:
+    path = write_log(tmp_path / "log.csv", 1, change)
+    looked = run("info", path, "--robot", "two_link")
+    fitted = identify(path, tmp_path / "out")
+    assert (looked.code, fitted.code) == (1, 1)
+    assert "stop: " in looked.out
+    option = {in_degrees: "--units position=", a_thousandfold: "--units torque=", with_lost_rows: "--resample"}[change]
+    assert option in looked.out and option in fitted.err
+    good = write_log(tmp_path / "good.csv", 1)
+    assert run("info", good, "--robot", "two_link").code == identify(good, tmp_path / "out").code == 0
+
+
+def test_torques_of_another_unit_are_confirmed(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "log.csv", 1, a_thousandfold)
+    found = identify(path, tmp_path / "out", "--units", "torque=mNm", "--json")
+    assert found.code == 0
+    errors = json.loads(found.out)["comparison"]["after"]["relative_error_percent"]
+    assert errors < 1.0
+    assert identify(path, tmp_path / "out", "--accept", "torque_scale").code == 0
+
+
+def test_joints_in_order_are_confirmed(tmp_path: Path) -> None:
+    t, q, tau = torque(1)
+    robot = tmp_path / "arm.toml"
+    rows = "".join(f"[[rows]]\na = {a}\nalpha = 0.0\nd = 0.0\ntheta = 0.0\nmass = 2.0\n" for a in (0.5, 0.4))
+    robot.write_text(f'convention = "standard"\njoints = ["shoulder", "elbow"]\ngravity = [0, -9.81, 0]\n{rows}')
+    path = tmp_path / "log.csv"
+    header = "t,q_1,q_2,tau_1,tau_2"
+    np.savetxt(path, np.column_stack([t, q, tau]), delimiter=",", header=header, comments="")
+    options = ("identify", "--robot", robot, "--train", path, "--out", tmp_path / "out", "--no-report")
+    refused = run(*options)
+    assert refused.code == 1
+    assert "`--accept joints_by_order`" in refused.err
+    confirmed = run(*options, "--accept", "joints_by_order")
+    assert confirmed.code == 0, confirmed.err
+    assert "shoulder = q_1, tau_1; elbow = q_2, tau_2" in confirmed.out
+    # The same rule where the log is read before the robot is known.
+    log = sgpr.read(path)
+    arm = sgpr.Robot.from_dh(
+        [{"a": 0.5, "alpha": 0.0, "d": 0.0, "theta": 0.0}] * 2, convention="standard", joint_names=["shoulder", "elbow"]
+    )
+    with pytest.raises(sgpr.SgprError, match="joints_by_order"):
+        sgpr.compare(arm, [log])
+    sgpr.compare(arm, [log.accept(["joints_by_order"])])
+    sgpr.compare(arm, [sgpr.Recording(t, q, tau=tau)])
+
+
+def test_a_copy_counts_once_and_is_told(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "log.csv", 1)
+    shutil.copy(path, tmp_path / "copy.csv")
+    once = json.loads(identify(path, tmp_path / "out", "--json").out)
+    twice = identify((tmp_path / "log.csv"), tmp_path / "out", "--train", tmp_path / "copy.csv", "--json")
+    assert "copy.csv is a copy of" in twice.err
+    assert json.loads(twice.out)["samples"] == once["samples"]
+    log = sgpr.read(path)
+    with pytest.warns(UserWarning, match="is a copy of"):
+        sgpr.identify(sgpr.robots.two_link(), [log, log])
+
+
+def test_units_that_nobody_meant_are_refused_in_python() -> None:
+    t, q, tau = torque(1)
+    robot = sgpr.robots.two_link()
+    degrees = sgpr.Recording(t, np.degrees(q), tau=tau)
+    with pytest.raises(sgpr.SgprError, match="looks like degrees"):
+        sgpr.identify(robot, [degrees])
+    with pytest.raises(sgpr.SgprError, match="give the unit of the time"):
+        sgpr.identify(robot, [sgpr.Recording(1000.0 * t, q, tau=tau)])
+    with pytest.raises(sgpr.SgprError, match="times what gravity asks"):
+        sgpr.identify(robot, [sgpr.Recording(t, q, tau=1000.0 * tau)])
+    sgpr.identify(robot, [degrees.accept(["position_in_degrees"])])
+    with pytest.raises(sgpr.RecordingError, match="cannot be confirmed"):
+        degrees.accept(["not_finite"])
+
+
+def test_every_command_says_which_column_is_what(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "log.csv", 1)
+    said = (
+        "joint_1 = q_1, tau_1; joint_2 = q_2, tau_2; position in rad (m) (assumed), torque in N·m (N) (assumed); time t"
+    )
+    model = tmp_path / "out" / "model.sgpr"
+    for command in (
+        ("info", path),
+        ("identify", "--robot", "two_link", "--train", path, "--out", tmp_path / "out", "--no-report"),
+        ("compare", model, path),
+        ("predict", model, path, "--out", tmp_path / "torque.csv"),
+        ("diagnose", "--robot", model, "--train", path, "--out", tmp_path / "diagnosis", "--look-for", "payload"),
+        ("learn", "--robot", model, "--train", path, "--out", tmp_path / "learned", "--points", "20"),
+    ):
+        found = run(*command)
+        assert found.code == 0, found.err
+        assert found.out.count(said) == 1, found.out
+
+
+def test_a_model_remembers_how_its_logs_were_read(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "log.csv", 1, in_degrees)
+    other = write_log(tmp_path / "other.csv", 2, in_degrees)
+    assert identify(path, tmp_path / "out", "--units", "position=deg").code == 0
+    model = tmp_path / "out" / "model.sgpr"
+    assert sgpr.load(model).reading == {"units": {"position": "deg"}}
+    found = run("compare", model, other, "--json")
+    assert json.loads(found.out)["comparison"]["relative_error_percent"] < 1.0
+    assert run("info", other).code == 1
+    assert run("info", other, "--like", model).code == 0
+    # What is said counts for more than what is remembered.
+    assert "position in rad;" in run("info", other, "--like", model, "--units", "position=rad").out.replace(",", ";")
+
+
+def test_a_project_file_holds_for_all_commands(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "log.csv", 1, in_degrees)
+    looked = run("info", path, "--units", "position=deg", "--trim", "0", "10", "--remember")
+    assert looked.code == 0
+    assert (tmp_path / "sgpr.toml").read_text() == (
+        'units = { position = "deg" }\n\n[files."log.csv"]\ntrim = [0.0, 10.0]\n'
+    )
+    assert run("info", path).code == 0
+    data = json.loads(identify(path, tmp_path / "out", "--json").out)
+    assert data["logs"][0]["columns"]["joints"][0]["position"]["unit"] == "deg"
+    assert data["logs"][0]["used"][0]["samples"] == 1001
+    (tmp_path / "sgpr.toml").write_text("unit = 3\n")
+    assert "there is no setting `unit`; known are columns, units" in run("info", path).err
+    (tmp_path / "sgpr.toml").write_text("units = {\n")
+    assert run("info", path).code == 1
+
+
+def test_torque_constants_by_name(tmp_path: Path) -> None:
+    t, q, tau = torque(1)
+    path = tmp_path / "log.csv"
+    current = tau / np.array([8.0, 2.0])
+    table = np.column_stack([t, q[:, ::-1], current[:, ::-1]])
+    names = "t,joint_2_position,joint_1_position,joint_2_current,joint_1_current"
+    np.savetxt(path, table, delimiter=",", header=names, comments="")
+    for constants in (["8", "2"], ["joint_2=2", "joint_1=8"]):
+        for command in (
+            ["info", path],
+            ["identify", "--robot", "two_link", "--train", path, "--out", tmp_path / "out"],
+        ):
+            found = run(*command, "--torque-constants", *constants)
+            assert found.code == 0, found.err
+            assert "joint_1_current * 8" in found.out and "joint_2_current * 2" in found.out
+    assert run("info", path, "--torque-constants", "8", "joint_2=2").code == 2
+
+
+def numbers_of(text: str) -> list[str]:
+    return re.findall(r"-?\d+\.\d+(?:e[-+]\d+)?", text)
+
+
+@pytest.mark.parametrize("width", [40, 80, 100, 120])
+def test_no_number_is_broken_or_cut(width: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = io.StringIO()
+    commands = [
+        ("info", "two_link", DEMO_ROBOT, DEMO_TEST),
+        (
+            "identify",
+            "--robot",
+            DEMO_ROBOT,
+            "--train",
+            *DEMO_TRAIN,
+            "--test",
+            DEMO_TEST,
+            "--out",
+            tmp_path / "demo",
+            "--no-report",
+        ),
+        ("compare", tmp_path / "demo" / "model.sgpr", DEMO_TEST, "--limit", "fit_percent=80"),
+    ]
+    for command in commands:
+        terminal.truncate(0)
+        monkeypatch.setattr(
+            cli_console,
+            "_console",
+            lambda stream: Console(file=terminal, width=width, highlight=False, color_system=None),
+        )
+        assert run(*command).code == 0
+        narrow = terminal.getvalue()
+        monkeypatch.undo()
+        wide = run(*command).out
+        # Sentences wrap in the terminal, on their own; tables are the program's.
+        tables = [line for line in narrow.splitlines() if re.match(r"  (?!\w+: )| ─", line)]
+        assert all(len(line) <= width for line in tables), max(tables, key=len)
+        assert "…" not in narrow.replace(" … ", " ")
+        # Every number of the narrow tables is one of the wide ones, none is a piece.
+        assert set(numbers_of("\n".join(tables))) <= set(numbers_of(wide))
+
+
+def test_columns_go_before_tables_are_cut(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    def shown(width: int) -> str:
+        monkeypatch.setattr(cli_console, "_console", lambda stream: Console(file=sys.stdout, width=width))
+        row = ["elbow", "0.0992", "12345.6", "9.875"]
+        Output().table(["joint", "RMSE", "zero", "largest"], [row], spare=("zero", "largest"))
+        return capsys.readouterr().out
+
+    assert "zero" in shown(80) and "not shown" not in shown(80)
+    assert "12345.6" not in shown(32) and "9.875" in shown(32) and "not shown at this width: zero" in shown(32)
+    assert "0.0992" in shown(20) and "9.875" not in shown(20)
+
+
+def test_a_model_worse_than_the_robot_file_says_so(tmp_path: Path) -> None:
+    def noise(table: Array) -> Array:
+        table[:, 3:] += 20.0 * np.random.default_rng(0).standard_normal(table[:, 3:].shape)
+        return table[:300]
+
+    train, test = write_log(tmp_path / "train.csv", 1, noise), write_log(tmp_path / "test.csv", 2)
+    found = identify(train, tmp_path / "out", "--test", test)
+    assert found.code == 0
+    assert "The model is worse on the test logs than the robot file: do not use it." in found.err
+    assert identify(train, tmp_path / "out", "--test", test, "--strict").code == 1
+    good = write_log(tmp_path / "good.csv", 3)
+    assert identify(good, tmp_path / "out", "--test", test, "--strict").code == 0
+
+
+def test_the_demo_of_the_repository_warns_in_one_line_at_most(tmp_path: Path) -> None:
+    logs = ("--train", *DEMO_TRAIN, "--test", DEMO_TEST)
+    effects = ("--effects", "viscous_friction", "coulomb_friction", "rotor_inertia")
+    found = run("identify", "--robot", DEMO_ROBOT, *logs, "--out", tmp_path / "out", *effects, "--no-report")
+    assert found.code == 0
+    assert len(found.err.splitlines()) <= 1
+    [last] = [line for line in found.out.splitlines() if line.startswith("next: ")]
+    assert last.startswith(f"next: sgpr diagnose --robot {tmp_path / 'out' / 'model.sgpr'} --train")
+
+
+def test_effects_are_listed_and_explained() -> None:
+    listed = run("effects")
+    assert listed.code == 0
+    assert all(effect["name"] in listed.out for effect in sgpr.effects())
+    explained = run("effects", "coulomb_friction")
+    assert "tau = Fc sgn(dq)" in explained.out and "parameter Fc: N·m" in explained.out
+    [data] = json.loads(run("effects", "coulomb_friction", "--json").out)
+    assert data["formula"] == "tau = Fc sgn(dq)"
+    mistaken = run("effects", "viscous_frition")
+    assert mistaken.code == 2
+    assert "did you mean viscous_friction?" in " ".join(re.sub("[│\n]", " ", mistaken.err).split())
+
+
+def test_the_demo_needs_no_file(tmp_path: Path) -> None:
+    found = run("demo", "--out", tmp_path / "demo", "--json")
+    assert found.code == 0, found.err
+    data = json.loads(found.out)
+    assert data["error_after_percent"] < 0.1 * data["error_before_percent"]
+    for name in ("train_1.csv", "train_2.csv", "test.csv", "model.sgpr", "report.html"):
+        assert (tmp_path / "demo" / name).stat().st_size > 1000
+    assert run("demo", "--effect", "no_such", "--out", tmp_path / "demo").code == 2
+
+
+def test_the_package_is_a_program() -> None:
+    done = subprocess.run([sys.executable, "-m", "sgpr", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("sgpr ")
+
+
+def test_the_report_is_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    path = write_log(tmp_path / "log.csv", 1)
+    found = run("identify", "--robot", "two_link", "--train", path, "--out", tmp_path / "out", "--open")
+    assert found.code == 0
+    assert opened == [(tmp_path / "out" / "report.html").resolve().as_uri()]

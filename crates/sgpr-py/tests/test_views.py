@@ -1,0 +1,134 @@
+"""What a notebook shows and keeps: tables, figures, pages, pickles, parts of logs."""
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sgpr
+from conftest import assert_same
+
+
+@pytest.fixture(scope="module")
+def diagnosis(demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording], demo_test: sgpr.Recording) -> sgpr.Diagnosis:
+    model = sgpr.identify(demo_robot, demo_logs[:1], effects=["viscous_friction", "rotor_inertia"])
+    return sgpr.diagnose(model, demo_logs[:1], [demo_test], effects=["coulomb_friction"])
+
+
+def test_parts_of_a_log(log: sgpr.Recording) -> None:
+    assert_same(log[10:20], log.slice(10, 20))
+    assert_same(log[-5:], log.slice(45, 50))
+    part = log.between(0.1, 0.2)
+    assert (len(part), part.t[0]) == (11, 0.0)
+    assert part.time_ns[0] - log.time_ns[0] == 100_000_000
+    for wrong in (3, "a"):
+        with pytest.raises(TypeError, match="a slice of sample numbers"):
+            log[wrong]  # type: ignore[index]
+    with pytest.raises(sgpr.SgprError, match="step"):
+        log[::2]
+    with pytest.raises(sgpr.SgprError, match="no sample is left"):
+        log.between(7.0, 8.0)
+
+
+def test_pickles(demo_model: sgpr.Model, demo_test: sgpr.Recording) -> None:
+    back = pickle.loads(pickle.dumps(demo_test))
+    assert_same(back, demo_test)
+    assert back.layout == demo_test.layout and back.content_hash == demo_test.content_hash
+    accepted = demo_test.accept(["torque_scale"])
+    assert pickle.loads(pickle.dumps(accepted)).accepted == ["torque_scale"]
+    found = sgpr.compare(demo_model, [demo_test])
+    again = pickle.loads(pickle.dumps(found))
+    assert again.to_dict() == found.to_dict()
+    for one, other in zip(again.logs, found.logs, strict=True):
+        for name in (
+            "time_ns",
+            "measured",
+            "predicted",
+            "measured_in_band",
+            "predicted_in_band",
+            "counted",
+            "q",
+            "ddq",
+        ):
+            assert np.array_equal(getattr(one, name), getattr(other, name), equal_nan=name != "counted"), name
+    assert np.array_equal(demo_model.standard_deviation(again.logs[0]), demo_model.standard_deviation(found.logs[0]))
+    base = demo_model.robot.base_parameters(["rotor_inertia"], recursion=True)
+    assert pickle.loads(pickle.dumps(base)).expressions == base.expressions
+
+
+def test_prediction_for_a_recording(demo_model: sgpr.Model, demo_test: sgpr.Recording) -> None:
+    [stretch] = sgpr.compare(demo_model, [demo_test]).logs
+    torque, deviation = demo_model.predict(demo_test, return_std=True)
+    assert torque.shape == demo_test.q.shape
+    assert np.array_equal(torque, stretch.predicted)
+    assert np.array_equal(deviation, demo_model.standard_deviation(stretch))
+    silent = sgpr.Recording(demo_test.time_ns, demo_test.q, joint_names=demo_test.joint_names)
+    assert np.array_equal(demo_model.predict(silent), torque)
+    # A sample far before the others is in no stretch.
+    strayed = np.concatenate([[demo_test.time_ns[0] - 10**10], demo_test.time_ns])
+    longer = sgpr.Recording(strayed, np.concatenate([demo_test.q[:1], demo_test.q]), joint_names=demo_test.joint_names)
+    found = demo_model.predict(longer)
+    assert np.isnan(found[0]).all() and np.array_equal(found[1:], torque)
+    with pytest.raises(sgpr.SgprError, match="give no dq"):
+        demo_model.predict(demo_test, demo_test.q, demo_test.q)
+    with pytest.raises(sgpr.SgprError, match="or a recording"):
+        demo_model.predict(demo_test.q)
+
+
+def test_tables(
+    demo_model: sgpr.Model, demo_test: sgpr.Recording, demo_robot: sgpr.Robot, diagnosis: sgpr.Diagnosis
+) -> None:
+    shown = {
+        "joint_6": [demo_robot, demo_test, demo_model],
+        "joint_1.Fv": [demo_model],
+        "coulomb_friction": [diagnosis, diagnosis.findings[0]],
+    }
+    for text, things in shown.items():
+        for thing in things:
+            html = thing._repr_html_()
+            assert text in html and html.count("<table>") == 1
+    name = sgpr.Recording([0.0, 0.1], [[0.0], [1.0]], source="<script>", joint_names=["<b>"])._repr_html_()
+    assert "<script>" not in name and "<b>&lt;" in name and "&lt;b&gt;" in name
+
+
+def test_figures(
+    demo_model: sgpr.Model, demo_test: sgpr.Recording, demo_robot: sgpr.Robot, diagnosis: sgpr.Diagnosis
+) -> None:
+    assert len(demo_test.plot().data) == 3 * 6
+    assert len(demo_model.plot([demo_test]).data) == 2 * 6
+    measured = demo_model.plot([demo_test]).data[0].y
+    torque = demo_test.tau[:, 0]
+    assert np.nanmax(measured) == torque.max() and np.nanmin(measured) == torque.min()
+    arm = demo_robot.plot().data[0]
+    assert len(arm.x) == len(demo_robot.frames) + 1
+    finding = diagnosis.findings[0]
+    steps = diagnosis.plot().data
+    # The model as it was, then with the effect at each of its joints.
+    assert len(steps) == 1 + len(finding.joints)
+    for joint in finding.joints:
+        assert steps[-1].y[steps[-1].x.index(joint)] < 0.9 * steps[0].y[steps[0].x.index(joint)]
+    assert list(finding.plot().data[1].y) == list(finding.rmse_after.values())
+
+
+def test_a_diagnosis_says_its_answer_in_five_lines(diagnosis: sgpr.Diagnosis) -> None:
+    lines = repr(diagnosis).splitlines()
+    assert len(lines) == 5
+    assert lines[0].startswith("Diagnosis: effects_found.")
+    assert "coulomb_friction at joint_" in lines[1]
+    assert lines[4].startswith("next: ")
+
+
+def test_pages(tmp_path: Path, demo_model: sgpr.Model, demo_test: sgpr.Recording, diagnosis: sgpr.Diagnosis) -> None:
+    diagnosis.report(tmp_path / "new" / "diagnosis.html")
+    assert "Diagnosis of the model of" in (tmp_path / "new" / "diagnosis.html").read_text()
+    demo_model.save_report(tmp_path / "new" / "model.html", [demo_test])
+    assert "What the error depends on" in (tmp_path / "new" / "model.html").read_text()
+    demo_model.save(tmp_path / "another" / "model.sgpr")
+    assert sgpr.load(tmp_path / "another" / "model.sgpr").robot.dof == 6
+
+
+def test_a_model_keeps_how_its_logs_were_read(tmp_path: Path, demo_model: sgpr.Model) -> None:
+    assert demo_model.reading is None
+    noted = demo_model.with_reading({"units": {"position": "deg"}})
+    noted.save(tmp_path / "model.sgpr")
+    assert sgpr.load(tmp_path / "model.sgpr").reading == {"units": {"position": "deg"}}
