@@ -400,7 +400,9 @@ fn a_joint_that_never_moves_is_named() {
         report.warnings
     );
     let index = model.base().names().iter().position(|name| name == "joint_6.Fv").expect("a base parameter");
-    assert!(fit.standard_deviations[index].is_finite() && fit.values[index] == 0.0, "the prior holds it");
+    let (value, deviation) = (fit.values[index], fit.standard_deviations[index]);
+    // It stays at the robot file's, which is none, but for rounding of what the prior solves for.
+    assert!(deviation.is_finite() && value.abs() < 1e-9 * deviation, "the prior holds it: {value} ± {deviation}");
     assert!(report.warnings.iter().any(|w| w.contains("`joint_6` must move")), "{:?}", report.warnings);
     let bare = IdentifyOptions { prior: None, ..options() };
     let (model, report) = identify(&robot, &still, &bare, &()).expect("the others move");

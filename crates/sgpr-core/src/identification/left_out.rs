@@ -50,8 +50,9 @@ impl<'a> LeftOut<'a> {
         (0..self.normal.len()).map(without).collect()
     }
 
-    /// Whether parts are predicted better from the others with the prior `after` than with `before`, motion in units of its
-    /// noise. Parts count alike: one in which an estimate runs off would hide all others.
+    /// Whether parts are predicted better from the others with the prior `after` than with
+    /// `before`, motion in units of its noise. Parts count alike: one in which an estimate runs off
+    /// would hide all others.
     pub fn judge(&self, before: &ParameterPrior, after: &ParameterPrior) -> Judgement {
         let pairs = self.squares(before).into_iter().zip(self.squares(after));
         let shares = pairs.filter_map(|(before, after)| {

@@ -103,8 +103,9 @@ impl<'a> Observation<'a> {
         Self::in_parts(robot, set, base, 1, 1)
     }
 
-    /// No equations yet; they will be kept in consecutive parts of as many samples each, one trajectory after the other,
-    /// [`Self::parts`]: with as many logs of one length as parts each log is one.
+    /// No equations yet; they will be kept in consecutive parts of as many samples each, one
+    /// trajectory after the other, [`Self::parts`]: with as many logs of one length as parts each
+    /// log is one.
     ///
     /// - `samples`: of all trajectories that will be added
     ///

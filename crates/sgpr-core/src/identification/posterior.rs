@@ -3,7 +3,8 @@
 use faer::Mat;
 
 use super::least_squares::{
-    Excitation, MOST_ITERATIONS, SAME_WEIGHTS, floored, residual_noise, stack, triangular_solution, unit_noise,
+    Excitation, MOST_ITERATIONS, SAME_WEIGHTS, floored, least_noise, residual_noise, stack, triangular_solution,
+    unit_noise,
 };
 use super::prior::{ParameterPrior, Posterior};
 use super::{Equations, Estimate, IdentificationError, JointFactor, LeastSquares, Method, estimate};
@@ -25,8 +26,8 @@ pub struct Held {
     pub estimate: Estimate,
     /// With the width that was used.
     pub prior: ParameterPrior,
-    /// What the prior is put beside: `[rank + 1, rank + 1]`, a triangle [R | R t] of an estimate t without prior, rows of R in
-    /// units of their joint's noise, its memory counted.
+    /// What the prior is put beside: `[rank + 1, rank + 1]`, a triangle [R | R t] of an estimate t
+    /// without prior, rows of R in units of their joint's noise, its memory counted.
     pub data: Mat<f64>,
     /// Those units by factor, N·m (N); infinite for factors that are left out.
     pub levels: Vec<f64>,
@@ -75,11 +76,13 @@ pub fn estimate_with_prior(
     if matches!(method, Method::Ols | Method::Wls | Method::WlsKnown(_)) {
         return Ok(held);
     }
-    let mut found = estimate::from_start(method, equations, factors, held.estimate.clone(), held.prior.mean(), correlation)?;
+    let mut found =
+        estimate::from_start(method, equations, factors, held.estimate.clone(), held.prior.mean(), correlation)?;
     if matches!(method, Method::Ridge { .. }) {
         return Ok(Held { estimate: found, ..held });
     }
-    // The rows know as much as those of least squares, joint by joint; where the method puts the parameters is its own.
+    // The rows know as much as those of least squares, joint by joint; where the method puts the
+    // parameters is its own.
     let data = informed(&held.data, &found.values);
     let prior = width.of(held.prior, &data);
     let posterior = prior.posterior(&data);
@@ -111,13 +114,15 @@ fn of_estimate(data: &Mat<f64>, covariance: &Mat<f64>) -> Mat<f64> {
 }
 
 impl LeastSquares {
-    /// [`Self::solve`] under a prior: least squares gives an estimate t, what the rows know of each direction the information
-    /// of rows in units of their own joint's noise and memory; (I + PᵀP)⁻¹ (I t + PᵀP mean) is the estimate. So t stays where
-    /// the rows know more than the prior, and a joint whose residual remembers long takes no certainty from the others.
+    /// [`Self::solve`] under a prior: least squares gives an estimate t, what the rows know of each
+    /// direction the information of rows in units of their own joint's noise and memory; (I +
+    /// PᵀP)⁻¹ (I t + PᵀP mean) is the estimate. So t stays where the rows know more than the prior,
+    /// and a joint whose residual remembers long takes no certainty from the others.
     ///
-    /// Noise is what least squares leaves: what a prior leaves in conflict with the data would count as noise and make the
-    /// prior stronger. With fewer rows than [`ROWS_PER_COLUMN`] least squares follows them, and noise is what the posterior mean
-    /// leaves, by the degrees of freedom that it takes; so there may be fewer rows than parameters.
+    /// Noise is what least squares leaves: what a prior leaves in conflict with the data would
+    /// count as noise and make the prior stronger. With fewer rows than [`ROWS_PER_COLUMN`] least
+    /// squares follows them, and noise is what the posterior mean leaves, by the degrees of freedom
+    /// that it takes; so there may be fewer rows than parameters.
     ///
     /// # Errors
     /// If there is no row, known noise levels are not positive, or the width is not.
@@ -179,8 +184,7 @@ impl LeastSquares {
         if total == 0 {
             return Err(IdentificationError::NoData);
         }
-        let is_few = |factor: &JointFactor| factor.rows < ROWS_PER_COLUMN * factor.columns.len();
-        let few = total < unknowns || factors.iter().zip(&used).any(|(factor, used)| *used && is_few(factor));
+        let few = self.has_few_rows(factors, unknowns);
         if !few {
             let Estimate { values, covariance, weights, noise, excitation, iterations, .. } =
                 self.solve_unknowns(factors, prior.mean())?;
@@ -207,6 +211,14 @@ impl LeastSquares {
         Ok(Start { weights, noise, freedom, covariance, excitation, iterations: 0, few })
     }
 
+    /// Whether parameters could follow the rows, of all factors or of a joint in motion.
+    pub(crate) fn has_few_rows(&self, factors: &[JointFactor], unknowns: usize) -> bool {
+        let used = factors.iter().filter(|factor| self.uses(factor));
+        let total: usize = used.clone().map(|factor| factor.rows).sum();
+        let few = |factor: &JointFactor| factor.rows < ROWS_PER_COLUMN * factor.columns.len();
+        total < unknowns || used.filter(|factor| !factor.resting).any(few)
+    }
+
     fn reweighted(&self) -> bool {
         !matches!(self.method, Method::Ols | Method::WlsKnown(_))
     }
@@ -226,9 +238,11 @@ struct Start {
 }
 
 impl Start {
-    /// Noise of each factor with its memory counted; infinite for those left out.
+    /// Noise of each factor with its memory counted; infinite for those left out. Rows at rest that
+    /// least squares follows, fewer than their columns, have the noise that it weighed them by.
     fn levels(&self, factors: &[JointFactor], inflation: &[f64]) -> Vec<f64> {
-        let noise = floored(&self.noise, factors, &vec![0.0; factors.len()]);
+        let least = if self.few { vec![0.0; factors.len()] } else { least_noise(&self.weights, factors) };
+        let noise = floored(&self.noise, factors, &least);
         let pairs = noise.iter().zip(inflation).zip(&self.weights);
         let level = |((noise, inflation), weight): ((&f64, &f64), &f64)| {
             if weight.is_finite() { noise * inflation.sqrt() } else { f64::INFINITY }
@@ -236,7 +250,8 @@ impl Start {
         pairs.map(level).collect()
     }
 
-    /// Takes the noise for the weights, if these are to be found; by which share they moved at most.
+    /// Takes the noise for the weights, if these are to be found; by which share they moved at
+    /// most.
     fn reweigh(&mut self, factors: &[JointFactor], reweighted: bool) -> f64 {
         if !reweighted {
             return 0.0;

@@ -161,6 +161,13 @@ impl ParameterPrior {
         self
     }
 
+    /// The same with deviations of friction, offsets and gains multiplied by this.
+    #[must_use]
+    pub fn with_effect_scale(mut self, effect_scale: f64) -> Self {
+        self.effect_scale = effect_scale;
+        self
+    }
+
     /// Relative deviation of the robot file's bodies.
     pub fn relative_deviation(&self) -> f64 {
         self.relative_deviation
@@ -222,6 +229,14 @@ impl ParameterPrior {
         let r = data.as_ref().submatrix(0, 0, rank, rank);
         let information = r.transpose() * r;
         estimate.covariance = self.posterior(data).covariance(&(&information * of_data * &information));
+    }
+
+    /// Whether data know every base parameter better than this prior does.
+    ///
+    /// - `covariance`: of an estimate without prior, infinite where it does not know
+    pub(crate) fn knows_less(&self, covariance: &Mat<f64>) -> bool {
+        let own = self.covariance();
+        (0..self.of_file.len()).all(|k| covariance[(k, k)] < own[(k, k)])
     }
 
     /// Base parameters whose variance the data have not halved, beside a robot file that may be wrong by its own size and

@@ -2,8 +2,8 @@
 //! predicts better keep it, and sentences say which motion would free them.
 
 use crate::identification::{
-    BaseParameters, Equations, Held, IdentificationError, JointFactor, Judgement, LeftOut, Method, ParameterPrior,
-    ParameterSet, PriorWidth, Row, estimate_with_prior,
+    BaseParameters, Equations, Estimate, Held, IdentificationError, JointFactor, Judgement, LeftOut, Method,
+    ParameterPrior, ParameterSet, PriorWidth, Row, estimate, estimate_with_prior,
 };
 use crate::motion::Motion;
 use crate::robot::Robot;
@@ -22,7 +22,9 @@ pub(super) struct Task<'a> {
 
 /// An estimate, and what the user should know of it.
 pub(super) struct Found {
-    pub held: Held,
+    pub estimate: Estimate,
+    /// None if the logs are rich: the estimate is bare.
+    pub held: Option<Held>,
     pub notes: Vec<String>,
 }
 
@@ -34,10 +36,16 @@ pub(super) fn leave_out_joints_at_rest(factors: &mut Vec<JointFactor>, parts: &m
     parts.iter_mut().for_each(|part| part.retain(|factor| moving.contains(&factor.joint)));
 }
 
-/// Relative deviation of the robot file that leaves to the logs what they know anything of: a file that is off by ten times
-/// itself is none. The width that makes the logs most probable takes what the model lacks for noise, so it has to predict
-/// parts that were left out better than this one.
-const FLAT: f64 = 10.0;
+/// Relative deviation of bodies under a prior that says next to nothing of them, as with consistent
+/// parameters.
+const FLAT: f64 = 30.0;
+
+/// Torque of friction, offsets and gains under a prior that says next to nothing of them, in what
+/// the file leaves of a joint's.
+const FLAT_EFFECTS: f64 = 10.0;
+
+/// Share of the squared error that a prior has to save: a twentieth of the error, as a process has.
+const LEAST_GAIN: f64 = 1.0 - 0.95 * 0.95;
 
 /// What the identification gains over the robot file, all joints alike.
 fn total(judged: &[Judgement]) -> f64 {
@@ -46,6 +54,11 @@ fn total(judged: &[Judgement]) -> f64 {
 
 impl Task<'_> {
     /// The estimate under the prior, and, with `keeping`, the robot file for joints that it predicts better.
+    ///
+    /// The widths that make the logs most probable take what the model lacks for noise. Where they
+    /// save nothing on parts that were left out, a prior that says next to nothing holds what the
+    /// logs do not know; where the logs know each parameter better than that one, the estimate is
+    /// bare.
     pub fn estimate(
         &self,
         method: &Method,
@@ -54,17 +67,16 @@ impl Task<'_> {
         correlation: &[f64],
         keeping: bool,
     ) -> Result<Found, IdentificationError> {
-        let mut solve = |prior: &ParameterPrior, width: PriorWidth| {
-            estimate_with_prior(method, equations, self.factors, prior, width, Some(correlation))
-        };
-        let mut held = solve(&prior, width)?;
+        let mut held = self.solve(method, equations, (&prior, width), correlation)?;
         let mut notes = Vec::new();
-        if width == PriorWidth::Chosen {
-            let flat = prior.with_relative_deviation(FLAT);
-            let judgement = self.left_out(&held).judge(&flat, &held.prior);
-            if judgement.parts > 1 && !judgement.is_better() {
-                held = solve(&flat, PriorWidth::Given(FLAT))?;
+        let flat = prior.with_relative_deviation(FLAT).with_effect_scale(FLAT_EFFECTS);
+        if width == PriorWidth::Chosen && self.saves_nothing(&held, &flat) {
+            let bare = estimate(method, equations, self.factors, flat.mean(), Some(correlation))?;
+            if flat.knows_less(&bare.covariance) {
+                return Ok(Found { estimate: bare, held: None, notes });
             }
+            let flat = flat.with_effect_scale(1.0);
+            held = self.solve(method, equations, (&flat, PriorWidth::Given(FLAT)), correlation)?;
         }
         if keeping {
             let judged = self.judge(&held);
@@ -73,7 +85,8 @@ impl Task<'_> {
                 let own = |k: &usize| self.joint_of(*k).is_some_and(|joint| worse.contains(&joint));
                 let kept: Vec<usize> = (0..self.base.rank()).filter(own).collect();
                 let given = PriorWidth::Given(held.prior.relative_deviation());
-                let keeps = solve(&held.prior.clone().keeping(kept), given)?;
+                let keeping = held.prior.clone().keeping(kept);
+                let keeps = self.solve(method, equations, (&keeping, given), correlation)?;
                 let after = self.judge(&keeps);
                 // Joints share bodies: what one keeps may cost the others more.
                 if total(&after) >= total(&judged) {
@@ -84,7 +97,24 @@ impl Task<'_> {
         }
         notes.extend(self.negative_notes(&held));
         notes.extend(self.held_note(&held));
-        Ok(Found { held, notes })
+        Ok(Found { estimate: held.estimate.clone(), held: Some(held), notes })
+    }
+
+    fn solve(
+        &self,
+        method: &Method,
+        equations: &mut Equations<'_>,
+        (prior, width): (&ParameterPrior, PriorWidth),
+        correlation: &[f64],
+    ) -> Result<Held, IdentificationError> {
+        estimate_with_prior(method, equations, self.factors, prior, width, Some(correlation))
+    }
+
+    /// Whether it is certain, by one standard error, that the prior saves less than [`LEAST_GAIN`]
+    /// of the squared error on parts that were left out, beside one that says next to nothing.
+    fn saves_nothing(&self, held: &Held, flat: &ParameterPrior) -> bool {
+        let judgement = self.left_out(held).judge(flat, &held.prior);
+        judgement.parts > 1 && judgement.gain + judgement.standard_error < LEAST_GAIN
     }
 
     fn judge(&self, held: &Held) -> Vec<Judgement> {

@@ -347,8 +347,10 @@ fn fit(
     // The residual of a first solution tells how much the noise remembers: the estimates stay, their spread grows.
     let first = LeastSquares::new(options.method.clone());
     let first = match &prior {
-        None => first.solve(&factors, &base, &nominal)?,
-        Some((prior, _)) => first.solve_with_prior(&factors, prior, PriorWidth::Given(1.0))?.estimate,
+        Some((prior, _)) if first.has_few_rows(&factors, base.rank()) => {
+            first.solve_with_prior(&factors, prior, PriorWidth::Given(1.0))?.estimate
+        }
+        _ => first.solve(&factors, &base, &nominal)?,
     };
     model.set_all_parameters(&base.expand(&first.values, &start));
     let correlation = correlation(&model, motions, processing, &factors)?;
@@ -361,7 +363,7 @@ fn fit(
             let kept = options.start == Start::RobotFile;
             let found = task.estimate(&options.method, &mut equations, (prior, width), &correlation, kept)?;
             notes.extend(found.notes);
-            (found.held.estimate.clone(), Some(found.held))
+            (found.estimate, found.held)
         }
     };
     set_uncertainty(options, &mut equations, &factors, &mut estimate, held.as_ref())?;

@@ -1,5 +1,7 @@
 //! Poor logs: what they do not determine stays with the robot file, and rich ones lose nothing.
 
+use faer::Mat;
+use faer::linalg::solvers::Solve;
 use sgpr_core::dynamics::Samples;
 use sgpr_core::identification::{
     Equations, IdentificationError, LeastSquares, Method, ParameterPrior, PriorWidth, estimate, estimate_with_prior,
@@ -183,12 +185,62 @@ fn a_log_without_motion_is_refused_and_says_what_to_record() {
 }
 
 #[test]
-fn without_the_prior_the_estimate_is_least_squares() {
-    let (robot, log) = (two_link(), log(20, [true; 2], [false; 2], 8));
-    let of = |prior| identify(&robot, std::slice::from_ref(&log), &IdentifyOptions { prior, ..options() }, &());
-    let (bare, held) = (of(None).expect("rich").0, of(Some(PriorWidth::Chosen)).expect("rich").0);
-    let (bare, held) = (bare.fit().expect("identified").clone(), held.fit().expect("identified").clone());
-    assert!(largest_difference(&bare.values, &held.values) > 0.0, "the prior is in force");
-    let pairs = bare.values.iter().zip(&held.values).zip(&bare.standard_deviations);
-    assert!(pairs.into_iter().all(|((bare, held), deviation)| (bare - held).abs() < deviation.max(1e-6)));
+fn rich_logs_give_the_bare_estimate_and_short_ones_another() {
+    let robot = two_link();
+    let of = |seconds, prior| {
+        let log = [log(seconds, [true; 2], [false; 2], 8)];
+        identify(&robot, &log, &IdentifyOptions { prior, ..options() }, &()).expect("a good log").0
+    };
+    let values = |seconds, prior| of(seconds, prior).fit().expect("identified").values.clone();
+    let chosen = Some(PriorWidth::Chosen);
+    assert_eq!(values(40, chosen), values(40, None));
+    assert!(largest_difference(&values(2, chosen), &values(2, None)) > 0.0, "the prior is in force");
+}
+
+/// The posterior mean by dense matrices, from what each joint's rows know in units of its own noise.
+#[test]
+fn what_rows_know_is_counted_joint_by_joint() {
+    let experiment = Experiment::new(500);
+    let motion = experiment.run(&experiment.truth);
+    let mut noise = Noise(17);
+    let tau: Vec<f64> = motion.tau.iter().map(|tau| tau + noise.normal()).collect();
+    let rows = vec![trajectory(&motion, &tau)];
+    let mut equations = Equations::new(&experiment.robot, &experiment.set, &experiment.base, rows);
+    let factors = equations.factors().expect("good data");
+    let nominal = nominal(&experiment);
+    let prior = ParameterPrior::new(&experiment.robot, &experiment.set, &experiment.base, &nominal, &factors);
+    // Rows of the first factor are worth a hundredth of as many independent ones.
+    let mut memory = vec![1.0; factors.len()];
+    memory[0] = 100.0;
+    let bare = estimate(&Method::Wls, &mut equations, &factors, prior.mean(), None).expect("good data");
+    let mut held = |memory: &[f64]| {
+        let width = PriorWidth::Given(0.1);
+        estimate_with_prior(&Method::Wls, &mut equations, &factors, &prior, width, Some(memory)).expect("good data")
+    };
+    let (forgets, remembers) = (held(&vec![1.0; factors.len()]), held(&memory));
+    for ((after, before), memory) in remembers.levels.iter().zip(&forgets.levels).zip(&memory) {
+        assert!((after / before - memory.sqrt()).abs() < 1e-9);
+    }
+    let rank = bare.values.len();
+    let mut known = Mat::<f64>::zeros(rank, rank);
+    for (factor, level) in factors.iter().zip(&remembers.levels) {
+        let w = factor.factor.as_ref().subcols(0, factor.columns.len());
+        let gram = w.transpose() * w;
+        for (a, &i) in factor.columns.iter().enumerate() {
+            for (b, &j) in factor.columns.iter().enumerate() {
+                known[(i, j)] += gram[(a, b)] / level.powi(2);
+            }
+        }
+    }
+    let column = |values: &[f64]| Mat::from_fn(rank, 1, |i, _| values[i]);
+    let believed = remembers.prior.covariance().partial_piv_lu().solve(Mat::<f64>::identity(rank, rank));
+    let all = (&known + &believed).partial_piv_lu();
+    let mut expected = column(prior.mean());
+    for _ in 0..2 {
+        expected = all.solve(&known * column(&bare.values) + &believed * &expected);
+    }
+    let pairs = remembers.estimate.values.iter().zip(remembers.estimate.standard_deviations());
+    for (k, (value, deviation)) in pairs.enumerate() {
+        assert!((value - expected[(k, 0)]).abs() < 1e-6 * deviation, "{k}: {value} {}", expected[(k, 0)]);
+    }
 }
