@@ -40,6 +40,9 @@ pub(super) fn leave_out_joints_at_rest(factors: &mut Vec<JointFactor>, parts: &m
 /// parameters.
 const FLAT: f64 = 30.0;
 
+/// Relative deviation of bodies that are held although the file is wrong.
+const WIDE: f64 = 10.0;
+
 /// Torque of friction, offsets and gains under a prior that says next to nothing of them, in what
 /// the file leaves of a joint's.
 const FLAT_EFFECTS: f64 = 10.0;
@@ -55,10 +58,10 @@ fn total(judged: &[Judgement]) -> f64 {
 impl Task<'_> {
     /// The estimate under the prior, and, with `keeping`, the robot file for joints that it predicts better.
     ///
-    /// The widths that make the logs most probable take what the model lacks for noise. Where they
-    /// save nothing on parts that were left out, a prior that says next to nothing holds what the
-    /// logs do not know; where the logs know each parameter better than that one, the estimate is
-    /// bare.
+    /// The widths that make the logs most probable take what the model lacks for noise. Where it is
+    /// certain, by one standard error, that they save less than [`LEAST_GAIN`] on parts that were
+    /// left out, logs that know each parameter better than a prior that says next to nothing have
+    /// the bare estimate; the others a wide prior, if the chosen one costs errors for certain.
     pub fn estimate(
         &self,
         method: &Method,
@@ -70,13 +73,16 @@ impl Task<'_> {
         let mut held = self.solve(method, equations, (&prior, width), correlation)?;
         let mut notes = Vec::new();
         let flat = prior.with_relative_deviation(FLAT).with_effect_scale(FLAT_EFFECTS);
-        if width == PriorWidth::Chosen && self.saves_nothing(&held, &flat) {
+        let saved = self.left_out(&held).judge(&flat, &held.prior);
+        if width == PriorWidth::Chosen && saved.parts > 1 && saved.gain + saved.standard_error < LEAST_GAIN {
             let bare = estimate(method, equations, self.factors, flat.mean(), Some(correlation))?;
             if flat.knows_less(&bare.covariance) {
                 return Ok(Found { estimate: bare, held: None, notes });
             }
-            let flat = flat.with_effect_scale(1.0);
-            held = self.solve(method, equations, (&flat, PriorWidth::Given(FLAT)), correlation)?;
+            if saved.is_worse() {
+                let wide = flat.with_relative_deviation(WIDE).with_effect_scale(1.0);
+                held = self.solve(method, equations, (&wide, PriorWidth::Given(WIDE)), correlation)?;
+            }
         }
         if keeping {
             let judged = self.judge(&held);
@@ -108,13 +114,6 @@ impl Task<'_> {
         correlation: &[f64],
     ) -> Result<Held, IdentificationError> {
         estimate_with_prior(method, equations, self.factors, prior, width, Some(correlation))
-    }
-
-    /// Whether it is certain, by one standard error, that the prior saves less than [`LEAST_GAIN`]
-    /// of the squared error on parts that were left out, beside one that says next to nothing.
-    fn saves_nothing(&self, held: &Held, flat: &ParameterPrior) -> bool {
-        let judgement = self.left_out(held).judge(flat, &held.prior);
-        judgement.parts > 1 && judgement.gain + judgement.standard_error < LEAST_GAIN
     }
 
     fn judge(&self, held: &Held) -> Vec<Judgement> {

@@ -193,7 +193,8 @@ fn rich_logs_give_the_bare_estimate_and_short_ones_another() {
     };
     let values = |seconds, prior| of(seconds, prior).fit().expect("identified").values.clone();
     let chosen = Some(PriorWidth::Chosen);
-    assert_eq!(values(40, chosen), values(40, None));
+    // But for the order in which rows are summed.
+    assert!(largest_difference(&values(40, chosen), &values(40, None)) < 1e-9);
     assert!(largest_difference(&values(2, chosen), &values(2, None)) > 0.0, "the prior is in force");
 }
 
