@@ -112,7 +112,12 @@ fn a_model_read_back_and_a_predictor_say_the_same() {
         let mut fast = SemiParametricPredictor::new(&back, single).expect("small");
         for k in (0..600).step_by(60) {
             let (q, dq, tau) = (&q[k..k + 6], &dq[k..k + 6], &prediction.tau[k..k + 6]);
-            assert!(largest_difference(fast.torque(q, dq, dq), tau) < 1e-3);
+            // Weights far larger than the torque lose digits of single precision: 1.1e-3 N·m of 40,
+            // 4e-5 of 0.7 where the wrist is known within 0.012.
+            for (joint, single) in fast.torque(q, dq, dq).iter().enumerate() {
+                let deviation = prediction.standard_deviation[k + joint];
+                assert!((single - tau[joint]).abs() < 1e-2 * deviation, "{single} {tau:?} {deviation}");
+            }
             let (found, deviation) = exact.torque_and_deviation(q, dq, dq);
             assert!(largest_difference(found, tau) < 1e-9);
             // With what uncertain parameters bring.

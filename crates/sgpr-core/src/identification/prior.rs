@@ -33,9 +33,10 @@ use crate::robot::Robot;
 pub struct ParameterPrior {
     /// Base parameters of the robot file.
     of_file: Vec<f64>,
-    /// Covariance that bodies give to the base parameters at a relative deviation of one, `[rank, rank]`.
+    /// Root B of the covariance B Bᵀ that bodies give to the base parameters at a relative deviation of
+    /// one: what each parameter of a body, off by its deviation, adds; `[rank, inertial parameters]`.
     bodies: Mat<f64>,
-    /// Covariance that effects give to them, `[rank, rank]`.
+    /// The same of effects, `[rank, parameters of effects]`.
     effects: Mat<f64>,
     relative_deviation: f64,
     /// What the deviations of effects are multiplied by.
@@ -93,11 +94,8 @@ impl ParameterPrior {
         }
         let combination = base.matrix();
         let (rank, width) = (base.rank(), set.len());
-        let covariance = |range: std::ops::Range<usize>| {
-            let scaled = Mat::from_fn(rank, range.len(), |i, k| {
-                combination[i * width + range.start + k] * scale[range.start + k]
-            });
-            &scaled * scaled.transpose()
+        let root = |range: std::ops::Range<usize>| {
+            Mat::from_fn(rank, range.len(), |i, k| combination[i * width + range.start + k] * scale[range.start + k])
         };
         let stands_alone = |k: usize| {
             let parameter = base.independent()[k];
@@ -105,8 +103,8 @@ impl ParameterPrior {
         };
         Self {
             of_file,
-            bodies: covariance(0..set.inertial()),
-            effects: covariance(set.inertial()..width),
+            bodies: root(0..set.inertial()),
+            effects: root(set.inertial()..width),
             relative_deviation: 1.0,
             effect_scale: 1.0,
             non_negative: (0..rank).filter(|k| stands_alone(*k)).collect(),
@@ -143,7 +141,10 @@ impl ParameterPrior {
         let size = whitened.col(rank).norm_l2();
         let scale = if size > MOST_DEVIATIONS { MOST_DEVIATIONS / size } else { 1.0 };
         let w = Mat::from_fn(rank, rank, |i, j| scale * whitened[(i, j)]);
-        let [bodies, effects] = [&self.bodies, &self.effects].map(|covariance| &w * covariance * w.transpose());
+        let [bodies, effects] = [&self.bodies, &self.effects].map(|root| {
+            let torque = &w * root;
+            &torque * torque.transpose()
+        });
         let explained = |i: usize| (i..rank).map(|j| w[(i, j)] * self.of_file[j]).sum::<f64>();
         let left = Mat::from_fn(rank, 1, |i, _| scale * whitened[(i, rank)] - explained(i));
         let evidence = |deviation: f64, share: f64| {
@@ -191,20 +192,29 @@ impl ParameterPrior {
 
     /// Covariance of the base parameters, `[rank, rank]`.
     pub fn covariance(&self) -> Mat<f64> {
-        faer::Scale(self.relative_deviation.powi(2)) * &self.bodies
-            + faer::Scale(self.effect_scale.powi(2)) * &self.effects
+        let root = self.root();
+        root.transpose() * &root
+    }
+
+    /// Root A of the covariance AᵀA, `[parameters of the set, rank]`.
+    fn root(&self) -> Mat<f64> {
+        let (rank, inertial) = (self.of_file.len(), self.bodies.ncols());
+        Mat::from_fn(inertial + self.effects.ncols(), rank, |i, k| match i.checked_sub(inertial) {
+            None => self.relative_deviation * self.bodies[(k, i)],
+            Some(effect) => self.effect_scale * self.effects[(k, effect)],
+        })
     }
 
     /// Prior rows `[P | p]`, `[rank, rank + 1]`, in units of one standard deviation: P (base - mean) is standard normal, so
     /// that P base = p are equations to be put below data that are in units of their noise.
     pub fn rows(&self) -> Mat<f64> {
-        let (covariance, mean) = (self.covariance(), self.mean());
+        let (root, mean) = (self.root(), self.mean());
         let rank = mean.len();
-        // Scaled to a unit diagonal, so that units do not spoil the factor.
-        let size: Vec<f64> = (0..rank).map(|k| covariance[(k, k)].sqrt()).collect();
-        let scaled = Mat::from_fn(rank, rank, |i, j| covariance[(i, j)] / (size[i] * size[j]));
-        // RᵀR = scaled, so the rows are R⁻ᵀ.
-        let root = cholesky(scaled.as_ref()).expect("combinations are independent");
+        // Scaled to columns of length one, so that units do not spoil the factor.
+        let size: Vec<f64> = (0..rank).map(|k| root.col(k).norm_l2()).collect();
+        let scaled = Mat::from_fn(root.nrows(), rank, |i, j| root[(i, j)] / size[j]);
+        // RᵀR is the scaled covariance, so the rows are R⁻ᵀ; its Cholesky factor has half the digits.
+        let root = triangle(scaled.as_ref());
         let mut inverse = Mat::<f64>::identity(rank, rank);
         faer::linalg::triangular_solve::solve_lower_triangular_in_place(
             root.transpose(),

@@ -333,9 +333,9 @@ fn fit(
     let parts = if options.prior.is_some() { FOLDS } else { 1 };
     let samples = trajectories.iter().map(|trajectory| trajectory.samples.count(robot.dof())).sum();
     let mut observation = Observation::in_parts(robot, &set, &base, parts, samples);
-    for (index, trajectory) in trajectories.iter().enumerate() {
-        progress.step("observe", index, trajectories.len())?;
-        observation.add(trajectory)?;
+    for (done, index) in order_of_logs(motions).into_iter().enumerate() {
+        progress.step("observe", done, trajectories.len())?;
+        observation.add(&trajectories[index])?;
     }
     progress.step("observe", trajectories.len(), trajectories.len())?;
     let (mut factors, mut parts) = (observation.factors(), observation.parts());
@@ -457,6 +457,28 @@ fn fit(
     model.processing = Some(processing.clone());
     model.provenance.logs = recordings.iter().map(|recording| recording.source().to_string()).collect();
     Ok((model, Outcome { estimate, essential, notes }))
+}
+
+/// Indices of motions in an order in which that of the logs does not show: by the torque that a log
+/// begins with, then by that of all of it; stretches of a log stay one after the other.
+///
+/// Parts of the data go by it, and what is decided by parts that are left out.
+fn order_of_logs(motions: &[Motion]) -> Vec<usize> {
+    let square = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>();
+    let mut keys: Vec<[f64; 2]> = Vec::with_capacity(motions.len());
+    for (index, motion) in motions.iter().enumerate() {
+        let goes_on = |before: &Motion| before.source == motion.source && before.time.last() < motion.time.first();
+        let tau = motion.tau.as_deref().unwrap_or_default();
+        let dof = motion.use_as.len() / motion.len().max(1);
+        keys.push(match index.checked_sub(1) {
+            Some(before) if goes_on(&motions[before]) => keys[before],
+            _ => [square(&tau[..dof.min(tau.len())]), square(tau)],
+        });
+    }
+    let mut order: Vec<usize> = (0..motions.len()).collect();
+    let by_key = |a: &[f64; 2], b: &[f64; 2]| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]));
+    order.sort_by(|a, b| by_key(&keys[*a], &keys[*b]));
+    order
 }
 
 /// Sets the covariance as the options ask for it.
