@@ -9,6 +9,12 @@ use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 use super::problem::{Column, Problem};
 use crate::random::Random;
 
+/// Least gain on left-out blocks, in its standard deviations, of whatever is said to be there.
+pub(super) const SURE: f64 = 2.5;
+
+/// As likely as not.
+pub(super) const EVEN: f64 = 0.5;
+
 /// Errors of one model on blocks that were left out of its fit, per joint and row, N·m (N).
 #[derive(Clone, Debug)]
 pub(super) struct LeftOut {

@@ -127,9 +127,6 @@ pub(super) const EVIDENCE: f64 = 8.0;
 /// Smallest fall of the held-out error on some joint, as a share of what is left.
 pub(super) const MATERIAL: f64 = 0.025;
 
-/// Least gain on left-out blocks, in its standard deviations.
-pub(super) const SURE: f64 = 2.5;
-
 /// Most terms that are looked for.
 const MOST_TERMS: usize = 16;
 
