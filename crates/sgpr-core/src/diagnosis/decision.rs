@@ -96,6 +96,14 @@ pub(super) fn decide(search: &mut Search<'_>, outcome: Outcome) -> Result<Decisi
     Ok(Decision { outcome, judged, taken_back, left, rejected })
 }
 
+/// The same probabilities of an outcome that stays as it is.
+pub(super) fn judge_only(search: &Search<'_>, outcome: Outcome) -> Decision {
+    let left = left_by(search, &outcome.fitted);
+    let judged = judge(search, &outcome, &left);
+    let rejected = rejected(search, &outcome);
+    Decision { outcome, judged, taken_back: vec![], left, rejected }
+}
+
 fn left_by(search: &Search<'_>, fitted: &Fitted) -> Vec<Leftover> {
     let own = search.errors(fitted).left_out;
     unknown::leftover(&search.problem, fitted, &own, &search.noise)

@@ -1,6 +1,7 @@
 //! Which effects: forward steps with joint refit, then backward ones.
 
 mod backward;
+mod by_hand;
 mod candidates;
 mod constants;
 mod forward;
@@ -20,6 +21,7 @@ use super::problem::{Column, Problem};
 use crate::effects::{Effect, Site};
 use crate::model::Term;
 use crate::progress::{Interrupted, Progress};
+pub(super) use by_hand::Wanted;
 pub(super) use candidates::{Candidate, is_absorbed};
 use forward::falls;
 pub(super) use forward::is_limit;
