@@ -40,7 +40,7 @@ def test_topics(log: str, tmp_path: Path) -> None:
 def test_a_log_without_torque(log: str, tmp_path: Path) -> None:
     table = np.loadtxt(log, delimiter=",", skiprows=1)[:, :3]
     path = tmp_path / "positions.csv"
-    np.savetxt(path, table, delimiter=",", header="t,q_1,q_2", comments="", fmt="%.9g")
+    np.savetxt(path, table, delimiter=",", header="t,q_1,q_2", comments="", fmt="%.12g")
     out = tmp_path / "torque.csv"
     assert run("predict", "two_link", path, "--out", out).code == 0
     rows = rows_of(out)
