@@ -73,40 +73,52 @@ const CERTAIN: f64 = 0.95;
 /// Decides on an outcome.
 pub(super) fn decide(search: &mut Search<'_>, outcome: Outcome) -> Result<Decision, Interrupted> {
     search.step("weigh what was found", 0, 3)?;
-    let mut left = left_by(search, &outcome.fitted);
+    let mut beside = Beside::of(search, &outcome.fitted);
     let found = outcome.accepted.len();
-    let mut outcome = without_imitations(search, outcome, &left)?;
+    let mut outcome = without_imitations(search, outcome, &beside.left)?;
     if outcome.accepted.len() < found {
-        left = left_by(search, &outcome.fitted);
+        beside = Beside::of(search, &outcome.fitted);
     }
     search.step("weigh what was found", 1, 3)?;
     let judged = loop {
-        let judged = judge(search, &outcome, &left);
+        let judged = judge(search, &outcome, &beside);
         let doubtful: Vec<usize> = judged.iter().filter(|j| j.something < EVEN).map(|j| j.index).collect();
         if doubtful.is_empty() {
             break judged;
         }
         outcome = outcome.without(search, &doubtful);
-        left = left_by(search, &outcome.fitted);
+        beside = Beside::of(search, &outcome.fitted);
     };
     search.step("weigh what was found", 2, 3)?;
     let taken_back = taken_back(search, &outcome);
-    let rejected = rejected(search, &outcome);
+    let rejected = rejected(search, &outcome, &beside.errors);
+    let left = beside.left;
     search.step("weigh what was found", 3, 3)?;
     Ok(Decision { outcome, judged, taken_back, left, rejected })
 }
 
 /// The same probabilities of an outcome that stays as it is.
 pub(super) fn judge_only(search: &Search<'_>, outcome: Outcome) -> Decision {
-    let left = left_by(search, &outcome.fitted);
-    let judged = judge(search, &outcome, &left);
-    let rejected = rejected(search, &outcome);
-    Decision { outcome, judged, taken_back: vec![], left, rejected }
+    let beside = Beside::of(search, &outcome.fitted);
+    let judged = judge(search, &outcome, &beside);
+    let rejected = rejected(search, &outcome, &beside.errors);
+    Decision { outcome, judged, taken_back: vec![], left: beside.left, rejected }
 }
 
-fn left_by(search: &Search<'_>, fitted: &Fitted) -> Vec<Leftover> {
-    let own = search.errors(fitted).left_out;
-    unknown::leftover(&search.problem, fitted, &own, &search.noise)
+/// What is beside a fit.
+struct Beside {
+    /// Its errors on left-out blocks.
+    errors: LeftOut,
+    /// What is left at each joint.
+    left: Vec<Leftover>,
+}
+
+impl Beside {
+    fn of(search: &Search<'_>, fitted: &Fitted) -> Self {
+        let errors = search.errors(fitted).left_out;
+        let left = unknown::leftover(&search.problem, fitted, &errors, &search.noise);
+        Self { errors, left }
+    }
 }
 
 /// `outcome` without the effects that only imitate what no effect of the catalogue makes.
@@ -284,17 +296,18 @@ fn taken_back(search: &Search<'_>, outcome: &Outcome) -> Vec<usize> {
 }
 
 /// The probabilities of the likeliest effects that were not found, beside what was.
-fn rejected(search: &Search<'_>, outcome: &Outcome) -> Vec<(String, Site, f64)> {
+///
+/// - `own`: errors of what was found on left-out blocks
+fn rejected(search: &Search<'_>, outcome: &Outcome, own: &LeftOut) -> Vec<(String, Site, f64)> {
     const LIKELIEST: usize = 6;
-    let own = search.errors(&outcome.fitted).left_out;
     let found = |term: &Term| outcome.fitted.terms().iter().any(|own| own.is_like(term));
     let possible = outcome.ranking.iter().filter(|c| !c.impossible && c.score > 0.0 && !found(&c.term));
     let likeliest: Vec<&Term> = possible.take(LIKELIEST).map(|c| &c.term).collect();
     let probability = |term: &&Term| {
         let with = search.errors(&search.with_term(&outcome.fitted, (*term).clone())).left_out;
         let joints = search.joints_of(term);
-        let there = weights(&search.problem, &[&own, &with], &[0.0, -search.units.ln()], &joints)[1];
-        let matters = |joint: &usize| probability_of_fall(&search.problem, [&own, &with], *joint, MATERIAL, 0.0);
+        let there = weights(&search.problem, &[own, &with], &[0.0, -search.units.ln()], &joints)[1];
+        let matters = |joint: &usize| probability_of_fall(&search.problem, [own, &with], *joint, MATERIAL, 0.0);
         let probability = there.min(joints.iter().map(matters).fold(0.0, f64::max));
         (term.effect.name().to_string(), term.site, probability)
     };
@@ -302,16 +315,13 @@ fn rejected(search: &Search<'_>, outcome: &Outcome) -> Vec<(String, Site, f64)> 
 }
 
 /// The probability of every term that was found, by left-out blocks at the joints on which it acts.
-///
-/// - `left`: what is left at each joint beside what was found
-fn judge(search: &Search<'_>, outcome: &Outcome, left: &[Leftover]) -> Vec<Judged> {
-    let own = search.errors(&outcome.fitted).left_out;
+fn judge(search: &Search<'_>, outcome: &Outcome, Beside { errors, left }: &Beside) -> Vec<Judged> {
     let found: Vec<(usize, &Accepted)> = outcome.news(search).collect();
     let left_at = |step: &Accepted| {
         let own = left.iter().find(|l| step.site.joint() == Some(l.joint) && l.is_material());
         own.map_or(0.0, |left| left.share)
     };
-    let judged = |(index, step)| judge_one(search, (&outcome.fitted, &own), (index, step), left_at(step));
+    let judged = |(index, step)| judge_one(search, (&outcome.fitted, errors), (index, step), left_at(step));
     found.into_par_iter().map(judged).collect()
 }
 

@@ -6,6 +6,7 @@
 
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
+use super::basis::mean_square;
 use super::problem::{Column, Problem};
 use crate::random::Random;
 
@@ -63,8 +64,7 @@ const LONGEST_MEMORY: f64 = 0.5;
 impl LeftOut {
     /// Mean square error of a joint, (N·m)² (N²).
     pub fn mean_square(&self, joint: usize) -> f64 {
-        let rows = &self.rows[joint];
-        rows.iter().map(|e| e * e).sum::<f64>() / rows.len().max(1) as f64
+        mean_square(&self.rows[joint])
     }
 
     /// How many rows of a joint say as much about a smooth column as one row without memory would: for an autoregression

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::basis::{Noise, dot, products};
+use super::basis::{Noise, dot, mean_square, products};
 use super::evidence::{EVEN, LeftOut, SURE, probability_of_fall, weights};
 use super::fit::{Extra, Fitted, beyond, left_out};
 use super::problem::{Column, Problem};
@@ -227,10 +227,6 @@ pub(super) fn leftover(problem: &Problem, fitted: &Fitted, own: &LeftOut, noise:
         Some(Leftover { joint, share, probability, group })
     };
     (0..problem.dof()).into_par_iter().filter_map(of_joint).collect()
-}
-
-fn mean_square(values: &[f64]) -> f64 {
-    values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64
 }
 
 /// Variance of the factors of `white`, at most the `largest`, at which their log evidence is greatest, and that.

@@ -3,7 +3,7 @@
 use super::super::DiagnosisError;
 use super::super::fit::Fitted;
 use super::{Accepted, Candidate, Outcome, Search};
-use crate::effects::Site;
+use crate::effects::{Site, UnknownEffect};
 use crate::robot::Robot;
 
 /// An effect and where it acts.
@@ -22,7 +22,7 @@ impl Wanted {
         let (effect, joints) = text.split_once('@').unwrap_or((text, ""));
         let place = |name: &str| {
             let name = name.trim();
-            robot.joint_names().position(|own| own == name).ok_or_else(|| {
+            robot.joint_index(name).ok_or_else(|| {
                 let known: Vec<String> = robot.joint_names().map(|own| format!("`{own}`")).collect();
                 wrong(format!("there is no joint `{name}`; the joints are {}", known.join(", ")))
             })
@@ -70,9 +70,8 @@ impl Search<'_> {
     /// Why an effect is not among the candidates.
     fn why_not(&self, wanted: &Wanted) -> String {
         let Some(effect) = self.catalogue.iter().find(|effect| effect.name() == wanted.effect) else {
-            let mut known: Vec<&str> = self.catalogue.iter().map(|effect| effect.name()).collect();
-            known.sort_unstable();
-            return format!("there is no effect `{}`; the effects are {}", wanted.effect, known.join(", "));
+            let known = self.catalogue.iter().map(|effect| effect.name().into()).collect();
+            return UnknownEffect { name: wanted.effect.clone(), known }.to_string();
         };
         let sites = effect.sites(self.problem.nominal.robot());
         if !sites.contains(&wanted.site) {

@@ -29,13 +29,13 @@ impl Search<'_> {
     /// Whether no log shows a change at one joint, with two blocks before it and two after it, from which a scatter could be
     /// told: then it says no more than that logs differ, which every law that the model lacks makes them do.
     pub(in super::super) fn is_between_logs(&self, term: &Term) -> bool {
-        let mut times = term.effect.constants().iter().zip(&term.constants).filter(|(c, _)| c.scale == Scale::Time);
-        let (Some((_, time)), None, Reach::Own) = (times.next(), times.next(), term.effect.reach()) else {
+        let mut times = term.times();
+        let (Some(time), None, Reach::Own) = (times.next(), times.next(), term.effect.reach()) else {
             return false;
         };
         let margin = 2.0 * BLOCK_S;
         let shows = |stretch: &Stretch| match (stretch.time.first(), stretch.time.last()) {
-            (Some(first), Some(last)) => (first + margin..=last - margin).contains(time),
+            (Some(first), Some(last)) => (first + margin..=last - margin).contains(&time),
             _ => true,
         };
         time.is_finite() && !self.problem.stretches.iter().any(shows)
