@@ -448,3 +448,35 @@ fn it_stops_on_request() {
     let error = diagnose(&model, &train, &test, &DiagnosisOptions::default(), &Impatient::default()).unwrap_err();
     assert!(matches!(error, DiagnosisError::Interrupted(_)), "{error}");
 }
+
+#[test]
+fn what_a_person_adds_is_fitted_and_judged_and_stays() {
+    let (train, test) = logs(&[hidden("cable_stiffness", 1, &[], &[1.5, 0.2])]);
+    let model = identified(&train);
+    let by_hand = |text: &str| {
+        let options = DiagnosisOptions { by_hand: vec![text.into()], ..DiagnosisOptions::default() };
+        diagnose(&model, &train, &test, &options, &())
+    };
+    let right = by_hand("cable_stiffness@joint_2").unwrap();
+    let [finding] = &right.findings[..] else { panic!("{:?}", right.findings) };
+    let searched = diagnose(&model, &train, &test, &DiagnosisOptions::default(), &()).unwrap();
+    let stiffness = |finding: &sgpr_core::diagnosis::Finding| finding.parameters[0].value;
+    assert!((stiffness(finding) / stiffness(&searched.findings[0]) - 1.0).abs() < 1e-6, "{finding:?}");
+    assert!(
+        finding.probability > 0.95 && right.joints["joint_2"].rmse_after < 0.5 * right.joints["joint_2"].rmse_before
+    );
+    // Where nothing is, it is added all the same, and the probability says so.
+    let wrong = by_hand("torque_ripple@joint_1").unwrap();
+    assert!(wrong.findings.len() == 1 && wrong.findings[0].probability < 0.5, "{:?}", wrong.findings);
+    assert_eq!(wrong.after.terms().len(), model.terms().len() + 1);
+    for (text, reason) in [
+        ("cable_stifness@joint_2", "there is no effect `cable_stifness`"),
+        ("cable_stiffness@joint_9", "there is no joint `joint_9`; the joints are `joint_1`, `joint_2`"),
+        ("cable_stiffness", "it acts at a joint"),
+        ("payload_change@joint_1", "it acts on the whole arm"),
+        ("viscous_friction@joint_1", "the model has it at every joint"),
+    ] {
+        let message = by_hand(text).expect_err("cannot be added").to_string();
+        assert!(message.contains(reason), "{message}");
+    }
+}

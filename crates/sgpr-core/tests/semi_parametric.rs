@@ -380,7 +380,7 @@ fn after_a_diagnosis_the_processes_learn_the_rest() {
         let identify_options = IdentifyOptions { effects, ..IdentifyOptions::default() };
         let (model, _) = identify(&robot, &train, &identify_options, &()).expect("good logs");
         let catalogue = ["stribeck_friction", "torque_delay"].map(|name| by_name(name).expect("of the library"));
-        let wanted = DiagnosisOptions { catalogue: catalogue.to_vec() };
+        let wanted = DiagnosisOptions { catalogue: catalogue.to_vec(), ..DiagnosisOptions::default() };
         let diagnosed = diagnose(&model, &train, &test, &wanted, &()).expect("good logs").after;
         assert_eq!(diagnosed.terms().is_empty(), unexplained, "{case}");
         let rest = fit_rest(&diagnosed, &train, &options(), &()).expect("good logs");

@@ -36,12 +36,21 @@ use crate::user_effect::{UserEffect, known_effects, registered};
 ///     Unseen logs, only for the errors that are reported.
 /// effects : list of str or Effect, optional
 ///     What to look for, by name or an effect of your own; all effects of the library by default.
+/// add : list of str, optional
+///     Effects to add by hand, without a search: ``torque_ripple@joint_2``, ``payload_change`` (the whole arm),
+///     ``wrist_coupling@joint_6,joint_5`` (a joint, driven by another). They are fitted, judged and reported like findings,
+///     and stay in ``diagnosis.model`` whatever comes out.
 /// progress : callable, optional
 ///     Called as ``progress(stage, done, total)``; what it raises stops the work, as Ctrl-C does.
 ///
 /// Returns
 /// -------
 /// Diagnosis
+///
+/// Raises
+/// ------
+/// SgprError
+///     If the logs cannot be used, or an effect of `add` is not known or cannot act there.
 ///
 /// Examples
 /// --------
@@ -52,20 +61,21 @@ use crate::user_effect::{UserEffect, known_effects, registered};
 /// 'coulomb_friction'
 /// >>> better = model.add(diagnosis.findings[0])
 #[pyfunction]
-#[pyo3(signature = (model, train, test=None, *, effects=None, progress=None), text_signature = "(model, train, test=(), *, effects=None, progress=None)")]
+#[pyo3(signature = (model, train, test=None, *, effects=None, add=None, progress=None), text_signature = "(model, train, test=(), *, effects=None, add=None, progress=None)")]
 pub fn diagnose(
     py: Python<'_>,
     model: &Bound<'_, Model>,
     train: &Bound<'_, PyAny>,
     test: Option<&Bound<'_, PyAny>>,
     effects: Option<&Bound<'_, PyAny>>,
+    add: Option<Vec<String>>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Diagnosis> {
     let train = Arc::new(recordings(train)?);
     let test = test.map(recordings).transpose()?.unwrap_or_default();
     let (catalogue, own) = catalogue(effects)?;
     let inner = model.get().inner.clone();
-    let options = core::DiagnosisOptions { catalogue };
+    let options = core::DiagnosisOptions { catalogue, by_hand: add.unwrap_or_default() };
     let result = listen(py, progress, |progress| core::diagnose(&inner, &train, &test, &options, progress));
     for effect in own {
         if let Some(error) = effect.take_failure() {
@@ -277,7 +287,7 @@ impl Diagnosis {
 
     /// The model with all findings, all parameters refitted; the model itself if there is none.
     #[getter]
-    fn model(&self) -> Model {
+    pub fn model(&self) -> Model {
         self.inner.after.clone().into()
     }
 
@@ -326,6 +336,11 @@ pub struct Finding {
 }
 
 impl Finding {
+    /// The same, to be fitted to other logs.
+    pub fn on(&self, train: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(Self { inner: self.inner.clone(), train: Arc::new(recordings(train)?) })
+    }
+
     /// `model` with this effect on top.
     pub fn added_to(&self, py: Python<'_>, model: &Model) -> PyResult<Model> {
         if self.inner.terms.is_empty() {

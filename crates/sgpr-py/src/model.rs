@@ -272,10 +272,29 @@ impl Model {
         Ok(self.inner.plus(error).into())
     }
 
-    /// This model with an effect that `diagnose` found on top of it, all parameters refitted to the logs that the
-    /// effect was found in. The line that `history` gains says what it brought.
-    fn add(&self, py: Python<'_>, finding: &Bound<'_, Finding>) -> PyResult<Self> {
-        finding.get().added_to(py, self)
+    /// This model with an effect on top of it, all parameters refitted. The line that `history` gains says what it brought.
+    ///
+    /// Parameters
+    /// ----------
+    /// finding : Finding or str
+    ///     What `diagnose` found; or an effect by hand, ``torque_ripple@joint_2`` (`diagnose` with ``add`` says more of it).
+    /// train : list of Recording, optional
+    ///     Logs to fit to: for a finding those in which it was found; for an effect by hand they must be given.
+    #[pyo3(signature = (finding, train=None))]
+    fn add(slf: &Bound<'_, Self>, finding: &Bound<'_, PyAny>, train: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let py = slf.py();
+        match (finding.cast::<Finding>(), train) {
+            (Ok(finding), None) => finding.get().added_to(py, slf.get()),
+            (Ok(finding), Some(train)) => finding.get().on(train)?.added_to(py, slf.get()),
+            (Err(_), Some(train)) => {
+                let text = finding.extract::<String>().map_err(|_| {
+                    pyo3::exceptions::PyTypeError::new_err("finding: expected a Finding, or text such as effect@joint")
+                })?;
+                let added = crate::diagnosis::diagnose(py, slf, train, None, None, Some(vec![text]), None)?;
+                Ok(added.model())
+            }
+            (Err(_), None) => Err(invalid("train: an effect by hand is fitted to logs, which must be given")),
+        }
     }
 
     fn __add__(&self, error: &Bound<'_, Self>) -> PyResult<Self> {
@@ -826,6 +845,36 @@ impl Processing {
     }
 }
 
+/// Position and speed of `dof` joints at which a predictor starts; `None` for rest at the next sample.
+///
+/// - `time`: that of the session at the next sample, s, which must be finite
+pub fn start_of_stream(
+    dof: usize,
+    q: Option<&Bound<'_, PyAny>>,
+    dq: Option<&Bound<'_, PyAny>>,
+    time: f64,
+) -> PyResult<Option<(Vec<f64>, Vec<f64>)>> {
+    if !time.is_finite() {
+        return Err(invalid(format!("time: got {time}, expected a finite number")));
+    }
+    let one = |name, value| Ok::<_, PyErr>(Numbers::new(name, value)?.shaped(&[dof])?.finite()?.values().to_vec());
+    let q = q.map(|q| one("q", q)).transpose()?;
+    let dq = dq.map(|dq| one("dq", dq)).transpose()?;
+    match (q, dq) {
+        (None, None) => Ok(None),
+        (None, Some(_)) => Err(invalid("reset: a speed needs the position that goes with it: give q")),
+        (Some(q), dq) => Ok(Some((q, dq.unwrap_or_else(|| vec![0.0; dof])))),
+    }
+}
+
+/// Temperatures of `dof` joints, °C, of one number for all or one for each.
+pub fn temperatures(dof: usize, celsius: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+    match celsius.extract::<f64>() {
+        Ok(one) => Ok(vec![one; dof]),
+        Err(_) => Ok(Numbers::new("celsius", celsius)?.shaped(&[dof])?.values().to_vec()),
+    }
+}
+
 /// How a model is streamed, from the keywords of `predictor`.
 pub fn stream_options(rate_hz: Option<f64>, purpose: &str, keep: Option<&Bound<'_, PyAny>>) -> PyResult<StreamOptions> {
     let purpose = purpose.parse().map_err(|error: core::UnknownPurpose| invalid(error.to_string()))?;
@@ -896,21 +945,11 @@ impl Predictor {
     /// 12.0
     #[pyo3(signature = (q=None, dq=None, *, time=0.0))]
     fn reset(&self, q: Option<&Bound<'_, PyAny>>, dq: Option<&Bound<'_, PyAny>>, time: f64) -> PyResult<()> {
-        if !time.is_finite() {
-            return Err(invalid(format!("time: got {time}, expected a finite number")));
-        }
-        let one = |name, value| Numbers::new(name, value)?.shaped(&[self.dof])?.finite();
-        let q = q.map(|q| one("q", q)).transpose()?;
-        let dq = dq.map(|dq| one("dq", dq)).transpose()?;
+        let start = start_of_stream(self.dof, q, dq, time)?;
         let mut predictor = self.lock();
-        match (q, dq) {
-            (None, None) => predictor.reset(),
-            (None, Some(_)) => return Err(invalid("reset: a speed needs the position that goes with it: give q")),
-            (Some(q), dq) => {
-                let rest = vec![0.0; self.dof];
-                let dq = dq.as_ref().map_or(&rest[..], |dq| dq.values());
-                predictor.reset_at(q.values(), dq).map_err(IntoPyErr::into_py_err)?;
-            }
+        match start {
+            None => predictor.reset(),
+            Some((q, dq)) => predictor.reset_at(&q, &dq).map_err(IntoPyErr::into_py_err)?,
         }
         predictor.set_time(time).map_err(IntoPyErr::into_py_err)
     }
@@ -922,10 +961,7 @@ impl Predictor {
     /// celsius : float or array of shape (n,)
     ///     °C; one for all joints, or one for each.
     fn set_temperature(&self, celsius: &Bound<'_, PyAny>) -> PyResult<()> {
-        let all = match celsius.extract::<f64>() {
-            Ok(one) => vec![one; self.dof],
-            Err(_) => Numbers::new("celsius", celsius)?.shaped(&[self.dof])?.values().to_vec(),
-        };
+        let all = temperatures(self.dof, celsius)?;
         self.lock().set_temperature(&all).map_err(IntoPyErr::into_py_err)
     }
 

@@ -15,8 +15,7 @@ use crate::dynamics::motion;
 use crate::errors::{IntoPyErr, invalid};
 use crate::gp::{predictor_options, shape, status_name};
 use crate::identification::{Arguments, recordings};
-use crate::model::Model;
-use crate::model::stream_options;
+use crate::model::{Model, start_of_stream, stream_options, temperatures};
 use crate::progress::listen_and_keep;
 use crate::robot::Robot;
 use crate::user_effect::known_effects;
@@ -292,31 +291,18 @@ impl SemiParametricPredictor {
     /// Forgets all samples, as `Predictor.reset`.
     #[pyo3(signature = (q=None, dq=None, *, time=0.0))]
     fn reset(&self, q: Option<&Bound<'_, PyAny>>, dq: Option<&Bound<'_, PyAny>>, time: f64) -> PyResult<()> {
-        if !time.is_finite() {
-            return Err(invalid(format!("time: got {time}, expected a finite number")));
-        }
-        let one = |name, value| Numbers::new(name, value)?.shaped(&[self.dof])?.finite();
-        let q = q.map(|q| one("q", q)).transpose()?;
-        let dq = dq.map(|dq| one("dq", dq)).transpose()?;
+        let start = start_of_stream(self.dof, q, dq, time)?;
         let mut predictor = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
-        match (q, dq) {
-            (None, None) => predictor.reset(),
-            (None, Some(_)) => return Err(invalid("reset: a speed needs the position that goes with it: give q")),
-            (Some(q), dq) => {
-                let rest = vec![0.0; self.dof];
-                let dq = dq.as_ref().map_or(&rest[..], |dq| dq.values());
-                predictor.reset_at(q.values(), dq).map_err(IntoPyErr::into_py_err)?;
-            }
+        match start {
+            None => predictor.reset(),
+            Some((q, dq)) => predictor.reset_at(&q, &dq).map_err(IntoPyErr::into_py_err)?,
         }
         predictor.set_time(time).map_err(IntoPyErr::into_py_err)
     }
 
     /// Sets the temperature of the joints, as `Predictor.set_temperature`.
     fn set_temperature(&self, celsius: &Bound<'_, PyAny>) -> PyResult<()> {
-        let all = match celsius.extract::<f64>() {
-            Ok(one) => vec![one; self.dof],
-            Err(_) => Numbers::new("celsius", celsius)?.shaped(&[self.dof])?.values().to_vec(),
-        };
+        let all = temperatures(self.dof, celsius)?;
         let mut predictor = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
         predictor.set_temperature(&all).map_err(IntoPyErr::into_py_err)
     }

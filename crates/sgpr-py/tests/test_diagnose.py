@@ -186,3 +186,21 @@ def test_command(tmp_path: Path) -> None:
     assert error("after") < 0.5 * error("before")
     assert sgpr.load(out / "model.sgpr").effects == ["viscous_friction"]
     assert "coulomb friction" in (out / "report.html").read_text()
+
+
+def test_an_effect_is_added_by_hand(
+    demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording], demo_test: sgpr.Recording
+) -> None:
+    model = sgpr.identify(demo_robot, demo_logs, effects=["viscous_friction", "coulomb_friction", "rotor_inertia"])
+    added = sgpr.diagnose(model, demo_logs, [demo_test], add=["coulomb_transition@joint_4"])
+    assert [(finding.effect, finding.joints) for finding in added.findings] == [("coulomb_transition", ["joint_4"])]
+    before, after = (sgpr.compare(each, [demo_test]).joints[3].rmse for each in (model, added.model))
+    assert after < 0.5 * before
+    same = model.add("coulomb_transition@joint_4", demo_logs)
+    assert same.to_bytes() == added.model.to_bytes()
+    with pytest.raises(sgpr.SgprError, match="there is no joint `joint_7`"):
+        model.add("coulomb_transition@joint_7", demo_logs)
+    with pytest.raises(sgpr.SgprError, match="fitted to logs"):
+        model.add("coulomb_transition@joint_4")
+    with pytest.raises(TypeError, match="expected a Finding"):
+        model.add(3, demo_logs)  # type: ignore[arg-type]

@@ -378,6 +378,10 @@ pub(super) fn dot(a: &Column, b: &Column) -> f64 {
     a.iter().zip(b).map(|(a, b)| dot_in_lanes(a, b)).sum()
 }
 
+pub(super) fn mean_square(values: &[f64]) -> f64 {
+    values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64
+}
+
 pub(super) fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64).sqrt()
+    mean_square(values).sqrt()
 }

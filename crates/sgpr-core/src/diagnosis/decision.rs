@@ -11,9 +11,9 @@
 
 use rayon::prelude::*;
 
-use super::evidence::{LeftOut, probability_of_fall, weights};
+use super::evidence::{EVEN, LeftOut, SURE, probability_of_fall, weights};
 use super::fit::{ByLog, Fitted, beyond, left_out_parts, left_out_states};
-use super::search::{Accepted, EVIDENCE, MATERIAL, Outcome, SURE, Search, is_limit, without};
+use super::search::{Accepted, EVIDENCE, MATERIAL, Outcome, Search, is_limit, without};
 use super::unknown::{self, Leftover, Smooth};
 use crate::effects::Site;
 use crate::model::Term;
@@ -70,40 +70,66 @@ pub(super) const MANY: usize = 3;
 /// As likely as two standard deviations.
 const CERTAIN: f64 = 0.95;
 
-/// As likely as not.
-const EVEN: f64 = 0.5;
-
 /// Decides on an outcome.
 pub(super) fn decide(search: &mut Search<'_>, outcome: Outcome) -> Result<Decision, Interrupted> {
     search.step("weigh what was found", 0, 3)?;
-    let mut outcome = without_imitations(search, outcome)?;
+    let mut beside = Beside::of(search, &outcome.fitted);
+    let found = outcome.accepted.len();
+    let mut outcome = without_imitations(search, outcome, &beside.left)?;
+    if outcome.accepted.len() < found {
+        beside = Beside::of(search, &outcome.fitted);
+    }
     search.step("weigh what was found", 1, 3)?;
-    let left = left_by(search, &outcome.fitted);
     let judged = loop {
-        let judged = judge(search, &outcome, &left);
+        let judged = judge(search, &outcome, &beside);
         let doubtful: Vec<usize> = judged.iter().filter(|j| j.something < EVEN).map(|j| j.index).collect();
         if doubtful.is_empty() {
             break judged;
         }
         outcome = outcome.without(search, &doubtful);
+        beside = Beside::of(search, &outcome.fitted);
     };
     search.step("weigh what was found", 2, 3)?;
     let taken_back = taken_back(search, &outcome);
-    let left = left_by(search, &outcome.fitted);
-    let rejected = rejected(search, &outcome);
+    let rejected = rejected(search, &outcome, &beside.errors);
+    let left = beside.left;
     search.step("weigh what was found", 3, 3)?;
     Ok(Decision { outcome, judged, taken_back, left, rejected })
 }
 
-fn left_by(search: &Search<'_>, fitted: &Fitted) -> Vec<Leftover> {
-    let own = search.errors(fitted).left_out;
-    unknown::leftover(&search.problem, fitted, &own, &search.noise)
+/// The same probabilities of an outcome that stays as it is.
+pub(super) fn judge_only(search: &Search<'_>, outcome: Outcome) -> Decision {
+    let beside = Beside::of(search, &outcome.fitted);
+    let judged = judge(search, &outcome, &beside);
+    let rejected = rejected(search, &outcome, &beside.errors);
+    Decision { outcome, judged, taken_back: vec![], left: beside.left, rejected }
+}
+
+/// What is beside a fit.
+struct Beside {
+    /// Its errors on left-out blocks.
+    errors: LeftOut,
+    /// What is left at each joint.
+    left: Vec<Leftover>,
+}
+
+impl Beside {
+    fn of(search: &Search<'_>, fitted: &Fitted) -> Self {
+        let errors = search.errors(fitted).left_out;
+        let left = unknown::leftover(&search.problem, fitted, &errors, &search.noise);
+        Self { errors, left }
+    }
 }
 
 /// `outcome` without the effects that only imitate what no effect of the catalogue makes.
-fn without_imitations(search: &mut Search<'_>, mut outcome: Outcome) -> Result<Outcome, Interrupted> {
+///
+/// - `left`: what is left at each joint beside all of them
+fn without_imitations(
+    search: &mut Search<'_>,
+    mut outcome: Outcome,
+    left: &[Leftover],
+) -> Result<Outcome, Interrupted> {
     let n = search.problem.dof();
-    let left = left_by(search, &outcome.fitted);
     let of_arm = joint_of_arm(search, &outcome);
     let mut closed = vec![false; n];
     for joint in 0..n {
@@ -148,7 +174,6 @@ fn is_at(term: &Term, joint: usize) -> bool {
 ///
 /// - `left`: share of the joint's left-out error that it could still take away
 pub(super) fn imitations(search: &Search<'_>, fitted: &Fitted, found: &[usize], joint: usize, left: f64) -> Vec<usize> {
-    const HALF: f64 = 0.5;
     if found.is_empty() {
         return vec![];
     }
@@ -156,10 +181,18 @@ pub(super) fn imitations(search: &Search<'_>, fitted: &Fitted, found: &[usize], 
     let bare = search.refit(fitted, without(fitted.terms(), found));
     let Some((smooth, with_smooth)) = Smooth::best(problem, &bare, noise, joint) else { return vec![] };
     let with_found = search.errors(fitted).left_out;
-    let explained = search.errors(&bare).left_out.mean_square(joint) / with_found.mean_square(joint) - 1.0;
-    let is_much = 1.0 - (1.0 - left).powi(2) > HALF * explained;
-    let much_is_left = is_much || (left > 0.0 && found.len() >= MANY);
-    if !much_is_left && weights(problem, &[&with_found, &with_smooth], &[0.0; 2], &[joint])[1] < EVEN {
+    let explained = explained_share(joint, &search.errors(&bare).left_out, &with_found);
+    let of_smooth = weights(problem, &[&with_found, &with_smooth], &[0.0; 2], &[joint])[1];
+    // A change that no log shows is confounded with all that logs differ in: it stands where nothing else is in question.
+    if left > 0.0 || of_smooth > 1.0 - CERTAIN {
+        let between = |k: &usize| search.is_between_logs(&fitted.terms()[*k]);
+        let between: Vec<usize> = found.iter().copied().filter(between).collect();
+        if !between.is_empty() {
+            return between;
+        }
+    }
+    let much_is_left = is_much(left, explained) || (left > 0.0 && found.len() >= MANY);
+    if !much_is_left && of_smooth < EVEN {
         return vec![];
     }
     // Terms that hold at positions and speeds that they were not fitted to ...
@@ -183,6 +216,19 @@ pub(super) fn imitations(search: &Search<'_>, fitted: &Fitted, found: &[usize], 
         }
     }
     found.iter().copied().filter(|k| !kept.contains(k)).collect()
+}
+
+/// By how much the square of a joint's left-out error falls with something, as a share of what is left of it.
+fn explained_share(joint: usize, without: &LeftOut, with: &LeftOut) -> f64 {
+    without.mean_square(joint) / with.mean_square(joint) - 1.0
+}
+
+/// Whether more than half of what was explained could be explained beside it.
+///
+/// - `left`: share of the left-out error that a process could still take away
+fn is_much(left: f64, explained: f64) -> bool {
+    const HALF: f64 = 0.5;
+    1.0 - (1.0 - left).powi(2) > HALF * explained
 }
 
 /// Whether a term of a fit surely lowers the error of a joint on fifths of its positions, and on fifths of its speeds, that
@@ -250,17 +296,18 @@ fn taken_back(search: &Search<'_>, outcome: &Outcome) -> Vec<usize> {
 }
 
 /// The probabilities of the likeliest effects that were not found, beside what was.
-fn rejected(search: &Search<'_>, outcome: &Outcome) -> Vec<(String, Site, f64)> {
+///
+/// - `own`: errors of what was found on left-out blocks
+fn rejected(search: &Search<'_>, outcome: &Outcome, own: &LeftOut) -> Vec<(String, Site, f64)> {
     const LIKELIEST: usize = 6;
-    let own = search.errors(&outcome.fitted).left_out;
     let found = |term: &Term| outcome.fitted.terms().iter().any(|own| own.is_like(term));
     let possible = outcome.ranking.iter().filter(|c| !c.impossible && c.score > 0.0 && !found(&c.term));
     let likeliest: Vec<&Term> = possible.take(LIKELIEST).map(|c| &c.term).collect();
     let probability = |term: &&Term| {
         let with = search.errors(&search.with_term(&outcome.fitted, (*term).clone())).left_out;
         let joints = search.joints_of(term);
-        let there = weights(&search.problem, &[&own, &with], &[0.0, -search.units.ln()], &joints)[1];
-        let matters = |joint: &usize| probability_of_fall(&search.problem, [&own, &with], *joint, MATERIAL, 0.0);
+        let there = weights(&search.problem, &[own, &with], &[0.0, -search.units.ln()], &joints)[1];
+        let matters = |joint: &usize| probability_of_fall(&search.problem, [own, &with], *joint, MATERIAL, 0.0);
         let probability = there.min(joints.iter().map(matters).fold(0.0, f64::max));
         (term.effect.name().to_string(), term.site, probability)
     };
@@ -268,21 +315,21 @@ fn rejected(search: &Search<'_>, outcome: &Outcome) -> Vec<(String, Site, f64)> 
 }
 
 /// The probability of every term that was found, by left-out blocks at the joints on which it acts.
-///
-/// - `left`: what is left at each joint beside what was found
-fn judge(search: &Search<'_>, outcome: &Outcome, left: &[Leftover]) -> Vec<Judged> {
-    let own = search.errors(&outcome.fitted).left_out;
+fn judge(search: &Search<'_>, outcome: &Outcome, Beside { errors, left }: &Beside) -> Vec<Judged> {
     let found: Vec<(usize, &Accepted)> = outcome.news(search).collect();
-    let is_left = |step: &Accepted| left.iter().any(|l| step.site.joint() == Some(l.joint) && l.is_material());
-    let judged = |(index, step)| judge_one(search, (&outcome.fitted, &own), (index, step), is_left(step));
+    let left_at = |step: &Accepted| {
+        let own = left.iter().find(|l| step.site.joint() == Some(l.joint) && l.is_material());
+        own.map_or(0.0, |left| left.share)
+    };
+    let judged = |(index, step)| judge_one(search, (&outcome.fitted, errors), (index, step), left_at(step));
     found.into_par_iter().map(judged).collect()
 }
 
 fn judge_one(
     search: &Search<'_>,
-    (fitted, own): (&Fitted, &LeftOut),
+    (fitted, own_errors): (&Fitted, &LeftOut),
     (index, step): (usize, &Accepted),
-    is_left: bool,
+    left: f64,
 ) -> Judged {
     let term = &fitted.terms()[index];
     if is_limit(term) {
@@ -298,7 +345,7 @@ fn judge_one(
         terms[index] = rival.clone();
         search.refit(fitted, terms)
     };
-    let mut models = vec![search.errors(&bare).left_out, own.clone()];
+    let mut models = vec![search.errors(&bare).left_out, own_errors.clone()];
     models.extend(rivals.take(RIVALS).map(|(rival, _)| search.errors(&in_its_place(rival)).left_out));
     for twin in &step.twins {
         let elsewhere = Term { site: *twin, ..term.clone() };
@@ -318,9 +365,10 @@ fn judge_one(
     // Where the same effect explains as much elsewhere, it is as likely there.
     let own = weights[1] + weights[twins].iter().sum::<f64>();
     let probability = own / (1 + step.twins.len()) as f64;
-    // A process that is about as good says the same with more freedom; one that is better for certain, and could explain
-    // more beside the effect, says something else.
+    // A process that is about as good says the same with more freedom. One that is better for certain, and could explain
+    // much beside the effect, says something else.
     let of_process: f64 = with_process[effects..].iter().sum();
-    let something = if is_left && of_process > CERTAIN { 1.0 - of_process } else { 1.0 - weights[0] };
+    let explained = term.site.joint().map_or(0.0, |joint| explained_share(joint, models[0], own_errors));
+    let something = if of_process > CERTAIN && is_much(left, explained) { 1.0 - of_process } else { 1.0 - weights[0] };
     Judged { index, probability, something }
 }

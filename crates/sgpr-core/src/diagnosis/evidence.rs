@@ -6,8 +6,15 @@
 
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
+use super::basis::mean_square;
 use super::problem::{Column, Problem};
 use crate::random::Random;
+
+/// Least gain on left-out blocks, in its standard deviations, of whatever is said to be there.
+pub(super) const SURE: f64 = 2.5;
+
+/// As likely as not.
+pub(super) const EVEN: f64 = 0.5;
 
 /// Errors of one model on blocks that were left out of its fit, per joint and row, N·m (N).
 #[derive(Clone, Debug)]
@@ -57,8 +64,7 @@ const LONGEST_MEMORY: f64 = 0.5;
 impl LeftOut {
     /// Mean square error of a joint, (N·m)² (N²).
     pub fn mean_square(&self, joint: usize) -> f64 {
-        let rows = &self.rows[joint];
-        rows.iter().map(|e| e * e).sum::<f64>() / rows.len().max(1) as f64
+        mean_square(&self.rows[joint])
     }
 
     /// How many rows of a joint say as much about a smooth column as one row without memory would: for an autoregression

@@ -310,10 +310,9 @@ fn interval(problem: &Problem, fitted: &Fitted, noise: &Noise, (k, index): (usiz
         gain(&without.basis, &without.white, &white, INVISIBLE).chi2
     };
     let most = explained(own);
-    let other_times = || term.effect.constants().iter().zip(&term.constants).filter(|(c, _)| c.scale == Scale::Time);
     let [start, end] = problem.time_span();
-    let low = other_times().map(|(_, time)| *time).filter(|time| *time < own).fold(start, f64::max);
-    let high = other_times().map(|(_, time)| *time).filter(|time| *time > own).fold(end, f64::min);
+    let low = term.times().filter(|time| *time < own).fold(start, f64::max);
+    let high = term.times().filter(|time| *time > own).fold(end, f64::min);
     [low, high].map(|end| {
         let within = |share: f64| explained(own + share * (end - own)) > most - 4.0;
         let resolution = RESOLUTION_S / (end - own).abs().max(RESOLUTION_S);
@@ -368,7 +367,7 @@ pub(super) fn by_log(problem: &Problem, errors: &LeftOut) -> Vec<ByLog> {
 /// Errors in the band, on parts of the logs that were left out of the fit. What begins or ends at a time may be in one part
 /// alone, which the others cannot predict: its torque counts as known.
 pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) -> LeftOut {
-    let is_timed = |term: &Term| term.effect.constants().iter().any(|c| c.scale == Scale::Time);
+    let is_timed = |term: &Term| term.times().next().is_some();
     let mut known = fitted.clone();
     let mut target = known.target.to_vec();
     let mut at = problem.base.rank();

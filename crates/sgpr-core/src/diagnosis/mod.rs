@@ -38,18 +38,21 @@ use crate::motion::{MotionError, Processing};
 use crate::progress::{Interrupted, Progress};
 use crate::recording::{Recording, RecordingError};
 use problem::Problem;
-use search::Search;
+use search::{Search, Wanted};
 
 /// What to look for.
 #[derive(Clone, Debug)]
 pub struct DiagnosisOptions {
     /// Effects to test; those of the library and the caller's own.
     pub catalogue: Vec<Arc<dyn Effect>>,
+    /// Effects to add without a search, as a person wants them: `torque_ripple@joint_2`, `payload_change`,
+    /// `wrist_coupling@joint_6,joint_5`. They are fitted, judged and reported like findings, and stay whatever comes out.
+    pub by_hand: Vec<String>,
 }
 
 impl Default for DiagnosisOptions {
     fn default() -> Self {
-        Self { catalogue: effects::registry() }
+        Self { catalogue: effects::registry(), by_hand: vec![] }
     }
 }
 
@@ -75,6 +78,14 @@ pub enum DiagnosisError {
         seconds: f64,
         /// Least length, s.
         needed: f64,
+    },
+    /// An effect that was to be added by hand cannot be.
+    #[error("add {addition}: {reason}")]
+    Addition {
+        /// As it was written.
+        addition: String,
+        /// Why, and what to write.
+        reason: String,
     },
     /// The listener stopped the work.
     #[error(transparent)]
@@ -109,13 +120,20 @@ pub fn diagnose(
     options: &DiagnosisOptions,
     progress: &dyn Progress,
 ) -> Result<Diagnosis, DiagnosisError> {
+    let wanted = options.by_hand.iter().map(|text| Wanted::parse(text, model.robot()));
+    let wanted: Vec<Wanted> = wanted.collect::<Result<_, _>>()?;
     let train = &log_set::as_set(train);
     let problem = problem(model, train)?;
     let known: Vec<String> = problem.set.effects().iter().map(|effect| effect.name().into()).collect();
     let mut search = Search::new(problem, &options.catalogue, known, progress);
     let start = search.start()?;
-    let outcome = search.run(&start)?;
-    let decision = decision::decide(&mut search, outcome)?;
+    let decision = if wanted.is_empty() {
+        let outcome = search.run(&start)?;
+        decision::decide(&mut search, outcome)?
+    } else {
+        let outcome = search.by_hand(&start, &wanted)?;
+        decision::judge_only(&search, outcome)
+    };
     report::report(&mut search, model, &decision, [train, test])
 }
 

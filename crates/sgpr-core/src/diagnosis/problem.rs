@@ -25,7 +25,7 @@ const ROWS_PER_CUTOFF: f64 = 2.5;
 
 /// Folds of the held-out error, and the length of their blocks, s.
 pub(super) const FOLDS: usize = 5;
-const BLOCK_S: f64 = 2.0;
+pub(super) const BLOCK_S: f64 = 2.0;
 
 /// Every fold needs a block, s.
 pub(super) const LEAST_S: f64 = FOLDS as f64 * BLOCK_S;

@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::basis::{Noise, dot, products};
-use super::evidence::{LeftOut, probability_of_fall};
+use super::basis::{Noise, dot, mean_square, products};
+use super::evidence::{EVEN, LeftOut, SURE, probability_of_fall, weights};
 use super::fit::{Extra, Fitted, beyond, left_out};
 use super::problem::{Column, Problem};
 use crate::random::Random;
@@ -44,7 +44,7 @@ impl Group {
         let times = |factors: &[Variable], of: &[Variable]| Self { factors: factors.to_vec(), of: of.to_vec() };
         let mut groups = vec![Self::of(&[q]), Self::of(&[dq]), Self::of(&[q, dq]), Self::of(&[Time])];
         groups.extend([times(&[dq], &[q]), times(&[dq, dq], &[q])]);
-        for other in neighbours(joint, n) {
+        for other in (0..n).filter(|other| *other != joint) {
             let (p, dp) = (Position(other), Speed(other));
             groups.extend([[p, dp], [q, p], [q, dp], [dq, p], [dq, dp]].map(|of| Self::of(&of)));
             groups.extend([times(&[dq], &[q, p]), times(&[dp], &[q, p]), times(&[dq, dp], &[q, p])]);
@@ -97,7 +97,7 @@ pub(super) struct Leftover {
 impl Leftover {
     /// Whether it is there and matters.
     pub fn is_material(&self) -> bool {
-        self.probability > 0.5
+        self.probability > EVEN
     }
 }
 
@@ -216,15 +216,17 @@ pub(super) fn leftover(problem: &Problem, fitted: &Fitted, own: &LeftOut, noise:
         let (smooth, with) = Smooth::best(problem, fitted, noise, joint)?;
         let whole = |errors: &LeftOut| errors.mean_square(joint) + beyond[joint][0].powi(2);
         let share = 1.0 - (whole(&with) / whole(own).max(f64::MIN_POSITIVE)).sqrt();
-        let probability = probability_of_fall(problem, [own, &with], joint, MATTERS, beyond[joint][0].powi(2));
+        // One of so many groups, and none, are as likely before any data.
+        let tried = Group::all(joint, problem.dof()).len() * LENGTH_SCALES.len();
+        let there = weights(problem, &[own, &with], &[0.0, -(tried as f64).ln()], &[joint])[1];
+        let matters = probability_of_fall(problem, [own, &with], joint, MATTERS, beyond[joint][0].powi(2));
+        // Asked like an effect: what is not sure on left-out blocks is at most as likely as not.
+        let most = if own.against(&with, problem, &[joint]).significance() >= SURE { 1.0 } else { EVEN };
+        let probability = there.min(matters).min(most);
         let group = smooth.group.describe(joint, &names);
         Some(Leftover { joint, share, probability, group })
     };
     (0..problem.dof()).into_par_iter().filter_map(of_joint).collect()
-}
-
-fn mean_square(values: &[f64]) -> f64 {
-    values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64
 }
 
 /// Variance of the factors of `white`, at most the `largest`, at which their log evidence is greatest, and that.

@@ -32,7 +32,7 @@ pub(crate) use stream::TermSteps;
 pub use stream::{
     Predictor, Purpose, SavedStates, StreamError, StreamOptions, StreamedMotion, UnknownPurpose, compare_streaming,
 };
-pub(crate) use terms::{Rigid, common_clock, seconds_since};
+pub(crate) use terms::{Rigid, common_clock, seconds_since, times_of};
 pub use terms::{Term, Trajectory};
 pub(crate) use torque_model::nominal_parameters;
 pub use torque_model::{BaseParameter, Certificate, Fit, Provenance, TorqueModel};

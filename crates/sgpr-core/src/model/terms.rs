@@ -26,6 +26,11 @@ pub struct Term {
     pub coefficient_deviations: Vec<f64>,
 }
 
+/// Those of the constants of an effect that are times of the session, s.
+pub(crate) fn times_of<'a>(effect: &'a dyn Effect, constants: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+    effect.constants().iter().zip(constants).filter(|(c, _)| c.scale == Scale::Time).map(|(_, time)| *time)
+}
+
 impl Term {
     /// A term with these constants, all linear parameters zero.
     pub fn new(effect: Arc<dyn Effect>, site: Site, constants: Vec<f64>) -> Self {
@@ -37,6 +42,11 @@ impl Term {
     /// Whether it is of class X.
     pub fn is_transform(&self) -> bool {
         self.effect.entry() == Entry::Transform
+    }
+
+    /// Its constants that are times of the session, s.
+    pub(crate) fn times(&self) -> impl Iterator<Item = f64> + '_ {
+        times_of(self.effect.as_ref(), &self.constants)
     }
 
     /// Whether it is the same effect at the same site, whatever its values.

@@ -9,14 +9,13 @@ use super::Search;
 use super::candidates::Candidate;
 use super::times::TIME_STEP;
 use crate::effects::Scale;
-use crate::model::Term;
+use crate::model::{Term, times_of};
 use crate::progress::Interrupted;
 
 /// Whether what begins and ends lasts long enough to be something else than one wrong moment of the log.
 pub(super) fn lasts(term: &Term, constants: &[f64]) -> bool {
     const SHORTEST_S: f64 = 0.2;
-    let all = term.effect.constants().iter().zip(constants);
-    let times: Vec<f64> = all.filter(|(c, _)| c.scale == Scale::Time).map(|(_, time)| *time).collect();
+    let times: Vec<f64> = times_of(term.effect.as_ref(), constants).collect();
     times.windows(2).all(|pair| pair[1] - pair[0] >= SHORTEST_S)
 }
 

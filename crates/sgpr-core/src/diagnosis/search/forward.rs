@@ -53,8 +53,7 @@ pub(in super::super) fn is_limit(term: &Term) -> bool {
 /// When a contact of the arm is there, s, with the time over which filters carry its ends.
 pub(super) fn window_of_arm(term: &Term) -> Option<[f64; 2]> {
     const MARGIN_S: f64 = 0.5;
-    let times = term.effect.constants().iter().zip(&term.constants).filter(|(c, _)| c.scale == Scale::Time);
-    let mut times = times.map(|(_, time)| *time).filter(|_| term.effect.reach() == Reach::All);
+    let mut times = term.times().filter(|_| term.effect.reach() == Reach::All);
     Some([times.next()? - MARGIN_S, times.next()? + MARGIN_S])
 }
 

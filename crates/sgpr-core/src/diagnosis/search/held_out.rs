@@ -1,9 +1,9 @@
 //! Errors on blocks that were left out.
 
-use super::super::evidence::{Comparison, LeftOut};
+use super::super::evidence::{Comparison, LeftOut, SURE};
 use super::super::fit::{ByLog, Extra, Fitted, beyond, by_log, left_out};
+use super::Search;
 use super::forward::is_limit;
-use super::{SURE, Search};
 use crate::effects::Reach;
 use crate::model::Term;
 

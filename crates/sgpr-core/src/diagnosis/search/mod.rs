@@ -1,6 +1,7 @@
 //! Which effects: forward steps with joint refit, then backward ones.
 
 mod backward;
+mod by_hand;
 mod candidates;
 mod constants;
 mod forward;
@@ -20,6 +21,7 @@ use super::problem::{Column, Problem};
 use crate::effects::{Effect, Site};
 use crate::model::Term;
 use crate::progress::{Interrupted, Progress};
+pub(super) use by_hand::Wanted;
 pub(super) use candidates::{Candidate, is_absorbed};
 use forward::falls;
 pub(super) use forward::is_limit;
@@ -126,9 +128,6 @@ pub(super) const EVIDENCE: f64 = 8.0;
 
 /// Smallest fall of the held-out error on some joint, as a share of what is left.
 pub(super) const MATERIAL: f64 = 0.025;
-
-/// Least gain on left-out blocks, in its standard deviations.
-pub(super) const SURE: f64 = 2.5;
 
 /// Most terms that are looked for.
 const MOST_TERMS: usize = 16;

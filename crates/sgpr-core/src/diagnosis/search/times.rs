@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use super::super::basis::{Basis, Gain, gain_of};
 use super::super::fit::Fitted;
-use super::super::problem::Column;
+use super::super::problem::{BLOCK_S, Column, Stretch};
 use super::Search;
 use super::candidates::Candidate;
-use crate::effects::{Effect, Scale};
+use crate::effects::{Effect, Reach, Scale};
 use crate::linalg::dot_in_lanes;
 use crate::model::Term;
 
@@ -26,6 +26,21 @@ pub(super) fn switched_gain(sum: &[f64], k: usize, r: usize) -> Gain {
 }
 
 impl Search<'_> {
+    /// Whether no log shows a change at one joint, with two blocks before it and two after it, from which a scatter could be
+    /// told: then it says no more than that logs differ, which every law that the model lacks makes them do.
+    pub(in super::super) fn is_between_logs(&self, term: &Term) -> bool {
+        let mut times = term.times();
+        let (Some(time), None, Reach::Own) = (times.next(), times.next(), term.effect.reach()) else {
+            return false;
+        };
+        let margin = 2.0 * BLOCK_S;
+        let shows = |stretch: &Stretch| match (stretch.time.first(), stretch.time.last()) {
+            (Some(first), Some(last)) => (first + margin..=last - margin).contains(&time),
+            _ => true,
+        };
+        time.is_finite() && !self.problem.stretches.iter().any(shows)
+    }
+
     /// Effects that begin, or begin and end, at a time: sums over blocks of time give every change point.
     pub(super) fn scan_times(&mut self, fitted: &Fitted, basis: &Basis, white: &Column) -> Vec<Candidate> {
         let mut found = Vec::new();

@@ -68,6 +68,14 @@ def diagnose(
         list[str] | None,
         typer.Option("--look-for", metavar="EFFECT...", help="Effects to test.", show_default="all of the library"),
     ] = None,
+    add: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--add",
+            metavar="EFFECT@JOINT...",
+            help="Add these by hand, without a search, and see the same before and after.",
+        ),
+    ] = None,
     apply: Annotated[
         bool,
         typer.Option(
@@ -96,7 +104,7 @@ def diagnose(
     like = given.reading if given else None
     train_logs = read_logs(train, reading, arm.joint_names, output, like)
     test_logs = read_logs(test or [], reading, arm.joint_names, output, like)
-    result = run(given or arm, train_logs, test_logs, known, wanted, output)
+    result = run(given or arm, train_logs, test_logs, known, wanted, output, add)
     data = result.to_dict()
     data["settings"] = {
         "robot": robot,
@@ -104,6 +112,7 @@ def diagnose(
         "gravity": arm.gravity,
         "effects": known,
         "look_for": wanted,
+        "add": add,
         "reading": reading.to_dict(),
     }
     data["repeated_motions"] = repeated(train_logs, test_logs)
@@ -213,6 +222,7 @@ def run(
     known: Sequence[str],
     look_for: Sequence[str] | None,
     output: Output,
+    add: Sequence[str] | None = None,
 ) -> Result:
     """Identifies if need be, and diagnoses."""
     training, unseen = stretches(train), stretches(test)
@@ -220,7 +230,7 @@ def run(
         model = start
         if not isinstance(model, Model):
             model = identify_from(model, training, effects=known, progress=progress)
-        diagnosis = diagnose_model(model, training, unseen, effects=look_for, progress=progress)
+        diagnosis = diagnose_model(model, training, unseen, effects=look_for, add=add, progress=progress)
     judged = unseen or training
     after = diagnosis.model
     return Result(
