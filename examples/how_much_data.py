@@ -3,19 +3,18 @@
     python examples/how_much_data.py --out out/how_much_data.md
 
 Of every training set the first 5, 10, 20, 40 and 80 s are taken, log after log, and again with each of the other logs
-first; the error is that on the test logs. `docs/real-data.md` says where the logs come from; the environment variable
-SGPR_DATA names their folder.
+first; the error is that on the test logs, bare (`prior=None`) and held by the robot file where the logs do not know.
+`docs/real-data.md` says where the logs come from; the environment variable SGPR_DATA names the folder with `real/`.
 """
 
 import argparse
-import os
 import statistics
 import sys
 from pathlib import Path
 from typing import Any
 
 import sgpr
-from real_robots import DATASETS, EFFECTS, Dataset, robot_and_logs
+from real_robots import DATASETS, EFFECTS, Dataset, data_folder, robot_and_logs
 
 SECONDS = (5.0, 10.0, 20.0, 40.0, 80.0)
 
@@ -45,59 +44,55 @@ def duration(logs: list[sgpr.Recording]) -> float:
     return sum(float(log.time_ns[-1] - log.time_ns[0]) * 1e-9 for log in logs)
 
 
-def rows(data: Path, dataset: Dataset, options: dict[str, Any]) -> list[str]:
+BARE: dict[str, Any] = {"prior": None}
+
+
+def rows(data: Path, dataset: Dataset) -> list[str]:
     """Rows of the table for one robot."""
     robot, train, test = robot_and_logs(data / dataset.folder, dataset)
     effects = dataset.variants[0].options.get("effects", EFFECTS)
-    whole = sgpr.identify(robot, train, effects=effects, **options)
-    nominal = sgpr.Model.nominal(robot)
-    file = sgpr.compare(nominal, test, processing=whole).relative_error_percent
+    # Judged in one band, that of all logs: a narrow band of few seconds would make an error look small.
+    whole = sgpr.identify(robot, train, effects=effects)
+
+    def error(model: sgpr.Model) -> float:
+        found: float = sgpr.compare(model, test, processing=whole).relative_error_percent
+        return found
+
+    def errors(logs_of_starts: list[list[sgpr.Recording]], options: dict[str, Any]) -> str:
+        found = [error(sgpr.identify(robot, logs, effects=effects, **options)) for logs in logs_of_starts]
+        return f"{statistics.median(found):.2f} | {max(found):.2f}"
+
+    file = error(sgpr.Model.nominal(robot))
+    times = [seconds for seconds in SECONDS if seconds < duration(train)]
     lines = []
-    for seconds in SECONDS:
-        if duration(train) < seconds:
-            break
-        errors, worst = [], 0.0
-        for first in range(len(train)):
-            logs = first_seconds(train[first:] + train[:first], seconds)
-            try:
-                model = sgpr.identify(robot, logs, effects=effects, **options)
-            except sgpr.SgprError as error:
-                print(f"{dataset.folder}, {seconds:.0f} s from log {first + 1}: {error}", file=sys.stderr)
-                continue
-            # Judged in one band, that of all logs: a narrow band of few seconds would make an error look small.
-            errors.append(sgpr.compare(model, test, processing=whole).relative_error_percent)
-            worst = max(worst, errors[-1])
-        if errors:
-            lines.append(
-                f"| {dataset.folder} | {seconds:.0f} | {len(errors)} of {len(train)} "
-                f"| {statistics.median(errors):.2f} | {worst:.2f} | {file:.2f} |"
-            )
-    error = sgpr.compare(whole, test).relative_error_percent
-    lines.append(f"| {dataset.folder} | all {duration(train):.0f} | 1 | {error:.2f} | {error:.2f} | {file:.2f} |")
+    for seconds in times:
+        starts = [first_seconds(train[first:] + train[:first], seconds) for first in range(len(train))]
+        both = f"{errors(starts, BARE)} | {errors(starts, {})}"
+        lines.append(f"| {dataset.folder} | {seconds:.0f} | {len(starts)} | {both} | {file:.2f} |")
+    both = f"{errors([train], BARE)} | {errors([train], {})}"
+    lines.append(f"| {dataset.folder} | all {duration(train):.0f} | 1 | {both} | {file:.2f} |")
     return lines
 
 
 HEADER = """\
-| robot | training, s | starts | unseen error, median, % | worst, % | robot file, % |
-|---|---:|---:|---:|---:|---:|"""
+| robot | training, s | starts | bare, median, % | bare, worst, % | held, median, % | held, worst, % | robot file, % |
+|---|---:|---:|---:|---:|---:|---:|---:|"""
 
 
 def main() -> int:
     """Run every robot whose logs are there."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, default=os.environ.get("SGPR_DATA"))
+    parser.add_argument("--data", type=Path, help="folder of the logs (default: what SGPR_DATA names)")
     parser.add_argument("--out", type=Path, default=Path("out/how_much_data.md"))
-    parser.add_argument("--no-prior", action="store_true", help="the bare estimate")
     arguments = parser.parse_args()
-    data = Path(arguments.data or "../shared/data/real")
-    options: dict[str, Any] = {"prior": None} if arguments.no_prior else {}
+    data = data_folder(arguments.data)
     lines = [HEADER]
     for dataset in DATASETS:
         if not (data / dataset.folder / dataset.urdf).exists():
             print(f"{dataset.folder}: no logs in {data / dataset.folder}; skipped", file=sys.stderr)
             continue
-        lines += rows(data, dataset, options)
-        print("\n".join(lines if len(lines) < 8 else lines[-6:]), flush=True)
+        lines += rows(data, dataset)
+        print(f"{dataset.folder}: done", file=sys.stderr)
     table = "\n".join(lines)
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     arguments.out.write_text(table + "\n")

@@ -33,6 +33,7 @@ use crate::robot::Robot;
 pub struct ParameterPrior {
     /// Base parameters of the robot file.
     of_file: Vec<f64>,
+    left_by_file: Vec<f64>,
     /// Root B of the covariance B Bᵀ that bodies give to the base parameters at a relative deviation of
     /// one: what each parameter of a body, off by its deviation, adds; `[rank, inertial parameters]`.
     bodies: Mat<f64>,
@@ -103,6 +104,7 @@ impl ParameterPrior {
         };
         Self {
             of_file,
+            left_by_file: left,
             bodies: root(0..set.inertial()),
             effects: root(set.inertial()..width),
             relative_deviation: 1.0,
@@ -241,12 +243,9 @@ impl ParameterPrior {
         estimate.covariance = self.posterior(data).covariance(&(&information * of_data * &information));
     }
 
-    /// Whether data know every base parameter better than this prior does.
-    ///
-    /// - `covariance`: of an estimate without prior, infinite where it does not know
-    pub(crate) fn knows_less(&self, covariance: &Mat<f64>) -> bool {
-        let own = self.covariance();
-        (0..self.of_file.len()).all(|k| covariance[(k, k)] < own[(k, k)])
+    /// Root mean square of what the robot file leaves of each joint's torque, N·m (N), `[n]`.
+    pub(crate) fn left_by_file(&self) -> &[f64] {
+        &self.left_by_file
     }
 
     /// Base parameters whose variance the data have not halved, beside a robot file that may be wrong by its own size and

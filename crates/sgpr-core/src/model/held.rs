@@ -1,11 +1,15 @@
 //! Identification that poor logs cannot fool: what they do not determine stays with the robot file, joints that the file
 //! predicts better keep it, and sentences say which motion would free them.
 
+use faer::Mat;
+
+use crate::dynamics::Samples;
 use crate::identification::{
     BaseParameters, Equations, Estimate, Held, IdentificationError, JointFactor, Judgement, LeftOut, Method,
-    ParameterPrior, ParameterSet, PriorWidth, Row, estimate, estimate_with_prior,
+    Observation, ParameterPrior, ParameterSet, PriorWidth, Row, Trajectory, estimate, estimate_with_prior,
 };
 use crate::motion::Motion;
+use crate::random::Random;
 use crate::robot::Robot;
 use crate::spatial::PARAMETERS_PER_LINK;
 
@@ -47,6 +51,12 @@ const WIDE: f64 = 10.0;
 /// the file leaves of a joint's.
 const FLAT_EFFECTS: f64 = 10.0;
 
+/// Times that the logs may be less sure of the torque of other motions than the robot file is wrong, before it holds them.
+const CLEARLY: f64 = 2.0;
+
+/// Samples of other motions.
+const OTHER_MOTIONS: usize = 200;
+
 /// Share of the squared error that a prior has to save: a twentieth of the error, as a process has.
 const LEAST_GAIN: f64 = 1.0 - 0.95 * 0.95;
 
@@ -56,12 +66,12 @@ fn total(judged: &[Judgement]) -> f64 {
 }
 
 impl Task<'_> {
-    /// The estimate under the prior, and, with `keeping`, the robot file for joints that it predicts better.
+    /// The estimate, and, with `keeping`, the robot file for joints that it predicts better.
     ///
-    /// The widths that make the logs most probable take what the model lacks for noise. Where it is
-    /// certain, by one standard error, that they save less than [`LEAST_GAIN`] on parts that were
-    /// left out, logs that know each parameter better than a prior that says next to nothing have
-    /// the bare estimate; the others a wide prior, if the chosen one costs errors for certain.
+    /// It is bare if the logs know the torque of other motions better than the robot file does
+    /// ([`Self::knows_more_than_file`]), and if the prior that makes them most probable does not save [`LEAST_GAIN`] for
+    /// certain, by one standard error, on parts that were left out: it takes what the model lacks for noise. For that
+    /// reason a wide prior takes its place where it costs errors for certain.
     pub fn estimate(
         &self,
         method: &Method,
@@ -72,14 +82,14 @@ impl Task<'_> {
     ) -> Result<Found, IdentificationError> {
         let mut held = self.solve(method, equations, (&prior, width), correlation)?;
         let mut notes = Vec::new();
-        let flat = prior.with_relative_deviation(FLAT).with_effect_scale(FLAT_EFFECTS);
-        let saved = self.left_out(&held).judge(&flat, &held.prior);
-        if width == PriorWidth::Chosen && saved.parts > 1 && saved.gain + saved.standard_error < LEAST_GAIN {
-            let bare = estimate(method, equations, self.factors, flat.mean(), Some(correlation))?;
-            if flat.knows_less(&bare.covariance) {
-                return Ok(Found { estimate: bare, held: None, notes });
-            }
-            if saved.is_worse() {
+        if width == PriorWidth::Chosen {
+            let flat = prior.with_relative_deviation(FLAT).with_effect_scale(FLAT_EFFECTS);
+            let saved = self.left_out(&held).judge(&flat, &held.prior);
+            if saved.gain - saved.standard_error < LEAST_GAIN || saved.parts < 2 {
+                let bare = self.bare(method, equations, &flat, correlation)?;
+                if let Some(bare) = bare.filter(|bare| self.knows_more_than_file(&bare.covariance, &flat)) {
+                    return Ok(Found { estimate: bare, held: None, notes });
+                }
                 let wide = flat.with_relative_deviation(WIDE).with_effect_scale(1.0);
                 held = self.solve(method, equations, (&wide, PriorWidth::Given(WIDE)), correlation)?;
             }
@@ -104,6 +114,81 @@ impl Task<'_> {
         notes.extend(self.negative_notes(&held));
         notes.extend(self.held_note(&held));
         Ok(Found { estimate: held.estimate.clone(), held: Some(held), notes })
+    }
+
+    /// The estimate without prior; none if there are fewer rows than parameters.
+    fn bare(
+        &self,
+        method: &Method,
+        equations: &mut Equations<'_>,
+        prior: &ParameterPrior,
+        correlation: &[f64],
+    ) -> Result<Option<Estimate>, IdentificationError> {
+        match estimate(method, equations, self.factors, prior.mean(), Some(correlation)) {
+            Err(IdentificationError::TooFewRows { .. }) => Ok(None),
+            found => found.map(Some),
+        }
+    }
+
+    /// Whether an estimate of this covariance predicts the torque of every joint with a smaller standard deviation than
+    /// what the robot file leaves of it, in poses over the whole range of the joints at speeds and accelerations of the
+    /// logs, in both directions.
+    fn knows_more_than_file(&self, covariance: &Mat<f64>, prior: &ParameterPrior) -> bool {
+        if (0..self.base.rank()).any(|k| !covariance[(k, k)].is_finite()) {
+            return false;
+        }
+        let Ok(factors) = self.other_motions() else { return false };
+        let certain = |factor: &JointFactor| {
+            let count = factor.columns.len();
+            let own = Mat::from_fn(count, count, |i, j| covariance[(factor.columns[i], factor.columns[j])]);
+            let rows = factor.factor.as_ref().submatrix(0, 0, count, count);
+            let variance = (rows * own * rows.transpose()).diagonal().column_vector().sum() / factor.rows as f64;
+            variance.sqrt() <= CLEARLY * prior.left_by_file()[factor.joint]
+        };
+        factors.iter().all(certain)
+    }
+
+    /// Equations of other motions than those of the logs.
+    fn other_motions(&self) -> Result<Vec<JointFactor>, IdentificationError> {
+        let n = self.robot.dof();
+        let ranges: Vec<[[f64; 2]; 3]> = (0..n).map(|joint| self.ranges(joint)).collect();
+        let mut random = Random::new(0);
+        let mut draw = |quantity: usize| -> Vec<f64> {
+            let of_joint = |[low, high]: [f64; 2], share: f64| low + share * (high - low);
+            (0..OTHER_MOTIONS * n).map(|k| of_joint(ranges[k % n][quantity], random.uniform())).collect()
+        };
+        let [q, dq, ddq] = [0, 1, 2].map(&mut draw);
+        let zeros = vec![0.0; OTHER_MOTIONS * n];
+        let columns = vec![zeros.clone(); self.set.trajectory_columns().len()];
+        let mut observation = Observation::new(self.robot, self.set, self.base);
+        let samples = Samples { q: &q, dq: &dq, ddq: &ddq };
+        observation.add(&Trajectory { columns: &columns, ..Trajectory::new(samples, &zeros) })?;
+        Ok(observation.factors())
+    }
+
+    /// Ranges of position, speed and acceleration of a joint: of position the limits, a whole turn where there are none; of
+    /// the others, in both directions, up to the largest of the logs.
+    fn ranges(&self, joint: usize) -> [[f64; 2]; 3] {
+        let n = self.robot.dof();
+        let all =
+            |of: fn(&Motion) -> &Vec<f64>| self.motions.iter().flat_map(move |m| of(m).iter().skip(joint).step_by(n));
+        let largest = |of: fn(&Motion) -> &Vec<f64>| {
+            let moving = self.motions.iter().flat_map(move |motion| {
+                let uses = motion.use_as.iter().skip(joint).step_by(n);
+                of(motion).iter().skip(joint).step_by(n).zip(uses).filter(|(_, use_as)| **use_as == Row::Moving)
+            });
+            moving.fold(0.0, |largest: f64, (value, _)| largest.max(value.abs()))
+        };
+        let seen = all(|motion| &motion.q).fold([f64::MAX, f64::MIN], |[low, high], q| [low.min(*q), high.max(*q)]);
+        let of = &self.robot.joints()[joint];
+        let turn = [-std::f64::consts::PI, std::f64::consts::PI];
+        let position = match of.limits.position {
+            Some([low, high]) if high > low && high - low < 2.0 * turn[1] => [low, high],
+            _ if of.kind.is_rotation() => turn,
+            _ => seen,
+        };
+        let [speed, acceleration] = [largest(|motion| &motion.dq), largest(|motion| &motion.ddq)];
+        [position, [-speed, speed], [-acceleration, acceleration]]
     }
 
     fn solve(

@@ -19,8 +19,7 @@ ALL_EFFECTS = ("viscous_friction", "coulomb_friction", "rotor_inertia", "torque_
 # Below 0.05 rad/s a joint sticks, creeps or is on the Stribeck slope, which none of the parameters describes; a series
 # up to 5 Hz is there all the time. At a turn friction jumps between two samples, and the filters spread that error over
 # a period of the cut-off. What still is no friction of that form gets the weight of an outlier.
-# The thesis estimates from the experiment alone.
-OPTIONS: dict[str, Any] = {"method": "irls:0.7", "standstill_speed": 0.05, "turn_margin": 1.0, "prior": None}
+OPTIONS: dict[str, Any] = {"method": "irls:0.7", "standstill_speed": 0.05, "turn_margin": 1.0}
 
 
 @dataclass(frozen=True)
