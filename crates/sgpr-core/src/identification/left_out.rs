@@ -65,23 +65,28 @@ impl<'a> LeftOut<'a> {
 
     /// Squares of what is left of each part in motion, in units of its noise.
     fn squares(&self, prior: &ParameterPrior) -> Vec<Option<f64>> {
-        let parts = self.parts.iter().zip(&self.levels).zip(self.without(prior));
-        let of_part = |((part, levels), values): ((&Vec<JointFactor>, &Vec<f64>), Option<Vec<f64>>)| {
-            let used = part.iter().zip(levels).filter(|(factor, level)| !factor.resting && level.is_finite());
-            let values = values?;
-            Some(used.map(|(factor, level)| (residual_norm(factor, &values) / level).powi(2)).sum())
+        let of_part = |part: usize, values: &[f64]| -> f64 {
+            let used = self.parts[part].iter().zip(&self.levels[part]);
+            let used = used.filter(|(factor, level)| !factor.resting && level.is_finite());
+            used.map(|(factor, level)| (residual_norm(factor, values) / level).powi(2)).sum()
         };
-        parts.map(of_part).collect()
+        let estimates = self.without(prior).into_iter().enumerate();
+        estimates.map(|(part, values)| Some(of_part(part, &values?))).collect()
     }
 
     /// Whether identified parameters predict what they have not seen better than the robot file: per joint what they gain, in
-    /// squares of the residual in motion.
+    /// squares of the residual in motion, of a joint that never moves at rest.
     pub fn judge_against_file(&self, prior: &ParameterPrior, joints: usize) -> Vec<Judgement> {
         let mut errors = vec![Vec::with_capacity(self.parts.len()); joints];
+        let moves = |joint| self.parts.iter().flatten().any(|factor| factor.joint == joint && !factor.resting);
+        let moves: Vec<bool> = (0..joints).map(moves).collect();
         for ((part, levels), values) in self.parts.iter().zip(&self.levels).zip(self.without(prior)) {
             let Some(values) = values else { continue };
-            let used = part.iter().zip(levels).filter(|(factor, level)| !factor.resting && level.is_finite());
-            for (factor, _) in used {
+            let counts = |(factor, level): &(&JointFactor, &f64)| match moves[factor.joint] {
+                true => !factor.resting && level.is_finite(),
+                false => true,
+            };
+            for (factor, _) in part.iter().zip(levels).filter(counts) {
                 let square = |values: &[f64]| residual_norm(factor, values).powi(2);
                 errors[factor.joint].push((square(prior.mean()), square(&values)));
             }

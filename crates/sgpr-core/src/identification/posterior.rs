@@ -120,7 +120,7 @@ impl LeastSquares {
     /// and a joint whose residual remembers long takes no certainty from the others.
     ///
     /// Noise is what least squares leaves: what a prior leaves in conflict with the data would
-    /// count as noise and make the prior stronger. With fewer rows than [`ROWS_PER_COLUMN`] least
+    /// count as noise and make the prior stronger. With fewer than two rows per column least
     /// squares follows them, and noise is what the posterior mean leaves, by the degrees of freedom
     /// that it takes; so there may be fewer rows than parameters.
     ///

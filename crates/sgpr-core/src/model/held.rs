@@ -33,11 +33,10 @@ pub(super) struct Found {
 }
 
 /// Leaves out the rows of joints that never move: whatever holds such a joint, dry friction included, is one unknown torque,
-/// which many equal rows would make certain.
-pub(super) fn leave_out_joints_at_rest(factors: &mut Vec<JointFactor>, parts: &mut [Vec<JointFactor>]) {
+/// which many equal rows would make certain. They still judge ([`LeftOut::judge_against_file`]).
+pub(super) fn leave_out_joints_at_rest(factors: &mut Vec<JointFactor>) {
     let moving: Vec<usize> = factors.iter().filter(|factor| !factor.resting).map(|factor| factor.joint).collect();
     factors.retain(|factor| moving.contains(&factor.joint));
-    parts.iter_mut().for_each(|part| part.retain(|factor| moving.contains(&factor.joint)));
 }
 
 /// Relative deviation of bodies under a prior that says next to nothing of them, as with consistent
@@ -90,8 +89,10 @@ impl Task<'_> {
                 if let Some(bare) = bare.filter(|bare| self.knows_more_than_file(&bare.covariance, &flat)) {
                     return Ok(Found { estimate: bare, held: None, notes });
                 }
-                let wide = flat.with_relative_deviation(WIDE).with_effect_scale(1.0);
-                held = self.solve(method, equations, (&wide, PriorWidth::Given(WIDE)), correlation)?;
+                if saved.is_worse() {
+                    let wide = flat.with_relative_deviation(WIDE).with_effect_scale(1.0);
+                    held = self.solve(method, equations, (&wide, PriorWidth::Given(WIDE)), correlation)?;
+                }
             }
         }
         if keeping {

@@ -338,10 +338,10 @@ fn fit(
         observation.add(&trajectories[index])?;
     }
     progress.step("observe", trajectories.len(), trajectories.len())?;
-    let (mut factors, mut parts) = (observation.factors(), observation.parts());
+    let (mut factors, parts) = (observation.factors(), observation.parts());
     let nominal = base.combine(&start);
     if options.prior.is_some() {
-        held::leave_out_joints_at_rest(&mut factors, &mut parts);
+        held::leave_out_joints_at_rest(&mut factors);
     }
     let prior = options.prior.map(|width| (ParameterPrior::new(robot, &set, &base, &start, &factors), width));
     // The residual of a first solution tells how much the noise remembers: the estimates stay, their spread grows.
