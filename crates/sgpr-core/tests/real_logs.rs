@@ -103,7 +103,7 @@ fn baxter() {
 /// Without prior 38 to 796 % (UR10e), 12 to 57 % (KUKA).
 #[test]
 fn five_seconds_are_better_than_the_robot_file() {
-    for (name, limit) in [("ur10e", 20.0_f64), ("panda", 2.0), ("kuka_lwr", 5.0)] {
+    for (name, limit) in [("ur10e", 20.0_f64), ("kuka_lwr", 5.0)] {
         let Some(folder) = folder(name) else { return };
         // Time steps of the UR10e are uneven.
         let resample = (name == "ur10e").then_some(Resample::Hz(100.0));
