@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from sgpr import datasets
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -52,6 +53,20 @@ def test_the_program_in_the_readme_runs() -> None:
         done = run([sys.executable, "-c", program])
         assert done.returncode == 0, done.stderr
         assert "joint_6" in done.stdout
+
+
+def test_the_page_on_data_sets_runs() -> None:
+    for program in blocks("docs/datasets.md", "python"):
+        done = run([sys.executable, "-c", program])
+        assert done.returncode == 0, done.stderr
+    expected = dict(
+        re.findall(r"^\| `(\w+)` \| .*? \| ([\d.-]+) \|", (ROOT / "docs/datasets.md").read_text(), re.MULTILINE)
+    )
+    measured = {name: datasets.describe(name).unseen_percent for name in datasets.names()}
+    assert expected == {
+        name: "-" if percent is None else f"{percent:.3g}" if percent >= 10 else f"{percent:.2f}"
+        for name, percent in measured.items()
+    }
 
 
 def test_the_example_identifies_the_demo() -> None:
