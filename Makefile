@@ -8,7 +8,7 @@ SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-core/src crates/sgpr-l
 	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name Cargo.toml) \
 	crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
 
-.PHONY: build demo demo-real estimators test test-rust test-python skipped browser lint msrv deny bench diagnosis-bench \
+.PHONY: docs figures readme build demo demo-real estimators test test-rust test-python skipped browser lint msrv deny bench diagnosis-bench \
 	diagnosis-mujoco peers fuzz soak clean thesis
 
 build: $(VENV)/.built
@@ -75,13 +75,27 @@ browser:
 		{ [ "$$(id -u)" = 0 ] && apt-get install --yes --quiet chromium > /dev/null; } || \
 		echo "no Chromium: tests of the report in a browser will skip (apt install chromium)"
 
+$(VENV)/.docs: docs/requirements.txt | $(VENV)/.built
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r docs/requirements.txt
+	@touch $@
+
+## The documentation as a site in out/site; a broken link fails.
+docs: build $(VENV)/.docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+	@echo "site: $(OUT)/site/index.html"
+
+## The figures of the documentation, from the logs in data/.
+figures: build
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check matplotlib
+	$(BIN)/python tools/figures.py
+
 ## Formatting, lints, documentation and stubs without a warning.
 lint: build $(VENV)/.test
 	cargo fmt --all --check
 	cargo clippy --locked --quiet --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked --quiet --workspace --no-deps
-	$(BIN)/ruff check crates/sgpr-py examples tests benches
-	$(BIN)/ruff format --check crates/sgpr-py examples tests benches
+	$(BIN)/ruff check crates/sgpr-py examples tests benches tools
+	$(BIN)/ruff format --check crates/sgpr-py examples tests benches tools
 	$(BIN)/python -m mypy.stubtest sgpr._sgpr
 
 ## The oldest Rust that Cargo.toml promises, if rustup has it (rustup toolchain install $(MSRV)).

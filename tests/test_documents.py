@@ -55,10 +55,32 @@ def test_the_program_in_the_readme_runs() -> None:
         assert "joint_6" in done.stdout
 
 
-def test_the_page_on_data_sets_runs() -> None:
-    for program in blocks("docs/datasets.md", "python"):
+PAGES = ("docs/index.md", "docs/online.md", "docs/gaussian-process.md", "docs/datasets.md", "docs/diagnosis.md")
+
+
+@pytest.mark.parametrize(
+    "page", [*PAGES, *sorted(f"docs/how-to/{path.name}" for path in ROOT.glob("docs/how-to/*.md"))]
+)
+def test_what_a_page_shows_runs(page: str) -> None:
+    for command in blocks(page, "sh"):
+        done = run(["sh", "-euc", command])
+        assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+    for program in blocks(page, "python"):
         done = run([sys.executable, "-c", program])
         assert done.returncode == 0, done.stderr
+
+
+def test_every_page_with_programs_is_among_them() -> None:
+    tested = {*PAGES, "docs/tutorial.md", "docs/excitation.md"}
+    with_code = {
+        path.relative_to(ROOT).as_posix()
+        for path in ROOT.glob("docs/*.md")
+        if re.search(r"^```(sh|python)$", path.read_text(), re.MULTILINE)
+    }
+    assert with_code <= tested
+
+
+def test_the_expected_errors_on_the_page_are_those_of_the_data_sets() -> None:
     expected = dict(
         re.findall(r"^\| `(\w+)` \| .*? \| ([\d.-]+) \|", (ROOT / "docs/datasets.md").read_text(), re.MULTILINE)
     )
