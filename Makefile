@@ -89,6 +89,10 @@ figures: build
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check matplotlib
 	$(BIN)/python tools/figures.py
 
+## The figures of README.md, measured again and written into it.
+readme: build
+	$(BIN)/python tools/readme.py
+
 ## Formatting, lints, documentation and stubs without a warning.
 lint: build $(VENV)/.test
 	cargo fmt --all --check

@@ -91,6 +91,11 @@ def test_the_expected_errors_on_the_page_are_those_of_the_data_sets() -> None:
     }
 
 
+def test_the_figures_of_the_readme_are_what_is_measured() -> None:
+    done = run([sys.executable, "tools/readme.py", "--check"])
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def test_the_example_identifies_the_demo() -> None:
     done = run([sys.executable, "examples/identify.py"])
     assert done.returncode == 0, done.stderr
