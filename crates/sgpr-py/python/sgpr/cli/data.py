@@ -35,7 +35,7 @@ def get(
     """Downloads public logs of a robot, checks them, and converts them to logs that sgpr reads.
 
     Writes to DIR: the logs as CSV, the robot file, sgpr.toml (how the logs are read) and dataset.json (whose they are).
-    Needs pip install "sgpr[datasets]".
+    Needs what pip installs with the extra "datasets".
     """
     one_of(name, datasets.names(), "NAME", "data set")
     with output.progress() as progress:
