@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tarfile
 import tempfile
+import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -29,7 +30,7 @@ def plain_sdist(out: Path) -> Path:
         old.unlink()
     maturin = Path(sys.executable).with_name("maturin")
     manifest = ROOT / "crates" / "sgpr-py" / "Cargo.toml"
-    subprocess.run([maturin, "sdist", "--quiet", "--manifest-path", manifest, "--out", out], check=True)
+    subprocess.run([maturin, "sdist", "--manifest-path", manifest, "--out", out], check=True)
     (archive,) = out.glob("sgpr-*.tar.gz")
     return archive
 
@@ -42,7 +43,10 @@ def with_crates(archive: Path) -> Path:
         with tarfile.open(archive) as packed:
             packed.extractall(place, filter="data")
         source = Path(place) / name
-        subprocess.run(["cargo", "vendor", "--quiet", "--locked", "vendor"], cwd=source, check=True)
+        # The archive lacks the benches: their crates leave the lock file, all others keep their version.
+        locked = packages(source / "Cargo.lock")
+        subprocess.run(["cargo", "vendor", "--quiet", "vendor"], cwd=source, check=True)
+        assert packages(source / "Cargo.lock") <= locked, "cargo changed a version"
         (source / ".cargo").mkdir(exist_ok=True)
         (source / ".cargo" / "config.toml").write_text(CONFIG)
         beside = target.with_name(f".{target.name}")
@@ -50,6 +54,11 @@ def with_crates(archive: Path) -> Path:
             packed.add(source, arcname=name)
         shutil.move(beside, target)
     return target
+
+
+def packages(lock: Path) -> set[tuple[str, str]]:
+    """Names and versions in a lock file."""
+    return {(package["name"], package["version"]) for package in tomllib.loads(lock.read_text())["package"]}
 
 
 if __name__ == "__main__":
