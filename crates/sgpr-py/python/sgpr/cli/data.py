@@ -1,5 +1,6 @@
 """`sgpr data`: public logs of real robots, by name."""
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -16,7 +17,7 @@ def list_(output: Output) -> None:
     known = [datasets.describe(name) for name in datasets.names()]
     output.table(
         ["name", "robot", "MB", "licence"],
-        [[each.name, each.robot, f"{each.size / 1e6:.1f}", each.licence] for each in known],
+        [[each.name, each.robot, f"{each.size / 1e6:.1f}", re.split("[,;]", each.licence)[0]] for each in known],
         text_columns=(0, 1, 3),
         spare=("licence", "MB"),
     )
