@@ -382,6 +382,8 @@ def test_a_folder_with_other_files_is_left_alone(origin: Origin, tmp_path: Path)
     with pytest.raises(datasets.DatasetError, match="holds other files"):
         datasets.fetch(dataset, mine)
     assert [path.name for path in mine.iterdir()] == ["sgpr.toml"] and not origin.asked
+    # What a process that was killed has left is no file of the user's.
+    (tmp_path / "emps" / ".fetching-1").mkdir(parents=True)
     datasets.fetch(dataset, tmp_path / "emps")
     other = at(origin, "sarcos", made_up("sarcos", tmp_path))
     with pytest.raises(datasets.DatasetError, match="holds the data set emps"):

@@ -16,6 +16,9 @@ from ._tables import write
 ABOUT = "dataset.json"
 """Marks a folder as that of a data set."""
 
+BESIDE = ".fetching-"
+"""Begins the name of the folder in which files are made; one that was killed leaves it."""
+
 TIMEOUT_S = 30.0
 CHUNK = 1 << 16
 
@@ -45,7 +48,7 @@ def fetch(
         return Fetched(wanted, place)
     needed = {source.file: _downloaded(source, cache / "origins" / wanted.name, progress) for source in wanted.sources}
     place.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".fetching-", dir=place) as beside:
+    with tempfile.TemporaryDirectory(prefix=BESIDE, dir=place) as beside:
         try:
             _convert(wanted, needed, Path(beside))
         except OSError as error:
@@ -59,7 +62,7 @@ def fetch(
 
 def _is_there(dataset: Dataset, place: Path) -> bool:
     """Whether the folder holds this data set whole."""
-    if not place.exists() or not any(place.iterdir()):
+    if not place.exists() or all(path.name.startswith(BESIDE) for path in place.iterdir()):
         return False
     try:
         known = json.loads((place / ABOUT).read_text(encoding="utf-8"))
