@@ -5,8 +5,8 @@
 >>> sgpr.datasets.describe("emps").licence
 'public benchmark, free with citation; this copy lies in a repository under Apache-2.0'
 
-`emps = fetch("emps", "emps")` downloads one into a folder; then `emps.load_robot()` and `emps.recordings("train")` are what
-`sgpr.identify` takes.
+`emps = fetch("emps", "emps")` downloads one into a folder; then `emps.load_robot()` and `emps.recordings("train")` are
+what `sgpr.identify` takes.
 
 None of these logs is part of sgpr: their licences differ, and some state none. `describe` says whose they are.
 Downloading needs `pip install "sgpr[datasets]"`.
