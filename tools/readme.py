@@ -49,7 +49,7 @@ def hidden(work: Path) -> str:
     logs = ["--robot", HIDDEN / "robot.urdf", "--train", *train, "--test", HIDDEN / "test.csv.gz"]
     run("diagnose", *logs, *EFFECTS, "--out", work)
     found: dict[str, Any] = json.loads((work / "diagnosis.json").read_text())
-    rows = ["| found | at | probability | size | error of that joint in motion, unseen log, N·m |", "|---|---|---|---|---|"]
+    rows = ["| found | at | probability | size | error of that joint, unseen log, N·m |", "|---|---|---|---|---|"]
     for finding in found["findings"]:
         sizes = ", ".join(f"{each['value']:.3f} ± {each['std']:.3f} {each['unit']}" for each in finding["parameters"])
         joint = found["joints"][finding["joints"][0]]
