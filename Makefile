@@ -8,7 +8,7 @@ SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-core/src crates/sgpr-l
 	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name Cargo.toml) \
 	crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
 
-.PHONY: build demo demo-real estimators test test-rust test-python skipped browser lint msrv deny bench diagnosis-bench \
+.PHONY: docs figures readme first-hour package semver sdist build demo demo-real estimators test test-rust test-python skipped browser lint msrv deny bench diagnosis-bench \
 	diagnosis-mujoco peers fuzz soak clean thesis
 
 build: $(VENV)/.built
@@ -75,13 +75,31 @@ browser:
 		{ [ "$$(id -u)" = 0 ] && apt-get install --yes --quiet chromium > /dev/null; } || \
 		echo "no Chromium: tests of the report in a browser will skip (apt install chromium)"
 
+$(VENV)/.docs: docs/requirements.txt | $(VENV)/.built
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r docs/requirements.txt
+	@touch $@
+
+## The documentation as a site in out/site; a broken link fails.
+docs: build $(VENV)/.docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+	@echo "site: $(OUT)/site/index.html"
+
+## The figures of the documentation, from the logs in data/.
+figures: build
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check matplotlib
+	$(BIN)/python tools/figures.py
+
+## The figures of README.md, measured again and written into it.
+readme: build
+	$(BIN)/python tools/readme.py
+
 ## Formatting, lints, documentation and stubs without a warning.
 lint: build $(VENV)/.test
 	cargo fmt --all --check
 	cargo clippy --locked --quiet --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked --quiet --workspace --no-deps
-	$(BIN)/ruff check crates/sgpr-py examples tests benches
-	$(BIN)/ruff format --check crates/sgpr-py examples tests benches
+	$(BIN)/ruff check crates/sgpr-py examples tests benches tools
+	$(BIN)/ruff format --check crates/sgpr-py examples tests benches tools
 	$(BIN)/python -m mypy.stubtest sgpr._sgpr
 
 ## The oldest Rust that Cargo.toml promises, if rustup has it (rustup toolchain install $(MSRV)).
@@ -98,6 +116,25 @@ msrv:
 deny:
 	@cargo deny --version > /dev/null 2>&1 || cargo install --locked --quiet cargo-deny
 	cargo deny --locked check
+
+## The path of docs/first-hour.md in an empty environment, timed.
+first-hour: build
+	rm -rf $(OUT)/first_hour
+	$(PYTHON) tools/first_hour.py $$(ls $(VENV)/wheels/*.whl) $(OUT)/first_hour
+
+## Both crates as they would be published; a warning fails.
+package:
+	@cargo package --locked --allow-dirty --no-verify --package sgpr-lapack --package sgpr-core 2> $(OUT)-package.log; \
+		status=$$?; cat $(OUT)-package.log; grep -q '^warning' $(OUT)-package.log && status=1; rm -f $(OUT)-package.log; exit $$status
+
+## The public interface beside that of the last published version.
+semver:
+	@cargo semver-checks --version > /dev/null 2>&1 || cargo install --locked --quiet cargo-semver-checks
+	cargo semver-checks --package sgpr-core --package sgpr-lapack
+
+## Source archives in out/dist, one of them with all crates: it builds without a network.
+sdist: $(VENV)/.pip
+	$(BIN)/python tools/vendored_sdist.py $(OUT)/dist
 
 bench:
 	cargo bench --locked --package benches

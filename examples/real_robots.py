@@ -2,9 +2,9 @@
 
     python examples/real_robots.py --out out/real
 
-The logs are not part of this repository; `docs/real-data.md` says where they come from. The environment variable
-SGPR_DATA names the folder that holds `real/` with `ur10e/`, `panda/`, `baxter/`, `kuka_lwr/` and `emps/`, or `real/`
-itself.
+The logs are not part of this repository; `docs/real-data.md` says where they come from, and
+`sgpr data get NAME --out logs/NAME` downloads them. The environment variable SGPR_DATA names the folder that holds
+`real/` with `ur10e/`, `panda/`, `baxter/`, `kuka_lwr/` and `emps/`, or `real/` itself (here `logs`).
 """
 
 import argparse

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from sgpr import datasets
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -52,6 +53,47 @@ def test_the_program_in_the_readme_runs() -> None:
         done = run([sys.executable, "-c", program])
         assert done.returncode == 0, done.stderr
         assert "joint_6" in done.stdout
+
+
+PAGES = ("docs/index.md", "docs/online.md", "docs/gaussian-process.md", "docs/datasets.md", "docs/diagnosis.md")
+
+
+@pytest.mark.parametrize(
+    "page", [*PAGES, *sorted(f"docs/how-to/{path.name}" for path in ROOT.glob("docs/how-to/*.md"))]
+)
+def test_what_a_page_shows_runs(page: str) -> None:
+    for command in blocks(page, "sh"):
+        done = run(["sh", "-euc", command])
+        assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+    for program in blocks(page, "python"):
+        done = run([sys.executable, "-c", program])
+        assert done.returncode == 0, done.stderr
+
+
+def test_every_page_with_programs_is_named_in_a_test() -> None:
+    tests = "".join(path.read_text() for folder in ("tests", "crates") for path in ROOT.glob(f"{folder}/**/test_*.py"))
+    with_code = [
+        path.relative_to(ROOT).as_posix()
+        for path in ROOT.glob("docs/*.md")
+        if re.search(r"^```(sh|python)$", path.read_text(), re.MULTILINE)
+    ]
+    assert [page for page in with_code if page not in tests] == []
+
+
+def test_the_expected_errors_on_the_page_are_those_of_the_data_sets() -> None:
+    expected = dict(
+        re.findall(r"^\| `(\w+)` \| .*? \| ([\d.-]+) \|", (ROOT / "docs/datasets.md").read_text(), re.MULTILINE)
+    )
+    measured = {name: datasets.describe(name).unseen_percent for name in datasets.names()}
+    assert expected == {
+        name: "-" if percent is None else f"{percent:.3g}" if percent >= 10 else f"{percent:.2f}"
+        for name, percent in measured.items()
+    }
+
+
+def test_the_figures_of_the_readme_are_what_is_measured() -> None:
+    done = run([sys.executable, "tools/readme.py", "--check"])
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_the_example_identifies_the_demo() -> None:

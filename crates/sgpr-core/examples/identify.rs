@@ -1,8 +1,10 @@
 //! From a robot file and logs to a torque model, and the model in a control loop.
 //!
 //! ```text
-//! cargo run --release --package sgpr-core --example identify
+//! cargo run --release --package sgpr-core --example identify -- data/demo
 //! ```
+//!
+//! The folder holds `robot.urdf`, three logs for training and one for the test, named as below.
 
 use std::error::Error;
 use std::path::Path;
@@ -12,7 +14,8 @@ use sgpr_core::recording::{Recording, csv, inspect};
 use sgpr_core::robot::{Robot, UrdfOptions};
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/demo");
+    let folder = std::env::args().nth(1).ok_or("name the folder of robot.urdf and its logs, such as data/demo")?;
+    let data = Path::new(&folder);
     let robot = Robot::from_urdf(data.join("robot.urdf"), &UrdfOptions::default())?;
     let read = |name: &str| csv::read(data.join(name), &csv::ReadOptions::default());
     let train = ["train_1.csv.gz", "train_2.csv.gz", "train_3.csv.gz"].map(read);

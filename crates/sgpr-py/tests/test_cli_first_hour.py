@@ -291,3 +291,19 @@ def test_the_report_is_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     found = run("identify", "--robot", "two_link", "--train", path, "--out", tmp_path / "out", "--open")
     assert found.code == 0
     assert opened == [(tmp_path / "out" / "report.html").resolve().as_uri()]
+
+
+def test_info_names_the_columns_that_could_be_torques(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    rows = "\n".join(f"{10 * k};{k};{2 * k};{k},5;{k}" for k in range(20))
+    log.write_text(f"Cell 4; monitor\nclock_ms;Ax1 pos [deg];Ax2 pos [deg];Ax1 drv;Ax2 drv\n{rows}\n")
+    said = run("info", "two_link", log)
+    assert "--columns torque=Ax{} drv" in said.out
+    assert f"next: sgpr info two_link {log} --columns 'torque=Ax{{}} drv' --remember" in said.out.replace("\n", "")
+    assert "nothing suspicious" not in said.out and "stands for" not in said.out
+    named = run("info", "two_link", log, "--columns", "torque=Ax{} drv")
+    assert "no torque" not in named.out and "next: sgpr identify" in named.out
+    # Alone a robot shows its base parameters.
+    assert "stands for" in run("info", "two_link").out
+    refused = run("identify", "--robot", "two_link", "--train", log, "--columns", "torque=Ax{} drv", "--out", tmp_path)
+    assert refused.code == 1 and "`Ax1`" in refused.err and "no time column" not in refused.err

@@ -125,6 +125,10 @@ fn titles_above_the_names() {
     assert!(error.starts_with("log.csv: no time column among `x`, `y`"), "{error}");
     let error = csv_error("title\nx,y\n0,1\n");
     assert!(error.starts_with("log.csv: no time column among `title`"), "{error}");
+    // Joints that the robot does not have are joints all the same: the title is not taken for the names.
+    let elbow = ReadOptions { joints: Some(vec!["elbow".into()]), ..ReadOptions::default() };
+    let other = message(read_csv_with("Cell 4; monitor\nclock_ms;Ax1 pos [deg];Ax2 pos [deg]\n0;1;2\n", &elbow));
+    assert!(other.contains("Ax1") && other.contains("elbow") && !other.contains("no time column"), "{other}");
     // Line numbers count titles.
     assert!(csv_error("title\nt,q1\n0,x\n").starts_with("log.csv:3: column `q1`"));
 }

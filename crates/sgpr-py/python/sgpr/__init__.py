@@ -9,7 +9,7 @@ Samples are rows, joints are columns; SI units; time in integer nanoseconds. Wha
 `SgprError`, which is a `ValueError`.
 """
 
-from . import robots
+from . import datasets, robots
 from ._sgpr import (
     BaseParameters,
     Comparison,
@@ -120,6 +120,7 @@ __all__ = [
     "compare",
     "compare_streaming",
     "cutoff_influence",
+    "datasets",
     "diagnose",
     "effects",
     "excite",

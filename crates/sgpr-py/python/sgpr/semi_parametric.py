@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._estimator import Estimator
+from ._files import make_folder_of
 from ._sgpr import (
     Comparison,
     FittedSemiParametric,
@@ -298,6 +299,7 @@ class SemiParametricModel(Estimator):
     def save(self, path: str | PathLike[str]) -> None:
         """Write the model to a file; the file is complete or not there. `load` reads it back."""
         fitted: FittedSemiParametric = self._require_fitted("_fitted")
+        make_folder_of(path)
         fitted.save(path)
 
     @classmethod

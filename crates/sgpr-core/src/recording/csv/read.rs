@@ -64,8 +64,11 @@ fn names_a_log(cells: &[String], options: &ReadOptions) -> bool {
         None => options.sample_rate_hz.is_some() || cells.iter().any(is_time),
     };
     let joints = options.joints.as_deref();
-    let is_position =
-        |cell: &String| header::meaning(cell, joints).is_some_and(|meaning| meaning.quantity == Quantity::Position);
+    let is_position_of = |cell: &String, joints: Option<&[String]>| {
+        header::meaning(cell, joints).is_some_and(|meaning| meaning.quantity == Quantity::Position)
+    };
+    // Joints of other names make it a log, too: what to do about them is said later.
+    let is_position = |cell: &String| is_position_of(cell, joints) || is_position_of(cell, None);
     let first_joint = joints.and_then(<[String]>::first).map_or("", String::as_str);
     let has_position = match &options.columns.position {
         Some(Columns::Names(names)) => names.iter().any(|name| cells.contains(name)),

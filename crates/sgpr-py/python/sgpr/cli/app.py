@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from .. import __version__
+from . import data
 from .arguments import Command
 from .compare import compare
 from .demo import demo
@@ -32,15 +33,22 @@ app = typer.Typer(
 )
 
 
-def register(command: Callable[..., Any]) -> None:
+def register(command: Callable[..., Any], group: typer.Typer = app) -> None:
     """Makes a function a command of its name."""
     epilog = "Options whose value ends in ... take several values, up to the next option or --: --effects a b c."
-    alone = command in (demo, effects)
-    app.command(cls=Command, epilog=epilog, no_args_is_help=not alone)(with_option_groups(guarded(command)))
+    alone = command in (demo, effects, data.list_)
+    name = command.__name__.strip("_")
+    group.command(name, cls=Command, epilog=epilog, no_args_is_help=not alone)(with_option_groups(guarded(command)))
 
 
 for each in (demo, info, identify, compare, diagnose, learn, predict, effects, payload, excite, simulate, reproduce):
     register(each)
+
+
+data_app = typer.Typer(name="data", help="Public logs of real robots, by name.", no_args_is_help=True)
+register(data.list_, data_app)
+register(data.get, data_app)
+app.add_typer(data_app)
 
 
 def show_version(wanted: bool) -> None:

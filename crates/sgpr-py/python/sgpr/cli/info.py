@@ -64,12 +64,13 @@ def info(
     results: list[dict[str, Any]] = []
     logs: list[str] = []
     robots = [robot] if robot else []
-    for path in expand_patterns(files):
+    paths = expand_patterns(files)
+    for path in paths:
         match kind_of(path):
             case "robot":
                 robots.append(path)
                 data = describe.robot(load_robot(path, joints, gravity), path, chosen)
-                show_robot(data, output, formulas=base_parameters)
+                show_robot(data, output, formulas=base_parameters, alone=len(paths) == 1)
             case "model":
                 data = describe.any_model(load_any_model(path), path)
                 show_model(data, output)
@@ -81,8 +82,12 @@ def info(
     output.result(results)
     if any(data.get("refused") for data in results):
         raise typer.Exit(BAD_DATA)
-    if logs:
-        named = robots[0] if robots else "ROBOT"
+    named = robots[0] if robots else "ROBOT"
+    without = [data for data in results if data.get("has_torque") is False]
+    if without:
+        columns = f"torque={torque_columns(without[0]) or 'NAME{}'}"
+        output.next("sgpr", "info", *paths, "--columns", columns, "--remember", why="if these hold the torques")
+    elif logs:
         output.next("sgpr", "identify", "--robot", named, "--train", *logs, "--out", "result")
 
 
@@ -103,8 +108,21 @@ def look_at_log(
     return data
 
 
-def show_robot(data: dict[str, Any], output: Output, *, formulas: bool = False) -> None:
-    """A robot for people."""
+def torque_columns(log: dict[str, Any]) -> str | None:
+    """Columns that could be torques: one for each joint, that differ by the joint's number or name alone."""
+    names = [joint["name"] for joint in log["joints"]]
+    found: dict[tuple[str, ...], str] = {}
+    for first in log["channels"]:
+        for sign, each in (("{}", [str(number) for number in range(1, len(names) + 1)]), ("{name}", names)):
+            pattern = first.replace(each[0], sign) if each[0] in first else None
+            columns = tuple(pattern.replace(sign, one) for one in each) if pattern else ()
+            if pattern and all(column in log["channels"] for column in columns):
+                found.setdefault(columns, pattern)
+    return next(iter(found.values())) if len(found) == 1 else None
+
+
+def show_robot(data: dict[str, Any], output: Output, *, formulas: bool = False, alone: bool = True) -> None:
+    """A robot for people; beside logs in short."""
     output.heading(f"{data['file']}: robot {data['name']}, {counted(data['dof'], 'joint')}")
     rows = [
         [
@@ -121,6 +139,10 @@ def show_robot(data: dict[str, Any], output: Output, *, formulas: bool = False) 
     output.line(f"moving mass {significant(data['moving_mass_kg'], 4)} kg, gravity ({gravity}) m/s² in base axes")
     base = data["base_parameters"]
     beside = f" with {', '.join(data['effects'])}" if data["effects"] else ""
+    if not (formulas or alone):
+        output.line(f"{counted(len(base), 'base parameter')}{beside} (`sgpr info {data['file']}` lists them)")
+        show_warnings(data, output)
+        return
     output.line(f"{counted(len(base), 'base parameter')}{beside}:")
     if formulas:
         numbers = ", ".join(f"{number} {joint['name']}" for number, joint in enumerate(data["joints"], start=1))
@@ -142,6 +164,11 @@ def show_robot(data: dict[str, Any], output: Output, *, formulas: bool = False) 
     for kind, meaning in meanings.items():
         names = [name for name, found in classes.items() if found == kind]
         output.line(f"{len(names)} parameters {kind} ({meaning}): {', '.join(names) or 'none'}")
+    show_warnings(data, output)
+
+
+def show_warnings(data: dict[str, Any], output: Output) -> None:
+    """What is odd about a robot file."""
     for text in data["warnings"]:
         output.line(f"look: {text}", "yellow")
     output.line("")
@@ -164,8 +191,13 @@ def show_log(data: dict[str, Any], output: Output) -> None:
     if data["columns"] is not None:
         output.line(f"columns: {data['columns']['text']}")
     if not data["has_torque"]:
-        output.line("look: no torque in this log: sgpr predict can use it, sgpr identify and compare cannot", "yellow")
+        pattern = torque_columns(data)
+        text = f"no torque in this log: name its columns, --columns torque={pattern or '...'}"
+        text += " (motor currents: and --torque-constants); without it sgpr predict alone can use the log"
+        output.line(f"look: {text}", "yellow")
     show_findings(data["issues"], [*data["notes"], *data["actions"]], output)
+    if data["has_torque"] and not data["issues"]:
+        output.line("nothing suspicious found")
     if "screening" in data:
         show_screening(data["screening"], output)
     output.line("")
@@ -177,8 +209,6 @@ def show_findings(issues: Sequence[dict[str, Any]], notes: Sequence[str], output
         output.line(f"{found['rank']}: {of_command_line(found['message'])}", STYLES[found["rank"]])
     for text in notes:
         output.line(f"know: {of_command_line(text)}")
-    if not issues:
-        output.line("nothing suspicious found")
 
 
 def show_screening(found: dict[str, Any], output: Output) -> None:

@@ -1,0 +1,50 @@
+"""The documentation as a site: built without a broken link, and with a page for all that it should explain."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import sgpr
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def test_the_site_is_built_without_a_broken_link(tmp_path: Path) -> None:
+    pytest.importorskip("mkdocs", reason="mkdocs is not installed: make docs")
+    pytest.importorskip("material", reason="mkdocs-material is not installed: make docs")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stdout + done.stderr
+    site = tmp_path / "site"
+    effects = {effect["name"] for effect in sgpr.effects()}
+    assert {path.stem for path in (site / "effects").glob("*.html")} == effects | {"index"}
+    assert {path.stem for path in (site / "datasets").glob("*.html")} == set(sgpr.datasets.names())
+    pages = "".join(path.read_text() for path in (site / "reference" / "python").glob("*.html"))
+    public = [name for name in sgpr.__all__ if not name.startswith("__")]
+    assert [name for name in public if f'id="sgpr.{name}"' not in pages] == []
+    commands = (site / "reference" / "command-line.html").read_text()
+    assert all(f'<h2 id="sgpr-{name}"' in commands for name in ("identify", "diagnose", "data-get", "effects"))
+    # What a page of docs/ is called stays its address.
+    assert (site / "tutorial.html").exists() and (site / "index.html").exists()
+
+
+def test_bold_lists_and_code_come_out_of_a_docstring() -> None:
+    sys.path.insert(0, str(ROOT / "tools"))
+    from docstrings import markdown, wrapped
+
+    text = (
+        "What it does, x[0].\n\nParameters\n----------\nx : array\n    Metres [m].\n\nExamples\n--------\n>>> f(1)\n2"
+    )
+    assert markdown(text).split("\n") == [
+        "What it does, x\\[0].", "", "", "**Parameters**", "", "- `x`: array.", "  Metres \\[m].", "", "",
+        "**Examples**", "", "", "```python", ">>> f(1)", "2", "```", "",
+    ]  # fmt: skip
+    long = "f(a: dict[str, int], *, b: tuple[int, ...] = (1, 2), " + "c: int = 0, " * 6 + "d: int = 0) -> int"
+    assert wrapped("f(a)") == "f(a)"
+    assert wrapped(long).split("\n")[:4] == [
+        "f(",
+        "    a: dict[str, int],",
+        "    *,",
+        "    b: tuple[int, ...] = (1, 2),",
+    ]
