@@ -406,19 +406,21 @@ pub fn compare_records<'py>(
     model.robot().joints().iter().zip(errors).map(of_joint).collect()
 }
 
-/// What each block of a record says against a reference model: the rigid body stays, the effects of each joint are fitted
-/// anew, and the gain of its torque and a tool at the last link are tried alone.
+/// What a record says against a reference model: the rigid body stays, the effects of each joint are fitted anew, and the
+/// gain of its torque and a tool at the last link are tried alone.
 ///
 /// Parameters
 /// ----------
 /// model : Model
 ///     The reference, of the same robot; its effects are in the record.
 /// record : Record
+/// by_block : bool, default False
+///     Whether each block speaks for itself.
 ///
 /// Returns
 /// -------
 /// list of dict
-///     Per block: "tool_mass" (kg beyond the reference), "tool_mass_std", "tool_share" of the residual that the tool
+///     One, or one per block: "tool_mass" (kg beyond the reference), "tool_mass_std", "tool_share" of the residual that the tool
 ///     explains, and "joints", each with "joint", "rows", "memory", "torque", "error" (root mean squares, N·m (N)),
 ///     "error_after" fitting the effects, and "parameters", each with "name", "unit", "reference", "change", "std" and
 ///     "error_alone", the error if this parameter alone had changed; the last is the "gain".
@@ -431,13 +433,15 @@ pub fn compare_records<'py>(
 /// >>> [parameter["name"] for parameter in found[0]["joints"][0]["parameters"]][:2]
 /// ['joint_1.Fv', 'joint_1.Fc']
 #[pyfunction]
+#[pyo3(signature = (model, record, *, by_block=false))]
 pub fn deviations<'py>(
     py: Python<'py>,
     model: &Bound<'py, Model>,
     record: &Bound<'py, Record>,
+    by_block: bool,
 ) -> PyResult<Vec<Bound<'py, PyDict>>> {
     let (model, record) = (&model.get().inner, &record.get().inner);
-    let found = detached(py, || core::deviations(model, record)).map_err(IntoPyErr::into_py_err)?;
+    let found = detached(py, || core::deviations(model, record, by_block)).map_err(IntoPyErr::into_py_err)?;
     let joint = |joint: &JointDeviation| {
         let parameters = PyList::empty(py);
         for parameter in &joint.parameters {

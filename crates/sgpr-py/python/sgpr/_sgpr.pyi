@@ -46,6 +46,7 @@ __all__ = [
     "Predictor",
     "ProcessPredictor",
     "Processing",
+    "Record",
     "Recording",
     "RecordingError",
     "Repaired",
@@ -57,9 +58,12 @@ __all__ = [
     "SimulationError",
     "Trajectory",
     "__version__",
+    "choose_processing",
     "compare",
+    "compare_records",
     "compare_streaming",
     "cutoff_influence",
+    "deviations",
     "diagnose",
     "effects",
     "excite",
@@ -68,11 +72,13 @@ __all__ = [
     "identify",
     "identify_drive_gains",
     "identify_payload",
+    "identify_records",
     "load",
     "puma560",
     "puma560_drives",
     "read_csv",
     "read_mcap",
+    "record",
     "register_effect",
     "regroupings",
     "repeated_share",
@@ -371,7 +377,7 @@ class Processing:
     def from_json(text: str) -> Processing: ...
     def to_json(self) -> str: ...
     def __reduce__(self) -> Any: ...
-    def __eq__(self, other: object) -> bool: ...
+    def __eq__(self, other: object, /) -> bool: ...
 
 @final
 class Record:
@@ -426,7 +432,7 @@ def identify_records(
     robot: Robot, records: Sequence[Record], *, method: str = "wls", noise: ArrayLike | None = None
 ) -> Model: ...
 def compare_records(model: Model, records: Sequence[Record]) -> list[dict[str, Any]]: ...  # joint, rows, rmse, torque
-def deviations(model: Model, record: Record) -> list[dict[str, Any]]: ...  # one per block
+def deviations(model: Model, record: Record, *, by_block: bool = False) -> list[dict[str, Any]]: ...
 
 @final
 class Model:

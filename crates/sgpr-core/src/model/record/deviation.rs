@@ -13,7 +13,7 @@ use crate::identification::{BaseParameters, JointFactor, ParameterSet};
 use crate::linalg::triangle;
 use crate::spatial::PARAMETERS_PER_LINK;
 
-/// What a part of a log says against a reference model.
+/// What a log, or a part of it, says against a reference model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Deviation {
     /// Joints with rows in motion.
@@ -62,15 +62,20 @@ pub struct ParameterDeviation {
     pub error_alone: f64,
 }
 
-/// What each block of a record says against `model`.
+/// What a record says against `model`: each of its blocks, or all of it.
 ///
 /// # Errors
 /// As [`compare_records`](super::compare_records).
-pub fn deviations(model: &TorqueModel, record: &Record) -> Result<Vec<Deviation>, RecordError> {
+pub fn deviations(model: &TorqueModel, record: &Record, by_block: bool) -> Result<Vec<Deviation>, RecordError> {
     let (set, base) = check(model.robot(), &[record])?;
     let parameters = parameters_in(model, &set, record)?;
     let reference = Reference { set: &set, values: base.combine(&parameters), parameters, base: &base };
-    Ok(record.blocks.iter().map(|block| reference.deviation(record, block)).collect())
+    let moving = |blocks: &[RecordBlock]| -> Vec<JointFactor> {
+        let factors = blocks.iter().flat_map(|block| &block.factors).filter(|factor| !factor.resting);
+        stacked(&factors.collect::<Vec<_>>())
+    };
+    let at_once = if by_block { 1 } else { record.blocks.len() };
+    Ok(record.blocks.chunks(at_once).map(|blocks| reference.deviation(record, &moving(blocks))).collect())
 }
 
 struct Reference<'a> {
@@ -82,13 +87,11 @@ struct Reference<'a> {
 }
 
 impl Reference<'_> {
-    fn deviation(&self, record: &Record, block: &RecordBlock) -> Deviation {
-        let moving: Vec<&JointFactor> = block.factors.iter().filter(|factor| !factor.resting).collect();
-        let factors = stacked(&moving);
-        let memory = correlation(&[record], &factors);
+    fn deviation(&self, record: &Record, factors: &[JointFactor]) -> Deviation {
+        let memory = correlation(&[record], factors);
         let joints: Vec<JointDeviation> =
             factors.iter().zip(memory).map(|(factor, memory)| self.joint(factor, memory)).collect();
-        let (tool_mass, tool_mass_deviation, tool_share) = self.tool(&factors, &joints);
+        let (tool_mass, tool_mass_deviation, tool_share) = self.tool(factors, &joints);
         Deviation { joints, tool_mass, tool_mass_deviation, tool_share }
     }
 

@@ -14,6 +14,9 @@ from .diagnose import diagnose
 from .effects import effects
 from .errors import guarded
 from .excite import excite
+from .fleet import report as fleet_report
+from .fleet import run as fleet_run
+from .fleet import simulate as fleet_simulate
 from .identify import identify
 from .info import info
 from .learn import learn
@@ -32,15 +35,22 @@ app = typer.Typer(
 )
 
 
-def register(command: Callable[..., Any]) -> None:
+fleet = typer.Typer(name="fleet", help="Many arms: records of their logs, and what changed in which.")
+app.add_typer(fleet, no_args_is_help=True)
+
+
+def register(command: Callable[..., Any], group: typer.Typer = app) -> None:
     """Makes a function a command of its name."""
     epilog = "Options whose value ends in ... take several values, up to the next option or --: --effects a b c."
     alone = command in (demo, effects)
-    app.command(cls=Command, epilog=epilog, no_args_is_help=not alone)(with_option_groups(guarded(command)))
+    group.command(cls=Command, epilog=epilog, no_args_is_help=not alone)(with_option_groups(guarded(command)))
 
 
 for each in (demo, info, identify, compare, diagnose, learn, predict, effects, payload, excite, simulate, reproduce):
     register(each)
+
+for each in (fleet_run, fleet_report, fleet_simulate):
+    register(each, fleet)
 
 
 def show_version(wanted: bool) -> None:

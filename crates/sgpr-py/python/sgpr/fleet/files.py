@@ -1,5 +1,6 @@
 """Records in Parquet files: one row per record, the numbers of its factors as one list."""
 
+import json
 import os
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
@@ -80,7 +81,7 @@ def load_records(
     Parameters
     ----------
     path : path, or list of path
-        Files that `save_records` or `sgpr fleet run` wrote; a folder stands for the `.parquet` files in it.
+        Files that `save_records` or `sgpr fleet run` wrote; a folder stands for all `.parquet` files in it.
     limit_bytes : int
         Files whose records would take more memory are refused.
 
@@ -105,11 +106,23 @@ def iterate_records(
     given = [path] if isinstance(path, str | os.PathLike) else list(path)
     for one in given:
         place = Path(one)
-        files = sorted(place.glob("*.parquet")) if place.is_dir() else [place]
+        files = sorted(place.rglob("*.parquet")) if place.is_dir() else [place]
         if not files:
             raise SgprError(f"{place}: a folder without a .parquet file")
         for file in files:
             yield from _of_file(file, limit_bytes)
+
+
+def list_records(files: Iterable[Path]) -> Iterator[dict[str, Any]]:
+    """`source`, `content_hash` and `labels` of the records in files, without their numbers."""
+    for path in files:
+        arrow, parquet = _arrow(path)
+        try:
+            rows = parquet.read_table(path, columns=["source", "content_hash", "labels"]).to_pylist()
+        except arrow.ArrowException as error:
+            raise SgprError(f"{path}: not a file of records, or damaged: {error}") from None
+        for row in rows:
+            yield {**row, "labels": json.loads(row["labels"])}
 
 
 def _of_file(path: Path, limit_bytes: int) -> Iterator[Record]:
@@ -148,8 +161,6 @@ def _record(head: Any, numbers: Any, where: str) -> Record:
 
 
 def _row(record: Record) -> dict[str, Any]:
-    import json
-
     head, numbers = record.to_parts()
     return {
         "source": record.source,
