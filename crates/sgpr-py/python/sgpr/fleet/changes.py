@@ -25,6 +25,10 @@ RIGID = ("Ia",)
 NAMES = {"Fv": "viscous friction", "Fc": "Coulomb friction", "tau0": "torque offset", "gain": "torque gain"}
 LEAST_EFFECT = 0.01
 """Changes below this share of the parameter's scale are no alarm, however sure."""
+LARGEST_DEVIATION = 0.25
+"""Sessions that know a parameter less well than to this share of its scale say nothing of it."""
+CAUTION = 1.2
+"""Factor on scatter that is known from a few dozen sessions only: their median can be that much too low."""
 TOOL_SHARE = 0.3
 OUTLIER = 4.0
 DAYS_PER_YEAR = 365.25
@@ -264,9 +268,8 @@ def _history(
     series.append(Series("", "tool", "kg", 0.0, 1.0, *mass))
     for one in series:
         # Sessions that do not determine a parameter say nothing of it.
-        unknown = ~np.isfinite(one.std)
-        one.change = np.where(unknown, np.nan, one.change / one.scale)
-        one.std = one.std / one.scale
+        one.change, one.std = one.change / one.scale, one.std / one.scale
+        one.change = np.where(one.std < LARGEST_DEVIATION, one.change, np.nan)
     return ArmHistory(
         robot=robot,
         type=kind,
@@ -345,7 +348,7 @@ def _share_scatter(sisters: Sequence[ArmHistory]) -> None:
         known = [value for value in own if math.isfinite(value)]
         typical = float(np.median(known)) if known else math.inf
         for value, (_, x) in zip(own, one, strict=True):
-            x.scatter = max(value if math.isfinite(value) else typical, typical, 1e-6)
+            x.scatter = CAUTION * max(value if math.isfinite(value) else typical, typical, 1e-6)
 
 
 def _find_outliers(sisters: Sequence[ArmHistory]) -> None:
@@ -392,13 +395,19 @@ def _find_changes(history: ArmHistory, false_alarms: float) -> None:
     for one in history.series:
         x, deviation = without_temperature(history, one), deviation_of(one)
         there = np.flatnonzero(np.isfinite(x) & np.isfinite(deviation))
-        there = there[~_alone(x[there], deviation[there])]
+        alone = _alone(x[there], deviation[there])
+        # They are no level of the parameter: nothing is averaged over them.
+        one.change[there[alone]] = np.nan
+        there = there[~alone]
         if len(there) < 2 * SHORTEST_SEGMENT:
             continue
         signal = np.column_stack([x[there], deviation[there]])
         search = ruptures.Pelt(custom_cost=weighted_cost(), min_size=SHORTEST_SEGMENT, jump=1).fit(signal)
         steps = search.predict(pen=limit**2)[:-1]
         one.steps = [int(there[step]) for step in steps]
+        if one.steps and abs(_step(one, history)[0]) < limit * _step(one, history)[1]:
+            # What went away again is no change that lasts.
+            one.steps = []
 
 
 def weighted_cost() -> Any:
@@ -441,7 +450,7 @@ def _alone(x: Array, deviation: Array) -> NDArray[np.bool_]:
 
 def _name_changes(history: ArmHistory) -> None:
     """Alarms: of change points that lie together the cause that explains most of the residual."""
-    changed = [one for one in history.series if one.steps and _size(one, history) >= LEAST_EFFECT]
+    changed = [one for one in history.series if one.steps and abs(_step(one, history)[0]) >= LEAST_EFFECT]
     tool = next((one for one in changed if one.parameter == "tool"), None)
     if tool is not None:
         together = {one.joint for one in changed if one is not tool and abs(one.steps[0] - tool.steps[0]) <= NEAR}
@@ -471,10 +480,12 @@ def _explained(one: Series) -> float:
     return float(np.nanmean(one.gain[one.steps[-1] :]) - np.nanmean(one.gain[: one.steps[0]]))
 
 
-def _size(one: Series, history: ArmHistory) -> float:
+def _step(one: Series, history: ArmHistory) -> tuple[float, float]:
+    """Change from before the first to after the last change point, and its standard deviation."""
     x, deviation = without_temperature(history, one), deviation_of(one)
     first, last = one.steps[0], one.steps[-1]
-    return abs(_mean(x[last:], deviation[last:])[0] - _mean(x[:first], deviation[:first])[0])
+    before, after = _mean(x[:first], deviation[:first]), _mean(x[last:], deviation[last:])
+    return after[0] - before[0], math.hypot(before[1], after[1])
 
 
 def _mean(x: Array, deviation: Array) -> tuple[float, float]:
@@ -487,11 +498,7 @@ def _mean(x: Array, deviation: Array) -> tuple[float, float]:
 
 
 def _alarm(history: ArmHistory, one: Series) -> Alarm:
-    x = without_temperature(history, one)
-    before, after = x[: one.steps[0]], x[one.steps[-1] :]
-    weight = deviation_of(one)
-    change = _mean(after, weight[one.steps[-1] :])[0] - _mean(before, weight[: one.steps[0]])[0]
-    std = math.sqrt(_mean(before, weight[: one.steps[0]])[1] ** 2 + _mean(after, weight[one.steps[-1] :])[1] ** 2)
+    change, std = _step(one, history)
     of_temperature = None
     if np.isfinite(history.temperature).any():
         parts = (history.temperature[: one.steps[0]], history.temperature[one.steps[-1] :])

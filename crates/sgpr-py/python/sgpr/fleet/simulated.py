@@ -204,10 +204,12 @@ def session_log(arm: Arm, robot: Robot, session: int, sessions_per_day: int) -> 
                 links[n - 1] += fault.size * np.array([1.0, 0.0, 0.0, 0.08, 0.0064, 0.0, 0.0064, 0.0, 0.0, 0.0])
     parameters = np.concatenate([links.ravel(), viscous * friction, coulomb * friction, rotor, offset])
     truth = Model.from_parameters(robot, parameters, effects=EFFECTS)
+    # The controller knows the friction: it would hold light joints otherwise.
     run = simulate(
         truth,
         (RATE_HZ, *motion),
         controller="computed_torque",
+        model=truth,
         step=STEP,
         control_period=STEP,
         record_period=1 / RATE_HZ,
