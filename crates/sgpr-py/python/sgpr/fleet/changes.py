@@ -29,7 +29,8 @@ LARGEST_DEVIATION = 0.25
 """Sessions that know a parameter less well than to this share of its scale say nothing of it."""
 CAUTION = 1.2
 """Factor on scatter that is known from a few dozen sessions only: their median can be that much too low."""
-TOOL_SHARE = 0.3
+TOOL_SHARE, TOOL_SHARE_OF_ONE_JOINT = 0.3, 0.9
+"""Shares of the residual that a tool explains: of several joints that changed, and where one did."""
 OUTLIER = 4.0
 DAYS_PER_YEAR = 365.25
 NANOSECONDS_PER_DAY = 86_400e9
@@ -455,7 +456,7 @@ def _name_changes(history: ArmHistory) -> None:
     if tool is not None:
         together = {one.joint for one in changed if one is not tool and abs(one.steps[0] - tool.steps[0]) <= NEAR}
         share = np.nanmean(tool.gain[tool.steps[-1] :]) - np.nanmean(tool.gain[: tool.steps[0]])
-        if share > TOOL_SHARE and len(together) >= min(2, len(history.joints)):
+        if share > (TOOL_SHARE if len(together) > 1 else TOOL_SHARE_OF_ONE_JOINT):
             history.alarms.append(_alarm(history, tool))
             changed = [one for one in changed if one.joint not in together]
         changed = [one for one in changed if one is not tool]

@@ -205,7 +205,7 @@ def _cluster(scheduler: str | None, workers: int | None) -> Iterator[Any]:
         cluster = LocalCluster(
             n_workers=workers or os.cpu_count() or 1,
             threads_per_worker=1,
-            dashboard_address=None,
+            dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,
             env={"RAYON_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
         )
