@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,6 @@ from typing import Any
 import numpy as np
 import pytest
 import sgpr
-from conftest import DATA
 from sgpr import fleet
 from sgpr.fleet import changes, engine
 from sgpr.fleet.logs import find

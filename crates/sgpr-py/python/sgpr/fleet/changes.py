@@ -42,6 +42,7 @@ class Series:
 
     - `std`: of single sessions, from the residual and its memory
     - `scatter`: of one session, from what neighbouring sessions differ by
+    - `widening`: factor on both that the tails of differences and caution ask for
     - `slope`: per °C, from all arms of the type; 0 where temperature is not logged or explains nothing
     - `steps`: indices of sessions at which it changed
     """
@@ -55,6 +56,7 @@ class Series:
     std: Array
     gain: Array
     scatter: float = 0.0
+    widening: float = 1.0
     slope: float = 0.0
     steps: list[int] = field(default_factory=list)
 
@@ -349,7 +351,17 @@ def _share_scatter(sisters: Sequence[ArmHistory]) -> None:
         known = [value for value in own if math.isfinite(value)]
         typical = float(np.median(known)) if known else math.inf
         for value, (_, x) in zip(own, one, strict=True):
-            x.scatter = CAUTION * max(value if math.isfinite(value) else typical, typical, 1e-6)
+            x.scatter = max(value if math.isfinite(value) else typical, typical, 1e-6)
+        # Tails of differences that are wider than those of a normal distribution widen all.
+        ratios = []
+        for history, x in one:
+            value, deviation = without_temperature(history, x), deviation_of(x)
+            there = np.isfinite(value)
+            ratios.append(np.abs(np.diff(value[there])) / np.hypot(deviation[there][1:], deviation[there][:-1]))
+        together = np.concatenate(ratios)
+        widening = max(1.0, float(np.quantile(together, 0.95)) / 1.96) if len(together) else 1.0
+        for _, x in one:
+            x.widening = CAUTION * widening
 
 
 def _find_outliers(sisters: Sequence[ArmHistory]) -> None:
@@ -436,7 +448,7 @@ def weighted_cost() -> Any:
 
 def deviation_of(one: Series) -> Array:
     """Standard deviation of each session."""
-    return np.asarray(np.sqrt(one.scatter**2 + one.std**2))
+    return np.asarray(one.widening * np.sqrt(one.scatter**2 + one.std**2))
 
 
 def _alone(x: Array, deviation: Array) -> NDArray[np.bool_]:
