@@ -8,7 +8,7 @@ SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-core/src crates/sgpr-l
 	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name Cargo.toml) \
 	crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
 
-.PHONY: docs figures readme first-hour package semver sdist build demo demo-real estimators test test-rust test-python skipped browser lint msrv deny bench diagnosis-bench \
+.PHONY: docs figures readme first-hour package semver sdist build demo fleet-demo demo-real estimators test test-rust test-python skipped browser lint msrv deny bench diagnosis-bench \
 	diagnosis-mujoco peers fuzz soak clean thesis
 
 build: $(VENV)/.built
@@ -39,6 +39,16 @@ demo: build
 		--effects viscous_friction coulomb_friction rotor_inertia --out $(OUT)/demo
 	@echo "report: $(OUT)/demo/report.html"
 	@echo "model:  $(OUT)/demo/model.sgpr"
+
+## A simulated fleet with wear, tools, a collision and faults of sensors, and the page on what changed in which arm.
+ARMS ?= 24
+DAYS ?= 20
+FLEET_ROBOTS = puma560=puma560 ur5e=data/reference/urdf/ur5e_like.urdf two_link=two_link
+fleet-demo: build
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check "$$(ls $(VENV)/wheels/*.whl)[fleet]"
+	$(BIN)/sgpr fleet simulate --robot $(FLEET_ROBOTS) --arms $(ARMS) --days $(DAYS) --out $(OUT)/fleet/logs
+	$(BIN)/sgpr fleet run $(OUT)/fleet/logs/fleet.csv --robot $(FLEET_ROBOTS) --out $(OUT)/fleet/records
+	$(BIN)/sgpr fleet report $(OUT)/fleet/records --robot $(FLEET_ROBOTS) --out $(OUT)/fleet/report
 
 ## The same on the logs of real robots, in the folder that SGPR_DATA names.
 demo-real: build

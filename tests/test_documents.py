@@ -46,6 +46,11 @@ def test_the_page_on_excitation_runs() -> None:
     assert done.returncode == 0, done.stderr
 
 
+def test_the_program_on_fleets_runs() -> None:
+    done = run([sys.executable, "-c", "\n".join(blocks("docs/fleets.md", "python"))])
+    assert done.returncode == 0 and done.stdout == "joint_1 True\n", done.stderr
+
+
 def test_the_program_in_the_readme_runs() -> None:
     # `Model.save` makes the folder, as in a fresh clone.
     shutil.rmtree(ROOT / "out" / "readme", ignore_errors=True)

@@ -119,7 +119,7 @@ pub fn compare_streaming(
     Comparison::new(py, comparison)
 }
 
-fn processing_of(given: &Bound<'_, PyAny>) -> PyResult<Option<sgpr_core::motion::Processing>> {
+pub fn processing_of(given: &Bound<'_, PyAny>) -> PyResult<Option<sgpr_core::motion::Processing>> {
     match (given.cast::<Model>(), given.cast::<Processing>()) {
         (Ok(model), _) => Ok(model.get().inner.processing().cloned()),
         (_, Ok(processing)) => Ok(Some(processing.get().inner.clone())),

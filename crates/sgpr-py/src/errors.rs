@@ -155,6 +155,15 @@ impl IntoPyErr for IdentifyError {
     }
 }
 
+impl IntoPyErr for model::RecordError {
+    fn into_py_err(self) -> PyErr {
+        match self {
+            Self::Identify(error) => error.into_py_err(),
+            error => IdentificationError::new_err(error.to_string()),
+        }
+    }
+}
+
 impl IntoPyErr for GpError {
     fn into_py_err(self) -> PyErr {
         match self {

@@ -77,6 +77,12 @@ fn evidence(
     Ok(kept.into_iter().map(|(_, recording)| recording).collect())
 }
 
+/// Warns of what the user should read.
+pub fn warn(py: Python<'_>, texts: &[String]) -> PyResult<()> {
+    let category = py.get_type::<PyUserWarning>();
+    texts.iter().try_for_each(|text| PyErr::warn(py, &category, &CString::new(text.replace('\0', ""))?, 2))
+}
+
 /// Share of its moving time in which a recording repeats paths of known ones.
 ///
 /// An error on a log that repeats motions of the training tells how well a model repeats what it was fitted to, with all

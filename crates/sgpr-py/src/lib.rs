@@ -14,6 +14,7 @@ mod model;
 mod online;
 mod payload;
 mod progress;
+mod record;
 mod recording;
 mod robot;
 mod semi_parametric;
@@ -46,6 +47,8 @@ mod _sgpr {
     use crate::online::{OnlineGaussianProcess, OnlineModel};
     #[pymodule_export]
     use crate::payload::{DriveGains, Payload, identify_drive_gains, identify_payload, screen};
+    #[pymodule_export]
+    use crate::record::{Record, choose_processing, compare_records, deviations, identify_records, record};
     #[pymodule_export]
     use crate::recording::{Issue, Recording, Repaired, read_csv, read_mcap, write_mcap};
     #[pymodule_export]

@@ -833,6 +833,30 @@ impl Processing {
         view(slf, &[slf.get().inner.standstill_speed.len()], |processing| &processing.inner.standstill_speed)
     }
 
+    /// Samples at one sampling rate by which the filters reach over the end of a piece of a log, to fifteen digits.
+    fn reach(&self, rate_hz: f64) -> PyResult<usize> {
+        self.inner.reach(crate::convert::positive("rate_hz", rate_hz)?).map_err(IntoPyErr::into_py_err)
+    }
+
+    /// The processing that `to_json` wrote.
+    #[staticmethod]
+    fn from_json(text: &str) -> PyResult<Self> {
+        CoreProcessing::from_json(text).map(Self::from).map_err(invalid)
+    }
+
+    /// The processing as text.
+    fn to_json(&self) -> String {
+        self.inner.to_json()
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (String,))> {
+        Ok((slf.get_type().getattr("from_json")?, (slf.get().to_json(),)))
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.inner == other.inner
+    }
+
     fn __repr__(&self) -> String {
         let band = self.inner.torque_cutoff_hz.map_or("unfiltered".into(), |hz| format!("{hz:.2} Hz"));
         format!(

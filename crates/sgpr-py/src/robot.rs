@@ -335,6 +335,13 @@ impl Robot {
         hasher.finish()
     }
 
+    /// 32 letters that robots share whose joints, links, limits and gravity are the same, and only those; the name does not
+    /// count.
+    #[getter]
+    fn fingerprint(&self) -> String {
+        self.inner.fingerprint()
+    }
+
     /// Inertias travel beside the description: those that were identified may be such as no robot file has.
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Pickled<'py>> {
         let robot = &slf.get().inner;

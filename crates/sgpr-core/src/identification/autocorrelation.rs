@@ -39,24 +39,36 @@ const LONGEST_LAG: usize = 500;
 
 /// Autocorrelation from lag one on, up to where it drowns in its own noise.
 pub(crate) fn correlations(series: &[Series]) -> Vec<f64> {
-    let products = |lag: usize| {
-        let parts = series.iter().map(|series| series.products(lag));
-        let (sum, count) = parts.fold((0.0, 0), |(sum, count), (s, c)| (sum + s, count + c));
+    correlations_of((0..=LONGEST_LAG).map(|lag| products(series, lag)))
+}
+
+/// The same from sums and numbers of products, from lag zero on.
+pub(crate) fn correlations_of(products: impl IntoIterator<Item = (f64, usize)>) -> Vec<f64> {
+    let mut means = products.into_iter().map(|(sum, count)| {
         let count = f64::max(count as f64, 1.0);
         (sum / count, count)
-    };
-    let (variance, _) = products(0);
-    let mut correlations = Vec::new();
-    for lag in 1..=LONGEST_LAG {
-        let (mean, count) = products(lag);
-        let correlation = mean / variance;
-        // A series without rows or without residual has the correlation 0 / 0.
-        if correlation.is_nan() || correlation <= 2.0 / count.sqrt() {
-            break;
-        }
-        correlations.push(correlation);
-    }
-    correlations
+    });
+    let Some((variance, _)) = means.next() else { return Vec::new() };
+    // A series without rows or without residual has the correlation 0 / 0.
+    let drowned = |correlation: f64, count: f64| correlation.is_nan() || correlation <= 2.0 / count.sqrt();
+    means
+        .map(|(mean, count)| (mean / variance, count))
+        .take_while(|(correlation, count)| !drowned(*correlation, *count))
+        .map(|(correlation, _)| correlation)
+        .collect()
+}
+
+/// Sums and numbers of products by lag, from lag zero to twice where the autocorrelation drowns: with those of other
+/// logs the noise is smaller, and more of it shows.
+pub(crate) fn lag_products(series: &[Series]) -> Vec<(f64, usize)> {
+    const SPARE: usize = 16;
+    let lags = (2 * correlations(series).len() + SPARE).min(LONGEST_LAG);
+    (0..=lags).map(|lag| products(series, lag)).collect()
+}
+
+fn products(series: &[Series], lag: usize) -> (f64, usize) {
+    let parts = series.iter().map(|series| series.products(lag));
+    parts.fold((0.0, 0), |(sum, count), (s, c)| (sum + s, count + c))
 }
 
 /// How many rows carry as much as one independent row, 1 + 2 sum of the autocorrelation.

@@ -7,6 +7,7 @@ mod held;
 mod identify;
 mod payload;
 mod prediction_band;
+mod record;
 mod semi_parametric;
 mod stream;
 mod terms;
@@ -24,6 +25,10 @@ pub use identify::{
     cutoff_influence, identify, screen,
 };
 pub use payload::{identify_drive_gains, identify_payload};
+pub use record::{
+    Deviation, JointDeviation, ParameterDeviation, Record, RecordBlock, RecordError, RecordMemory, RecordOptions,
+    RecordedError, choose_processing, compare_records, deviations, identify_records, record,
+};
 pub use semi_parametric::{
     Candidate, Coverage, FollowingIntervals, Inputs, JointReport, Mean, SemiParametricError, SemiParametricModel,
     SemiParametricOptions, SemiParametricPredictor, TorquePrediction, fit_rest, fit_semi_parametric,

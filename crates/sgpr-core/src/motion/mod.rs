@@ -5,6 +5,7 @@
 
 mod error;
 mod periods;
+mod pieces;
 mod processing;
 mod standstill;
 

@@ -16,6 +16,14 @@ pub(super) struct RobotDescription {
     notes: Vec<String>,
 }
 
+impl RobotDescription {
+    /// The text of what dynamics depends on: joints, links and gravity.
+    pub(super) fn dynamics_json(self) -> String {
+        let bare = Self { name: String::new(), frames: Vec::new(), notes: Vec::new(), ..self };
+        serde_json::to_string(&bare).expect("plain data")
+    }
+}
+
 #[derive(Debug, Serialize, Deserialize)]
 struct JointDescription {
     name: String,

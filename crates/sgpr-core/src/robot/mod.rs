@@ -7,6 +7,7 @@
 mod description;
 mod dh;
 mod error;
+mod fingerprint;
 mod ready_made;
 mod urdf;
 mod urdf_fault;

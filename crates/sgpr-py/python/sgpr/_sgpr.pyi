@@ -46,6 +46,7 @@ __all__ = [
     "Predictor",
     "ProcessPredictor",
     "Processing",
+    "Record",
     "Recording",
     "RecordingError",
     "Repaired",
@@ -57,9 +58,12 @@ __all__ = [
     "SimulationError",
     "Trajectory",
     "__version__",
+    "choose_processing",
     "compare",
+    "compare_records",
     "compare_streaming",
     "cutoff_influence",
+    "deviations",
     "diagnose",
     "effects",
     "excite",
@@ -68,11 +72,13 @@ __all__ = [
     "identify",
     "identify_drive_gains",
     "identify_payload",
+    "identify_records",
     "load",
     "puma560",
     "puma560_drives",
     "read_csv",
     "read_mcap",
+    "record",
     "register_effect",
     "regroupings",
     "repeated_share",
@@ -98,6 +104,8 @@ class SimulationError(SgprError): ...
 
 @final
 class Robot:
+    @property
+    def fingerprint(self) -> str: ...
     @staticmethod
     def from_urdf(
         path: _Path,
@@ -364,6 +372,67 @@ class Processing:
     def standstill_speed(self) -> _Array: ...
     @property
     def turn_margin(self) -> float: ...
+    def reach(self, rate_hz: float) -> int: ...  # samples
+    @staticmethod
+    def from_json(text: str) -> Processing: ...
+    def to_json(self) -> str: ...
+    def __reduce__(self) -> Any: ...
+    def __eq__(self, other: object, /) -> bool: ...
+
+@final
+class Record:
+    @property
+    def robot(self) -> str: ...  # fingerprint
+    @property
+    def joint_names(self) -> list[str]: ...
+    @property
+    def effects(self) -> list[str]: ...
+    @property
+    def processing(self) -> Processing: ...
+    @property
+    def source(self) -> str: ...
+    @property
+    def content_hash(self) -> str: ...
+    @property
+    def counted(self) -> tuple[int, int] | None: ...  # ns
+    @property
+    def start_time(self) -> int: ...  # ns
+    @property
+    def end_time(self) -> int: ...  # ns
+    @property
+    def samples(self) -> int: ...
+    @property
+    def rows(self) -> int: ...
+    @property
+    def findings(self) -> list[str]: ...
+    @property
+    def labels(self) -> dict[str, str]: ...
+    @property
+    def library_version(self) -> str: ...
+    @property
+    def blocks(self) -> list[dict[str, Any]]: ...  # start_time, end_time, channels, rows
+    def factors(self, block: int) -> list[dict[str, Any]]: ...  # joint, resting, columns, rows, factor
+    def to_parts(self) -> tuple[str, _Array]: ...
+    @staticmethod
+    def from_parts(head: str, numbers: ArrayLike) -> Record: ...
+    def __reduce__(self) -> Any: ...
+
+def choose_processing(robot: Robot, recordings: Sequence[Recording], **options: Any) -> Processing: ...
+def record(
+    robot: Robot,
+    recording: Recording,
+    *,
+    processing: Model | Processing | None = None,  # default: chosen from this log
+    effects: Sequence[str] | None = None,  # default: those of the model, else those of identify
+    blocks: int = 5,
+    counted: tuple[int, int] | None = None,  # ns
+    labels: Mapping[str, str] | None = None,
+) -> Record: ...
+def identify_records(
+    robot: Robot, records: Sequence[Record], *, method: str = "wls", noise: ArrayLike | None = None
+) -> Model: ...
+def compare_records(model: Model, records: Sequence[Record]) -> list[dict[str, Any]]: ...  # joint, rows, rmse, torque
+def deviations(model: Model, record: Record, *, by_block: bool = False) -> list[dict[str, Any]]: ...
 
 @final
 class Model:

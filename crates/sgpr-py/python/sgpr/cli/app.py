@@ -15,6 +15,9 @@ from .diagnose import diagnose
 from .effects import effects
 from .errors import guarded
 from .excite import excite
+from .fleet import report as fleet_report
+from .fleet import run as fleet_run
+from .fleet import simulate as fleet_simulate
 from .identify import identify
 from .info import info
 from .learn import learn
@@ -33,6 +36,10 @@ app = typer.Typer(
 )
 
 
+fleet = typer.Typer(name="fleet", help="Many arms: records of their logs, and what changed in which.")
+app.add_typer(fleet, no_args_is_help=True)
+
+
 def register(command: Callable[..., Any], group: typer.Typer = app) -> None:
     """Makes a function a command of its name."""
     epilog = "Options whose value ends in ... take several values, up to the next option or --: --effects a b c."
@@ -43,6 +50,9 @@ def register(command: Callable[..., Any], group: typer.Typer = app) -> None:
 
 for each in (demo, info, identify, compare, diagnose, learn, predict, effects, payload, excite, simulate, reproduce):
     register(each)
+
+for each in (fleet_run, fleet_report, fleet_simulate):
+    register(each, fleet)
 
 
 data_app = typer.Typer(name="data", help="Public logs of real robots, by name.", no_args_is_help=True)

@@ -75,10 +75,13 @@ def table(
     for row in rows:
         cells = []
         for k, value in enumerate(row):
-            content, style = (value.content, value.style) if isinstance(value, Cell) else (value, "")
+            content, style, order = (
+                (value.content, value.style, value.order) if isinstance(value, Cell) else (value, "", None)
+            )
             classes = " ".join(filter(None, ["text" if k in text_columns else "", style]))
             tag, scope = ("th", "row") if k == 0 else ("td", "")
-            cells.append(element(tag, content, scope=scope, class_=classes))
+            number = "" if order is None else f"{order:.9g}"
+            cells.append(element(tag, content, scope=scope, class_=classes, data_order=number))
         lines.append(element("tr", Html("".join(cells))))
     inner = join([element("caption", caption), element("thead", element("tr", head)), element("tbody", join(lines))])
     return element("div", element("table", inner), class_="wide", tabindex="0", role="region", aria_label=caption)

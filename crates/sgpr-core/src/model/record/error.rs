@@ -1,0 +1,81 @@
+use super::super::IdentifyError;
+
+/// Why a record could not be made, read or used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordError {
+    /// The log cannot be turned into equations, or the equations not be solved.
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
+    /// No record.
+    #[error("no record was given")]
+    NoRecord,
+    /// Not a record, or a damaged one.
+    #[error("not a record, or damaged: {message}")]
+    Malformed {
+        /// What is wrong with it.
+        message: String,
+    },
+    /// Of another robot.
+    #[error(
+        "the record of {source_name} is of another robot: its fingerprint is {found}, that of `{robot}` is {expected}; \
+         joints, links and gravity must be those of the robot file that it was made with"
+    )]
+    OtherRobot {
+        /// Log of the record.
+        source_name: String,
+        /// Fingerprint of the record.
+        found: String,
+        /// Name of the robot.
+        robot: String,
+        /// Its fingerprint.
+        expected: String,
+    },
+    /// Of other equations than the first record.
+    #[error(
+        "the records of {first} and {other} differ in their {what}, so their equations cannot be summed: make both with the \
+         same {what}"
+    )]
+    Different {
+        /// Log of the first record.
+        first: String,
+        /// Log of the other.
+        other: String,
+        /// Effects or processing.
+        what: &'static str,
+    },
+    /// What needs single rows.
+    #[error(
+        "{what} needs the single rows of the logs, which records do not hold: identify from the logs, or choose among ols, \
+         wls and known noise"
+    )]
+    NeedsRows {
+        /// Method or option.
+        what: String,
+    },
+    /// What is no linear effect of the present motion.
+    #[error(
+        "`{effect}` follows the whole trajectory or has constants that enter nonlinearly, and no record can hold it: leave \
+         it out, and add it to the model from a log"
+    )]
+    NotRecorded {
+        /// Effect.
+        effect: String,
+    },
+    /// Nothing counts.
+    #[error("no sample of {source_name} lies in the part that counts")]
+    NothingCounts {
+        /// Log.
+        source_name: String,
+    },
+    /// A model whose parameters are not those of the record.
+    #[error(
+        "the model has `{parameter}`, the record of {source_name} does not: make records with the effects of the model"
+    )]
+    OtherParameters {
+        /// Parameter, or effect, of the model.
+        parameter: String,
+        /// Log of the record.
+        source_name: String,
+    },
+}

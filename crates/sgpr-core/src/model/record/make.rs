@@ -1,0 +1,253 @@
+//! From a log to its record.
+
+use std::collections::BTreeMap;
+
+use super::super::experiment::{Experiment, band_filter, select_joints, torque_of};
+use super::super::identify::require_torque;
+use super::super::torque_model::nominal_parameters;
+use super::super::variable_projection;
+use super::super::{IdentifyError, TorqueModel};
+use super::{Record, RecordBlock, RecordError, RecordMemory, sum};
+use crate::identification::{
+    BaseParameters, Equations, JointFactor, LeastSquares, Method, ParameterSet, Row, Series, lag_products,
+    screen_factors,
+};
+use crate::linalg::TriangularFactor;
+use crate::motion::{Conditioning, Motion, Processing};
+use crate::recording::{Recording, inspect};
+use crate::robot::Robot;
+
+/// What goes into a record.
+#[derive(Clone, Debug)]
+pub struct RecordOptions {
+    /// Names of effects beside the rigid body, each a linear function of the present motion and at every joint.
+    pub effects: Vec<String>,
+    /// Parts of equal length that keep factors of their own, at least one.
+    pub blocks: usize,
+    /// Part of the log that counts, `[start, end)`, ns: the rest only settles filters. All of it if `None`.
+    pub counted: Option<[i64; 2]>,
+    /// Names that the record keeps.
+    pub labels: BTreeMap<String, String>,
+}
+
+impl Default for RecordOptions {
+    fn default() -> Self {
+        let effects = super::super::IdentifyOptions::default().effects;
+        Self { effects, blocks: 5, counted: None, labels: BTreeMap::new() }
+    }
+}
+
+/// What is done to logs of a robot so that their records can be summed: what [`identify`](super::super::identify) would
+/// choose for the same logs.
+///
+/// # Errors
+/// As [`Processing::choose`], and if a recording lacks a joint.
+pub fn choose_processing(
+    robot: &Robot,
+    recordings: &[Recording],
+    conditioning: &Conditioning,
+) -> Result<Processing, IdentifyError> {
+    Ok(Processing::choose(&select_joints(robot, recordings)?, conditioning)?.0)
+}
+
+/// The record of a log, processed as `processing` says.
+///
+/// The equations are those of [`identify`](super::super::identify): both sides filtered, rows of joints at rest apart.
+///
+/// # Errors
+/// If the log lacks a joint or torque or cannot be differentiated, or an effect cannot be recorded.
+///
+/// # Panics
+/// If there is not at least one block.
+pub fn record(
+    robot: &Robot,
+    recording: &Recording,
+    processing: &Processing,
+    options: &RecordOptions,
+) -> Result<Record, RecordError> {
+    assert!(options.blocks > 0, "at least one block");
+    let (effects, others) = variable_projection::split(robot, &options.effects)?;
+    if let Some((effect, _)) = others.first() {
+        return Err(RecordError::NotRecorded { effect: effect.name().into() });
+    }
+    let recordings = select_joints(robot, std::slice::from_ref(recording)).map_err(IdentifyError::from)?;
+    require_torque(robot, &recordings)?;
+    let set = ParameterSet::new(robot, &effects).map_err(IdentifyError::from)?;
+    let base = BaseParameters::new(robot, &set);
+    let mut experiment = Experiment::new(&recordings, processing)?;
+    if let Some(counted) = options.counted {
+        experiment.motions.iter_mut().for_each(|motion| count_only(motion, counted));
+    }
+    let parts = Parts::new(&experiment.motions, options);
+    if parts.samples == 0 {
+        return Err(RecordError::NothingCounts { source_name: recording.source().into() });
+    }
+    let trajectories = experiment.trajectories(&[], &[]).map_err(IdentifyError::from)?;
+    let mut equations = Equations::new(robot, &set, &base, trajectories);
+    let blocks = block_factors(&mut equations, &parts, options.blocks)?;
+    let all: Vec<&JointFactor> = blocks.iter().flatten().collect();
+    let factors = sum::stacked(&all);
+    let mut record = Record {
+        robot: robot.fingerprint(),
+        joints: robot.joint_names().map(String::from).collect(),
+        effects,
+        processing: processing.clone(),
+        source: recording.source().into(),
+        content_hash: format!("{:032x}", recording.content_hash()),
+        counted: options.counted,
+        time: parts.time(0..options.blocks),
+        samples: parts.samples,
+        findings: inspect(recording).into_iter().map(|issue| issue.message).collect(),
+        labels: options.labels.clone(),
+        library_version: env!("CARGO_PKG_VERSION").into(),
+        memory: Vec::new(),
+        blocks: Vec::new(),
+    };
+    let of_block = |(index, factors): (usize, Vec<JointFactor>)| RecordBlock {
+        time: parts.time(index..index + 1),
+        channels: parts.channels(&experiment.motions, index),
+        factors,
+    };
+    record.blocks = blocks.into_iter().enumerate().map(of_block).collect();
+    remember(&mut record, robot, (&set, &base), &experiment.motions, &factors)?;
+    Ok(record)
+}
+
+/// Takes the rows outside a part of the log out.
+fn count_only(motion: &mut Motion, [start, end]: [i64; 2]) {
+    let n = motion.use_as.len() / motion.len().max(1);
+    for (time, rows) in motion.time.iter().zip(motion.use_as.chunks_exact_mut(n)) {
+        if !(start..end).contains(time) {
+            rows.fill(Row::Skip);
+        }
+    }
+}
+
+/// Which block a sample of a stretch belongs to: each stretch is cut into as many parts of equal length, as for the parts
+/// that are left out one after the other.
+struct Parts {
+    blocks: usize,
+    /// Per stretch: samples that count, and the stamps of all.
+    stretches: Vec<(std::ops::Range<usize>, Vec<i64>)>,
+    samples: usize,
+}
+
+impl Parts {
+    fn new(motions: &[Motion], options: &RecordOptions) -> Self {
+        let stretch = |motion: &Motion| {
+            let [start, end] = options.counted.unwrap_or([i64::MIN, i64::MAX]);
+            let first = motion.time.partition_point(|time| *time < start);
+            let last = motion.time.partition_point(|time| *time < end);
+            (first..last.max(first), motion.time.clone())
+        };
+        let stretches: Vec<_> = motions.iter().map(stretch).collect();
+        let samples = stretches.iter().map(|(counted, _)| counted.len()).sum();
+        Self { blocks: options.blocks, stretches, samples }
+    }
+
+    fn range(&self, stretch: usize, blocks: &std::ops::Range<usize>) -> std::ops::Range<usize> {
+        let counted = &self.stretches[stretch].0;
+        let place = |block: usize| counted.start + block * counted.len() / self.blocks;
+        place(blocks.start)..place(blocks.end)
+    }
+
+    fn block(&self, stretch: usize, sample: usize) -> usize {
+        let counted = &self.stretches[stretch].0;
+        let guess = (sample - counted.start) * self.blocks / counted.len().max(1);
+        let fits = |block: &usize| self.range(stretch, &(*block..*block + 1)).contains(&sample);
+        (guess.saturating_sub(1)..self.blocks).find(fits).expect("rows that count lie in a block")
+    }
+
+    /// First and last stamp.
+    fn time(&self, blocks: std::ops::Range<usize>) -> [i64; 2] {
+        let mut found = [i64::MAX, i64::MIN];
+        for (stretch, (_, time)) in self.stretches.iter().enumerate() {
+            for stamp in &time[self.range(stretch, &blocks)] {
+                found = [found[0].min(*stamp), found[1].max(*stamp)];
+            }
+        }
+        if found[0] > found[1] { [0, 0] } else { found }
+    }
+
+    /// Mean of each channel.
+    fn channels(&self, motions: &[Motion], block: usize) -> BTreeMap<String, f64> {
+        let mut sums: BTreeMap<String, (f64, usize)> = BTreeMap::new();
+        for (stretch, motion) in motions.iter().enumerate() {
+            let range = self.range(stretch, &(block..block + 1));
+            for channel in &motion.channels {
+                let (sum, count) = sums.entry(channel.name.clone()).or_default();
+                for value in channel.values[range.clone()].iter().filter(|value| value.is_finite()) {
+                    (*sum, *count) = (*sum + value, *count + 1);
+                }
+            }
+        }
+        let mean = |(name, (sum, count)): (String, (f64, usize))| (count > 0).then(|| (name, sum / count as f64));
+        sums.into_iter().filter_map(mean).filter(|(_, mean)| mean.is_finite()).collect()
+    }
+}
+
+/// Factors of each block, joints in motion first, then joints at rest.
+fn block_factors(
+    equations: &mut Equations<'_>,
+    parts: &Parts,
+    blocks: usize,
+) -> Result<Vec<Vec<JointFactor>>, IdentifyError> {
+    type Growing = BTreeMap<(bool, usize), (Vec<usize>, TriangularFactor)>;
+    let mut growing: Vec<Growing> = (0..blocks).map(|_| Growing::new()).collect();
+    equations.for_each(|equation| {
+        let block = &mut growing[parts.block(equation.trajectory, equation.sample)];
+        let (_, factor) = block
+            .entry((equation.resting, equation.joint))
+            .or_insert_with(|| (equation.columns.to_vec(), TriangularFactor::new(equation.row.len())));
+        factor.push(equation.row);
+    })?;
+    let finished = |block: Growing| {
+        let factor = |((resting, joint), (columns, factor)): ((bool, usize), (Vec<usize>, TriangularFactor))| {
+            JointFactor { joint, resting, columns, rows: factor.rows(), factor: factor.factor() }
+        };
+        block.into_iter().map(factor).collect()
+    };
+    Ok(growing.into_iter().map(finished).collect())
+}
+
+/// Sets the memory of the residual that the log's own solution leaves, and what the factors make suspicious. A log too short
+/// for a solution has no memory of its own.
+fn remember(
+    record: &mut Record,
+    robot: &Robot,
+    (set, base): (&ParameterSet, &BaseParameters),
+    motions: &[Motion],
+    factors: &[JointFactor],
+) -> Result<(), RecordError> {
+    let start = nominal_parameters(robot, set);
+    let solved = LeastSquares::new(Method::Wls).solve(factors, base, &base.combine(&start));
+    let Ok(estimate) = solved else { return Ok(()) };
+    record.findings.extend(screen_factors(set, base, &record.joints, factors, &estimate).iter().map(|f| f.to_string()));
+    let parameters = base.expand(&estimate.values, &start);
+    let model = TorqueModel::from_parameters(robot.clone(), set.clone(), parameters, vec![]);
+    let (n, step) = (robot.dof(), record.processing.decimation);
+    let mut residuals = Vec::with_capacity(motions.len());
+    for motion in motions {
+        let mut residual = torque_of(motion).map_err(IdentifyError::from)?.to_vec();
+        residual.iter_mut().zip(model.predict_motion(motion)).for_each(|(tau, predicted)| *tau -= predicted);
+        let filter = band_filter(&record.processing, motion.rate_hz).map_err(IdentifyError::from)?;
+        if let Some(filter) = filter {
+            filter.apply(&mut residual, n).map_err(IdentifyError::from)?;
+        }
+        residuals.push(residual);
+    }
+    for factor in factors {
+        let wanted = if factor.resting { Row::Resting } else { Row::Moving };
+        let series: Vec<Series> = motions
+            .iter()
+            .zip(&residuals)
+            .map(|(motion, residual)| {
+                let rows = (factor.joint..residual.len()).step_by(n * step);
+                rows.map(|row| (motion.use_as[row] == wanted).then_some(residual[row])).collect()
+            })
+            .collect();
+        let (sums, counts) = lag_products(&series).into_iter().unzip();
+        record.memory.push(RecordMemory { joint: factor.joint, resting: factor.resting, sums, counts });
+    }
+    Ok(())
+}

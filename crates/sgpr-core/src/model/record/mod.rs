@@ -1,0 +1,95 @@
+//! A log as a sum: the small part of it that identification needs.
+//!
+//! Least squares knows of a log only the triangular factors of its equations with the torque. A [`Record`] keeps them,
+//! joint by joint and part by part, with what the residual remembers and where the log came from. Any choice of records is
+//! identified ([`identify_records`]), compared with a model ([`compare_records`]) and looked through for changes
+//! ([`deviations`]) without the logs: factors of several logs below each other, reduced again, are the factor of all their
+//! rows. Adding a log is adding its record to the list, removing it is leaving it out.
+
+mod deviation;
+mod error;
+mod make;
+mod parts;
+mod sum;
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+pub use deviation::{Deviation, JointDeviation, ParameterDeviation, deviations};
+pub use error::RecordError;
+pub use make::{RecordOptions, choose_processing, record};
+pub use sum::{RecordedError, compare_records, identify_records};
+
+use crate::identification::JointFactor;
+use crate::motion::Processing;
+
+/// What a log says about the parameters of a robot.
+#[derive(Clone, Debug)]
+pub struct Record {
+    /// [`Robot::fingerprint`](crate::robot::Robot::fingerprint) of the robot.
+    pub robot: String,
+    /// Its joints.
+    pub joints: Vec<String>,
+    /// Effects beside the rigid body.
+    pub effects: Vec<String>,
+    /// How the log was processed; records are summed only where this is the same.
+    pub processing: Processing,
+    /// Where the log came from.
+    pub source: String,
+    /// [`Recording::content_hash`](crate::recording::Recording::content_hash) of the log, hexadecimal.
+    pub content_hash: String,
+    /// Part of the log that counts, `[start, end)`, ns; all of it if `None`.
+    pub counted: Option<[i64; 2]>,
+    /// Stamps of the first and the last sample, ns.
+    pub time: [i64; 2],
+    /// Samples that count.
+    pub samples: usize,
+    /// What a look at the log found.
+    pub findings: Vec<String>,
+    /// Names that the caller gives: the arm, the session, its tool.
+    pub labels: BTreeMap<String, String>,
+    /// Version of the library that made it.
+    pub library_version: String,
+    /// What the residual of each joint remembers.
+    pub memory: Vec<RecordMemory>,
+    /// Parts of the log in the order of time.
+    pub blocks: Vec<RecordBlock>,
+}
+
+/// Products of a joint's residual with itself some rows later, summed over the log.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RecordMemory {
+    /// Joint.
+    pub joint: usize,
+    /// Whether these are the rows at which it stands.
+    pub resting: bool,
+    /// Sum by lag, from lag zero, (N·m)² (N²).
+    pub sums: Vec<f64>,
+    /// Number of products in each.
+    pub counts: Vec<usize>,
+}
+
+/// A part of a log.
+#[derive(Clone, Debug)]
+pub struct RecordBlock {
+    /// Stamps of its first and last sample, ns.
+    pub time: [i64; 2],
+    /// Mean of each channel of the log, of the samples that have a value.
+    pub channels: BTreeMap<String, f64>,
+    /// Joints in motion, then joints at rest; without those that have no row.
+    pub factors: Vec<JointFactor>,
+}
+
+impl Record {
+    /// Identifies the same part of the same log.
+    pub(super) fn identity(&self) -> (&str, Option<[i64; 2]>) {
+        (&self.content_hash, self.counted)
+    }
+
+    /// Rows of all joints and blocks.
+    pub fn rows(&self) -> usize {
+        self.blocks.iter().flat_map(|block| &block.factors).map(|factor| factor.rows).sum()
+    }
+}

@@ -1,0 +1,322 @@
+"""The page about a fleet: which arms changed, when, and what changed in them."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ..fleet.changes import Alarm, ArmHistory, Series, date, deviation_of, without_temperature
+from .colours import AFTER, BEFORE, INTERVAL, MEASURED
+from .figures import axis, layout, rounded
+from .markup import Cell, Html, Section, choice, element, items, join, paragraph, plot, table
+from .numbers import MISSING, counted, percent, significant
+from .page import page
+
+PLOT_HEIGHT = 360
+MOST_PLOTS = 40
+ROW_HEIGHT = 22
+SORT = """
+document.querySelectorAll('table.sortable').forEach(function (table) {
+  const body = table.tBodies[0];
+  table.querySelectorAll('thead th').forEach(function (head, column) {
+    const button = document.createElement('button');
+    button.type = 'button';
+    button.textContent = head.textContent;
+    head.replaceChildren(button);
+    button.addEventListener('click', function () {
+      const up = head.getAttribute('aria-sort') !== 'ascending';
+      table.querySelectorAll('thead th').forEach((other) => other.removeAttribute('aria-sort'));
+      head.setAttribute('aria-sort', up ? 'ascending' : 'descending');
+      const key = (row) => row.cells[column].dataset.order || row.cells[column].textContent;
+      const rows = Array.from(body.rows);
+      rows.sort(function (a, b) {
+        const x = key(a), y = key(b), numbers = x !== '' && y !== '' && !isNaN(x) && !isNaN(y);
+        const order = numbers ? Number(x) - Number(y) : x.localeCompare(y, undefined, {numeric: true});
+        return up ? order : -order;
+      });
+      rows.forEach((row) => body.appendChild(row));
+    });
+  });
+});
+"""
+STYLE = """
+table.sortable thead th button { all: unset; cursor: pointer; font: inherit; }
+table.sortable thead th button:focus-visible { outline: 2px solid #0072b2; outline-offset: 2px; }
+table.sortable thead th button::after { content: ' \\2195'; color: #8c959f; }
+table.sortable thead th[aria-sort=ascending] button::after { content: ' \\2191'; color: inherit; }
+table.sortable thead th[aria-sort=descending] button::after { content: ' \\2193'; color: inherit; }
+"""
+
+
+@dataclass(frozen=True)
+class FleetPage:
+    """All that the page shows.
+
+    - `aside`: logs that could not be recorded, with the reasons; `copies`: logs that are copies, with their originals
+    - `false_alarms`: per arm and year, that were allowed
+    """
+
+    histories: Sequence[ArmHistory]
+    aside: dict[str, str]
+    copies: dict[str, str]
+    false_alarms: float
+    versions: dict[str, str]
+
+    def html(self) -> str:
+        """The file."""
+        alarms = [alarm for history in self.histories for alarm in history.alarms]
+        figures, switches = {"errors": self._errors()}, {}
+        shown = [(history, alarm) for history in self.histories for alarm in history.alarms][:MOST_PLOTS]
+        if shown:
+            switches["changes"] = [_change(history, alarm) for history, alarm in shown]
+        sections = [
+            Section("alarms", "What changed", self._alarms(alarms, shown)),
+            Section("error", "Error of each arm over time", self._error_section()),
+            Section("arms", "Arms", self._arms()),
+            Section("outliers", "Arms unlike their sisters, and single sessions", self._outliers()),
+            Section("aside", "Logs set aside", self._aside()),
+            Section("how", "How sure", self._how()),
+        ]
+        hours = sum(history.hours for history in self.histories)
+        sessions = sum(len(history.time) for history in self.histories)
+        changed = len({alarm.robot for alarm in alarms})
+        text = (
+            f"{counted(changed, 'arm')} of {len(self.histories)} changed, in {counted(sessions, 'session')} and "
+            f"{significant(hours)} h of logs. {counted(len(self.aside), 'log')} set aside."
+        )
+        lead = element("p", text, class_="verdict bad" if alarms else "verdict")
+        title = f"Fleet of {counted(len(self.histories), 'arm')}"
+        whole = page(title, lead, sections, {"figures": figures, "switches": switches, "torque": None})
+        return whole.replace("</style>", f"{STYLE}</style>", 1).replace(
+            "</body>", f"<script>{SORT}</script>\n</body>", 1
+        )
+
+    def _alarms(self, alarms: Sequence[Alarm], shown: Sequence[tuple[ArmHistory, Alarm]]) -> Html:
+        if not alarms:
+            return paragraph("No change stands out of chance.")
+        rows = [
+            [
+                alarm.robot,
+                alarm.type or MISSING,
+                alarm.joint or "last link",
+                alarm.cause,
+                Cell(_amount(alarm), order=alarm.change),
+                Cell(_interval(alarm), order=alarm.interval[0]),
+                Cell(date(alarm.since) if alarm.since > 0 else str(alarm.session), order=float(alarm.since)),
+                Cell(_of_temperature(alarm), order=alarm.of_temperature),
+                Cell(significant(abs(alarm.deviations)), order=abs(alarm.deviations)),
+            ]
+            for alarm in sorted(alarms, key=lambda alarm: -abs(alarm.deviations))
+        ]
+        columns = ["arm", "type", "joint", "cause", "change", "95 % interval", "since"]
+        columns += ["of it temperature", "standard deviations"]
+        parts = [_sortable(table("Alarms", columns, rows, text_columns=(0, 1, 2, 3, 6)))]
+        parts.append(items(alarm.text for alarm in sorted(alarms, key=lambda alarm: (alarm.robot, alarm.session))))
+        names = [f"{alarm.robot}, {alarm.joint or 'last link'}: {alarm.cause}" for _, alarm in shown]
+        parts.append(choice("changes-choice", "Change", names))
+        note = "Points: one session each, what temperature explains taken off, with two standard deviations. "
+        note += "Line: mean before and after."
+        parts.append(plot("changes", PLOT_HEIGHT, "The parameter that changed, session by session", note))
+        if len(alarms) > len(shown):
+            parts.append(paragraph(f"Plots of {len(alarms) - len(shown)} more alarms are left out."))
+        return join(parts)
+
+    def _errors(self) -> dict[str, Any]:
+        """Error of each arm by day, as a multiple of what it was before any change."""
+        first = min(history.time[0] for history in self.histories)
+        last = max(history.time[-1] for history in self.histories)
+        days = int((last - first) // 86_400_000_000_000) + 1
+        grid = np.full((len(self.histories), days), np.nan)
+        for row, history in enumerate(self.histories):
+            ratio = _ratio(history)
+            day = (np.array(history.time) - first) // 86_400_000_000_000
+            for k in np.unique(day):
+                values = ratio[day == k]
+                if np.isfinite(values).any():
+                    grid[row, int(k)] = np.nanmax(values)
+        stamps = [str(np.datetime64(first, "ns").astype("datetime64[D]") + k) for k in range(days)]
+        heat = {
+            "type": "heatmap",
+            "x": stamps,
+            "y": [history.robot for history in self.histories],
+            "z": [[None if math.isnan(v) else float(f"{math.log2(max(v, 0.25)):.4g}") for v in row] for row in grid],
+            "customdata": [[None if math.isnan(v) else float(f"{v:.3g}") for v in row] for row in grid],
+            "zmin": -1,
+            "zmax": 3,
+            "colorscale": [[0, "#0072b2"], [0.25, "#f4f4f4"], [1, "#d55e00"]],
+            "colorbar": {
+                "title": {"text": "times the error<br>before any change"},
+                "tickvals": [-1, 0, 1, 2, 3],
+                "ticktext": ["½", "1", "2", "4", "8"],
+            },
+            "hovertemplate": "%{y}, %{x}: %{customdata} times<extra></extra>",
+            "xgap": 1,
+            "ygap": 1,
+        }
+        y = axis("", type="category", autorange="reversed", dtick=max(1, len(self.histories) // 60))
+        shape = layout(xaxis=axis("day", type="date" if first > 0 else "category"), yaxis=y)
+        return {"data": [heat], "layout": shape}
+
+    def _error_section(self) -> Html:
+        height = 140 + ROW_HEIGHT * min(len(self.histories), 60)
+        note = (
+            "The joint whose error grew most; white where it is what it was in the first sessions, empty without log."
+        )
+        return plot("errors", height, "Error of each arm by day", note)
+
+    def _arms(self) -> Html:
+        rows = []
+        for history in self.histories:
+            ratio = _ratio(history)
+            recent = ratio[-max(len(ratio) // 10, 1) :]
+            error = _median(history.error[: history.baseline])
+            worst = int(np.nanargmax(error)) if np.isfinite(error).any() else 0
+            rows.append(
+                [
+                    history.robot,
+                    history.type or MISSING,
+                    Cell(str(len(history.time)), order=len(history.time)),
+                    Cell(significant(history.hours), order=history.hours),
+                    Cell(percent(100 * float(error[worst])), order=float(error[worst])),
+                    history.joints[worst],
+                    Cell(significant(float(np.nanmedian(recent))), order=float(np.nanmedian(recent))),
+                    Cell(str(len(history.alarms)), order=len(history.alarms)),
+                    Cell(str(len(history.events)), order=len(history.events)),
+                    "its sisters' first sessions" if history.borrowed else f"its first {history.baseline} sessions",
+                ]
+            )
+        columns = [
+            "arm",
+            "type",
+            "sessions",
+            "hours",
+            "error at first [%]",
+            "of joint",
+            "error now / before any change",
+        ]
+        columns += ["alarms", "events", "reference"]
+        return _sortable(table("Arms", columns, rows, text_columns=(0, 1, 5, 9)))
+
+    def _outliers(self) -> Html:
+        rows = [
+            [
+                history.robot,
+                one["joint"],
+                one["parameter"],
+                significant(one["value"]),
+                significant(one["sisters"]),
+                Cell(significant(one["deviations"]), order=one["deviations"]),
+            ]
+            for history in self.histories
+            for one in history.outliers
+        ]
+        events = [
+            [history.robot, one["joint"], one["session"], Cell(significant(one["ratio"]), order=one["ratio"])]
+            for history in self.histories
+            for one in history.events
+        ]
+        parts = []
+        if rows:
+            columns = ["arm", "joint", "parameter", "value", "median of the type", "standard deviations"]
+            parts.append(_sortable(table("Unlike their sisters", columns, rows, text_columns=(0, 1, 2))))
+        if events:
+            columns = ["arm", "joint", "session", "times the error of the sessions around"]
+            parts.append(_sortable(table("Single sessions", columns, events, text_columns=(0, 1, 2))))
+        return join(parts) if parts else paragraph("None.")
+
+    def _aside(self) -> Html:
+        lines = [f"{path}: {reason.removeprefix(f'{path}: ')}" for path, reason in sorted(self.aside.items())]
+        lines += [f"{path}: a copy of {other}, counts once" for path, other in sorted(self.copies.items())]
+        return items(lines) if lines else paragraph("None.")
+
+    def _how(self) -> Html:
+        return items(
+            [
+                f"A change is an alarm if chance makes at most {self.false_alarms:g} such alarms per arm and year: all "
+                "joints, parameters and days count as tests (Bonferroni).",
+                "The deviation of a session is that of its residual, memory included, and what neighbouring "
+                "sessions of the arm, or of the median arm of its type, differ by beyond that.",
+                "Temperature is taken off by one slope for each parameter of a type, where it is logged.",
+                "The cause is the one parameter that alone explains most of the residual after the change; a tool "
+                "explains several joints at once. An effect that the records lack can look like it: diagnose a log.",
+                f"Made with {', '.join(f'{name} {version}' for name, version in self.versions.items())}.",
+            ]
+        )
+
+
+def _ratio(history: ArmHistory) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Error of each session as a multiple of that before any change, of the joint where it grew most."""
+    quiet = min((alarm.session for alarm in history.alarms), default=len(history.time))
+    level = _median(history.error[: max(quiet, 1)])
+    ratio = history.error / np.where(level > 0.0, level, np.nan)
+    there = np.isfinite(ratio).any(axis=1)
+    return np.where(there, np.max(np.where(np.isfinite(ratio), ratio, -np.inf), axis=1), np.nan)
+
+
+def _median(error: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Of each joint over sessions; NaN for one that never moved."""
+    columns = [column[np.isfinite(column)] for column in error.T]
+    return np.array([float(np.median(column)) if column.size else np.nan for column in columns])
+
+
+def _change(history: ArmHistory, alarm: Alarm) -> dict[str, Any]:
+    one = _series_of(history, alarm)
+    scale = 1.0 if alarm.cause == "tool" else 100.0
+    x = scale * without_temperature(history, one)
+    bars = 2.0 * scale * deviation_of(one)
+    stamps = [str(np.datetime64(stamp, "ns").astype("datetime64[s]")) for stamp in history.time]
+    points = {
+        "type": "scatter",
+        "mode": "markers",
+        "name": "session",
+        "x": stamps,
+        "y": rounded(x),
+        "error_y": {"type": "data", "array": rounded(bars), "color": INTERVAL, "thickness": 1.5, "width": 0},
+        "marker": {"color": MEASURED, "size": 6},
+        "hovertemplate": "%{x}: %{y:.3g}<extra></extra>",
+    }
+    edges = [0, *one.steps, len(x)]
+    lines = [
+        {
+            "type": "scatter",
+            "mode": "lines",
+            "name": "before" if k == 0 else "after",
+            "showlegend": k < 2,
+            "x": [stamps[start], stamps[end - 1]],
+            "y": rounded([float(np.nanmean(x[start:end]))] * 2),
+            "line": {"color": BEFORE if k == 0 else AFTER, "width": 3},
+            "hoverinfo": "skip",
+        }
+        for k, (start, end) in enumerate(pairwise(edges))
+    ]
+    label = f"change from the reference [{'kg' if alarm.cause == 'tool' else '%'}]"
+    return {"data": [points, *lines], "layout": layout(xaxis=axis("session", type="date"), yaxis=axis(label))}
+
+
+def _series_of(history: ArmHistory, alarm: Alarm) -> Series:
+    return next(one for one in history.series if one.joint == alarm.joint and one.steps and one.name == alarm.cause)
+
+
+def _amount(alarm: Alarm) -> str:
+    return f"{alarm.change:+.2f} kg" if alarm.cause == "tool" else f"{100 * alarm.change:+.1f} %"
+
+
+def _interval(alarm: Alarm) -> str:
+    low, high = alarm.interval
+    if alarm.cause == "tool":
+        return f"{low:.2f} to {high:.2f} kg"
+    return f"{100 * low:.1f} to {100 * high:.1f} %"
+
+
+def _of_temperature(alarm: Alarm) -> str:
+    if alarm.of_temperature is None:
+        return "not logged"
+    return f"{alarm.of_temperature:+.2f} kg" if alarm.cause == "tool" else f"{100 * alarm.of_temperature:+.1f} %"
+
+
+def _sortable(html: Html) -> Html:
+    """A table whose heads sort it."""
+    return Html(html.replace("<table>", '<table class="sortable">', 1))

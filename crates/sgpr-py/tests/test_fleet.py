@@ -1,0 +1,254 @@
+"""Fleets: the same records whoever makes them, logs that are set aside, and changes that are found."""
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sgpr
+from sgpr import fleet
+from sgpr.fleet import changes, engine
+from sgpr.fleet.logs import find
+
+distributed = pytest.importorskip("distributed", reason="Dask is not installed (pip install sgpr[fleet])")
+pytest.importorskip("ruptures", reason="ruptures is not installed (pip install sgpr[fleet])")
+pytestmark = pytest.mark.filterwarnings("ignore")
+
+TYPES = {"two": sgpr.robots.two_link()}
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("fleet")
+    return fleet.simulate_fleet(folder, arms=3, days=4, sessions_per_day=1, faulty=0.0, seed=3, workers=1)
+
+
+@pytest.fixture(scope="module")
+def robots() -> dict[str, sgpr.Robot | sgpr.Model]:
+    return {"puma560": sgpr.robots.puma560(), "two_link": sgpr.robots.two_link()}
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as made:
+        yield made
+
+
+def run(table: Path | str, robots: dict[str, Any], out: Path, **options: Any) -> tuple[engine.Outcome, list[Any]]:
+    out.mkdir(exist_ok=True)
+    logs = options.pop("logs", None) or find(str(table))
+    kinds = engine.kinds_of(robots, logs, out)
+    outcome = engine.make_records(logs, kinds, out, **options)
+    parts = [record.to_parts() for record in fleet.load_records(out / "records")]
+    return outcome, sorted((head, numbers.tobytes()) for head, numbers in parts)
+
+
+def test_workers_and_order_change_no_bit_and_broken_logs_stop_nothing(
+    table: Path, robots: dict[str, Any], cluster: Any, tmp_path: Path
+) -> None:
+    address = cluster.scheduler_address
+    outcome, of_two = run(table, robots, tmp_path / "two", scheduler=address)
+    broken = json.loads(table.with_name("truth.json").read_text())["broken"]
+    aside = {str(Path(path).relative_to(table.parent)) for path in outcome.aside}
+    # The log of another robot has joints of the same names, and is seen later.
+    assert aside == {path for path, what in broken.items() if what.startswith(("cut", "a clock"))}
+    assert len(outcome.copies) == 1 and outcome.made == len(of_two) == 11
+    reasons = " ".join(outcome.aside.values())
+    assert "damaged" in reasons and "time does not increase" in reasons
+    # Two workers, the other way round; then nothing is left to do.
+    logs = find(str(table))[::-1]
+    kinds = engine.kinds_of(robots, logs[::-1], tmp_path / "two")
+    (tmp_path / "back").mkdir()
+    engine.make_records(logs, kinds, tmp_path / "back", scheduler=address)
+    back = [record.to_parts() for record in fleet.load_records(tmp_path / "back" / "records")]
+    assert sorted((head, numbers.tobytes()) for head, numbers in back) == of_two
+    again, _ = run(table, robots, tmp_path / "two", scheduler=address)
+    assert again.made == 0 and again.kept == outcome.made
+    one = [record for record in fleet.load_records(tmp_path / "two") if record.labels["robot"] == "arm 000"]
+    models = [sgpr.identify_records(robots["puma560"], order).all_parameters.tobytes() for order in (one, one[::-1])]
+    assert models[0] == models[1]
+
+
+def test_one_worker_makes_the_same_and_a_worker_that_dies_loses_nothing(
+    table: Path, robots: dict[str, Any], cluster: Any, tmp_path: Path
+) -> None:
+    _, of_one = run(table, robots, tmp_path / "one", workers=1)
+    killed = []
+
+    def kill_one(stage: str, done: int, total: int) -> None:
+        if done == 3 and not killed:
+            with distributed.Client(cluster, set_as_default=False) as client:
+                killed.append(next(iter(client.run(os.getpid).values())))
+            os.kill(killed[0], signal.SIGKILL)
+
+    outcome, of_survivors = run(
+        table, robots, tmp_path / "dead", scheduler=cluster.scheduler_address, progress=kill_one
+    )
+    assert killed and of_survivors == of_one
+    assert not any("worker" in reason for reason in outcome.aside.values())
+
+
+def test_a_run_that_is_killed_goes_on(table: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "sgpr", "fleet", "run", str(table), "--robot", "puma560=puma560"]
+    command += ["two_link=two_link", "--out", str(tmp_path), "--workers", "1", "--json"]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    limit = time.monotonic() + 60
+    while not list(tmp_path.glob("records/*/*.parquet")) and time.monotonic() < limit:
+        time.sleep(0.01)
+    process.kill()
+    process.wait()
+    there = {path: path.stat().st_mtime_ns for path in tmp_path.glob("records/*/*.parquet")}
+    assert there
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["kept"] == len(there) and told["made"] + told["kept"] == 11
+    assert all(path.stat().st_mtime_ns == stamp for path, stamp in there.items())
+    assert len(fleet.load_records(tmp_path / "records")) == 11
+
+
+def test_logs_in_an_object_store(table: Path, robots: dict[str, Any], cluster: Any, tmp_path: Path) -> None:
+    server = pytest.importorskip("moto.server", reason="moto is not installed: no object store to test with")
+    boto3 = pytest.importorskip("boto3")
+    pytest.importorskip("s3fs")
+    store = server.ThreadedMotoServer(ip_address="127.0.0.1", port=0)
+    store.start()
+    host, port = store.get_host_and_port()
+    names = {"aws_access_key_id": "test", "aws_secret_access_key": "test", "region_name": "us-east-1"}
+    try:
+        client = boto3.client("s3", endpoint_url=f"http://{host}:{port}", **names)
+        broken = json.loads(table.with_name("truth.json").read_text())["broken"]
+        whole = sorted(path for path in table.parent.glob("logs/arm_000/*.parquet"))
+        healthy = [path for path in whole if path.relative_to(table.parent).as_posix() not in broken][:2]
+        client.create_bucket(Bucket="logs")
+        for path in healthy:
+            client.upload_file(str(path), "logs", f"arm_000/{path.name}")
+        storage = {"key": "test", "secret": "test", "client_kwargs": {"endpoint_url": f"http://{host}:{port}"}}
+        logs = find("s3://logs/*/*.parquet", storage)
+        assert [(log.robot, log.labels["session"]) for log in logs] == [("arm_000", path.stem) for path in healthy]
+        given = {"": robots["puma560"]}
+        kinds = engine.kinds_of(given, logs, tmp_path, storage=storage)
+        outcome = engine.make_records(logs, kinds, tmp_path, scheduler=cluster.scheduler_address, storage=storage)
+    finally:
+        store.stop()
+    assert outcome.made == 2 and not outcome.aside
+
+
+def test_tables_and_robots_that_cannot_be(table: Path, robots: dict[str, Any], tmp_path: Path) -> None:
+    (tmp_path / "no.csv").write_text("path,robot\n,arm\n")
+    with pytest.raises(sgpr.SgprError, match=re.escape("no.csv, line 2: `path` and `robot` are needed")):
+        find(str(tmp_path / "no.csv"))
+    with pytest.raises(sgpr.SgprError, match="no log is there"):
+        find(str(tmp_path / "*.mcap"))
+    with pytest.raises(sgpr.SgprError, match="no scheduler of Dask answers"):
+        run(table, robots, tmp_path / "x", scheduler="tcp://127.0.0.1:1")
+    logs = find(str(table))
+    kinds = engine.kinds_of({"two_link": robots["two_link"]}, logs, tmp_path / "y")
+    outcome = engine.make_records(logs[:1], kinds, tmp_path / "y")
+    assert outcome.made == 0 and "no robot of the type `puma560`" in next(iter(outcome.aside.values()))
+
+
+def made(robot: sgpr.Robot, faults: tuple[Any, ...], arms: int = 4, sessions: int = 16) -> list[sgpr.Record]:
+    """Records of a fleet of one type, the first arm with faults."""
+    from sgpr.fleet.simulated import Arm, session_log
+
+    records, processing = [], None
+    for k in range(arms):
+        arm = Arm(f"arm {k}", "two", 1000 + k, faults if k == 0 else ())
+        for session in range(sessions):
+            log = session_log(arm, robot, session, 2)
+            channels = {"temperature": log["temperature"]}
+            recording = sgpr.Recording(
+                log["t"], log["q"], tau=log["tau"], joint_names=robot.joint_names, channels=channels
+            )
+            processing = processing or sgpr.choose_processing(robot, [recording])
+            labels = {"robot": arm.name, "type": "two", "session": f"{session:04d}"}
+            records.append(sgpr.record(robot, recording, processing=processing, labels=labels, blocks=1))
+    return records
+
+
+@pytest.fixture(scope="module")
+def changed() -> list[changes.ArmHistory]:
+    fault = fleet.simulated.Fault("friction", 1, 9, 0.08)
+    return changes.histories(made(TYPES["two"], (fault,)), TYPES)
+
+
+def test_a_rise_of_friction_is_found_named_and_dated(changed: list[changes.ArmHistory]) -> None:
+    alarms = [alarm for history in changed for alarm in history.alarms]
+    assert len(alarms) == 1, [alarm.text for alarm in alarms]
+    alarm = alarms[0]
+    assert (alarm.robot, alarm.joint, alarm.cause, alarm.session) == (
+        "arm 0",
+        "joint_2",
+        "Coulomb friction",
+        alarm.session,
+    )
+    # Two sessions a day: within a day of logs.
+    assert 9 <= alarm.session <= 10 and alarm.change == pytest.approx(0.08, abs=0.03)
+    assert "Coulomb friction +" in alarm.text and "since 5 March 2026" in alarm.text
+
+
+@pytest.mark.parametrize(("kind", "size", "cause"), [("tool", 1.0, "tool"), ("torque_gain", 0.06, "torque gain")])
+def test_a_tool_and_a_gain_are_named(kind: str, size: float, cause: str) -> None:
+    robot = sgpr.robots.puma560()
+    fault = fleet.simulated.Fault(kind, 1, 8, size)
+    found = changes.histories(made(robot, (fault,), arms=1, sessions=12), {"two": robot})
+    # One arm of twelve sessions says too little of chance to ask that no other joint is named.
+    alarms = [alarm for history in found for alarm in history.alarms if alarm.joint in ("", "joint_2")]
+    assert [alarm.cause for alarm in alarms] == [cause], [alarm.text for alarm in alarms]
+    assert alarms[0].session == 8 and alarms[0].change == pytest.approx(size, rel=0.2)
+
+
+def test_chance_alone_reaches_the_threshold_as_rarely_as_it_says() -> None:
+    import ruptures
+
+    rng = np.random.default_rng(0)
+    series, sessions, arms = 5, 40, 60
+    limit = changes.threshold(series, sessions, 30.0, 1.0)
+    count = 0
+    for _ in range(arms * series):
+        signal = np.column_stack([rng.normal(size=sessions), np.ones(sessions)])
+        search = ruptures.Pelt(custom_cost=changes.weighted_cost(), min_size=2, jump=1).fit(signal)
+        count += len(search.predict(pen=limit**2)) > 1
+    # One per arm and year was allowed, in 30 days a twelfth: 5 of 60 arms; tests of neighbouring days are alike.
+    assert count <= 5
+
+
+def test_the_report_of_the_command(table: Path, tmp_path: Path) -> None:
+    base = [sys.executable, "-m", "sgpr", "fleet"]
+    robots = ["--robot", "puma560=puma560", "two_link=two_link"]
+    ran = subprocess.run(
+        [*base, "run", str(table), *robots, "--out", str(tmp_path / "out"), "--workers", "1"],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert ran.returncode == 0 and "set aside" in ran.stderr, ran.stderr
+    told = subprocess.run(
+        [*base, "report", str(tmp_path / "out"), *robots, "--out", str(tmp_path / "report"), "--json"],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert told.returncode == 0, told.stderr
+    data = json.loads(told.stdout)
+    assert data == json.loads((tmp_path / "report" / "alarms.json").read_text())
+    assert [arm["robot"] for arm in data["arms"]] == ["arm 000", "arm 002", "arm 001"] and len(data["aside"]) == 2
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert "Fleet of 3 arms" in page and "://" not in re.sub(r"<script>.*?</script>", "", page, flags=re.S)
+    shutil.rmtree(tmp_path / "out" / "records" / "arm 000")
+    wrong = subprocess.run(
+        [*base, "report", str(tmp_path / "out"), "--robot", "two_link", "--out", str(tmp_path / "report")],
+        capture_output=True,
+        text=True,
+    )
+    assert wrong.returncode == 1 and "there is no robot for the type" in wrong.stderr

@@ -1,0 +1,265 @@
+"""Records of logs: as good as the logs, in files, in pieces, and safe with strangers."""
+
+import json
+import pickle
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as arrow
+import pyarrow.parquet as parquet
+import pytest
+import sgpr
+from conftest import DATA
+from sgpr import fleet
+
+EXACT = 1e-9
+
+
+@pytest.fixture(scope="module")
+def robot() -> sgpr.Robot:
+    return sgpr.Robot.from_urdf(DATA / "demo/robot.urdf")
+
+
+@pytest.fixture(scope="module")
+def logs() -> list[sgpr.Recording]:
+    return [sgpr.read(DATA / f"demo/train_{k}.csv.gz") for k in (1, 2, 3)]
+
+
+@pytest.fixture(scope="module")
+def records(robot: sgpr.Robot, logs: list[sgpr.Recording]) -> list[sgpr.Record]:
+    processing = sgpr.choose_processing(robot, logs)
+    return [sgpr.record(robot, log, processing=processing, labels={"robot": "arm 1"}) for log in logs]
+
+
+def bare(robot: sgpr.Robot, logs: list[sgpr.Recording], **options: Any) -> sgpr.Model:
+    """The estimate of least squares alone, from the logs."""
+    return sgpr.identify(robot, logs, **options)
+
+
+def identified(robot: sgpr.Robot, records: list[sgpr.Record], **options: Any) -> sgpr.Model:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return sgpr.identify_records(robot, records, **options)
+
+
+def relative(found: Any, expected: Any) -> float:
+    found, expected = np.asarray(found), np.asarray(expected)
+    return float(np.max(np.abs(found - expected) / np.maximum(np.abs(expected), 1e-3)))
+
+
+@pytest.mark.parametrize("options", [{}, {"method": "ols"}, {"noise": [1.0, 1.0, 1.0, 0.3, 0.2, 0.1]}])
+def test_records_give_the_model_of_the_logs(
+    robot: sgpr.Robot, logs: list[sgpr.Recording], records: list[sgpr.Record], options: dict[str, Any]
+) -> None:
+    from_logs, from_records = bare(robot, logs, **options), identified(robot, records, **options)
+    assert relative(from_records.parameters.values, from_logs.parameters.values) < EXACT
+    assert relative(from_records.all_parameters, from_logs.all_parameters) < EXACT
+    for figure in ("noise", "condition", "scaled_condition"):
+        assert relative(from_records.fit[figure], from_logs.fit[figure]) < EXACT
+    assert np.array_equal(from_records.fit["rows"], from_logs.fit["rows"])
+
+
+def test_one_log_has_the_standard_deviations_of_the_log_and_parts_can_be_left_out(
+    robot: sgpr.Robot, logs: list[sgpr.Recording], records: list[sgpr.Record]
+) -> None:
+    from_log = bare(robot, logs[:1])
+    own = identified(robot, [sgpr.record(robot, logs[0])])
+    assert relative(own.parameters.standard_deviations, from_log.parameters.standard_deviations) < EXACT
+    # Without the second log: the model of the others, whatever was summed before.
+    p = records[0].processing
+    options = {"cutoff_hz": p.cutoff_hz, "decimation": p.decimation}
+    other_processing = sgpr.choose_processing(robot, [logs[0], logs[2]], **options)
+    two = [sgpr.record(robot, log, processing=other_processing) for log in (logs[0], logs[2])]
+    left = identified(robot, two)
+    expected = bare(robot, [logs[0], logs[2]], **options)
+    assert relative(left.parameters.values, expected.parameters.values) < EXACT
+
+
+def test_order_does_not_change_a_bit_and_copies_count_once(
+    robot: sgpr.Robot, records: list[sgpr.Record], tmp_path: Path
+) -> None:
+    forward, backward = identified(robot, records), identified(robot, records[::-1])
+    assert forward.all_parameters.tobytes() == backward.all_parameters.tobytes()
+    with pytest.warns(UserWarning, match="copy of another record"):
+        twice = sgpr.identify_records(robot, [*records, records[1]])
+    assert twice.all_parameters.tobytes() == forward.all_parameters.tobytes()
+
+
+def test_files_keep_every_bit(robot: sgpr.Robot, records: list[sgpr.Record], tmp_path: Path) -> None:
+    file = tmp_path / "folder" / "records.parquet"
+    fleet.save_records(file, records)
+    for read in (
+        fleet.load_records(file),
+        fleet.load_records(tmp_path / "folder"),
+        pickle.loads(pickle.dumps(records)),
+    ):
+        assert [record.to_parts()[0] for record in read] == [record.to_parts()[0] for record in records]
+        same = zip(read, records, strict=True)
+        assert all(np.array_equal(a.to_parts()[1], b.to_parts()[1]) for a, b in same)
+    assert sorted(tmp_path.joinpath("folder").iterdir()) == [file]
+    table = parquet.read_table(file, columns=["source", "labels", "samples"]).to_pylist()
+    assert [row["samples"] for row in table] == [5000] * 3
+    assert json.loads(table[0]["labels"]) == {"robot": "arm 1"}
+
+
+def test_the_error_of_any_model_is_that_on_the_rows_of_the_logs(
+    robot: sgpr.Robot, logs: list[sgpr.Recording], records: list[sgpr.Record]
+) -> None:
+    model = sgpr.Model.nominal(robot)
+    processing = records[0].processing
+    compared = sgpr.compare(model, logs, processing=processing)
+    found = sgpr.compare_records(model, records)
+    for joint in range(robot.dof):
+        squares, torques, rows = 0.0, 0.0, 0
+        for log in compared.logs:
+            counted = log.counted[:: processing.decimation, joint]
+            measured = log.measured_in_band[:: processing.decimation, joint][counted]
+            predicted = log.predicted_in_band[:: processing.decimation, joint][counted]
+            squares += float(((measured - predicted) ** 2).sum())
+            torques += float((measured**2).sum())
+            rows += len(measured)
+        assert found[joint]["rows"] == rows
+        assert found[joint]["rmse"] == pytest.approx(np.sqrt(squares / rows), rel=1e-9)
+        assert found[joint]["torque"] == pytest.approx(np.sqrt(torques / rows), rel=1e-9)
+
+
+@pytest.mark.parametrize("size", [700, 2111, 10**6])
+def test_pieces_of_a_long_log_are_the_whole_log(robot: sgpr.Robot, logs: list[sgpr.Recording], size: int) -> None:
+    # Three logs, one after the other with gaps between, cut without regard to them.
+    def shifted(log: sgpr.Recording, start: int) -> dict[str, Any]:
+        return {"t": log.time_ns - log.time_ns[0] + start, "q": log.q, "tau": log.tau}
+
+    parts = [shifted(log, k * 40_000_000_000) for k, log in enumerate(logs)]
+    arrays = {name: np.concatenate([part[name] for part in parts]) for name in ("t", "q", "tau")}
+
+    def piece(start: int, end: int | None) -> sgpr.Recording:
+        part = slice(start, end)
+        t, q, tau = (arrays[name][part] for name in ("t", "q", "tau"))
+        return sgpr.Recording(t, q, tau=tau, joint_names=robot.joint_names)
+
+    whole = piece(0, None)
+    processing = sgpr.choose_processing(robot, [whole])
+    expected = identified(robot, [sgpr.record(robot, whole, processing=processing)])
+    pieces = (piece(start, start + size) for start in range(0, len(whole), size))
+    records = list(fleet.record_pieces(robot, pieces, processing=processing))
+    assert sum(record.samples for record in records) == len(whole)
+    found = identified(robot, records)
+    assert np.array_equal(found.fit["rows"], expected.fit["rows"])
+    assert relative(found.parameters.values, expected.parameters.values) < EXACT
+
+
+def test_what_a_record_cannot_serve_is_refused(
+    robot: sgpr.Robot, logs: list[sgpr.Recording], records: list[sgpr.Record]
+) -> None:
+    with pytest.raises(sgpr.IdentificationError, match="single rows of the logs"):
+        sgpr.identify_records(robot, records, method="irls")
+    with pytest.raises(sgpr.IdentificationError, match="`cable_hysteresis` follows the whole trajectory"):
+        sgpr.record(robot, logs[0], effects=["cable_hysteresis@joint_2"])
+    with pytest.raises(sgpr.IdentificationError, match="another robot"):
+        sgpr.identify_records(sgpr.robots.puma560(), records)
+    with pytest.raises(sgpr.IdentificationError, match="differ in their processing"):
+        sgpr.identify_records(
+            robot,
+            [records[0], sgpr.record(robot, logs[1], processing=sgpr.choose_processing(robot, logs, cutoff_hz=5))],
+        )
+    with pytest.raises(sgpr.IdentificationError, match="no record was given"):
+        sgpr.identify_records(robot, [])
+    with pytest.raises(TypeError, match="expected a list of Record"):
+        sgpr.identify_records(robot, logs)
+    with pytest.raises(sgpr.SgprError, match="blocks: got 0"):
+        sgpr.record(robot, logs[0], blocks=0)
+    with pytest.raises(sgpr.IdentificationError, match="no sample of"):
+        sgpr.record(robot, logs[0], counted=(0, 0))
+
+
+def test_damaged_records_are_named_with_their_fault(records: list[sgpr.Record]) -> None:
+    head, numbers = records[0].to_parts()
+    broken = json.loads(head)
+    with pytest.raises(sgpr.SgprError, match="numbers of a factor are missing"):
+        sgpr.Record.from_parts(head, numbers[:-1])
+    with pytest.raises(sgpr.SgprError, match="1 numbers are left over"):
+        sgpr.Record.from_parts(head, np.append(numbers, 0.0))
+    with pytest.raises(sgpr.SgprError, match="not finite"):
+        sgpr.Record.from_parts(head, np.where(np.arange(len(numbers)) == 7, np.nan, numbers))
+    for key, value, fault in [
+        ("format", "else", "its head says `else`"),
+        ("version", 99, "update it"),
+        ("blocks", [], "no block"),
+        ("samples", 2**60, "more rows than any log"),
+        ("processing", {**broken["processing"], "order": 99}, "order"),
+        ("surprise", 1, "unknown field"),
+    ]:
+        with pytest.raises(sgpr.SgprError, match=fault):
+            sgpr.Record.from_parts(json.dumps({**broken, key: value}), numbers)
+    broken["blocks"][0]["factors"][0]["joint"] = 77
+    strange = sgpr.Record.from_parts(json.dumps(broken), numbers)
+    with pytest.raises(sgpr.SgprError, match="columns that the equations"):
+        sgpr.identify_records(sgpr.Robot.from_urdf(DATA / "demo/robot.urdf"), [strange])
+
+
+def test_damaged_files_are_errors_and_no_half_is_written(records: list[sgpr.Record], tmp_path: Path) -> None:
+    file = tmp_path / "records.parquet"
+    fleet.save_records(file, records)
+    whole = file.read_bytes()
+    rng = np.random.default_rng(0)
+    for cut in rng.integers(0, len(whole), 20):
+        (tmp_path / "cut.parquet").write_bytes(whole[:cut])
+        with pytest.raises(sgpr.SgprError, match="damaged"):
+            fleet.load_records(tmp_path / "cut.parquet")
+    for _ in range(30):
+        changed = bytearray(whole)
+        for place in rng.integers(0, len(whole), 20):
+            changed[place] ^= 1 << int(rng.integers(8))
+        (tmp_path / "changed.parquet").write_bytes(changed)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                fleet.load_records(tmp_path / "changed.parquet")
+            except sgpr.SgprError as error:
+                assert "changed.parquet" in str(error)
+    parquet.write_table(arrow.table({"x": [1]}), tmp_path / "other.parquet")
+    with pytest.raises(sgpr.SgprError, match="holds no records"):
+        fleet.load_records(tmp_path / "other.parquet")
+    with pytest.raises(sgpr.SgprError, match="raise `limit_bytes`"):
+        fleet.load_records(file, limit_bytes=1000)
+    with pytest.raises(FileNotFoundError):
+        fleet.load_records(tmp_path / "nowhere.parquet")
+
+    def breaking() -> Any:
+        yield records[0]
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fleet.save_records(file, breaking())
+    assert file.read_bytes() == whole
+    assert len(list(tmp_path.glob(".records*"))) == 0
+
+
+def test_deviations_find_what_was_put_in(robot: sgpr.Robot, logs: list[sgpr.Recording]) -> None:
+    model = sgpr.identify(robot, logs[:1])
+    log = logs[0]
+    moved = log.tau.copy()
+    moved[:, 1] += 2.0 * np.sign(log.dq[:, 1])
+    moved[:, 2] *= 1.1
+    changed = sgpr.Recording(log.time_ns, log.q, tau=moved, joint_names=log.joint_names)
+    found = sgpr.deviations(model, sgpr.record(robot, changed, processing=model, blocks=1))[0]
+    second, third = found["joints"][1], found["joints"][2]
+    friction = next(one for one in second["parameters"] if one["name"] == "joint_2.Fc")
+    assert friction["change"] == pytest.approx(2.0, abs=5 * friction["std"] + 0.05)
+    assert min(second["parameters"], key=lambda one: one["error_alone"]) is friction
+    gain = third["parameters"][-1]
+    assert gain["name"] == "joint_3.gain" and gain["change"] == pytest.approx(0.1, abs=0.005)
+    assert min(third["parameters"], key=lambda one: one["error_alone"]) is gain
+    # A tool of 1.5 kg at the last link, by the dynamics of the library.
+    heavy = model.all_parameters.copy()
+    names = model.all_parameter_names
+    heavy[names.index("joint_6.m")] += 1.5
+    loaded = sgpr.Model.from_parameters(robot, heavy, effects=model.effects)
+    motion = (log.q, log.dq, np.gradient(log.dq, 1.0 / log.sample_rate_hz, axis=0))
+    extra = loaded.predict(*motion) - model.predict(*motion)
+    carrying = sgpr.Recording(log.time_ns, log.q, tau=log.tau + extra, joint_names=log.joint_names)
+    found = sgpr.deviations(model, sgpr.record(robot, carrying, processing=model, blocks=1))[0]
+    assert found["tool_mass"] == pytest.approx(1.5, abs=0.15)
+    assert found["tool_share"] > 0.5
