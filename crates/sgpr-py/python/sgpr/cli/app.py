@@ -22,6 +22,7 @@ from .payload import payload
 from .predict import predict
 from .reproduce import reproduce
 from .simulate import simulate
+from .workbench import workbench
 
 app = typer.Typer(
     name="sgpr",
@@ -35,12 +36,13 @@ app = typer.Typer(
 def register(command: Callable[..., Any]) -> None:
     """Makes a function a command of its name."""
     epilog = "Options whose value ends in ... take several values, up to the next option or --: --effects a b c."
-    alone = command in (demo, effects)
+    alone = command in (demo, effects, workbench)
     app.command(cls=Command, epilog=epilog, no_args_is_help=not alone)(with_option_groups(guarded(command)))
 
 
 for each in (demo, info, identify, compare, diagnose, learn, predict, effects, payload, excite, simulate, reproduce):
     register(each)
+register(workbench)
 
 
 def show_version(wanted: bool) -> None:

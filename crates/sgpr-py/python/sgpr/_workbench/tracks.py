@@ -1,0 +1,123 @@
+"""The torque of a log and of every model as rows of numbers, and what of them a screen shows."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from tsdownsample import MinMaxDownsampler
+
+from .. import LogResidual, Model, Recording, compare
+from ..cli.errors import BadData
+
+Rows = NDArray[np.float32]
+Times = NDArray[np.float64]
+
+MOST_POINTS = 4000
+"""Of a line: more than a screen is wide."""
+
+
+@dataclass
+class Track:
+    """A log at the samples of its comparison.
+
+    - `t`: s since its first sample, `[N]`; `starts`: where a stretch begins, after the first
+    - rows of `[n, N]`: `measured` and `predicted` as they are, `..._in_band` as the fit sees them, `q`, `dq`, `ddq`
+    """
+
+    t: Times
+    starts: list[int]
+    counted: NDArray[np.bool_]
+    rows: dict[str, Rows]
+    predicted: dict[str, Rows] = field(default_factory=dict)
+    predicted_in_band: dict[str, Rows] = field(default_factory=dict)
+    channels: dict[str, Times] = field(default_factory=dict)
+
+    def residual(self, step: str) -> Rows:
+        """Measured minus predicted torque as the fit sees it, `[n, N]`."""
+        return np.asarray(self.rows["measured_in_band"] - self.predicted_in_band[step])
+
+    def add(self, step: str, model: Model, recordings: Sequence[Recording], like: Model) -> None:
+        """The prediction of another model."""
+        found = compare(model, list(recordings), processing=like).logs
+        if sum(len(part.t) for part in found) != len(self.t):
+            raise BadData("the models are judged at different samples")
+        self.predicted[step] = joined(found, "predicted")
+        self.predicted_in_band[step] = joined(found, "predicted_in_band")
+
+
+def track_of(model: Model, recordings: Sequence[Recording], like: Model) -> Track:
+    """The log without any prediction."""
+    found = compare(model, list(recordings), processing=like).logs
+    if not found:
+        raise BadData("too short to be filtered")
+    time = np.concatenate([part.time_ns for part in found])
+    lengths = np.cumsum([len(part.t) for part in found])[:-1]
+    rows = {name: joined(found, name) for name in ("measured", "measured_in_band", "q", "dq", "ddq")}
+    counted = np.concatenate([part.counted for part in found]).T.copy()
+    t = (time - time[0]) * 1e-9
+    channels = {}
+    for name in recordings[0].channels:
+        parts = [part for part in recordings if name in part.channels]
+        at = np.concatenate([part.time_ns for part in parts])
+        values = np.concatenate(
+            [np.asarray(part.channels[name], dtype=float).reshape(len(part), -1)[:, 0] for part in parts]
+        )
+        channels[name] = np.interp((time - time[0]) * 1e-9, (at - time[0]) * 1e-9, values)
+    return Track(t, lengths.tolist(), counted, rows, channels=channels)
+
+
+def joined(parts: Sequence[LogResidual], name: str) -> Rows:
+    """An array of all stretches, `[n, N]`: a row is in one piece of memory."""
+    return np.ascontiguousarray(np.concatenate([getattr(part, name) for part in parts]).T, dtype=np.float32)
+
+
+def shown_samples(t: Times, lines: Sequence[Rows], points: int) -> NDArray[np.int64]:
+    """Samples at which all lines keep their shape: the smallest and the largest of each group, for each line."""
+    if len(t) <= points:
+        return np.arange(len(t))
+    chosen = [np.array([0, len(t) - 1])]
+    thin = MinMaxDownsampler()
+    for line in lines:
+        chosen.append(thin.downsample(np.nan_to_num(line), n_out=points - points % 2).astype(np.int64))
+    return np.unique(np.concatenate(chosen))
+
+
+def piece(
+    track: Track, steps: Sequence[str], kind: str, bounds: tuple[float, float], points: int
+) -> tuple[list[dict[str, NDArray[np.float32] | Times]], bool]:
+    """What is drawn of each joint between two times, and whether it is every sample.
+
+    - `kind`: "torque" or "residual"
+    - returns per joint `t` [s], `measured` if torque is shown, and one line per step
+    """
+    first, last = np.searchsorted(track.t, bounds)
+    # One more at each side: a line goes on to the edge of the picture.
+    first, last = max(0, int(first) - 1), min(len(track.t), int(last) + 1)
+    t = track.t[first:last]
+    joints, every = [], True
+    for joint in range(len(track.rows["q"])):
+        lines: dict[str, Rows] = {}
+        if kind == "torque":
+            lines["measured"] = track.rows["measured"][joint, first:last]
+        for step in steps:
+            if step in track.predicted:
+                predicted = track.predicted[step][joint, first:last]
+                lines[step] = predicted if kind == "torque" else track.rows["measured"][joint, first:last] - predicted
+        kept = shown_samples(t, list(lines.values()), min(points, MOST_POINTS))
+        every = every and len(kept) == len(t)
+        joints.append(
+            _broken({"t": t[kept], **{name: line[kept] for name, line in lines.items()}}, kept + first, track.starts)
+        )
+    return joints, every
+
+
+def _broken(
+    lines: Mapping[str, NDArray[np.float32] | Times], samples: NDArray[np.int64], starts: Sequence[int]
+) -> dict[str, NDArray[np.float32] | Times]:
+    """The same with a gap where a stretch ends: a line through it would be made up."""
+    if not starts:
+        return dict(lines)
+    places = np.searchsorted(samples, starts)
+    places = np.unique(places[(places > 0) & (places < len(samples))])
+    return {name: np.insert(line, places, line[places - 1] if name == "t" else np.nan) for name, line in lines.items()}
