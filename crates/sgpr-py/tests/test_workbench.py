@@ -31,7 +31,8 @@ from sgpr._workbench import takeaway
 from sgpr._workbench.bench import Bench
 from sgpr._workbench.folder import Folder, guessed_roles
 from sgpr._workbench.residuals import Region, Samples, difference, whiteness
-from sgpr._workbench.running import Workbench, opened
+from sgpr._workbench.running import Workbench
+from sgpr._workbench.running import opened as opened_at_once
 from sgpr._workbench.tracks import piece
 from sgpr.cli.errors import BadData
 
@@ -52,6 +53,13 @@ def write_arm(folder: Path) -> Path:
         write_log(folder / name, seed, with_spring)
     (folder / "sgpr.toml").write_text('robot = "two_link"  # a comment that stays\n')
     return folder
+
+
+def opened(names: list[str]) -> Bench:
+    """A bench whose logs are read and whose models are there."""
+    bench = opened_at_once(names)
+    bench.work.wait(60.0)
+    return bench
 
 
 def finish(bench: Bench) -> None:
@@ -103,7 +111,6 @@ def ask(
 
 def test_errors_are_those_of_compare(arm: Path) -> None:
     bench = opened([str(arm)])
-    bench.work.wait(60.0)
     robot = sgpr.robots.two_link()
     train = [sgpr.read(arm / f"train_{k}.csv", robot.joint_names) for k in (1, 2)]
     test = sgpr.read(arm / "test.csv", robot.joint_names)
@@ -118,7 +125,6 @@ def test_errors_are_those_of_compare(arm: Path) -> None:
 
 def test_opening_again_loses_nothing(arm: Path) -> None:
     before = opened([str(arm)])
-    before.work.wait(60.0)
     before.rename("m3", "with <script>alert(1)</script>")
     before.show("m3", False)
     before.pin("m1")

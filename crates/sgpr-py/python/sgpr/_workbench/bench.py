@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from .. import Model, Recording, Robot, SgprError, diagnose, load
+from .. import Model, Recording, Robot, SgprError, compare, diagnose, load
 from .. import effects as registry
 from .._pages import write_page
 from ..cli.effects import DEFAULT_EFFECTS
@@ -20,7 +20,7 @@ from ..cli.reading import ReadingOptions, read_log
 from ..cli.robots import READY_MADE, load_robot
 from ..cli.screening import excitation, outside, repeated, saturated
 from .folder import ROLES, Folder, guessed_roles
-from .steps import ROBOT_FILE, Ladder, Step, computed, errors_of, key_of
+from .steps import ROBOT_FILE, Ladder, Step, computed, errors_of, figures_of, key_of
 from .tracks import Track, track_of
 from .work import Progress, Work
 
@@ -53,11 +53,11 @@ class Log:
     layout: str = ""
     problem: str | None = None
     settings: dict[str, Any] = field(default_factory=dict)
+    issues: list[dict[str, str]] = field(default_factory=list)
 
     def to_dict(self) -> dict[str, Any]:
         """For the page."""
         first = self.stretches[0] if self.stretches else None
-        issues = [{"rank": i.rank, "text": i.message} for part in self.stretches for i in part.issues]
         return {
             "name": self.name,
             "role": self.role,
@@ -68,7 +68,7 @@ class Log:
             "joints": [] if first is None else first.joint_names,
             "layout": self.layout,
             "said": self.said,
-            "issues": issues,
+            "issues": self.issues,
             "settings": self.settings,
         }
 
@@ -114,10 +114,19 @@ class Bench:
         found = robot or data.get("robot") or next(iter(self.folder.robots()), None)
         self.robot_name = found if isinstance(found, str) else None
         self._read_robot()
-        for name in dict.fromkeys([*names, *known]):
-            self.logs[name] = self._read(name, roles.get(name, "off"))
-        if len(self.ladder.steps) > 1:
-            self.refresh("open the project again")
+        wanted = list(dict.fromkeys([*names, *known]))
+
+        def task(progress: Progress) -> None:
+            for number, name in enumerate(wanted):
+                progress(name, number, len(wanted))
+                log = self._read(name, roles.get(name, "off"))
+                with self.lock:
+                    self.logs[name] = log
+                self.changed()
+            if len(self.ladder.steps) > 1 and self.robot is not None and self.used("train"):
+                self.compute(progress)
+
+        self.work.start("open the folder", task, lambda text: self.say("bad", f"open the folder: {text}"))
 
     def save(self) -> None:
         """Writes the project file; what cannot be written is said, and tried again with the next change."""
@@ -154,6 +163,7 @@ class Bench:
             log.stretches = [part._from_source(name, part.notes) for part in found.stretches]
             log.said = [*found.raw.notes, *found.actions]
             log.layout = "" if found.raw.layout is None else found.raw.layout["text"]
+            log.issues = [{"rank": i.rank, "text": i.message} for part in log.stretches for i in part.issues]
         except CANNOT as error:
             log.problem = str(error)
             log.role = role if role in ROLES else "off"
@@ -322,9 +332,24 @@ class Bench:
                     continue
             if not step.errors:
                 progress("errors of the models", 0, 0)
-                step.errors = errors_of(step.model, judged, roles, self.reference())
+                step.errors = self._judged(step, step.model, judged, roles)
                 self._restore_diagnosis(step)
         self.changed()
+
+    def _judged(
+        self, step: Step, model: Model, logs: Mapping[str, list[Recording]], roles: Mapping[str, str]
+    ) -> dict[str, Any]:
+        """Errors of a model, and its torque, which is kept for the plots."""
+        like = self.reference()
+        each = {}
+        for name, stretches in logs.items():
+            found = compare(model, stretches, processing=like)
+            each[name] = figures_of(found)
+            with self.lock:
+                if name not in self.tracks:
+                    self.tracks[name] = track_of(found, stretches)
+                self.tracks[name].add(step.id, found)
+        return errors_of(model, logs, roles, like, each)
 
     def _cached(
         self, robot: Robot, train: list[Recording], chain: list[Step], before: Model | None, progress: Progress
@@ -425,17 +450,11 @@ class Bench:
     # What pages show
 
     def track(self, name: str) -> Track:
-        """The torque of a log with all models that there are."""
+        """The torque of a log, measured and by all models."""
         with self.lock:
-            log = self.log(name)
-            like = self.reference()
             if name not in self.tracks:
-                self.tracks[name] = track_of(like, log.stretches, like)
-            track = self.tracks[name]
-            for step in self.ladder.steps.values():
-                if step.model is not None and step.id not in track.predicted:
-                    track.add(step.id, step.model, log.stretches, like)
-            return track
+                raise BadData(f"there is no prediction for {name} yet")
+            return self.tracks[name]
 
     def check(self) -> dict[str, Any]:
         """What the physics says of the training logs; needs a fit."""

@@ -147,18 +147,24 @@ def key_of(robot: Robot, train: Iterable[Recording], chain: Sequence[Step]) -> s
     return hashlib.sha256(json.dumps(about).encode()).hexdigest()[:24]
 
 
-def errors_of(model: Model, logs: Mapping[str, Sequence[Recording]], roles: Mapping[str, str], like: Model) -> Any:
-    """Errors per joint over all training logs and all test logs, and per log."""
-    result: dict[str, Any] = {"logs": {}}
+def errors_of(
+    model: Model,
+    logs: Mapping[str, Sequence[Recording]],
+    roles: Mapping[str, str],
+    like: Model,
+    each: Mapping[str, dict[str, Any]],
+) -> dict[str, Any]:
+    """Errors per joint over all training logs and all test logs, and per log.
+
+    - `each`: those of each log alone
+    """
+    result: dict[str, Any] = {"logs": dict(each)}
     for role in ("train", "test"):
         names = [name for name in logs if roles[name] == role]
-        if names:
-            found = compare(model, [part for name in names for part in logs[name]], processing=like)
-            result[role] = figures_of(found)
-            for name in names:
-                result["logs"][name] = (
-                    result[role] if len(names) == 1 else figures_of(compare(model, logs[name], processing=like))
-                )
+        if len(names) == 1:
+            result[role] = each[names[0]]
+        elif names:
+            result[role] = figures_of(compare(model, [part for name in names for part in logs[name]], processing=like))
     return result
 
 

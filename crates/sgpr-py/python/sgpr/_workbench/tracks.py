@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tsdownsample import MinMaxDownsampler
 
-from .. import LogResidual, Model, Recording, compare
+from .. import Comparison, LogResidual, Recording
 from ..cli.errors import BadData
 
 Rows = NDArray[np.float32]
@@ -37,22 +37,22 @@ class Track:
         """Measured minus predicted torque as the fit sees it, `[n, N]`."""
         return np.asarray(self.rows["measured_in_band"] - self.predicted_in_band[step])
 
-    def add(self, step: str, model: Model, recordings: Sequence[Recording], like: Model) -> None:
-        """The prediction of another model."""
-        found = compare(model, list(recordings), processing=like).logs
-        if sum(len(part.t) for part in found) != len(self.t):
+    def add(self, step: str, found: Comparison) -> None:
+        """The prediction of a model."""
+        parts = found.logs
+        if sum(len(part.time_ns) for part in parts) != len(self.t):
             raise BadData("the models are judged at different samples")
-        self.predicted[step] = joined(found, "predicted")
-        self.predicted_in_band[step] = joined(found, "predicted_in_band")
+        self.predicted[step] = joined(parts, "predicted")
+        self.predicted_in_band[step] = joined(parts, "predicted_in_band")
 
 
-def track_of(model: Model, recordings: Sequence[Recording], like: Model) -> Track:
+def track_of(comparison: Comparison, recordings: Sequence[Recording]) -> Track:
     """The log without any prediction."""
-    found = compare(model, list(recordings), processing=like).logs
+    found = comparison.logs
     if not found:
         raise BadData("too short to be filtered")
     time = np.concatenate([part.time_ns for part in found])
-    lengths = np.cumsum([len(part.t) for part in found])[:-1]
+    lengths = np.cumsum([len(part.time_ns) for part in found])[:-1]
     rows = {name: joined(found, name) for name in ("measured", "measured_in_band", "q", "dq", "ddq")}
     counted = np.concatenate([part.counted for part in found]).T.copy()
     t = (time - time[0]) * 1e-9
@@ -69,7 +69,7 @@ def track_of(model: Model, recordings: Sequence[Recording], like: Model) -> Trac
 
 def joined(parts: Sequence[LogResidual], name: str) -> Rows:
     """An array of all stretches, `[n, N]`: a row is in one piece of memory."""
-    return np.ascontiguousarray(np.concatenate([getattr(part, name) for part in parts]).T, dtype=np.float32)
+    return np.ascontiguousarray(np.concatenate([getattr(part, name).astype(np.float32) for part in parts]).T)
 
 
 def shown_samples(t: Times, lines: Sequence[Rows], points: int) -> NDArray[np.int64]:

@@ -45,7 +45,8 @@ export function number(value, digits = 3) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
   if (value === 0) return "0";
   const size = Math.abs(value);
-  return size >= 1e6 || size < 1e-4 ? value.toExponential(digits - 1) : String(Number(value.toPrecision(digits)));
+  if (size >= 1e6 || size < 1e-4) return value.toExponential(digits - 1);
+  return size >= 10 ** (digits - 1) ? String(Math.round(value)) : value.toPrecision(digits);
 }
 
 export const percent = (value) => (value === null || value === undefined ? "–" : `${number(value, 3)} %`);
