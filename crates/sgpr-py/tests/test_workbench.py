@@ -471,3 +471,57 @@ def test_two_tabs_at_once(server: Workbench) -> None:
     kept = tomllib.loads(server.bench.folder.file.read_text())["steps"]
     assert [step["id"] for step in kept] == ["m1", "m2", "m3"]
     assert kept[2]["name"] == server.bench.ladder["m3"].name
+
+
+def test_repeating_without_a_page(arm: Path, tmp_path: Path) -> None:
+    bench = opened([str(arm)])
+    finish(bench)
+    done = run("workbench", arm, "--repeat", tmp_path / "again")
+    assert done.code == 0, done.err
+    assert (tmp_path / "again" / "model.sgpr").read_bytes() == takeaway.model_file(bench)
+    assert sorted(path.name for path in (tmp_path / "again").iterdir()) == [
+        "commands.sh",
+        "model.sgpr",
+        "repeat.py",
+        "report.html",
+    ]
+    (tmp_path / "empty").mkdir()
+    done = run("workbench", tmp_path / "empty", "--repeat", tmp_path / "never")
+    assert done.code == 1 and "fit first" in done.err and not list((tmp_path / "never").iterdir())
+
+
+def test_from_python(arm: Path) -> None:
+    running = sgpr.workbench(arm, browser=False)
+    assert ask(running, "/api/state")[0] == 200
+    assert running.url in running._repr_html_()
+    with pytest.raises(sgpr.SgprError, match="not free"):
+        sgpr.workbench(arm, port=running.port, browser=False)
+    running.stop()
+    with pytest.raises(ConnectionRefusedError):
+        ask(running, "/api/state")
+    with pytest.raises(FileNotFoundError, match="missing"):
+        sgpr.workbench(arm / "missing", browser=False)
+
+
+def test_other_commands_need_nothing_of_it(tmp_path: Path) -> None:
+    program = (
+        "import sys\n"
+        "class Absent:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name.partition('.')[0] in ('starlette', 'uvicorn', 'tsdownsample', 'tomlkit', 'scipy'):\n"
+        "            raise ModuleNotFoundError(name)\n"
+        "sys.meta_path.insert(0, Absent())\n"
+        "import sgpr\n"
+        "from sgpr.cli import main\n"
+        "try:\n"
+        "    main(['effects', '--quiet'])\n"
+        "except SystemExit as stop:\n"
+        "    assert not stop.code\n"
+        "try:\n"
+        "    sgpr.workbench(browser=False)\n"
+        "except ImportError as error:\n"
+        "    assert 'pip install' in str(error)\n"
+        "    print('as it should be')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, check=False, capture_output=True, text=True)
+    assert "as it should be" in done.stdout, done.stderr

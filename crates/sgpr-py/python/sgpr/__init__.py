@@ -74,6 +74,7 @@ from .loading import load
 from .reading import read
 from .reporting import save_report
 from .semi_parametric import SemiParametricModel
+from .starting import workbench
 
 __all__ = [
     "BaseParameters",
@@ -138,5 +139,6 @@ __all__ = [
     "save_report",
     "screen",
     "simulate",
+    "workbench",
     "write_mcap",
 ]
