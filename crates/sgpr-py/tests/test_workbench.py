@@ -525,3 +525,29 @@ def test_other_commands_need_nothing_of_it(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, check=False, capture_output=True, text=True)
     assert "as it should be" in done.stdout, done.stderr
+
+
+def test_what_messages_propose_is_a_click(tmp_path: Path) -> None:
+    def uneven(table: np.ndarray) -> np.ndarray:
+        table = table.copy()
+        table[:, 0] += 0.004 * np.random.default_rng(0).random(len(table))
+        return table
+
+    for seed, name in enumerate(("train.csv", "test.csv")):
+        write_log(tmp_path / name, seed, uneven)
+    (tmp_path / "sgpr.toml").write_text('robot = "two_link"\n')
+    bench = opened([str(tmp_path)])
+    bench.fit(EFFECTS)
+    bench.work.wait(30.0)
+    assert bench.message is not None and "resample" in bench.message["text"]
+    [proposal] = [one for one in bench.to_dict()["proposals"] if one["title"].startswith("Resample at")]
+    bench.set_reading("", proposal["settings"])
+    bench.work.wait(30.0)
+    bench.fit(EFFECTS)
+    finish(bench)
+    assert bench.ladder["m1"].errors["test"]["relative"] < 10.0
+    assert tomllib.loads((tmp_path / "sgpr.toml").read_text())["resample"] == proposal["settings"]["resample"]
+    bench.set_reading("", {"resample": None})
+    assert "resample" not in tomllib.loads((tmp_path / "sgpr.toml").read_text())
+    with pytest.raises(BadData, match="not one of"):
+        bench.set_reading("", {"robot": "/etc/passwd"})

@@ -20,12 +20,16 @@ from ..cli.reading import ReadingOptions, read_log
 from ..cli.robots import READY_MADE, load_robot
 from ..cli.screening import excitation, outside, repeated, saturated
 from .folder import ROLES, Folder, guessed_roles
+from .remedies import proposals
 from .steps import ROBOT_FILE, Ladder, Step, computed, errors_of, figures_of, key_of
 from .tracks import Track, track_of
 from .work import Progress, Work
 
 CACHE = ".sgpr-workbench"
 CANNOT = (SgprError, BadData, OSError, typer.BadParameter)
+
+SHORTEST = 1.0
+"""s, of a stretch that is compared: what is left between two gaps may be less than a filter needs."""
 
 BY_HAND = (
     "columns",
@@ -38,8 +42,11 @@ BY_HAND = (
     "sort",
     "drop_duplicates",
     "drop_not_finite",
+    "drop_repeated",
 )
 """Settings of reading that the page can change."""
+
+EMPTY: tuple[Any, ...] = (None, "", {}, [])
 
 
 @dataclass
@@ -176,8 +183,10 @@ class Bench:
         return [part for log in self.logs.values() if log.role == role for part in log.stretches]
 
     def judged(self) -> dict[str, list[Recording]]:
-        """Logs that are compared, by name."""
-        return {log.name: log.stretches for log in self.logs.values() if log.role != "off" and log.stretches}
+        """Logs that are compared, by name, without stretches that are too short to be filtered."""
+        used = [log for log in self.logs.values() if log.role != "off" and log.stretches]
+        found = {log.name: [part for part in log.stretches if part.duration >= SHORTEST] for log in used}
+        return {name: parts for name, parts in found.items() if parts}
 
     def needs(self) -> Robot:
         """The robot, if there are a robot and training logs."""
@@ -218,21 +227,26 @@ class Bench:
         self.refresh("fit with the other split")
 
     def set_reading(self, name: str, settings: Mapping[str, Any]) -> None:
-        """How a log is read, noted in the project file under the name of the log; None goes back to what is usual."""
+        """How a log is read, or, without a name, all logs of the folder; noted in the project file.
+
+        A setting that is empty or None goes back to what is usual.
+        """
+        wrong = sorted(set(settings) - set(BY_HAND))
+        if wrong:
+            raise BadData(f"{wrong[0]}: not one of {', '.join(BY_HAND)}")
         with self.lock:
-            log = self.log(name)
-            wrong = sorted(set(settings) - set(BY_HAND))
-            if wrong:
-                raise BadData(f"{wrong[0]}: not one of {', '.join(BY_HAND)}")
-            files = dict(self.folder.load().get("files", {}))
-            own = {
-                k: v for k, v in {**files.get(Path(name).name, {}), **settings}.items() if v not in (None, "", {}, [])
-            }
-            files[Path(name).name] = own
-            self.folder.save({"files": {key: value for key, value in files.items() if value} or None})
-            self.logs[name] = self._read(name, log.role)
+            if name:
+                files = dict(self.folder.load().get("files", {}))
+                key = Path(self.log(name).name).name
+                files[key] = {k: v for k, v in {**files.get(key, {}), **settings}.items() if v not in EMPTY}
+                self.folder.save({"files": {each: own for each, own in files.items() if own} or None})
+            else:
+                self.folder.save({key: None if value in EMPTY else value for key, value in settings.items()})
+            for log in [self.log(name)] if name else list(self.logs.values()):
+                self.logs[log.name] = self._read(log.name, log.role)
+            self.message = None
             self.save()
-        self.refresh("fit with the log as it is read now")
+        self.refresh("fit with the logs as they are read now")
 
     def log(self, name: object) -> Log:
         """The log of that name."""
@@ -478,6 +492,12 @@ class Bench:
                 }
             return self.checks or {}
 
+    def _proposals(self) -> list[dict[str, Any]]:
+        """What the messages about logs in use propose."""
+        used = [log for log in self.logs.values() if log.role != "off"]
+        texts = [*(log.problem or "" for log in used), *(i["text"] for log in used for i in log.issues)]
+        return proposals([*texts, "" if self.message is None else self.message["text"]])
+
     def to_dict(self) -> dict[str, Any]:
         """All that the page needs, without the lines of plots."""
         with self.lock:
@@ -503,6 +523,7 @@ class Bench:
                 },
                 "logs": [log.to_dict() for log in self.logs.values()],
                 "checks": checks,
+                "proposals": self._proposals(),
                 "effects": [{"name": e["name"], "summary": e["summary"]} for e in registry()],
                 "usual_effects": list(DEFAULT_EFFECTS),
                 "steps": [step.to_dict() for step in self.ladder.steps.values()],

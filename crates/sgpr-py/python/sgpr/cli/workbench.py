@@ -52,7 +52,10 @@ def workbench(
     output.line("Ctrl-C ends it; what you do is kept in sgpr.toml beside the logs")
     if not no_browser:
         threading.Timer(0.3, webbrowser.open, [running.url]).start()
-    running.run()
+    try:
+        running.run()
+    except KeyboardInterrupt:
+        output.line("ended; what you did is in sgpr.toml")
 
 
 def write_again(files: list[str], out: str, output: Output) -> None:

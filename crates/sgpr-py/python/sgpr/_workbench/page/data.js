@@ -36,7 +36,7 @@ export const robotStage = {
       state.robot.joints.length ? h("p", { class: "soft" }, `Joints: ${state.robot.joints.join(", ")}`) : null,
       state.robot.warnings.map((text) => h("p", { class: "soft" }, text)),
       h("h3", {}, "Logs"), state.logs.length ? logTable(state, app) : h("p", {}, "There is no log in the folder yet."),
-      drop(app), state.logs.map((log) => reading(log, app)));
+      proposals(state, app), drop(app), state.logs.map((log) => reading(log, app)));
   },
 };
 
@@ -59,6 +59,19 @@ function state_of(log) {
   return looks ? `${looks} to look at` : "in order";
 }
 
+function proposals(state, app) {
+  if (!state.proposals.length) return null;
+  return h("section", { "aria-label": "Proposals" }, h("h3", {}, "What the checks propose"),
+    h("div", { class: "bar" }, state.proposals.map((one) => button(one.title, () => app.act("set_reading", { name: "", settings: merged(one.settings, state) })))),
+    h("p", { class: "soft" }, "For all logs of the folder; kept in sgpr.toml, and taken back below under “How … is read”."));
+}
+
+// Findings that are right add to those that were confirmed before.
+function merged(settings, state) {
+  if (!settings.accept) return settings;
+  return { ...settings, accept: [...new Set([...state.logs.flatMap((log) => log.settings.accept ?? []), ...settings.accept])] };
+}
+
 function drop(app) {
   const take = async (files) => {
     for (const file of files) {
@@ -76,6 +89,7 @@ function drop(app) {
   h("p", { class: "soft" }, "They are copied into the folder. ", button("Look into the folder again", () => app.act("look_again"))));
 }
 
+const REPAIRS = ["sort", "drop_duplicates", "drop_not_finite", "drop_repeated"];
 const QUANTITIES = [["time", "ms, us, ns"], ["position", "deg"], ["velocity", "rpm, deg/s"], ["torque", "mNm"]];
 
 function reading(log, app) {
@@ -93,15 +107,20 @@ function reading(log, app) {
     ...QUANTITIES.flatMap(([key]) => field(`columns of ${key}`, `columns.${key}`, listed(settings.columns?.[key]), "pattern such as q{} or names, with commas")),
     ...field("torque constants [N·m/A]", "torque_constants",
       Array.isArray(constants) ? constants.join(", ") : Object.entries(constants ?? {}).map(([k, v]) => `${k}=${v}`).join(", "), "9.6, 9.6, 6.0 or elbow=9.6"),
+    ...field("resample at [Hz]", "resample", settings.resample, "median, or a rate"),
+    ...field("cut at gaps longer than [s]", "split_gaps", settings.split_gaps, "0.1"),
+    ...field("keep from, to [s]", "trim", listed(settings.trim), "2, 18"),
+    ...field("repairs", "repairs", REPAIRS.filter((name) => settings[name]).join(", "), REPAIRS.join(", ")),
     ...field("findings that are right", "accept", listed(settings.accept), "joints_by_order, position_in_degrees"),
   ];
-  const apply = () => app.act("set_reading", { name: log.name, settings: settingsFrom(inputs) });
+  const apply = (name) => () => app.act("set_reading", { name, settings: settingsFrom(inputs) });
   return h("details", { open: Boolean(log.problem) },
     h("summary", { "data-key": `reading ${log.name}` }, `How ${log.name} is read`),
     h("p", {}, log.layout || (log.problem ?? "By the names in the file.")),
     log.said.map((text) => h("p", { class: "soft" }, text)),
     h("div", { class: "form" }, fields),
-    h("div", { class: "bar" }, button("Read it like this", apply, { "data-key": `apply ${log.name}` }),
+    h("div", { class: "bar" }, button("Read it like this", apply(log.name), { "data-key": `apply ${log.name}` }),
+      button("Read all logs like this", apply(""), { "data-key": `apply all ${log.name}` }),
       h("span", { class: "soft" }, "kept in sgpr.toml, which all commands read")));
 }
 
@@ -113,6 +132,10 @@ function settingsFrom(inputs) {
     if (id.startsWith("units.")) { if (text) found.units[id.slice(6)] = text; }
     else if (id.startsWith("columns.")) { if (text) found.columns[id.slice(8)] = text.includes(",") ? parts(text) : text; }
     else if (id === "accept") found.accept = parts(text);
+    else if (id === "repairs") for (const name of REPAIRS) found[name] = parts(text).includes(name) || null;
+    else if (id === "resample") found.resample = text === "" || text === "median" ? text : Number(text);
+    else if (id === "split_gaps") found.split_gaps = text === "" ? null : Number(text);
+    else if (id === "trim") found.trim = text === "" ? null : parts(text).map(Number);
     else if (text.includes("=")) found.torque_constants = Object.fromEntries(parts(text).map((part) => [part.split("=")[0], Number(part.split("=")[1])]));
     else found.torque_constants = parts(text).map(Number);
   }
