@@ -384,18 +384,40 @@ def test_thinning_keeps_peaks_and_shows_raw_samples(arm: Path) -> None:
     finish(bench)
     track = bench.track("test.csv")
     joints, every = piece(track, ["m1"], "torque", (-np.inf, np.inf), 200)
-    assert not every and len(joints[0]["t"]) < 600
+    assert not every
     for k, lines in enumerate(joints):
-        whole = track.rows["measured"][k]
-        assert lines["measured"].min() == whole.min() and lines["measured"].max() == whole.max()
+        assert list(lines) == ["measured", "m1"]
+        for name, whole in (("measured", track.rows["measured"][k]), ("m1", track.predicted["m1"][k])):
+            t, y = lines[name]
+            assert len(t) == len(y) <= 202 and (np.diff(t) > 0).all()
+            assert y.min() == whole.min() and y.max() == whole.max()
+            assert np.array_equal(y, whole[np.searchsorted(track.t, t)])
     joints, every = piece(track, ["m1"], "residual", (3.0, 3.5), 200)
-    assert every and len(joints[0]["t"]) in range(50, 54)
+    t, residual = joints[1]["m1"]
+    assert every and len(t) in range(50, 54)
     log = sgpr.read(arm / "test.csv", sgpr.robots.two_link().joint_names)
-    at = np.searchsorted(log.t, joints[0]["t"][0] - 1e-9)
+    at = np.searchsorted(log.t, t[0] - 1e-9)
     fit = bench.ladder["m1"].model
     assert fit is not None and log.tau is not None
     expected = (log.tau - fit.predict(log))[at : at + 10, 1]
-    assert np.allclose(joints[1]["m1"][:10], expected, atol=1e-5)
+    assert np.allclose(residual[:10], expected, atol=1e-5)
+
+
+def test_no_line_is_drawn_across_a_gap(arm: Path) -> None:
+    def torn(table: np.ndarray) -> np.ndarray:
+        table = table.copy()
+        table[1000:, 0] += 3.0
+        return table
+
+    write_log(arm / "test.csv", 2, torn)
+    bench = opened([str(arm)])
+    finish(bench)
+    track = bench.track("test.csv")
+    assert track.starts == [1000]
+    for points in (200, 4000):
+        t, y = piece(track, ["m1"], "torque", (-np.inf, np.inf), points)[0][0]["m1"]
+        [gap] = np.flatnonzero(np.isnan(y))
+        assert t[gap + 1] - t[gap - 1] > 3.0
 
 
 def test_what_is_different_in_a_region(arm: Path) -> None:

@@ -180,14 +180,15 @@ async def _series(request: Request) -> Response:
             head = {
                 "every": every,
                 "span": [float(track.t[0]), float(track.t[-1])],
-                "joints": [{"lines": list(lines), "length": len(lines["t"])} for lines in joints],
+                "joints": [[[name, len(t)] for name, (t, _) in lines.items()] for lines in joints],
             }
             text = json.dumps(head).encode()
             text += b" " * (-(len(text) + 4) % 8)
+            lines = [line for each in joints for line in each.values()]
             numbers = [
-                np.asarray(line, dtype="<f8" if name == "t" else "<f4") for j in joints for name, line in j.items()
+                np.asarray(row, dtype=kind) for line in lines for row, kind in zip(line, ("<f8", "<f4"), strict=True)
             ]
-            body = b"".join(n.tobytes() + b"\0" * (-n.nbytes % 8) for n in numbers)
+            body = b"".join(row.tobytes() + b"\0" * (-row.nbytes % 8) for row in numbers)
             return struct.pack("<I", len(text)) + text + body
 
         return Response(await run_in_threadpool(work), media_type="application/octet-stream")

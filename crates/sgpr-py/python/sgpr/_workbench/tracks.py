@@ -1,6 +1,6 @@
 """The torque of a log and of every model as rows of numbers, and what of them a screen shows."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,6 +12,8 @@ from ..cli.errors import BadData
 
 Rows = NDArray[np.float32]
 Times = NDArray[np.float64]
+
+Line = tuple[Times, Rows]
 
 MOST_POINTS = 4000
 """Of a line: more than a screen is wide."""
@@ -72,52 +74,40 @@ def joined(parts: Sequence[LogResidual], name: str) -> Rows:
     return np.ascontiguousarray(np.concatenate([getattr(part, name).astype(np.float32) for part in parts]).T)
 
 
-def shown_samples(t: Times, lines: Sequence[Rows], points: int) -> NDArray[np.int64]:
-    """Samples at which all lines keep their shape: the smallest and the largest of each group, for each line."""
-    if len(t) <= points:
-        return np.arange(len(t))
-    chosen = [np.array([0, len(t) - 1])]
-    thin = MinMaxDownsampler()
-    for line in lines:
-        chosen.append(thin.downsample(np.nan_to_num(line), n_out=points - points % 2).astype(np.int64))
-    return np.unique(np.concatenate(chosen))
-
-
 def piece(
     track: Track, steps: Sequence[str], kind: str, bounds: tuple[float, float], points: int
-) -> tuple[list[dict[str, NDArray[np.float32] | Times]], bool]:
+) -> tuple[list[dict[str, Line]], bool]:
     """What is drawn of each joint between two times, and whether it is every sample.
 
     - `kind`: "torque" or "residual"
-    - returns per joint `t` [s], `measured` if torque is shown, and one line per step
+    - returns per joint the lines by name, `measured` if torque is shown and one per step, each with times [s]
     """
     first, last = np.searchsorted(track.t, bounds)
     # One more at each side: a line goes on to the edge of the picture.
     first, last = max(0, int(first) - 1), min(len(track.t), int(last) + 1)
-    t = track.t[first:last]
-    joints, every = [], True
+    points = min(points, MOST_POINTS)
+    joints = []
     for joint in range(len(track.rows["q"])):
-        lines: dict[str, Rows] = {}
-        if kind == "torque":
-            lines["measured"] = track.rows["measured"][joint, first:last]
+        measured = track.rows["measured"][joint, first:last]
+        lines = {"measured": measured} if kind == "torque" else {}
         for step in steps:
             if step in track.predicted:
                 predicted = track.predicted[step][joint, first:last]
-                lines[step] = predicted if kind == "torque" else track.rows["measured"][joint, first:last] - predicted
-        kept = shown_samples(t, list(lines.values()), min(points, MOST_POINTS))
-        every = every and len(kept) == len(t)
-        joints.append(
-            _broken({"t": t[kept], **{name: line[kept] for name, line in lines.items()}}, kept + first, track.starts)
-        )
-    return joints, every
+                lines[step] = predicted if kind == "torque" else measured - predicted
+        joints.append({name: _thinned(track, first, line, points) for name, line in lines.items()})
+    return joints, last - first <= points
 
 
-def _broken(
-    lines: Mapping[str, NDArray[np.float32] | Times], samples: NDArray[np.int64], starts: Sequence[int]
-) -> dict[str, NDArray[np.float32] | Times]:
-    """The same with a gap where a stretch ends: a line through it would be made up."""
-    if not starts:
-        return dict(lines)
-    places = np.searchsorted(samples, starts)
-    places = np.unique(places[(places > 0) & (places < len(samples))])
-    return {name: np.insert(line, places, line[places - 1] if name == "t" else np.nan) for name, line in lines.items()}
+def _thinned(track: Track, first: int, line: Rows, points: int) -> Line:
+    """The smallest and the largest of each group of samples, with a gap where a stretch ends: a line through it would
+    be made up."""
+    kept = np.arange(len(line))
+    if len(line) > points:
+        chosen = MinMaxDownsampler().downsample(np.nan_to_num(line), n_out=points - points % 2)
+        kept = np.unique(np.concatenate([[0, len(line) - 1], chosen.astype(np.int64)]))
+    t, y = track.t[kept + first], line[kept]
+    places = np.searchsorted(kept + first, track.starts)
+    places = np.unique(places[(places > 0) & (places < len(kept))])
+    if len(places):
+        t, y = np.insert(t, places, t[places - 1]), np.insert(y, places, np.nan)
+    return t, y

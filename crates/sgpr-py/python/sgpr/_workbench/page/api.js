@@ -43,13 +43,12 @@ export async function series(values, signal) {
   const length = new DataView(buffer).getUint32(0, true);
   const head = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
   let place = 4 + length;
-  for (const joint of head.joints) {
-    joint.values = {};
-    for (const name of joint.lines) {
-      const wide = name === "t";
-      joint.values[name] = wide ? new Float64Array(buffer, place, joint.length) : new Float32Array(buffer, place, joint.length);
-      place += Math.ceil((joint.length * (wide ? 8 : 4)) / 8) * 8;
-    }
-  }
+  head.joints = head.joints.map((lines) => Object.fromEntries(lines.map(([name, count]) => {
+    const t = new Float64Array(buffer, place, count);
+    place += 8 * count;
+    const y = new Float32Array(buffer, place, count);
+    place += Math.ceil((4 * count) / 8) * 8;
+    return [name, { t, y }];
+  })));
   return head;
 }

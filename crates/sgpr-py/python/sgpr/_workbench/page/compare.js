@@ -121,8 +121,7 @@ function draw(begun) {
   const near = (place) => { const box = place.getBoundingClientRect(); return box.bottom > 0 && box.top < innerHeight; };
   const one = (place) => {
     const k = places.indexOf(place);
-    const { t, ...lines } = shown.joints[k].values;
-    const traces = Object.entries(lines).map(([id, y]) => ({
+    const traces = Object.entries(shown.joints[k]).map(([id, { t, y }]) => ({
       type: "scatter", mode: shown.every && t.length < 150 ? "lines+markers" : "lines", x: t, y, hoverinfo: "skip", connectgaps: false,
       marker: { size: 4 }, line: id === "measured" ? { color: MEASURED, width: 1.6 } : { ...styleOf(app.state, id), width: 1.3, simplify: false },
     }));
@@ -172,12 +171,19 @@ function follow(event) {
   const place = event.target.closest(".joint");
   if (!place) return;
   const k = Number(place.id.slice(6));
-  const { t, ...lines } = shown.joints[k].values;
-  let low = 0, high = t.length - 1;
-  while (low < high) { const middle = (low + high) >> 1; if (t[middle] < time) low = middle + 1; else high = middle; }
   const unit = unitsOf(app.state)[k];
-  const said = Object.entries(lines).map(([id, y]) => `${id === "measured" ? "measured" : app.state.steps.find((step) => step.id === id)?.name} ${number(y[low], 4)} ${unit}`);
-  parts.readout.textContent = `${app.state.robot.joints[k]} at ${number(t[low], 6)} s: ${said.join(", ")}`;
+  const titles = Object.fromEntries(app.state.steps.map((step) => [step.id, step.name]));
+  const said = Object.entries(shown.joints[k]).map(([id, { t, y }]) => `${titles[id] ?? "measured"} ${number(y[nearest(t, time)], 4)} ${unit}`);
+  parts.readout.textContent = `${app.state.robot.joints[k]} at ${time.toFixed(3)} s: ${said.join(", ")}`;
+}
+
+function nearest(t, time) {
+  let low = 0, high = t.length - 1;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (t[middle] < time) low = middle + 1; else high = middle;
+  }
+  return low > 0 && time - t[low - 1] < t[low] - time ? low - 1 : low;
 }
 
 function errors(state) {
