@@ -1,5 +1,6 @@
 """The workbench without a browser: what it keeps, what it refuses, what it hands out."""
 
+import functools
 import http.client
 import json
 import os
@@ -20,6 +21,7 @@ import numpy as np
 import pytest
 import sgpr
 from cli_support import run, write_log
+from test_diagnosis_story import swinging
 
 for needed in ("starlette", "uvicorn", "tsdownsample", "tomlkit", "scipy"):
     pytest.importorskip(needed, reason="the workbench needs pip install sgpr[workbench]")
@@ -573,3 +575,63 @@ def test_what_messages_propose_is_a_click(tmp_path: Path) -> None:
     assert "resample" not in tomllib.loads((tmp_path / "sgpr.toml").read_text())
     with pytest.raises(BadData, match="not one of"):
         bench.set_reading("", {"robot": "/etc/passwd"})
+
+
+def test_the_rest_as_a_last_step(arm: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = opened([str(arm)])
+    finish(bench)
+    bench.remove("m2")
+    bench.remove("m3")
+    # Short logs: the same in a fraction of the time.
+    bench.set_reading("", {"trim": [0.0, 6.0]})
+    finish(bench)
+    bench.learn()
+    finish(bench)
+    step = bench.ladder[bench.ladder.current]
+    assert step.rest and step.after == "m1"
+    errors = {key: bench.ladder[key].errors["test"]["joints"][1]["rmse"] for key in ("m1", step.id)}
+    assert errors[step.id] < 0.7 * errors["m1"]
+    assert all(one["percent_95"] > 80.0 for one in step.errors["coverage"])
+    lines = piece(bench.track("test.csv"), [step.id], "torque", (2.0, 4.0), 1000)[0][1]
+    low, high = (lines[f"{step.id} {end}"][1] for end in ("low", "high"))
+    assert np.mean((low <= lines["measured"][1]) & (lines["measured"][1] <= high)) > 0.8
+    for wrong in (bench.diagnose, bench.learn):
+        with pytest.raises(BadData):
+            wrong()
+    assert "Gaussian" in takeaway.report(bench) or "process" in takeaway.report(bench)
+    again = opened([str(arm)])
+    finish(again)
+    assert again.ladder[step.id].errors == step.errors
+    expected = takeaway.model_file(bench)
+    (arm / "repeat.py").write_text(takeaway.script(bench))
+    done = subprocess.run([sys.executable, "repeat.py"], cwd=arm, check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert (arm / "model.sgpr").read_bytes() == expected
+    monkeypatch.chdir(arm)
+    for line in takeaway.commands(bench).splitlines()[1:]:
+        assert run(*shlex.split(line)[1:], "--quiet").code == 0
+    assert (arm / "step_2" / "model.sgpr").read_bytes() == expected
+
+
+def test_the_next_experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pair = ["viscous_friction", "coulomb_friction"]
+    monkeypatch.setattr(bench_module, "diagnose", functools.partial(sgpr.diagnose, effects=pair))
+    swinging().save(tmp_path / "swing.csv")
+    (tmp_path / "sgpr.toml").write_text('robot = "two_link"\n')
+    bench = opened([str(tmp_path)])
+    bench.fit([])
+    finish(bench)
+    with pytest.raises(BadData, match="no next experiment"):
+        takeaway.next_experiment(bench)
+    bench.diagnose()
+    finish(bench)
+    (tmp_path / "motion.csv").write_text(takeaway.next_experiment(bench))
+    robot = sgpr.robots.two_link()
+    log = sgpr.read(tmp_path / "swing.csv", robot.joint_names)
+    expected = sgpr.diagnose(sgpr.identify(robot, [log], effects=[]), [log], effects=pair).next_motion
+    assert expected is not None
+    assert np.allclose(sgpr.read(tmp_path / "motion.csv", robot.joint_names).q, expected.q, atol=1e-6)
+    assert [line["name"] for line in bench.diagnoses["m1"]["next_figure"]["data"]] == robot.joint_names
+    again = opened([str(tmp_path)])
+    finish(again)
+    assert takeaway.next_experiment(again) == takeaway.next_experiment(bench)

@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from .. import Model, Recording, Robot, SgprError, compare, diagnose, load
+from .. import Model, Recording, Robot, SemiParametricModel, SgprError, diagnose, load
 from .. import effects as registry
 from .._pages import write_page
 from ..cli.effects import DEFAULT_EFFECTS
@@ -20,8 +20,9 @@ from ..cli.reading import ReadingOptions, read_log
 from ..cli.robots import READY_MADE, load_robot
 from ..cli.screening import excitation, outside, repeated, saturated
 from .folder import ROLES, Folder, guessed_roles
+from .motions import next_motion
 from .remedies import proposals
-from .steps import ROBOT_FILE, Ladder, Step, computed, errors_of, figures_of, key_of
+from .steps import ROBOT_FILE, Known, Ladder, Step, compared, computed, errors_of, figures_of, key_of
 from .tracks import Track, track_of
 from .work import Progress, Work
 
@@ -96,6 +97,7 @@ class Bench:
         self.ladder = Ladder()
         self.tracks: dict[str, Track] = {}
         self.diagnoses: dict[str, dict[str, Any]] = {}
+        self.motions: dict[str, str] = {}
         self.checks: dict[str, Any] | None = None
         self.work = Work(self.changed)
         self._open(robot, logs)
@@ -196,10 +198,15 @@ class Bench:
             raise BadData("no log trains: set one to `train`")
         return self.robot
 
+    def reading(self) -> dict[str, Any] | None:
+        """How logs like the training logs are read, as a model notes it."""
+        first = next((log for log in self.logs.values() if log.role == "train"), None)
+        return None if first is None else ReadingOptions().lasting([str(self.folder.path(first.name))])
+
     def reference(self) -> Model:
         """The model whose filters all are judged with: the first fit, so that errors can be compared."""
         fits = [s.model for s in self.ladder.steps.values() if s.after is None and s.id != ROBOT_FILE and s.model]
-        if not fits:
+        if not fits or not isinstance(fits[0], Model):
             raise BadData("there is no fit yet")
         return fits[0]
 
@@ -316,6 +323,7 @@ class Bench:
         with self.lock:
             self.tracks.clear()
             self.diagnoses.clear()
+            self.motions.clear()
             self.checks = None
             for step in self.ladder.steps.values():
                 step.model, step.errors, step.problem = None, {}, None
@@ -351,36 +359,57 @@ class Bench:
         self.changed()
 
     def _judged(
-        self, step: Step, model: Model, logs: Mapping[str, list[Recording]], roles: Mapping[str, str]
+        self, step: Step, model: Known, logs: Mapping[str, list[Recording]], roles: Mapping[str, str]
     ) -> dict[str, Any]:
         """Errors of a model, and its torque, which is kept for the plots."""
         like = self.reference()
         each = {}
         for name, stretches in logs.items():
-            found = compare(model, stretches, processing=like)
+            interval = None
+            if isinstance(model, SemiParametricModel):
+                found, spread = model.compare_with_spread(stretches)
+                interval = [half for _, half, _ in spread]
+            else:
+                found = compared(model, stretches, like)
             each[name] = figures_of(found)
             with self.lock:
                 if name not in self.tracks:
                     self.tracks[name] = track_of(found, stretches)
-                self.tracks[name].add(step.id, found)
-        return errors_of(model, logs, roles, like, each)
+                self.tracks[name].add(step.id, found, interval)
+        errors = errors_of(model, logs, roles, like, each)
+        if isinstance(model, SemiParametricModel):
+            judged = [part for name, parts in logs.items() if roles[name] == "test" for part in parts]
+            errors["coverage"] = [
+                {"joint": one["joint"], "percent_95": one["percent_95"]}
+                for one in (model.coverage(judged) if judged else [])
+            ]
+        return errors
 
     def _cached(
-        self, robot: Robot, train: list[Recording], chain: list[Step], before: Model | None, progress: Progress
-    ) -> Model:
-        step = chain[-1]
-        place = self.folder.root / CACHE / f"{key_of(robot, train, chain)}.sgpr"
+        self, robot: Robot, train: list[Recording], chain: list[Step], before: Known | None, progress: Progress
+    ) -> Known:
+        step, reading = chain[-1], self.reading()
+        place = self.folder.root / CACHE / f"{key_of(robot, train, chain, reading)}.sgpr"
         if place.is_file():
             with contextlib.suppress(SgprError, OSError):
-                found = load(place)
-                if isinstance(found, Model):
-                    return found
+                return load(place)
         model = computed(step, before, robot, train, progress)
+        if isinstance(model, Model):
+            model = model.with_reading(reading)
         # A cache that cannot be written costs time, nothing else.
         with contextlib.suppress(OSError, SgprError):
             place.parent.mkdir(exist_ok=True)
             model.save(place)
         return model
+
+    def learn(self) -> None:
+        """A last step: a Gaussian process for what the current model leaves over."""
+        self.needs()
+        with self.lock:
+            start = self.ladder[self.ladder.current]
+            if start.id == ROBOT_FILE or not isinstance(start.model, Model):
+                raise BadData("the rest is learned of a model of physics alone: fit first, or go on from another step")
+            self._begin("learn the rest", lambda: self.ladder.new("Gaussian process", after=start.id, rest=True))
 
     def diagnose(self) -> None:
         """Looks for what the current model lacks."""
@@ -389,27 +418,42 @@ class Bench:
         model = step.model
         if step.id == ROBOT_FILE or model is None:
             raise BadData("fit first: a diagnosis starts from a fit")
+        if not isinstance(model, Model):
+            raise BadData("a Gaussian process takes all that is left: go on from the step before it")
 
         def task(progress: Progress) -> None:
-            found = diagnose(model, self.used("train"), self.used("test"), progress=progress).to_dict()
+            found = diagnose(model, self.used("train"), self.used("test"), progress=progress)
+            data = found.to_dict()
+            motion = next_motion(found, model.robot)
+            if motion is not None:
+                data["next_figure"] = motion.figure
             with self.lock:
-                self.diagnoses[step.id] = found
+                self.diagnoses[step.id] = data
+                if motion is not None:
+                    self.motions[step.id] = motion.table
+            place = self._diagnosis_file(step)
             with contextlib.suppress(OSError):
-                self._diagnosis_file(step).parent.mkdir(exist_ok=True)
-                write_page(self._diagnosis_file(step), json.dumps(found))
+                place.parent.mkdir(exist_ok=True)
+                write_page(place, json.dumps(data))
+                if motion is not None:
+                    write_page(place.with_suffix(".csv"), motion.table)
 
         self.message = None
         self.work.start("look for what is missing", task, lambda text: self.say("bad", f"diagnosis: {text}"))
 
     def _diagnosis_file(self, step: Step) -> Path:
         logs = [*self.used("train"), *self.used("test")]
-        return self.folder.root / CACHE / f"{key_of(self.needs(), logs, self.ladder.chain(step.id))}.json"
+        return (
+            self.folder.root / CACHE / f"{key_of(self.needs(), logs, self.ladder.chain(step.id), self.reading())}.json"
+        )
 
     def _restore_diagnosis(self, step: Step) -> None:
         if step.id == ROBOT_FILE or step.id in self.diagnoses:
             return
         with contextlib.suppress(OSError, ValueError):
-            self.diagnoses[step.id] = json.loads(self._diagnosis_file(step).read_text(encoding="utf-8"))
+            place = self._diagnosis_file(step)
+            self.diagnoses[step.id] = json.loads(place.read_text(encoding="utf-8"))
+            self.motions[step.id] = place.with_suffix(".csv").read_text(encoding="utf-8")
 
     def take_back(self) -> None:
         """The step before the current one becomes the current one; what is taken back stays in the ladder."""
@@ -432,7 +476,7 @@ class Bench:
         with self.lock:
             self.ladder.remove(name)
             for track in self.tracks.values():
-                for table in (track.predicted, track.predicted_in_band):
+                for table in (track.predicted, track.predicted_in_band, track.interval):
                     for gone in [key for key in table if key not in self.ladder.steps]:
                         del table[gone]
             self.save()

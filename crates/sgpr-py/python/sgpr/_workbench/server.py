@@ -42,6 +42,7 @@ ACTIONS: dict[str, tuple[str, ...]] = {
     "fit": ("effects",),
     "diagnose": (),
     "add": ("effects", "after"),
+    "learn": (),
     "take_back": (),
     "use": ("name",),
     "remove": ("name",),
@@ -264,6 +265,7 @@ async def _take(request: Request) -> Response:
         "report.html": (takeaway.report, "text/html"),
         "commands.sh": (takeaway.commands, "text/plain"),
         "repeat.py": (takeaway.script, "text/x-python"),
+        "next_experiment.csv": (takeaway.next_experiment, "text/csv"),
     }
     if what not in kinds:
         return _wrong(f"there is no {what}")

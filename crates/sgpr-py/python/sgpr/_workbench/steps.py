@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from .. import Comparison, Model, Recording, Robot, __version__, compare, diagnose, identify
+from .. import Comparison, Model, Recording, Robot, SemiParametricModel, __version__, compare, diagnose, identify
 from ..cli.errors import BadData
 from .work import Progress
 
@@ -15,13 +15,15 @@ ROBOT_FILE = "robot"
 
 LONGEST_NAME = 80
 
+Known = Model | SemiParametricModel
+
 
 @dataclass
 class Step:
     """A model, and how it came about.
 
     - `after`: the step that it starts from, None for a fit
-    - `effects`: of a fit; `add`: `effect@joint`, of a step that adds
+    - `effects`: of a fit; `add`: `effect@joint`, of a step that adds; `rest`: whether it learns the rest
     - `model`: None while it is to be computed; `errors` are those of `errors_of`
     """
 
@@ -30,8 +32,9 @@ class Step:
     after: str | None = None
     effects: list[str] = field(default_factory=list)
     add: list[str] = field(default_factory=list)
+    rest: bool = False
     shown: bool = True
-    model: Model | None = None
+    model: Known | None = None
     problem: str | None = None
     errors: dict[str, Any] = field(default_factory=dict)
 
@@ -41,7 +44,7 @@ class Step:
         if self.after is None:
             data["effects"] = self.effects
         else:
-            data |= {"after": self.after, "add": self.add}
+            data |= {"after": self.after} | ({"rest": True} if self.rest else {"add": self.add})
         if not self.shown:
             data["shown"] = False
         return data
@@ -54,11 +57,12 @@ class Step:
             "after": self.after,
             "effects": self.effects,
             "add": self.add,
+            "rest": self.rest,
             "shown": self.shown,
             "ready": self.model is not None,
             "problem": self.problem,
             "errors": self.errors,
-            "history": [] if self.model is None else self.model.history,
+            "history": [] if self.model is None else physics_of(self.model).history,
         }
 
 
@@ -113,7 +117,8 @@ class Ladder:
                 raise BadData(f"steps: `{row['id']}` starts from `{after}`, which is not among those before it")
             texts = {key: [str(each) for each in row.get(key, [])] for key in ("effects", "add")}
             name = str(row.get("name", row["id"]))[:LONGEST_NAME]
-            self.steps[row["id"]] = Step(row["id"], name, after, shown=bool(row.get("shown", True)), **texts)
+            flags = {"shown": bool(row.get("shown", True)), "rest": bool(row.get("rest", False))}
+            self.steps[row["id"]] = Step(row["id"], name, after, **flags, **texts)
         self.current = data.get("current") if data.get("current") in self.steps else next(reversed(self.steps))
         self.pinned = data.get("pinned") if data.get("pinned") in self.steps else None
 
@@ -123,18 +128,33 @@ class Ladder:
         return {"current": self.current, "pinned": self.pinned, "steps": kept or None}
 
 
-def computed(step: Step, before: Model | None, robot: Robot, train: Sequence[Recording], progress: Progress) -> Model:
+def physics_of(model: Known) -> Model:
+    """A model without what was learned of the rest."""
+    found: Model = model.physics_ if isinstance(model, SemiParametricModel) else model
+    return found
+
+
+def computed(step: Step, before: Known | None, robot: Robot, train: Sequence[Recording], progress: Progress) -> Known:
     """The model of a step."""
     if step.id == ROBOT_FILE:
         return Model.nominal(robot)
     if step.after is None:
         return identify(robot, train, effects=step.effects, progress=progress)
-    if before is None:
-        raise BadData(f"{step.name}: the step before it has no model")
+    if not isinstance(before, Model):
+        raise BadData(f"{step.name}: the step before it has no model of physics alone")
+    if step.rest:
+        return SemiParametricModel(before.robot, physics=before, progress=progress).fit(train)
     return diagnose(before, train, add=step.add, progress=progress).model
 
 
-def key_of(robot: Robot, train: Iterable[Recording], chain: Sequence[Step]) -> str:
+def compared(model: Known, recordings: Sequence[Recording], like: Model) -> Comparison:
+    """The model against logs, through the filters of another one as far as it is physics."""
+    if isinstance(model, SemiParametricModel):
+        return model.compare(recordings)
+    return compare(model, recordings, processing=like)
+
+
+def key_of(robot: Robot, train: Iterable[Recording], chain: Sequence[Step], reading: object) -> str:
     """What a model follows from, as a name of a file: another robot, log or step gives another one."""
     about = [
         __version__,
@@ -142,13 +162,14 @@ def key_of(robot: Robot, train: Iterable[Recording], chain: Sequence[Step]) -> s
         robot.standard_parameters.tolist(),
         robot.gravity.tolist(),
         [(log.source, log.content_hash) for log in train],
-        [(step.effects, step.add) for step in chain],
+        [(step.effects, step.add, step.rest) for step in chain],
+        repr(reading),
     ]
     return hashlib.sha256(json.dumps(about).encode()).hexdigest()[:24]
 
 
 def errors_of(
-    model: Model,
+    model: Known,
     logs: Mapping[str, Sequence[Recording]],
     roles: Mapping[str, str],
     like: Model,
@@ -164,7 +185,7 @@ def errors_of(
         if len(names) == 1:
             result[role] = each[names[0]]
         elif names:
-            result[role] = figures_of(compare(model, [part for name in names for part in logs[name]], processing=like))
+            result[role] = figures_of(compared(model, [part for name in names for part in logs[name]], like))
     return result
 
 

@@ -5,11 +5,13 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from .. import Model
+from .. import SemiParametricModel
 from .._pages import model_page
+from ..cli import learn
 from ..cli.errors import BadData
-from ..cli.reading import REPAIRS, ReadingOptions
+from ..cli.reading import REPAIRS, Log
 from ..cli.robots import READY_MADE
+from ..cli.screening import repeated
 from .bench import Bench
 from .steps import ROBOT_FILE, Step
 
@@ -22,30 +24,42 @@ def chain_of(bench: Bench) -> list[Step]:
     return chain
 
 
-def reading_of(bench: Bench) -> dict[str, Any] | None:
-    """How logs like the training logs are read, as the model file notes it."""
-    first = next(log for log in bench.logs.values() if log.role == "train")
-    return ReadingOptions().lasting([str(bench.folder.path(first.name))])
-
-
 def model_file(bench: Bench) -> bytes:
     """The current model, byte by byte what the commands and the script write."""
     model = chain_of(bench)[-1].model
-    assert isinstance(model, Model), "asked before"
+    assert model is not None, "asked before"
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "model.sgpr"
-        model.with_reading(reading_of(bench)).save(path)
+        model.save(path)
         return path.read_bytes()
 
 
 def report(bench: Bench) -> str:
-    """The page of `sgpr compare` for the current model, on the test logs if there are any."""
+    """The page of `sgpr compare` or `sgpr learn` for the current model, on the test logs if there are any."""
     model = chain_of(bench)[-1].model
-    assert isinstance(model, Model), "asked before"
+    if isinstance(model, SemiParametricModel):
+        logs = {role: _as_read(bench, role) for role in ("train", "test")}
+        result = learn.Result.of(model, logs["train"], logs["test"])
+        data = result.to_dict() | {"settings": {}, "repeated_motions": repeated(logs["train"], logs["test"])}
+        return result.page(data).html()
+    assert model is not None, "asked before"
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "report.html"
         model_page(model, path, bench.used("test") or bench.used("train"))
         return path.read_text(encoding="utf-8")
+
+
+def next_experiment(bench: Bench) -> str:
+    """The motion that tells the findings of the current model's diagnosis apart, as a table."""
+    found = bench.motions.get(bench.ladder.current)
+    if found is None:
+        raise BadData("there is no next experiment: look for what is missing first, or nothing imitates the findings")
+    return found
+
+
+def _as_read(bench: Bench, role: str) -> list[Log]:
+    logs = [log for log in bench.logs.values() if log.role == role and log.stretches]
+    return [Log(log.name, log.stretches[0], log.stretches, []) for log in logs]
 
 
 def commands(bench: Bench) -> str:
@@ -59,6 +73,8 @@ def commands(bench: Bench) -> str:
         out = f"step_{number}"
         if step.after is None:
             how = ["identify", "--robot", start, *logs, "--effects", *(step.effects or ["none"])]
+        elif step.rest:
+            how = ["learn", "--robot", start, *logs]
         else:
             how = ["diagnose", "--robot", start, *logs, "--add", *step.add]
         lines.append(shlex.join(["sgpr", *how, "--out", out]))
@@ -95,11 +111,15 @@ def script(bench: Bench) -> str:
         lines.append(f"# {_comment(step.name)}")
         if step.after is None:
             lines.append(f"model = sgpr.identify(robot, train, effects={step.effects!r})")
+            lines.append(f"model = model.with_reading({bench.reading()!r})")
+        elif step.rest:
+            lines.append("model = sgpr.SemiParametricModel(model.robot, physics=model).fit(train)")
         else:
             lines.append(f"model = sgpr.diagnose(model, train, add={step.add!r}).model")
-    lines.append(f'model.with_reading({reading_of(bench)!r}).save("model.sgpr")')
+            lines.append(f"model = model.with_reading({bench.reading()!r})")
+    lines.append('model.save("model.sgpr")')
     if any(log.role == "test" for log in bench.logs.values()):
-        lines.append("print(sgpr.compare(model, test))")
+        lines.append(f"print({'model.compare(test)' if chain[-1].rest else 'sgpr.compare(model, test)'})")
     return "\n".join(lines) + "\n"
 
 

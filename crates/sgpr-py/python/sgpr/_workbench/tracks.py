@@ -25,6 +25,7 @@ class Track:
 
     - `t`: s since its first sample, `[N]`; `starts`: where a stretch begins, after the first
     - rows of `[n, N]`: `measured` and `predicted` as they are, `..._in_band` as the fit sees them, `q`, `dq`, `ddq`
+    - `interval`: half the interval of 95 % of steps that know it, `[n, N]`
     """
 
     t: Times
@@ -33,19 +34,22 @@ class Track:
     rows: dict[str, Rows]
     predicted: dict[str, Rows] = field(default_factory=dict)
     predicted_in_band: dict[str, Rows] = field(default_factory=dict)
+    interval: dict[str, Rows] = field(default_factory=dict)
     channels: dict[str, Times] = field(default_factory=dict)
 
     def residual(self, step: str) -> Rows:
         """Measured minus predicted torque as the fit sees it, `[n, N]`."""
         return np.asarray(self.rows["measured_in_band"] - self.predicted_in_band[step])
 
-    def add(self, step: str, found: Comparison) -> None:
-        """The prediction of a model."""
+    def add(self, step: str, found: Comparison, interval: Sequence[Times] | None = None) -> None:
+        """The prediction of a model, and half its interval of 95 %."""
         parts = found.logs
         if sum(len(part.time_ns) for part in parts) != len(self.t):
             raise BadData("the models are judged at different samples")
         self.predicted[step] = joined(parts, "predicted")
         self.predicted_in_band[step] = joined(parts, "predicted_in_band")
+        if interval is not None:
+            self.interval[step] = np.ascontiguousarray(np.concatenate(interval).T, dtype=np.float32)
 
 
 def track_of(comparison: Comparison, recordings: Sequence[Recording]) -> Track:
@@ -94,6 +98,11 @@ def piece(
             if step in track.predicted:
                 predicted = track.predicted[step][joint, first:last]
                 lines[step] = predicted if kind == "torque" else measured - predicted
+                if step in track.interval:
+                    # About the prediction, or about zero: where the measured torque, or the residual, should be.
+                    middle = predicted if kind == "torque" else np.zeros_like(predicted)
+                    half = track.interval[step][joint, first:last]
+                    lines |= {f"{step} low": middle - half, f"{step} high": middle + half}
         joints.append({name: _thinned(track, first, line, points) for name, line in lines.items()})
     return joints, last - first <= points
 

@@ -123,7 +123,7 @@ function draw(begun) {
     const k = places.indexOf(place);
     const traces = Object.entries(shown.joints[k]).map(([id, { t, y }]) => ({
       type: "scatter", mode: shown.every && t.length < 150 ? "lines+markers" : "lines", x: t, y, hoverinfo: "skip", connectgaps: false,
-      marker: { size: 4 }, line: id === "measured" ? { color: MEASURED, width: 1.6 } : { ...styleOf(app.state, id), width: 1.3, simplify: false },
+      marker: { size: 4 }, line: / (low|high)$/.test(id) ? { ...styleOf(app.state, id.split(" ")[0]), width: 0.8, dash: "dot" } : id === "measured" ? { color: MEASURED, width: 1.6 } : { ...styleOf(app.state, id), width: 1.3, simplify: false },
     }));
     const last = k === places.length - 1;
     const layout = {
@@ -173,7 +173,7 @@ function follow(event) {
   const k = Number(place.id.slice(6));
   const unit = unitsOf(app.state)[k];
   const titles = Object.fromEntries(app.state.steps.map((step) => [step.id, step.name]));
-  const said = Object.entries(shown.joints[k]).map(([id, { t, y }]) => `${titles[id] ?? "measured"} ${number(y[nearest(t, time)], 4)} ${unit}`);
+  const said = Object.entries(shown.joints[k]).map(([id, { t, y }]) => `${titles[id] ?? (id === "measured" ? id : `95 % ${id.split(" ")[1]}`)} ${number(y[nearest(t, time)], 4)} ${unit}`);
   parts.readout.textContent = `${app.state.robot.joints[k]} at ${time.toFixed(3)} s: ${said.join(", ")}`;
 }
 

@@ -1,6 +1,6 @@
 // What is missing: the candidates of the diagnosis, their signatures, and a click that adds one.
 
-import { getJson } from "./api.js";
+import { getJson, save } from "./api.js";
 import { button, choice, fill, h, number, table, words } from "./dom.js";
 
 const VERDICTS = {
@@ -18,16 +18,19 @@ const title = (one) => `${words(one.effect)} at ${one.joints.join(", ") || "the 
 export function update(root, state, app) {
   const step = state.steps.find((each) => each.id === state.current);
   const found = state.diagnosis;
-  const fitted = step && step.id !== "robot" && step.ready;
+  const fitted = step && step.id !== "robot" && step.ready && !step.rest;
   const add = async (effects) => { if (await app.act("add", { effects })) app.go("steps"); };
-  const lead = !fitted ? h("div", { class: "verdict" }, h("p", { class: "lead" }, "There is no fit yet."), button("To the fit", () => app.go("fit"), { class: "main" }))
+  const lead = step?.rest ? h("div", { class: "verdict" }, h("p", { class: "lead" }, "The Gaussian process takes all that is left: go on from the step before it."), button("To the steps", () => app.go("steps"), { class: "main" }))
+    : !fitted ? h("div", { class: "verdict" }, h("p", { class: "lead" }, "There is no fit yet."), button("To the fit", () => app.go("fit"), { class: "main" }))
     : found ? verdict(found)
     : h("div", { class: "verdict" }, h("p", { class: "lead" }, state.job ? `Looking for what “${step.name}” lacks: every effect is tried at every joint.` : `What does “${step.name}” lack?`),
       state.job ? h("p", { class: "soft" }, "Cancel at any time: the models stay as they are.") : button("Look for it", () => app.act("diagnose"), { class: "main" }));
   fill(root, h("h2", {}, "What is missing"), lead,
     found ? found.findings.map((one, k) => card(one, k, state, app, add)) : null,
     found ? candidates(found, state, app, add) : null,
-    fitted ? byHand(state, add) : null, found ? rest(found, app) : null);
+    found ? experiment(found, app) : null, fitted ? byHand(state, add) : null, found ? rest(found, app) : null);
+  const motion = document.getElementById("next-motion");
+  if (motion) Plotly.react(motion, found.next_figure.data, found.next_figure.layout, { displayModeBar: false, responsive: true });
   if (open && found) signature(open, state, app);
 }
 
@@ -63,6 +66,15 @@ function candidates(found, state, app, add) {
   return h("section", { "aria-label": "Other candidates" }, h("h3", {}, "Other candidates"),
     h("p", { class: "soft" }, `The best ${listed.length} of ${found.candidates.length}. Evidence: log of the Bayes factor against the model alone, less what looking at so many costs.`),
     table("Other candidates", ["effect", "probability", "evidence", "looks like", ""], rows, [0, 3, 4]), h("div", { id: "signature-c" }));
+}
+
+function experiment(found, app) {
+  if (!found.next_figure) return null;
+  return h("section", { "aria-label": "Next experiment" }, h("h3", {}, "What to record next"),
+    found.next_experiment.map((one) => h("p", {}, `To tell ${one.about.map(words).join(" from ")}: ${one.experiment} (${number(one.seconds)} s). Log Bayes factor between them ${number(one.separation_now)} now, ${number(one.separation_expected)} expected with the motion.`)),
+    h("p", { class: "soft" }, "It stays within what the logs show, but takes the arm to new poses: look for collisions first."),
+    h("div", { id: "next-motion" }),
+    button("The motion (next_experiment.csv)", () => save("next_experiment.csv").catch((error) => app.notice(error.message))));
 }
 
 function toggle(key, one, state, app) {

@@ -17,8 +17,9 @@ function headline(state, step, app, busy) {
   const before = state.steps.find((each) => each.id === step.after);
   const on = judged(step);
   const buttons = h("div", { class: "bar" },
-    button("What is missing now?", async () => { if (state.diagnosis || await app.act("diagnose")) app.go("missing"); }, { class: "main", disabled: busy }),
+    step.rest ? null : button("What is missing now?", async () => { if (state.diagnosis || await app.act("diagnose")) app.go("missing"); }, { class: "main", disabled: busy }),
     step.after ? button("Take it back", () => app.act("take_back"), { disabled: busy }) : null,
+    step.rest ? null : button("Learn the rest", () => app.act("learn"), { disabled: busy, title: "a Gaussian process for what the physics leaves over, as a last step" }),
     button("Take the model away", () => app.go("take")));
   if (!before || !step.errors[on] || !before.errors[on]) {
     return h("div", { class: "verdict" }, h("p", { class: "lead" }, busy && !step.errors[on] ? "The effect is fitted." : `The current model is “${step.name}”.`), buttons);
@@ -31,6 +32,7 @@ function headline(state, step, app, busy) {
   return h("div", { class: best.change < 0 ? "verdict" : "verdict bad" },
     h("p", { class: "lead" }, `With ${step.name} the error of ${best.joint} ${best.change < 0 ? "falls by" : "rises by"} ${number(Math.abs(best.change), 2)} % ${where}: ${number(best.old)} to ${number(best.now)}.`),
     worse.length ? h("p", { class: "bad" }, `It rises at ${worse.map((one) => `${one.joint} by ${number(one.change, 2)} %`).join(", ")}.`) : null,
+    step.errors.coverage?.length ? h("p", {}, `Its interval of 95 % holds ${step.errors.coverage.map((one) => `${number(one.percent_95)} % at ${one.joint}`).join(", ")} of the torques on the test logs; Compare draws it dotted.`) : null,
     h("p", {}, `All joints: ${percent(before.errors[on].relative)} to ${percent(step.errors[on].relative)} of the torque.`), buttons);
 }
 
