@@ -87,17 +87,25 @@ class Folder:
             raise BadData(f"{self.file}: {error}") from error
 
     def save(self, changes: Mapping[str, Any]) -> None:
-        """Writes entries of the project file, complete or not at all; None removes one, what is not named stays."""
+        """Writes entries of the project file, complete or not at all; None removes one, all else stays as it is."""
         document = tomlkit.document()
         if self.file.is_file():
             document = tomlkit.parse(self.file.read_text(encoding="utf-8"))
+        # At the end of the file they would belong to its last table.
+        first = tomlkit.document()
         for key, value in changes.items():
             if value is None:
                 document.pop(key, None)
-            elif document.get(key) != value:
+            elif document.get(key) == value:
+                continue
+            elif _is_tables(value):
                 document.pop(key, None)
-                document[key] = _tables(value) if _is_tables(value) else tomlkit.item(value)
-        write_page(self.file, _plain_first(document))
+                document[key] = _tables(value)
+            elif key in document or isinstance(value, Mapping):
+                document[key] = value
+            else:
+                first[key] = value
+        write_page(self.file, tomlkit.dumps(first) + tomlkit.dumps(document))
 
 
 def guessed_roles(names: Sequence[str]) -> dict[str, str]:
@@ -141,18 +149,3 @@ def _tables(value: list[Mapping[str, Any]]) -> Any:
     for each in value:
         rows.append(tomlkit.item(dict(each)))
     return rows
-
-
-def _plain_first(document: Any) -> str:
-    """The text with plain entries before tables: after a table they would belong to it."""
-    plain = [key for key in document if not _is_table(document[key])]
-    ordered = tomlkit.document()
-    if all(not _is_table(document[key]) for key in list(document)[: len(plain)]):
-        return tomlkit.dumps(document)
-    for key in [*plain, *(key for key in document if key not in plain)]:
-        ordered[key] = document[key]
-    return tomlkit.dumps(ordered)
-
-
-def _is_table(value: Any) -> bool:
-    return isinstance(value, (tomlkit.items.Table, tomlkit.items.AoT))

@@ -7,6 +7,7 @@ from typing import Any
 
 from .. import Diagnosis, Robot
 from ..report.experiment import PLOT, experiment_section
+from ..report.figures import plain
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,8 @@ def next_motion(diagnosis: Diagnosis, robot: Robot) -> NextMotion | None:
     if motion is None or not experiments:
         return None
     _, figures = experiment_section(experiments, motion, robot.position_units, None)
+    for line in figures[PLOT]["data"]:
+        line["name"] = plain(line["name"])
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "next_experiment.csv"
         diagnosis.save_next_motion(path)

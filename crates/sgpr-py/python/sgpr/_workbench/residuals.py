@@ -11,7 +11,7 @@ from scipy import signal, stats  # type: ignore[import-untyped]
 
 from ..cli.errors import BadData
 from ..report.colours import AFTER, BEFORE, INTERVAL, LINES, MEASURED
-from ..report.figures import axis, layout, rounded
+from ..report.figures import axis, layout, plain, rounded
 from ..report.numbers import percent, significant
 from .bench import Bench
 from .tracks import Track
@@ -145,7 +145,9 @@ def _cloud(samples: Samples, x: Array, y: Array, keep: NDArray[np.int64], colour
             if len(part := keep[samples.log[keep] == number])
         ]
     if colour:
-        bar = {"title": {"text": samples.variables()[colour], "side": "right"}, "thickness": 12}
+        if colour not in samples.variables():
+            raise BadData(f"there is nothing called {colour} in these logs")
+        bar = {"title": {"text": plain(samples.variables()[colour]), "side": "right"}, "thickness": 12}
         marker = {"size": 4, "color": rounded(samples.values(colour)[keep]), "colorscale": "Cividis", "colorbar": bar}
         return [_dots("samples", x[keep], y[keep], marker)]
     if len(x) > DENSE:
@@ -323,8 +325,3 @@ def _drawn(traces: list[dict[str, Any]], x: dict[str, Any], y: dict[str, Any], *
     for each in (x, y):
         each["title"]["text"] = plain(each["title"]["text"])
     return {"data": traces, "layout": layout(xaxis=x, yaxis=y, height=380, **settings)}
-
-
-def plain(text: str) -> str:
-    """Text that Plotly shows as it is."""
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
