@@ -24,13 +24,13 @@ function headline(state, step, app, busy) {
   if (!before || !step.errors[on] || !before.errors[on]) {
     return h("div", { class: "verdict" }, h("p", { class: "lead" }, busy && !step.errors[on] ? "The effect is fitted." : `The current model is “${step.name}”.`), buttons);
   }
-  const changes = step.errors[on].joints.map((joint, k) => ({ joint: joint.joint, now: joint.rmse, old: before.errors[on].joints[k].rmse }))
+  const changes = step.errors[on].joints.map((joint, k) => ({ joint: joint.joint, unit: joint.unit, now: joint.rmse, old: before.errors[on].joints[k].rmse }))
     .filter((one) => one.old > 0).map((one) => ({ ...one, change: 100 * (one.now / one.old - 1) })).sort((a, b) => a.change - b.change);
   const best = changes[0];
   const worse = changes.filter((one) => one.change > 0.5);
   const where = on === "test" ? "on logs that no step has seen" : "on the training logs (no log tests)";
   return h("div", { class: best.change < 0 ? "verdict" : "verdict bad" },
-    h("p", { class: "lead" }, `With ${step.name} the error of ${best.joint} ${best.change < 0 ? "falls by" : "rises by"} ${number(Math.abs(best.change), 2)} % ${where}: ${number(best.old)} to ${number(best.now)}.`),
+    h("p", { class: "lead" }, `With ${step.name} the error of ${best.joint} ${best.change < 0 ? "falls by" : "rises by"} ${number(Math.abs(best.change), 2)} % ${where}: ${number(best.old)} to ${number(best.now)} ${best.unit}.`),
     worse.length ? h("p", { class: "bad" }, `It rises at ${worse.map((one) => `${one.joint} by ${number(one.change, 2)} %`).join(", ")}.`) : null,
     step.errors.coverage?.length ? h("p", {}, `Its interval of 95 % holds ${step.errors.coverage.map((one) => `${number(one.percent_95)} % at ${one.joint}`).join(", ")} of the torques on the test logs; Compare draws it dotted.`) : null,
     h("p", {}, `All joints: ${percent(before.errors[on].relative)} to ${percent(step.errors[on].relative)} of the torque.`), buttons);
@@ -50,7 +50,7 @@ function ordered(state) {
 function ladder(state, app, busy) {
   const steps = ordered(state);
   const rows = steps.map((step) => {
-    const name = h("input", { type: "text", value: step.name, "aria-label": `Name of ${step.name}`, "data-key": `name ${step.id}`, disabled: step.id === "robot", style: { width: "19rem" },
+    const name = h("input", { type: "text", value: step.name, "aria-label": `Name of ${step.name}`, "data-key": `name ${step.id}`, disabled: step.id === "robot", style: { width: "26rem" }, title: step.name,
       onchange: (event) => app.act("rename", { name: step.id, to: event.target.value }), onkeydown: (event) => { if (event.key === "Enter") event.target.blur(); } });
     const before = state.steps.find((each) => each.id === step.after);
     const on = judged(step);
