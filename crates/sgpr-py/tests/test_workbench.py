@@ -249,6 +249,23 @@ def test_a_killed_server_loses_nothing(tmp_path: Path) -> None:
     assert not [path.name for path in folder.iterdir() if path.name.startswith(".") and path.is_file()]
 
 
+def test_a_change_while_logs_are_read_keeps_the_split(arm: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = tomllib.loads((arm / "sgpr.toml").read_text())
+    goes_on = threading.Event()
+    read = bench_module.read_log
+    monkeypatch.setattr(bench_module, "read_log", lambda *given: goes_on.wait(30.0) and read(*given))
+    bench = opened_at_once([str(arm)])
+    bench.rename("m2", "spring")
+    kept = tomllib.loads((arm / "sgpr.toml").read_text())
+    assert (kept["train"], kept["test"]) == (before["train"], before["test"])
+    bench.work.cancel()
+    goes_on.set()
+    bench.work.wait(30.0)
+    assert [log.name for log in bench.logs.values() if log.problem]
+    bench.look_again()
+    assert not [log.problem for log in bench.logs.values() if log.problem]
+
+
 def test_who_may_ask(server: Workbench) -> None:
     own = f"127.0.0.1:{server.port}"
     assert ask(server, "/api/state")[0] == 200
@@ -486,12 +503,9 @@ def test_wrong_projects(tmp_path: Path) -> None:
         ('[[steps]]\nid = "m1"\nafter = "m9"\nadd = ["a@b"]', "not among those before it"),
     ]:
         (tmp_path / "sgpr.toml").write_text(text)
-        try:
-            bench = opened([str(tmp_path)])
-        except BadData as error:
-            assert why in str(error)
-        else:
-            assert bench.message is not None and why in bench.message["text"]
+        with pytest.raises(BadData, match=why):
+            opened([str(tmp_path)])
+        assert (tmp_path / "sgpr.toml").read_text() == text
     assert run("workbench", tmp_path / "missing", "--no-browser").code == 1
     busy = Folder(tmp_path)
     assert busy.robots() == []

@@ -47,6 +47,8 @@ BY_HAND = (
 )
 """Settings of reading that the page can change."""
 
+UNREAD = "not read yet: look into the folder again if nothing is being read"
+
 EMPTY: tuple[Any, ...] = (None, "", {}, [])
 
 
@@ -114,22 +116,24 @@ class Bench:
         try:
             self.ladder.load(data)
         except BadData as error:
-            self.message = {"kind": "bad", "text": f"{self.folder.file}: {error}; the steps are left out"}
-            self.ladder = Ladder()
-        names = list(dict.fromkeys([*(logs or []), *self.folder.logs()])) if logs is None else logs
+            raise BadData(f"{self.folder.file}: {error}") from error
+        names = self.folder.logs() if logs is None else logs
         kept = {role: [n for n in data.get(role, []) if isinstance(n, str)] for role in ("train", "test")}
         known = {name: role for role, each in kept.items() for name in each}
         roles = {**guessed_roles(names), **(dict.fromkeys(names, "off") if known else {}), **known}
         found = robot or data.get("robot") or next(iter(self.folder.robots()), None)
         self.robot_name = found if isinstance(found, str) else None
         self._read_robot()
+        # All of them from the beginning: what is saved meanwhile has the whole split.
         wanted = list(dict.fromkeys([*names, *known]))
+        self.logs = {name: Log(name, roles.get(name, "off"), problem=UNREAD) for name in wanted}
 
         def task(progress: Progress) -> None:
             for number, name in enumerate(wanted):
                 progress(name, number, len(wanted))
-                log = self._read(name, roles.get(name, "off"))
+                log = self._read(name, self.logs[name].role)
                 with self.lock:
+                    log.role = self.logs[name].role
                     self.logs[name] = log
                 self.changed()
             if len(self.ladder.steps) > 1 and self.robot is not None and self.used("train"):
@@ -267,6 +271,8 @@ class Bench:
             for name in self.folder.logs():
                 if name not in self.logs:
                     self.logs[name] = self._read(name, guessed_roles([name, "x"])[name])
+                elif self.logs[name].problem == UNREAD and self.work.state() is None:
+                    self.logs[name] = self._read(name, self.logs[name].role)
             if self.robot is None:
                 self.robot_name = next(iter(self.folder.robots()), None)
                 self._read_robot()

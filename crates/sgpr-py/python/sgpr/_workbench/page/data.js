@@ -114,7 +114,7 @@ function reading(log, app) {
     ...field("findings that are right", "accept", listed(settings.accept), "joints_by_order, position_in_degrees"),
   ];
   const apply = (name) => () => app.act("set_reading", { name, settings: settingsFrom(inputs) });
-  return h("details", { open: Boolean(log.problem) },
+  return h("details", { open: Boolean(log.problem) && !app.state.job },
     h("summary", { "data-key": `reading ${log.name}` }, `How ${log.name} is read`),
     h("p", {}, log.layout || (log.problem ?? "By the names in the file.")),
     log.said.map((text) => h("p", { class: "soft" }, text)),
