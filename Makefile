@@ -5,10 +5,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT := out
 SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-core/src crates/sgpr-lapack/src crates/sgpr-py/src crates/sgpr-py/python \
-	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name Cargo.toml) \
+	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name '*.js' -o -name '*.css' -o -name '*.html' -o -name Cargo.toml) \
 	crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
 
-.PHONY: docs figures readme first-hour package semver sdist build demo fleet-demo demo-real estimators test test-rust test-python skipped browser lint msrv deny bench diagnosis-bench \
+.PHONY: docs figures readme first-hour package semver sdist build demo workbench fleet-demo demo-real estimators test test-rust test-python skipped browser lint msrv deny bench diagnosis-bench \
 	diagnosis-mujoco peers fuzz soak clean thesis
 
 build: $(VENV)/.built
@@ -39,6 +39,12 @@ demo: build
 		--effects viscous_friction coulomb_friction rotor_inertia --out $(OUT)/demo
 	@echo "report: $(OUT)/demo/report.html"
 	@echo "model:  $(OUT)/demo/model.sgpr"
+	@echo "by hand, in the browser: make workbench"
+
+## The workbench on the bundled logs, in the browser (docs/workbench.md).
+workbench: build
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check "$$(ls $(VENV)/wheels/*.whl)[workbench]"
+	$(BIN)/sgpr workbench data/demo
 
 ## A simulated fleet with wear, tools, a collision and faults of sensors, and the page on what changed in which arm.
 ARMS ?= 24

@@ -3,8 +3,10 @@
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -49,6 +51,24 @@ def test_the_page_on_excitation_runs() -> None:
 def test_the_program_on_fleets_runs() -> None:
     done = run([sys.executable, "-c", "\n".join(blocks("docs/fleets.md", "python"))])
     assert done.returncode == 0 and done.stdout == "joint_1 True\n", done.stderr
+
+
+def test_the_page_on_the_workbench_runs() -> None:
+    for needed in ("scipy", "starlette", "tomlkit", "tsdownsample", "uvicorn"):
+        pytest.importorskip(needed, reason="the workbench needs pip install sgpr[workbench]")
+    for command in blocks("docs/workbench.md", "sh"):
+        arguments = [sys.executable, "-m", *command.split(), "--no-browser"]
+        with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True, cwd=ROOT) as program:
+            assert program.stdout is not None
+            assert program.stdout.readline().startswith("workbench: http://127.0.0.1:")
+            assert program.stdout.readline().startswith("Ctrl-C ends it")
+            time.sleep(0.5)
+            program.send_signal(signal.SIGINT)
+            assert program.wait(20) == 0
+    for text in blocks("docs/workbench.md", "python"):
+        done = run([sys.executable, "-c", text])
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.startswith("http://127.0.0.1:")
 
 
 def test_the_program_in_the_readme_runs() -> None:

@@ -132,3 +132,33 @@ def test_a_model_keeps_how_its_logs_were_read(tmp_path: Path, demo_model: sgpr.M
     noted = demo_model.with_reading({"units": {"position": "deg"}})
     noted.save(tmp_path / "model.sgpr")
     assert sgpr.load(tmp_path / "model.sgpr").reading == {"units": {"position": "deg"}}
+
+
+def test_processes() -> None:
+    rng = np.random.default_rng(0)
+    x = np.sort(rng.uniform(0.0, 6.0, (120, 1)), axis=0)
+    y = np.sin(x[:, 0]) + 0.1 * rng.standard_normal(120)
+    gp = sgpr.GaussianProcess()
+    assert "<pre>" in gp._repr_html_()
+    gp.fit(x, y)
+    assert gp.theta_names_[0] in gp._repr_html_()
+    measured, low, high, mean = gp.plot(x, y).data
+    assert np.array_equal(measured.y, y) and np.array_equal(mean.y, gp.predict(x))
+    inside = (np.asarray(low.y) <= y) & (y <= np.asarray(high.y))
+    assert 0.88 < inside.mean() <= 1.0
+    two = np.column_stack([x, rng.standard_normal(120)])
+    wide = sgpr.GaussianProcess().fit(two, y)
+    assert np.array_equal(wide.plot(two, y).data[0].x, y)
+    with pytest.raises(ValueError, match="y: the measured outputs"):
+        wide.plot(two)
+
+
+def test_physics_and_processes(demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording]) -> None:
+    log = demo_logs[0].between(0.0, 6.0)
+    model = sgpr.SemiParametricModel(demo_robot, points=20, inputs="own_velocity", max_evaluations=3)
+    assert "<pre>" in model._repr_html_()
+    model.fit([log])
+    assert "joint_6" in model._repr_html_() and model._repr_html_().count("<tr>") == 7
+    figure = model.plot([log])
+    assert len(figure.data) == 3 * 6
+    assert [line.name for line in figure.data[:3]] == ["measured", "physics", "with processes"]

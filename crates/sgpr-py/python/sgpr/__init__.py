@@ -80,6 +80,7 @@ from .loading import load
 from .reading import read
 from .reporting import save_report
 from .semi_parametric import SemiParametricModel
+from .starting import workbench
 
 __all__ = [
     "BaseParameters",
@@ -152,5 +153,6 @@ __all__ = [
     "save_report",
     "screen",
     "simulate",
+    "workbench",
     "write_mcap",
 ]

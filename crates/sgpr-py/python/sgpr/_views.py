@@ -328,3 +328,68 @@ def _limit(value: float, unit: str) -> str:
 def plot_found(found: Comparison) -> Any:
     """A Plotly figure of a comparison: measured and predicted torque, joint by joint."""
     return plot_comparison([("predicted", AFTER, found)])
+
+
+def process_html(process: Any) -> str:
+    """Hyperparameters, noise and evidence of a fitted Gaussian process."""
+    names, values = process.theta_names_, np.exp(np.asarray(process.theta_))
+    rows = [[name, significant(float(value), 4)] for name, value in zip(names, values, strict=True)]
+    notes = [f"log marginal likelihood {significant(float(process.log_marginal_likelihood_value_), 5)}"]
+    return table_html(f"Gaussian process of {process.n_features_in_} inputs", ["hyperparameter", "value"], rows, notes)
+
+
+def plot_process(process: Any, x: Array, y: Array | None) -> Any:
+    """A Plotly figure of one output: over a single input with its interval of 95 %, else measured over predicted."""
+    mean, half = process.predict(x, return_interval=True)
+    mean, half = (np.asarray(values, dtype=float).reshape(len(mean), -1)[:, 0] for values in (mean, half))
+    measured = None if y is None else np.asarray(y, dtype=float).reshape(len(mean), -1)[:, 0]
+    dots: dict[str, Any] = {"type": "scatter", "mode": "markers", "name": "measured"}
+    dots["marker"] = {"color": "#9a9a9a", "size": 4}
+    if np.asarray(x).shape[1] == 1:
+        at = np.asarray(x, dtype=float)[:, 0]
+        order = np.argsort(at)
+        lines = [
+            _line_over(at[order], (mean + sign * half)[order], "interval of 95 %", AFTER, fill)
+            for sign, fill in ((-1.0, False), (1.0, True))
+        ]
+        lines.append(_line_over(at[order], mean[order], "mean", AFTER, False) | {"line": {"color": AFTER, "width": 2}})
+        traces = ([] if measured is None else [dots | {"x": at, "y": measured}]) + lines
+        return _figure(traces, layout(xaxis=axis("input"), yaxis=axis("output")))
+    if measured is None:
+        raise ValueError("y: the measured outputs are needed to plot a process of several inputs")
+    ends = [float(min(mean.min(), measured.min())), float(max(mean.max(), measured.max()))]
+    error = {"type": "data", "array": half, "thickness": 0.7, "width": 0, "color": "#b9dcf0"}
+    traces = [
+        dots | {"x": measured, "y": mean, "error_y": error, "name": "predicted, with its interval of 95 %"},
+        _line_over(np.array(ends), np.array(ends), "equal", "#000000", False) | {"line": {"color": "#000000"}},
+    ]
+    return _figure(traces, layout(xaxis=axis("measured"), yaxis=axis("predicted")))
+
+
+def _line_over(x: Array, y: Array, name: str, colour: str, fill: bool) -> dict[str, Any]:
+    line = {"type": "scatter", "mode": "lines", "name": name, "x": x, "y": y, "line": {"color": colour, "width": 0}}
+    return line | (
+        {"fill": "tonexty", "fillcolor": "rgba(86,180,233,.3)"} if fill else {"showlegend": name != "interval of 95 %"}
+    )
+
+
+def semi_parametric_html(model: Any) -> str:
+    """What the process of each joint looks at and what it brings on parts of the logs that were left out."""
+    rows = []
+    for one in model.reports_:
+        best = min((candidate["rmse"] for candidate in one["candidates"]), default=None)
+        rows.append(
+            [one["joint"], one["inputs"] or "no process", significant(one["physics_rmse_left_out"]), significant(best)]
+        )
+    caption = f"Physics and Gaussian processes of {model.physics_.robot.name}"
+    head = ["joint", "looks at", "error of the physics left out [N·m, N]", "with a process"]
+    return table_html(caption, head, rows, model.physics_.history)
+
+
+def plot_semi_parametric(model: Any, logs: Sequence[Recording]) -> Any:
+    """A Plotly figure of measured torque, that of the physics and that with the processes."""
+    found = [
+        ("physics", BEFORE, compare(model.physics_, list(logs))),
+        ("with processes", AFTER, model.compare(list(logs))),
+    ]
+    return plot_comparison(found)

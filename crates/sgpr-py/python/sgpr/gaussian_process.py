@@ -314,6 +314,41 @@ class GaussianProcess(Estimator):
         process: FittedProcess = self._require_fitted("_process")
         return process.predictor(single_precision, variance_rank, compact)
 
+    def plot(self, X: ArrayLike, y: ArrayLike | None = None) -> Any:
+        """Plot the first output at points: over a single input, or measured over predicted.
+
+        Parameters
+        ----------
+        X : array of shape (N, d)
+        y : array of shape (N,) or (N, outputs), optional
+            What was measured there; needed with several inputs.
+
+        Returns
+        -------
+        plotly.graph_objects.Figure
+
+        Raises
+        ------
+        ValueError
+            If X has another width than the fit, or y is missing with several inputs.
+
+        Examples
+        --------
+        >>> X = np.linspace(0, 6, 50)[:, None]
+        >>> figure = sgpr.GaussianProcess().fit(X, np.sin(X[:, 0])).plot(X, np.sin(X[:, 0]))
+        """
+        from ._views import plot_process
+
+        self._require_fitted("_process")
+        return plot_process(self, np.asarray(X, dtype=np.float64), None if y is None else np.asarray(y))
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        from ._views import process_html
+
+        return process_html(self) if hasattr(self, "_process") else f"<pre>{escape(repr(self))}</pre>"
+
     def __sklearn_tags__(self) -> Any:
         """Describe the estimator to scikit-learn."""
         from sklearn.utils import InputTags, RegressorTags, Tags, TargetTags

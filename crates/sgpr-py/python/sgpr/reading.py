@@ -123,6 +123,11 @@ def read(path: str | os.PathLike[str] | Any, joints: Sequence[str] | None = None
     return chosen.read(file, joints, **given).accept(accept)
 
 
+def suffixes() -> tuple[str, ...]:
+    """Ends of the names of files that can be read."""
+    return tuple(_SUFFIXES)
+
+
 def options_of(path: str | os.PathLike[str]) -> frozenset[str]:
     """Options that apply to the format of a file."""
     file = Path(path)

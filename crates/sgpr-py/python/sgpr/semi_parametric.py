@@ -296,6 +296,25 @@ class SemiParametricModel(Estimator):
         fitted: FittedSemiParametric = self._require_fitted("_fitted")
         return fitted.predictor((single_precision, variance_rank, compact), (rate_hz, purpose, list(keep)))
 
+    def plot(self, recordings: Sequence[Recording]) -> Any:
+        """Plot measured torque of recordings, that of the physics and that with the processes, joint by joint.
+
+        Returns
+        -------
+        plotly.graph_objects.Figure
+        """
+        from ._views import plot_semi_parametric
+
+        self._require_fitted("_fitted")
+        return plot_semi_parametric(self, recordings)
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        from ._views import semi_parametric_html
+
+        return semi_parametric_html(self) if hasattr(self, "_fitted") else f"<pre>{escape(repr(self))}</pre>"
+
     def save(self, path: str | PathLike[str]) -> None:
         """Write the model to a file; the file is complete or not there. `load` reads it back."""
         fitted: FittedSemiParametric = self._require_fitted("_fitted")

@@ -26,6 +26,7 @@ from .payload import payload
 from .predict import predict
 from .reproduce import reproduce
 from .simulate import simulate
+from .workbench import workbench
 
 app = typer.Typer(
     name="sgpr",
@@ -43,13 +44,14 @@ app.add_typer(fleet, no_args_is_help=True)
 def register(command: Callable[..., Any], group: typer.Typer = app) -> None:
     """Makes a function a command of its name."""
     epilog = "Options whose value ends in ... take several values, up to the next option or --: --effects a b c."
-    alone = command in (demo, effects, data.list_)
+    alone = command in (demo, effects, workbench, data.list_)
     name = command.__name__.strip("_")
     group.command(name, cls=Command, epilog=epilog, no_args_is_help=not alone)(with_option_groups(guarded(command)))
 
 
 for each in (demo, info, identify, compare, diagnose, learn, predict, effects, payload, excite, simulate, reproduce):
     register(each)
+register(workbench)
 
 for each in (fleet_run, fleet_report, fleet_simulate):
     register(each, fleet)

@@ -14,6 +14,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
+from .._pages import write_page
 from .errors import BadData
 
 NAME = "sgpr.toml"
@@ -40,6 +41,9 @@ KEYS = {
 }
 """Key in the file -> argument of `sgpr.read` or `Recording.repair`."""
 
+OF_PROJECT = ("robot", "train", "test", "effects", "steps", "current", "pinned")
+"""What the workbench keeps here: files by their names from this folder, and models as steps that lead to them."""
+
 OF_ONE_LOG = ("rows", "trim", "seconds")
 """What holds for the log that it was said of, not for others like it."""
 
@@ -61,6 +65,8 @@ def settings_of(log: str) -> tuple[dict[str, Any], Path | None]:
         data = tomllib.loads(place.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise BadData(f"{place}: {error}") from error
+    for key in OF_PROJECT:
+        data.pop(key, None)
     files = data.pop("files", {})
     if not isinstance(files, dict) or not all(isinstance(each, dict) for each in files.values()):
         raise BadData(f'{place}: `files` holds one table for each pattern of names: [files."day1_*.csv"]')
@@ -86,7 +92,7 @@ def remember(log: str, settings: Mapping[str, Any]) -> Path:
     lines = [f"{key} = {_toml(value)}" for key, value in known.items()]
     for name, own in files.items():
         lines += ["", f"[files.{_toml(name)}]", *(f"{key} = {_toml(value)}" for key, value in own.items())]
-    place.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_page(place, "\n".join(lines) + "\n")
     return place
 
 

@@ -53,3 +53,8 @@ def rounded(values: ArrayLike, digits: int = SHOWN_DIGITS) -> list[float | None]
         float(f"{value:.{digits}g}") if np.isfinite(value) else None
         for value in np.asarray(values, dtype=float).ravel()
     ]
+
+
+def plain(text: str) -> str:
+    """Text that Plotly shows as it is."""
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
