@@ -117,6 +117,7 @@ peers: build
 	$(BIN)/python benches/peers/run.py
 	$(BIN)/python benches/peers/gp.py
 	$(BIN)/python benches/peers/gp.py --points 6006 --inputs 18 --no-fit
+	$(BIN)/python benches/peers/exported.py
 	$(BIN)/python benches/peers/simulation.py
 
 ## Damaged and made-up files of every kind, many of them, and logs and models with values that no arm makes.

@@ -14,6 +14,7 @@ from .diagnose import diagnose
 from .effects import effects
 from .errors import guarded
 from .excite import excite
+from .export import export
 from .identify import identify
 from .info import info
 from .learn import learn
@@ -39,7 +40,7 @@ def register(command: Callable[..., Any]) -> None:
     app.command(cls=Command, epilog=epilog, no_args_is_help=not alone)(with_option_groups(guarded(command)))
 
 
-for each in (demo, info, identify, compare, diagnose, learn, predict, effects, payload, excite, simulate, reproduce):
+for each in (demo, info, identify, compare, diagnose, learn, predict, effects, payload, excite, simulate, export, reproduce):
     register(each)
 
 
