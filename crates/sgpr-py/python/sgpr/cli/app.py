@@ -40,7 +40,21 @@ def register(command: Callable[..., Any]) -> None:
     app.command(cls=Command, epilog=epilog, no_args_is_help=not alone)(with_option_groups(guarded(command)))
 
 
-for each in (demo, info, identify, compare, diagnose, learn, predict, effects, payload, excite, simulate, export, reproduce):
+for each in (
+    demo,
+    info,
+    identify,
+    compare,
+    diagnose,
+    learn,
+    predict,
+    effects,
+    payload,
+    excite,
+    simulate,
+    export,
+    reproduce,
+):
     register(each)
 
 
