@@ -57,7 +57,7 @@ thesis: build
 test: test-rust test-python skipped
 
 test-rust:
-	cargo test --locked --quiet --package sgpr-core --package sgpr-lapack
+	cargo test --locked --quiet --package sgpr-core --package sgpr-lapack --package sgpr-c
 
 test-python: build $(VENV)/.test browser
 	cd crates/sgpr-py && ../../$(BIN)/python -m pytest -q -rs tests
