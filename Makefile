@@ -73,7 +73,7 @@ thesis: build
 test: test-rust test-python skipped
 
 test-rust:
-	cargo test --locked --quiet --package sgpr-core --package sgpr-lapack
+	cargo test --locked --quiet --package sgpr-core --package sgpr-lapack --package sgpr-c
 
 test-python: build $(VENV)/.test browser
 	cd crates/sgpr-py && ../../$(BIN)/python -m pytest -q -rs tests
@@ -170,6 +170,7 @@ peers: build
 	$(BIN)/python benches/peers/run.py
 	$(BIN)/python benches/peers/gp.py
 	$(BIN)/python benches/peers/gp.py --points 6006 --inputs 18 --no-fit
+	$(BIN)/python benches/peers/exported.py
 	$(BIN)/python benches/peers/simulation.py
 
 ## Damaged and made-up files of every kind, many of them, and logs and models with values that no arm makes.

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use sgpr_core::effects::{Site, by_name};
+use sgpr_core::model::{Term, TorqueModel};
 use sgpr_core::robot::{Robot, UrdfOptions};
 use sgpr_core::simulation::Reference;
 
@@ -87,4 +89,34 @@ impl Reference for Sines {
             (q[joint], dq[joint], ddq[joint]) = (0.5 * sin, 0.5 * w * cos, -0.5 * w * w * sin);
         }
     }
+}
+
+/// The model of a robot with friction, rotor inertia and offset at every joint.
+///
+/// # Panics
+/// Never: its effects are known.
+pub fn model(fixture: &Fixture) -> TorqueModel {
+    let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"];
+    let mut parameters = fixture.robot.standard_parameters();
+    parameters.resize(parameters.len() + effects.len() * fixture.robot.dof(), 0.4);
+    TorqueModel::with_parameters(&fixture.robot, &effects, parameters).expect("known effects")
+}
+
+/// Five effects at single joints of an arm with five joints or more, two of them with a memory.
+///
+/// # Panics
+/// Never: they are effects of the library.
+pub fn findings() -> Vec<Term> {
+    let term = |name: &str, joint: usize, constants: &[f64]| {
+        let mut term = Term::new(by_name(name).expect("of the library"), Site::Joint(joint), constants.to_vec());
+        term.coefficients.fill(0.3);
+        term
+    };
+    vec![
+        term("presliding_friction", 1, &[0.01]),
+        term("cable_hysteresis", 0, &[0.2]),
+        term("stribeck_friction", 2, &[0.05]),
+        term("load_dependent_friction", 3, &[]),
+        term("torque_ripple", 4, &[30.0]),
+    ]
 }

@@ -4,9 +4,8 @@
 use std::time::Instant;
 
 use divan::{Bencher, black_box};
-use sgpr_benches::Fixture;
-use sgpr_core::effects::{Site, by_name};
-use sgpr_core::model::{Predictor, StreamOptions, Term, TorqueModel};
+use sgpr_benches::{Fixture, findings, model};
+use sgpr_core::model::{Predictor, StreamOptions, Term};
 
 /// States of one measurement; its time is divided by this number.
 const STATES: usize = 256;
@@ -17,28 +16,6 @@ const ROUNDS: usize = 400;
 fn main() {
     divan::main();
     ratio();
-}
-
-fn model(fixture: &Fixture) -> TorqueModel {
-    let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"];
-    let mut parameters = fixture.robot.standard_parameters();
-    parameters.resize(parameters.len() + effects.len() * fixture.robot.dof(), 0.4);
-    TorqueModel::with_parameters(&fixture.robot, &effects, parameters).expect("known effects")
-}
-
-fn findings() -> Vec<Term> {
-    let term = |name: &str, joint: usize, constants: &[f64]| {
-        let mut term = Term::new(by_name(name).expect("of the library"), Site::Joint(joint), constants.to_vec());
-        term.coefficients.fill(0.3);
-        term
-    };
-    vec![
-        term("presliding_friction", 1, &[0.01]),
-        term("cable_hysteresis", 0, &[0.2]),
-        term("stribeck_friction", 2, &[0.05]),
-        term("load_dependent_friction", 3, &[]),
-        term("torque_ripple", 4, &[30.0]),
-    ]
 }
 
 fn predictor(fixture: &Fixture, findings: Vec<Term>) -> Predictor {

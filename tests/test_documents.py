@@ -71,6 +71,26 @@ def test_the_page_on_the_workbench_runs() -> None:
         assert done.stdout.startswith("http://127.0.0.1:")
 
 
+def test_the_page_on_controllers_runs() -> None:
+    done = run([sys.executable, "-c", "\n".join(blocks("docs/controllers.md", "python"))])
+    assert done.returncode == 0, done.stderr
+    for command in blocks("docs/controllers.md", "sh"):
+        done = run(["sh", "-euc", command])
+        assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+    folder = ROOT / "out/controllers"
+    (folder / "arm.c").write_text("".join(blocks("docs/controllers.md", "c")))
+    (folder / "arm.cpp").write_text("".join(blocks("docs/controllers.md", "cpp")))
+    strict = ["-Wall", "-Wextra", "-Werror"]
+    for command in (
+        ["gcc", "-std=c99", *strict, str(folder / "arm.c"), "-o", str(folder / "arm"), "-lm"],
+        [str(folder / "arm")],
+        # What is linked with the library is tested beside it (crates/sgpr-c/tests).
+        ["g++", "-std=c++17", *strict, "-fsyntax-only", "-Icrates/sgpr-c/include", str(folder / "arm.cpp")],
+    ):
+        done = run(command)
+        assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+
+
 def test_the_program_in_the_readme_runs() -> None:
     # `Model.save` makes the folder, as in a fresh clone.
     shutil.rmtree(ROOT / "out" / "readme", ignore_errors=True)

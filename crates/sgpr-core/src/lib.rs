@@ -8,11 +8,13 @@
 //! - [`recording`]: logs in CSV and MCAP files: reading, checking, repairing, writing
 //! - [`signal`]: filters, derivatives, spectra
 //! - [`motion`]: from a log to filtered position, velocity and acceleration
+//! - [`expression`]: arithmetic that is recorded, for code in other languages
 //! - [`effects`]: friction and other physics beside the rigid body
 //! - [`identification`]: base parameters, observation matrix, least squares
 //! - [`gp`]: Gaussian processes, for what the physics leaves over
 //! - [`model`]: identify, compare, predict, save and load
 //! - [`simulation`]: an arm that moves under a controller
+//! - [`export`]: models as source files in C and Rust
 //! - [`online`]: models that learn while the arm runs: a payload, a rest that changes
 //! - [`excitation`]: motions that reveal the parameters
 //! - [`diagnosis`]: which physical effect the model lacks
@@ -26,6 +28,8 @@ pub mod diagnosis;
 pub mod dynamics;
 pub mod effects;
 pub mod excitation;
+pub mod export;
+pub mod expression;
 pub mod gp;
 pub mod identification;
 pub mod linalg;

@@ -9,6 +9,7 @@ use pyo3::prelude::*;
 use sgpr_core::diagnosis::DiagnosisError;
 use sgpr_core::effects::UnknownEffect;
 use sgpr_core::excitation::ExcitationError as ExcitationFailure;
+use sgpr_core::export::ExportError;
 use sgpr_core::gp::GpError;
 use sgpr_core::identification;
 use sgpr_core::model::{self, IdentifyError, SemiParametricError};
@@ -120,6 +121,16 @@ impl IntoPyErr for OnlineError {
 impl IntoPyErr for model::StreamError {
     fn into_py_err(self) -> PyErr {
         SgprError::new_err(self.to_string())
+    }
+}
+
+impl IntoPyErr for ExportError {
+    fn into_py_err(self) -> PyErr {
+        match self {
+            Self::Language { .. } | Self::Name { .. } => PyValueError::new_err(self.to_string()),
+            Self::Write { .. } => PyOSError::new_err(self.to_string()),
+            _ => SgprError::new_err(self.to_string()),
+        }
     }
 }
 

@@ -8,6 +8,7 @@ use pyo3::exceptions::{PyIndexError, PyKeyError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyBytes, PyDict};
 use sgpr_core::diagnosis::parameters_of;
+use sgpr_core::export::ExportOptions;
 use sgpr_core::identification::{KeptOut, ParameterSet};
 use sgpr_core::model::{self as core, BaseParameter, StreamOptions, Term, TorqueModel};
 use sgpr_core::motion::Processing as CoreProcessing;
@@ -496,6 +497,53 @@ impl Model {
         let stream = stream_options(rate_hz, purpose, keep)?;
         let inner = detached(py, || self.inner.predictor(&stream)).map_err(IntoPyErr::into_py_err)?;
         Ok(Predictor { inner: Mutex::new(inner), dof: self.inner.robot().dof(), stream })
+    }
+
+    /// Writes the model as one source file that needs no library, for a controller; it is complete or not there.
+    ///
+    /// The file holds the robot unrolled into its formulas, the effects with their hidden states in one structure, and
+    /// functions to reset it and to get the torque of the next sample. The torque is that of `predictor` with the same
+    /// options, called once per period (compared over all effects of the library, to 1e-12 of the largest torque).
+    ///
+    /// Parameters
+    /// ----------
+    /// language : {"c", "rust"}
+    ///     C99 to include in C or C++ (needs `math.h` alone), or a Rust module.
+    /// path : str or Path
+    ///     The file; its folder is made if need be.
+    /// name : str, optional
+    ///     What names in a C file begin with, after `sgpr_`; by default the robot's name.
+    /// rate_hz, purpose, keep
+    ///     As in `predictor`; the purpose is "feed_forward" by default.
+    ///
+    /// Raises
+    /// ------
+    /// SgprError
+    ///     If the model cannot be streamed, or has an effect that is a Python function.
+    ///
+    /// Examples
+    /// --------
+    /// >>> model = sgpr.Model.nominal(sgpr.robots.two_link())
+    /// >>> model.export("c", "arm.h", name="arm")
+    /// >>> from pathlib import Path
+    /// >>> "int sgpr_arm_torque(" in Path("arm.h").read_text()
+    /// True
+    #[pyo3(signature = (language, path, *, name=None, rate_hz=None, purpose="feed_forward", keep=None))]
+    #[expect(clippy::too_many_arguments, reason = "the keywords of Python")]
+    fn export(
+        &self,
+        py: Python<'_>,
+        language: &str,
+        path: PathBuf,
+        name: Option<String>,
+        rate_hz: Option<f64>,
+        purpose: &str,
+        keep: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let language = language.parse().map_err(IntoPyErr::into_py_err)?;
+        let options = ExportOptions { language, name, stream: stream_options(rate_hz, purpose, keep)? };
+        py.import("sgpr._files")?.call_method1("make_folder_of", (&path,))?;
+        detached(py, || self.inner.export_to(path, &options)).map_err(IntoPyErr::into_py_err)
     }
 
     /// Writes the model to a file, whose folder is made if need be; the file is complete or not there. `load` reads it back

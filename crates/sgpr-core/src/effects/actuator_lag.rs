@@ -1,6 +1,6 @@
 use super::context::lag;
 use super::stepping::{LAG_STATE, Lag};
-use super::{About, Class, Constant, Effect, Entry, Needs, Origin, Reach, Site};
+use super::{About, Class, Constant, Effect, Entry, Needs, Origin, Reach, Site, Stepped, written_once};
 
 /// A torque loop of first order: what is logged follows the torque with the time constant T.
 ///
@@ -68,23 +68,19 @@ impl Effect for ActuatorLag {
         LAG_STATE
     }
 
-    fn start_transmitted(&self, torque: f64, hidden: &mut [f64]) {
-        Lag(hidden).start(torque);
-    }
+    written_once!(start_transmitted: start_transmitted);
 
-    fn advance_transmitted(
-        &self,
-        _: Site,
-        constants: &[f64],
-        _: usize,
-        rate_hz: f64,
-        hidden: &mut [f64],
-        torque: f64,
-    ) -> f64 {
-        if rate_hz.is_finite() && constants[0] > 0.0 {
-            Lag(hidden).advance(torque, constants[0] * rate_hz)
-        } else {
-            torque
-        }
+    written_once!(advance_transmitted: transmitted);
+}
+
+fn start_transmitted<S: Stepped>(torque: S, hidden: &mut [S]) {
+    Lag(hidden).start(torque);
+}
+
+fn transmitted<S: Stepped>(_: Site, constants: &[f64], _: usize, rate_hz: f64, hidden: &mut [S], torque: S) -> S {
+    if rate_hz.is_finite() && constants[0] > 0.0 {
+        Lag(hidden).advance(torque, S::constant(constants[0] * rate_hz))
+    } else {
+        torque
     }
 }

@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState, Origin, sgn};
+use super::{About, Effect, EffectParameter, JointState, Origin, Stepped, written_once};
 
 /// Coulomb friction that differs between the directions, Fc + dFc forwards and Fc - dFc backwards: tau = dFc
 /// |sgn(dq)| beside Fc sgn(dq). While the joint moves this is a constant torque.
@@ -38,7 +38,9 @@ impl Effect for AsymmetricCoulombFriction {
         &PARAMETERS
     }
 
-    fn columns(&self, joint: usize, state: &JointState<'_>, out: &mut [f64]) {
-        out[0] = sgn(state.dq[joint]).abs();
-    }
+    written_once!(columns: columns);
+}
+
+fn columns<S: Stepped>(joint: usize, state: &JointState<'_, S>, out: &mut [S]) {
+    out[0] = state.dq[joint].sgn().abs();
 }

@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState, Origin};
+use super::{About, Effect, EffectParameter, JointState, Origin, Stepped, written_once};
 
 /// Viscous friction that differs between the two directions: tau = Fva |dq| beside the viscous friction Fv dq, so
 /// that it is Fv + Fva forwards and Fv - Fva backwards.
@@ -37,7 +37,9 @@ impl Effect for AsymmetricViscousFriction {
         &PARAMETERS
     }
 
-    fn columns(&self, joint: usize, state: &JointState<'_>, out: &mut [f64]) {
-        out[0] = state.dq[joint].abs();
-    }
+    written_once!(columns: columns);
+}
+
+fn columns<S: Stepped>(joint: usize, state: &JointState<'_, S>, out: &mut [S]) {
+    out[0] = state.dq[joint].abs();
 }

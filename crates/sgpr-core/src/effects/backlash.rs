@@ -1,7 +1,7 @@
 use super::stepping::{SMOOTH_DERIVATIVES_STATE, SmoothDerivatives};
 use super::{
     About, Class, Constant, Context, Effect, Entry, LinkMotion, LinkSample, Needs, Origin, Reach, SampleInput, Site,
-    StepState, Streamed,
+    StepState, Stepped, Streamed, written_once,
 };
 
 /// Play b between the flanks of the gear: the link lies half of it to either side of the encoder, depending on the
@@ -65,34 +65,7 @@ impl Effect for Backlash {
         motion.deflect(joint, &play, context.rate_hz);
     }
 
-    fn advance_links(
-        &self,
-        site: Site,
-        constants: &[f64],
-        input: &SampleInput<'_>,
-        state: &mut StepState<'_>,
-        links: &mut LinkSample<'_>,
-    ) {
-        let joint = site.joint().expect("at a joint");
-        let (sums, derivatives) = state.hidden.split_at_mut(2);
-        let torque = input.rigid_torque[joint];
-        sums[0] += torque * torque;
-        sums[1] += 1.0;
-        let scale = (0.05 * (sums[0] / sums[1]).sqrt()).max(f64::MIN_POSITIVE);
-        let side = (torque / scale).tanh();
-        links.q[joint] -= 0.5 * constants[0] * side;
-        if !input.rate_hz.is_finite() {
-            return;
-        }
-        let [first, second] = SmoothDerivatives(derivatives).advance(torque, input).map(|x| x / scale);
-        let slope = 1.0 - side * side;
-        let velocity = -0.5 * constants[0] * slope * first;
-        let acceleration = -0.5 * constants[0] * slope * (second - 2.0 * side * first * first);
-        // Between two samples the link crosses the play at most.
-        let most = constants[0].abs() * input.rate_hz;
-        links.dq[joint] += velocity.clamp(-most, most);
-        links.ddq[joint] += acceleration.clamp(-most * input.rate_hz, most * input.rate_hz);
-    }
+    written_once!(advance_links: links);
 
     fn needs(&self) -> Needs {
         Needs { rate: true, ..Needs::default() }
@@ -108,4 +81,33 @@ impl Effect for Backlash {
     fn state_len(&self, _: &[f64], _: f64) -> usize {
         2 + SMOOTH_DERIVATIVES_STATE
     }
+}
+
+fn links<S: Stepped>(
+    site: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    state: &mut StepState<'_, S>,
+    links: &mut LinkSample<'_, S>,
+) {
+    let joint = site.joint().expect("at a joint");
+    let (sums, derivatives) = state.hidden.split_at_mut(2);
+    let torque = input.rigid_torque[joint];
+    sums[0] += torque * torque;
+    sums[1] = sums[1] + 1.0;
+    let scale = ((sums[0] / sums[1]).sqrt() * 0.05).max(S::constant(f64::MIN_POSITIVE));
+    let side = (torque / scale).tanh();
+    links.q[joint] -= side * (0.5 * constants[0]);
+    if !input.rate_hz.is_finite() {
+        return;
+    }
+    let [first, second] = SmoothDerivatives(derivatives).advance(torque, input).map(|x| x / scale);
+    let slope = -(side * side) + 1.0;
+    let velocity = slope * (-0.5 * constants[0]) * first;
+    let acceleration = slope * (-0.5 * constants[0]) * (second - side * 2.0 * first * first);
+    // Between two samples the link crosses the play at most.
+    let within = |x: S, most: f64| x.clamp(S::constant(-most), S::constant(most));
+    let most = constants[0].abs() * input.rate_hz;
+    links.dq[joint] += within(velocity, most);
+    links.ddq[joint] += within(acceleration, most * input.rate_hz);
 }

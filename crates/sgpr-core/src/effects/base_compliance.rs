@@ -1,4 +1,6 @@
-use super::{About, Context, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState};
+use super::{
+    About, Context, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, written_once,
+};
 use crate::dynamics::{Workspace, forward_kinematics, gravity_torque};
 use crate::spatial::Vector3;
 
@@ -73,34 +75,29 @@ impl Effect for BaseCompliance {
         }
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
-
-    fn advance(&self, _: Site, _: &[f64], input: &SampleInput<'_>, state: &mut StepState<'_>, columns: &mut [f64]) {
-        compliance_columns(input, state, columns);
-    }
+    written_once!(advance: law);
 }
 
-/// The columns at one sample. The gravity torque is linear in gravity: that of a lean is the moment of the links' weights
-/// in the gravity that the lean adds, about each joint's axis.
-fn compliance_columns(input: &SampleInput<'_>, state: &mut StepState<'_>, columns: &mut [f64]) {
+/// The gravity torque is linear in gravity: that of a lean is the moment of the links' weights in the gravity that the
+/// lean adds, about each joint's axis.
+fn law<S: Stepped>(_: Site, _: &[f64], input: &SampleInput<'_, S>, state: &mut StepState<'_, S>, columns: &mut [S]) {
     let (robot, n, g) = (input.robot, input.robot.dof(), input.robot.gravity());
-    let poses = forward_kinematics(robot, state.workspace, input.q);
+    let poses = S::forward_kinematics(robot, state.workspace, input.q);
+    let splat = |v: Vector3<f64>| Vector3::splat((), v);
     let first = |link: usize| {
         let (pose, link) = (&poses[link], &robot.links()[link]);
-        pose.rotation * link.first_moment + pose.translation * link.mass
+        pose.rotation * splat(link.first_moment) + pose.translation * S::constant(link.mass)
     };
-    let moment = (0..n).fold(Vector3::ZERO, |moment, link| moment + first(link).cross(g));
+    let moment = (0..n).fold(Vector3::zero(()), |moment, link| moment + first(link).cross(splat(g)));
     let axes = [Vector3::new(1.0, 0.0, 0.0), Vector3::new(0.0, 1.0, 0.0)];
     for (column, (axis, moment)) in columns.chunks_exact_mut(n).zip(axes.into_iter().zip([moment.x, moment.y])) {
-        let lean = -(axis.cross(g));
-        column.fill(0.0);
+        let lean = splat(-(axis.cross(g)));
+        column.fill(S::zero(()));
         for link in 0..n {
-            let (first, mass) = (first(link), robot.links()[link].mass);
+            let (first, mass) = (first(link), S::constant(robot.links()[link].mass));
             for &carrier in robot.path(link) {
                 let (joint, pose) = (&robot.joints()[carrier], &poses[carrier]);
-                let axis = pose.rotation * joint.axis;
+                let axis = pose.rotation * splat(joint.axis);
                 let weight = if joint.kind.is_rotation() {
                     axis.dot((first - pose.translation * mass).cross(lean))
                 } else {

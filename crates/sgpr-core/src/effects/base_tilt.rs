@@ -58,6 +58,10 @@ impl Effect for BaseTilt {
         vec![Site::Arm]
     }
 
+    fn is_recorded(&self) -> bool {
+        true
+    }
+
     fn robot(&self, _: Site, constants: &[f64], robot: Robot) -> Robot {
         let tilt = Matrix3::from_roll_pitch_yaw([constants[0], constants[1], 0.0]);
         let gravity = tilt.transposed() * robot.gravity();

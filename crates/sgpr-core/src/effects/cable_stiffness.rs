@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState, Origin};
+use super::{About, Effect, EffectParameter, JointState, Origin, Stepped, written_once};
 
 /// Spring of a hose or dress pack: tau = k (q - q0), written k q + tau0.
 ///
@@ -42,8 +42,10 @@ impl Effect for CableStiffness {
         coefficients[0] >= 0.0
     }
 
-    fn columns(&self, joint: usize, state: &JointState<'_>, out: &mut [f64]) {
-        out[0] = state.q[joint];
-        out[1] = 1.0;
-    }
+    written_once!(columns: columns);
+}
+
+fn columns<S: Stepped>(joint: usize, state: &JointState<'_, S>, out: &mut [S]) {
+    out[0] = state.q[joint];
+    out[1] = S::constant(1.0);
 }

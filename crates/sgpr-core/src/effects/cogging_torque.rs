@@ -1,5 +1,8 @@
 use super::context::harmonic;
-use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState};
+use super::{
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
+    written_once,
+};
 
 /// Cogging of the motor: its rotor prefers the slots, tau = a cos(n q) + b sin(n q), n the common multiple of slots
 /// and poles times the gear ratio. Joint data cannot tell it from ripple of the gear.
@@ -51,18 +54,15 @@ impl Effect for CoggingTorque {
         Entry::Trajectory
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(
-        &self,
-        site: Site,
-        constants: &[f64],
-        input: &SampleInput<'_>,
-        _: &mut StepState<'_>,
-        columns: &mut [f64],
-    ) {
-        harmonic(input, site, constants[0], columns);
-    }
+fn law<S: Stepped>(
+    site: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    _: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
+    harmonic(input, site, constants[0], columns);
 }

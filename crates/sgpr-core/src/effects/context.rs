@@ -1,10 +1,11 @@
 use super::stepping::cubic_weights;
-use super::{EffectParameter, JointState, SampleInput, Site, StepState};
-use crate::dynamics::{BatchWorkspace, Samples, for_each_regressor_block, regressor};
+use super::{EffectParameter, JointState, SampleInput, Site, StepState, Stepped};
+use crate::dynamics::{BatchWorkspace, Samples, for_each_regressor_block};
 use crate::recording::Channel;
 use crate::robot::Robot;
 use crate::signal::Differentiation;
-use crate::spatial::PARAMETERS_PER_LINK;
+use crate::simd::Number;
+use crate::spatial::{Matrix3, PARAMETERS_PER_LINK, Vector3};
 
 /// A stretch of a trajectory and what a model says of it: everything that an effect may depend on.
 ///
@@ -112,8 +113,8 @@ impl LinkMotion {
 }
 
 /// Columns cos(n q) and sin(n q) of the joint's position, with n = `order`.
-pub(super) fn harmonic(input: &SampleInput<'_>, site: Site, order: f64, columns: &mut [f64]) {
-    let (sine, cosine) = (order * input.q[site.joint().expect("at a joint")]).sin_cos();
+pub(super) fn harmonic<S: Stepped>(input: &SampleInput<'_, S>, site: Site, order: f64, columns: &mut [S]) {
+    let (sine, cosine) = (input.q[site.joint().expect("at a joint")] * order).sin_cos();
     columns[0] = cosine;
     columns[1] = sine;
 }
@@ -121,11 +122,13 @@ pub(super) fn harmonic(input: &SampleInput<'_>, site: Site, order: f64, columns:
 /// One after the time `edge`, zero before it and where the time is not known; the sample in whose period the edge falls
 /// gets its share.
 #[inline]
-pub(super) fn after(time: f64, edge: f64, rate_hz: f64) -> f64 {
-    if time.is_nan() {
-        return 0.0;
+pub(super) fn after<S: Number>(time: S, edge: f64, rate_hz: f64) -> S {
+    let [zero, one] = [0.0, 1.0].map(S::constant);
+    if !time.is_known() {
+        return zero;
     }
-    if rate_hz.is_finite() { ((time - edge) * rate_hz + 0.5).clamp(0.0, 1.0) } else { f64::from(time > edge) }
+    let since = time - edge;
+    if rate_hz.is_finite() { (since * rate_hz + 0.5).clamp(zero, one) } else { since.where_positive(one, zero) }
 }
 
 /// The ten inertial parameters of a link, of which the mass is `mass`.
@@ -175,24 +178,42 @@ pub(super) fn link_regressor(context: &Context<'_>, joint: usize, weight: impl F
 /// Columns of the ten inertial parameters of the link that `joint` carries at one sample, times `weight`.
 ///
 /// - `columns`: ten times `[n]`
-pub(super) fn link_columns(
-    input: &SampleInput<'_>,
+pub(super) fn link_columns<S: Stepped>(
+    input: &SampleInput<'_, S>,
     joint: usize,
-    weight: f64,
-    state: &mut StepState<'_>,
-    columns: &mut [f64],
+    weight: S,
+    state: &mut StepState<'_, S>,
+    columns: &mut [S],
 ) {
-    if weight == 0.0 {
-        return columns.fill(0.0);
+    if weight.is_surely_zero() {
+        return columns.fill(S::zero(()));
     }
     let n = input.robot.dof();
-    let matrix = regressor(input.robot, state.workspace, input.q, input.dq, input.ddq);
+    let matrix = S::regressor(input.robot, state.workspace, [input.q, input.dq, input.ddq]);
     for row in 0..n {
         let block = &matrix[(row * n + joint) * PARAMETERS_PER_LINK..][..PARAMETERS_PER_LINK];
         for (parameter, value) in block.iter().enumerate() {
-            columns[parameter * n + row] = weight * value;
+            columns[parameter * n + row] = weight * *value;
         }
     }
+}
+
+/// Calls `each(joint, lever)` for the joints that move the last link's origin: how it moves with each, and the axes of
+/// that link as columns.
+pub(super) fn tip_levers<S: Stepped>(
+    input: &SampleInput<'_, S>,
+    state: &mut StepState<'_, S>,
+    mut each: impl FnMut(usize, Vector3<S>),
+) -> Matrix3<S> {
+    let (robot, tip) = (input.robot, input.robot.dof() - 1);
+    let poses = S::forward_kinematics(robot, state.workspace, input.q);
+    for &carrier in robot.path(tip) {
+        let (joint, pose) = (&robot.joints()[carrier], &poses[carrier]);
+        let axis = pose.rotation * Vector3::splat((), joint.axis);
+        let rotates = joint.kind.is_rotation();
+        each(carrier, if rotates { axis.cross(poses[tip].translation - pose.translation) } else { axis });
+    }
+    poses[tip].rotation
 }
 
 /// Delays every column of `[samples, width]` by `delay` samples, by cubic interpolation; the ends repeat.

@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState, Origin, Role, sgn};
+use super::{About, Effect, EffectParameter, JointState, Origin, Role, Stepped, written_once};
 
 /// Coulomb friction tau = Fc sgn(dq), with sgn(0) = 0.
 ///
@@ -40,7 +40,9 @@ impl Effect for CoulombFriction {
         Some(Role::DryFriction)
     }
 
-    fn columns(&self, joint: usize, state: &JointState<'_>, out: &mut [f64]) {
-        out[0] = sgn(state.dq[joint]);
-    }
+    written_once!(columns: columns);
+}
+
+fn columns<S: Stepped>(joint: usize, state: &JointState<'_, S>, out: &mut [S]) {
+    out[0] = state.dq[joint].sgn();
 }

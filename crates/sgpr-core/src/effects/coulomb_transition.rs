@@ -1,4 +1,6 @@
-use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, sgn};
+use super::{
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, written_once,
+};
 
 /// How dry friction changes sign at a reversal: over a range of speeds instead of at once. The column is the difference
 /// of a line that ends at vc, clip(dq / vc, -1, 1), and sgn(dq).
@@ -61,20 +63,17 @@ impl Effect for CoulombTransition {
         Some("coulomb_friction")
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(
-        &self,
-        site: Site,
-        constants: &[f64],
-        input: &SampleInput<'_>,
-        _: &mut StepState<'_>,
-        columns: &mut [f64],
-    ) {
-        let joint = site.joint().expect("at a joint");
-        let dq = input.dq[joint];
-        columns[0] = (dq / constants[0]).clamp(-1.0, 1.0) - sgn(dq);
-    }
+fn law<S: Stepped>(
+    site: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    _: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
+    let joint = site.joint().expect("at a joint");
+    let dq = input.dq[joint];
+    columns[0] = (dq / constants[0]).clamp(S::constant(-1.0), S::constant(1.0)) - dq.sgn();
 }

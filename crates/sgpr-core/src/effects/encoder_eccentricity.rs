@@ -1,5 +1,6 @@
 use super::{
-    About, Class, Constant, Context, Effect, Entry, LinkMotion, LinkSample, Origin, Reach, SampleInput, Site, StepState,
+    About, Class, Constant, Context, Effect, Entry, LinkMotion, LinkSample, Origin, Reach, SampleInput, Site,
+    StepState, Stepped, written_once,
 };
 
 /// An encoder disc that sits off centre: q_link = q + e1 cos q + e2 sin q.
@@ -74,20 +75,22 @@ impl Effect for EncoderEccentricity {
         }
     }
 
-    fn advance_links(
-        &self,
-        site: Site,
-        constants: &[f64],
-        input: &SampleInput<'_>,
-        _: &mut StepState<'_>,
-        links: &mut LinkSample<'_>,
-    ) {
-        let joint = site.joint().expect("at a joint");
-        let (q, dq, ddq) = (input.q[joint], input.dq[joint], input.ddq[joint]);
-        let (sine, cosine) = q.sin_cos();
-        let slope = constants[1] * cosine - constants[0] * sine;
-        links.q[joint] += constants[0] * cosine + constants[1] * sine;
-        links.dq[joint] += slope * dq;
-        links.ddq[joint] += slope * ddq - (constants[0] * cosine + constants[1] * sine) * dq * dq;
-    }
+    written_once!(advance_links: links);
+}
+
+fn links<S: Stepped>(
+    site: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    _: &mut StepState<'_, S>,
+    links: &mut LinkSample<'_, S>,
+) {
+    let joint = site.joint().expect("at a joint");
+    let (q, dq, ddq) = (input.q[joint], input.dq[joint], input.ddq[joint]);
+    let (sine, cosine) = q.sin_cos();
+    let slope = cosine * constants[1] - sine * constants[0];
+    let error = cosine * constants[0] + sine * constants[1];
+    links.q[joint] += error;
+    links.dq[joint] += slope * dq;
+    links.ddq[joint] += slope * ddq - error * dq * dq;
 }

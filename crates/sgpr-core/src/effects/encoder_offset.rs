@@ -1,5 +1,6 @@
 use super::{
-    About, Class, Constant, Context, Effect, Entry, LinkMotion, LinkSample, Origin, Reach, SampleInput, Site, StepState,
+    About, Class, Constant, Context, Effect, Entry, LinkMotion, LinkSample, Origin, Reach, SampleInput, Site,
+    StepState, Stepped, written_once,
 };
 
 /// A joint whose zero is off: q_link = q + d. A refit turns the inertial parameters and absorbs nearly all of it.
@@ -60,14 +61,15 @@ impl Effect for EncoderOffset {
         motion.q.iter_mut().skip(joint).step_by(context.dof()).for_each(|q| *q += constants[0]);
     }
 
-    fn advance_links(
-        &self,
-        site: Site,
-        constants: &[f64],
-        _: &SampleInput<'_>,
-        _: &mut StepState<'_>,
-        links: &mut LinkSample<'_>,
-    ) {
-        links.q[site.joint().expect("at a joint")] += constants[0];
-    }
+    written_once!(advance_links: links);
+}
+
+fn links<S: Stepped>(
+    site: Site,
+    constants: &[f64],
+    _: &SampleInput<'_, S>,
+    _: &mut StepState<'_, S>,
+    links: &mut LinkSample<'_, S>,
+) {
+    links.q[site.joint().expect("at a joint")] += S::constant(constants[0]);
 }

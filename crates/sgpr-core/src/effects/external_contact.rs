@@ -1,10 +1,9 @@
-use super::context::after;
+use super::context::{after, tip_levers};
 use super::{
     About, Class, Constant, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Scale, Site, StepState,
+    Stepped, written_once,
 };
-use crate::dynamics::{frame_pose, jacobian};
-use crate::robot::Frame;
-use crate::spatial::{Pose, Vector3};
+use crate::spatial::Vector3;
 
 /// A force on the origin of the last link between t0 and t1, constant in base axes (F), in axes of the link (f), or the
 /// sum of both: tau = Jᵀ (F + R f).
@@ -73,32 +72,33 @@ impl Effect for ExternalContact {
         vec![Site::Arm]
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(
-        &self,
-        _: Site,
-        constants: &[f64],
-        input: &SampleInput<'_>,
-        state: &mut StepState<'_>,
-        columns: &mut [f64],
-    ) {
-        let n = input.robot.dof();
-        let inside = |edge: f64| after(input.time, edge, input.rate_hz);
-        let on = inside(constants[0]) * (1.0 - inside(constants[1]));
-        if on <= 0.0 {
-            return columns.fill(0.0);
-        }
-        let tip = Frame { name: String::new(), joint: Some(n - 1), pose: Pose::IDENTITY };
-        let turn = frame_pose(input.robot, state.workspace, input.q, &tip).rotation;
-        let jacobian = jacobian(input.robot, state.workspace, input.q, &tip);
-        for joint in 0..n {
-            let lever = Vector3::new(jacobian[joint], jacobian[n + joint], jacobian[2 * n + joint]);
-            let in_tool = turn.transpose_mul(lever);
-            let levers = [lever.x, lever.y, lever.z, in_tool.x, in_tool.y, in_tool.z];
-            columns.chunks_exact_mut(n).zip(levers).for_each(|(column, lever)| column[joint] = on * lever);
-        }
+fn law<S: Stepped>(
+    _: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    state: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
+    let n = input.robot.dof();
+    let inside = |edge: f64| after(input.time, edge, input.rate_hz);
+    let on = inside(constants[0]) * (-inside(constants[1]) + 1.0);
+    columns.fill(S::zero(()));
+    if on.is_surely_zero() {
+        return;
     }
+    let (forces, moments) = columns.split_at_mut(3 * n);
+    let turn = tip_levers(input, state, |joint, lever| {
+        let parts = [lever.x, lever.y, lever.z];
+        forces.chunks_exact_mut(n).zip(parts).for_each(|(column, part)| column[joint] = part);
+    });
+    for joint in 0..n {
+        let [x, y, z] = [0, 1, 2].map(|axis| forces[axis * n + joint]);
+        let in_tool = turn.transpose_mul(Vector3::new(x, y, z));
+        let parts = [in_tool.x, in_tool.y, in_tool.z];
+        moments.chunks_exact_mut(n).zip(parts).for_each(|(column, part)| column[joint] = part);
+    }
+    columns.iter_mut().for_each(|value| *value = on * *value);
 }

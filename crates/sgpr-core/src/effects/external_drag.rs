@@ -1,7 +1,8 @@
-use super::{About, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState};
-use crate::dynamics::jacobian;
-use crate::robot::Frame;
-use crate::spatial::Pose;
+use super::context::tip_levers;
+use super::{
+    About, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, written_once,
+};
+use crate::spatial::Vector3;
 
 /// Drag of water or air on the arm, taken at the origin of the last link: tau = c Jᵀ v |v|.
 ///
@@ -50,19 +51,13 @@ impl Effect for ExternalDrag {
         vec![Site::Arm]
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(&self, _: Site, _: &[f64], input: &SampleInput<'_>, state: &mut StepState<'_>, columns: &mut [f64]) {
-        let n = input.robot.dof();
-        let tip = Frame { name: String::new(), joint: Some(n - 1), pose: Pose::IDENTITY };
-        let jacobian = jacobian(input.robot, state.workspace, input.q, &tip);
-        let speed = |row: usize| (0..n).map(|joint| jacobian[row * n + joint] * input.dq[joint]).sum::<f64>();
-        let v = [speed(0), speed(1), speed(2)];
-        let size = v.iter().map(|v| v * v).sum::<f64>().sqrt();
-        for (joint, column) in columns.iter_mut().enumerate() {
-            *column = (0..3).map(|row| jacobian[row * n + joint] * v[row] * size).sum();
-        }
-    }
+fn law<S: Stepped>(_: Site, _: &[f64], input: &SampleInput<'_, S>, state: &mut StepState<'_, S>, columns: &mut [S]) {
+    let mut v = Vector3::zero(());
+    tip_levers(input, state, |joint, lever| v = v + lever * input.dq[joint]);
+    let along = v * v.dot(v).sqrt();
+    columns.fill(S::zero(()));
+    tip_levers(input, state, |joint, lever| columns[joint] = lever.dot(along));
 }

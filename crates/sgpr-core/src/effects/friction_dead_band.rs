@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, sgn};
+use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, written_once};
 
 /// Dead band of the drive: a current that is lost near zero and must be added in the direction of the torque.
 ///
@@ -43,11 +43,9 @@ impl Effect for FrictionDeadBand {
         true
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(&self, site: Site, _: &[f64], input: &SampleInput<'_>, _: &mut StepState<'_>, columns: &mut [f64]) {
-        columns[0] = sgn(input.torque[site.joint().expect("at a joint")]);
-    }
+fn law<S: Stepped>(site: Site, _: &[f64], input: &SampleInput<'_, S>, _: &mut StepState<'_, S>, columns: &mut [S]) {
+    columns[0] = input.torque[site.joint().expect("at a joint")].sgn();
 }

@@ -1,5 +1,8 @@
 use super::context::after;
-use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, sgn};
+use super::{
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
+    written_once,
+};
 
 /// Friction that changes at a time t0: a brake that drags, a damaged seal, fresh grease.
 ///
@@ -51,21 +54,18 @@ impl Effect for FrictionStep {
         Entry::Trajectory
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(
-        &self,
-        site: Site,
-        constants: &[f64],
-        input: &SampleInput<'_>,
-        _: &mut StepState<'_>,
-        columns: &mut [f64],
-    ) {
-        let dq = input.dq[site.joint().expect("at a joint")];
-        let on = after(input.time, constants[0], input.rate_hz);
-        columns[0] = on * sgn(dq);
-        columns[1] = on * dq;
-    }
+fn law<S: Stepped>(
+    site: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    _: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
+    let dq = input.dq[site.joint().expect("at a joint")];
+    let on = after(input.time, constants[0], input.rate_hz);
+    columns[0] = on * dq.sgn();
+    columns[1] = on * dq;
 }

@@ -1,4 +1,6 @@
-use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, sgn};
+use super::{
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, written_once,
+};
 
 /// Friction of a cold gear that fades while the arm works: tau = exp(-t / tw) (a1 dq + a0 sgn(dq)), t the time of the
 /// session.
@@ -51,24 +53,21 @@ impl Effect for FrictionWarmup {
         Entry::Trajectory
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(
-        &self,
-        site: Site,
-        constants: &[f64],
-        input: &SampleInput<'_>,
-        _: &mut StepState<'_>,
-        columns: &mut [f64],
-    ) {
-        if input.time.is_nan() {
-            return columns.fill(0.0);
-        }
-        let dq = input.dq[site.joint().expect("at a joint")];
-        let cold = (-input.time / constants[0]).exp();
-        columns[0] = cold * dq;
-        columns[1] = cold * sgn(dq);
+fn law<S: Stepped>(
+    site: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    _: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
+    if !input.time.is_known() {
+        return columns.fill(S::zero(()));
     }
+    let dq = input.dq[site.joint().expect("at a joint")];
+    let cold = (-input.time / constants[0]).exp();
+    columns[0] = cold * dq;
+    columns[1] = cold * dq.sgn();
 }

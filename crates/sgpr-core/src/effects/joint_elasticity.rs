@@ -3,7 +3,7 @@ use crate::signal::{LowPass, Spectrum};
 use super::stepping::{ABOVE, SMOOTH_DERIVATIVES_STATE, SmoothDerivatives, WINDOW_S};
 use super::{
     About, Class, Constant, Context, Effect, Entry, LinkMotion, LinkSample, Needs, Origin, Reach, SampleInput, Site,
-    StepState, Streamed,
+    StepState, Stepped, Streamed, written_once,
 };
 
 /// Elastic transmission: the link lags behind the encoder on the motor side by the torque it takes, q_link = q - c
@@ -68,24 +68,7 @@ impl Effect for JointElasticity {
         motion.deflect(joint, &twist, context.rate_hz);
     }
 
-    fn advance_links(
-        &self,
-        site: Site,
-        constants: &[f64],
-        input: &SampleInput<'_>,
-        state: &mut StepState<'_>,
-        links: &mut LinkSample<'_>,
-    ) {
-        let joint = site.joint().expect("at a joint");
-        let twist = -constants[0] * input.rigid_torque[joint];
-        links.q[joint] += twist;
-        if !input.rate_hz.is_finite() {
-            return;
-        }
-        let [velocity, acceleration] = SmoothDerivatives(state.hidden).advance(twist, input);
-        links.dq[joint] += velocity;
-        links.ddq[joint] += acceleration;
-    }
+    written_once!(advance_links: links);
 
     fn needs(&self) -> Needs {
         Needs { rate: true, ..Needs::default() }
@@ -101,6 +84,24 @@ impl Effect for JointElasticity {
     fn state_len(&self, _: &[f64], _: f64) -> usize {
         SMOOTH_DERIVATIVES_STATE
     }
+}
+
+fn links<S: Stepped>(
+    site: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    state: &mut StepState<'_, S>,
+    links: &mut LinkSample<'_, S>,
+) {
+    let joint = site.joint().expect("at a joint");
+    let twist = input.rigid_torque[joint] * -constants[0];
+    links.q[joint] += twist;
+    if !input.rate_hz.is_finite() {
+        return;
+    }
+    let [velocity, acceleration] = SmoothDerivatives(state.hidden).advance(twist, input);
+    links.dq[joint] += velocity;
+    links.ddq[joint] += acceleration;
 }
 
 /// Takes out what lies far above the motion: the torque holds second derivatives of the position, the link's motion those

@@ -1,4 +1,7 @@
-use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState};
+use super::{
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
+    written_once,
+};
 
 /// Position error of a gear, e = A sin(n q + p), n periods per turn: the inertia behind it is shaken by e'', tau =
 /// d²/dt² (a cos(n q) + b sin(n q)).
@@ -49,23 +52,20 @@ impl Effect for KinematicError {
         Entry::Trajectory
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(
-        &self,
-        site: Site,
-        constants: &[f64],
-        input: &SampleInput<'_>,
-        _: &mut StepState<'_>,
-        columns: &mut [f64],
-    ) {
-        let joint = site.joint().expect("at a joint");
-        let n = constants[0];
-        let (sine, cosine) = (n * input.q[joint]).sin_cos();
-        let (square, ddq) = (n * input.dq[joint].powi(2), input.ddq[joint]);
-        columns[0] = -(square * cosine + ddq * sine);
-        columns[1] = ddq * cosine - square * sine;
-    }
+fn law<S: Stepped>(
+    site: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    _: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
+    let joint = site.joint().expect("at a joint");
+    let n = constants[0];
+    let (sine, cosine) = (input.q[joint] * n).sin_cos();
+    let (square, ddq) = (input.dq[joint].squared() * n, input.ddq[joint]);
+    columns[0] = -(square * cosine + ddq * sine);
+    columns[1] = ddq * cosine - square * sine;
 }

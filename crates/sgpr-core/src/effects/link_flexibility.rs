@@ -1,4 +1,7 @@
-use super::{About, Class, Constant, Effect, EffectParameter, Entry, Needs, Origin, SampleInput, Site, StepState};
+use super::{
+    About, Class, Constant, Effect, EffectParameter, Entry, Needs, Origin, SampleInput, Site, StepState, Stepped,
+    written_once,
+};
 
 /// Bending of a link as one mode, driven by the joint's acceleration: eta'' + 2 zeta w eta' + w² eta = ddq, tau = m
 /// eta'', w = 2 pi f and zeta = 0.02.
@@ -63,28 +66,25 @@ impl Effect for LinkFlexibility {
         2
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(
-        &self,
-        site: Site,
-        constants: &[f64],
-        input: &SampleInput<'_>,
-        state: &mut StepState<'_>,
-        columns: &mut [f64],
-    ) {
-        let joint = site.joint().expect("at a joint");
-        if !input.rate_hz.is_finite() {
-            return columns.fill(0.0);
-        }
-        let (step, w) = (1.0 / input.rate_hz, std::f64::consts::TAU * constants[0]);
-        let [eta, speed] = state.hidden else { unreachable!("one mode has two numbers") };
-        // Semi-implicit Euler: stable up to a third of the sampling rate.
-        let acceleration = input.ddq[joint] - 2.0 * DAMPING * w * *speed - w * w * *eta;
-        *speed += step * acceleration;
-        *eta += step * *speed;
-        columns[0] = acceleration;
+fn law<S: Stepped>(
+    site: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    state: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
+    let joint = site.joint().expect("at a joint");
+    if !input.rate_hz.is_finite() {
+        return columns.fill(S::zero(()));
     }
+    let (step, w) = (1.0 / input.rate_hz, std::f64::consts::TAU * constants[0]);
+    let [eta, speed] = state.hidden else { unreachable!("one mode has two numbers") };
+    // Semi-implicit Euler: stable up to a third of the sampling rate.
+    let acceleration = input.ddq[joint] - *speed * (2.0 * DAMPING * w) - *eta * (w * w);
+    *speed += acceleration * step;
+    *eta += *speed * step;
+    columns[0] = acceleration;
 }

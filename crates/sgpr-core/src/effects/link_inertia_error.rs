@@ -1,5 +1,7 @@
 use super::context::{link_columns, link_regressor, of_a_link};
-use super::{About, Context, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState};
+use super::{
+    About, Context, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, written_once,
+};
 
 /// Wrong inertial parameters of a link in a fixed model. A refit of the base parameters absorbs them.
 ///
@@ -49,11 +51,9 @@ impl Effect for LinkInertiaError {
         link_regressor(context, joint, |_| 1.0, out);
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(&self, site: Site, _: &[f64], input: &SampleInput<'_>, state: &mut StepState<'_>, columns: &mut [f64]) {
-        link_columns(input, site.joint().expect("at a joint"), 1.0, state, columns);
-    }
+fn law<S: Stepped>(site: Site, _: &[f64], input: &SampleInput<'_, S>, state: &mut StepState<'_, S>, columns: &mut [S]) {
+    link_columns(input, site.joint().expect("at a joint"), S::constant(1.0), state, columns);
 }

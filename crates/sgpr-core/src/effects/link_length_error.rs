@@ -60,6 +60,10 @@ impl Effect for LinkLengthError {
         (1..robot.dof()).map(Site::Joint).collect()
     }
 
+    fn is_recorded(&self) -> bool {
+        true
+    }
+
     fn robot(&self, site: Site, constants: &[f64], robot: Robot) -> Robot {
         let joint = site.joint().expect("at a joint");
         let shift = Vector3::new(constants[0], constants[1], constants[2]);

@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, sgn};
+use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, written_once};
 
 /// Friction of a gear that grows with the torque it carries: tau = mu |tau_load| sgn(dq), tau_load the torque of the
 /// rigid body.
@@ -45,12 +45,10 @@ impl Effect for LoadDependentFriction {
         true
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(&self, site: Site, _: &[f64], input: &SampleInput<'_>, _: &mut StepState<'_>, columns: &mut [f64]) {
-        let joint = site.joint().expect("at a joint");
-        columns[0] = sgn(input.dq[joint]) * input.rigid_torque[joint].abs();
-    }
+fn law<S: Stepped>(site: Site, _: &[f64], input: &SampleInput<'_, S>, _: &mut StepState<'_, S>, columns: &mut [S]) {
+    let joint = site.joint().expect("at a joint");
+    columns[0] = input.dq[joint].sgn() * input.rigid_torque[joint].abs();
 }

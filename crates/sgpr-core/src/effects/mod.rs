@@ -70,9 +70,12 @@ pub use about::{About, Class, Origin, Role};
 pub use context::{Context, LinkMotion};
 use serde::{Deserialize, Serialize};
 pub(crate) use stepping::knows_one_row;
-pub use stepping::{LinkSample, Needs, SampleInput, StepState, Streamed};
+use stepping::written_once;
+pub use stepping::{LinkSample, Needs, SampleInput, StepState, Stepped, Streamed};
 
+use crate::expression::Expr;
 use crate::robot::{JointKind, Robot};
+use crate::simd::Number;
 
 /// A physical effect.
 ///
@@ -247,6 +250,76 @@ pub trait Effect: Send + Sync + Debug {
         hidden: &mut [f64],
         torque: f64,
     ) -> f64 {
+        let _ = (site, constants, joint, rate_hz, hidden);
+        torque
+    }
+
+    /// Whether the methods below that begin with `record` are those without it, over expressions: the effect can be
+    /// exported as code.
+    fn is_recorded(&self) -> bool {
+        false
+    }
+
+    /// As [`Self::columns`].
+    fn record_columns(&self, joint: usize, state: &JointState<'_, Expr>, out: &mut [Expr]) {
+        let _ = (joint, state);
+        out.fill(Expr::constant(0.0));
+    }
+
+    /// As [`Self::start`].
+    fn record_start(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_, Expr>,
+        state: &mut StepState<'_, Expr>,
+    ) {
+        let _ = (site, constants, input);
+        state.hidden.fill(Expr::constant(0.0));
+    }
+
+    /// As [`Self::advance`].
+    fn record(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_, Expr>,
+        state: &mut StepState<'_, Expr>,
+        columns: &mut [Expr],
+    ) {
+        let _ = (constants, state);
+        let motion = JointState { q: input.q, dq: input.dq, ddq: input.ddq };
+        self.record_columns(site.joint().unwrap_or_default(), &motion, columns);
+    }
+
+    /// As [`Self::advance_links`].
+    fn record_links(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_, Expr>,
+        state: &mut StepState<'_, Expr>,
+        links: &mut LinkSample<'_, Expr>,
+    ) {
+        let _ = (site, constants, input, state, links);
+    }
+
+    /// As [`Self::start_transmitted`].
+    fn record_start_transmitted(&self, torque: Expr, hidden: &mut [Expr]) {
+        let _ = torque;
+        hidden.fill(Expr::constant(0.0));
+    }
+
+    /// As [`Self::advance_transmitted`].
+    fn record_transmitted(
+        &self,
+        site: Site,
+        constants: &[f64],
+        joint: usize,
+        rate_hz: f64,
+        hidden: &mut [Expr],
+        torque: Expr,
+    ) -> Expr {
         let _ = (site, constants, joint, rate_hz, hidden);
         torque
     }
@@ -511,13 +584,13 @@ impl Site {
 
 /// Motion of all joints at one sample.
 #[derive(Clone, Copy, Debug)]
-pub struct JointState<'a> {
+pub struct JointState<'a, S = f64> {
     /// Positions, rad (m).
-    pub q: &'a [f64],
+    pub q: &'a [S],
     /// Velocities, rad/s (m/s).
-    pub dq: &'a [f64],
+    pub dq: &'a [S],
     /// Accelerations, rad/s² (m/s²).
-    pub ddq: &'a [f64],
+    pub ddq: &'a [S],
 }
 
 /// All effects that come with the library, in the order of their columns.
@@ -600,13 +673,7 @@ pub struct UnknownEffect {
 /// Sign of `x`, zero at zero (`f64::signum` is one there).
 #[inline]
 pub fn sgn(x: f64) -> f64 {
-    if x > 0.0 {
-        1.0
-    } else if x < 0.0 {
-        -1.0
-    } else {
-        0.0
-    }
+    Number::sgn(x)
 }
 
 #[cfg(test)]

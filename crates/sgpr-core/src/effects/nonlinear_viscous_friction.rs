@@ -1,4 +1,7 @@
-use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, sgn};
+use super::{
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
+    written_once,
+};
 
 /// Viscous friction whose growth slows down with speed, as shear-thinning grease shows: tau = c sgn(dq) |dq|^a with a
 /// below one.
@@ -49,19 +52,16 @@ impl Effect for NonlinearViscousFriction {
         Entry::Trajectory
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(
-        &self,
-        site: Site,
-        constants: &[f64],
-        input: &SampleInput<'_>,
-        _: &mut StepState<'_>,
-        columns: &mut [f64],
-    ) {
-        let dq = input.dq[site.joint().expect("at a joint")];
-        columns[0] = sgn(dq) * dq.abs().powf(constants[0]);
-    }
+fn law<S: Stepped>(
+    site: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    _: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
+    let dq = input.dq[site.joint().expect("at a joint")];
+    columns[0] = dq.sgn() * dq.abs().powf(constants[0]);
 }

@@ -1,5 +1,7 @@
 use super::context::{link_columns, link_regressor, of_a_link};
-use super::{About, Context, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState};
+use super::{
+    About, Context, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, written_once,
+};
 
 /// A body fixed to the last link: ten inertial parameters. A refit of the base parameters absorbs it whole; against a
 /// fixed model it shows.
@@ -56,11 +58,9 @@ impl Effect for Payload {
         link_regressor(context, last, |_| 1.0, out);
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(&self, _: Site, _: &[f64], input: &SampleInput<'_>, state: &mut StepState<'_>, columns: &mut [f64]) {
-        link_columns(input, input.robot.dof() - 1, 1.0, state, columns);
-    }
+fn law<S: Stepped>(_: Site, _: &[f64], input: &SampleInput<'_, S>, state: &mut StepState<'_, S>, columns: &mut [S]) {
+    link_columns(input, input.robot.dof() - 1, S::constant(1.0), state, columns);
 }

@@ -1,6 +1,7 @@
 use super::context::{after, link_columns, link_regressor, of_a_link};
 use super::{
-    About, Class, Constant, Context, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Scale, Site, StepState,
+    About, Class, Constant, Context, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Scale, Site,
+    StepState, Stepped, written_once,
 };
 
 /// A load that is taken up or put down at a time t0: ten inertial parameters of the last link for t > t0.
@@ -71,21 +72,18 @@ impl Effect for PayloadChange {
         link_regressor(context, last, |k| after(context.time[k], constants[0], context.rate_hz), out);
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(
-        &self,
-        _: Site,
-        constants: &[f64],
-        input: &SampleInput<'_>,
-        state: &mut StepState<'_>,
-        columns: &mut [f64],
-    ) {
-        let on = after(input.time, constants[0], input.rate_hz);
-        link_columns(input, input.robot.dof() - 1, on, state, columns);
-    }
+fn law<S: Stepped>(
+    _: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    state: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
+    let on = after(input.time, constants[0], input.rate_hz);
+    link_columns(input, input.robot.dof() - 1, on, state, columns);
 }
 
 #[cfg(test)]

@@ -1,4 +1,7 @@
-use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, sgn};
+use super::{
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
+    written_once,
+};
 
 /// Friction of an eccentric bearing or a tight spot: tau = sgn(dq) (b exp(-((q - qc) / w)² / 2) + a1 cos q + a2 sin
 /// q).
@@ -55,22 +58,20 @@ impl Effect for PositionDependentFriction {
         Entry::Trajectory
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(
-        &self,
-        site: Site,
-        constants: &[f64],
-        input: &SampleInput<'_>,
-        _: &mut StepState<'_>,
-        columns: &mut [f64],
-    ) {
-        let joint = site.joint().expect("at a joint");
-        let (q, direction) = (input.q[joint], sgn(input.dq[joint]));
-        columns[0] = direction * (-0.5 * ((q - constants[0]) / constants[1]).powi(2)).exp();
-        columns[1] = direction * q.cos();
-        columns[2] = direction * q.sin();
-    }
+fn law<S: Stepped>(
+    site: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    _: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
+    let joint = site.joint().expect("at a joint");
+    let (q, direction) = (input.q[joint], input.dq[joint].sgn());
+    columns[0] = direction * (((q - constants[0]) / constants[1]).squared() * -0.5).exp();
+    let (sine, cosine) = q.sin_cos();
+    columns[1] = direction * cosine;
+    columns[2] = direction * sine;
 }

@@ -1,5 +1,7 @@
 use super::stepping::{DAHL_STATE, Dahl};
-use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState};
+use super::{
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, written_once,
+};
 
 /// Dry friction with bristles that bend before they slide (Dahl): z follows sgn(dq) over the distance zs, dz =
 /// (sgn(dq) - z) |dq| / zs dt, tau = Fc z. Where the model has Coulomb friction too, this takes its place. Initial
@@ -58,24 +60,23 @@ impl Effect for PreslidingFriction {
         DAHL_STATE
     }
 
-    fn start(&self, site: Site, _: &[f64], input: &SampleInput<'_>, state: &mut StepState<'_>) {
-        let joint = site.joint().expect("at a joint");
-        Dahl(state.hidden).start(input.q[joint], input.dq[joint]);
-    }
+    written_once!(start: start);
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(
-        &self,
-        site: Site,
-        constants: &[f64],
-        input: &SampleInput<'_>,
-        state: &mut StepState<'_>,
-        columns: &mut [f64],
-    ) {
-        let x = input.q[site.joint().expect("at a joint")];
-        columns[0] = Dahl(state.hidden).advance(x, constants[0]);
-    }
+fn start<S: Stepped>(site: Site, _: &[f64], input: &SampleInput<'_, S>, state: &mut StepState<'_, S>) {
+    let joint = site.joint().expect("at a joint");
+    Dahl(state.hidden).start(input.q[joint], input.dq[joint]);
+}
+
+fn law<S: Stepped>(
+    site: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    state: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
+    let x = input.q[site.joint().expect("at a joint")];
+    columns[0] = Dahl(state.hidden).advance(x, constants[0]);
 }

@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState, Origin};
+use super::{About, Effect, EffectParameter, JointState, Origin, Stepped, written_once};
 
 /// Drag that grows with the square of the speed: churning of oil, flow through an orifice.
 ///
@@ -37,7 +37,9 @@ impl Effect for QuadraticViscousFriction {
         &PARAMETERS
     }
 
-    fn columns(&self, joint: usize, state: &JointState<'_>, out: &mut [f64]) {
-        out[0] = state.dq[joint] * state.dq[joint].abs();
-    }
+    written_once!(columns: columns);
+}
+
+fn columns<S: Stepped>(joint: usize, state: &JointState<'_, S>, out: &mut [S]) {
+    out[0] = state.dq[joint] * state.dq[joint].abs();
 }

@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState, Origin, Role};
+use super::{About, Effect, EffectParameter, JointState, Origin, Role, Stepped, written_once};
 
 /// Inertia of the motor's rotor, felt at the joint: tau = Ia ddq, Ia = gear ratio² times motor inertia. The
 /// gyroscopic terms of the rotor, smaller by the gear ratio, are left out.
@@ -40,7 +40,9 @@ impl Effect for RotorInertia {
         Some(Role::RotorInertia)
     }
 
-    fn columns(&self, joint: usize, state: &JointState<'_>, out: &mut [f64]) {
-        out[0] = state.ddq[joint];
-    }
+    written_once!(columns: columns);
+}
+
+fn columns<S: Stepped>(joint: usize, state: &JointState<'_, S>, out: &mut [S]) {
+    out[0] = state.ddq[joint];
 }

@@ -1,4 +1,7 @@
-use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState};
+use super::{
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
+    written_once,
+};
 
 /// A spring between a pin on the arm and one on the base, at distances with the ratio r from the axis: with the
 /// length l = sqrt(1 + r² - 2 r cos(q - q0)) in units of the longer distance, tau = -(s1 - s0 / l) sin(q - q0),
@@ -57,21 +60,18 @@ impl Effect for SpringBalancer {
         (0..robot.dof()).filter(|&joint| robot.joints()[joint].kind.is_rotation()).map(Site::Joint).collect()
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(
-        &self,
-        site: Site,
-        constants: &[f64],
-        input: &SampleInput<'_>,
-        _: &mut StepState<'_>,
-        columns: &mut [f64],
-    ) {
-        let (q0, r) = (constants[0], constants[1]);
-        let (sine, cosine) = (input.q[site.joint().expect("at a joint")] - q0).sin_cos();
-        columns[0] = sine;
-        columns[1] = sine / (1.0 + r * r - 2.0 * r * cosine).sqrt();
-    }
+fn law<S: Stepped>(
+    site: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    _: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
+    let (q0, r) = (constants[0], constants[1]);
+    let (sine, cosine) = (input.q[site.joint().expect("at a joint")] - q0).sin_cos();
+    columns[0] = sine;
+    columns[1] = sine / (-cosine * (2.0 * r) + (1.0 + r * r)).sqrt();
 }

@@ -1,53 +1,56 @@
 //! Effects that advance sample by sample: what a control loop and a simulator need, and what the columns of a whole
 //! trajectory follow from.
 
-use super::{Context, Effect, Reach, Site};
-use crate::dynamics::Workspace;
+use super::{Context, Effect, JointState, Reach, Site};
+use crate::dynamics::{RecordedWorkspace, Workspace, forward_kinematics, regressor, rnea};
+use crate::expression::Expr;
 use crate::robot::Robot;
+use crate::simd::Number;
+use crate::spatial::Pose;
 
 /// One sample of a motion and what a model says of it: everything that a stepped effect may depend on.
 ///
 /// Arrays are `[n]`, SI.
 #[derive(Clone, Copy, Debug)]
-pub struct SampleInput<'a> {
+pub struct SampleInput<'a, S = f64> {
     /// The robot with the inertias of the model.
     pub robot: &'a Robot,
     /// One over the time since the sample before, Hz; NaN if it is not known.
     pub rate_hz: f64,
     /// Time of the session, s; NaN if it is not known.
-    pub time: f64,
+    pub time: S,
     /// Positions, rad (m).
-    pub q: &'a [f64],
+    pub q: &'a [S],
     /// Velocities, rad/s (m/s).
-    pub dq: &'a [f64],
+    pub dq: &'a [S],
     /// Accelerations, rad/s² (m/s²).
-    pub ddq: &'a [f64],
+    pub ddq: &'a [S],
     /// Torque of the rigid body, N·m (N).
-    pub rigid_torque: &'a [f64],
+    pub rigid_torque: &'a [S],
     /// Torque of the rigid body and the effects that the model has everywhere, N·m (N).
-    pub torque: &'a [f64],
+    pub torque: &'a [S],
     /// Temperature of each joint, °C; NaN where it is not known.
-    pub temperature_celsius: &'a [f64],
+    pub temperature_celsius: &'a [S],
 }
 
 /// What an effect carries from sample to sample, and room to work in.
 #[derive(Debug)]
-pub struct StepState<'a> {
+pub struct StepState<'a, S: Stepped = f64> {
     /// Hidden state, [`Effect::state_len`] numbers.
-    pub hidden: &'a mut [f64],
+    pub hidden: &'a mut [S],
     /// Buffers of the dynamics; nothing in them is kept from call to call.
-    pub workspace: &'a mut Workspace,
+    pub workspace: &'a mut S::Workspace,
 }
 
 /// Motion of the links at one sample, `[n]`, where a transform makes it differ from the measured one.
 #[derive(Debug)]
-pub struct LinkSample<'a> {
+pub struct LinkSample<'a, S = f64> {
     /// Positions, rad (m).
-    pub q: &'a mut [f64],
+    pub q: &'a mut [S],
     /// Velocities, rad/s (m/s).
-    pub dq: &'a mut [f64],
+    pub dq: &'a mut [S],
     /// Accelerations, rad/s² (m/s²).
-    pub ddq: &'a mut [f64],
+    pub ddq: &'a mut [S],
 }
 
 /// What an effect depends on beside the motion.
@@ -62,6 +65,332 @@ pub struct Needs {
     /// Channels of the log by name.
     pub channels: Vec<String>,
 }
+
+/// A number that effects are advanced over: of a sample, or an expression from which code is made.
+pub trait Stepped: Number {
+    /// Buffers of the dynamics.
+    type Workspace: std::fmt::Debug + Send;
+
+    /// Buffers for a robot.
+    fn workspace(robot: &Robot) -> Self::Workspace;
+
+    /// Torque of the rigid body, `[n]`, as [`crate::dynamics::rnea`].
+    fn rnea(robot: &Robot, workspace: &mut Self::Workspace, motion: [&[Self]; 3], tau: &mut [Self]);
+
+    /// As [`crate::dynamics::regressor`].
+    fn regressor<'ws>(robot: &Robot, workspace: &'ws mut Self::Workspace, motion: [&[Self]; 3]) -> &'ws [Self];
+
+    /// As [`crate::dynamics::forward_kinematics`].
+    fn forward_kinematics<'ws>(robot: &Robot, workspace: &'ws mut Self::Workspace, q: &[Self]) -> &'ws [Pose<Self>];
+
+    /// A value some time ago: `delay` seconds before `value`, which comes `step` seconds after the last one; moves the
+    /// hidden state on. Before the start it was what [`Self::start_delay`] says.
+    fn delayed(hidden: &mut [Self], value: Self, delay: f64, step: f64) -> Self;
+
+    /// Sets the hidden state of [`Self::delayed`] to what it is after a long time at `value`.
+    fn start_delay(hidden: &mut [Self], value: Self);
+
+    /// [`Effect::columns`] over this number; those below likewise.
+    fn columns(effect: &dyn Effect, joint: usize, state: &JointState<'_, Self>, out: &mut [Self]);
+
+    /// [`Effect::start`].
+    fn start(effect: &dyn Effect, at: (Site, &[f64]), input: &SampleInput<'_, Self>, state: &mut StepState<'_, Self>);
+
+    /// [`Effect::advance`].
+    fn advance(
+        effect: &dyn Effect,
+        at: (Site, &[f64]),
+        input: &SampleInput<'_, Self>,
+        state: &mut StepState<'_, Self>,
+        columns: &mut [Self],
+    );
+
+    /// [`Effect::advance_links`].
+    fn advance_links(
+        effect: &dyn Effect,
+        at: (Site, &[f64]),
+        input: &SampleInput<'_, Self>,
+        state: &mut StepState<'_, Self>,
+        links: &mut LinkSample<'_, Self>,
+    );
+
+    /// [`Effect::start_transmitted`].
+    fn start_transmitted(effect: &dyn Effect, torque: Self, hidden: &mut [Self]);
+
+    /// [`Effect::advance_transmitted`].
+    fn advance_transmitted(
+        effect: &dyn Effect,
+        at: (Site, &[f64]),
+        joint: usize,
+        rate_hz: f64,
+        hidden: &mut [Self],
+        torque: Self,
+    ) -> Self;
+}
+
+/// The methods of [`Stepped`] that are those of an effect, by their names there.
+macro_rules! methods_of_effects {
+    ($columns:ident, $start:ident, $advance:ident, $links:ident, $start_transmitted:ident, $transmitted:ident) => {
+        fn columns(effect: &dyn Effect, joint: usize, state: &JointState<'_, Self>, out: &mut [Self]) {
+            effect.$columns(joint, state, out);
+        }
+
+        fn start(
+            effect: &dyn Effect,
+            (site, constants): (Site, &[f64]),
+            input: &SampleInput<'_, Self>,
+            state: &mut StepState<'_, Self>,
+        ) {
+            effect.$start(site, constants, input, state);
+        }
+
+        fn advance(
+            effect: &dyn Effect,
+            (site, constants): (Site, &[f64]),
+            input: &SampleInput<'_, Self>,
+            state: &mut StepState<'_, Self>,
+            columns: &mut [Self],
+        ) {
+            effect.$advance(site, constants, input, state, columns);
+        }
+
+        fn advance_links(
+            effect: &dyn Effect,
+            (site, constants): (Site, &[f64]),
+            input: &SampleInput<'_, Self>,
+            state: &mut StepState<'_, Self>,
+            links: &mut LinkSample<'_, Self>,
+        ) {
+            effect.$links(site, constants, input, state, links);
+        }
+
+        fn start_transmitted(effect: &dyn Effect, torque: Self, hidden: &mut [Self]) {
+            effect.$start_transmitted(torque, hidden);
+        }
+
+        fn advance_transmitted(
+            effect: &dyn Effect,
+            (site, constants): (Site, &[f64]),
+            joint: usize,
+            rate_hz: f64,
+            hidden: &mut [Self],
+            torque: Self,
+        ) -> Self {
+            effect.$transmitted(site, constants, joint, rate_hz, hidden, torque)
+        }
+    };
+}
+
+impl Stepped for f64 {
+    type Workspace = Workspace;
+
+    methods_of_effects!(columns, start, advance, advance_links, start_transmitted, advance_transmitted);
+
+    fn workspace(robot: &Robot) -> Workspace {
+        Workspace::new(robot)
+    }
+
+    fn rnea(robot: &Robot, workspace: &mut Workspace, [q, dq, ddq]: [&[f64]; 3], tau: &mut [f64]) {
+        tau.copy_from_slice(rnea(robot, workspace, q, dq, ddq));
+    }
+
+    fn regressor<'ws>(robot: &Robot, workspace: &'ws mut Workspace, [q, dq, ddq]: [&[f64]; 3]) -> &'ws [f64] {
+        regressor(robot, workspace, q, dq, ddq)
+    }
+
+    fn forward_kinematics<'ws>(robot: &Robot, workspace: &'ws mut Workspace, q: &[f64]) -> &'ws [Pose] {
+        forward_kinematics(robot, workspace, q)
+    }
+
+    fn delayed(hidden: &mut [f64], value: f64, delay: f64, step: f64) -> f64 {
+        Delay(hidden).advance(value, delay, step)
+    }
+
+    fn start_delay(hidden: &mut [f64], value: f64) {
+        Delay(hidden).start(value);
+    }
+}
+
+impl Stepped for Expr {
+    type Workspace = RecordedWorkspace;
+
+    methods_of_effects!(
+        record_columns,
+        record_start,
+        record,
+        record_links,
+        record_start_transmitted,
+        record_transmitted
+    );
+
+    fn workspace(robot: &Robot) -> RecordedWorkspace {
+        RecordedWorkspace::new(robot)
+    }
+
+    fn rnea(robot: &Robot, workspace: &mut RecordedWorkspace, motion: [&[Self]; 3], tau: &mut [Self]) {
+        workspace.rnea(robot, motion, tau);
+    }
+
+    fn regressor<'ws>(robot: &Robot, workspace: &'ws mut RecordedWorkspace, motion: [&[Self]; 3]) -> &'ws [Self] {
+        workspace.regressor(robot, motion)
+    }
+
+    fn forward_kinematics<'ws>(robot: &Robot, workspace: &'ws mut RecordedWorkspace, q: &[Self]) -> &'ws [Pose<Self>] {
+        workspace.forward_kinematics(robot, q)
+    }
+
+    /// Steps of one length need no ring: the values move up by one place, and the weights are constants.
+    fn delayed(hidden: &mut [Self], value: Self, delay: f64, step: f64) -> Self {
+        let (first, weights) = delay_weights(delay / step);
+        hidden[..=first].rotate_right(1);
+        hidden[0] = value;
+        (0..NODES).fold(Self::constant(0.0), |sum, node| sum + hidden[first - node] * weights[node])
+    }
+
+    fn start_delay(hidden: &mut [Self], value: Self) {
+        hidden.fill(value);
+    }
+}
+
+/// An effect's method, and the same over expressions, by one function that is written over [`Stepped`] numbers.
+macro_rules! written_once {
+    (columns: $law:ident) => {
+        fn columns(&self, joint: usize, state: &super::JointState<'_>, out: &mut [f64]) {
+            $law(joint, state, out);
+        }
+
+        fn is_recorded(&self) -> bool {
+            true
+        }
+
+        fn record_columns(
+            &self,
+            joint: usize,
+            state: &super::JointState<'_, crate::expression::Expr>,
+            out: &mut [crate::expression::Expr],
+        ) {
+            $law(joint, state, out);
+        }
+    };
+    (start: $law:ident) => {
+        fn start(
+            &self,
+            site: super::Site,
+            constants: &[f64],
+            input: &super::SampleInput<'_>,
+            state: &mut super::StepState<'_>,
+        ) {
+            $law(site, constants, input, state);
+        }
+
+        fn record_start(
+            &self,
+            site: super::Site,
+            constants: &[f64],
+            input: &super::SampleInput<'_, crate::expression::Expr>,
+            state: &mut super::StepState<'_, crate::expression::Expr>,
+        ) {
+            $law(site, constants, input, state);
+        }
+    };
+    (advance: $law:ident) => {
+        fn steps(&self) -> bool {
+            true
+        }
+
+        fn advance(
+            &self,
+            site: super::Site,
+            constants: &[f64],
+            input: &super::SampleInput<'_>,
+            state: &mut super::StepState<'_>,
+            columns: &mut [f64],
+        ) {
+            $law(site, constants, input, state, columns);
+        }
+
+        fn is_recorded(&self) -> bool {
+            true
+        }
+
+        fn record(
+            &self,
+            site: super::Site,
+            constants: &[f64],
+            input: &super::SampleInput<'_, crate::expression::Expr>,
+            state: &mut super::StepState<'_, crate::expression::Expr>,
+            columns: &mut [crate::expression::Expr],
+        ) {
+            $law(site, constants, input, state, columns);
+        }
+    };
+    (advance_links: $law:ident) => {
+        fn advance_links(
+            &self,
+            site: super::Site,
+            constants: &[f64],
+            input: &super::SampleInput<'_>,
+            state: &mut super::StepState<'_>,
+            links: &mut super::LinkSample<'_>,
+        ) {
+            $law(site, constants, input, state, links);
+        }
+
+        fn is_recorded(&self) -> bool {
+            true
+        }
+
+        fn record_links(
+            &self,
+            site: super::Site,
+            constants: &[f64],
+            input: &super::SampleInput<'_, crate::expression::Expr>,
+            state: &mut super::StepState<'_, crate::expression::Expr>,
+            links: &mut super::LinkSample<'_, crate::expression::Expr>,
+        ) {
+            $law(site, constants, input, state, links);
+        }
+    };
+    (start_transmitted: $law:ident) => {
+        fn start_transmitted(&self, torque: f64, hidden: &mut [f64]) {
+            $law(torque, hidden);
+        }
+
+        fn record_start_transmitted(&self, torque: crate::expression::Expr, hidden: &mut [crate::expression::Expr]) {
+            $law(torque, hidden);
+        }
+    };
+    (advance_transmitted: $law:ident) => {
+        fn advance_transmitted(
+            &self,
+            site: super::Site,
+            constants: &[f64],
+            joint: usize,
+            rate_hz: f64,
+            hidden: &mut [f64],
+            torque: f64,
+        ) -> f64 {
+            $law(site, constants, joint, rate_hz, hidden, torque)
+        }
+
+        fn is_recorded(&self) -> bool {
+            true
+        }
+
+        fn record_transmitted(
+            &self,
+            site: super::Site,
+            constants: &[f64],
+            joint: usize,
+            rate_hz: f64,
+            hidden: &mut [crate::expression::Expr],
+            torque: crate::expression::Expr,
+        ) -> crate::expression::Expr {
+            $law(site, constants, joint, rate_hz, hidden, torque)
+        }
+    };
+}
+pub(super) use written_once;
 
 /// How an effect that is advanced sample by sample compares with its columns along a whole trajectory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -194,25 +523,23 @@ pub(super) const DAHL_STATE: usize = 2;
 /// State: z and the last value.
 ///
 /// Source: P. Dahl, A solid friction model, Aerospace Corp. TOR-0158(3107-18)-1 (1968).
-pub(super) struct Dahl<'a>(pub &'a mut [f64]);
+pub(super) struct Dahl<'a, S>(pub &'a mut [S]);
 
-impl Dahl<'_> {
+impl<S: Number> Dahl<'_, S> {
     /// After a long run in one direction, or relaxed where there is none.
-    pub fn start(self, x: f64, direction: f64) {
-        self.0[0] = super::sgn(direction);
+    pub fn start(self, x: S, direction: S) {
+        self.0[0] = direction.sgn();
         self.0[1] = x;
     }
 
     /// z at the next value.
     #[inline]
-    pub fn advance(self, x: f64, distance: f64) -> f64 {
+    pub fn advance(self, x: S, distance: f64) -> S {
         let [z, last] = self.0 else { unreachable!("a Dahl element has two numbers") };
         let step = x - *last;
         *last = x;
-        let direction = super::sgn(step);
-        if direction != 0.0 {
-            *z = direction + (*z - direction) * (-step.abs() / distance).exp();
-        }
+        let direction = step.sgn();
+        *z = direction + (*z - direction) * (-step.abs() / distance).exp();
         *z
     }
 }
@@ -223,11 +550,11 @@ pub(super) const LAG_STATE: usize = 2;
 /// First-order lag for an input that is linear between samples: y' = (u - y) / T, exact for a ramp.
 ///
 /// State: y and the last input.
-pub(super) struct Lag<'a>(pub &'a mut [f64]);
+pub(super) struct Lag<'a, S>(pub &'a mut [S]);
 
-impl Lag<'_> {
+impl<S: Number> Lag<'_, S> {
     /// Settled at a value.
-    pub fn start(self, value: f64) {
+    pub fn start(self, value: S) {
         self.0.fill(value);
     }
 
@@ -235,11 +562,12 @@ impl Lag<'_> {
     ///
     /// - `samples`: time constant in times between samples
     #[inline]
-    pub fn advance(self, value: f64, samples: f64) -> f64 {
+    pub fn advance(self, value: S, samples: S) -> S {
         let [y, input] = self.0 else { unreachable!("a lag has two numbers") };
-        let decay = (-1.0 / samples).exp();
-        let slope = samples * (1.0 - decay);
-        let (old, new) = (slope - decay, 1.0 - slope);
+        let one = S::constant(1.0);
+        let decay = (-one / samples).exp();
+        let slope = samples * (one - decay);
+        let (old, new) = (slope - decay, one - slope);
         *y = decay * *y + old * *input + new * value;
         *input = value;
         *y
@@ -269,29 +597,30 @@ const SMOOTH_HEAD: usize = 3;
 /// State: whether it has begun, sums of squared speeds and accelerations, and the three lags. It begins at rest.
 ///
 /// Source: S. O. Rice, Mathematical analysis of random noise, Bell Syst. Tech. J. 23 (1944), for that frequency.
-pub(super) struct SmoothDerivatives<'a>(pub &'a mut [f64]);
+pub(super) struct SmoothDerivatives<'a, S>(pub &'a mut [S]);
 
-impl SmoothDerivatives<'_> {
+impl<S: Number> SmoothDerivatives<'_, S> {
     /// Derivatives at the next value, that of a sample.
-    pub fn advance(self, x: f64, input: &SampleInput<'_>) -> [f64; 2] {
+    pub fn advance(self, x: S, input: &SampleInput<'_, S>) -> [S; 2] {
         const BAND: f64 = 2.81;
+        const TAU: f64 = std::f64::consts::TAU;
+        let sum_of_squares = |values: &[S]| values.iter().fold(S::zero(()), |sum, x| sum + x.squared());
         let (head, lags) = self.0.split_at_mut(SMOOTH_HEAD);
-        if head[0] == 0.0 {
-            head[0] = 1.0;
-            lags.fill(x);
-        }
-        head[1] += input.dq.iter().map(|dq| dq * dq).sum::<f64>();
-        head[2] += input.ddq.iter().map(|ddq| ddq * ddq).sum::<f64>();
-        let moment = if head[1] > 0.0 { (head[2] / head[1]).sqrt() } else { f64::INFINITY };
-        let bandwidth = (BAND * moment / std::f64::consts::TAU).clamp(1.0 / WINDOW_S, 0.5 * input.rate_hz);
-        let time = 1.0 / (std::f64::consts::TAU * ABOVE * bandwidth);
+        lags.iter_mut().for_each(|lag| *lag = head[0].where_positive(*lag, x));
+        head[0] = S::constant(1.0);
+        head[1] += sum_of_squares(input.dq);
+        head[2] += sum_of_squares(input.ddq);
+        let moment = head[1].where_positive((head[2] / head[1]).sqrt(), S::constant(f64::INFINITY));
+        let [low, high] = [1.0 / WINDOW_S, 0.5 * input.rate_hz].map(S::constant);
+        let bandwidth = (moment * BAND / TAU).clamp(low, high);
+        let time = (bandwidth * (TAU * ABOVE)).recip();
         let mut behind = [x; 4];
         for (index, lag) in lags.chunks_exact_mut(LAG_STATE).enumerate() {
             behind[index + 1] = Lag(lag).advance(behind[index], time * input.rate_hz);
         }
         let [x, x1, x2, x3] = behind;
-        let (first, second, third) = (x2 - x3, x1 - 2.0 * x2 + x3, x - 3.0 * x1 + 3.0 * x2 - x3);
-        [(first + 3.0 * (second + third)) / time, (second + 3.0 * third) / (time * time)]
+        let (first, second, third) = (x2 - x3, x1 - x2 * 2.0 + x3, x - x1 * 3.0 + x2 * 3.0 - x3);
+        [(first + (second + third) * 3.0) / time, (second + third * 3.0) / (time * time)]
     }
 }
 
@@ -342,10 +671,7 @@ impl Delay<'_> {
         times[newest] = head[1];
         let at = |back: usize| (newest + capacity - back.min(capacity - 1)) % capacity;
         if head[3] >= capacity as f64 {
-            let behind = delay / step;
-            // How far back the oldest of the four lies.
-            let first = (behind.ceil() as usize + 1).max(NODES - 1);
-            let weights = cubic_weights(first as f64 - 1.0 - behind);
+            let (first, weights) = delay_weights(delay / step);
             return (0..NODES).map(|node| weights[node] * values[at(first - node)]).sum();
         }
         let wanted = head[1] - delay;
@@ -354,6 +680,14 @@ impl Delay<'_> {
         let share = ((wanted - times[old]) / (times[new] - times[old])).clamp(0.0, 1.0);
         values[old] + share * (values[new] - values[old])
     }
+}
+
+/// How far back the oldest of the values lies that a delay is interpolated between, and their weights, oldest first.
+///
+/// - `behind`: the delay, in times between samples
+fn delay_weights(behind: f64) -> (usize, [f64; NODES]) {
+    let first = (behind.ceil() as usize + 1).max(NODES - 1);
+    (first, cubic_weights(first as f64 - 1.0 - behind))
 }
 
 /// Weights of the values at -1, 0, 1 and 2 of the cubic through them, at `x`.

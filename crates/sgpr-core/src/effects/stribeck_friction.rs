@@ -1,4 +1,7 @@
-use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, Role, SampleInput, Site, StepState, sgn};
+use super::{
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, Role, SampleInput, Site, StepState, Stepped,
+    written_once,
+};
 
 /// Friction that falls from its breakaway level Fs to the Coulomb level Fc as the lubricant builds up: tau = (Fs -
 /// Fc) sgn(dq) exp(-(dq / vs)²), beside Coulomb friction.
@@ -53,19 +56,16 @@ impl Effect for StribeckFriction {
         Entry::Trajectory
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(
-        &self,
-        site: Site,
-        constants: &[f64],
-        input: &SampleInput<'_>,
-        _: &mut StepState<'_>,
-        columns: &mut [f64],
-    ) {
-        let dq = input.dq[site.joint().expect("at a joint")];
-        columns[0] = sgn(dq) * (-(dq / constants[0]).powi(2)).exp();
-    }
+fn law<S: Stepped>(
+    site: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    _: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
+    let dq = input.dq[site.joint().expect("at a joint")];
+    columns[0] = dq.sgn() * (-(dq / constants[0]).squared()).exp();
 }

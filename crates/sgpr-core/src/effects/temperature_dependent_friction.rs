@@ -1,4 +1,6 @@
-use super::{About, Context, Effect, EffectParameter, Entry, Needs, Origin, SampleInput, Site, StepState, sgn};
+use super::{
+    About, Context, Effect, EffectParameter, Entry, Needs, Origin, SampleInput, Site, StepState, Stepped, written_once,
+};
 
 /// Friction that changes with the temperature T of the joint: tau = (T - 25 °C) (a1 dq + a0 sgn(dq)).
 ///
@@ -51,17 +53,15 @@ impl Effect for TemperatureDependentFriction {
             .then(|| "no temperature channel in the logs".into())
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(&self, site: Site, _: &[f64], input: &SampleInput<'_>, _: &mut StepState<'_>, columns: &mut [f64]) {
-        let joint = site.joint().expect("at a joint");
-        let (dq, temperature) = (input.dq[joint], input.temperature_celsius[joint]);
-        if temperature.is_nan() {
-            return columns.fill(0.0);
-        }
-        columns[0] = (temperature - 25.0) * dq;
-        columns[1] = (temperature - 25.0) * sgn(dq);
+fn law<S: Stepped>(site: Site, _: &[f64], input: &SampleInput<'_, S>, _: &mut StepState<'_, S>, columns: &mut [S]) {
+    let joint = site.joint().expect("at a joint");
+    let (dq, temperature) = (input.dq[joint], input.temperature_celsius[joint]);
+    if !temperature.is_known() {
+        return columns.fill(S::zero(()));
     }
+    columns[0] = (temperature - 25.0) * dq;
+    columns[1] = (temperature - 25.0) * dq.sgn();
 }

@@ -1,6 +1,6 @@
 use super::context::shift;
 use super::stepping::Delay;
-use super::{About, Class, Constant, Effect, Entry, Needs, Origin, Reach, Site, Streamed};
+use super::{About, Class, Constant, Effect, Entry, Needs, Origin, Reach, Site, Stepped, Streamed, written_once};
 
 /// Torques that are logged late: tau_log(t) = tau(t - d), one delay for all joints.
 ///
@@ -80,23 +80,19 @@ impl Effect for TorqueDelay {
         Delay::len(constants[0], rate_hz)
     }
 
-    fn start_transmitted(&self, torque: f64, hidden: &mut [f64]) {
-        Delay(hidden).start(torque);
-    }
+    written_once!(start_transmitted: start_transmitted);
 
-    fn advance_transmitted(
-        &self,
-        _: Site,
-        constants: &[f64],
-        _: usize,
-        rate_hz: f64,
-        hidden: &mut [f64],
-        torque: f64,
-    ) -> f64 {
-        if rate_hz.is_finite() && constants[0] > 0.0 {
-            Delay(hidden).advance(torque, constants[0], 1.0 / rate_hz)
-        } else {
-            torque
-        }
+    written_once!(advance_transmitted: transmitted);
+}
+
+fn start_transmitted<S: Stepped>(torque: S, hidden: &mut [S]) {
+    S::start_delay(hidden, torque);
+}
+
+fn transmitted<S: Stepped>(_: Site, constants: &[f64], _: usize, rate_hz: f64, hidden: &mut [S], torque: S) -> S {
+    if rate_hz.is_finite() && constants[0] > 0.0 {
+        S::delayed(hidden, torque, constants[0], 1.0 / rate_hz)
+    } else {
+        torque
     }
 }

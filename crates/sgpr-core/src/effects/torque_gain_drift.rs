@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState};
+use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, written_once};
 
 /// A torque constant that drifts while magnets and sensors warm up: tau = e (t / 100 s) tau_hat.
 ///
@@ -45,12 +45,10 @@ impl Effect for TorqueGainDrift {
         true
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(&self, site: Site, _: &[f64], input: &SampleInput<'_>, _: &mut StepState<'_>, columns: &mut [f64]) {
-        let torque = input.torque[site.joint().expect("at a joint")];
-        columns[0] = if input.time.is_nan() { 0.0 } else { input.time / 100.0 * torque };
-    }
+fn law<S: Stepped>(site: Site, _: &[f64], input: &SampleInput<'_, S>, _: &mut StepState<'_, S>, columns: &mut [S]) {
+    let torque = input.torque[site.joint().expect("at a joint")];
+    columns[0] = if input.time.is_known() { input.time / 100.0 * torque } else { S::zero(()) };
 }

@@ -1,4 +1,4 @@
-use super::{About, Class, Constant, Effect, Entry, Origin, Site};
+use super::{About, Class, Constant, Effect, Entry, Origin, Site, Stepped, written_once};
 
 /// A torque constant or drive gain that is off: the log shows (1 + e) times the torque of the joint.
 ///
@@ -51,15 +51,9 @@ impl Effect for TorqueGainError {
         }
     }
 
-    fn advance_transmitted(
-        &self,
-        site: Site,
-        constants: &[f64],
-        joint: usize,
-        _: f64,
-        _: &mut [f64],
-        torque: f64,
-    ) -> f64 {
-        if site.joint() == Some(joint) { torque * (1.0 + constants[0]) } else { torque }
-    }
+    written_once!(advance_transmitted: transmitted);
+}
+
+fn transmitted<S: Stepped>(site: Site, constants: &[f64], joint: usize, _: f64, _: &mut [S], torque: S) -> S {
+    if site.joint() == Some(joint) { torque * (1.0 + constants[0]) } else { torque }
 }

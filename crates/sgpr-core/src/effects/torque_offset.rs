@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState, Origin, Role};
+use super::{About, Effect, EffectParameter, JointState, Origin, Role, Stepped, written_once};
 
 /// A constant torque: bias of a current sensor, an unbalanced spring, or Coulomb friction that differs between the
 /// directions, from which it cannot be told apart while the joint moves.
@@ -40,7 +40,9 @@ impl Effect for TorqueOffset {
         Some(Role::Offset)
     }
 
-    fn columns(&self, _: usize, _: &JointState<'_>, out: &mut [f64]) {
-        out[0] = 1.0;
-    }
+    written_once!(columns: columns);
+}
+
+fn columns<S: Stepped>(_: usize, _: &JointState<'_, S>, out: &mut [S]) {
+    out[0] = S::constant(1.0);
 }

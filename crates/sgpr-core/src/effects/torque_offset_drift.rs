@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState};
+use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, written_once};
 
 /// An offset that drifts with the time of the session: tau = d1 t + d2 t², t in hundreds of seconds.
 ///
@@ -42,15 +42,13 @@ impl Effect for TorqueOffsetDrift {
         Entry::Trajectory
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(&self, _: Site, _: &[f64], input: &SampleInput<'_>, _: &mut StepState<'_>, columns: &mut [f64]) {
-        if input.time.is_nan() {
-            return columns.fill(0.0);
-        }
-        columns[0] = input.time / 100.0;
-        columns[1] = (input.time / 100.0).powi(2);
+fn law<S: Stepped>(_: Site, _: &[f64], input: &SampleInput<'_, S>, _: &mut StepState<'_, S>, columns: &mut [S]) {
+    if !input.time.is_known() {
+        return columns.fill(S::zero(()));
     }
+    columns[0] = input.time / 100.0;
+    columns[1] = (input.time / 100.0).squared();
 }

@@ -1,5 +1,8 @@
 use super::context::harmonic;
-use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState};
+use super::{
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
+    written_once,
+};
 
 /// Ripple of gear or motor over the position: tau = a cos(n q) + b sin(n q), n periods per turn of the joint.
 ///
@@ -50,18 +53,15 @@ impl Effect for TorqueRipple {
         Entry::Trajectory
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(
-        &self,
-        site: Site,
-        constants: &[f64],
-        input: &SampleInput<'_>,
-        _: &mut StepState<'_>,
-        columns: &mut [f64],
-    ) {
-        harmonic(input, site, constants[0], columns);
-    }
+fn law<S: Stepped>(
+    site: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    _: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
+    harmonic(input, site, constants[0], columns);
 }

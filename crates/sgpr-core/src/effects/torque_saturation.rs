@@ -45,6 +45,10 @@ impl Effect for TorqueSaturation {
         Entry::Transform
     }
 
+    fn is_recorded(&self) -> bool {
+        true
+    }
+
     fn limit(&self, site: Site, constants: &[f64], joint: usize) -> Option<f64> {
         (site.joint() == Some(joint)).then(|| constants[0])
     }

@@ -1,5 +1,8 @@
 use super::stepping::{DAHL_STATE, Dahl};
-use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState};
+use super::{
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
+    written_once,
+};
 
 /// Loop between torque and angle of a gear: the torque lost in the gear follows the direction in which the load
 /// torque changes, over the scale ts, as a Dahl element driven by the load.
@@ -61,24 +64,23 @@ impl Effect for TransmissionHysteresis {
         DAHL_STATE
     }
 
-    fn start(&self, site: Site, _: &[f64], input: &SampleInput<'_>, state: &mut StepState<'_>) {
-        let joint = site.joint().expect("at a joint");
-        Dahl(state.hidden).start(input.rigid_torque[joint], 0.0);
-    }
+    written_once!(start: start);
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(
-        &self,
-        site: Site,
-        constants: &[f64],
-        input: &SampleInput<'_>,
-        state: &mut StepState<'_>,
-        columns: &mut [f64],
-    ) {
-        let x = input.rigid_torque[site.joint().expect("at a joint")];
-        columns[0] = Dahl(state.hidden).advance(x, constants[0]);
-    }
+fn start<S: Stepped>(site: Site, _: &[f64], input: &SampleInput<'_, S>, state: &mut StepState<'_, S>) {
+    let joint = site.joint().expect("at a joint");
+    Dahl(state.hidden).start(input.rigid_torque[joint], S::zero(()));
+}
+
+fn law<S: Stepped>(
+    site: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    state: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
+    let x = input.rigid_torque[site.joint().expect("at a joint")];
+    columns[0] = Dahl(state.hidden).advance(x, constants[0]);
 }

@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState, Origin, Role};
+use super::{About, Effect, EffectParameter, JointState, Origin, Role, Stepped, written_once};
 
 /// Viscous friction tau = Fv dq.
 ///
@@ -40,7 +40,9 @@ impl Effect for ViscousFriction {
         Some(Role::ViscousFriction)
     }
 
-    fn columns(&self, joint: usize, state: &JointState<'_>, out: &mut [f64]) {
-        out[0] = state.dq[joint];
-    }
+    written_once!(columns: columns);
+}
+
+fn columns<S: Stepped>(joint: usize, state: &JointState<'_, S>, out: &mut [S]) {
+    out[0] = state.dq[joint];
 }

@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, sgn};
+use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, written_once};
 
 /// One motor of the wrist drives two joints, so that the torque of a joint depends on the motion of its neighbour:
 /// tau_j = Ia ddq_o + Fv dq_o + Fc sgn(dq_o) + Fs sgn(dq_j + dq_o).
@@ -55,15 +55,13 @@ impl Effect for WristCoupling {
         (n - 3..n - 1).flat_map(|joint| [Site::Pair(joint, joint + 1), Site::Pair(joint + 1, joint)]).collect()
     }
 
-    fn steps(&self) -> bool {
-        true
-    }
+    written_once!(advance: law);
+}
 
-    fn advance(&self, site: Site, _: &[f64], input: &SampleInput<'_>, _: &mut StepState<'_>, columns: &mut [f64]) {
-        let Site::Pair(joint, other) = site else { unreachable!("at a pair of joints") };
-        columns[0] = input.ddq[other];
-        columns[1] = input.dq[other];
-        columns[2] = sgn(input.dq[other]);
-        columns[3] = sgn(input.dq[joint] + input.dq[other]);
-    }
+fn law<S: Stepped>(site: Site, _: &[f64], input: &SampleInput<'_, S>, _: &mut StepState<'_, S>, columns: &mut [S]) {
+    let Site::Pair(joint, other) = site else { unreachable!("at a pair of joints") };
+    columns[0] = input.ddq[other];
+    columns[1] = input.dq[other];
+    columns[2] = input.dq[other].sgn();
+    columns[3] = (input.dq[joint] + input.dq[other]).sgn();
 }

@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use crate::effects::{self, Effect, Entry, JointState, UnknownEffect};
+use crate::effects::{self, Effect, Entry, JointState, Stepped, UnknownEffect};
 use crate::robot::Robot;
 use crate::spatial::{PARAMETERS_PER_LINK, STANDARD_PARAMETER_UNITS};
 
@@ -182,20 +182,26 @@ impl ParameterSet {
     }
 
     /// The columns of an effect at a joint, a line about rest for joints that stick.
-    fn columns_of(&self, effect: &dyn Effect, joint: usize, state: &JointState<'_>, out: &mut [f64]) {
-        let (width, speed) = (BARELY_MOVING, state.dq[joint]);
-        if !self.sticks || speed.abs() >= width {
-            return effect.columns(joint, state, out);
+    fn columns_of<S: Stepped>(&self, effect: &dyn Effect, joint: usize, state: &JointState<'_, S>, out: &mut [S]) {
+        let (zero, one, speed) = (S::zero(()), S::constant(1.0), state.dq[joint]);
+        let width = S::constant(BARELY_MOVING);
+        let sticks = (width - speed.abs()).where_positive(one, zero);
+        if !self.sticks || sticks.is_surely_zero() {
+            return S::columns(effect, joint, state, out);
         }
         let mut dq = state.dq.to_vec();
-        let mut forwards = [0.0; MOST_PARAMETERS];
-        let forwards = &mut forwards[..out.len()];
+        let [mut forwards, mut backwards] = [[zero; MOST_PARAMETERS]; 2];
+        let [forwards, backwards] = [&mut forwards, &mut backwards].map(|columns| &mut columns[..out.len()]);
+        S::columns(effect, joint, state, out);
         dq[joint] = width;
-        effect.columns(joint, &JointState { dq: &dq, ..*state }, forwards);
+        S::columns(effect, joint, &JointState { dq: &dq, ..*state }, forwards);
         dq[joint] = -width;
-        effect.columns(joint, &JointState { dq: &dq, ..*state }, out);
-        let share = 0.5 * (1.0 + speed / width);
-        out.iter_mut().zip(forwards).for_each(|(value, forwards)| *value += share * (*forwards - *value));
+        S::columns(effect, joint, &JointState { dq: &dq, ..*state }, backwards);
+        let share = (speed / width + 1.0) * 0.5;
+        for ((value, forwards), backwards) in out.iter_mut().zip(forwards).zip(backwards) {
+            let line = *backwards + share * (*forwards - *backwards);
+            *value = sticks.where_positive(line, *value);
+        }
     }
 
     /// Number of effect columns of a joint.
@@ -213,15 +219,15 @@ impl ParameterSet {
     ///
     /// - `parameters`: all parameters, in the order of the set; those of trajectory columns are not looked at
     /// - `tau`: `[n]`, N·m (N)
-    pub fn add_effect_torque(&self, parameters: &[f64], state: &JointState<'_>, tau: &mut [f64]) {
-        let mut values = [0.0; MOST_PARAMETERS];
+    pub fn add_effect_torque<S: Stepped>(&self, parameters: &[f64], state: &JointState<'_, S>, tau: &mut [S]) {
+        let mut values = [S::zero(()); MOST_PARAMETERS];
         let mut index = self.inertial();
         for effect in &self.effects {
             let count = effect.parameters().len();
             for (joint, tau) in tau.iter_mut().enumerate() {
                 self.columns_of(effect.as_ref(), joint, state, &mut values[..count]);
                 for value in &values[..count] {
-                    *tau += value * parameters[index];
+                    *tau += *value * parameters[index];
                     index += 1;
                 }
             }

@@ -33,10 +33,10 @@ pub use semi_parametric::{
     Candidate, Coverage, FollowingIntervals, Inputs, JointReport, Mean, SemiParametricError, SemiParametricModel,
     SemiParametricOptions, SemiParametricPredictor, TorquePrediction, fit_rest, fit_semi_parametric,
 };
-pub(crate) use stream::TermSteps;
 pub use stream::{
     Predictor, Purpose, SavedStates, StreamError, StreamOptions, StreamedMotion, UnknownPurpose, compare_streaming,
 };
+pub(crate) use stream::{Sampler, StreamStart, TermSteps};
 pub(crate) use terms::{Rigid, common_clock, seconds_since, times_of};
 pub use terms::{Term, Trajectory};
 pub(crate) use torque_model::nominal_parameters;

@@ -364,6 +364,18 @@ impl Robot {
         &self.zero_blocks
     }
 
+    /// The same robot without the rounding errors of right angles: entries of rotations that are zero or one but for
+    /// them are so.
+    pub(crate) fn with_exact_right_angles(mut self) -> Self {
+        let exact = |x: f64| if (x - x.round()).abs() < 1e-15 { x.round() } else { x };
+        for joint in &mut self.joints {
+            let rows = joint.placement.rotation.to_rows();
+            joint.placement.rotation = Matrix3::from_rows(rows.map(|row| row.map(exact)));
+        }
+        self.turns = self.joints.iter().map(Turn::of).collect();
+        self
+    }
+
     pub(crate) fn turns(&self) -> &[Turn] {
         &self.turns
     }

@@ -5,6 +5,7 @@
 //! when the program runs, by `pulp::Arch`, so one binary serves every machine.
 
 mod lanes;
+mod number;
 mod pair_products;
 mod power_of_two;
 mod real;
@@ -13,6 +14,7 @@ mod trigonometry;
 
 pub use lanes::Lanes;
 pub(crate) use lanes::MAX_LANES;
+pub use number::Number;
 pub(crate) use pair_products::{pair, pair_products};
 pub(crate) use power_of_two::{power_of_two_f32, power_of_two_f64};
 pub use real::{Fused, Real};

@@ -6,7 +6,7 @@ use super::{Drive, SimulationError};
 use crate::dynamics::{Workspace, rnea};
 use crate::effects::{Entry, JointState, Role, SampleInput};
 use crate::identification::ParameterSet;
-use crate::model::{Term, TermSteps, TorqueModel};
+use crate::model::{StreamStart, Term, TermSteps, TorqueModel};
 
 /// A torque that the drives have to overcome beside the rigid body and the friction of the [`Drive`]s: a spring, a
 /// ripple, an effect with a memory.
@@ -101,7 +101,7 @@ impl Terms {
         let input = SampleInput { robot, rate_hz, time, q, dq, ddq, rigid_torque, torque, temperature_celsius };
         if !*started {
             let rest = &vec![0.0; q.len()];
-            terms.start(&SampleInput { dq: rest, ddq: rest, ..input }, ws);
+            terms.start(&StreamStart::AtRest, &SampleInput { dq: rest, ddq: rest, ..input }, ws);
             *started = true;
         }
         terms.add_torque(&input, ws, tau);

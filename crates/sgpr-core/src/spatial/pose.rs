@@ -1,25 +1,21 @@
 use std::ops::Mul;
 
 use super::{Matrix3, Vector3};
+use crate::simd::Real;
 
 /// Where a frame B sits in a frame A, `X_AB`: a point with components `p` in B has components
 /// `rotation * p + translation` in A.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose {
+pub struct Pose<T = f64> {
     /// Axes of B as columns, in A.
-    pub rotation: Matrix3<f64>,
+    pub rotation: Matrix3<T>,
     /// Origin of B in A, m.
-    pub translation: Vector3<f64>,
+    pub translation: Vector3<T>,
 }
 
-impl Pose {
+impl Pose<f64> {
     /// B equals A.
     pub const IDENTITY: Self = Self { rotation: Matrix3::IDENTITY, translation: Vector3::ZERO };
-
-    /// The pose with these parts.
-    pub const fn new(rotation: Matrix3<f64>, translation: Vector3<f64>) -> Self {
-        Self { rotation, translation }
-    }
 
     /// A pure translation.
     pub const fn from_translation(translation: Vector3<f64>) -> Self {
@@ -37,11 +33,6 @@ impl Pose {
         Self::new(rotation, -(rotation * self.translation))
     }
 
-    /// Components in A of the point with components `p` in B.
-    pub fn transform_point(&self, p: Vector3<f64>) -> Vector3<f64> {
-        self.rotation * p + self.translation
-    }
-
     /// Homogeneous 4 x 4 matrix, row-major.
     pub fn to_matrix4(&self) -> [[f64; 4]; 4] {
         let [a, b, c] = self.rotation.to_rows();
@@ -50,7 +41,21 @@ impl Pose {
     }
 }
 
-impl Mul for Pose {
+impl<T> Pose<T> {
+    /// The pose with these parts.
+    pub const fn new(rotation: Matrix3<T>, translation: Vector3<T>) -> Self {
+        Self { rotation, translation }
+    }
+}
+
+impl<T: Real> Pose<T> {
+    /// Components in A of the point with components `p` in B.
+    pub fn transform_point(&self, p: Vector3<T>) -> Vector3<T> {
+        self.rotation * p + self.translation
+    }
+}
+
+impl<T: Real> Mul for Pose<T> {
     type Output = Self;
 
     /// `X_AB * X_BC = X_AC`.

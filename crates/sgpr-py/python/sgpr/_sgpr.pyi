@@ -500,6 +500,16 @@ class Model:
         purpose: _Purpose = "expected_measurement",
         keep: Sequence[str] | None = None,
     ) -> Predictor: ...
+    def export(
+        self,
+        language: Literal["c", "rust"],
+        path: _Path,
+        *,
+        name: str | None = None,
+        rate_hz: float | None = None,
+        purpose: _Purpose = "feed_forward",
+        keep: Sequence[str] | None = None,
+    ) -> None: ...
     def save(self, path: _Path) -> None: ...
     def plot(self, recordings: Sequence[Recording]) -> Any: ...  # plotly.graph_objects.Figure
     def save_report(self, path: _Path, recordings: Sequence[Recording]) -> None: ...

@@ -1,8 +1,6 @@
-use super::steps::TransformSteps;
-use super::{Purpose, StreamError, StreamOptions, TermSteps};
-use crate::dynamics::{Workspace, rnea};
-use crate::effects::{JointState, LinkSample, Needs, SampleInput, Streamed, knows_one_row};
-use crate::identification::ParameterSet;
+use super::sampler::{Buffers, Sampler, StreamStart};
+use super::{Purpose, StreamError, StreamOptions};
+use crate::effects::{Needs, Streamed, knows_one_row};
 use crate::model::{Term, TorqueModel};
 use crate::robot::Robot;
 
@@ -40,14 +38,9 @@ use crate::robot::Robot;
 /// ```
 #[derive(Debug)]
 pub struct Predictor {
-    /// With the inertias of the model, as its transforms make it.
-    robot: Robot,
-    set: ParameterSet,
-    parameters: Vec<f64>,
-    terms: TermSteps,
+    sampler: Sampler,
     /// Index of the first coefficient of each of the terms among those of all terms of the model.
     first_coefficients: Vec<usize>,
-    transforms: TransformSteps,
     /// What a constant torque becomes at each joint, and its largest value.
     gains: Vec<[f64; 2]>,
     options: StreamOptions,
@@ -58,56 +51,7 @@ pub struct Predictor {
     delays: bool,
     /// Whether an effect may fail.
     fallible: bool,
-    /// How far ahead the motion is taken, s.
-    lead: f64,
-    start: Start,
-    ws: Workspace,
-    buffers: Buffers,
-}
-
-/// Arrays of `[n]` each.
-#[derive(Debug)]
-struct Buffers {
-    /// Motion that the model is asked for: q, dq, ddq.
-    motion: [Vec<f64>; 3],
-    /// Motion of the links.
-    links: [Vec<f64>; 3],
-    /// Acceleration of the sample before; NaN if there is none.
-    last_ddq: Vec<f64>,
-    rigid: Vec<f64>,
-    /// With the effects that the model has everywhere.
-    torque: Vec<f64>,
-    tau: Vec<f64>,
-    temperature: Vec<f64>,
-    zeros: Vec<f64>,
-}
-
-impl Buffers {
-    fn new(n: usize) -> Self {
-        let zeros = || vec![0.0; n];
-        let three = || [zeros(), zeros(), zeros()];
-        Self {
-            motion: three(),
-            links: three(),
-            last_ddq: vec![f64::NAN; n],
-            rigid: zeros(),
-            torque: zeros(),
-            tau: zeros(),
-            temperature: vec![f64::NAN; n],
-            zeros: zeros(),
-        }
-    }
-}
-
-/// What the next sample is to the hidden states.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Start {
-    /// They start with it at rest.
-    AtRest,
-    /// They start with it in a motion of constant speed.
-    Moving,
-    /// They have started.
-    Done,
+    start: StreamStart,
 }
 
 /// The time of the session.
@@ -153,33 +97,21 @@ impl TorqueModel {
         let terms = options.terms(self);
         check(&terms, rate_hz, self.robot())?;
         let n = self.robot().dof();
-        let transforms = terms.iter().filter(|term| term.is_transform());
-        let robot = transforms
-            .clone()
-            .fold(self.identified_robot().clone(), |robot, t| t.effect.robot(t.site, &t.constants, robot));
         let warm = terms.iter().find(|term| term.effect.needs().temperature);
         // A memory that grows with the rate is one of samples.
         let held =
             |t: &Term| t.effect.state_len(&t.constants, rate_hz) != t.effect.state_len(&t.constants, 2.0 * rate_hz);
-        let transform_steps = TransformSteps::new(&terms, n, rate_hz);
-        let term_steps = TermSteps::new(&terms, n, rate_hz);
+        let sampler = Sampler::new(self, options, &terms, rate_hz);
         Ok(Predictor {
-            ws: Workspace::new(&robot),
-            set: self.parameter_set().clone(),
-            parameters: options.parameters(self),
-            fallible: term_steps.may_fail(),
-            terms: term_steps,
+            fallible: sampler.terms.may_fail(),
             first_coefficients: first_coefficients(self, options),
-            gains: transform_steps.static_gains(n),
-            transforms: transform_steps,
+            gains: sampler.transforms.static_gains(n),
             warm: warm.map(|term| (term.effect.name().into(), term.site.joint().unwrap_or_default())),
             delays: terms.iter().any(held),
-            lead: transforms.map(|term| term.effect.lead(&term.constants)).sum(),
             options: options.clone(),
             clock: Clock { rate_hz, origin: 0.0, steps: 0, at_start: true },
-            start: Start::AtRest,
-            buffers: Buffers::new(n),
-            robot,
+            start: StreamStart::AtRest,
+            sampler,
         })
     }
 
@@ -246,7 +178,7 @@ impl Predictor {
 
     /// Number of joints.
     pub fn dof(&self) -> usize {
-        self.buffers.tau.len()
+        self.sampler.buffers.tau.len()
     }
 
     /// What the torque is for.
@@ -282,7 +214,7 @@ impl Predictor {
     /// If there is not one finite value per joint.
     pub fn set_temperature(&mut self, celsius: &[f64]) -> Result<(), StreamError> {
         self.check_array("temperature", celsius)?;
-        self.buffers.temperature.copy_from_slice(celsius);
+        self.sampler.buffers.temperature.copy_from_slice(celsius);
         Ok(())
     }
 
@@ -290,8 +222,8 @@ impl Predictor {
     /// does at its first.
     pub fn reset(&mut self) {
         self.clock = Clock { origin: 0.0, steps: 0, at_start: true, ..self.clock };
-        self.buffers.last_ddq.fill(f64::NAN);
-        self.start = Start::AtRest;
+        self.sampler.forget();
+        self.start = StreamStart::AtRest;
     }
 
     /// Forgets all samples: the clock is at zero, and the hidden states are those after a long motion at speed `dq` to `q`,
@@ -305,16 +237,13 @@ impl Predictor {
         self.check_array("q", q)?;
         self.check_array("dq", dq)?;
         self.reset();
-        for (own, given) in self.buffers.motion.iter_mut().zip([q, dq]) {
+        for (own, given) in self.sampler.buffers.motion.iter_mut().zip([q, dq]) {
             own.copy_from_slice(given);
         }
-        self.buffers.motion[2].fill(0.0);
-        self.start = Start::Moving;
-        if self.lead > 0.0 {
-            self.buffers.look_ahead(self.lead, self.clock.rate_hz);
-            self.buffers.last_ddq.fill(f64::NAN);
-        }
+        self.sampler.buffers.motion[2].fill(0.0);
+        self.start = StreamStart::Moving;
         self.sample(self.clock.rate_hz);
+        self.sampler.forget();
         Ok(())
     }
 
@@ -330,9 +259,9 @@ impl Predictor {
         let n = self.dof();
         assert!([q, dq, ddq].iter().all(|values| values.len() == n), "one value per joint");
         if self.take(q, dq, ddq, None).is_err() {
-            self.buffers.tau.fill(f64::NAN);
+            self.sampler.buffers.tau.fill(f64::NAN);
         }
-        &self.buffers.tau
+        &self.sampler.buffers.tau
     }
 
     /// As [`Self::torque`], with what is wrong with a sample as an error.
@@ -342,7 +271,7 @@ impl Predictor {
     /// stay as they are.
     pub fn try_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> Result<&[f64], StreamError> {
         self.take(q, dq, ddq, None)?;
-        Ok(&self.buffers.tau)
+        Ok(&self.sampler.buffers.tau)
     }
 
     /// As [`Self::try_torque`], `step` seconds after the last sample: for irregular calls and pauses.
@@ -352,17 +281,18 @@ impl Predictor {
     /// a delay.
     pub fn torque_after(&mut self, step: f64, q: &[f64], dq: &[f64], ddq: &[f64]) -> Result<&[f64], StreamError> {
         self.take(q, dq, ddq, Some(step))?;
-        Ok(&self.buffers.tau)
+        Ok(&self.sampler.buffers.tau)
     }
 
     /// Everything that is carried from call to call, to come back to it by [`Self::restore`].
     pub fn save(&self, into: &mut SavedStates) {
         into.terms.clear();
-        into.terms.extend_from_slice(self.terms.hidden());
+        into.terms.extend_from_slice(self.sampler.terms.hidden());
         into.transforms.clear();
-        into.transforms.extend_from_slice(self.transforms.hidden());
+        into.transforms.extend_from_slice(self.sampler.transforms.hidden());
         into.last_ddq.clear();
-        into.last_ddq.extend_from_slice(&self.buffers.last_ddq);
+        into.last_ddq.extend_from_slice(&self.sampler.buffers.last_ddq);
+        into.has_last = self.sampler.buffers.has_last;
         into.run = Some((self.clock, self.start));
     }
 
@@ -372,16 +302,17 @@ impl Predictor {
     /// If it was saved by another predictor.
     pub fn restore(&mut self, from: &SavedStates) {
         let (clock, start) = from.run.expect("something was saved");
-        self.terms.set_hidden(&from.terms);
-        self.transforms.set_hidden(&from.transforms);
-        self.buffers.last_ddq.copy_from_slice(&from.last_ddq);
+        self.sampler.terms.set_hidden(&from.terms);
+        self.sampler.transforms.set_hidden(&from.transforms);
+        self.sampler.buffers.last_ddq.copy_from_slice(&from.last_ddq);
+        self.sampler.buffers.has_last = from.has_last;
         (self.clock, self.start) = (clock, start);
     }
 
     /// The robot as transforms make it, and at the last sample the motion of its links and of its joints: q, dq, ddq.
     pub(crate) fn links(&self) -> (&Robot, &[Vec<f64>; 3], &[Vec<f64>; 3]) {
-        let Buffers { motion, links, .. } = &self.buffers;
-        (&self.robot, if self.transforms.move_links() { links } else { motion }, motion)
+        let Sampler { robot, transforms, buffers: Buffers { motion, links, .. }, .. } = &self.sampler;
+        (robot, if transforms.move_links() { links } else { motion }, motion)
     }
 
     /// Derivatives of a joint's torque by the coefficients of all terms of the model at the last sample, as the drive makes
@@ -389,13 +320,13 @@ impl Predictor {
     pub(crate) fn term_columns(&self, joint: usize, out: &mut [f64]) {
         out.fill(0.0);
         let first = &self.first_coefficients;
-        self.terms.for_each_column(joint, self.dof(), |term, index, value| out[first[term] + index] = value);
+        self.sampler.terms.for_each_column(joint, self.dof(), |term, index, value| out[first[term] + index] = value);
     }
 
     /// What the log shows of a small torque more at a joint at the last sample, delays and lags aside.
     pub(crate) fn gain(&self, joint: usize) -> f64 {
         let [gain, largest] = self.gains[joint];
-        if self.buffers.tau[joint].abs() >= largest { 0.0 } else { gain }
+        if self.sampler.buffers.tau[joint].abs() >= largest { 0.0 } else { gain }
     }
 
     fn take(&mut self, q: &[f64], dq: &[f64], ddq: &[f64], step: Option<f64>) -> Result<(), StreamError> {
@@ -403,9 +334,9 @@ impl Predictor {
             self.check_array(name, values)?;
         }
         if let Some((effect, joint)) = &self.warm
-            && self.buffers.temperature[*joint].is_nan()
+            && self.sampler.buffers.temperature[*joint].is_nan()
         {
-            let joint = self.robot.joints()[*joint].name.clone();
+            let joint = self.sampler.robot.joints()[*joint].name.clone();
             return Err(StreamError::TemperatureNeeded { effect: effect.clone(), joint });
         }
         if let Some(found) = step {
@@ -421,17 +352,14 @@ impl Predictor {
         if let Some(before) = &mut before {
             self.save(before);
         }
-        for (own, given) in self.buffers.motion.iter_mut().zip([q, dq, ddq]) {
+        for (own, given) in self.sampler.buffers.motion.iter_mut().zip([q, dq, ddq]) {
             own.copy_from_slice(given);
         }
         self.clock.advance(step);
         let rate_hz = step.map_or(self.clock.rate_hz, |step| 1.0 / step);
-        if self.lead > 0.0 {
-            self.buffers.look_ahead(self.lead, rate_hz);
-        }
         self.sample(rate_hz);
         if let Some(before) = before
-            && let Some((effect, reason)) = self.terms.failure()
+            && let Some((effect, reason)) = self.sampler.terms.failure()
         {
             self.restore(&before);
             return Err(StreamError::EffectFailed { effect, reason });
@@ -452,56 +380,8 @@ impl Predictor {
 
     /// Torque of the motion in the buffers.
     fn sample(&mut self, rate_hz: f64) {
-        let Self { robot, set, parameters, terms, transforms, ws, buffers, start, .. } = self;
-        let Buffers { motion: [q, dq, ddq], links, rigid, torque, tau, temperature, zeros, .. } = buffers;
-        let time = self.clock.time() + self.lead;
-        rigid.copy_from_slice(rnea(robot, ws, q, dq, ddq));
-        let (rigid_torque, temperature_celsius) = (&**zeros, &**temperature);
-        let motion = SampleInput { robot, rate_hz, time, q, dq, ddq, rigid_torque, torque: zeros, temperature_celsius };
-        let began = *start;
-        if transforms.move_links() {
-            let [links_q, links_dq, links_ddq] = links;
-            links_q.copy_from_slice(q);
-            links_dq.copy_from_slice(dq);
-            links_ddq.copy_from_slice(ddq);
-            let measured = SampleInput { rigid_torque: rigid, torque: rigid, ..motion };
-            if began != Start::Done {
-                transforms.start_links(&measured, ws);
-            }
-            let mut links = LinkSample { q: links_q, dq: links_dq, ddq: links_ddq };
-            transforms.advance_links(&measured, ws, &mut links);
-            rigid.copy_from_slice(rnea(robot, ws, links_q, links_dq, links_ddq));
-        }
-        torque.copy_from_slice(rigid);
-        set.add_effect_torque(parameters, &JointState { q, dq, ddq }, torque);
-        tau.copy_from_slice(torque);
-        if !terms.is_empty() {
-            let input = SampleInput { rigid_torque: rigid, torque, ..motion };
-            match began {
-                Start::AtRest => terms.start(&SampleInput { dq: zeros, ddq: zeros, ..input }, ws),
-                Start::Moving => terms.start(&input, ws),
-                Start::Done => {}
-            }
-            terms.add_torque(&input, ws, tau);
-        }
-        transforms.transmit(tau, rate_hz, began != Start::Done);
-        *start = Start::Done;
-    }
-}
-
-impl Buffers {
-    /// The motion `lead` seconds ahead, by the series of the position up to the jerk, from the accelerations of this sample
-    /// and the one before.
-    fn look_ahead(&mut self, lead: f64, rate_hz: f64) {
-        let [q, dq, ddq] = &mut self.motion;
-        for (joint, last) in self.last_ddq.iter_mut().enumerate() {
-            let (speed, acceleration) = (dq[joint], ddq[joint]);
-            let jerk = if last.is_nan() { 0.0 } else { (acceleration - *last) * rate_hz };
-            *last = acceleration;
-            ddq[joint] += jerk * lead;
-            dq[joint] += (acceleration + 0.5 * jerk * lead) * lead;
-            q[joint] += (speed + (acceleration / 2.0 + jerk * lead / 6.0) * lead) * lead;
-        }
+        self.sampler.sample(rate_hz, self.clock.time(), &self.start);
+        self.start = StreamStart::Done;
     }
 }
 
@@ -511,5 +391,6 @@ pub struct SavedStates {
     terms: Vec<f64>,
     transforms: Vec<f64>,
     last_ddq: Vec<f64>,
-    run: Option<(Clock, Start)>,
+    has_last: f64,
+    run: Option<(Clock, StreamStart)>,
 }

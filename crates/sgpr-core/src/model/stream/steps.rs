@@ -1,8 +1,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::dynamics::Workspace;
-use crate::effects::{Effect, LinkSample, Reach, SampleInput, Site, StepState};
+use super::sampler::StreamStart;
+use crate::effects::{Effect, LinkSample, Reach, SampleInput, Site, StepState, Stepped};
 use crate::model::Term;
 
 /// An effect at its site, and where its hidden state is.
@@ -16,16 +16,26 @@ struct Step {
     columns: Range<usize>,
 }
 
-/// Torques of effects at single sites, sample by sample. Nothing but [`Self::new`] allocates, unless an effect does.
-#[derive(Clone, Debug)]
-pub(crate) struct TermSteps {
-    steps: Vec<Step>,
-    hidden: Vec<f64>,
-    /// Of the last sample, one after the other.
-    columns: Vec<f64>,
+impl Step {
+    fn at(&self) -> (Site, &[f64]) {
+        (self.site, &self.constants)
+    }
+
+    fn carriers(&self) -> impl Iterator<Item = (&str, Site)> {
+        self.hidden.clone().map(|_| (self.effect.name(), self.site))
+    }
 }
 
-impl TermSteps {
+/// Torques of effects at single sites, sample by sample. Nothing but [`Self::new`] allocates, unless an effect does.
+#[derive(Clone, Debug)]
+pub(crate) struct TermSteps<S = f64> {
+    steps: Vec<Step>,
+    hidden: Vec<S>,
+    /// Of the last sample, one after the other.
+    columns: Vec<S>,
+}
+
+impl<S: Stepped> TermSteps<S> {
     /// Of those terms that are torques.
     ///
     /// - `rate_hz`: NaN if it is not known
@@ -38,7 +48,7 @@ impl TermSteps {
             steps.push(step(term, hidden..hidden + carried, columns..columns + wide));
             (hidden, columns) = (hidden + carried, columns + wide);
         }
-        Self { steps, hidden: vec![0.0; hidden], columns: vec![0.0; columns] }
+        Self { steps, hidden: vec![S::zero(()); hidden], columns: vec![S::zero(()); columns] }
     }
 
     /// Whether there is no term.
@@ -47,28 +57,25 @@ impl TermSteps {
     }
 
     /// As [`Effect::start`].
-    pub fn start(&mut self, input: &SampleInput<'_>, workspace: &mut Workspace) {
-        for step in &self.steps {
-            let mut state = StepState { hidden: &mut self.hidden[step.hidden.clone()], workspace: &mut *workspace };
-            step.effect.start(step.site, &step.constants, input, &mut state);
-        }
+    pub fn start(&mut self, start: &StreamStart<S>, input: &SampleInput<'_, S>, workspace: &mut S::Workspace) {
+        start_each(&self.steps, &mut self.hidden, start, input, workspace);
     }
 
     /// Adds the torque at the next sample to `tau`, `[n]`.
-    pub fn add_torque(&mut self, input: &SampleInput<'_>, workspace: &mut Workspace, tau: &mut [f64]) {
+    pub fn add_torque(&mut self, input: &SampleInput<'_, S>, workspace: &mut S::Workspace, tau: &mut [S]) {
         let n = tau.len();
         for step in &self.steps {
             let columns = &mut self.columns[step.columns.clone()];
             let mut state = StepState { hidden: &mut self.hidden[step.hidden.clone()], workspace: &mut *workspace };
-            step.effect.advance(step.site, &step.constants, input, &mut state, columns);
+            S::advance(step.effect.as_ref(), step.at(), input, &mut state, columns);
             if step.effect.reach() == Reach::All {
                 for (column, factor) in columns.chunks_exact(n).zip(&step.coefficients) {
-                    tau.iter_mut().zip(column).for_each(|(tau, value)| *tau += factor * value);
+                    tau.iter_mut().zip(column).for_each(|(tau, value)| *tau += *value * *factor);
                 }
             } else {
                 let joint = step.site.joint().expect("it reaches its own joint");
                 for (value, factor) in columns.iter().zip(&step.coefficients) {
-                    tau[joint] += factor * value;
+                    tau[joint] += *value * *factor;
                 }
             }
         }
@@ -86,7 +93,7 @@ impl TermSteps {
 
     /// Derivatives of a joint's torque by the coefficients of each term at the last sample: calls `set` with the index of
     /// the term and of its coefficient.
-    pub fn for_each_column(&self, joint: usize, dof: usize, mut set: impl FnMut(usize, usize, f64)) {
+    pub fn for_each_column(&self, joint: usize, dof: usize, mut set: impl FnMut(usize, usize, S)) {
         for (index, step) in self.steps.iter().enumerate() {
             let columns = &self.columns[step.columns.clone()];
             let of_arm = step.effect.reach() == Reach::All;
@@ -97,14 +104,34 @@ impl TermSteps {
         }
     }
 
+    /// Effect and site of each hidden state.
+    pub fn carriers(&self) -> impl Iterator<Item = (&str, Site)> {
+        self.steps.iter().flat_map(Step::carriers)
+    }
+
     /// Hidden states.
-    pub fn hidden(&self) -> &[f64] {
+    pub fn hidden(&self) -> &[S] {
         &self.hidden
     }
 
     /// Sets the hidden states.
-    pub fn set_hidden(&mut self, hidden: &[f64]) {
+    pub fn set_hidden(&mut self, hidden: &[S]) {
         self.hidden.copy_from_slice(hidden);
+    }
+}
+
+fn start_each<S: Stepped>(
+    steps: &[Step],
+    hidden: &mut [S],
+    start: &StreamStart<S>,
+    input: &SampleInput<'_, S>,
+    workspace: &mut S::Workspace,
+) {
+    for step in steps {
+        start.apply(&mut hidden[step.hidden.clone()], |hidden| {
+            let mut state = StepState { hidden, workspace: &mut *workspace };
+            S::start(step.effect.as_ref(), step.at(), input, &mut state);
+        });
     }
 }
 
@@ -121,34 +148,15 @@ fn step(term: &Term, hidden: Range<usize>, columns: Range<usize>) -> Step {
 
 /// What transforms do to the motion of the links and to the torque, sample by sample.
 #[derive(Clone, Debug)]
-pub(super) struct TransformSteps {
+pub(crate) struct TransformSteps<S = f64> {
     /// Those that move links.
     movers: Vec<Step>,
     /// All, with the hidden state of each joint.
     transmitters: Vec<Step>,
-    hidden: Vec<f64>,
+    hidden: Vec<S>,
 }
 
 impl TransformSteps {
-    pub fn new(terms: &[Term], dof: usize, rate_hz: f64) -> Self {
-        let (mut movers, mut transmitters, mut hidden) = (Vec::new(), Vec::new(), 0);
-        for term in terms.iter().filter(|term| term.is_transform()) {
-            let carried = term.effect.state_len(&term.constants, rate_hz);
-            if term.effect.moves_links() {
-                movers.push(step(term, hidden..hidden + carried, 0..0));
-                hidden += carried;
-            }
-            transmitters.push(step(term, hidden..hidden + dof * carried, 0..0));
-            hidden += dof * carried;
-        }
-        Self { movers, transmitters, hidden: vec![0.0; hidden] }
-    }
-
-    /// Whether the motion of the links is another than the measured one.
-    pub fn move_links(&self) -> bool {
-        !self.movers.is_empty()
-    }
-
     /// What a constant torque of one becomes at each joint, and the largest torque that is shown, infinite without a limit.
     pub fn static_gains(&self, dof: usize) -> Vec<[f64; 2]> {
         let of_joint = |joint: usize| {
@@ -163,46 +171,74 @@ impl TransformSteps {
         };
         (0..dof).map(of_joint).collect()
     }
+}
 
-    pub fn start_links(&mut self, input: &SampleInput<'_>, workspace: &mut Workspace) {
-        for step in &self.movers {
-            let mut state = StepState { hidden: &mut self.hidden[step.hidden.clone()], workspace: &mut *workspace };
-            step.effect.start(step.site, &step.constants, input, &mut state);
+impl<S: Stepped> TransformSteps<S> {
+    pub fn new(terms: &[Term], dof: usize, rate_hz: f64) -> Self {
+        let (mut movers, mut transmitters, mut hidden) = (Vec::new(), Vec::new(), 0);
+        for term in terms.iter().filter(|term| term.is_transform()) {
+            let carried = term.effect.state_len(&term.constants, rate_hz);
+            if term.effect.moves_links() {
+                movers.push(step(term, hidden..hidden + carried, 0..0));
+                hidden += carried;
+            }
+            transmitters.push(step(term, hidden..hidden + dof * carried, 0..0));
+            hidden += dof * carried;
         }
+        Self { movers, transmitters, hidden: vec![S::zero(()); hidden] }
     }
 
-    pub fn advance_links(&mut self, input: &SampleInput<'_>, workspace: &mut Workspace, links: &mut LinkSample<'_>) {
+    /// Whether the motion of the links is another than the measured one.
+    pub fn move_links(&self) -> bool {
+        !self.movers.is_empty()
+    }
+
+    pub fn start_links(&mut self, start: &StreamStart<S>, input: &SampleInput<'_, S>, workspace: &mut S::Workspace) {
+        start_each(&self.movers, &mut self.hidden, start, input, workspace);
+    }
+
+    pub fn advance_links(
+        &mut self,
+        input: &SampleInput<'_, S>,
+        workspace: &mut S::Workspace,
+        links: &mut LinkSample<'_, S>,
+    ) {
         for step in &self.movers {
             let mut state = StepState { hidden: &mut self.hidden[step.hidden.clone()], workspace: &mut *workspace };
-            step.effect.advance_links(step.site, &step.constants, input, &mut state, links);
+            S::advance_links(step.effect.as_ref(), step.at(), input, &mut state, links);
         }
     }
 
     /// Sends the torques on the way from the drive to the log; from a long time at these torques, if they are the first.
-    pub fn transmit(&mut self, tau: &mut [f64], rate_hz: f64, first: bool) {
+    pub fn transmit(&mut self, tau: &mut [S], rate_hz: f64, start: &StreamStart<S>) {
         let n = tau.len();
         for step in &self.transmitters {
-            let (effect, constants) = (&step.effect, &step.constants);
+            let effect = step.effect.as_ref();
             let hidden = &mut self.hidden[step.hidden.clone()];
             let carried = hidden.len() / n;
             for (joint, tau) in tau.iter_mut().enumerate() {
                 let own = &mut hidden[joint * carried..(joint + 1) * carried];
-                if first {
-                    effect.start_transmitted(*tau, own);
-                }
-                *tau = effect.advance_transmitted(step.site, constants, joint, rate_hz, own, *tau);
-                if let Some(limit) = effect.limit(step.site, constants, joint) {
-                    *tau = tau.clamp(-limit, limit);
+                start.apply(own, |hidden| S::start_transmitted(effect, *tau, hidden));
+                *tau = S::advance_transmitted(effect, step.at(), joint, rate_hz, own, *tau);
+                if let Some(limit) = effect.limit(step.site, &step.constants, joint) {
+                    *tau = tau.clamp(S::constant(-limit), S::constant(limit));
                 }
             }
         }
     }
 
-    pub fn hidden(&self) -> &[f64] {
+    /// Effect and site of each hidden state.
+    pub fn carriers(&self) -> Vec<(&str, Site)> {
+        let mut steps: Vec<&Step> = self.movers.iter().chain(&self.transmitters).collect();
+        steps.sort_by_key(|step| step.hidden.start);
+        steps.into_iter().flat_map(Step::carriers).collect()
+    }
+
+    pub fn hidden(&self) -> &[S] {
         &self.hidden
     }
 
-    pub fn set_hidden(&mut self, hidden: &[f64]) {
+    pub fn set_hidden(&mut self, hidden: &[S]) {
         self.hidden.copy_from_slice(hidden);
     }
 }

@@ -15,6 +15,7 @@ from .diagnose import diagnose
 from .effects import effects
 from .errors import guarded
 from .excite import excite
+from .export import export
 from .fleet import report as fleet_report
 from .fleet import run as fleet_run
 from .fleet import simulate as fleet_simulate
@@ -49,7 +50,21 @@ def register(command: Callable[..., Any], group: typer.Typer = app) -> None:
     group.command(name, cls=Command, epilog=epilog, no_args_is_help=not alone)(with_option_groups(guarded(command)))
 
 
-for each in (demo, info, identify, compare, diagnose, learn, predict, effects, payload, excite, simulate, reproduce):
+for each in (
+    demo,
+    info,
+    identify,
+    compare,
+    diagnose,
+    learn,
+    predict,
+    effects,
+    payload,
+    excite,
+    simulate,
+    export,
+    reproduce,
+):
     register(each)
 register(workbench)
 

@@ -1,0 +1,111 @@
+//! What a call returns, and its words; no panic leaves the library.
+
+use std::cell::RefCell;
+use std::ffi::c_char;
+use std::fmt::{self, Display, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use sgpr_core::model::StreamError;
+
+pub const OK: i32 = 0;
+
+/// The codes of the header.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(i32)]
+pub enum Code {
+    NullPointer = 1,
+    WrongLength = 2,
+    NotFinite = 3,
+    BadTime = 4,
+    NoTemperature = 5,
+    BadModel = 6,
+    BadOption = 7,
+    NotStreamed = 8,
+    Internal = 9,
+}
+
+/// A failure; its words are kept in this thread.
+#[derive(Clone, Copy, Debug)]
+pub struct Failure(Code);
+
+impl Failure {
+    /// Keeps the words without allocating, so that a refused sample costs no more than a good one.
+    pub fn new(code: Code, words: &dyn Display) -> Self {
+        MESSAGE.with_borrow_mut(|message| {
+            message.length = 0;
+            // What is too long is cut.
+            let _ = write!(message, "{words}");
+            message.text[message.length] = 0;
+        });
+        Self(code)
+    }
+
+    pub fn null(name: &str) -> Self {
+        Self::new(Code::NullPointer, &format_args!("{name} is NULL"))
+    }
+
+    pub fn is_of_sample(self) -> bool {
+        matches!(self.0, Code::NotFinite | Code::NoTemperature | Code::BadTime)
+    }
+}
+
+impl From<StreamError> for Failure {
+    fn from(error: StreamError) -> Self {
+        let code = match error {
+            StreamError::Length { .. } => Code::WrongLength,
+            StreamError::NotFinite { .. } => Code::NotFinite,
+            StreamError::Step { .. } | StreamError::StepTooShort { .. } => Code::BadTime,
+            StreamError::TemperatureNeeded { .. } => Code::NoTemperature,
+            StreamError::Rate { .. } | StreamError::RateNeeded { .. } | StreamError::UnknownEffect { .. } => {
+                Code::BadOption
+            }
+            _ => Code::NotStreamed,
+        };
+        Self::new(code, &error)
+    }
+}
+
+/// Longest message, with the zero at its end.
+const LONGEST: usize = 1024;
+
+/// A C string.
+struct Message {
+    text: [u8; LONGEST],
+    length: usize,
+}
+
+impl Write for Message {
+    fn write_str(&mut self, words: &str) -> fmt::Result {
+        for c in words.chars() {
+            let next = self.length + c.len_utf8();
+            if next >= LONGEST {
+                return Err(fmt::Error);
+            }
+            c.encode_utf8(&mut self.text[self.length..next]);
+            self.length = next;
+        }
+        Ok(())
+    }
+}
+
+thread_local! {
+    static MESSAGE: RefCell<Message> = const { RefCell::new(Message { text: [0; LONGEST], length: 0 }) };
+}
+
+pub fn last() -> *const c_char {
+    MESSAGE.with_borrow(|message| message.text.as_ptr().cast())
+}
+
+/// The code of a call.
+pub fn code(call: impl FnOnce() -> Result<(), Failure>) -> i32 {
+    match catch_unwind(AssertUnwindSafe(call)) {
+        Ok(Ok(())) => OK,
+        Ok(Err(Failure(code))) => code as i32,
+        Err(panic) => {
+            let words = panic.downcast_ref::<String>().map(String::as_str);
+            let words = words.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no words");
+            Failure::new(Code::Internal, &format_args!("a mistake in sgpr, please report it: {words}"));
+            Code::Internal as i32
+        }
+    }
+}

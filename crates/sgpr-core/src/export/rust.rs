@@ -1,0 +1,214 @@
+//! Models in Rust.
+
+use std::fmt::Write;
+
+use super::printer::{Dialect, body, head, owners, uses};
+use super::program::{Input, Program};
+use crate::expression::Node;
+
+struct Rust;
+
+/// A formula that a method is called on.
+fn receiver(of: &str) -> String {
+    let simple = of.bytes().all(|c| c.is_ascii_alphanumeric() || b"_.[]".contains(&c));
+    if simple { of.into() } else { format!("({of})") }
+}
+
+impl Dialect for Rust {
+    fn infinity(&self) -> &'static str {
+        "f64::INFINITY"
+    }
+
+    fn function(&self, name: &str, of: &str) -> String {
+        let name = if name == "fabs" { "abs" } else { name };
+        format!("{}.{name}()", receiver(of))
+    }
+
+    fn power(&self, of: &str, exponent: &str) -> String {
+        format!("{}.powf({exponent})", receiver(of))
+    }
+
+    fn select(&self, number: &str, yes: &str, no: &str) -> String {
+        format!("if {number} > 0.0 {{ {yes} }} else {{ {no} }}")
+    }
+
+    fn clamp(&self, number: &str, low: &str, high: &str) -> String {
+        format!("clamp({number}, {low}, {high})")
+    }
+
+    fn sgn(&self, of: &str) -> String {
+        format!("sgn({of})")
+    }
+
+    fn input(&self, input: Input) -> String {
+        match input {
+            Input::Q(joint) => format!("q[{joint}]"),
+            Input::Dq(joint) => format!("dq[{joint}]"),
+            Input::Ddq(joint) => format!("ddq[{joint}]"),
+            Input::Temperature(joint) => format!("temperature[{joint}]"),
+            Input::Time => "time".into(),
+            Input::Begun => "self.begun".into(),
+            Input::Moving => "self.moving".into(),
+            Input::HasLast => "self.has_last".into(),
+            Input::Hidden(k) => format!("h{k}"),
+        }
+    }
+
+    fn declare(&self, name: &str, value: &str) -> String {
+        format!("let {name} = {value};")
+    }
+}
+
+/// The file of a program.
+pub(super) fn file(name: &str, program: &Program) -> String {
+    let mut out = String::new();
+    for line in head(program) {
+        out.push_str(format!("// {line}").trim_end());
+        out.push('\n');
+    }
+    out.push_str(USAGE);
+    let n = program.dof();
+    let _ = writeln!(out, "/// Name of the model.\n#[allow(dead_code)]\npub const NAME: &str = \"{name}\";\n");
+    let _ = writeln!(out, "/// Number of joints.\npub const JOINTS: usize = {n};\n");
+    if let Some(rate_hz) = program.rate_hz {
+        let _ = writeln!(out, "/// Calls per second.\n#[allow(dead_code)]\npub const RATE_HZ: f64 = {rate_hz:?};\n");
+    }
+    out.push_str(FAULT);
+    out.push_str(&state(program));
+    let _ = writeln!(out, "#[allow(dead_code, clippy::all)]\nimpl State {{");
+    out.push_str(&set_up(program));
+    out.push_str(&torque(program));
+    out.push_str("}\n");
+    if uses(program, |node| matches!(node, Node::Sgn(_))) {
+        out.push_str("\nfn sgn(x: f64) -> f64 {\n    f64::from(i8::from(x > 0.0) - i8::from(x < 0.0))\n}\n");
+    }
+    if uses(program, |node| matches!(node, Node::Clamp(..))) {
+        out.push_str("\nfn clamp(x: f64, low: f64, high: f64) -> f64 {\n");
+        out.push_str("    if x < low { low } else if x > high { high } else { x }\n}\n");
+    }
+    out
+}
+
+const USAGE: &str = "//
+// One state per arm and thread. Functions allocate nothing. A sample with a number that is not finite is
+// refused, and the state stays as it is.
+
+";
+
+const FAULT: &str = "/// Why there is no torque.
+#[allow(dead_code)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// A number that is not finite.
+    NotFinite,
+    /// No temperature was set.
+    NoTemperature,
+}
+
+";
+
+fn state(program: &Program) -> String {
+    let n = program.dof();
+    let mut out = String::from(
+        "/// What is carried from sample to sample.\n#[allow(dead_code)]\n#[derive(Clone, Debug)]\npub struct State {\n",
+    );
+    owners(program).iter().for_each(|line| {
+        let _ = writeln!(out, "    // {line}");
+    });
+    let _ = writeln!(out, "    hidden: [f64; {}],", program.hidden.len());
+    let _ = writeln!(out, "    temperature: Option<[f64; {n}]>,");
+    out.push_str(
+        "    // Time of the session: seconds, and samples since.\n    origin: f64,\n    steps: f64,\n    runs: bool,\n",
+    );
+    out.push_str("    // One if there was a sample; one if hidden states start in a motion.\n");
+    out.push_str("    begun: f64,\n    moving: f64,\n    has_last: f64,\n}\n\n");
+    out.push_str("impl Default for State {\n    fn default() -> Self {\n        Self::new()\n    }\n}\n\n");
+    out
+}
+
+fn set_up(program: &Program) -> String {
+    format!(
+        "    /// Hidden states start at rest at the next sample.
+    pub fn new() -> Self {{
+        Self {{
+            hidden: [0.0; {}],
+            temperature: None,
+            origin: 0.0,
+            steps: 0.0,
+            runs: false,
+            begun: 0.0,
+            moving: 0.0,
+            has_last: 0.0,
+        }}
+    }}
+
+    /// Forgets all samples.
+    pub fn reset(&mut self) {{
+        *self = Self {{ temperature: self.temperature, ..Self::new() }};
+    }}
+
+    /// Forgets all samples: hidden states are those after a long motion at this speed to this position.
+    pub fn reset_at(&mut self, q: &[f64; JOINTS], dq: &[f64; JOINTS]) -> Result<(), Fault> {{
+        let mut next = Self {{ temperature: self.temperature, moving: 1.0, ..Self::new() }};
+        next.torque(q, dq, &[0.0; JOINTS])?;
+        *self = Self {{ steps: 0.0, runs: false, moving: 0.0, has_last: 0.0, ..next }};
+        Ok(())
+    }}
+
+    /// Sets the time of the session at the next sample, s.
+    pub fn set_time(&mut self, time: f64) -> Result<(), Fault> {{
+        if !time.is_finite() {{
+            return Err(Fault::NotFinite);
+        }}
+        (self.origin, self.steps, self.runs) = (time, 0.0, false);
+        Ok(())
+    }}
+
+    /// Sets the temperature of each joint, degrees Celsius.
+    pub fn set_temperature(&mut self, celsius: &[f64; JOINTS]) -> Result<(), Fault> {{
+        if celsius.iter().any(|value| !value.is_finite()) {{
+            return Err(Fault::NotFinite);
+        }}
+        self.temperature = Some(*celsius);
+        Ok(())
+    }}
+
+",
+        program.hidden.len()
+    )
+}
+
+fn torque(program: &Program) -> String {
+    let body = body(program, &Rust);
+    let mut out = String::from(
+        "    /// Torque at the next sample from position, velocity and acceleration of each joint.
+    #[allow(unused_parens)]
+    pub fn torque(
+        &mut self,
+        q: &[f64; JOINTS],
+        dq: &[f64; JOINTS],
+        ddq: &[f64; JOINTS],
+    ) -> Result<[f64; JOINTS], Fault> {
+        if [q, dq, ddq].into_iter().flatten().any(|value| !value.is_finite()) {
+            return Err(Fault::NotFinite);
+        }
+",
+    );
+    if program.needs_temperature {
+        out.push_str("        let temperature = self.temperature.ok_or(Fault::NoTemperature)?;\n");
+    }
+    out.push_str("        if self.runs {\n            self.steps += 1.0;\n        }\n        self.runs = true;\n");
+    if program.starts_from(Input::Time) {
+        out.push_str("        let time = self.origin + self.steps / RATE_HZ;\n");
+    }
+    for (index, (number, _)) in program.hidden.iter().enumerate() {
+        let _ = writeln!(out, "        let h{number} = self.hidden[{index}];");
+    }
+    body.statements.iter().for_each(|line| {
+        let _ = writeln!(out, "        {line}");
+    });
+    let _ = writeln!(out, "        self.hidden = [{}];", body.hidden.join(", "));
+    out.push_str("        self.begun = 1.0;\n        self.has_last = 1.0;\n");
+    let _ = writeln!(out, "        Ok([{}])\n    }}", body.tau.join(", "));
+    out
+}
