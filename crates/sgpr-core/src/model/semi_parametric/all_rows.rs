@@ -93,8 +93,10 @@ pub(super) fn see_all(
         let process = Process::Sparse(sparse.having_seen(&evidence.without(Some(index)), 1 + index)?);
         let predicted = process.predict(&rows.at(&part.part, width), true)?;
         let noise = process.covariance().total_noise_variance();
-        let predictions = predicted.mean.iter().zip(&predicted.variance);
-        errors.extend(part.measured().zip(predictions).map(|(y, (mean, variance))| (y - mean, variance + noise)));
+        let prior = process.covariance().signal.variance();
+        let predictions = predicted.mean.iter().zip(&predicted.variance).zip(&part.variance);
+        let total = |variance: &f64, of_parameters: &f64| variance + noise + variance / prior * of_parameters;
+        errors.extend(part.measured().zip(predictions).map(|(y, ((mean, own), more))| (y - mean, total(own, more))));
     }
     Ok(Some(SeenByAll { process: Process::Sparse(sparse), errors, evidence }))
 }

@@ -42,9 +42,29 @@ impl Basis {
         Self { weights: weights.collect(), covariance, rows }
     }
 
-    /// Adds the variance that uncertain parameters bring to the prediction: of r = w - k(x, X) K⁻¹ W (GPML eq. 2.42).
+    /// Of parameters that were identified before the processes learned what they leave over; none if they have no
+    /// covariance. What logs did not determine at all, and constants, are left out.
+    pub fn of_physics(physics: &TorqueModel) -> Option<Self> {
+        let fit = physics.fit.as_ref()?;
+        let unknowns = unknowns(physics);
+        let with_terms = &fit.covariance_with_terms;
+        let (given, width) = match with_terms.is_empty() {
+            true => (&fit.covariance, physics.base().rank()),
+            false => (with_terms, with_terms.len().isqrt()),
+        };
+        let covariance = Mat::from_fn(unknowns, unknowns, |i, j| match i < width && j < width {
+            true => Some(given[i * width + j]).filter(|value| value.is_finite()).unwrap_or(0.0),
+            false => 0.0,
+        });
+        let n = physics.robot().dof();
+        Some(Self { covariance, rows: vec![None; n], weights: vec![vec![]; n] })
+    }
+
+    /// Adds the variance that uncertain parameters bring to the prediction: of r = w - k(x, X) K⁻¹ W (GPML eq. 2.42). Beside
+    /// a process that has learned what these parameters leave over it is that of w, as far as the process does not know.
     ///
     /// - `x`: `[samples, 3 n + 1]`, of the processes
+    /// - `novelty`: `[samples, n]`, what the processes do not know, as a share of what they knew before the logs
     /// - `variance`: `[samples, n]`
     pub fn add_variance(
         &self,
@@ -52,20 +72,23 @@ impl Basis {
         joints: &[Rest],
         trajectory: &Trajectory<'_>,
         x: &[f64],
+        novelty: &[f64],
         variance: &mut [f64],
     ) {
         let n = physics.robot().dof();
         for joint in 0..n {
             let mut r = joint_rows(physics, trajectory, joint);
-            if let Some(gp) = &joints[joint].gp {
+            let together = self.rows[joint].is_some();
+            if let Some(gp) = joints[joint].gp.as_ref().filter(|_| together) {
                 let explained = gp.weigh(x, &self.weights[joint]);
                 r.iter_mut().zip(explained).for_each(|(r, explained)| *r -= explained);
             }
             let unknowns = self.covariance.ncols();
             let r = faer::MatRef::from_row_major_slice(&r, r.len() / unknowns, unknowns);
             let spread = r * &self.covariance;
+            let share = |k: usize| if together || joints[joint].gp.is_none() { 1.0 } else { novelty[k * n + joint] };
             for k in 0..r.nrows() {
-                variance[k * n + joint] += (spread.row(k) * r.row(k).transpose()).max(0.0);
+                variance[k * n + joint] += share(k) * (spread.row(k) * r.row(k).transpose()).max(0.0);
             }
         }
     }
@@ -89,8 +112,8 @@ pub(super) struct BasisPredictor {
 
 impl BasisPredictor {
     pub fn new(basis: &Basis, physics: &TorqueModel, joints: &[Rest]) -> Self {
-        let explained = joints.iter().zip(&basis.weights).map(|(rest, weights)| {
-            let gp = rest.gp.as_ref()?;
+        let explained = joints.iter().zip(basis.weights.iter().zip(&basis.rows)).map(|(rest, (weights, rows))| {
+            let gp = rest.gp.as_ref().filter(|_| rows.is_some())?;
             Some(GpPredictor::weighing(&gp.covariance().signal, gp.x(), gp.inputs(), weights))
         });
         Self {
@@ -108,7 +131,8 @@ impl BasisPredictor {
     ///
     /// - `stream`: the physics at this sample
     /// - `x`: of the processes
-    pub fn add_variance(&mut self, stream: &Predictor, x: &[f64], variance: &mut [f64]) {
+    /// - `novelty`: `[n]`, as in [`Basis::add_variance`]; one for a joint without a process
+    pub fn add_variance(&mut self, stream: &Predictor, x: &[f64], novelty: &[f64], variance: &mut [f64]) {
         let Self { physics, covariance, explained, ws, row, effects, own } = self;
         let (set, base) = (physics.parameter_set(), physics.base());
         let (robot, links, [q, dq, ddq]) = stream.links();
@@ -124,6 +148,7 @@ impl BasisPredictor {
             stream.term_columns(joint, of_terms);
             let gain = stream.gain(joint);
             row.iter_mut().for_each(|value| *value *= gain);
+            let share = if explained.is_some() { 1.0 } else { novelty[joint] };
             if let Some(explained) = explained {
                 row.iter_mut().zip(explained.mean(x)).for_each(|(row, explained)| *row -= explained);
             }
@@ -131,7 +156,7 @@ impl BasisPredictor {
             for (i, a) in row.iter().enumerate() {
                 sum += a * row.iter().zip(covariance.col_as_slice(i)).map(|(b, c)| b * c).sum::<f64>();
             }
-            *variance += sum.max(0.0);
+            *variance += share * sum.max(0.0);
         }
     }
 }

@@ -98,7 +98,7 @@ impl SemiParametricModel {
                 }
             }
         }
-        if let Some(basis) = &self.basis {
+        if let Some(basis) = self.basis.as_ref().filter(|_| self.mean == Mean::Joint) {
             let matrices = basis.rows.iter().enumerate().filter_map(|(joint, rows)| Some((joint, rows.as_ref()?)));
             let named = matrices.map(|(joint, rows)| (format!("joint_{}.basis", joint + 1), rows));
             for (name, matrix) in named.chain([("basis_covariance".into(), &basis.covariance)]) {
@@ -183,6 +183,9 @@ impl SemiParametricModel {
             joints.push(Rest { gp, noise_variance, report, points: vec![], evidence: Parts::default() });
         }
         let mut model = Self { physics, mean: head.mean, joints, basis: None, identified, stopped: head.stopped };
+        if head.mean == Mean::Physics {
+            model.basis = Basis::of_physics(&model.physics);
+        }
         if head.mean == Mean::Joint {
             let covariance = matrix(tensors, "basis_covariance", unknowns, unknowns)?;
             let rows = model.joints.iter().enumerate().map(|(joint, rest)| {

@@ -15,6 +15,7 @@ use super::rest::{Alone, GAIN, JointReport, LeftOut, Rest, Rows, calibration};
 use super::shared::{SELECTIONS, fit_shared};
 use super::{Inputs, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions, identify};
 use crate::gp::{Compute, GaussianProcess, GpError};
+use crate::identification::Judgement;
 use crate::motion::Processing;
 use crate::progress::{Interrupted, Progress};
 use crate::recording::Recording;
@@ -119,6 +120,9 @@ fn learn(
         if lost && model.joints.iter().any(|rest| rest.gp.is_some()) {
             model.identified = Some(identified);
         }
+    }
+    if options.mean == Mean::Physics {
+        model.basis = Basis::of_physics(&model.physics);
     }
     let learned = model.joints.iter().filter(|rest| rest.gp.is_some()).count();
     model.physics.provenance.history.push(format!(
@@ -279,9 +283,6 @@ struct Gain {
     /// Share of the errors of the physics alone.
     share: f64,
     /// Whether it is more than [`GAIN`], and more than its standard error: one part may have it all while others lose.
-    ///
-    /// Source: L. Breiman, J. H. Friedman, R. A. Olshen, C. J. Stone, Classification and Regression Trees (1984), section
-    /// 3.4.3: the simpler model, unless the other is better by more than one standard error.
     certain: bool,
 }
 
@@ -294,13 +295,10 @@ impl Gain {
         }
         let alone = |part: &LeftOut| part.measured().map(f64::abs).sum::<f64>();
         let mut sizes = errors.iter().map(|(error, _)| error.abs());
-        let mut gain = |part: &LeftOut| alone(part) - sizes.by_ref().take(part.part.len()).sum::<f64>();
-        let gains: Vec<f64> = parts().map(&mut gain).collect();
-        let count = gains.len() as f64;
-        let mean = gains.iter().sum::<f64>() / count;
-        let variance = gains.iter().map(|gain| (gain - mean) * (gain - mean)).sum::<f64>() / (count - 1.0);
-        let share = mean * count / parts().map(alone).sum::<f64>();
-        Self { share, certain: share > GAIN && mean > (variance / count).sqrt() }
+        let mut pair = |part: &LeftOut| (alone(part), sizes.by_ref().take(part.part.len()).sum::<f64>());
+        let errors: Vec<(f64, f64)> = parts().map(&mut pair).collect();
+        let found = Judgement::of(&errors);
+        Self { share: found.gain, certain: found.gain > GAIN && found.is_better() }
     }
 }
 
@@ -490,10 +488,14 @@ mod tests {
 
     /// Eight parts of ten rows at which the physics errs by one, and errors of physics and process at them.
     fn gain(errors: [f64; 8]) -> Gain {
-        let part = |index: usize| LeftOut { part: (10 * index..10 * index + 10).collect(), residual: vec![-1.0; 80] };
+        let part = |index: usize| LeftOut {
+            part: (10 * index..10 * index + 10).collect(),
+            residual: vec![-1.0; 80],
+            variance: vec![0.0; 10],
+        };
         let mut left_out: Vec<LeftOut> = (0..8).map(part).collect();
         // A part in which the joint does not move says nothing.
-        left_out.insert(3, LeftOut { part: vec![], residual: vec![-1.0; 80] });
+        left_out.insert(3, LeftOut { part: vec![], residual: vec![-1.0; 80], variance: vec![] });
         let errors: Vec<(f64, f64)> = errors.iter().flat_map(|error| [(*error, 1.0); 10]).collect();
         assert!(!Gain::new(&errors[1..], &left_out).certain);
         Gain::new(&errors, &left_out)

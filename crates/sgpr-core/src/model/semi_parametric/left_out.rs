@@ -3,10 +3,11 @@
 use std::borrow::Cow;
 
 use faer::Mat;
+use faer::linalg::solvers::Solve;
 
 use super::super::compare::LogResidual;
 use super::super::identify::IdentifyError;
-use super::basis;
+use super::basis::{self, Basis};
 use super::rest::{LeftOut, Rows};
 use super::{Mean, TorqueModel};
 use crate::motion::Processing;
@@ -17,14 +18,15 @@ const PARTS: usize = 8;
 /// ... unless there are this many logs.
 const FEWEST_LOGS: usize = 3;
 
-/// For each joint and part: the residual of physics whose parameters were estimated without that part. They change by what
-/// the part had to say: least squares in the rows of the joints in motion, weighted as the identification found their
-/// noise, without the part and with it. The difference of the two is zero for a part that says nothing, however the physics
-/// was estimated.
+/// For each joint and part: the residual of physics whose parameters were estimated without that part, and the variance
+/// that their uncertainty brings. The estimate without a part is the posterior mean of all rows with those of the part
+/// taken back: what held the parameters in the identification holds them here ([`held_by`]), too, so that a part which alone
+/// determines a parameter is missed as a new motion would be. For a part that says nothing nothing changes, however the
+/// physics was estimated.
 ///
-/// A part of a log is missed more than a log among others: what only it determines runs off without it, further than on
-/// another log, and intervals calibrated by such errors are too wide. With few logs the physics therefore stays as it is;
-/// but not with [`Mean::Joint`], where it is compared with physics and processes that are estimated anew without the part.
+/// A part of a log that determines all parameters is missed more than a log among others: what only it determines runs off
+/// without it, further than on another log. With few such logs the physics therefore stays as it is; but not with
+/// [`Mean::Joint`], where it is compared with physics and processes that are estimated anew without the part.
 pub(super) fn left_out(
     physics: &TorqueModel,
     logs: &[LogResidual],
@@ -34,9 +36,12 @@ pub(super) fn left_out(
 ) -> Result<Vec<Vec<LeftOut>>, IdentifyError> {
     let (count, part_of) = divide(logs);
     let parts: Vec<Vec<Vec<usize>>> = rows.iter().map(|rows| parts(rows, count, &part_of)).collect();
-    if mean == Mean::Zero || (mean == Mean::Physics && logs.len() < FEWEST_LOGS) {
-        let unchanged =
-            |rows: &Rows, part: &Vec<usize>| LeftOut { part: part.clone(), residual: rows.residual.clone() };
+    if mean == Mean::Zero {
+        let unchanged = |rows: &Rows, part: &Vec<usize>| LeftOut {
+            part: part.clone(),
+            residual: rows.residual.clone(),
+            variance: vec![0.0; part.len()],
+        };
         let joints = rows.iter().zip(&parts);
         return Ok(joints.map(|(rows, parts)| parts.iter().map(|part| unchanged(rows, part)).collect()).collect());
     }
@@ -60,21 +65,68 @@ pub(super) fn left_out(
         all.projection += &of_part.projection;
         of_parts.push(of_part);
     }
-    let with_all = all.solution();
+    let open = physics.fit.as_ref().is_none_or(|fit| !fit.undetermined.is_empty());
+    let stays = mean == Mean::Physics && logs.len() < FEWEST_LOGS && !open;
+    let whole = Basis::of_physics(physics).filter(|_| stays);
+    let memory = memory(physics, rows);
+    if open {
+        // What holds the parameters pulls as much as all rows do.
+        all.information += faer::Scale(memory) * held_by(physics, &(faer::Scale(1.0 / memory) * &all.information));
+        all.projection.fill(0.0);
+    }
+    let (with_all, _) = basis::solve(&all.information, &all.projection);
     let mut result: Vec<Vec<LeftOut>> = rows.iter().map(|_| Vec::with_capacity(count)).collect();
     for (index, of_part) in of_parts.into_iter().enumerate() {
-        let without = Normal {
-            information: &all.information - of_part.information,
-            projection: &all.projection - of_part.projection,
+        let (change, covariance) = match &whole {
+            Some(whole) => (vec![0.0; unknowns], whole.covariance.clone()),
+            None => {
+                let information = &all.information - of_part.information;
+                let (without, covariance) = basis::solve(&information, &(&all.projection - of_part.projection));
+                let change = without.iter().zip(&with_all).map(|(without, with)| without - with).collect();
+                (change, faer::Scale(memory) * covariance)
+            }
         };
-        let change = without.solution() - &with_all;
         for (joint, matrix) in matrices.iter().enumerate() {
+            let change = Mat::from_fn(unknowns, 1, |k, _| change[k]);
             let explained = &**matrix * &change;
             let residual = rows[joint].residual.iter().enumerate().map(|(i, residual)| residual - explained[(i, 0)]);
-            result[joint].push(LeftOut { part: parts[joint][index].clone(), residual: residual.collect() });
+            let part = parts[joint][index].clone();
+            let seen = Mat::from_fn(part.len(), unknowns, |i, k| matrix[(part[i], k)]);
+            let spread = &seen * &covariance;
+            let variance = (0..part.len()).map(|i| (spread.row(i) * seen.row(i).transpose()).max(0.0)).collect();
+            result[joint].push(LeftOut { residual: residual.collect(), variance, part });
         }
     }
     Ok(result)
+}
+
+/// What the identification knows of the base parameters beside the rows, where these leave some undetermined: the part of
+/// its information, the inverse of the covariance, by which it is more than that of the rows.
+fn held_by(physics: &TorqueModel, information: &Mat<f64>) -> Mat<f64> {
+    let unknowns = information.ncols();
+    let rank = physics.base().rank();
+    let none = Mat::zeros(unknowns, unknowns);
+    let Some(fit) = physics.fit.as_ref().filter(|fit| !fit.undetermined.is_empty()) else { return none };
+    let finite = |k: usize| fit.covariance[k * rank + k] > 0.0 && fit.covariance[k * rank + k].is_finite();
+    if !(0..rank).all(finite) {
+        return none;
+    }
+    let deviation: Vec<f64> = (0..rank).map(|k| fit.covariance[k * rank + k].sqrt()).collect();
+    let scaled = Mat::from_fn(rank, rank, |i, j| fit.covariance[i * rank + j] / (deviation[i] * deviation[j]));
+    let Ok(factor) = scaled.llt(faer::Side::Lower) else { return none };
+    let all = factor.solve(Mat::<f64>::identity(rank, rank));
+    let more = Mat::from_fn(rank, rank, |i, j| {
+        0.5 * (all[(i, j)] + all[(j, i)]) - information[(i, j)] * deviation[i] * deviation[j]
+    });
+    let Ok(eigen) = more.self_adjoint_eigen(faer::Side::Lower) else { return none };
+    let (vectors, values) = (eigen.U(), eigen.S().column_vector());
+    Mat::from_fn(unknowns, unknowns, |i, j| match i < rank && j < rank {
+        true => {
+            let sum = (0..rank).map(|k| vectors[(i, k)] * vectors[(j, k)] * values[k].max(0.0)).sum::<f64>();
+            sum / (deviation[i] * deviation[j])
+        }
+        false => 0.0,
+    })
 }
 
 /// Normal equations of the linear parameters.
@@ -94,18 +146,20 @@ impl Normal {
         self.information += matrix.transpose() * &matrix * weight;
         self.projection += matrix.transpose() * residual * weight;
     }
-
-    /// Change of the parameters, a column.
-    fn solution(&self) -> Mat<f64> {
-        let (change, _) = basis::solve(&self.information, &self.projection);
-        Mat::from_fn(change.len(), 1, |k, _| change[k])
-    }
 }
 
 /// One over the mean square of the residual; nothing for a joint without residual, which needs no change.
 fn weight(rows: &Rows) -> f64 {
     let squares: f64 = rows.residual.iter().map(|residual| residual * residual).sum();
     if squares > 0.0 { rows.residual.len() as f64 / squares } else { 0.0 }
+}
+
+/// Rows that say as much as one independent row, the mean over all rows.
+fn memory(physics: &TorqueModel, rows: &[Rows]) -> f64 {
+    let Some(fit) = &physics.fit else { return 1.0 };
+    let all: usize = rows.iter().map(|rows| rows.residual.len()).sum();
+    let counted = rows.iter().zip(&fit.correlation).map(|(rows, memory)| rows.residual.len() as f64 * memory);
+    (counted.sum::<f64>() / all.max(1) as f64).max(1.0)
 }
 
 /// Number of parts, and for each log the part of each sample: whole logs if there are enough; else eighths of their period

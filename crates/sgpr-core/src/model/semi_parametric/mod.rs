@@ -281,7 +281,7 @@ impl SemiParametricModel {
             }
         }
         if let Some(basis) = self.basis.as_ref().filter(|_| with_deviation) {
-            basis.add_variance(&self.physics, &self.joints, trajectory, &x, &mut variance);
+            basis.add_variance(&self.physics, &self.joints, trajectory, &x, &novelty, &mut variance);
         }
         let deviation = |(k, variance): (usize, &f64)| (variance + self.joints[k % n].noise_variance).sqrt();
         let plain: Vec<f64> = variance.iter().enumerate().map(deviation).collect();

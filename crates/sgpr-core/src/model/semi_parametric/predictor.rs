@@ -24,6 +24,7 @@ pub struct SemiParametricPredictor {
     x: Vec<f64>,
     tau: Vec<f64>,
     deviation: Vec<f64>,
+    novelty: Vec<f64>,
     /// Made with variance.
     with_variance: bool,
 }
@@ -37,6 +38,8 @@ struct Joint {
     /// Its mean comes from the processes that are asked together.
     together: bool,
     noise_variance: f64,
+    /// Variance of its process before the logs.
+    prior: f64,
     calibration: f64,
 }
 
@@ -70,6 +73,7 @@ impl SemiParametricPredictor {
                 learned: rest.gp.is_some(),
                 together,
                 noise_variance: rest.noise_variance,
+                prior: rest.gp.as_ref().map_or(1.0, |gp| gp.covariance().signal.variance()),
                 calibration: rest.report.calibration,
             });
         }
@@ -83,6 +87,7 @@ impl SemiParametricPredictor {
             x: vec![0.0; 3 * n + 1],
             tau: vec![0.0; n],
             deviation: vec![0.0; n],
+            novelty: vec![1.0; n],
             with_variance,
         })
     }
@@ -165,8 +170,8 @@ impl SemiParametricPredictor {
         Ok(&self.tau)
     }
 
-    /// Torque, and the standard deviation of its measurement, `[n]` each, N·m (N). Parameters that were estimated together
-    /// with the processes ([`super::Mean::Joint`]) bring their variance.
+    /// Torque, and the standard deviation of its measurement, `[n]` each, N·m (N). Uncertain
+    /// parameters bring their variance, beside a process as far as that does not know.
     ///
     /// # Panics
     /// If a slice is not of length n, or the predictor was made without variance.
@@ -179,16 +184,18 @@ impl SemiParametricPredictor {
             self.deviation.fill(f64::NAN);
             return (&self.tau, &self.deviation);
         }
-        for ((joint, tau), variance) in self.joints.iter_mut().zip(&mut self.tau).zip(&mut self.deviation) {
+        let spreads = self.deviation.iter_mut().zip(&mut self.novelty);
+        for ((joint, tau), (variance, novelty)) in self.joints.iter_mut().zip(&mut self.tau).zip(spreads) {
             *variance = joint.noise_variance;
             if let Some(process) = &mut joint.process {
                 let (mean, unexplained) = process.mean_and_variance(&self.x);
                 *tau += mean[0];
                 *variance += unexplained;
+                *novelty = unexplained / joint.prior;
             }
         }
         if let Some(parameters) = &mut self.parameters {
-            parameters.add_variance(&self.physics, &self.x, &mut self.deviation);
+            parameters.add_variance(&self.physics, &self.x, &self.novelty, &mut self.deviation);
         }
         for (joint, deviation) in self.joints.iter().zip(&mut self.deviation) {
             *deviation = joint.calibration * deviation.sqrt();

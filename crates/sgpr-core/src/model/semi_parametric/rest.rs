@@ -10,6 +10,7 @@ use crate::gp::{
     Calibration, Compute, Covariance, Data, GaussianProcess, GpError, Inference, Kernel, SearchOptions, SearchStatus,
     informative_points, search,
 };
+use crate::identification::Judgement;
 use crate::progress::Progress;
 
 /// Residual of a joint at the samples in which it moves.
@@ -37,6 +38,8 @@ pub(super) struct LeftOut {
     /// Rows, in order.
     pub part: Vec<usize>,
     pub residual: Vec<f64>,
+    /// What the uncertain parameters of that physics bring to the torque at the part, N²·m² (N²).
+    pub variance: Vec<f64>,
 }
 
 impl LeftOut {
@@ -152,7 +155,7 @@ impl Rest {
             let inducing = |signal: &Kernel| inducing_points(signal, &data, options.points);
             best.or_of_all_rows(inducing, rows, left_out, options, &mut report, compute)?
         };
-        if options.inputs.is_none() && best.loss() >= (1.0 - GAIN) * physics_loss {
+        if options.inputs.is_none() && !best.gains(left_out, physics_loss) {
             return Ok(Self::without(report, mean_square));
         }
         Ok(Self::with(best, report, left_out.len()))
@@ -215,6 +218,18 @@ impl Learned {
         loss_of(&self.errors)
     }
 
+    /// Whether parts left out are predicted better than by the physics alone: by [`GAIN`] of the mean square, and by more
+    /// than the standard error over the parts.
+    pub fn gains(&self, left_out: &[LeftOut], physics_loss: f64) -> bool {
+        let mut errors = self.errors.iter().map(|(error, _)| error * error);
+        let of_part = |part: &LeftOut| {
+            let alone = part.measured().map(|error| error * error).sum::<f64>();
+            (alone, errors.by_ref().take(part.part.len()).sum::<f64>())
+        };
+        let parts: Vec<(f64, f64)> = left_out.iter().map(of_part).collect();
+        self.loss() < (1.0 - GAIN) * physics_loss && Judgement::of(&parts).is_better()
+    }
+
     /// This process, or one that has seen all rows through inducing points if that gains as much on parts left out as a process
     /// must on the physics; unless rows are few for the points, or the options say which.
     ///
@@ -263,8 +278,8 @@ impl Alone {
     pub fn new(rows: &Rows, left_out: &[LeftOut]) -> Self {
         let count = rows.residual.len();
         let mean_square = rows.residual.iter().map(|r| r * r).sum::<f64>() / count.max(1) as f64;
-        let errors = left_out.iter().flat_map(LeftOut::measured);
-        let physics: Vec<(f64, f64)> = errors.map(|error| (error, mean_square)).collect();
+        let errors = left_out.iter().flat_map(|part| part.measured().zip(&part.variance));
+        let physics: Vec<(f64, f64)> = errors.map(|(error, variance)| (error, mean_square + variance)).collect();
         let physics_loss = loss_of(&physics);
         let enough = count >= FEWEST && mean_square > 0.0;
         let (calibration, calibration_95) = if enough { calibration(&physics, left_out.len()) } else { (1.0, 1.96) };
@@ -420,15 +435,17 @@ fn errors_left_out(
         let others: Vec<usize> =
             (0..points.len()).filter(|&k| left_out.part.binary_search(&points[k]).is_err()).collect();
         if others.is_empty() {
-            all.extend(left_out.measured().map(|residual| (residual, prior + noise)));
+            let spread = left_out.measured().zip(&left_out.variance);
+            all.extend(spread.map(|(residual, variance)| (residual, prior + noise + variance)));
             continue;
         }
         let x = rows.at(&left_out.part, width);
         let y = others.iter().map(|&k| left_out.residual[points[k]]).collect();
         let data = Data::new(gp.data().select(&others).x().to_vec(), width, y, 1)?;
         let predicted = GaussianProcess::fit(data, gp.covariance().clone(), compute)?.predict(&x, true)?;
-        let predictions = predicted.mean.iter().zip(&predicted.variance);
-        all.extend(left_out.measured().zip(predictions).map(|(y, (mean, variance))| (y - mean, variance + noise)));
+        let predictions = predicted.mean.iter().zip(&predicted.variance).zip(&left_out.variance);
+        let total = |variance: &f64, of_parameters: &f64| variance + noise + variance / prior * of_parameters;
+        all.extend(left_out.measured().zip(predictions).map(|(y, ((mean, own), more))| (y - mean, total(own, more))));
     }
     Ok(all)
 }
@@ -480,8 +497,10 @@ mod tests {
             terms: None,
         };
         let longest = |parts: Vec<Vec<usize>>| {
-            let left_out: Vec<LeftOut> =
-                parts.into_iter().map(|part| LeftOut { part, residual: vec![1.0; count] }).collect();
+            let left_out: Vec<LeftOut> = parts
+                .into_iter()
+                .map(|part| LeftOut { variance: vec![0.0; part.len()], part, residual: vec![1.0; count] })
+                .collect();
             longest_memory(&rows, &left_out)
         };
         // The logs; eighths of the first; two stretches of it at a time, as of a motion that repeats itself.

@@ -2,7 +2,7 @@
 
 use std::cell::OnceCell;
 
-use super::rest::{Alone, FEWEST, Found, GAIN, Learned, LeftOut, Rest, Rows, inducing_points, longest_memory, process};
+use super::rest::{Alone, FEWEST, Found, Learned, LeftOut, Rest, Rows, inducing_points, longest_memory, process};
 use super::{Inputs, SemiParametricOptions};
 use crate::gp::{Compute, Data, GaussianProcess, GpError, Kernel};
 use crate::progress::Progress;
@@ -108,7 +108,7 @@ fn chosen(
     let joints = alone.into_iter().zip(learned).zip(left_out);
     let joints = joints.map(|((alone, learned), left_out)| {
         let Alone { report, mean_square, physics_loss } = alone;
-        if options.inputs.is_none() && learned.loss() >= (1.0 - GAIN) * physics_loss {
+        if options.inputs.is_none() && !learned.gains(left_out, physics_loss) {
             return Rest::without(report, mean_square);
         }
         Rest::with(learned, report, left_out.len())
