@@ -35,7 +35,7 @@ def records(robot: sgpr.Robot, logs: list[sgpr.Recording]) -> list[sgpr.Record]:
 
 def bare(robot: sgpr.Robot, logs: list[sgpr.Recording], **options: Any) -> sgpr.Model:
     """The estimate of least squares alone, from the logs."""
-    return sgpr.identify(robot, logs, **options)
+    return sgpr.identify(robot, logs, prior=None, **options)
 
 
 def identified(robot: sgpr.Robot, records: list[sgpr.Record], **options: Any) -> sgpr.Model:
