@@ -14,6 +14,7 @@
 //! - [`gp`]: Gaussian processes, for what the physics leaves over
 //! - [`model`]: identify, compare, predict, save and load
 //! - [`simulation`]: an arm that moves under a controller
+//! - [`control`]: compensation, torque from outside
 //! - [`export`]: models as source files in C and Rust
 //! - [`online`]: models that learn while the arm runs: a payload, a rest that changes
 //! - [`excitation`]: motions that reveal the parameters
@@ -24,6 +25,7 @@
 #![forbid(unsafe_code)]
 
 mod atomic_file;
+pub mod control;
 pub mod diagnosis;
 pub mod dynamics;
 pub mod effects;

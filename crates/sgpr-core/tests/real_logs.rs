@@ -8,6 +8,7 @@
 
 use std::path::{Path, PathBuf};
 
+use sgpr_core::control::{MomentumObserver, ObserverOptions};
 use sgpr_core::identification::{Consistency, Distance, GainEstimator, GainOptions, PayloadOptions, Prior};
 use sgpr_core::model::{
     Comparison, IdentifyOptions, TorqueModel, compare, identify, identify_drive_gains, identify_payload,
@@ -345,5 +346,82 @@ fn consistent_models_are_as_good_as_free_ones() {
         for distance in [Distance::Entropic, Distance::Euclidean] {
             consistent_against_free(name, &case, effects, distance, limit);
         }
+    }
+}
+
+/// What an observer says along a log as it was measured: events of alarm, their share of the time, the time of the first,
+/// and the root mean square of the torque from outside per joint.
+struct Watched {
+    minutes: f64,
+    events: usize,
+    share: f64,
+    first: Option<f64>,
+    rms: Vec<f64>,
+}
+
+fn watch(model: &TorqueModel, options: &ObserverOptions, log: &Recording) -> Watched {
+    let n = model.robot().dof();
+    let mut observer = MomentumObserver::new(model, options).expect("options");
+    let (q, dq) = (log.position(), log.velocity().expect("logged"));
+    let tau = log.torque().expect("logged");
+    let (mut events, mut alarmed, mut on, mut first, mut squares) = (0, 0, false, None, vec![0.0; n]);
+    let samples = q.len() / n;
+    for k in 0..samples {
+        let row = k * n..(k + 1) * n;
+        let external = observer.update(&q[row.clone()], &dq[row.clone()], &tau[row]).expect("finite");
+        squares.iter_mut().zip(external).for_each(|(sum, x)| *sum += x * x);
+        let alarm = observer.alarm().is_some();
+        events += usize::from(alarm && !on);
+        alarmed += usize::from(alarm);
+        if alarm && first.is_none() {
+            first = Some(k as f64 / options.rate_hz);
+        }
+        on = alarm;
+    }
+    Watched {
+        minutes: samples as f64 / options.rate_hz / 60.0,
+        events,
+        share: alarmed as f64 / samples as f64,
+        first,
+        rms: squares.iter().map(|sum| (sum / samples as f64).sqrt()).collect(),
+    }
+}
+
+#[test]
+fn a_load_of_the_ur10e_is_torque_from_outside() {
+    let Some(folder) = folder("ur10e") else { return };
+    let request = Repair { resample: Some(Resample::Hz(100.0)), ..Repair::default() };
+    let case = Case::read(&folder, &request);
+    let model = case.identify(&ALL, Conditioning::default());
+    let read = |name: &str| log(&folder, &case.robot, name, Some(PUBLISHED_GAINS.to_vec()), &request);
+    let logs = |names: &[&str]| -> Vec<Recording> { names.iter().flat_map(|name| read(name)).collect() };
+    let unloaded = logs(&["pair14_unloaded.csv", "validation_ptp_10_points.csv", "pair_jan31_unloaded.csv"]);
+    let loaded = logs(&["pair14_load_2p805kg.csv", "pair_jan31_loaded.csv"]);
+    let of_fit = ObserverOptions::default();
+    // From the logs of the fit, whose errors have longer tails than normal ones: the largest torque over z.
+    let mut measured = of_fit.clone();
+    for log in &case.train {
+        let seen = watch(&model, &of_fit, log);
+        measured.deviation.resize(seen.rms.len(), 0.0);
+        measured.deviation.iter_mut().zip(seen.rms).for_each(|(largest, rms)| *largest = largest.max(rms));
+    }
+    for options in [&of_fit, &measured] {
+        println!("thresholds {:.1?} N·m", MomentumObserver::new(&model, options).expect("options").thresholds());
+        let shares = |logs: &[Recording]| -> Vec<f64> {
+            let seen = logs.iter().map(|log| (log, watch(&model, options, log)));
+            let share = |(log, seen): (&Recording, Watched)| {
+                let Watched { minutes, events, share, first, rms } = seen;
+                let name = log.source().rsplit('/').next().unwrap_or_default();
+                println!(
+                    "{name}: {minutes:.2} min, {events} alarms, {share:.3} of the time, first after {first:.2?} s, {rms:.1?}"
+                );
+                share
+            };
+            seen.map(share).collect()
+        };
+        // Errors at reversals are far from normal, so that alarms are more than were accepted.
+        let (quiet, heavy) = (shares(&unloaded), shares(&loaded));
+        assert!(quiet.iter().all(|share| *share < 0.2), "{quiet:?}");
+        assert!(heavy.iter().all(|share| *share > 0.9), "{heavy:?}");
     }
 }
