@@ -89,7 +89,7 @@ def run(
         output.note("stopped; the records that are made stay, and the same command goes on")
         raise typer.Exit(STOPPED) from None
     arms = len({log.robot for log in found})
-    output.line(f"{counted(len(found), 'log')} of {counted(arms, 'arm')}: {outcome.made} recorded, {outcome.kept} were")
+    output.line(f"{counted(len(found), 'log')} of {counted(arms, 'arm')}: {outcome.made} recorded, {outcome.kept} kept")
     for path, reason in list(outcome.aside.items())[:FEW]:
         output.warning(f"set aside: {path}: {reason.removeprefix(f'{path}: ')}")
     if len(outcome.aside) > FEW:
