@@ -263,7 +263,7 @@ fn a_length_scale_for_each_input_does_not_overfit() {
     };
     let ((seen, unseen), (seen_ard, unseen_ard)) = (errors(false), errors(true));
     assert!(unseen_ard < unseen, "one length scale {unseen:.2} %, one per input {unseen_ard:.2} %");
-    assert!(unseen_ard / seen_ard < 1.2 * unseen / seen, "what is gained on logs that it has seen is gained on others");
+    assert!(unseen_ard / seen_ard < unseen / seen, "what is gained on logs that it has seen is gained on others");
 }
 
 /// With white errors only, physics and process together predict no better than the physics: it stays to the bit.
