@@ -194,7 +194,8 @@ impl Model {
     }
 
     /// What the identification says, or None: "method"; per joint "noise" (N·m), "rows" and "correlation" (rows that
-    /// carry as much as one); "condition", "scaled_condition"; "undetermined" base parameters.
+    /// carry as much as one); "dispersion", by what standard deviations are larger than noise makes them; "condition",
+    /// "scaled_condition"; "undetermined" base parameters.
     #[getter]
     fn fit<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(fit) = self.inner.fit() else { return Ok(None) };
@@ -204,6 +205,7 @@ impl Model {
         let rows = fit.rows.iter().map(|rows| *rows as i64).collect();
         dict.set_item("rows", array::<i64>(py, &[fit.rows.len()], rows)?)?;
         dict.set_item("correlation", array(py, &[fit.correlation.len()], fit.correlation.clone())?)?;
+        dict.set_item("dispersion", fit.dispersion)?;
         dict.set_item("condition", fit.condition)?;
         dict.set_item("scaled_condition", fit.scaled_condition)?;
         dict.set_item("undetermined", &fit.undetermined)?;

@@ -30,24 +30,73 @@ impl<'a> LeftOut<'a> {
     /// Base parameters by data and prior of all parts but one, each part in turn; none where rounding makes the equations
     /// indefinite.
     fn without(&self, prior: &ParameterPrior) -> Vec<Option<Vec<f64>>> {
+        let by = |part: usize| Some(self.without_parts(prior, |other| other == part)?.0);
+        (0..self.normal.len()).map(by).collect()
+    }
+
+    /// Base parameters by data and prior of some parts, and the equations that they solve; none where rounding makes these
+    /// indefinite.
+    fn without_parts(&self, prior: &ParameterPrior, left_out: impl Fn(usize) -> bool) -> Option<(Vec<f64>, Normal)> {
         let rows = prior.rows();
         let rank = prior.mean().len();
         let p = rows.as_ref().subcols(0, rank);
         let information = p.transpose() * p;
-        let without = |left_out: usize| {
-            let mut data = Normal { information: Mat::zeros(rank, rank), projection: Mat::zeros(rank, 1) };
-            let others = self.normal.iter().enumerate().filter(|(part, _)| *part != left_out);
-            others.for_each(|(_, part)| data.add(part));
-            let mut values = prior.mean().to_vec();
-            for _ in 0..PULLS {
-                let center = Mat::from_fn(rank, 1, |k, _| values[k]);
-                let mut all = Normal { information: information.clone(), projection: &information * center };
-                all.add(&data);
-                values = all.solution(prior)?;
+        let mut data = Normal { information: Mat::zeros(rank, rank), projection: Mat::zeros(rank, 1) };
+        let others = self.normal.iter().enumerate().filter(|(part, _)| !left_out(*part));
+        others.for_each(|(_, part)| data.add(part));
+        let mut values = prior.mean().to_vec();
+        let mut all = data.clone();
+        for _ in 0..PULLS {
+            let center = Mat::from_fn(rank, 1, |k, _| values[k]);
+            all = Normal { information: information.clone(), projection: &information * center };
+            all.add(&data);
+            values = all.solution(prior)?;
+        }
+        Some((values, all))
+    }
+
+    /// By what standard deviations have to be multiplied so that they hold for other motions, at least one: runs of up to
+    /// half of the parts are left out in turn, and two thirds of the errors at their joints are to lie within one standard deviation.
+    /// What a model lacks is not noise: it moves the parameters in the same way at every sample of a motion, which only
+    /// other motions show. One for fewer than two parts.
+    ///
+    /// - `noise`: of the rows of a factor, N·m (N)
+    ///
+    /// Source: R. T. Birge, The calculation of errors by the method of least squares, Physical Review 40 (1932), the ratio
+    /// of external to internal consistency; here its quantile, for errors that run off.
+    pub fn dispersion(&self, prior: &ParameterPrior, noise: impl Fn(&JointFactor) -> f64) -> f64 {
+        let mut ratios = Vec::new();
+        for first in 0..self.parts.len() {
+            let run = self.run_from(first);
+            let solved = self.without_parts(prior, |part| run.contains(&part));
+            let Some((values, normal)) = solved else { continue };
+            let Some(root) = normal.root(prior) else { continue };
+            let mut joints: Vec<(usize, Missed)> = Vec::new();
+            for &part in &run {
+                let used = self.parts[part].iter().zip(&self.levels[part]);
+                for (factor, _) in used.filter(|(factor, level)| !factor.resting && level.is_finite()) {
+                    let missed = Missed {
+                        square: residual_norm(factor, &values).powi(2),
+                        noise: factor.rows as f64 * noise(factor).powi(2),
+                        of_parameters: spread(factor, &root, prior),
+                    };
+                    match joints.iter_mut().find(|(joint, _)| *joint == factor.joint) {
+                        Some((_, sum)) => sum.add(&missed),
+                        None => joints.push((factor.joint, missed)),
+                    }
+                }
             }
-            Some(values)
-        };
-        (0..self.normal.len()).map(without).collect()
+            ratios.extend(joints.iter().map(|(_, missed)| missed.ratio()).filter(|ratio| ratio.is_finite()));
+        }
+        ratios.sort_unstable_by(f64::total_cmp);
+        let rank = (TWO_THIRDS * ratios.len() as f64) as usize;
+        ratios.get(rank).map_or(1.0, |ratio| ratio.sqrt().max(1.0))
+    }
+
+    /// Up to half of the parts, one after the other from `first` on, the first ones after the last.
+    fn run_from(&self, first: usize) -> Vec<usize> {
+        let count = self.parts.len();
+        (first..first + count / 2).map(|part| part % count).collect()
     }
 
     /// Whether parts are predicted better from the others with the prior `after` than with
@@ -95,6 +144,48 @@ impl<'a> LeftOut<'a> {
     }
 }
 
+/// Share of a normal distribution within one standard deviation.
+const TWO_THIRDS: f64 = 0.682_689;
+
+/// Squares at a joint that were not seen, summed over rows, N²·m² (N²).
+struct Missed {
+    /// Of the error.
+    square: f64,
+    /// Expected from noise.
+    noise: f64,
+    /// Expected from uncertain parameters.
+    of_parameters: f64,
+}
+
+impl Missed {
+    fn add(&mut self, more: &Self) {
+        self.square += more.square;
+        self.noise += more.noise;
+        self.of_parameters += more.of_parameters;
+    }
+
+    /// What parameters brought, in what was expected of them.
+    fn ratio(&self) -> f64 {
+        (self.square - self.noise).max(0.0) / self.of_parameters
+    }
+}
+
+/// Sum of the variances that uncertain parameters bring to the rows of a factor.
+///
+/// - `root`: of [`Normal::root`]
+fn spread(factor: &JointFactor, root: &Mat<f64>, prior: &ParameterPrior) -> f64 {
+    let count = factor.columns.len();
+    let rank = root.nrows();
+    let free = |base: usize| !prior.kept().contains(&base);
+    // (Rᵀ)⁻¹ of the rows as columns: its square is the variance.
+    let mut columns = Mat::from_fn(rank, count, |k, i| {
+        let place = factor.columns.iter().position(|base| *base == k).filter(|_| free(k));
+        place.map_or(0.0, |place| factor.factor[(i, place)])
+    });
+    faer::linalg::triangular_solve::solve_lower_triangular_in_place(root.transpose(), columns.as_mut(), faer::Par::Seq);
+    columns.squared_norm_l2()
+}
+
 /// Normal equations.
 #[derive(Clone, Debug)]
 struct Normal {
@@ -120,6 +211,19 @@ impl Normal {
     fn add(&mut self, other: &Self) {
         self.information += &other.information;
         self.projection += &other.projection;
+    }
+
+    /// R with RᵀR the information; one for what the prior keeps.
+    fn root(&self, prior: &ParameterPrior) -> Option<Mat<f64>> {
+        let rank = self.information.nrows();
+        let kept = |k: usize| prior.kept().contains(&k);
+        let scale: Vec<f64> = (0..rank).map(|k| self.information[(k, k)].sqrt()).collect();
+        let entry = |i: usize, j: usize| match (kept(i) || kept(j), i == j) {
+            (true, same) => f64::from(same),
+            _ => self.information[(i, j)] / (scale[i] * scale[j]),
+        };
+        let root = cholesky(Mat::from_fn(rank, rank, entry).as_ref())?;
+        Some(Mat::from_fn(rank, rank, |i, j| root[(i, j)] * if kept(j) { 1.0 } else { scale[j] }))
     }
 
     /// `None` if the equations are not definite by rounding.

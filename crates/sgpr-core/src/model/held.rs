@@ -29,6 +29,8 @@ pub(super) struct Found {
     pub estimate: Estimate,
     /// None if the logs are rich: the estimate is bare.
     pub held: Option<Held>,
+    /// By what standard deviations have to be multiplied ([`LeftOut::dispersion`]); one for a bare estimate.
+    pub dispersion: f64,
     pub notes: Vec<String>,
 }
 
@@ -87,7 +89,7 @@ impl Task<'_> {
             if saved.gain - saved.standard_error < LEAST_GAIN || saved.parts < 2 {
                 let bare = self.bare(method, equations, &flat, correlation)?;
                 if let Some(bare) = bare.filter(|bare| self.knows_more_than_file(&bare.covariance, &flat)) {
-                    return Ok(Found { estimate: bare, held: None, notes });
+                    return Ok(Found { estimate: bare, held: None, dispersion: 1.0, notes });
                 }
                 if saved.is_worse() {
                     let wide = flat.with_relative_deviation(WIDE).with_effect_scale(1.0);
@@ -114,7 +116,8 @@ impl Task<'_> {
         }
         notes.extend(self.negative_notes(&held));
         notes.extend(self.held_note(&held));
-        Ok(Found { estimate: held.estimate.clone(), held: Some(held), notes })
+        let dispersion = self.dispersion(&held);
+        Ok(Found { estimate: held.estimate.clone(), held: Some(held), dispersion, notes })
     }
 
     /// The estimate without prior; none if there are fewer rows than parameters.
@@ -207,11 +210,18 @@ impl Task<'_> {
     }
 
     fn left_out(&self, held: &Held) -> LeftOut<'_> {
-        let level = |part: &JointFactor| {
-            let same = |factor: &JointFactor| (factor.joint, factor.resting) == (part.joint, part.resting);
-            self.factors.iter().position(same).map_or(f64::INFINITY, |index| held.levels[index])
-        };
+        let level = |part: &JointFactor| self.factor_of(part).map_or(f64::INFINITY, |index| held.levels[index]);
         LeftOut::new(self.parts, level, self.base.rank())
+    }
+
+    fn dispersion(&self, held: &Held) -> f64 {
+        let noise = |part: &JointFactor| self.factor_of(part).map_or(0.0, |index| held.estimate.noise[index]);
+        self.left_out(held).dispersion(&held.prior, noise)
+    }
+
+    /// Of all data: the factor that a part's is a part of.
+    fn factor_of(&self, part: &JointFactor) -> Option<usize> {
+        self.factors.iter().position(|factor| (factor.joint, factor.resting) == (part.joint, part.resting))
     }
 
     /// The joint whose link, friction or rotor a base parameter is named after; none for an effect of the whole arm.

@@ -356,6 +356,7 @@ fn fit(
     let correlation = correlation(&model, motions, processing, &factors)?;
     let mut equations = Equations::new(robot, &set, &base, trajectories);
     let mut notes = Vec::new();
+    let mut dispersion = 1.0;
     let (mut estimate, held) = match prior {
         None => (estimate(&options.method, &mut equations, &factors, &nominal, Some(&correlation))?, None),
         Some((prior, width)) => {
@@ -363,10 +364,12 @@ fn fit(
             let kept = options.start == Start::RobotFile;
             let found = task.estimate(&options.method, &mut equations, (prior, width), &correlation, kept)?;
             notes.extend(found.notes);
+            dispersion = found.dispersion;
             (found.estimate, found.held)
         }
     };
     set_uncertainty(options, &mut equations, &factors, &mut estimate, held.as_ref())?;
+    estimate.covariance *= faer::Scale(dispersion * dispersion);
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
     notes.append(&mut estimate.notes);
     notes.extend(screen_factors(&set, &base, &joints, &factors, &estimate).iter().map(ToString::to_string));
@@ -436,7 +439,7 @@ fn fit(
     let names = model.base.names();
     let undecided = held.as_ref().map_or(vec![], |held| held.prior.undecided(&held.data));
     let prior = held.as_ref().map(|held| &held.prior);
-    model.provenance.history = vec![describe(options, processing, &factors, prior)];
+    model.provenance.history = vec![describe(options, processing, &factors, prior) + &dispersed(dispersion)];
     model.fit = Some(Fit {
         method: options.method.name().into(),
         covariance: row_major(&covariance),
@@ -444,6 +447,7 @@ fn fit(
         noise: per_joint(&factors, &estimate.noise, robot.dof()),
         rows: (0..robot.dof()).map(|joint| rows_of(&factors, joint)).collect(),
         correlation: per_joint(&factors, &correlation, robot.dof()),
+        dispersion,
         values: estimate.values[..rank].to_vec(),
         condition: estimate.excitation.condition,
         scaled_condition: estimate.excitation.scaled_condition,
@@ -762,6 +766,16 @@ fn per_joint(factors: &[JointFactor], figures: &[f64], joints: usize) -> Vec<f64
 
 fn rows_of(factors: &[JointFactor], joint: usize) -> usize {
     factors.iter().filter(|factor| factor.joint == joint).map(|factor| factor.rows).sum()
+}
+
+fn dispersed(dispersion: f64) -> String {
+    if dispersion == 1.0 {
+        return String::new();
+    }
+    format!(
+        "; standard deviations are {dispersion:.2} times those of the noise, because parts of the logs predict the others \
+         so much worse"
+    )
 }
 
 fn describe(

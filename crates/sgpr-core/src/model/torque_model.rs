@@ -53,6 +53,10 @@ pub struct Fit {
     pub rows: Vec<usize>,
     /// Per joint: rows that carry as much as one independent row, from the autocorrelation of the residual.
     pub correlation: Vec<f64>,
+    /// By what the standard deviations are larger than noise makes them, where the robot file holds what the logs do not
+    /// determine: parts of the logs predict the others so much worse. Else one.
+    #[serde(default = "one")]
+    pub dispersion: f64,
     /// cond(W); infinite where the motion does not excite a direction at all.
     #[serde(with = "infinity_as_null")]
     pub condition: f64,
@@ -64,6 +68,10 @@ pub struct Fit {
     /// The proof that every link is a body, if that was required.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub consistency: Option<Certificate>,
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 /// What physical consistency did to the estimates, and the proof of it.

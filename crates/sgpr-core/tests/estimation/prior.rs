@@ -198,6 +198,53 @@ fn rich_logs_give_the_bare_estimate_and_short_ones_another() {
     assert!(largest_difference(&values(2, chosen), &values(2, None)) > 0.0, "the prior is in force");
 }
 
+/// A log with a torque at the first joint that no model here has: a spring that stiffens.
+fn with_spring(log: &Recording) -> Recording {
+    let spring = |(k, tau): (usize, &f64)| match k % 2 {
+        0 => tau + 40.0 * log.position()[k].powi(3),
+        _ => *tau,
+    };
+    let tau = log.torque().expect("simulated").iter().enumerate().map(spring).collect();
+    let (names, time) = (log.joint_names().to_vec(), log.time().to_vec());
+    Recording::new("poor", names, time, log.position().to_vec(), None, Some(tau), vec![]).expect("arrays of one length")
+}
+
+#[test]
+fn standard_deviations_of_short_logs_count_what_the_model_lacks() {
+    let options = IdentifyOptions { prior: Some(PriorWidth::Given(1.0)), ..options() };
+    let fit = |log: Recording| identify(&two_link(), &[log], &options, &()).expect("a usable model").0;
+    let all = [true; 2];
+    let short = |seed: u64| log(4, all, [false; 2], seed);
+    let mut dispersions = [vec![], vec![]];
+    let (mut hits, mut plain_hits, mut count) = (0, 0, 0);
+    for seed in 20..30 {
+        let truth = fit(short(seed));
+        dispersions[0].push(truth.fit().expect("identified").dispersion);
+        let lacks = fit(with_spring(&short(seed)));
+        let dispersion = lacks.fit().expect("identified").dispersion;
+        dispersions[1].push(dispersion);
+        // Another motion, of which the log is not a part.
+        let test = compare(&lacks, &[with_spring(&log(12, all, [false; 2], 99))], None).expect("a log");
+        let found = &test.logs[0];
+        let deviation = lacks.standard_deviation_of(&found.motion);
+        for k in (0..deviation.len()).step_by(40) {
+            let error = (found.measured[k] - found.predicted[k]).abs();
+            hits += u32::from(error < 1.96 * deviation[k] + 0.4);
+            plain_hits += u32::from(error < 1.96 * deviation[k] / dispersion + 0.4);
+            count += 1;
+        }
+    }
+    let median = |values: &mut Vec<f64>| {
+        values.sort_unstable_by(f64::total_cmp);
+        values[values.len() / 2]
+    };
+    let [right, lacking] = dispersions.each_mut().map(median);
+    println!("{right:.2} {lacking:.2}, {hits} and {plain_hits} of {count}");
+    assert!(right < 1.3, "{right}");
+    assert!(lacking > 1.5 * right, "{lacking}");
+    assert!(hits > plain_hits);
+}
+
 /// The posterior mean by dense matrices, from what each joint's rows know in units of its own noise.
 #[test]
 fn what_rows_know_is_counted_joint_by_joint() {

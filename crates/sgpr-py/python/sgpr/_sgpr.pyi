@@ -457,7 +457,7 @@ class Model:
     @property
     def processing(self) -> Processing | None: ...
     @property
-    def fit(self) -> dict[str, Any] | None: ...  # method noise rows correlation condition scaled_condition undetermined
+    def fit(self) -> dict[str, Any] | None: ...  # method noise rows correlation dispersion condition scaled_condition undetermined
     @property
     def report(self) -> IdentificationReport | None: ...  # only on the model that identify returned
     @property

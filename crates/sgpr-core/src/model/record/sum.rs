@@ -76,6 +76,7 @@ fn fit(
         noise: per_joint(&estimate.noise),
         rows: (0..joints).map(rows).collect(),
         correlation: per_joint(correlation),
+        dispersion: 1.0,
         condition: estimate.excitation.condition,
         scaled_condition: estimate.excitation.scaled_condition,
         undetermined: infinite.map(|(name, _)| name.clone()).collect(),

@@ -461,6 +461,7 @@ fn estimate_again(
     }
     if let Some(fit) = &mut model.physics.fit {
         fit.method = "gls".into();
+        fit.dispersion = 1.0;
         for k in 0..rank {
             if fit.standard_deviations[k].is_finite() {
                 fit.standard_deviations[k] = covariance[(k, k)].sqrt();

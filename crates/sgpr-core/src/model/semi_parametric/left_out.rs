@@ -22,7 +22,8 @@ const FEWEST_LOGS: usize = 3;
 /// that their uncertainty brings. The estimate without a part is the posterior mean of all rows with those of the part
 /// taken back: what held the parameters in the identification holds them here ([`held_by`]), too, so that a part which alone
 /// determines a parameter is missed as a new motion would be. For a part that says nothing nothing changes, however the
-/// physics was estimated.
+/// physics was estimated. A part lies among the others: its errors tell the noise, and the parameters are as certain beside
+/// it as noise leaves them, without the dispersion of their fit, which is for other motions.
 ///
 /// A part of a log that determines all parameters is missed more than a log among others: what only it determines runs off
 /// without it, further than on another log. With few such logs the physics therefore stays as it is; but not with
@@ -65,7 +66,8 @@ pub(super) fn left_out(
         all.projection += &of_part.projection;
         of_parts.push(of_part);
     }
-    let open = physics.fit.as_ref().is_none_or(|fit| !fit.undetermined.is_empty());
+    let dispersion = physics.fit.as_ref().map_or(1.0, |fit| fit.dispersion);
+    let open = physics.fit.as_ref().is_some_and(|fit| !fit.undetermined.is_empty());
     let stays = mean == Mean::Physics && logs.len() < FEWEST_LOGS && !open;
     let whole = Basis::of_physics(physics).filter(|_| stays);
     let memory = memory(physics, rows);
@@ -78,7 +80,7 @@ pub(super) fn left_out(
     let mut result: Vec<Vec<LeftOut>> = rows.iter().map(|_| Vec::with_capacity(count)).collect();
     for (index, of_part) in of_parts.into_iter().enumerate() {
         let (change, covariance) = match &whole {
-            Some(whole) => (vec![0.0; unknowns], whole.covariance.clone()),
+            Some(whole) => (vec![0.0; unknowns], faer::Scale(dispersion.powi(-2)) * &whole.covariance),
             None => {
                 let information = &all.information - of_part.information;
                 let (without, covariance) = basis::solve(&information, &(&all.projection - of_part.projection));
@@ -111,8 +113,9 @@ fn held_by(physics: &TorqueModel, information: &Mat<f64>) -> Mat<f64> {
     if !(0..rank).all(finite) {
         return none;
     }
-    let deviation: Vec<f64> = (0..rank).map(|k| fit.covariance[k * rank + k].sqrt()).collect();
-    let scaled = Mat::from_fn(rank, rank, |i, j| fit.covariance[i * rank + j] / (deviation[i] * deviation[j]));
+    let covariance = |i: usize, j: usize| fit.covariance[i * rank + j] / fit.dispersion.powi(2);
+    let deviation: Vec<f64> = (0..rank).map(|k| covariance(k, k).sqrt()).collect();
+    let scaled = Mat::from_fn(rank, rank, |i, j| covariance(i, j) / (deviation[i] * deviation[j]));
     let Ok(factor) = scaled.llt(faer::Side::Lower) else { return none };
     let all = factor.solve(Mat::<f64>::identity(rank, rank));
     let more = Mat::from_fn(rank, rank, |i, j| {

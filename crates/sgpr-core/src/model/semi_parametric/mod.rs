@@ -280,16 +280,21 @@ impl SemiParametricModel {
                 }
             }
         }
+        let mut of_parameters = vec![0.0; variance.len()];
         if let Some(basis) = self.basis.as_ref().filter(|_| with_deviation) {
-            basis.add_variance(&self.physics, &self.joints, trajectory, &x, &novelty, &mut variance);
+            basis.add_variance(&self.physics, &self.joints, trajectory, &x, &novelty, &mut of_parameters);
         }
-        let deviation = |(k, variance): (usize, &f64)| (variance + self.joints[k % n].noise_variance).sqrt();
-        let plain: Vec<f64> = variance.iter().enumerate().map(deviation).collect();
-        let times = |factor: fn(&JointReport) -> f64| -> Vec<f64> {
-            plain.iter().enumerate().map(|(k, plain)| plain * factor(&self.joints[k % n].report)).collect()
+        let half_interval = |normal: f64, factor: fn(&JointReport) -> f64| -> Vec<f64> {
+            let both = variance.iter().zip(&of_parameters).enumerate();
+            let half = |(k, (variance, of_parameters)): (usize, (&f64, &f64))| {
+                let rest = &self.joints[k % n];
+                let scaled = factor(&rest.report).powi(2) * (variance + rest.noise_variance);
+                (scaled + normal.powi(2) * of_parameters).sqrt()
+            };
+            both.map(half).collect()
         };
-        let (standard_deviation, interval_95) =
-            (times(|report| report.calibration), times(|report| report.calibration_95));
+        let standard_deviation = half_interval(1.0, |report| report.calibration);
+        let interval_95 = half_interval(1.96, |report| report.calibration_95);
         Ok(TorquePrediction { tau, standard_deviation, interval_95, novelty })
     }
 

@@ -24,6 +24,7 @@ pub struct SemiParametricPredictor {
     x: Vec<f64>,
     tau: Vec<f64>,
     deviation: Vec<f64>,
+    of_parameters: Vec<f64>,
     novelty: Vec<f64>,
     /// Made with variance.
     with_variance: bool,
@@ -87,6 +88,7 @@ impl SemiParametricPredictor {
             x: vec![0.0; 3 * n + 1],
             tau: vec![0.0; n],
             deviation: vec![0.0; n],
+            of_parameters: vec![0.0; n],
             novelty: vec![1.0; n],
             with_variance,
         })
@@ -195,10 +197,12 @@ impl SemiParametricPredictor {
             }
         }
         if let Some(parameters) = &mut self.parameters {
-            parameters.add_variance(&self.physics, &self.x, &self.novelty, &mut self.deviation);
+            self.of_parameters.fill(0.0);
+            parameters.add_variance(&self.physics, &self.x, &self.novelty, &mut self.of_parameters);
         }
-        for (joint, deviation) in self.joints.iter().zip(&mut self.deviation) {
-            *deviation = joint.calibration * deviation.sqrt();
+        for ((joint, deviation), of_parameters) in self.joints.iter().zip(&mut self.deviation).zip(&self.of_parameters)
+        {
+            *deviation = (joint.calibration.powi(2) * *deviation + of_parameters).sqrt();
         }
         (&self.tau, &self.deviation)
     }

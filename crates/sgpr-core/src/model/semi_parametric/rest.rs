@@ -83,7 +83,8 @@ pub struct JointReport {
     pub candidates: Vec<Candidate>,
     /// The one that was chosen; none if no process predicted stretches left out better than the physics alone.
     pub chosen: Option<Inputs>,
-    /// What standard deviations are multiplied by so that 68 % of the errors on parts left out fall within one.
+    /// What standard deviations of process and noise are multiplied by so that 68 % of the errors on parts left out fall
+    /// within one. What uncertain parameters bring is added as it is: a part says little of other motions.
     pub calibration: f64,
     /// What they are multiplied by to give the half of the interval that 95 % of the errors fall into: 1.96 times the above
     /// for errors with a normal distribution, more for errors with heavy tails.
