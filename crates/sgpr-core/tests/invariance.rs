@@ -30,10 +30,13 @@ fn train() -> Vec<Recording> {
     ["train_1", "train_2", "train_3"].map(|name| read(name).slice(500..1500)).to_vec()
 }
 
-fn fitted(robot: &Robot, logs: &[Recording], method: Method) -> TorqueModel {
+fn options(method: Method) -> IdentifyOptions {
     let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
-    let options = IdentifyOptions { effects, method, ..IdentifyOptions::default() };
-    identify(robot, logs, &options, &()).expect("good logs").0
+    IdentifyOptions { effects, method, ..IdentifyOptions::default() }
+}
+
+fn fitted(robot: &Robot, logs: &[Recording], method: Method) -> TorqueModel {
+    identify(robot, logs, &options(method), &()).expect("good logs").0
 }
 
 fn methods() -> impl Strategy<Value = Method> {
@@ -191,9 +194,30 @@ fn units_are_converted_without_loss() {
 }
 
 #[test]
-fn every_log_twice_says_the_same_more_surely() {
+fn copies_and_overlaps_count_once() {
     let (robot, logs) = (robot(), train());
-    let twice: Vec<Recording> = logs.iter().chain(&logs).cloned().collect();
+    let renamed = logs[0].clone().with_source("a copy");
+    let overlap = logs[1].slice(logs[1].len() / 3..logs[1].len() / 2);
+    let more: Vec<Recording> = logs.iter().cloned().chain([renamed, overlap]).collect();
+    let fit = |logs: &[Recording]| identify(&robot, logs, &options(Method::Wls), &()).expect("good logs");
+    let ((once, _), (again, report)) = (fit(&logs), fit(&more));
+    assert_eq!(once.parameters(), again.parameters());
+    assert_eq!(once.fit().expect("identified").covariance, again.fit().expect("identified").covariance);
+    let said: Vec<&String> = report.warnings.iter().filter(|warning| warning.contains("would count twice")).collect();
+    assert_eq!(said.len(), 2, "{:?}", report.warnings);
+}
+
+#[test]
+fn every_motion_again_says_the_same_more_surely() {
+    let (robot, logs) = (robot(), train());
+    // The same motion, run again: other noise, which is too small to matter, so that no sample is the same.
+    let again = |log: &Recording| {
+        let tau = log.torque().expect("measured").iter().map(|tau| tau * (1.0 + 1e-13)).collect();
+        let (names, time, q) = (log.joint_names().to_vec(), log.time().to_vec(), log.position().to_vec());
+        let dq = log.velocity().map(<[f64]>::to_vec);
+        Recording::new("again", names, time, q, dq, Some(tau), vec![]).expect("arrays of one length")
+    };
+    let twice: Vec<Recording> = logs.iter().cloned().chain(logs.iter().map(again)).collect();
     let (once, twice) = (fitted(&robot, &logs, Method::Ols), fitted(&robot, &twice, Method::Ols));
     for (k, ([value, deviation], [other, smaller])) in numbers(&once).into_iter().zip(numbers(&twice)).enumerate() {
         let name = &once.base().names()[k];

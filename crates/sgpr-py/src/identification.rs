@@ -43,38 +43,28 @@ pub fn recordings(given: &Bound<'_, PyAny>) -> PyResult<Vec<logs::Recording>> {
     Ok(recordings)
 }
 
-/// The recordings that are evidence: torques that cannot be those of the robot are refused, and a copy of another
-/// recording, which would count twice, is left out with a warning.
-fn evidence(
+/// Refuses torques that cannot be those of the robot, and warns of samples that two recordings share and that count once.
+fn check_evidence(
     py: Python<'_>,
     robot: &Robot,
-    recordings: Vec<logs::Recording>,
-    start: Start,
-) -> PyResult<Vec<logs::Recording>> {
-    let mut kept: Vec<(u128, logs::Recording)> = Vec::new();
-    for recording in recordings {
-        let hash = recording.content_hash();
-        if let Some((_, other)) = kept.iter().find(|(own, _)| *own == hash) {
-            let text = format!(
-                "{} is a copy of {} and is left out: the same samples would count twice",
-                recording.source(),
-                other.source()
-            );
-            let category = py.get_type::<PyUserWarning>();
-            PyErr::warn(py, &category, &CString::new(text.replace('\0', ""))?, 2)?;
-            continue;
-        }
-        // What an internal model leaves over is no weight.
-        if start == Start::RobotFile {
-            let found = core::torque_scale(&robot.inner, &recording).map_err(IntoPyErr::into_py_err)?;
-            if let Some(found) = found {
-                let (recording, finding) = (recording.source().into(), found.message);
-                return Err(logs::RecordingError::Doubtful { recording, finding }.into_py_err());
-            }
-        }
-        kept.push((hash, recording));
+    recordings: &[logs::Recording],
+    options: &core::IdentifyOptions,
+) -> PyResult<()> {
+    if options.instruments.is_empty() {
+        warn(py, logs::LogSet::new(recordings).notes())?;
     }
-    Ok(kept.into_iter().map(|(_, recording)| recording).collect())
+    // What an internal model leaves over is no weight.
+    if options.start != Start::RobotFile {
+        return Ok(());
+    }
+    for recording in recordings {
+        let found = core::torque_scale(&robot.inner, recording).map_err(IntoPyErr::into_py_err)?;
+        if let Some(found) = found {
+            let (recording, finding) = (recording.source().into(), found.message);
+            return Err(logs::RecordingError::Doubtful { recording, finding }.into_py_err());
+        }
+    }
+    Ok(())
 }
 
 /// Warns of what the user should read.
@@ -379,7 +369,8 @@ pub fn identify(
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Model> {
     let Arguments { options, progress } = Arguments::new(robot.get(), options)?;
-    let recordings = evidence(py, robot.get(), self::recordings(recordings)?, options.start)?;
+    let recordings = self::recordings(recordings)?;
+    check_evidence(py, robot.get(), &recordings, &options)?;
     let robot = &robot.get().inner;
     let (model, report) = listen(py, progress, |progress| core::identify(robot, &recordings, &options, progress))?;
     let report = Py::new(py, IdentificationReport::new(py, report)?)?;

@@ -13,7 +13,6 @@ mod evidence;
 mod experiment;
 mod fit;
 mod formula;
-mod log_set;
 mod problem;
 mod report;
 mod search;
@@ -36,7 +35,7 @@ use crate::effects::{self, Effect};
 use crate::model::{IdentifyError, Term, TorqueModel, select_joints};
 use crate::motion::{MotionError, Processing};
 use crate::progress::{Interrupted, Progress};
-use crate::recording::{Recording, RecordingError};
+use crate::recording::{LogSet, Recording, RecordingError};
 use problem::Problem;
 use search::{Search, Wanted};
 
@@ -122,7 +121,8 @@ pub fn diagnose(
 ) -> Result<Diagnosis, DiagnosisError> {
     let wanted = options.by_hand.iter().map(|text| Wanted::parse(text, model.robot()));
     let wanted: Vec<Wanted> = wanted.collect::<Result<_, _>>()?;
-    let train = &log_set::as_set(train);
+    let train = LogSet::new(train).sorted();
+    let train = train.logs();
     let problem = problem(model, train)?;
     let known: Vec<String> = problem.set.effects().iter().map(|effect| effect.name().into()).collect();
     let mut search = Search::new(problem, &options.catalogue, known, progress);
@@ -143,7 +143,8 @@ pub fn diagnose(
 /// # Errors
 /// As [`diagnose`].
 pub fn add(model: &TorqueModel, findings: &[&Finding], train: &[Recording]) -> Result<TorqueModel, DiagnosisError> {
-    let train = &log_set::as_set(train);
+    let train = LogSet::new(train).sorted();
+    let train = train.logs();
     let problem = problem(model, train)?;
     let known: Vec<String> = problem.set.effects().iter().map(|effect| effect.name().into()).collect();
     let mut search = Search::new(problem, &[], known, &());

@@ -17,7 +17,7 @@ use crate::identification::{
 };
 use crate::motion::{Conditioning, Motion, MotionError, Processing};
 use crate::progress::{Interrupted, Progress};
-use crate::recording::{Recording, RecordingError, SMALLEST_TORQUE, is_still};
+use crate::recording::{LogSet, Recording, RecordingError, SMALLEST_TORQUE, is_still};
 use crate::robot::Robot;
 use crate::signal::{CutoffChoice, SignalError};
 
@@ -219,7 +219,8 @@ pub struct IdentificationReport {
 
 /// Identifies the torque model of `robot` from recordings.
 ///
-/// The joints of each recording are picked by the names of the robot's joints. `progress` hears of every log; `&()` for
+/// The joints of each recording are picked by the names of the robot's joints. Samples that two recordings share count once
+/// ([`LogSet`]), and a warning says so. `progress` hears of every log; `&()` for
 /// silence.
 ///
 /// # Errors
@@ -231,6 +232,9 @@ pub fn identify(
     options: &IdentifyOptions,
     progress: &dyn Progress,
 ) -> Result<(TorqueModel, IdentificationReport), IdentifyError> {
+    // Instruments go with the recordings sample by sample.
+    let set = options.instruments.is_empty().then(|| LogSet::new(recordings));
+    let (recordings, said) = set.as_ref().map_or((recordings, &[][..]), |set| (set.logs(), set.notes()));
     let recordings = select_joints(robot, recordings)?;
     require_torque(robot, &recordings)?;
     let (processing, cutoff_choices) = Processing::choose(&recordings, &options.conditioning)?;
@@ -239,7 +243,7 @@ pub fn identify(
     let mut report = IdentificationReport {
         cutoff_choices,
         singular_values: estimate.excitation.singular_values,
-        warnings: robot.warnings().into_iter().chain(notes).collect(),
+        warnings: robot.warnings().into_iter().chain(said.iter().cloned()).chain(notes).collect(),
         samples: recordings.iter().map(Recording::len).sum(),
         essential,
     };

@@ -18,7 +18,7 @@ use crate::gp::{Compute, GaussianProcess, GpError};
 use crate::identification::Judgement;
 use crate::motion::Processing;
 use crate::progress::{Interrupted, Progress};
-use crate::recording::Recording;
+use crate::recording::{LogSet, Recording};
 use crate::robot::Robot;
 
 /// A process of more points would be slow to use and could not be read back.
@@ -97,6 +97,8 @@ fn learn(
 ) -> Result<SemiParametricModel, SemiParametricError> {
     let robot = physics.robot().clone();
     let processing = physics.processing().expect("set with the model").clone();
+    let set = LogSet::new(recordings);
+    let recordings = set.logs();
     let recordings = select_joints(&robot, recordings).map_err(IdentifyError::from)?;
     let mut logs = Vec::new();
     for motion in motions(&recordings, &processing).map_err(IdentifyError::from)? {
