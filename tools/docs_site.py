@@ -214,13 +214,14 @@ def effects() -> Iterator[str]:
 
 
 def messages() -> Iterator[str]:
-    """Every error message of the core, by the part of the library that says it."""
+    """Every error message of the crates that compute, by the part of the library that says it."""
     yield "\n## All messages\n\nWords in braces stand for what was found: a file, a joint, a number.\n"
-    for path in sorted((ROOT / "crates/sgpr-core/src").rglob("*.rs")):
+    sources = [ROOT / f"crates/sgpr-{crate}/src" for crate in ("core", "predict")]
+    for folder, path in sorted((folder, path) for folder in sources for path in folder.rglob("*.rs")):
         texts = re.findall(r'#\[error\("((?:[^"\\]|\\.)*)"', path.read_text())
         said = [text for text in texts if re.sub(r"\{[^}]*\}", "", text).strip(": ")]
         if said:
-            yield f"### {path.relative_to(ROOT / 'crates/sgpr-core/src').with_suffix('').as_posix()}\n"
+            yield f"### {path.relative_to(folder).with_suffix('').as_posix()}\n"
             yield from (f"- `{text.replace('`', '')}`" for text in said)
             yield ""
 
