@@ -156,7 +156,7 @@ sdist: $(VENV)/.pip
 PREFIX ?= $(CURDIR)/$(OUT)/c-library
 c-library:
 	cargo build --locked --release --quiet --package sgpr-c
-	crates/sgpr-c/install.sh target/release $(PREFIX)
+	crates/sgpr-c/install.sh "$${CARGO_TARGET_DIR:-target}/release" "$(PREFIX)"
 	@echo "library: $(PREFIX)/lib, headers: $(PREFIX)/include"
 
 ## A controller in C++ on an arm that MuJoCo moves: before, with the identified model, with what was found (docs/controllers.md).

@@ -1,10 +1,11 @@
 """A controller in C++ at 1 kHz on an arm that MuJoCo moves; its model is identified and diagnosed from its own logs.
 
-Usage: python run.py [--out out/controller] [--library out/c-library]   (make controller-demo; needs g++, mujoco, matplotlib)
+Usage: python run.py [--out out/controller] [--library out/c-library]   (make controller-demo; needs g++, mujoco,
+matplotlib)
 
-The arm is heavier or lighter than its robot file says by up to a tenth, has friction that MuJoCo makes, and a ripple in the
-gear of one joint. Three runs of the same motion: with the model of the robot file, with the identified one, with what the
-diagnosis found. Writes results.json, tracking.png and the models.
+The arm is heavier or lighter than its robot file says by up to a tenth, has friction that MuJoCo makes, and a ripple in
+the gear of one joint. Three runs of the same motion: with the model of the robot file, with the identified one, with
+what the diagnosis found. Writes results.json, tracking.png and the models.
 """
 
 import argparse
@@ -44,7 +45,8 @@ def true_arm(path: Path) -> None:
         for name in ("visual", "collision"):
             for element in link.findall(name):
                 link.remove(element)
-    ElementTree.SubElement(ElementTree.SubElement(tree, "mujoco"), "compiler", fusestatic="false", balanceinertia="true")
+    settings = ElementTree.SubElement(tree, "mujoco")
+    ElementTree.SubElement(settings, "compiler", fusestatic="false", balanceinertia="true")
     with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
         file.write(ElementTree.tostring(tree, encoding="unicode"))
         file.flush()

@@ -1,6 +1,7 @@
+use alloc::vec::Vec;
+
 use crate::model::StreamedModel;
 use crate::stream::{Predictor, Purpose, StreamError, StreamOptions};
-use alloc::vec::Vec;
 
 /// How gravity and friction are compensated.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,3 +1,5 @@
+use alloc::vec::Vec;
+
 use super::body::Body;
 use super::forward_dynamics::Articulated;
 use super::machine::{Machine, Positions};
@@ -6,7 +8,6 @@ use crate::robot::Robot;
 use crate::simd::Fused;
 use crate::simd::Real;
 use crate::spatial::{LinkInertia, PARAMETERS_PER_LINK, Pose, Vector3};
-use alloc::vec::Vec;
 
 /// Every buffer that dynamics of one sample needs; made once for a robot, reused for every call.
 ///

@@ -1,7 +1,8 @@
+use alloc::vec::Vec;
+
 use super::context::lag;
 use super::stepping::{LAG_STATE, Lag};
 use super::{About, Class, Constant, Effect, Entry, Needs, Origin, Reach, Site, Stepped, written_once};
-use alloc::vec::Vec;
 
 /// A torque loop of first order: what is logged follows the torque with the time constant T.
 ///

@@ -1,9 +1,10 @@
+use alloc::vec::Vec;
+
 use super::{
     About, Context, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, written_once,
 };
 use crate::dynamics::{Workspace, forward_kinematics, gravity_torque};
 use crate::spatial::Vector3;
-use alloc::vec::Vec;
 
 /// A mount that gives way: the base leans by c times the static moment on it, about x and y, and gravity leans with
 /// it.

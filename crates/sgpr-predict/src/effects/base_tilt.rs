@@ -1,7 +1,8 @@
+use alloc::vec::Vec;
+
 use super::{About, Class, Constant, Effect, Entry, Origin, Reach, Site};
 use crate::robot::Robot;
 use crate::spatial::Matrix3;
-use alloc::vec::Vec;
 
 /// A base that does not stand upright: gravity turned in base axes by a roll about x and a pitch about y.
 ///

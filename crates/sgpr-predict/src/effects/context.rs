@@ -1,3 +1,5 @@
+use alloc::string::{String, ToString};
+
 use super::Channel;
 use super::stepping::cubic_weights;
 use super::{EffectParameter, JointState, SampleInput, Site, StepState, Stepped};
@@ -10,8 +12,6 @@ use crate::robot::Robot;
 use crate::signal::Differentiation;
 use crate::simd::Number;
 use crate::spatial::{Matrix3, PARAMETERS_PER_LINK, Vector3};
-use alloc::string::String;
-use alloc::string::ToString;
 
 /// A stretch of a trajectory and what a model says of it: everything that an effect may depend on.
 ///

@@ -1,10 +1,11 @@
+use alloc::vec::Vec;
+
 use super::{
     About, Class, Constant, Effect, Entry, LinkSample, Origin, Reach, SampleInput, Site, StepState, Stepped,
     written_once,
 };
 #[cfg(feature = "trajectories")]
 use super::{Context, LinkMotion};
-use alloc::vec::Vec;
 
 /// An encoder disc that sits off centre: q_link = q + e1 cos q + e2 sin q.
 ///

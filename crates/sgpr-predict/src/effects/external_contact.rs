@@ -1,10 +1,11 @@
+use alloc::vec::Vec;
+
 use super::context::{after, tip_levers};
 use super::{
     About, Class, Constant, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Scale, Site, StepState,
     Stepped, written_once,
 };
 use crate::spatial::Vector3;
-use alloc::vec::Vec;
 
 /// A force on the origin of the last link between t0 and t1, constant in base axes (F), in axes of the link (f), or the
 /// sum of both: tau = Jᵀ (F + R f).

@@ -1,9 +1,10 @@
+use alloc::vec::Vec;
+
 use super::context::tip_levers;
 use super::{
     About, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, written_once,
 };
 use crate::spatial::Vector3;
-use alloc::vec::Vec;
 
 /// Drag of water or air on the arm, taken at the origin of the last link: tau = c Jᵀ v |v|.
 ///

@@ -1,7 +1,8 @@
+use alloc::vec::Vec;
+
 use super::{About, Class, Constant, Effect, Entry, Origin, Reach, Site};
 use crate::robot::Robot;
 use crate::spatial::Vector3;
-use alloc::vec::Vec;
 
 /// A joint that sits elsewhere on its parent link than the robot file says, by (dx, dy, dz) in the parent's axes. A
 /// refit absorbs nearly all of it.

@@ -64,8 +64,7 @@ mod transmission_hysteresis;
 mod viscous_friction;
 mod wrist_coupling;
 
-use alloc::string::String;
-use alloc::string::ToString;
+use alloc::string::{String, ToString};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::fmt::Debug;

@@ -1,3 +1,5 @@
+use alloc::vec::Vec;
+
 #[cfg(feature = "trajectories")]
 use super::Context;
 #[cfg(feature = "trajectories")]
@@ -6,7 +8,6 @@ use super::context::{link_columns, of_a_link};
 use super::{
     About, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, written_once,
 };
-use alloc::vec::Vec;
 
 /// A body fixed to the last link: ten inertial parameters. A refit of the base parameters absorbs it whole; against a
 /// fixed model it shows.

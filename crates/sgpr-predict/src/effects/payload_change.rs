@@ -1,3 +1,5 @@
+use alloc::vec::Vec;
+
 #[cfg(feature = "trajectories")]
 use super::Context;
 #[cfg(feature = "trajectories")]
@@ -7,7 +9,6 @@ use super::{
     About, Class, Constant, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Scale, Site, StepState,
     Stepped, written_once,
 };
-use alloc::vec::Vec;
 
 /// A load that is taken up or put down at a time t0: ten inertial parameters of the last link for t > t0.
 ///

@@ -1,8 +1,9 @@
+use alloc::vec::Vec;
+
 use super::{
     About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
     written_once,
 };
-use alloc::vec::Vec;
 
 /// A spring between a pin on the arm and one on the base, at distances with the ratio r from the axis: with the
 /// length l = sqrt(1 + r² - 2 r cos(q - q0)) in units of the longer distance, tau = -(s1 - s0 / l) sin(q - q0),

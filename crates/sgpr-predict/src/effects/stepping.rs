@@ -1,6 +1,9 @@
 //! Effects that advance sample by sample: what a control loop and a simulator need, and what the columns of a whole
 //! trajectory follow from.
 
+use alloc::string::String;
+use alloc::vec::Vec;
+
 use super::{Context, Effect, JointState, Reach, Site};
 #[cfg(feature = "expressions")]
 use crate::dynamics::RecordedWorkspace;
@@ -12,8 +15,6 @@ use crate::math::Float;
 use crate::robot::Robot;
 use crate::simd::Number;
 use crate::spatial::Pose;
-use alloc::string::String;
-use alloc::vec::Vec;
 
 /// One sample of a motion and what a model says of it: everything that a stepped effect may depend on.
 ///

@@ -1,7 +1,8 @@
+use alloc::string::String;
+
 use super::{
     About, Context, Effect, EffectParameter, Entry, Needs, Origin, SampleInput, Site, StepState, Stepped, written_once,
 };
-use alloc::string::String;
 
 /// Friction that changes with the temperature T of the joint: tau = (T - 25 °C) (a1 dq + a0 sgn(dq)).
 ///

@@ -1,7 +1,8 @@
-use super::*;
-use crate::robot::{Robot, puma560};
 use alloc::string::ToString;
 use alloc::vec::Vec;
+
+use super::*;
+use crate::robot::{Robot, puma560};
 
 fn with_context<R>(robot: &Robot, run: impl FnOnce(&Context<'_>) -> R) -> R {
     let n = robot.dof();

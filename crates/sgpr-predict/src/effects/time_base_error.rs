@@ -1,5 +1,6 @@
-use super::{About, Class, Effect, Entry, Origin};
 use alloc::vec::Vec;
+
+use super::{About, Class, Effect, Entry, Origin};
 
 /// Jitter, lost samples, wrong units or signs: found by the checks of the log before any physics
 /// (`recording::inspect`).

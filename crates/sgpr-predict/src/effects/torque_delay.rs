@@ -1,7 +1,8 @@
+use alloc::vec::Vec;
+
 use super::context::shift;
 use super::stepping::Delay;
 use super::{About, Class, Constant, Effect, Entry, Needs, Origin, Reach, Site, Stepped, Streamed, written_once};
-use alloc::vec::Vec;
 
 /// Torques that are logged late: tau_log(t) = tau(t - d), one delay for all joints.
 ///

@@ -1,5 +1,6 @@
-use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, written_once};
 use alloc::vec::Vec;
+
+use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, written_once};
 
 /// One motor of the wrist drives two joints, so that the torque of a joint depends on the motion of its neighbour:
 /// tau_j = Ia ddq_o + Fv dq_o + Fc sgn(dq_o) + Fs sgn(dq_j + dq_o).

@@ -2,6 +2,7 @@
 
 use alloc::string::String;
 use alloc::vec::Vec;
+
 use serde::{Deserialize, Serialize};
 
 use super::{Frame, Joint, JointKind, Limits, Robot, RobotError};

@@ -1,9 +1,10 @@
 //! Robots from Denavit-Hartenberg tables. Only this file knows them.
 
-use super::{Frame, Joint, JointKind, Limits, Robot, RobotError};
-use crate::spatial::{LinkInertia, Matrix3, Pose, Vector3};
 use alloc::string::String;
 use alloc::vec::Vec;
+
+use super::{Frame, Joint, JointKind, Limits, Robot, RobotError};
+use crate::spatial::{LinkInertia, Matrix3, Pose, Vector3};
 
 /// Which of the two conventions a table follows; they look alike and mean different robots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

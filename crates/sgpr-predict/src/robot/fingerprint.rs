@@ -1,8 +1,9 @@
 //! A robot in 32 letters.
 
+use alloc::string::String;
+
 use super::Robot;
 use super::description::RobotDescription;
-use alloc::string::String;
 
 impl Robot {
     /// A number that robots share whose joints, links, limits and gravity are the same, and only those; name, frames and

@@ -18,6 +18,7 @@ mod write;
 
 use alloc::string::String;
 use alloc::vec::Vec;
+
 use serde::{Deserialize, Serialize};
 
 pub use dh::{DhConvention, DhRow};

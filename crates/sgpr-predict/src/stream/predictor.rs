@@ -1,11 +1,11 @@
+use alloc::string::{String, ToString};
+use alloc::vec::Vec;
+
 use super::sampler::{Buffers, Sampler, StreamStart};
 use super::{Purpose, StreamError, StreamOptions};
 use crate::effects::{Needs, Streamed, knows_one_row};
 use crate::model::{StreamedModel, Term};
 use crate::robot::Robot;
-use alloc::string::String;
-use alloc::string::ToString;
-use alloc::vec::Vec;
 
 /// Torque of one sample after the other, for a controller: owns its buffers, allocates nothing after it is made, takes no
 /// lock, and can move to another thread.

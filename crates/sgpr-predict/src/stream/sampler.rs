@@ -1,11 +1,12 @@
 #![allow(missing_docs, reason = "hidden: for those who make code of a model")]
 
+use alloc::vec::Vec;
+
 use super::steps::TransformSteps;
 use super::{StreamOptions, TermSteps};
 use crate::effects::{JointState, LinkSample, SampleInput, Stepped};
 use crate::model::{ParameterSet, StreamedModel, Term};
 use crate::robot::Robot;
-use alloc::vec::Vec;
 
 /// What the next sample is to the hidden states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
