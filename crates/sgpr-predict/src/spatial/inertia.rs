@@ -175,6 +175,7 @@ mod tests {
         }
     }
 
+    #[cfg(feature = "files")]
     #[test]
     fn the_pseudo_inertia_of_a_point_mass_is_its_moment_matrix() {
         // For a point mass S = m c cᵀ, so the matrix is m [c; 1][c; 1]ᵀ, of rank one.
