@@ -152,7 +152,6 @@ pub struct Compensation {
 impl Compensation {
     #[new]
     #[pyo3(signature = (model, *, friction=0.8, transition_speed=0.02, limits=None, rate_hz=None, keep=None))]
-    #[expect(clippy::too_many_arguments, reason = "the keywords of Python")]
     fn new(
         py: Python<'_>,
         model: &Model,
