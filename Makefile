@@ -4,11 +4,11 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 OUT := out
-SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-core/src crates/sgpr-lapack/src crates/sgpr-py/src crates/sgpr-py/python \
+SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-predict/src crates/sgpr-core/src crates/sgpr-lapack/src crates/sgpr-py/src crates/sgpr-py/python \
 	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name '*.js' -o -name '*.css' -o -name '*.html' -o -name Cargo.toml) \
-	crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
+	crates/sgpr-predict/Cargo.toml crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
 
-.PHONY: docs figures readme first-hour package semver sdist build demo workbench fleet-demo demo-real estimators test test-rust test-python skipped browser lint msrv deny bench diagnosis-bench \
+.PHONY: docs figures readme first-hour package semver sdist build c-library controller-demo demo workbench fleet-demo demo-real estimators test test-rust test-python skipped browser lint msrv deny bench diagnosis-bench \
 	diagnosis-mujoco peers fuzz soak clean thesis
 
 build: $(VENV)/.built
@@ -73,7 +73,7 @@ thesis: build
 test: test-rust test-python skipped
 
 test-rust:
-	cargo test --locked --quiet --package sgpr-core --package sgpr-lapack --package sgpr-c
+	cargo test --locked --quiet --package sgpr-predict --package sgpr-core --package sgpr-lapack --package sgpr-c
 
 test-python: build $(VENV)/.test browser
 	cd crates/sgpr-py && ../../$(BIN)/python -m pytest -q -rs tests
@@ -138,19 +138,32 @@ first-hour: build
 	rm -rf $(OUT)/first_hour
 	$(PYTHON) tools/first_hour.py $$(ls $(VENV)/wheels/*.whl) $(OUT)/first_hour
 
-## Both crates as they would be published; a warning fails.
+## The crates as they would be published; a warning fails.
 package:
-	@cargo package --locked --allow-dirty --no-verify --package sgpr-lapack --package sgpr-core 2> $(OUT)-package.log; \
+	@cargo package --locked --allow-dirty --no-verify --package sgpr-lapack --package sgpr-predict --package sgpr-core 2> $(OUT)-package.log; \
 		status=$$?; cat $(OUT)-package.log; grep -q '^warning' $(OUT)-package.log && status=1; rm -f $(OUT)-package.log; exit $$status
 
 ## The public interface beside that of the last published version.
 semver:
 	@cargo semver-checks --version > /dev/null 2>&1 || cargo install --locked --quiet cargo-semver-checks
-	cargo semver-checks --package sgpr-core --package sgpr-lapack
+	cargo semver-checks --package sgpr-predict --package sgpr-core --package sgpr-lapack
 
 ## Source archives in out/dist, one of them with all crates: it builds without a network.
 sdist: $(VENV)/.pip
 	$(BIN)/python tools/vendored_sdist.py $(OUT)/dist
+
+## The C library with its headers, for pkg-config and CMake: make c-library PREFIX=/usr/local (DESTDIR for packages).
+PREFIX ?= $(CURDIR)/$(OUT)/c-library
+c-library:
+	cargo build --locked --release --quiet --package sgpr-c
+	crates/sgpr-c/install.sh "$${CARGO_TARGET_DIR:-target}/release" "$(PREFIX)"
+	@echo "library: $(PREFIX)/lib, headers: $(PREFIX)/include"
+
+## A controller in C++ on an arm that MuJoCo moves: before, with the identified model, with what was found (docs/controllers.md).
+controller-demo: build c-library
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check mujoco matplotlib
+	$(BIN)/python examples/controller/run.py --out $(OUT)/controller --library $(PREFIX)
+	@echo "plot: $(OUT)/controller/tracking.png"
 
 bench:
 	cargo bench --locked --package benches
@@ -181,11 +194,12 @@ fuzz:
 		--test recording_hostile --test robot -- any changed damaged
 	SGPR_FUZZ_CASES=$(VALUE_CASES) cargo test --locked --release --package sgpr-core --test hostile_values
 
-## Millions of calls of a predictor and a thousand identifications, in which memory must not grow.
+## Millions of calls of a predictor and a thousand identifications, in which memory must not grow; how long the slowest calls take.
 SOAK_CALLS ?= 10000000
 SOAK_FITS ?= 1000
 soak:
 	SGPR_SOAK_CALLS=$(SOAK_CALLS) SGPR_SOAK_FITS=$(SOAK_FITS) cargo test --locked --release --package sgpr-core --test soak
+	SGPR_SOAK_CALLS=$(SOAK_CALLS) cargo test --locked --release --package sgpr-predict --features simd --test endurance
 
 clean:
 	rm -rf $(OUT) $(VENV) target

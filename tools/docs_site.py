@@ -47,7 +47,14 @@ PYTHON = {
     ],
     "Comparison and diagnosis": ["compare", "compare_streaming", "Comparison", "diagnose", "Diagnosis", "Finding"],
     "What physics leaves over": ["SemiParametricModel", "GaussianProcess", "Kernel"],
-    "In a control loop": ["Predictor", "SemiParametricPredictor", "OnlineModel", "OnlineGaussianProcess"],
+    "In a control loop": [
+        "Predictor",
+        "SemiParametricPredictor",
+        "Compensation",
+        "MomentumObserver",
+        "OnlineModel",
+        "OnlineGaussianProcess",
+    ],
     "Motion": ["excite", "Excitation", "Trajectory", "simulate", "Simulation", "Drive"],
     "Data sets": ["datasets"],
 }
@@ -214,13 +221,14 @@ def effects() -> Iterator[str]:
 
 
 def messages() -> Iterator[str]:
-    """Every error message of the core, by the part of the library that says it."""
+    """Every error message of the crates that compute, by the part of the library that says it."""
     yield "\n## All messages\n\nWords in braces stand for what was found: a file, a joint, a number.\n"
-    for path in sorted((ROOT / "crates/sgpr-core/src").rglob("*.rs")):
+    sources = [ROOT / f"crates/sgpr-{crate}/src" for crate in ("core", "predict")]
+    for path in sorted(path for source in sources for path in source.rglob("*.rs")):
         texts = re.findall(r'#\[error\("((?:[^"\\]|\\.)*)"', path.read_text())
         said = [text for text in texts if re.sub(r"\{[^}]*\}", "", text).strip(": ")]
         if said:
-            yield f"### {path.relative_to(ROOT / 'crates/sgpr-core/src').with_suffix('').as_posix()}\n"
+            yield f"### {path.with_suffix('').as_posix().split('/src/')[-1]}\n"
             yield from (f"- `{text.replace('`', '')}`" for text in said)
             yield ""
 

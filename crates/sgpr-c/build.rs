@@ -1,4 +1,4 @@
-//! The library shows its own functions alone: not the symbols of BLAS and LAPACK that a solver inside of it calls.
+//! The library shows its own functions alone, not those of the crates inside of it.
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");

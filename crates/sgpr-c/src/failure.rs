@@ -5,7 +5,7 @@ use std::ffi::c_char;
 use std::fmt::{self, Display, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use sgpr_core::model::StreamError;
+use sgpr_predict::stream::StreamError;
 
 pub const OK: i32 = 0;
 

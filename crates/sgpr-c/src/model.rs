@@ -2,7 +2,7 @@
 
 use std::ffi::{CStr, CString, c_char};
 
-use sgpr_core::model::TorqueModel;
+use sgpr_predict::model::StreamedModel;
 
 use crate::failure::{Code, Failure, code};
 
@@ -10,11 +10,11 @@ use crate::failure::{Code, Failure, code};
 #[derive(Debug)]
 #[allow(non_camel_case_types, reason = "the name in C")]
 pub struct sgpr_model {
-    pub(crate) inner: TorqueModel,
+    pub(crate) inner: StreamedModel,
     names: Vec<CString>,
 }
 
-fn handle(inner: TorqueModel) -> *mut sgpr_model {
+fn handle(inner: StreamedModel) -> *mut sgpr_model {
     let joints = inner.robot().joints().iter();
     let names = joints.map(|joint| CString::new(joint.name.replace('\0', "_")).unwrap_or_default()).collect();
     Box::into_raw(Box::new(sgpr_model { inner, names }))
@@ -33,7 +33,7 @@ pub unsafe extern "C" fn sgpr_model_load(path: *const c_char, model: *mut *mut s
         // SAFETY: not null, and the caller says that it ends in a zero.
         let path = unsafe { CStr::from_ptr(path) };
         let path = path.to_str().map_err(|_| Failure::new(Code::BadModel, &"path: not UTF-8"))?;
-        let inner = TorqueModel::load(path).map_err(|error| Failure::new(Code::BadModel, &error))?;
+        let inner = StreamedModel::load(path).map_err(|error| Failure::new(Code::BadModel, &error))?;
         // SAFETY: not null, and the caller says that it may be written.
         unsafe { *model = handle(inner) };
         Ok(())
@@ -55,7 +55,7 @@ pub unsafe extern "C" fn sgpr_model_from_bytes(bytes: *const u8, length: usize, 
         }
         // SAFETY: not null, and the caller says that there are so many.
         let bytes = unsafe { std::slice::from_raw_parts(bytes, length) };
-        let inner = TorqueModel::from_bytes(bytes, "bytes").map_err(|error| Failure::new(Code::BadModel, &error))?;
+        let inner = StreamedModel::from_bytes(bytes, "bytes").map_err(|error| Failure::new(Code::BadModel, &error))?;
         // SAFETY: not null, and the caller says that it may be written.
         unsafe { *model = handle(inner) };
         Ok(())

@@ -1,6 +1,6 @@
 //! Predictors: one sample after the other.
 
-use sgpr_core::model::{Predictor, Purpose, StreamOptions};
+use sgpr_predict::stream::{Predictor, Purpose, StreamOptions};
 
 use crate::failure::{Code, Failure, code};
 use crate::model::sgpr_model;

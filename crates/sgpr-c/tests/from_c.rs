@@ -69,34 +69,120 @@ fn expected(model: &TorqueModel, motion: &[f64]) -> Vec<u8> {
     bytes
 }
 
+fn is_here(tool: &str) -> bool {
+    let here = Command::new(tool).arg("--version").output().is_ok();
+    if !here {
+        eprintln!("skipped: no {tool} here");
+    }
+    here
+}
+
+/// A model and a motion in files, and what a program should make of them.
+struct Case {
+    folder: tempfile::TempDir,
+    joints: usize,
+    expected: Vec<u8>,
+}
+
+impl Case {
+    fn new() -> Self {
+        let (model, folder) = (model(), tempfile::tempdir().expect("a folder"));
+        let joints = model.robot().dof();
+        let motion = motion(joints);
+        model.save(folder.path().join("model.sgpr")).expect("writable");
+        let bytes: Vec<u8> = motion.iter().flat_map(|value| value.to_le_bytes()).collect();
+        fs::write(folder.path().join("motion.bin"), bytes).expect("writable");
+        Self { joints, expected: expected(&model, &motion), folder }
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Runs a program that finds its libraries in `libraries`.
+    fn run(&self, program: &Path, libraries: &Path) {
+        run(Command::new(program)
+            .env("LD_LIBRARY_PATH", libraries)
+            .args([self.at("model.sgpr"), self.at("motion.bin"), self.at("tau.bin")])
+            .arg(self.joints.to_string()));
+        assert!(
+            fs::read(self.at("tau.bin")).expect("written") == self.expected,
+            "{}: other torques",
+            program.display()
+        );
+        fs::remove_file(self.at("tau.bin")).expect("written");
+    }
+}
+
 /// Compiles a program of this folder with the library, runs it, and compares.
 fn check(compiler: &str, standard: &str, source: &str, more: &[&str]) {
-    if Command::new(compiler).arg("--version").output().is_err() {
-        eprintln!("skipped: no {compiler} here");
+    if !is_here(compiler) {
         return;
     }
-    let (model, folder, library) = (model(), tempfile::tempdir().expect("a folder"), library());
-    let n = model.robot().dof();
-    let motion = motion(n);
-    let at = |name: &str| folder.path().join(name);
-    model.save(at("model.sgpr")).expect("writable");
-    fs::write(at("motion.bin"), motion.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>())
-        .expect("writable");
+    let (case, library) = (Case::new(), library());
     run(Command::new(compiler)
         .args([standard, "-O1", "-g", "-Wall", "-Wextra", "-Wpedantic", "-Werror"])
         .arg(format!("-I{HERE}/include"))
         .arg(Path::new(HERE).join("tests").join(source))
-        .args(["-o", at("program").to_str().expect("UTF-8"), "-L"])
+        .args(["-o", case.at("program").to_str().expect("UTF-8"), "-L"])
         .arg(&library)
         .args(more)
         .args(["-lsgpr", "-lm", "-pthread"]));
     // The name under which the loader looks for it.
-    std::os::unix::fs::symlink(library.join("libsgpr.so"), at("libsgpr.so.1")).expect("a link");
-    run(Command::new(at("program"))
-        .env("LD_LIBRARY_PATH", folder.path())
-        .args([at("model.sgpr"), at("motion.bin"), at("tau.bin")])
-        .arg(n.to_string()));
-    assert!(fs::read(at("tau.bin")).expect("written") == expected(&model, &motion), "{source}: other torques");
+    std::os::unix::fs::symlink(library.join("libsgpr.so"), case.at("libsgpr.so.1")).expect("a link");
+    case.run(&case.at("program"), case.folder.path());
+}
+
+/// The library as it is installed, in a folder that was moved afterwards.
+fn installed(case: &Case) -> PathBuf {
+    run(Command::new("sh").arg(format!("{HERE}/install.sh")).args([&library(), &case.at("before")]));
+    fs::rename(case.at("before"), case.at("moved")).expect("a folder");
+    case.at("moved")
+}
+
+#[test]
+fn pkg_config_finds_the_installed_library() {
+    if !is_here("pkg-config") || !is_here("g++") {
+        return;
+    }
+    let case = Case::new();
+    let prefix = installed(&case);
+    let flags = |more: &[&str]| -> Vec<String> {
+        let path = prefix.join("lib/pkgconfig");
+        let output = run(Command::new("pkg-config").env("PKG_CONFIG_PATH", path).args(more).arg("sgpr"));
+        String::from_utf8(output.stdout).expect("flags").split_whitespace().map(String::from).collect()
+    };
+    assert_eq!(flags(&["--modversion"]), [env!("CARGO_PKG_VERSION")]);
+    let program = case.at("program");
+    let compile = |flags: Vec<String>| {
+        let source = Path::new(HERE).join("tests/controller.cpp");
+        run(Command::new("g++").arg("-std=c++17").arg(source).arg("-o").arg(&program).args(flags).arg("-pthread"));
+    };
+    compile(flags(&["--cflags", "--libs"]));
+    case.run(&program, &prefix.join("lib"));
+    // Without the shared library the linker takes the other one.
+    for name in ["libsgpr.so", "libsgpr.so.1"] {
+        fs::remove_file(prefix.join("lib").join(name)).expect("installed");
+    }
+    compile(flags(&["--cflags", "--libs", "--static"]));
+    case.run(&program, Path::new(""));
+}
+
+#[test]
+fn cmake_finds_the_installed_library() {
+    if !is_here("cmake") || !is_here("g++") {
+        return;
+    }
+    let case = Case::new();
+    let (prefix, build) = (installed(&case), case.at("build"));
+    run(Command::new("cmake")
+        .args(["-S", &format!("{HERE}/tests/consumer"), "-DCMAKE_CXX_COMPILER=g++"])
+        .arg("-B")
+        .arg(&build)
+        .arg(format!("-DCMAKE_PREFIX_PATH={}", prefix.display())));
+    run(Command::new("cmake").arg("--build").arg(&build));
+    case.run(&build.join("shared"), &prefix.join("lib"));
+    case.run(&build.join("static"), Path::new(""));
 }
 
 #[test]

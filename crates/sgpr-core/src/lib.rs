@@ -24,14 +24,9 @@
 //! - [`linalg`]: the factors and selections behind the identification
 #![forbid(unsafe_code)]
 
-mod atomic_file;
-pub mod control;
 pub mod diagnosis;
-pub mod dynamics;
-pub mod effects;
 pub mod excitation;
 pub mod export;
-pub mod expression;
 pub mod gp;
 pub mod identification;
 pub mod linalg;
@@ -42,9 +37,8 @@ pub mod online;
 pub mod progress;
 mod random;
 pub mod recording;
-pub mod robot;
-pub mod signal;
-pub mod simd;
 pub mod simulation;
-pub mod spatial;
 pub mod threads;
+
+use sgpr_predict::atomic_file;
+pub use sgpr_predict::{control, dynamics, effects, expression, robot, signal, simd, spatial};

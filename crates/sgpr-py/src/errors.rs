@@ -6,6 +6,7 @@
 use pyo3::create_exception;
 use pyo3::exceptions::{PyMemoryError, PyOSError, PyValueError};
 use pyo3::prelude::*;
+use sgpr_core::control::ObserverError;
 use sgpr_core::diagnosis::DiagnosisError;
 use sgpr_core::effects::UnknownEffect;
 use sgpr_core::excitation::ExcitationError as ExcitationFailure;
@@ -119,6 +120,12 @@ impl IntoPyErr for OnlineError {
 }
 
 impl IntoPyErr for model::StreamError {
+    fn into_py_err(self) -> PyErr {
+        SgprError::new_err(self.to_string())
+    }
+}
+
+impl IntoPyErr for ObserverError {
     fn into_py_err(self) -> PyErr {
         SgprError::new_err(self.to_string())
     }

@@ -1,6 +1,7 @@
 //! The compiled half of the Python package: a boundary, no mathematics.
 
 mod compare;
+mod control;
 mod convert;
 mod detached;
 mod diagnosis;
@@ -26,6 +27,8 @@ mod user_effect;
 mod _sgpr {
     #[pymodule_export]
     use crate::compare::{Comparison, JointComparison, LogResidual, compare, compare_streaming};
+    #[pymodule_export]
+    use crate::control::{Compensation, MomentumObserver};
     #[pymodule_export]
     use crate::diagnosis::{Diagnosis, Finding, diagnose, residual_structure};
     #[pymodule_export]

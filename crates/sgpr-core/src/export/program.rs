@@ -1,6 +1,6 @@
 use crate::effects::{Needs, Site};
 use crate::expression::{Expr, Recorder, Tape};
-use crate::model::{Provenance, Purpose, Sampler, StreamOptions, StreamStart, TorqueModel};
+use crate::model::{Provenance, Purpose, Sampler, StreamOptions, StreamStart, StreamedModel, TorqueModel};
 use crate::simd::Number;
 
 /// What a formula starts from.
@@ -70,9 +70,10 @@ impl Program {
     /// The formulas of a model that can be streamed.
     pub fn record(model: &TorqueModel, options: &StreamOptions) -> Self {
         let recorder = Recorder::start();
-        let terms = options.terms(model);
+        let streamed = StreamedModel::from(model);
+        let terms = options.terms(&streamed);
         let rate_hz = options.rate_hz.unwrap_or(f64::NAN);
-        let mut sampler = Sampler::<Expr>::new(model, options, &terms, rate_hz);
+        let mut sampler = Sampler::<Expr>::new(&streamed, options, &terms, rate_hz);
         sampler.robot = sampler.robot.clone().with_exact_right_angles();
         let mut inputs = Inputs::default();
         let carriers = set_inputs(&mut sampler, &mut inputs, model);

@@ -1,6 +1,6 @@
 //! Which combinations of parameters motion can reveal.
 
-use super::parameter_set::ParameterSet;
+use super::ParameterSet;
 use crate::dynamics::{Workspace, regressor};
 use crate::effects::JointState;
 use crate::linalg::{ColumnSelection, select_columns};

@@ -1,6 +1,8 @@
 //! The arm under its controller: the motion that a set of parameters makes of a reference.
 
-use super::parameter_set::{BARELY_MOVING, ParameterSet};
+use sgpr_predict::model::BARELY_MOVING;
+
+use super::ParameterSet;
 use crate::dynamics::{Samples, Workspace, forward_dynamics_with_rotors};
 use crate::effects::JointState;
 use crate::robot::Robot;

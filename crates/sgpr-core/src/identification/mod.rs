@@ -24,7 +24,6 @@ mod left_out;
 mod null_space;
 mod observation;
 mod output_error;
-mod parameter_set;
 mod payload;
 mod posterior;
 mod prior;
@@ -53,9 +52,9 @@ pub use least_squares::{Estimate, Excitation, LeastSquares, Method, SingularDire
 pub(crate) use least_squares::{residual_norm, stack, torque_sizes, triangular_solution};
 pub use left_out::LeftOut;
 pub use observation::{Equation, Equations, JointFactor, Observation, Row, Trajectory};
-pub use parameter_set::{EffectColumn, ParameterSet, TrajectoryColumn};
 pub use payload::{Payload, PayloadOptions, identify_payload};
 pub use posterior::{Held, PriorWidth, estimate_with_prior};
 pub use prior::ParameterPrior;
 pub use recursive::RecursiveLeastSquares;
 pub use screening::{Finding, screen_delays, screen_factors, screen_rows, screen_scale};
+pub use sgpr_predict::model::{EffectColumn, ParameterSet, TrajectoryColumn};

@@ -10,12 +10,11 @@ use std::sync::Arc;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
+use sgpr_predict::model::{Described, TermDescription};
 
 use super::TorqueModel;
-use super::terms::TermDescription;
 use super::torque_model::{Fit, Provenance};
 use crate::effects::{self, Effect};
-use crate::identification::ParameterSet;
 use crate::motion::Processing;
 use crate::robot::Robot;
 
@@ -179,20 +178,13 @@ impl TorqueModel {
 
     fn from_head(head: Head, tensors: &SafeTensors<'_>, known: &[Arc<dyn Effect>]) -> Result<Self, String> {
         let Head { robot, effects, parameter_names, provenance, processing, fit, terms, clock_start, .. } = head;
-        let set = ParameterSet::new(&robot, &effects).map_err(|error| error.to_string())?;
-        if parameter_names != set.names() {
-            return Err("its parameters are not those of its robot and effects".into());
-        }
-        let parameters = array(tensors, "parameters", set.len())?;
-        if let Some(index) = parameters.iter().position(|value| !value.is_finite()) {
-            return Err(format!("the parameter {} is {}", parameter_names[index], parameters[index]));
-        }
+        let described = Described { effects, parameter_names, terms, robot };
+        let (robot, set, parameters, terms) = described.parts(known, |name, length| array(tensors, name, length))?;
         if let Some(processing) = &processing {
             processing.check(robot.dof()).map_err(|error| format!("its processing: {error}"))?;
         }
         let mut model = Self::from_parameters(robot, set, parameters, vec![]);
         (model.provenance, model.processing) = (provenance, processing);
-        let terms = terms.into_iter().map(|term| term.term(known, &model.robot)).collect::<Result<_, _>>()?;
         model = model.with_terms(terms, clock_start);
         if let Some(mut fit) = fit {
             let rank = model.base.rank();

@@ -3,10 +3,9 @@
 use faer::Mat;
 
 use super::experiment::{Experiment, band_filter, select_joints, torque_of};
-use super::terms::Term;
 use super::torque_model::{Certificate, Fit, nominal_parameters};
 use super::variable_projection::{self, Columns, TermFit};
-use super::{TorqueModel, held};
+use super::{Term, TorqueModel, held};
 use crate::effects::UnknownEffect;
 use crate::identification::{
     BaseParameters, ClosedLoop, Consistency, Costs, Equations, Essential, Estimate, Finding, Held, IdentificationError,

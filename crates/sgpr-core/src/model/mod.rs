@@ -33,12 +33,14 @@ pub use semi_parametric::{
     Candidate, Coverage, FollowingIntervals, Inputs, JointReport, Mean, SemiParametricError, SemiParametricModel,
     SemiParametricOptions, SemiParametricPredictor, TorquePrediction, fit_rest, fit_semi_parametric,
 };
+pub(crate) use sgpr_predict::model::times_of;
+pub use sgpr_predict::model::{StreamedModel, Term};
 pub use stream::{
     Predictor, Purpose, SavedStates, StreamError, StreamOptions, StreamedMotion, UnknownPurpose, compare_streaming,
 };
 pub(crate) use stream::{Sampler, StreamStart, TermSteps};
-pub(crate) use terms::{Rigid, common_clock, seconds_since, times_of};
-pub use terms::{Term, Trajectory};
+pub use terms::Trajectory;
+pub(crate) use terms::{Rigid, common_clock, seconds_since};
 pub(crate) use torque_model::nominal_parameters;
 pub use torque_model::{BaseParameter, Certificate, Fit, Provenance, TorqueModel};
 pub use torque_scale::torque_scale;

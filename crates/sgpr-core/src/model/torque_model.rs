@@ -1,4 +1,5 @@
 use serde::{Deserialize, Serialize};
+use sgpr_predict::model::{StreamedModel, identified};
 
 use crate::dynamics::{BatchWorkspace, Samples, rnea_batch};
 use crate::effects::{JointState, Role, UnknownEffect, with_role};
@@ -6,6 +7,7 @@ use crate::identification::{
     BaseParameters, Consistency, ConsistentParameters, Costs, Distance, KeptOut, LinkCertificate, ParameterSet,
     PhysicalBounds, Price, Prior, Stage,
 };
+use crate::model::{Predictor, StreamError, StreamOptions};
 use crate::motion::Processing;
 use crate::robot::{JointDynamics, Robot, RobotError};
 use crate::spatial::PARAMETERS_PER_LINK;
@@ -360,7 +362,25 @@ impl TorqueModel {
     }
 }
 
+impl From<&TorqueModel> for StreamedModel {
+    fn from(model: &TorqueModel) -> Self {
+        let noise = model.fit.as_ref().map_or_else(Vec::new, |fit| fit.noise.clone());
+        Self::new(&model.robot, model.set.clone(), model.parameters.clone())
+            .with_terms(model.terms.clone())
+            .with_noise(noise)
+    }
+}
+
 impl TorqueModel {
+    /// The model one sample after the other.
+    ///
+    /// # Errors
+    /// If a rate is needed and none given, or no number above zero; if an effect cannot be streamed; if an effect to keep is
+    /// none of the model.
+    pub fn predictor(&self, options: &StreamOptions) -> Result<Predictor, StreamError> {
+        StreamedModel::from(self).predictor(options)
+    }
+
     /// The model as MJCF for MuJoCo, with rotor inertia, viscous and Coulomb friction; MJCF has no place for other effects.
     ///
     /// # Errors
@@ -378,20 +398,6 @@ impl TorqueModel {
         }
         self.dynamics.to_mjcf(&joints)
     }
-}
-
-/// `robot` with all of `parameters` that a robot file has a place for.
-fn identified(robot: &Robot, set: &ParameterSet, parameters: &[f64]) -> Robot {
-    let mut robot = robot.clone().with_standard_parameters(&parameters[..set.inertial()]);
-    for (column, value) in set.effect_columns().iter().zip(&parameters[set.inertial()..]) {
-        let joint = robot.joint_mut(column.joint);
-        match set.effects()[column.effect].role() {
-            Some(Role::ViscousFriction) => joint.damping = *value,
-            Some(Role::DryFriction) => joint.friction = *value,
-            _ => {}
-        }
-    }
-    robot
 }
 
 /// Parameters that the robot file gives: inertias, damping and friction; zero for what it does not know.

@@ -4,7 +4,6 @@
 //! nothing away and repair nothing: what is wrong with a log is found by [`inspect`], and changed only by [`repair`].
 
 mod calendar;
-mod channel;
 pub mod csv;
 mod decimal;
 mod error;
@@ -26,7 +25,6 @@ use std::path::Path;
 
 use tempfile::NamedTempFile;
 
-pub use channel::Channel;
 pub use error::RecordingError;
 pub use inspect::{Issue, IssueKind, Severity, doubtful_units, inspect};
 pub(crate) use inspect::{MOST_JITTER, is_still, jitter};
@@ -34,9 +32,10 @@ pub use layout::{ColumnLayout, JointLayout, Layout};
 pub use log_set::LogSet;
 pub(crate) use part::stretches;
 pub use part::{GAP_FACTOR, split_at_gaps};
-pub(crate) use plausible::{Implausible, LARGEST_POSITION, LARGEST_TORQUE, PERIODS, SMALLEST_TORQUE};
+pub(crate) use plausible::{Implausible, PERIODS, SMALLEST_TORQUE};
 pub use repair::{Repair, Resample, repair};
 pub use repetition::repeated_share;
+pub use sgpr_predict::effects::Channel;
 pub use units::{PositionUnit, TimeUnit, TorqueUnit, Units, VelocityUnit};
 
 /// Largest amount of unpacked data that readers take unless told otherwise.

@@ -1,23 +1,14 @@
 //! Numbers that no arm makes: they come from a wrong column, unit or clock, and arithmetic with
 //! them overflows.
 
-use super::{Recording, seconds};
+pub(crate) use sgpr_predict::model::{LARGEST_POSITION, LARGEST_TORQUE, SMALLEST_TORQUE};
 
-/// Largest position, rad (m). Beyond it a number of 64 bits has less than seven digits after the
-/// point: it no longer resolves what an encoder does.
-pub(crate) const LARGEST_POSITION: f64 = 1e9;
+use super::{Recording, seconds};
 
 /// Largest change of a position over a step of the time, rad/s (m/s): no joint is as fast, and
 /// neither the noise of an encoder nor a position that is wrapped to a turn looks so below a
 /// hundred kilohertz.
 const LARGEST_SPEED: f64 = 1e6;
-
-/// Largest torque, N·m (N): no drive has it, and the eighth power, the most that is made of a
-/// torque, stays finite.
-pub(crate) const LARGEST_TORQUE: f64 = 1e15;
-
-/// What is smaller, N·m (N), is rounding of zero; its square would vanish beside any other number.
-pub(crate) const SMALLEST_TORQUE: f64 = 1e-30;
 
 /// Shortest and longest median step of a log, s: a logger of a megahertz, and ten seconds, in which
 /// an arm does more than any sample tells.

@@ -13,6 +13,7 @@ from . import datasets, fleet, robots
 from ._sgpr import (
     BaseParameters,
     Comparison,
+    Compensation,
     CutoffChoice,
     CutoffInfluence,
     Diagnosis,
@@ -31,6 +32,7 @@ from ._sgpr import (
     LogResidual,
     Model,
     ModelFileError,
+    MomentumObserver,
     OnlineGaussianProcess,
     OnlineModel,
     Parameter,
@@ -85,6 +87,7 @@ from .starting import workbench
 __all__ = [
     "BaseParameters",
     "Comparison",
+    "Compensation",
     "CutoffChoice",
     "CutoffInfluence",
     "Diagnosis",
@@ -104,6 +107,7 @@ __all__ = [
     "LogResidual",
     "Model",
     "ModelFileError",
+    "MomentumObserver",
     "OnlineGaussianProcess",
     "OnlineModel",
     "Parameter",

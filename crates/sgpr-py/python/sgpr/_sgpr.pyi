@@ -18,6 +18,7 @@ _Progress = Callable[[str, int, int], object]
 __all__ = [
     "BaseParameters",
     "Comparison",
+    "Compensation",
     "CutoffChoice",
     "CutoffInfluence",
     "Diagnosis",
@@ -38,6 +39,7 @@ __all__ = [
     "LogResidual",
     "Model",
     "ModelFileError",
+    "MomentumObserver",
     "OnlineGaussianProcess",
     "OnlineModel",
     "Parameter",
@@ -536,6 +538,44 @@ class Predictor:
     def torque(
         self, q: _Array, dq: _Array, ddq: _Array, out: _Array | None = None, *, step: float | None = None
     ) -> _Array: ...
+
+@final
+class MomentumObserver:
+    """Torque from outside, from positions, velocities and the torque of the drives."""
+
+    def __new__(
+        cls,
+        model: Model,
+        *,
+        rate_hz: float,
+        bandwidth_hz: float = 2.0,
+        false_alarms_per_hour: float = 1.0,
+        deviation: ArrayLike | None = None,
+    ) -> MomentumObserver: ...
+    @property
+    def thresholds(self) -> _Array: ...  # (n,), N·m
+    @property
+    def external_torque(self) -> _Array: ...  # (n,), N·m
+    @property
+    def alarm(self) -> tuple[int, float, float] | None: ...  # joint, its torque and threshold
+    def reset(self) -> None: ...
+    def update(self, q: ArrayLike, dq: ArrayLike, tau: ArrayLike) -> _Array: ...
+
+@final
+class Compensation:
+    """Torque that holds an arm and overcomes its friction in the direction of the wanted velocity."""
+
+    def __new__(
+        cls,
+        model: Model,
+        *,
+        friction: float = 0.8,
+        transition_speed: float = 0.02,
+        limits: ArrayLike | None = None,
+        rate_hz: float | None = None,
+        keep: Sequence[str] | None = None,
+    ) -> Compensation: ...
+    def torque(self, q: ArrayLike, wanted_dq: ArrayLike) -> _Array: ...
 
 @final
 class CutoffChoice:

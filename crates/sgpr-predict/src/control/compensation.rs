@@ -1,0 +1,122 @@
+use alloc::vec::Vec;
+
+use crate::model::StreamedModel;
+use crate::stream::{Predictor, Purpose, StreamError, StreamOptions};
+
+/// How gravity and friction are compensated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CompensationOptions {
+    /// Share of the friction that is compensated, from 0 to 1: friction that is taken for larger than it is drives the arm.
+    pub friction: f64,
+    /// Speed of each joint at which its friction is compensated in full, rad/s (m/s); below it the share falls in a line.
+    pub transition_speed: f64,
+    /// Largest torque of each joint, `[n]`, N·m (N); empty for none.
+    pub limits: Vec<f64>,
+    /// Rate of the calls, and effects to keep. The purpose is always that of a feed-forward.
+    pub stream: StreamOptions,
+}
+
+impl Default for CompensationOptions {
+    fn default() -> Self {
+        let stream = StreamOptions { purpose: Purpose::FeedForward, ..StreamOptions::default() };
+        Self { friction: 0.8, transition_speed: 0.02, limits: Vec::new(), stream }
+    }
+}
+
+/// The torque that holds an arm where it is and overcomes its friction in the direction of the wanted velocity.
+///
+/// Gravity is that of the measured position. Friction is that of the wanted velocity and never of the measured one, whose
+/// noise would make it chatter at rest; as the share of the friction falls to nothing at rest, an arm that is wanted to
+/// stand gets gravity alone. Friction with a memory, as of bristles that bend, is taken as built up in the wanted
+/// direction. Friction with a share of at most one takes out no more energy than the joint loses.
+///
+/// # Examples
+/// ```
+/// use sgpr_predict::control::{Compensation, CompensationOptions};
+/// use sgpr_predict::{model::StreamedModel, robot::two_link};
+/// let model = StreamedModel::nominal(&two_link());
+/// let mut compensation = Compensation::new(&model, &CompensationOptions::default()).unwrap();
+/// let tau = compensation.torque(&[0.0, 0.0], &[0.0, 0.0]).unwrap();
+/// assert!((tau[0] - 19.62).abs() < 1e-12);
+/// ```
+#[derive(Debug)]
+pub struct Compensation {
+    /// With the wanted velocity.
+    moving: Predictor,
+    /// With the wanted velocity reversed: half the difference to the above is friction.
+    reversed: Predictor,
+    options: CompensationOptions,
+    /// Since the start, for effects of time.
+    samples: u64,
+    minus_dq: Vec<f64>,
+    zeros: Vec<f64>,
+    tau: Vec<f64>,
+}
+
+impl Compensation {
+    /// # Errors
+    /// If the model cannot be streamed; if a share, a speed or a limit is none.
+    pub fn new(model: impl Into<StreamedModel>, options: &CompensationOptions) -> Result<Self, StreamError> {
+        let model = model.into();
+        let mut options = options.clone();
+        options.stream.purpose = Purpose::FeedForward;
+        let n = model.robot().dof();
+        let check = |name: &'static str, joint: usize, value: f64, good: bool| {
+            if good { Ok(()) } else { Err(StreamError::NotFinite { name, joint, value }) }
+        };
+        check("friction", 0, options.friction, (0.0..=1.0).contains(&options.friction))?;
+        let speed = options.transition_speed;
+        check("transition_speed", 0, speed, speed.is_finite() && speed > 0.0)?;
+        if !options.limits.is_empty() && options.limits.len() != n {
+            return Err(StreamError::Length { name: "limits", found: options.limits.len(), expected: n });
+        }
+        for (joint, limit) in options.limits.iter().enumerate() {
+            check("limits", joint, *limit, limit.is_finite() && *limit >= 0.0)?;
+        }
+        Ok(Self {
+            moving: model.predictor(&options.stream)?,
+            reversed: model.predictor(&options.stream)?,
+            options,
+            samples: 0,
+            minus_dq: vec![0.0; n],
+            zeros: vec![0.0; n],
+            tau: vec![0.0; n],
+        })
+    }
+
+    /// Torque of the next sample, `[n]`, N·m (N).
+    ///
+    /// - `q`: measured positions, `[n]`, rad (m)
+    /// - `wanted_dq`: wanted velocities, `[n]`, rad/s (m/s)
+    ///
+    /// # Errors
+    /// If there is not one finite number per joint.
+    pub fn torque(&mut self, q: &[f64], wanted_dq: &[f64]) -> Result<&[f64], StreamError> {
+        let Self { moving, reversed, options, samples, minus_dq, zeros, tau } = self;
+        if minus_dq.len() == wanted_dq.len() {
+            minus_dq.iter_mut().zip(wanted_dq).for_each(|(minus, dq)| *minus = -dq);
+        }
+        let time = options.stream.rate_hz.map_or(0.0, |rate_hz| *samples as f64 / rate_hz);
+        let there = built_up(moving, time, [q, wanted_dq, zeros])?;
+        let back = built_up(reversed, time, [q, minus_dq, zeros])?;
+        *samples += 1;
+        for (joint, tau) in tau.iter_mut().enumerate() {
+            // What does not change with the direction: gravity, and centripetal torque.
+            let even = 0.5 * (there[joint] + back[joint]);
+            let friction = 0.5 * (there[joint] - back[joint]);
+            let share = options.friction * (wanted_dq[joint].abs() / options.transition_speed).min(1.0);
+            *tau = even + share * friction;
+            if let Some(limit) = options.limits.get(joint) {
+                *tau = tau.clamp(-limit, *limit);
+            }
+        }
+        Ok(tau)
+    }
+}
+
+/// Torque after a long motion at a speed.
+fn built_up<'p>(predictor: &'p mut Predictor, time: f64, [q, dq, ddq]: [&[f64]; 3]) -> Result<&'p [f64], StreamError> {
+    predictor.reset_at(q, dq)?;
+    predictor.set_time(time)?;
+    predictor.try_torque(q, dq, ddq)
+}

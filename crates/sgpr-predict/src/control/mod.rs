@@ -1,0 +1,9 @@
+//! What a controller makes of a torque model: torque that holds and drives the arm, and torque that comes from outside.
+//!
+//! Laws of motion control on a model are in `sgpr_core::simulation`: feed-forward, computed torque, impedance.
+
+mod compensation;
+mod momentum_observer;
+
+pub use compensation::{Compensation, CompensationOptions};
+pub use momentum_observer::{Alarm, MomentumObserver, ObserverError, ObserverOptions};

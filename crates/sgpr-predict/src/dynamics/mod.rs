@@ -1,0 +1,39 @@
+//! Rigid-body dynamics: what torque a motion needs, what motion a torque makes, and how both depend on the parameters.
+//!
+//! Every function takes the [`Robot`](crate::robot::Robot), a workspace that owns all buffers, and its inputs, in this
+//! order, and allocates nothing. [`Workspace`] serves one sample at a time; [`BatchWorkspace`] serves whole logs, one
+//! sample per register lane. Only the rigid body is in here: friction, rotor inertia and the rest are
+//! [effects](crate::effects).
+
+#[cfg(feature = "simd")]
+mod batch;
+mod body;
+mod energy;
+mod forward_dynamics;
+mod kinematics;
+mod machine;
+mod mass_matrix;
+#[cfg(feature = "expressions")]
+mod recorded;
+mod regressor;
+mod rnea;
+mod workspace;
+
+#[cfg(feature = "simd")]
+#[doc(hidden)]
+pub use batch::for_each_regressor_block;
+#[cfg(feature = "simd")]
+pub use batch::{BatchWorkspace, Samples, regressor_batch, rnea_batch};
+#[doc(hidden)]
+pub use body::Body;
+pub use energy::{kinetic_energy, potential_energy};
+pub use forward_dynamics::{forward_dynamics, forward_dynamics_with_rotors};
+pub use kinematics::{forward_kinematics, frame_pose, jacobian};
+pub use mass_matrix::mass_matrix;
+#[cfg(feature = "expressions")]
+pub use recorded::RecordedWorkspace;
+pub use regressor::regressor;
+#[doc(hidden)]
+pub use regressor::regressor_kernel;
+pub use rnea::{bias_forces, gravity_torque, rnea};
+pub use workspace::Workspace;

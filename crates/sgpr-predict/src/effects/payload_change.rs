@@ -1,0 +1,108 @@
+use alloc::vec::Vec;
+
+#[cfg(feature = "trajectories")]
+use super::Context;
+#[cfg(feature = "trajectories")]
+use super::context::link_regressor;
+use super::context::{after, link_columns, of_a_link};
+use super::{
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Scale, Site, StepState,
+    Stepped, written_once,
+};
+
+/// A load that is taken up or put down at a time t0: ten inertial parameters of the last link for t > t0.
+///
+/// Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.5, with a change
+/// point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PayloadChange;
+
+const PARAMETERS: [EffectParameter; 10] = of_a_link(EffectParameter::positive("m", "kg", "kg"));
+
+const CONSTANTS: [Constant; 1] =
+    [Constant::new("t0", ["s", "s"], [f64::NEG_INFINITY, f64::INFINITY], Scale::Time, &[])];
+
+impl Effect for PayloadChange {
+    fn name(&self) -> &str {
+        "payload_change"
+    }
+
+    fn summary(&self) -> &str {
+        "A load taken up or put down at some moment."
+    }
+
+    fn about(&self) -> About<'_> {
+        About {
+            class: Class::ChangePoint,
+            formula: "tau = Y_last(q, dq, ddq) (m, mx, ..., Izz) for t > t0",
+            source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.5, with a change point.",
+            signature: "shaped like gravity on all joints, from t0 on",
+            confusable: &["torque_offset_drift", "external_contact", "friction_step"],
+            experiment: "more poses after the change",
+            excitation: "different poses before and after, on one clock",
+            depends_on_time: true,
+            origin: Origin::Temporary,
+            origin_reason: "the load was taken up or put down during the logs; what is carried now is for the user to say",
+            ..About::default()
+        }
+    }
+
+    fn parameters(&self) -> &[EffectParameter] {
+        &PARAMETERS
+    }
+
+    fn constants(&self) -> &[Constant] {
+        &CONSTANTS
+    }
+
+    fn entry(&self) -> Entry {
+        Entry::Trajectory
+    }
+
+    fn reach(&self) -> Reach {
+        Reach::All
+    }
+
+    fn sites(&self, _: &crate::robot::Robot) -> Vec<Site> {
+        vec![Site::Arm]
+    }
+
+    /// The inertia of a body about any point has the sign of its mass.
+    fn is_plausible(&self, coefficients: &[f64]) -> bool {
+        let [mass, .., xx, _, yy, _, _, zz] = coefficients else { return true };
+        mass * (xx + yy + zz) >= 0.0
+    }
+
+    #[cfg(feature = "trajectories")]
+    fn trajectory_columns(&self, _: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+        let last = context.dof() - 1;
+        link_regressor(context, last, |k| after(context.time[k], constants[0], context.rate_hz), out);
+    }
+
+    written_once!(advance: law);
+}
+
+fn law<S: Stepped>(
+    _: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    state: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
+    let on = after(input.time, constants[0], input.rate_hz);
+    link_columns(input, input.robot.dof() - 1, on, state, columns);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_load_whose_inertia_and_mass_differ_in_sign_is_no_body() {
+        let load =
+            |mass: f64, inertia: [f64; 3]| [mass, 0.0, 0.0, 0.0, inertia[0], 0.0, inertia[1], 0.0, 0.0, inertia[2]];
+        assert!(PayloadChange.is_plausible(&load(1.0, [0.02, 0.02, 0.001])));
+        assert!(PayloadChange.is_plausible(&load(-1.0, [-0.02, -0.02, -0.001])));
+        assert!(!PayloadChange.is_plausible(&load(0.01, [-0.006, -0.004, -0.002])));
+    }
+}

@@ -1,0 +1,230 @@
+//! Reading the file of a torque model: a head in JSON and arrays of numbers, in the format of safetensors.
+//!
+//! The crate `safetensors` would make the tree of this one half as large again; what is needed of the format is a length, a
+//! JSON object and ranges of bytes.
+
+use alloc::collections::BTreeMap;
+use alloc::string::{String, ToString};
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+
+use serde::Deserialize;
+
+use super::{ParameterSet, StreamedModel, Term, TermDescription};
+use crate::effects::{self, Effect};
+use crate::robot::Robot;
+
+const FORMAT: &str = "sgpr torque model";
+const VERSION: u32 = 1;
+
+/// Larger files hold no torque model.
+#[cfg(feature = "std")]
+const LARGEST_FILE: u64 = 1 << 30;
+
+/// Why a model could not be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ModelError {
+    /// The file could not be read.
+    #[cfg(feature = "std")]
+    #[error("{path}: {source}")]
+    Unreadable {
+        /// File.
+        path: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Larger than any model.
+    #[cfg(feature = "std")]
+    #[error("{path}: {bytes} bytes are too many for a torque model (at most {limit})")]
+    TooLarge {
+        /// File.
+        path: String,
+        /// Its size.
+        bytes: u64,
+        /// Largest size that is read.
+        limit: u64,
+    },
+    /// Not a model file, or a damaged one.
+    #[error("{origin}: not a torque model, or damaged: {message}")]
+    Malformed {
+        /// File.
+        origin: String,
+        /// What is wrong with it.
+        message: String,
+    },
+    /// A model of another kind.
+    #[error(
+        "{origin}: its head says `{found}`; a controller takes a `{FORMAT}`: save the physics of a learned model alone"
+    )]
+    Kind {
+        /// File.
+        origin: String,
+        /// What the head names.
+        found: String,
+    },
+    /// Written by a later version.
+    #[error("{origin}: the file has version {found}, this library reads up to {supported}: update it")]
+    Version {
+        /// File.
+        origin: String,
+        /// Its version.
+        found: u32,
+        /// Latest version that is read.
+        supported: u32,
+    },
+}
+
+/// What the head of a file says of the torque.
+#[doc(hidden)]
+#[derive(Debug, Deserialize)]
+pub struct Described {
+    pub effects: Vec<String>,
+    pub parameter_names: Vec<String>,
+    #[serde(default)]
+    pub terms: Vec<TermDescription>,
+    pub robot: Robot,
+}
+
+impl Described {
+    /// Parameters and terms, checked: the robot as described, the set, its parameters, the terms.
+    ///
+    /// - `read`: the array of that name and length
+    ///
+    /// # Errors
+    /// What is wrong.
+    pub fn parts(
+        self,
+        known: &[Arc<dyn Effect>],
+        read: impl FnOnce(&str, usize) -> Result<Vec<f64>, String>,
+    ) -> Result<(Robot, ParameterSet, Vec<f64>, Vec<Term>), String> {
+        let Self { effects, parameter_names, terms, robot } = self;
+        let set = ParameterSet::new(&robot, &effects).map_err(|error| error.to_string())?;
+        if parameter_names != set.names() {
+            return Err("its parameters are not those of its robot and effects".into());
+        }
+        let parameters = read("parameters", set.len())?;
+        if let Some(index) = parameters.iter().position(|value| !value.is_finite()) {
+            return Err(format!("the parameter {} is {}", parameter_names[index], parameters[index]));
+        }
+        let terms = terms.into_iter().map(|term| term.term(known, &robot)).collect::<Result<_, _>>()?;
+        Ok((robot, set, parameters, terms))
+    }
+}
+
+/// The head, but for what only identification knows.
+#[derive(Deserialize)]
+struct Head {
+    fit: Option<Fit>,
+    #[serde(flatten)]
+    described: Described,
+}
+
+#[derive(Deserialize)]
+struct Fit {
+    noise: Vec<f64>,
+}
+
+/// The part of the head that every version has.
+#[derive(Deserialize)]
+struct Kind {
+    format: String,
+    version: u32,
+}
+
+impl StreamedModel {
+    /// Reads the file of a torque model. Safe with files from strangers: nothing in them is run, sizes are checked before
+    /// memory is taken.
+    ///
+    /// # Errors
+    /// If the file is no model, damaged, or of a later version.
+    #[cfg(feature = "std")]
+    pub fn load(path: impl AsRef<std::path::Path>) -> Result<Self, ModelError> {
+        let path = path.as_ref();
+        let name = path.display().to_string();
+        let unreadable = |source| ModelError::Unreadable { path: name.clone(), source };
+        let bytes = std::fs::metadata(path).map_err(unreadable)?.len();
+        if bytes > LARGEST_FILE {
+            return Err(ModelError::TooLarge { path: name, bytes, limit: LARGEST_FILE });
+        }
+        Self::from_bytes(&std::fs::read(path).map_err(unreadable)?, &name)
+    }
+
+    /// A model from a file's content; `origin` names it in messages.
+    ///
+    /// # Errors
+    /// As [`Self::load`].
+    pub fn from_bytes(bytes: &[u8], origin: &str) -> Result<Self, ModelError> {
+        Self::from_bytes_with(bytes, origin, &effects::registry())
+    }
+
+    /// As [`Self::from_bytes`], with effects of the caller's own.
+    ///
+    /// # Errors
+    /// As [`Self::load`].
+    pub fn from_bytes_with(bytes: &[u8], origin: &str, effects: &[Arc<dyn Effect>]) -> Result<Self, ModelError> {
+        let malformed = |message: String| ModelError::Malformed { origin: origin.into(), message };
+        let archive = Archive::open(bytes).map_err(malformed)?;
+        let of_head = |error: serde_json::Error| malformed(format!("its head: {error}"));
+        let Kind { format, version } = serde_json::from_str(&archive.head).map_err(of_head)?;
+        if format != FORMAT {
+            return Err(ModelError::Kind { origin: origin.into(), found: format });
+        }
+        if version > VERSION {
+            return Err(ModelError::Version { origin: origin.into(), found: version, supported: VERSION });
+        }
+        let Head { fit, described } = serde_json::from_str(&archive.head).map_err(of_head)?;
+        let read = |name: &str, length: usize| archive.array(name, length);
+        let (robot, set, parameters, terms) = described.parts(effects, read).map_err(malformed)?;
+        let noise = fit.map_or_else(Vec::new, |fit| fit.noise);
+        let known = |value: &f64| value.is_finite() && *value >= 0.0;
+        if !(noise.is_empty() || noise.len() == robot.dof() && noise.iter().all(known)) {
+            return Err(malformed("the noise of its fit is not one number per joint".into()));
+        }
+        Ok(Self::new(&robot, set, parameters).with_terms(terms).with_noise(noise))
+    }
+}
+
+/// The content of a file of safetensors.
+struct Archive<'a> {
+    head: String,
+    arrays: BTreeMap<String, ArrayOf>,
+    numbers: &'a [u8],
+}
+
+#[derive(Deserialize)]
+struct Header {
+    #[serde(rename = "__metadata__", default)]
+    metadata: BTreeMap<String, String>,
+    #[serde(flatten)]
+    arrays: BTreeMap<String, ArrayOf>,
+}
+
+#[derive(Deserialize)]
+struct ArrayOf {
+    dtype: String,
+    data_offsets: [usize; 2],
+}
+
+impl<'a> Archive<'a> {
+    fn open(bytes: &'a [u8]) -> Result<Self, String> {
+        let too_short = || String::from("it ends before its header does");
+        let (length, rest) = bytes.split_first_chunk::<8>().ok_or_else(too_short)?;
+        let length = usize::try_from(u64::from_le_bytes(*length)).map_err(|_| too_short())?;
+        let (header, numbers) = rest.split_at_checked(length).ok_or_else(too_short)?;
+        let Header { mut metadata, arrays } = serde_json::from_slice(header).map_err(|error| error.to_string())?;
+        let head = metadata.remove("sgpr").ok_or("its head has no entry `sgpr`")?;
+        Ok(Self { head, arrays, numbers })
+    }
+
+    fn array(&self, name: &str, length: usize) -> Result<Vec<f64>, String> {
+        let ArrayOf { dtype, data_offsets: [start, end] } =
+            self.arrays.get(name).ok_or_else(|| format!("`{name}` is missing"))?;
+        let wrong = || format!("`{name}` should hold {length} numbers of 64 bits");
+        let (chunks, rest) = self.numbers.get(*start..*end).ok_or_else(wrong)?.as_chunks::<8>();
+        if dtype != "F64" || chunks.len() != length || !rest.is_empty() {
+            return Err(wrong());
+        }
+        Ok(chunks.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect())
+    }
+}

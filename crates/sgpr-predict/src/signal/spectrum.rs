@@ -1,0 +1,225 @@
+//! Power spectra, and the cut-off that they suggest.
+
+use std::ops::RangeInclusive;
+
+use realfft::RealFftPlanner;
+
+/// One-sided power spectral density of a signal.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spectrum {
+    /// Frequencies, Hz, evenly spaced from zero to half the sampling rate.
+    pub frequency_hz: Vec<f64>,
+    /// Density, signal unit² / Hz.
+    pub density: Vec<f64>,
+}
+
+impl Spectrum {
+    /// Averaged periodograms of half-overlapping windows of `window` samples (Welch (1967)), Hann-weighted, with a line
+    /// removed from each so that slow motion does not leak into the rest.
+    ///
+    /// A signal shorter than the window is one window.
+    pub fn welch(signal: &[f64], rate_hz: f64, window: usize) -> Self {
+        let length = window.min(signal.len()).max(2);
+        let hann: Vec<f64> =
+            (0..length).map(|k| (std::f64::consts::PI * k as f64 / length as f64).sin().powi(2)).collect();
+        let power: f64 = hann.iter().map(|w| w * w).sum();
+        let transform = RealFftPlanner::<f64>::new().plan_fft_forward(length);
+        let mut output = transform.make_output_vec();
+        let mut density = vec![0.0; output.len()];
+        let mut count = 0.0;
+        let mut start = 0;
+        while start + length <= signal.len() {
+            let mut segment = without_line(&signal[start..start + length]);
+            segment.iter_mut().zip(&hann).for_each(|(x, w)| *x *= w);
+            transform.process(&mut segment, &mut output).expect("buffers of the planned length");
+            density.iter_mut().zip(&output).for_each(|(sum, x)| *sum += x.norm_sqr());
+            count += 1.0;
+            start += (length / 2).max(1);
+        }
+        let scale = 2.0 / (f64::max(count, 1.0) * power * rate_hz);
+        density.iter_mut().for_each(|value| *value *= scale);
+        let step = rate_hz / length as f64;
+        Self { frequency_hz: (0..density.len()).map(|k| k as f64 * step).collect(), density }
+    }
+
+    /// The spectrum of two signals together, of the same rate and length.
+    pub fn with(mut self, other: Self) -> Self {
+        self.density.iter_mut().zip(&other.density).for_each(|(sum, x)| *sum += x);
+        self
+    }
+
+    /// Frequency below which a share of the power lies, Hz.
+    pub fn bandwidth_hz(&self, share: f64) -> f64 {
+        let total: f64 = self.density.iter().sum();
+        let mut below = 0.0;
+        let reached = self.density.iter().position(|density| {
+            below += density;
+            below >= share * total
+        });
+        reached.map_or(0.0, |index| self.frequency_hz[index])
+    }
+}
+
+/// Power of a signal in waves over the position, by whole periods per turn: |sum r exp(i order q)|².
+///
+/// - `samples`: position q, rad, and signal r
+pub fn power_by_order(samples: impl Iterator<Item = (f64, f64)>, orders: RangeInclusive<usize>) -> Vec<f64> {
+    let mut sums = vec![[0.0; 2]; orders.end().saturating_sub(*orders.start()) + 1];
+    for (q, r) in samples {
+        let (s1, c1) = q.sin_cos();
+        let (mut s, mut c) = (*orders.start() as f64 * q).sin_cos();
+        for sum in &mut sums {
+            sum[0] += r * c;
+            sum[1] += r * s;
+            (s, c) = (s * c1 + c * s1, c * c1 - s * s1);
+        }
+    }
+    sums.iter().map(|[a, b]| a * a + b * b).collect()
+}
+
+fn without_line(values: &[f64]) -> Vec<f64> {
+    let n = values.len() as f64;
+    let middle = 0.5 * (n - 1.0);
+    let mean = values.iter().sum::<f64>() / n;
+    let square: f64 = (0..values.len()).map(|k| (k as f64 - middle).powi(2)).sum();
+    let slope = values.iter().enumerate().map(|(k, x)| (k as f64 - middle) * x).sum::<f64>() / square;
+    values.iter().enumerate().map(|(k, x)| x - mean - slope * (k as f64 - middle)).collect()
+}
+
+/// A cut-off chosen from the spectra of the joint positions, and why.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CutoffChoice {
+    /// The cut-off for all joints: the highest of theirs, so that every joint's motion passes.
+    pub cutoff_hz: f64,
+    /// Per joint: where the spectrum of its acceleration is lowest, between motion and noise, Hz; zero for a joint that
+    /// does not move.
+    pub joint_hz: Vec<f64>,
+    /// Per joint: standard deviation of the white noise of its position, from the upper half of the spectrum, where no
+    /// arm moves.
+    pub noise: Vec<f64>,
+    /// Per joint: spectrum of the position.
+    pub spectra: Vec<Spectrum>,
+}
+
+/// A position that varies by less (root mean square, rad or m) does not move.
+const STILL: f64 = 1e-9;
+
+/// Highest cut-off, as a share of the sampling rate: differences need some samples per period.
+const HIGHEST_CUTOFF: f64 = 0.2;
+
+/// Chooses the low-pass for joint positions `[samples, n]`, row-major.
+///
+/// Motion dies out with frequency; the noise of an encoder does not, and in the acceleration it grows with the fourth
+/// power. So the spectrum of the acceleration, position times (2 pi f)^4, falls, has a lowest point and rises again. Below
+/// that point there is more motion than noise, above it more noise than motion, whatever colour either has: it is the
+/// cut-off.
+pub fn choose_cutoff(position: &[f64], joints: usize, rate_hz: f64) -> CutoffChoice {
+    let samples = position.len() / joints;
+    // Windows of some eight seconds resolve the slow end, and average the noise of a log of a minute.
+    let window = ((8.0 * rate_hz) as usize).clamp(64, samples.max(64));
+    let mut choice = CutoffChoice { cutoff_hz: 0.0, joint_hz: vec![], noise: vec![], spectra: vec![] };
+    for joint in 0..joints {
+        let signal: Vec<f64> = position.iter().skip(joint).step_by(joints).copied().collect();
+        let spectrum = Spectrum::welch(&signal, rate_hz, window);
+        let bins = spectrum.density.len();
+        let floor = median(&spectrum.density[bins / 2..(bins * 19 / 20).max(bins / 2 + 1)]);
+        choice.noise.push((0.5 * floor * rate_hz).sqrt());
+        choice.joint_hz.push(lowest_acceleration(&spectrum));
+        choice.spectra.push(spectrum);
+    }
+    let highest = choice.joint_hz.iter().fold(0.0f64, |highest, hz| highest.max(*hz));
+    let limit = HIGHEST_CUTOFF * rate_hz;
+    choice.cutoff_hz = if highest == 0.0 { limit } else { highest.min(limit) };
+    choice
+}
+
+/// Frequency at which the smoothed spectrum of the acceleration is lowest beyond the peak of the velocity; zero where
+/// nothing moves.
+fn lowest_acceleration(spectrum: &Spectrum) -> f64 {
+    let power = |k: usize, exponent: i32| {
+        spectrum.density[k] * (std::f64::consts::TAU * spectrum.frequency_hz[k]).powi(exponent)
+    };
+    let bins = spectrum.density.len();
+    let upper = bins * 9 / 10;
+    let peak = (1..upper).max_by(|&a, &b| power(a, 2).total_cmp(&power(b, 2))).unwrap_or(1);
+    // White noise has its highest velocity at the upper end, and a number that never changes only rounding: no motion.
+    let power_of_all: f64 = spectrum.density.iter().sum::<f64>() * spectrum.frequency_hz[1];
+    if peak > bins / 2 || power_of_all.sqrt() < STILL {
+        return 0.0;
+    }
+    // Averages over bands a third of an octave wide, so that single lines and dips do not decide.
+    let smoothed = |centre: usize| {
+        let half_band = (centre as f64 * 0.13).ceil() as usize;
+        let band = centre.saturating_sub(half_band).max(1)..(centre + half_band + 1).min(bins);
+        let count = band.len() as f64;
+        band.map(|k| power(k, 4)).sum::<f64>() / count
+    };
+    let lowest = (peak..upper).min_by(|&a, &b| smoothed(a).total_cmp(&smoothed(b))).unwrap_or(peak);
+    spectrum.frequency_hz[lowest]
+}
+
+fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn noise(seed: u64) -> impl FnMut() -> f64 {
+        let mut state = seed;
+        move || {
+            let mut uniform = || {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                ((state >> 11) as f64 + 0.5) / (1u64 << 53) as f64
+            };
+            (-2.0 * uniform().ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos()
+        }
+    }
+
+    #[test]
+    fn density_of_white_noise_integrates_to_its_variance() {
+        let mut next = noise(1);
+        let signal: Vec<f64> = (0..100_000).map(|_| 0.3 * next()).collect();
+        let spectrum = Spectrum::welch(&signal, 200.0, 1000);
+        let step = spectrum.frequency_hz[1];
+        let variance: f64 = spectrum.density.iter().sum::<f64>() * step;
+        assert!((variance / 0.09 - 1.0).abs() < 0.03, "{variance}");
+    }
+
+    #[test]
+    fn density_of_a_sine_stands_at_its_frequency() {
+        let signal: Vec<f64> =
+            (0..8000).map(|k| 2.0 * (std::f64::consts::TAU * 5.0 * f64::from(k) / 100.0).sin()).collect();
+        let spectrum = Spectrum::welch(&signal, 100.0, 800);
+        let peak = (0..spectrum.density.len()).max_by(|a, b| spectrum.density[*a].total_cmp(&spectrum.density[*b]));
+        assert!((spectrum.frequency_hz[peak.expect("not empty")] - 5.0).abs() < 0.13);
+        let power: f64 = spectrum.density.iter().sum::<f64>() * spectrum.frequency_hz[1];
+        assert!((power - 2.0).abs() < 0.02, "{power}");
+    }
+
+    #[test]
+    fn the_cutoff_is_where_the_motion_sinks_into_the_noise() {
+        // Motion whose density falls steeply: harmonics of 0.5 Hz with amplitudes f^-4, noise of 20 µrad.
+        let mut next = noise(2);
+        let rate = 250.0;
+        let position: Vec<f64> = (0..15_000)
+            .flat_map(|k| {
+                let t = f64::from(k) / rate;
+                let motion: f64 =
+                    (1..40).map(|h| f64::from(h).powi(-4) * (std::f64::consts::PI * f64::from(h) * t).sin()).sum();
+                [motion + 2e-5 * next(), 1.0 + 2e-5 * next()]
+            })
+            .collect();
+        let choice = choose_cutoff(&position, 2, rate);
+        for found in &choice.noise {
+            assert!((found / 2e-5 - 1.0).abs() < 0.1, "{found}");
+        }
+        // The line of harmonic h has power h^-8 / 2 per 0.5 Hz; it equals the noise density 2 (2e-5)² / 250 at h = 28,
+        // 14 Hz. The sum of h^-4 and h^4 is lowest there, and flat around.
+        assert!((9.0..18.0).contains(&choice.cutoff_hz), "{}", choice.cutoff_hz);
+        assert_eq!(choice.joint_hz[1], 0.0, "the second joint stands still");
+    }
+}

@@ -1,0 +1,402 @@
+use alloc::string::{String, ToString};
+use alloc::vec::Vec;
+
+use super::sampler::{Buffers, Sampler, StreamStart};
+use super::{Purpose, StreamError, StreamOptions};
+use crate::effects::{Needs, Streamed, knows_one_row};
+use crate::model::{StreamedModel, Term};
+use crate::robot::Robot;
+
+/// Torque of one sample after the other, for a controller: owns its buffers, allocates nothing after it is made, takes no
+/// lock, and can move to another thread.
+///
+/// Effects with a memory carry their hidden state from call to call: the torque of sample k is that of
+/// a whole trajectory at sample k, from the first sample after [`Self::reset`] on. Where a trajectory
+/// uses samples that come later, [`crate::effects::Effect::streamed`] says what is done instead. Effects of a user that
+/// only know columns of trajectories ([`crate::effects::Effect::steps`]) are asked for a trajectory of one row, which
+/// takes memory.
+///
+/// # Examples
+/// ```
+/// use sgpr_predict::{model::StreamedModel, robot::puma560, stream::Predictor};
+/// let model = StreamedModel::nominal(&puma560());
+/// let mut predictor = Predictor::new(&model);
+/// let tau = predictor.torque(&[0.1; 6], &[0.0; 6], &[0.0; 6]);
+/// assert_eq!(tau.len(), 6);
+/// ```
+///
+/// Friction that builds up over a distance remembers the way:
+/// ```
+/// use sgpr_predict::effects::{Site, by_name};
+/// use sgpr_predict::model::{StreamedModel, Term};
+/// use sgpr_predict::{robot::two_link, stream::StreamOptions};
+/// let mut friction = Term::new(by_name("presliding_friction").unwrap(), Site::Joint(1), vec![0.01]);
+/// friction.coefficients = vec![2.0];
+/// let model = StreamedModel::nominal(&two_link()).with_terms(vec![friction]);
+/// let mut predictor = model.predictor(&StreamOptions::default()).unwrap();
+/// let at_rest = predictor.torque(&[0.0, 0.0], &[0.0; 2], &[0.0; 2])[1];
+/// let moved = predictor.torque(&[0.0, 1.0], &[0.0; 2], &[0.0; 2])[1];
+/// let back = predictor.torque(&[0.0, 0.0], &[0.0; 2], &[0.0; 2])[1];
+/// assert!((back - (at_rest - 2.0)).abs() < 1e-12 && moved != back);
+/// ```
+#[derive(Debug)]
+pub struct Predictor {
+    sampler: Sampler,
+    /// Index of the first coefficient of each of the terms among those of all terms of the model.
+    first_coefficients: Vec<usize>,
+    /// What a constant torque becomes at each joint, and its largest value.
+    gains: Vec<[f64; 2]>,
+    options: StreamOptions,
+    clock: Clock,
+    /// Effect and joint that need a temperature.
+    warm: Option<(String, usize)>,
+    /// Whether steps must not be shorter than half of what the rate says.
+    delays: bool,
+    /// Whether an effect may fail.
+    fallible: bool,
+    start: StreamStart,
+}
+
+/// The time of the session.
+#[derive(Clone, Copy, Debug)]
+struct Clock {
+    /// Nominal, Hz; NaN if it is not known.
+    rate_hz: f64,
+    /// At the last step of another length, s.
+    origin: f64,
+    /// Nominal steps since.
+    steps: u64,
+    /// Whether the next sample is at the time of the clock.
+    at_start: bool,
+}
+
+impl Clock {
+    fn time(&self) -> f64 {
+        if self.steps == 0 { self.origin } else { self.origin + self.steps as f64 / self.rate_hz }
+    }
+
+    /// To the time of a sample; of the nominal period without a step.
+    fn advance(&mut self, step: Option<f64>) {
+        match step {
+            _ if self.at_start => self.at_start = false,
+            None => self.steps += 1,
+            Some(step) => (self.origin, self.steps) = (self.time() + step, 0),
+        }
+    }
+}
+
+impl StreamedModel {
+    /// The model one sample after the other.
+    ///
+    /// # Errors
+    /// If a rate is needed and none given, or no number above zero; if an effect cannot be streamed; if an effect to keep is
+    /// none of the model.
+    pub fn predictor(&self, options: &StreamOptions) -> Result<Predictor, StreamError> {
+        let rate_hz = match options.rate_hz {
+            Some(found) if !(found.is_finite() && found > 0.0) => return Err(StreamError::Rate { found }),
+            given => given.unwrap_or(f64::NAN),
+        };
+        self.check_kept(options)?;
+        let terms = options.terms(self);
+        check(&terms, rate_hz, self.robot())?;
+        let n = self.robot().dof();
+        let warm = terms.iter().find(|term| term.effect.needs().temperature);
+        // A memory that grows with the rate is one of samples.
+        let held =
+            |t: &Term| t.effect.state_len(&t.constants, rate_hz) != t.effect.state_len(&t.constants, 2.0 * rate_hz);
+        let sampler = Sampler::new(self, options, &terms, rate_hz);
+        Ok(Predictor {
+            fallible: sampler.terms.may_fail(),
+            first_coefficients: first_coefficients(self, options),
+            gains: sampler.transforms.static_gains(n),
+            warm: warm.map(|term| (term.effect.name().into(), term.site.joint().unwrap_or_default())),
+            delays: terms.iter().any(held),
+            options: options.clone(),
+            clock: Clock { rate_hz, origin: 0.0, steps: 0, at_start: true },
+            start: StreamStart::AtRest,
+            sampler,
+        })
+    }
+
+    fn check_kept(&self, options: &StreamOptions) -> Result<(), StreamError> {
+        let everywhere = self.parameter_set().effects().iter().map(|effect| effect.name());
+        let known: Vec<&str> = everywhere.chain(self.terms().iter().map(|term| term.effect.name())).collect();
+        let unknown = options.keep.iter().find(|name| !known.contains(&name.as_str()));
+        unknown.map_or(Ok(()), |name| {
+            let known = known.iter().map(ToString::to_string).collect();
+            Err(StreamError::UnknownEffect { name: name.clone(), known })
+        })
+    }
+}
+
+fn first_coefficients(model: &StreamedModel, options: &StreamOptions) -> Vec<usize> {
+    let mut first = 0;
+    let mut all = Vec::new();
+    for term in model.terms() {
+        if !term.is_transform() && options.holds(term.effect.as_ref()) {
+            all.push(first);
+        }
+        first += term.coefficients.len();
+    }
+    all
+}
+
+/// Whether terms can be streamed.
+fn check(terms: &[Term], rate_hz: f64, robot: &Robot) -> Result<(), StreamError> {
+    let mut unpaced = Vec::new();
+    for term in terms {
+        let (effect, name) = (&term.effect, || term.effect.name().to_string());
+        if let Streamed::Not(reason) = effect.streamed() {
+            return Err(StreamError::NotStreamed { effect: name(), reason: reason.into() });
+        }
+        let Needs { time, rate, channels, .. } = effect.needs();
+        if let Some(channel) = channels.into_iter().next() {
+            return Err(StreamError::ChannelNeeded { effect: name(), channel });
+        }
+        if !term.is_transform() && !effect.steps() {
+            let refuse = |reason| StreamError::NotStreamed { effect: name(), reason };
+            let one_row = knows_one_row(effect.as_ref(), term.site, &term.constants, robot).map_err(refuse)?;
+            if effect.has_memory() || !one_row {
+                return Err(refuse("its torque at a sample depends on other samples".into()));
+            }
+        }
+        if (time || rate) && rate_hz.is_nan() && !unpaced.contains(&name()) {
+            unpaced.push(name());
+        }
+    }
+    if unpaced.is_empty() { Ok(()) } else { Err(StreamError::RateNeeded { effects: unpaced }) }
+}
+
+impl Predictor {
+    /// All of a model, without a rate.
+    ///
+    /// # Panics
+    /// If an effect of the model needs a rate or cannot be streamed: use [`StreamedModel::predictor`].
+    pub fn new(model: impl Into<StreamedModel>) -> Self {
+        match model.into().predictor(&StreamOptions::default()) {
+            Ok(predictor) => predictor,
+            Err(error) => panic!("{error} (`predictor` of the model takes a rate and returns this as an error)"),
+        }
+    }
+
+    /// Number of joints.
+    pub fn dof(&self) -> usize {
+        self.sampler.buffers.tau.len()
+    }
+
+    /// What the torque is for.
+    pub fn purpose(&self) -> Purpose {
+        self.options.purpose
+    }
+
+    /// Rate of the calls, Hz, if it was given.
+    pub fn rate_hz(&self) -> Option<f64> {
+        self.options.rate_hz
+    }
+
+    /// Time of the session at the last sample, s; at the next one, if that is the first since a reset.
+    pub fn time(&self) -> f64 {
+        self.clock.time()
+    }
+
+    /// Sets the clock of the session: the time of the next sample, s. It starts at zero.
+    ///
+    /// # Errors
+    /// If the time is not finite.
+    pub fn set_time(&mut self, time: f64) -> Result<(), StreamError> {
+        if !time.is_finite() {
+            return Err(StreamError::NotFinite { name: "time", joint: 0, value: time });
+        }
+        self.clock = Clock { origin: time, steps: 0, at_start: true, ..self.clock };
+        Ok(())
+    }
+
+    /// Sets the temperature of each joint, °C, for friction that depends on it.
+    ///
+    /// # Errors
+    /// If there is not one finite value per joint.
+    pub fn set_temperature(&mut self, celsius: &[f64]) -> Result<(), StreamError> {
+        self.check_array("temperature", celsius)?;
+        self.sampler.buffers.temperature.copy_from_slice(celsius);
+        Ok(())
+    }
+
+    /// Forgets all samples: the clock is at zero, and the hidden states start at rest at the next sample, as a trajectory
+    /// does at its first.
+    pub fn reset(&mut self) {
+        self.clock = Clock { origin: 0.0, steps: 0, at_start: true, ..self.clock };
+        self.sampler.forget();
+        self.start = StreamStart::AtRest;
+    }
+
+    /// Forgets all samples: the clock is at zero, and the hidden states are those after a long motion at speed `dq` to `q`,
+    /// those of rest for a joint without speed.
+    ///
+    /// - `q`, `dq`: `[n]`, rad, rad/s (m for prismatic joints)
+    ///
+    /// # Errors
+    /// If there is not one finite value per joint; then nothing is forgotten.
+    pub fn reset_at(&mut self, q: &[f64], dq: &[f64]) -> Result<(), StreamError> {
+        self.check_array("q", q)?;
+        self.check_array("dq", dq)?;
+        self.reset();
+        for (own, given) in self.sampler.buffers.motion.iter_mut().zip([q, dq]) {
+            own.copy_from_slice(given);
+        }
+        self.sampler.buffers.motion[2].fill(0.0);
+        self.start = StreamStart::Moving;
+        self.sample(self.clock.rate_hz);
+        self.sampler.forget();
+        Ok(())
+    }
+
+    /// Torque at the next sample, one period after the last; moves the hidden states on.
+    ///
+    /// - `q`, `dq`, `ddq`: `[n]`, rad, rad/s, rad/s² (m for prismatic joints)
+    /// - returns `[n]`, N·m (N); NaN if a value of the sample is not finite or a temperature is missing, and then the hidden
+    ///   states stay as they are ([`Self::try_torque`] says what is wrong)
+    ///
+    /// # Panics
+    /// If a slice is not of length n.
+    pub fn torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> &[f64] {
+        let n = self.dof();
+        assert!([q, dq, ddq].iter().all(|values| values.len() == n), "one value per joint");
+        if self.take(q, dq, ddq, None).is_err() {
+            self.sampler.buffers.tau.fill(f64::NAN);
+        }
+        &self.sampler.buffers.tau
+    }
+
+    /// As [`Self::torque`], with what is wrong with a sample as an error.
+    ///
+    /// # Errors
+    /// If a slice is not of length n or holds a number that is not finite, or a temperature is missing; the hidden states
+    /// stay as they are.
+    pub fn try_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> Result<&[f64], StreamError> {
+        self.take(q, dq, ddq, None)?;
+        Ok(&self.sampler.buffers.tau)
+    }
+
+    /// As [`Self::try_torque`], `step` seconds after the last sample: for irregular calls and pauses.
+    ///
+    /// # Errors
+    /// As [`Self::try_torque`]; if the step is no finite number above zero, or shorter than half a period where the model has
+    /// a delay.
+    pub fn torque_after(&mut self, step: f64, q: &[f64], dq: &[f64], ddq: &[f64]) -> Result<&[f64], StreamError> {
+        self.take(q, dq, ddq, Some(step))?;
+        Ok(&self.sampler.buffers.tau)
+    }
+
+    /// Everything that is carried from call to call, to come back to it by [`Self::restore`].
+    pub fn save(&self, into: &mut SavedStates) {
+        into.terms.clear();
+        into.terms.extend_from_slice(self.sampler.terms.hidden());
+        into.transforms.clear();
+        into.transforms.extend_from_slice(self.sampler.transforms.hidden());
+        into.last_ddq.clear();
+        into.last_ddq.extend_from_slice(&self.sampler.buffers.last_ddq);
+        into.has_last = self.sampler.buffers.has_last;
+        into.run = Some((self.clock, self.start));
+    }
+
+    /// Back to what was saved.
+    ///
+    /// # Panics
+    /// If it was saved by another predictor.
+    pub fn restore(&mut self, from: &SavedStates) {
+        let (clock, start) = from.run.expect("something was saved");
+        self.sampler.terms.set_hidden(&from.terms);
+        self.sampler.transforms.set_hidden(&from.transforms);
+        self.sampler.buffers.last_ddq.copy_from_slice(&from.last_ddq);
+        self.sampler.buffers.has_last = from.has_last;
+        (self.clock, self.start) = (clock, start);
+    }
+
+    /// The robot as transforms make it, and at the last sample the motion of its links and of its joints: q, dq, ddq.
+    #[doc(hidden)]
+    pub fn links(&self) -> (&Robot, &[Vec<f64>; 3], &[Vec<f64>; 3]) {
+        let Sampler { robot, transforms, buffers: Buffers { motion, links, .. }, .. } = &self.sampler;
+        (robot, if transforms.move_links() { links } else { motion }, motion)
+    }
+
+    /// Derivatives of a joint's torque by the coefficients of all terms of the model at the last sample, as the drive makes
+    /// it; zero for terms that are not held.
+    #[doc(hidden)]
+    pub fn term_columns(&self, joint: usize, out: &mut [f64]) {
+        out.fill(0.0);
+        let first = &self.first_coefficients;
+        self.sampler.terms.for_each_column(joint, self.dof(), |term, index, value| out[first[term] + index] = value);
+    }
+
+    /// What the log shows of a small torque more at a joint at the last sample, delays and lags aside.
+    #[doc(hidden)]
+    pub fn gain(&self, joint: usize) -> f64 {
+        let [gain, largest] = self.gains[joint];
+        if self.sampler.buffers.tau[joint].abs() >= largest { 0.0 } else { gain }
+    }
+
+    fn take(&mut self, q: &[f64], dq: &[f64], ddq: &[f64], step: Option<f64>) -> Result<(), StreamError> {
+        for (name, values) in [("q", q), ("dq", dq), ("ddq", ddq)] {
+            self.check_array(name, values)?;
+        }
+        if let Some((effect, joint)) = &self.warm
+            && self.sampler.buffers.temperature[*joint].is_nan()
+        {
+            let joint = self.sampler.robot.joints()[*joint].name.clone();
+            return Err(StreamError::TemperatureNeeded { effect: effect.clone(), joint });
+        }
+        if let Some(found) = step {
+            if !(found.is_finite() && found > 0.0) {
+                return Err(StreamError::Step { found });
+            }
+            let shortest = 0.5 / self.clock.rate_hz;
+            if self.delays && found < shortest {
+                return Err(StreamError::StepTooShort { found, shortest });
+            }
+        }
+        let mut before = self.fallible.then(SavedStates::default);
+        if let Some(before) = &mut before {
+            self.save(before);
+        }
+        for (own, given) in self.sampler.buffers.motion.iter_mut().zip([q, dq, ddq]) {
+            own.copy_from_slice(given);
+        }
+        self.clock.advance(step);
+        let rate_hz = step.map_or(self.clock.rate_hz, |step| 1.0 / step);
+        self.sample(rate_hz);
+        if let Some(before) = before
+            && let Some((effect, reason)) = self.sampler.terms.failure()
+        {
+            self.restore(&before);
+            return Err(StreamError::EffectFailed { effect, reason });
+        }
+        Ok(())
+    }
+
+    fn check_array(&self, name: &'static str, values: &[f64]) -> Result<(), StreamError> {
+        let expected = self.dof();
+        if values.len() != expected {
+            return Err(StreamError::Length { name, found: values.len(), expected });
+        }
+        match values.iter().position(|value| !value.is_finite()) {
+            Some(joint) => Err(StreamError::NotFinite { name, joint, value: values[joint] }),
+            None => Ok(()),
+        }
+    }
+
+    /// Torque of the motion in the buffers.
+    fn sample(&mut self, rate_hz: f64) {
+        self.sampler.sample(rate_hz, self.clock.time(), &self.start);
+        self.start = StreamStart::Done;
+    }
+}
+
+/// What a [`Predictor`] carries from call to call.
+#[derive(Clone, Debug, Default)]
+pub struct SavedStates {
+    terms: Vec<f64>,
+    transforms: Vec<f64>,
+    last_ddq: Vec<f64>,
+    has_last: f64,
+    run: Option<(Clock, StreamStart)>,
+}
