@@ -1,6 +1,5 @@
 """The addresses of the page."""
 
-import functools
 import json
 import os
 import struct
@@ -22,6 +21,7 @@ from starlette.staticfiles import StaticFiles
 from .. import SgprError
 from ..cli.errors import BadData
 from ..reading import suffixes
+from ..report.page import plotly_source
 from ..report.signature import VARIABLES
 from . import takeaway
 from .bench import Bench
@@ -80,15 +80,8 @@ async def _page(request: Request) -> Response:
     return Response(text, media_type="text/html")
 
 
-@functools.cache
-def _plotly_text() -> bytes:
-    from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]
-
-    return bytes(get_plotlyjs(), "utf-8")
-
-
 async def _plotly(request: Request) -> Response:
-    return Response(_plotly_text(), media_type="text/javascript", headers={"cache-control": "max-age=86400"})
+    return Response(plotly_source(), media_type="text/javascript", headers={"cache-control": "max-age=86400"})
 
 
 async def _state(request: Request) -> Response:
