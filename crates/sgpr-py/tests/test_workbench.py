@@ -27,7 +27,9 @@ for needed in ("starlette", "uvicorn", "tsdownsample", "tomlkit", "scipy"):
     pytest.importorskip(needed, reason="the workbench needs pip install sgpr[workbench]")
 
 # ruff: noqa: E402
-from sgpr._workbench import bench as bench_module
+from sgpr._workbench import logs as logs_module
+from sgpr._workbench import missing as missing_module
+from sgpr._workbench import models as models_module
 from sgpr._workbench import server as server_module
 from sgpr._workbench import takeaway
 from sgpr._workbench.bench import Bench
@@ -146,8 +148,8 @@ def test_opening_again_loses_nothing(arm: Path) -> None:
 
 def test_models_come_from_the_cache(arm: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[str] = []
-    computed = bench_module.computed
-    monkeypatch.setattr(bench_module, "computed", lambda step, *rest: asked.append(step.id) or computed(step, *rest))
+    computed = models_module.computed
+    monkeypatch.setattr(models_module, "computed", lambda step, *rest: asked.append(step.id) or computed(step, *rest))
     finish(opened([str(arm)]))
     assert asked == ["robot"] or asked == []
     # Another log, other models.
@@ -252,8 +254,8 @@ def test_a_killed_server_loses_nothing(tmp_path: Path) -> None:
 def test_a_change_while_logs_are_read_keeps_the_split(arm: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = tomllib.loads((arm / "sgpr.toml").read_text())
     goes_on = threading.Event()
-    read = bench_module.read_log
-    monkeypatch.setattr(bench_module, "read_log", lambda *given: goes_on.wait(30.0) and read(*given))
+    read = logs_module.read_log
+    monkeypatch.setattr(logs_module, "read_log", lambda *given: goes_on.wait(30.0) and read(*given))
     bench = opened_at_once([str(arm)])
     bench.rename("m2", "spring")
     kept = tomllib.loads((arm / "sgpr.toml").read_text())
@@ -645,7 +647,7 @@ def test_the_rest_as_a_last_step(arm: Path) -> None:
 
 def test_the_next_experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pair = ["viscous_friction", "coulomb_friction"]
-    monkeypatch.setattr(bench_module, "diagnose", functools.partial(sgpr.diagnose, effects=pair))
+    monkeypatch.setattr(missing_module, "diagnose", functools.partial(sgpr.diagnose, effects=pair))
     swinging().save(tmp_path / "swing.csv")
     (tmp_path / "sgpr.toml").write_text('robot = "two_link"\n')
     bench = opened([str(tmp_path)])
@@ -661,7 +663,7 @@ def test_the_next_experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     expected = sgpr.diagnose(sgpr.identify(robot, [log], effects=[]), [log], effects=pair).next_motion
     assert expected is not None
     assert np.allclose(sgpr.read(tmp_path / "motion.csv", robot.joint_names).q, expected.q, atol=1e-6)
-    assert [line["name"] for line in bench.diagnoses["m1"]["next_figure"]["data"]] == robot.joint_names
+    assert [line["name"] for line in bench.missing.found["m1"]["next_figure"]["data"]] == robot.joint_names
     again = opened([str(tmp_path)])
     finish(again)
     assert takeaway.next_experiment(again) == takeaway.next_experiment(bench)

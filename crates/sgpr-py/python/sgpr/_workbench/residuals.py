@@ -23,6 +23,8 @@ DENSE = 20_000
 """More samples than this are drawn as density: dots would hide each other."""
 BINS = 50
 FEWEST = 8
+GAP = 0.05
+"""Of the range of a variable: a stretch without samples that is longer is left open."""
 PICKED = "#cc79a7"
 LONGEST_LAG = 2.0
 """s"""
@@ -278,19 +280,25 @@ def difference(samples: Samples, region: Region) -> dict[str, Any]:
 
 
 def averages(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-    """Mean, and the bounds of two thirds, of y over bins of x with equally many samples."""
-    edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, BINS + 1)))
-    if len(edges) < 3:
+    """Mean, and the bounds of two thirds, of y over bins of x with equally many samples.
+
+    Where x has a gap there is a bin without numbers: a line through it would be made up.
+    """
+    order = np.argsort(x)
+    x, y = x[order], y[order]
+    if len(x) < FEWEST or x[0] == x[-1]:
         nothing = np.zeros(0)
         return nothing, nothing, nothing, nothing
-    count = stats.binned_statistic(x, y, "count", bins=edges).statistic
-    kept = count >= FEWEST
-    centre = stats.binned_statistic(x, x, "mean", bins=edges).statistic[kept]
-    mean = stats.binned_statistic(x, y, "mean", bins=edges).statistic[kept]
-    low, high = (
-        stats.binned_statistic(x, y, lambda v, p=p: np.quantile(v, p) if len(v) else np.nan, bins=edges).statistic[kept]
-        for p in (1 / 6, 5 / 6)
-    )
+    gaps = np.flatnonzero(np.diff(x) > GAP * (x[-1] - x[0])) + 1
+    found: list[tuple[float, ...]] = []
+    for start, end in pairwise([0, *gaps.tolist(), len(x)]):
+        bins = max(1, round(BINS * (end - start) / len(x)))
+        for part in np.array_split(np.arange(start, end), bins):
+            if len(part) >= FEWEST:
+                low, high = np.quantile(y[part], [1 / 6, 5 / 6])
+                found.append((float(x[part].mean()), float(y[part].mean()), float(low), float(high)))
+        found.append((np.nan,) * 4)
+    centre, mean, low, high = np.array(found[:-1]).T
     return centre, mean, low, high
 
 

@@ -14,6 +14,7 @@ from ..cli.errors import BadData
 from ..cli.robots import READY_MADE
 from .bench import Bench
 from .folder import Folder, sorted_out
+from .memory import keep_none_back
 from .server import application
 
 LOOPBACK = "127.0.0.1"
@@ -34,6 +35,7 @@ class Workbench:
     """A running workbench: `url` is its address, `stop()` ends it, `wait()` waits for its end."""
 
     def __init__(self, names: Sequence[str], port: int = 0) -> None:
+        keep_none_back()
         self.bench = opened(names)
         self._socket = _listening(port)
         self.port = self._socket.getsockname()[1]

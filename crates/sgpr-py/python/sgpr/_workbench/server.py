@@ -239,7 +239,7 @@ def _residual(bench: Bench, asked: Any) -> dict[str, Any]:
 
 
 def _whiteness(bench: Bench, asked: Any) -> dict[str, Any]:
-    processing = bench.reference().processing
+    processing = bench.models.reference().processing
     return {"figures": whiteness(_samples(bench, asked), 1 if processing is None else processing.decimation)}
 
 
@@ -259,6 +259,9 @@ async def _take(request: Request) -> Response:
         "commands.sh": (takeaway.commands, "text/plain"),
         "repeat.py": (takeaway.script, "text/x-python"),
         "next_experiment.csv": (takeaway.next_experiment, "text/csv"),
+        "model.h": (lambda bench: takeaway.source(bench, "c"), "text/plain"),
+        "model.rs": (lambda bench: takeaway.source(bench, "rust"), "text/plain"),
+        "robot.urdf": (takeaway.robot_file, "application/xml"),
     }
     if what not in kinds:
         return _wrong(f"there is no {what}")

@@ -74,8 +74,14 @@ def track_of(comparison: Comparison, recordings: Sequence[Recording]) -> Track:
 
 
 def joined(parts: Sequence[LogResidual], name: str) -> Rows:
-    """An array of all stretches, `[n, N]`: a row is in one piece of memory."""
-    return np.ascontiguousarray(np.concatenate([getattr(part, name).astype(np.float32) for part in parts]).T)
+    """An array of all stretches, `[n, N]`: a row is in one piece of memory, and no copy is made on the way."""
+    arrays = [getattr(part, name) for part in parts]
+    rows = np.empty((arrays[0].shape[1], sum(map(len, arrays))), dtype=np.float32)
+    end = 0
+    for array in arrays:
+        rows[:, end : end + len(array)] = array.T
+        end += len(array)
+    return rows
 
 
 def piece(

@@ -16,14 +16,17 @@ function lead(state, app) {
   const robot = state.robot.joints.length ? `${state.robot.name}, ${state.robot.joints.length} joints` : "no robot yet";
   const fitted = state.steps.length > 1;
   const rest = state.logs.some((log) => log.role === "test") ? "" : " No log tests: errors are then those on logs that the fit has seen.";
-  return h("div", { class: "verdict" },
+  const broken = state.logs.filter((log) => log.role !== "off" && (log.problem || log.issues.some((issue) => issue.rank === "stop"))).length;
+  return h("div", { class: broken ? "verdict bad" : "verdict" },
     h("p", { class: "lead" }, `Robot: ${robot}. Logs: ${counts(state)}.${rest}`),
+    broken ? h("p", {}, `${broken} ${broken === 1 ? "log has" : "logs have"} to be repaired, or read in another way, before it is of use.`) : null,
     h("div", { class: "bar" },
       button(fitted ? "Compare the models" : "Fit the model", async () => {
         if (fitted) app.go("compare");
         else if (await app.act("fit", { effects: state.usual_effects })) app.go("compare");
       }, { class: "main", disabled: !ready(state) || Boolean(state.job) }),
-      fitted ? null : h("span", { class: "soft" }, `with ${state.usual_effects.map(words).join(", ")}`)));
+      fitted ? null : h("span", { class: "soft" }, `with ${state.usual_effects.map(words).join(", ")}`)),
+    proposals(state, app));
 }
 
 export const robotStage = {
@@ -36,7 +39,7 @@ export const robotStage = {
       state.robot.joints.length ? h("p", { class: "soft" }, `Joints: ${state.robot.joints.join(", ")}`) : null,
       state.robot.warnings.map((text) => h("p", { class: "soft" }, text)),
       h("h3", {}, "Logs"), state.logs.length ? logTable(state, app) : h("p", {}, "There is no log in the folder yet."),
-      proposals(state, app), drop(app), state.logs.map((log) => reading(log, app)));
+      drop(app), state.logs.map((log) => reading(log, app)));
   },
 };
 
@@ -59,11 +62,11 @@ function state_of(log) {
   return looks ? `${looks} to look at` : "in order";
 }
 
-function proposals(state, app) {
+export function proposals(state, app) {
   if (!state.proposals.length) return null;
-  return h("section", { "aria-label": "Proposals" }, h("h3", {}, "What the checks propose"),
+  return h("section", { "aria-label": "Proposals" }, h("p", {}, "The checks propose:"),
     h("div", { class: "bar" }, state.proposals.map((one) => button(one.title, () => app.act("set_reading", { name: "", settings: merged(one.settings, state) })))),
-    h("p", { class: "soft" }, "For all logs of the folder; kept in sgpr.toml, and taken back below under “How … is read”."));
+    h("p", { class: "soft" }, "For all logs of the folder; kept in sgpr.toml, and taken back under “How … is read”."));
 }
 
 // Findings that are right add to those that were confirmed before.
@@ -151,7 +154,7 @@ export const checkStage = {
       h("p", {}, "Logs that test are not used to learn: their error is what a new motion would see."),
       state.logs.length ? logTable(state, app) : null,
       h("h3", {}, "What the checks found"),
-      issues.length ? table("Findings in the logs", ["", "log", "finding"], issues, [0, 1, 2]) : h("p", {}, "Nothing is wrong with the logs."),
+      issues.length ? table("Findings in the logs", ["rank", "log", "finding"], issues, [0, 1, 2]) : h("p", {}, "Nothing is wrong with the logs."),
       h("h3", {}, "What the physics says"),
       state.checks.excitation ? h("p", {}, `In the training logs ${state.checks.excitation}.`) : h("p", { class: "soft" }, "After the first fit: how well the motion excites the parameters, and what is suspicious."),
       (state.checks.texts ?? []).map((text) => h("p", {}, text)));
@@ -170,10 +173,10 @@ export const fitStage = {
       const effects = state.effects.map((each) => each.name).filter((name) => chosen.has(name));
       if (await app.act("fit", { effects })) app.go("compare");
     };
-    fill(root, h("h2", {}, "Fit"),
+    fill(root, h("h2", {}, "Fit"), lead(state, app),
       h("p", {}, "Inertia and gravity of all links are always fitted. Effects that every joint has from the start:"),
       h("div", { class: "bar" }, boxes),
-      button(state.steps.length > 1 ? "Fit once more" : "Fit the model", start, { class: "main", disabled: !ready(state) || Boolean(state.job) }),
+      button(state.steps.length > 1 ? "Fit once more" : "Fit with these", start, { disabled: !ready(state) || Boolean(state.job) }),
       h("p", { class: "soft" }, "An effect at a single joint is better added later, when the diagnosis has found it."));
   },
 };
