@@ -145,6 +145,9 @@ pub struct Simulation {
     robot: CoreRobot,
 }
 
+/// The robot, the time of each sample, and all arrays.
+type Pickled<'py> = (Robot, Vec<i64>, Vec<Array<'py>>);
+
 /// All arrays of a simulation, in the order of a pickle.
 const ARRAYS: [fn(&core::SimulationRecord) -> &[f64]; 11] = [
     |record| &record.q,
@@ -278,7 +281,7 @@ impl Simulation {
         slf.py().import("sgpr._views")?.call_method1("simulation_html", (slf,))
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Robot, Vec<i64>, Vec<Array<'py>>))> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Pickled<'py>)> {
         let arrays = ARRAYS.into_iter().map(|pick| Self::shown(slf, pick)).collect::<PyResult<Vec<_>>>()?;
         let parts = (slf.get().robot.clone().into(), slf.get().inner.time.clone(), arrays);
         Ok((slf.get_type().getattr("_from_parts")?, parts))
