@@ -73,6 +73,19 @@ def main() -> None:
         shutil.rmtree(folder)
 
 
+MOVES = """() => {
+  const place = document.getElementById("joint-0"), box = place.getBoundingClientRect();
+  let most = 0;
+  for (let k = 0; k < 100; k++) {
+    const begun = performance.now(), at = {clientX: box.left + 80 + k * 10, clientY: box.top + 20};
+    place.dispatchEvent(new MouseEvent("mousemove", {bubbles: true, ...at}));
+    place.getBoundingClientRect();
+    most = Math.max(most, performance.now() - begun);
+  }
+  return most;
+}"""
+
+
 class Figures(dict[str, Any]):
     """Figures that are printed as they come."""
 
@@ -136,14 +149,7 @@ def zooms(page: Any) -> dict[str, float]:
 
 def cursor(page: Any) -> float:
     """The longest that the page needs for a movement of the mouse."""
-    return float(
-        page.evaluate(
-            """() => { const place = document.getElementById('joint-0'), box = place.getBoundingClientRect(); let most = 0;
-            for (let k = 0; k < 100; k++) { const begun = performance.now();
-              place.dispatchEvent(new MouseEvent('mousemove', {bubbles: true, clientX: box.left + 80 + k * 10, clientY: box.top + 20}));
-              place.getBoundingClientRect(); most = Math.max(most, performance.now() - begun); } return most; }"""
-        )
-    )
+    return float(page.evaluate(MOVES))
 
 
 if __name__ == "__main__":

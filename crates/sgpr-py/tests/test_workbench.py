@@ -37,7 +37,7 @@ from sgpr._workbench.folder import Folder, guessed_roles
 from sgpr._workbench.residuals import Region, Samples, difference, whiteness
 from sgpr._workbench.running import Workbench
 from sgpr._workbench.running import opened as opened_at_once
-from sgpr._workbench.tracks import piece
+from sgpr._workbench.tracks import Track, piece
 from sgpr.cli.errors import BadData
 
 EFFECTS = ["viscous_friction", "coulomb_friction"]
@@ -424,6 +424,24 @@ def test_thinning_keeps_peaks_and_shows_raw_samples(arm: Path) -> None:
     assert np.allclose(residual[:10], expected, atol=1e-5)
 
 
+def test_the_peaks_of_blocks_are_those_of_all_samples() -> None:
+    rng = np.random.default_rng(3)
+    line = rng.standard_normal((1, 300_000)).astype(np.float32)
+    line[0, 123_456], line[0, 7], line[0, 299_999] = 50.0, -40.0, 60.0
+    line[0, 5000:5200] = np.nan
+    track = Track(np.arange(300_000) * 1e-3, [], np.ones((1, 300_000), bool), {"measured": line, "q": line})
+    track.predicted["m1"] = np.ones_like(line)
+    for kind, shift in (("torque", 0.0), ("residual", 1.0)):
+        [lines], every = piece(track, ["m1"], kind, (-1.0, 1e9), 500)
+        t, y = lines["measured" if kind == "torque" else "m1"]
+        assert not every and len(t) < 600
+        # Each pixel shows the largest that is there.
+        for low, high in ((0.0, 10.0), (100.0, 150.0), (290.0, 300.0)):
+            inside = (track.t >= low) & (track.t < high)
+            assert np.nanmax(y[(t >= low) & (t < high)]) == np.nanmax(line[0, inside]) - np.float32(shift)
+        assert np.nanmin(y) == np.float32(-40.0) - np.float32(shift)
+
+
 def test_no_line_is_drawn_across_a_gap(arm: Path) -> None:
     def torn(table: np.ndarray) -> np.ndarray:
         table = table.copy()
@@ -667,3 +685,29 @@ def test_the_next_experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     again = opened([str(tmp_path)])
     finish(again)
     assert takeaway.next_experiment(again) == takeaway.next_experiment(bench)
+
+
+def test_commands_take_robot_split_and_effects_of_the_project(
+    arm: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = opened([str(arm)])
+    bench.use("m1")
+    monkeypatch.chdir(arm)
+    assert run("identify", "--out", tmp_path / "short", "--no-report").code == 0
+    named = ("--robot", "two_link", "--train", "train_1.csv", "train_2.csv", "--test", "test.csv")
+    effects = ("--effects", *EFFECTS)
+    assert run("identify", *named, *effects, "--out", tmp_path / "long", "--no-report").code == 0
+    for name in ("model.sgpr", "predictions.csv"):
+        assert (tmp_path / "short" / name).read_bytes() == (tmp_path / "long" / name).read_bytes()
+    assert (tmp_path / "short" / "model.sgpr").read_bytes() == takeaway.model_file(bench)
+    added = run("diagnose", "--add", "cable_stiffness@joint_2", "--out", tmp_path / "added", "--no-report")
+    assert added.code == 0
+    # Who names logs to train names those to test.
+    assert run("identify", "--train", "train_1.csv", "--out", tmp_path / "one", "--no-report").code == 0
+    assert not (tmp_path / "one" / "predictions.csv").exists()
+    (arm / "sgpr.toml").write_text('robot = "two_link"\ntrain = "train_1.csv"\n')
+    wrong = run("identify", "--out", tmp_path / "wrong")
+    assert wrong.code == 1 and "`train` is a list of names" in wrong.err
+    monkeypatch.chdir(tmp_path)
+    missing = run("learn", "--out", tmp_path / "wrong")
+    assert missing.code == 2 and "--robot" in missing.err

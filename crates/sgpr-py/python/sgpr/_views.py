@@ -155,7 +155,8 @@ def excitation_html(found: Excitation) -> str:
         ]
         for k, name in enumerate(motion.joint_names)
     ]
-    caption = f"Motion of {significant(motion.duration, 4)} s, {found.status}; {found.criterion} {significant(found.value, 4)}"
+    value = significant(found.value, 4)
+    caption = f"Motion of {significant(motion.duration, 4)} s, {found.status}; {found.criterion} {value}"
     notes = [f"tightest limit: {found.tightest}, used to {100.0 * found.utilisation:.0f} %"]
     return table_html(caption, ["joint", "position", "speed", "acceleration", "torque"], rows, notes)
 

@@ -114,6 +114,4 @@ class Models:
     def forget_removed(self) -> None:
         """The torque of steps that are gone."""
         for track in self.tracks.values():
-            for table in (track.predicted, track.predicted_in_band, track.interval):
-                for gone in [key for key in table if key not in self.ladder.steps]:
-                    del table[gone]
+            track.forget({name for name in track.predicted if name not in self.ladder.steps})
