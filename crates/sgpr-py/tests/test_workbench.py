@@ -513,6 +513,9 @@ def test_guesses() -> None:
     assert guessed_roles(["a.csv", "b_test.csv"]) == {"a.csv": "train", "b_test.csv": "test"}
     assert guessed_roles(["a.csv", "b.csv", "c.csv"])["c.csv"] == "test"
     assert guessed_roles(["a.csv"]) == {"a.csv": "train"}
+    pair = ["pair_unloaded.csv", "pair_load_2kg.csv", "test.csv"]
+    assert guessed_roles(pair) == {"pair_unloaded.csv": "train", "pair_load_2kg.csv": "off", "test.csv": "test"}
+    assert "train" in guessed_roles(["load_1.csv", "load_2.csv"]).values()
     assert "train" in guessed_roles(["test_1.csv", "test_2.csv"]).values()
 
 

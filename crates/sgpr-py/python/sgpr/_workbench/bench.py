@@ -26,7 +26,15 @@ EMPTY: tuple[Any, ...] = (None, "", {}, [])
 class Bench:
     """The state of the workbench; every method may be called from any thread."""
 
-    def __init__(self, folder: Folder, robot: str | None = None, logs: list[str] | None = None) -> None:
+    def __init__(
+        self, folder: Folder, robot: str | None = None, logs: list[str] | None = None, patience: float = 0.0
+    ) -> None:
+        """Opens a folder.
+
+        - `patience`: s that reading waits for the first page: a long log would take the processor from it
+        """
+        self.shown = threading.Event()
+        self.patience = patience
         self.folder = folder
         self.lock = threading.RLock()
         self.version = 0
@@ -38,7 +46,7 @@ class Bench:
         self.logs: dict[str, Log] = {}
         self.ladder = Ladder()
         self.models = Models(folder.root, self.ladder)
-        self.missing = Missing(self.models)
+        self.missing = Missing(self.models, self.changed)
         self.checks: dict[str, Any] | None = None
         self.work = Work(self.changed)
         self._open(robot, logs)
@@ -68,6 +76,7 @@ class Bench:
         self.logs = {name: Log(name, roles.get(name, "off"), problem=UNREAD) for name in wanted}
 
         def task(progress: Progress) -> None:
+            self.shown.wait(self.patience)
             for number, name in enumerate(wanted):
                 progress(name, number, len(wanted))
                 log = read(self.folder, self.robot, name, self.logs[name].role)

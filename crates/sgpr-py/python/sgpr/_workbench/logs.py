@@ -57,6 +57,7 @@ class Log:
             "name": self.name,
             "role": self.role,
             "problem": self.problem,
+            "unread": self.problem == UNREAD,
             "samples": sum(len(part) for part in self.stretches),
             "seconds": sum(part.duration for part in self.stretches),
             "rate": None if first is None else first.sample_rate_hz,

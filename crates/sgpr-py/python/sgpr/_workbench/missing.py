@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,12 @@ class Missing:
     """Diagnoses of steps.
 
     - `found`: as in diagnosis.json, with the plot of the next experiment; `motions`: that motion as a table
+    - `tell`: called when something is known before the end
     - `hints`: sentences on what the error depends on, known before the search ends, and after one that was cancelled
     """
 
-    def __init__(self, models: Models) -> None:
-        self.models = models
+    def __init__(self, models: Models, tell: Callable[[], None]) -> None:
+        self.models, self.tell = models, tell
         self.found: dict[str, dict[str, Any]] = {}
         self.motions: dict[str, str] = {}
         self.hints: dict[str, list[str]] = {}
@@ -37,7 +39,7 @@ class Missing:
         progress("what the error depends on", 0, 0)
         structure = residual_structure(model, compare(model, data.of_role("train")))
         self.hints[step.id] = [joint["summary"] for joint in structure]
-        progress("what the error depends on", 1, 1)
+        self.tell()
         found = diagnose(model, data.train, data.of_role("test"), progress=progress)
         result = found.to_dict()
         motion = next_motion(found, model.robot)

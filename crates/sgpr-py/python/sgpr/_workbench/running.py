@@ -20,7 +20,11 @@ from .server import application
 LOOPBACK = "127.0.0.1"
 
 
-def opened(names: Sequence[str]) -> Bench:
+PATIENCE = 1.0
+"""s that the first page may take before logs are read."""
+
+
+def opened(names: Sequence[str], patience: float = 0.0) -> Bench:
     """The bench of a folder, or of a robot and logs."""
     root, robot, logs = sorted_out(names or ["."])
     if not root.is_dir():
@@ -28,7 +32,7 @@ def opened(names: Sequence[str]) -> Bench:
     given = [*logs, *([Path(robot)] if robot and robot not in READY_MADE else [])]
     folder = Folder(root, given)
     name = robot if robot is None or robot in READY_MADE else folder.name_of(Path(robot))
-    return Bench(folder, name, [folder.name_of(log) for log in logs] if logs else None)
+    return Bench(folder, name, [folder.name_of(log) for log in logs] if logs else None, patience)
 
 
 class Workbench:
@@ -36,7 +40,7 @@ class Workbench:
 
     def __init__(self, names: Sequence[str], port: int = 0) -> None:
         keep_none_back()
-        self.bench = opened(names)
+        self.bench = opened(names, PATIENCE)
         self._socket = _listening(port)
         self.port = self._socket.getsockname()[1]
         token = secrets.token_urlsafe(24)

@@ -86,6 +86,7 @@ async def _plotly(request: Request) -> Response:
 
 async def _state(request: Request) -> Response:
     bench: Bench = request.app.state.bench
+    bench.shown.set()
     known = request.query_params.get("version")
     if known == str(bench.version):
         return JSONResponse({"version": bench.version, "job": bench.work.state(), "same": True})

@@ -16,10 +16,10 @@ function lead(state, app) {
   const robot = state.robot.joints.length ? `${state.robot.name}, ${state.robot.joints.length} joints` : "no robot yet";
   const fitted = state.steps.length > 1;
   const rest = state.logs.some((log) => log.role === "test") ? "" : " No log tests: errors are then those on logs that the fit has seen.";
-  const broken = state.logs.filter((log) => log.role !== "off" && (log.problem || log.issues.some((issue) => issue.rank === "stop"))).length;
+  const broken = state.logs.filter((log) => log.role !== "off" && !(log.unread && state.job) && (log.problem || log.issues.some((issue) => issue.rank === "stop"))).length;
   return h("div", { class: broken ? "verdict bad" : "verdict" },
     h("p", { class: "lead" }, `Robot: ${robot}. Logs: ${counts(state)}.${rest}`),
-    broken ? h("p", {}, `${broken} ${broken === 1 ? "log has" : "logs have"} to be repaired, or read in another way, before it is of use.`) : null,
+    broken ? h("p", {}, `${broken} ${broken === 1 ? "log has" : "logs have"} to be repaired, or read in another way, before the fit.`) : null,
     h("div", { class: "bar" },
       button(fitted ? "Compare the models" : "Fit the model", async () => {
         if (fitted) app.go("compare");
@@ -48,7 +48,7 @@ function logTable(state, app) {
     log.name,
     choice("", `role ${log.name}`, ROLES, log.role, (role) => app.act("set_role", { name: log.name, role })),
     String(log.samples), number(log.seconds, 4), log.rate ? number(log.rate, 4) : "–",
-    log.problem ? h("span", { class: "bad" }, log.problem) : state_of(log),
+    log.unread && state.job ? "is being read" : log.problem ? h("span", { class: "bad" }, log.problem) : state_of(log),
   ]);
   const shown = table("Logs", ["log", "use", "samples", "length [s]", "rate [Hz]", "state"], rows, [0, 1, 5]);
   shown.querySelectorAll("select").forEach((select, k) => select.setAttribute("aria-label", `Use of ${state.logs[k].name}`));
@@ -117,7 +117,7 @@ function reading(log, app) {
     ...field("findings that are right", "accept", listed(settings.accept), "joints_by_order, position_in_degrees"),
   ];
   const apply = (name) => () => app.act("set_reading", { name, settings: settingsFrom(inputs) });
-  return h("details", { open: Boolean(log.problem) && !app.state.job },
+  return h("details", { open: Boolean(log.problem) && !log.unread && !app.state.job },
     h("summary", { "data-key": `reading ${log.name}` }, `How ${log.name} is read`),
     h("p", {}, log.layout || (log.problem ?? "By the names in the file.")),
     log.said.map((text) => h("p", { class: "soft" }, text)),

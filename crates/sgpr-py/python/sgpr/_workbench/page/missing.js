@@ -48,7 +48,7 @@ const fall = (one, joint) => 100 * (1 - one.rmse_after[joint] / one.rmse_before[
 function gained(one) {
   const joints = Object.keys(one.rmse_before).filter((joint) => one.rmse_after[joint] !== one.rmse_before[joint]);
   const best = joints.sort((a, b) => fall(one, b) - fall(one, a))[0];
-  return best === undefined ? "when added" : `${best} −${number(fall(one, best), 2)} %`;
+  return best === undefined ? "–" : `${best} −${number(fall(one, best), 2)} %`;
 }
 
 function card(one, k, state, app, add) {
@@ -69,11 +69,11 @@ function candidates(found, state, app, add) {
   const listed = found.candidates.filter((one) => !found.findings.some((other) => title(other) === title(one))).slice(0, SHOWN);
   const rows = listed.map((one, k) => [
     title(one), one.probability.toFixed(2), one.score <= -1e6 ? "–" : number(one.score), gained(one), one.confusable_with.map(words).join(", ") || "–",
-    h("span", {}, button("Show", () => toggle(`c${k}`, one, state, app), { "data-key": `signature c${k}`, "aria-label": `Show the signature of ${title(one)}` }), " ",
+    h("span", { class: "pair" }, button("Show", () => toggle(`c${k}`, one, state, app), { "data-key": `signature c${k}`, "aria-label": `Show the signature of ${title(one)}` }), " ",
       button("Add", () => add(names(one)), { "data-key": `add c${k}`, "aria-label": `Add ${title(one)}`, disabled: Boolean(state.job) })),
   ]);
   return h("section", { "aria-label": "Other candidates" }, h("h3", {}, "Other candidates"),
-    h("p", { class: "soft" }, `The best ${listed.length} of ${found.candidates.length}. Evidence: log of the Bayes factor against the model alone, less what looking at so many costs.`),
+    h("p", { class: "soft" }, `The best ${listed.length} of ${found.candidates.length}. Evidence: log of the Bayes factor against the model alone, less what looking at so many costs. The error gained is known of what was fitted; of the others it shows once they are added.`),
     table("Other candidates", ["effect", "probability", "evidence", "error gained", "looks like", ""], rows, [0, 4, 5]), h("div", { id: "signature-c" }));
 }
 

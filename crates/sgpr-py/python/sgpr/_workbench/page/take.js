@@ -10,7 +10,7 @@ const FILES = [
   ["commands.sh", "Commands", "the same on the command line"],
   ["model.h", "C header", "the physics for a controller: C99, needs no library"],
   ["model.rs", "Rust module", "the same in Rust"],
-  ["robot.urdf", "Robot file", "the URDF with the inertias of this model"],
+  ["robot.urdf", "Robot file", "the URDF with the inertias of this model, if they are those of bodies (sgpr identify --consistent makes them so)"],
 ];
 let shown = "";
 
