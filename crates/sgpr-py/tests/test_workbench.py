@@ -238,10 +238,15 @@ def test_a_killed_server_loses_nothing(tmp_path: Path) -> None:
         url = urlsplit(json.loads(process.stdout.readline())["url"])
         line = http.client.HTTPConnection("127.0.0.1", url.port or 0, timeout=30)
         headers = {"X-Sgpr-Token": url.query.removeprefix("token=")}
+        deadline = time.monotonic() + 30.0
+        reading = True
+        while reading and time.monotonic() < deadline:
+            # As the page: nothing can be fitted while logs are read.
+            line.request("GET", "/api/state", headers=headers)
+            reading = json.loads(line.getresponse().read())["job"] is not None
         line.request("POST", "/api/do/fit", json.dumps({"effects": EFFECTS}), headers)
         assert line.getresponse().read()
         line.close()
-        deadline = time.monotonic() + 30.0
         while "steps" not in tomllib.loads((folder / "sgpr.toml").read_text()) and time.monotonic() < deadline:
             time.sleep(0.05)
         process.kill()
@@ -714,3 +719,19 @@ def test_commands_take_robot_split_and_effects_of_the_project(
     monkeypatch.chdir(tmp_path)
     missing = run("learn", "--out", tmp_path / "wrong")
     assert missing.code == 2 and "--robot" in missing.err
+
+
+def test_a_log_without_time_is_read_with_its_rate(tmp_path: Path) -> None:
+    folder = write_arm(tmp_path / "arm")
+    for path in folder.glob("t*.csv"):
+        lines = [line.split(",", 1)[1] for line in path.read_text().splitlines()]
+        path.write_text("\n".join(lines) + "\n")
+    bench = opened([str(folder)])
+    assert all("no time column" in (log.problem or "") for log in bench.logs.values())
+    bench.set_reading("", {"rate": 100.0})
+    assert [log.to_dict()["rate"] for log in bench.logs.values()] == pytest.approx([100.0] * 3)
+    bench.fit(EFFECTS)
+    finish(bench)
+    assert "sample_rate_hz=100.0" in takeaway.script(bench)
+    bench.set_reading("", {"rate": None})
+    assert bench.log("test.csv").problem is not None

@@ -23,6 +23,7 @@ BY_HAND = (
     "columns",
     "units",
     "torque_constants",
+    "rate",
     "accept",
     "trim",
     "split_gaps",

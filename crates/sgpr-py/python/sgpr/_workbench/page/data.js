@@ -110,6 +110,7 @@ function reading(log, app) {
     ...QUANTITIES.flatMap(([key]) => field(`columns of ${key}`, `columns.${key}`, listed(settings.columns?.[key]), "pattern such as q{} or names, with commas")),
     ...field("torque constants [N·m/A]", "torque_constants",
       Array.isArray(constants) ? constants.join(", ") : Object.entries(constants ?? {}).map(([k, v]) => `${k}=${v}`).join(", "), "9.6, 9.6, 6.0 or elbow=9.6"),
+    ...field("samples per second, of a log without time [Hz]", "rate", settings.sample_rate_hz, "100"),
     ...field("resample at [Hz]", "resample", settings.resample, "median, or a rate"),
     ...field("cut at gaps longer than [s]", "split_gaps", settings.split_gaps, "0.1"),
     ...field("keep from, to [s]", "trim", listed(settings.trim), "2, 18"),
@@ -137,6 +138,7 @@ function settingsFrom(inputs) {
     else if (id === "accept") found.accept = parts(text);
     else if (id === "repairs") for (const name of REPAIRS) found[name] = parts(text).includes(name) || null;
     else if (id === "resample") found.resample = text === "" || text === "median" ? text : Number(text);
+    else if (id === "rate") found.rate = text === "" ? null : Number(text);
     else if (id === "split_gaps") found.split_gaps = text === "" ? null : Number(text);
     else if (id === "trim") found.trim = text === "" ? null : parts(text).map(Number);
     else if (text.includes("=")) found.torque_constants = Object.fromEntries(parts(text).map((part) => [part.split("=")[0], Number(part.split("=")[1])]));
