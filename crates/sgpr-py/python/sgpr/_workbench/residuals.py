@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal, stats  # type: ignore[import-untyped]
 
 from ..cli.errors import BadData
 from ..report.colours import AFTER, BEFORE, INTERVAL, LINES, MEASURED
@@ -167,6 +166,9 @@ def _cloud(samples: Samples, x: Array, y: Array, keep: NDArray[np.int64], colour
 
 def over_two(samples: Samples, first: str, second: str) -> dict[str, Any]:
     """Mean residual over two variables."""
+    # Loaded when it is needed: it takes longer than all the rest of the program.
+    from scipy import stats  # type: ignore[import-untyped]
+
     x, y = samples.values(first), samples.values(second)
     if first == second:
         raise BadData("the map needs two different variables")
@@ -193,6 +195,9 @@ def whiteness(samples: Samples, decimation: int) -> list[dict[str, Any]]:
 
     Every `decimation`-th sample is taken, as the fit does: those between them are not independent after its filter.
     """
+    # Loaded when it is needed: it takes longer than all the rest of the program.
+    from scipy import signal, stats  # type: ignore[import-untyped]
+
     y, rate = _longest(samples, decimation)
     if len(y) < 64:
         raise BadData("no stretch is long enough for a spectrum")
@@ -236,6 +241,9 @@ def _longest(samples: Samples, decimation: int) -> tuple[Array, float]:
 
 def difference(samples: Samples, region: Region) -> dict[str, Any]:
     """What is different in a picked region: one sentence, and a table of the variables that differ most."""
+    # Loaded when it is needed: it takes longer than all the rest of the program.
+    from scipy import stats  # type: ignore[import-untyped]
+
     inside = samples.inside(region)
     count = int(inside.sum())
     if count == 0 or count == len(inside):
