@@ -8,7 +8,7 @@ SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-predict/src crates/sgp
 	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name '*.js' -o -name '*.css' -o -name '*.html' -o -name Cargo.toml) \
 	crates/sgpr-predict/Cargo.toml crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
 
-.PHONY: docs figures readme first-hour package semver sdist build c-library controller-demo demo workbench fleet-demo demo-real estimators test test-rust test-python skipped browser lint msrv deny bench diagnosis-bench \
+.PHONY: docs figures readme first-hour package semver sdist build c-library controller-demo demo workbench fleet-demo demo-real estimators test test-rust test-python skipped browser lint msrv deny bench diagnosis-bench notebook \
 	diagnosis-mujoco peers fuzz soak clean thesis
 
 build: $(VENV)/.built
@@ -40,6 +40,10 @@ demo: build
 	@echo "report: $(OUT)/demo/report.html"
 	@echo "model:  $(OUT)/demo/model.sgpr"
 	@echo "by hand, in the browser: make workbench"
+
+## The notebook with its outputs, figures as pictures (needs playwright and Chromium).
+notebook: build
+	$(BIN)/python tools/notebook.py
 
 ## The workbench on the bundled logs, in the browser (docs/workbench.md).
 workbench: build

@@ -171,7 +171,10 @@ pub struct Diagnosis {
 
 impl Diagnosis {
     fn wrapped(&self, list: &[core::Finding]) -> Vec<Finding> {
-        list.iter().map(|inner| Finding { inner: inner.clone(), train: self.train.clone() }).collect()
+        let models = (self.before.clone(), Arc::new(self.inner.after.clone()));
+        let finding =
+            |inner: &core::Finding| Finding { inner: inner.clone(), train: self.train.clone(), models: models.clone() };
+        list.iter().map(finding).collect()
     }
 
     fn word(&self) -> &'static str {
@@ -317,10 +320,51 @@ impl Diagnosis {
         slf.py().import("sgpr._views")?.call_method1("diagnosis_html", (slf,))
     }
 
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Parts)> {
+        let Self { inner, before, train, test } = slf.get();
+        let motions: Vec<_> = inner.next_experiment.iter().map(|one| &one.motion).collect();
+        let motions = serde_json::to_string(&motions).map_err(|error| invalid(error.to_string()))?;
+        let after = as_model(&Arc::new(inner.after.clone()));
+        let parts = (inner.to_json(), motions, as_model(before), after, as_python(train), as_python(test));
+        Ok((slf.get_type().getattr("_from_parts")?, parts))
+    }
+
+    #[staticmethod]
+    fn _from_parts(
+        text: &str,
+        motions: &str,
+        before: &Model,
+        after: &Model,
+        train: &Bound<'_, PyAny>,
+        test: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let motions = serde_json::from_str(motions).map_err(|error| not_one(error.to_string()))?;
+        let (before, after) = (before.inner.clone(), after.inner.as_ref().clone());
+        let inner = core::Diagnosis::from_json(text, before.as_ref().clone(), after, motions).map_err(not_one)?;
+        let [train, test] = [train, test].map(recordings);
+        Ok(Self { inner: Arc::new(inner), before, train: Arc::new(train?), test: Arc::new(test?) })
+    }
+
     fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
         let lines = slf.py().import("sgpr._views")?.call_method1("diagnosis_lines", (slf,))?;
         Ok(lines.extract::<Vec<String>>()?.join("\n"))
     }
+}
+
+/// Both models, and the logs, of what is pickled.
+type Parts = (String, String, Model, Model, Vec<Recording>, Vec<Recording>);
+type FindingParts = (String, Model, Model, Vec<Recording>);
+
+fn as_model(model: &Arc<TorqueModel>) -> Model {
+    Model { inner: model.clone(), report: None }
+}
+
+fn as_python(list: &[logs::Recording]) -> Vec<Recording> {
+    list.iter().map(|recording| recording.clone().into()).collect()
+}
+
+fn not_one(why: String) -> PyErr {
+    invalid(format!("not what was pickled: {why}"))
 }
 
 fn describe(finding: &core::Finding) -> String {
@@ -333,12 +377,15 @@ fn describe(finding: &core::Finding) -> String {
 pub struct Finding {
     inner: core::Finding,
     train: Arc<Vec<logs::Recording>>,
+    /// Without and with what was found.
+    models: (Arc<TorqueModel>, Arc<TorqueModel>),
 }
 
 impl Finding {
     /// The same, to be fitted to other logs.
     pub fn on(&self, train: &Bound<'_, PyAny>) -> PyResult<Self> {
-        Ok(Self { inner: self.inner.clone(), train: Arc::new(recordings(train)?) })
+        let models = self.models.clone();
+        Ok(Self { inner: self.inner.clone(), train: Arc::new(recordings(train)?), models })
     }
 
     /// `model` with this effect on top.
@@ -428,6 +475,19 @@ impl Finding {
 
     fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("sgpr._views")?.call_method1("finding_html", (slf,))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, FindingParts)> {
+        let Self { inner, train, models: (before, after) } = slf.get();
+        let parts = (inner.to_json(), as_model(before), as_model(after), as_python(train));
+        Ok((slf.get_type().getattr("_from_parts")?, parts))
+    }
+
+    #[staticmethod]
+    fn _from_parts(text: &str, before: &Model, after: &Model, train: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let models = (before.inner.clone(), after.inner.clone());
+        let inner = core::Finding::from_json(text, &models.0, &models.1).map_err(not_one)?;
+        Ok(Self { inner, train: Arc::new(recordings(train)?), models })
     }
 
     fn __repr__(&self) -> String {

@@ -387,6 +387,21 @@ impl Excitation {
         }
     }
 
+    /// A Plotly figure of positions, speeds and accelerations over time.
+    fn plot<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("sgpr._views")?.call_method1("plot_excitation", (slf,))
+    }
+
+    /// Writes the page of `sgpr excite`, without the files beside it.
+    fn save_report(slf: &Bound<'_, Self>, path: PathBuf) -> PyResult<()> {
+        let robot = Robot::from(slf.get().robot.clone());
+        slf.py().import("sgpr.reporting")?.call_method1("save_report", (slf, robot, path)).map(drop)
+    }
+
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("sgpr._views")?.call_method1("excitation_html", (slf,))
+    }
+
     fn __repr__(&self) -> String {
         format!("Excitation of {} joints, value {:.6}, {}", self.robot.dof(), self.inner.value, self.status())
     }

@@ -1,5 +1,6 @@
 //! Simulated experiments.
 
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use numpy::{PyArray1, PyArrayDyn};
@@ -141,7 +142,26 @@ pub fn two_link_drives() -> Vec<Drive> {
 #[pyclass(module = "sgpr", frozen)]
 pub struct Simulation {
     inner: core::SimulationRecord,
+    robot: CoreRobot,
 }
+
+/// The robot, the time of each sample, and all arrays.
+type Pickled<'py> = (Robot, Vec<i64>, Vec<Array<'py>>);
+
+/// All arrays of a simulation, in the order of a pickle.
+const ARRAYS: [fn(&core::SimulationRecord) -> &[f64]; 11] = [
+    |record| &record.q,
+    |record| &record.dq,
+    |record| &record.ddq,
+    |record| &record.tau,
+    |record| &record.friction,
+    |record| &record.q_measured,
+    |record| &record.dq_measured,
+    |record| &record.tau_measured,
+    |record| &record.q_wanted,
+    |record| &record.dq_wanted,
+    |record| &record.ddq_wanted,
+];
 
 impl Simulation {
     fn shown<'py>(slf: &Bound<'py, Self>, pick: fn(&core::SimulationRecord) -> &[f64]) -> PyResult<Array<'py>> {
@@ -244,6 +264,56 @@ impl Simulation {
 
     fn __len__(&self) -> usize {
         self.inner.len()
+    }
+
+    /// A Plotly figure of tracking error, torque and friction over time.
+    fn plot<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("sgpr._views")?.call_method1("plot_simulation", (slf,))
+    }
+
+    /// Writes the page of `sgpr simulate`: wanted positions, tracking error, torque and friction.
+    fn report(slf: &Bound<'_, Self>, path: PathBuf) -> PyResult<()> {
+        let robot = Robot::from(slf.get().robot.clone());
+        slf.py().import("sgpr.reporting")?.call_method1("save_report", (slf, robot, path)).map(drop)
+    }
+
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("sgpr._views")?.call_method1("simulation_html", (slf,))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Pickled<'py>)> {
+        let arrays = ARRAYS.into_iter().map(|pick| Self::shown(slf, pick)).collect::<PyResult<Vec<_>>>()?;
+        let parts = (slf.get().robot.clone().into(), slf.get().inner.time.clone(), arrays);
+        Ok((slf.get_type().getattr("_from_parts")?, parts))
+    }
+
+    #[staticmethod]
+    fn _from_parts(robot: &Robot, time: Vec<i64>, arrays: Vec<Bound<'_, PyAny>>) -> PyResult<Self> {
+        let size = time.len() * robot.inner.dof();
+        let rows = arrays.iter().map(|array| Ok(Numbers::new("a simulation", array)?.values().to_vec()));
+        let rows = rows.collect::<PyResult<Vec<Vec<f64>>>>()?;
+        if rows.iter().any(|values| values.len() != size) {
+            return Err(invalid("not a simulation of this robot: its parts do not belong together"));
+        }
+        let [q, dq, ddq, tau, friction, q_measured, dq_measured, tau_measured, q_wanted, dq_wanted, ddq_wanted] =
+            <[Vec<f64>; ARRAYS.len()]>::try_from(rows).map_err(|_| invalid("not a simulation: arrays are missing"))?;
+        let joint_names = robot.inner.joint_names().map(String::from).collect();
+        let inner = core::SimulationRecord {
+            joint_names,
+            time,
+            q,
+            dq,
+            ddq,
+            tau,
+            friction,
+            q_measured,
+            dq_measured,
+            tau_measured,
+            q_wanted,
+            dq_wanted,
+            ddq_wanted,
+        };
+        Ok(Self { inner, robot: robot.inner.clone() })
     }
 
     fn __repr__(&self) -> String {
@@ -411,7 +481,7 @@ pub fn simulate(
     if let Some(error) = failure.lock().unwrap_or_else(PoisonError::into_inner).take() {
         return Err(error);
     }
-    Ok(Simulation { inner: result? })
+    Ok(Simulation { inner: result?, robot: arm })
 }
 
 /// What the last link picks up.

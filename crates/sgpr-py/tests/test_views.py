@@ -56,6 +56,42 @@ def test_pickles(demo_model: sgpr.Model, demo_test: sgpr.Recording) -> None:
     assert pickle.loads(pickle.dumps(base)).expressions == base.expressions
 
 
+def test_pickled_diagnoses(diagnosis: sgpr.Diagnosis, demo_model: sgpr.Model) -> None:
+    back = pickle.loads(pickle.dumps(diagnosis))
+    assert repr(back) == repr(diagnosis) and back.to_dict() == diagnosis.to_dict()
+    assert back.model.to_bytes() == diagnosis.model.to_bytes()
+    finding = diagnosis.findings[0]
+    again = pickle.loads(pickle.dumps(finding))
+    assert repr(again) == repr(finding) == repr(back.findings[0])
+    # What it is made of is there as well: added to another model it makes the same one.
+    assert demo_model.add(again).to_bytes() == demo_model.add(finding).to_bytes()
+    mere = next(one for one in diagnosis.candidates if repr(one) != repr(finding))
+    assert repr(pickle.loads(pickle.dumps(mere))) == repr(mere)
+
+
+def test_motions_and_simulations(tmp_path: Path) -> None:
+    robot = sgpr.robots.two_link()
+    found = sgpr.excite(robot, terms=2, max_acceleration=[2, 2], starts=1, max_evaluations=20)
+    lines = found.plot().data
+    time = np.linspace(0.0, found.trajectory.duration, 1000)
+    assert len(lines) == 6 and np.allclose(lines[3].y, found.trajectory.at(time)[1][:, 1])
+    assert "tightest limit" in found._repr_html_()
+    found.save_report(tmp_path / "motion.html")
+    assert "Excitation trajectory" in (tmp_path / "motion.html").read_text()
+    run = sgpr.simulate(robot, found.trajectory, duration=0.2)
+    back = pickle.loads(pickle.dumps(run))
+    for name in ("t", "q", "ddq", "friction", "q_measured", "tau_measured", "ddq_wanted"):
+        assert np.array_equal(getattr(back, name), getattr(run, name))
+    assert back.recording().q.tobytes() == run.recording().q.tobytes()
+    assert np.array_equal(run.plot().data[2].y, run.tau[:, 0])
+    assert "joint_2" in run._repr_html_()
+    back.report(tmp_path / "run.html")
+    assert "Position error" in (tmp_path / "run.html").read_text()
+    state = run.__reduce__()[1]
+    with pytest.raises(sgpr.SgprError, match="do not belong together"):
+        type(run)._from_parts(state[0], state[1][:-1], state[2])
+
+
 def test_prediction_for_a_recording(demo_model: sgpr.Model, demo_test: sgpr.Recording) -> None:
     [stretch] = sgpr.compare(demo_model, [demo_test]).logs
     torque, deviation = demo_model.predict(demo_test, return_std=True)

@@ -27,7 +27,9 @@ for needed in ("starlette", "uvicorn", "tsdownsample", "tomlkit", "scipy"):
     pytest.importorskip(needed, reason="the workbench needs pip install sgpr[workbench]")
 
 # ruff: noqa: E402
-from sgpr._workbench import bench as bench_module
+from sgpr._workbench import logs as logs_module
+from sgpr._workbench import missing as missing_module
+from sgpr._workbench import models as models_module
 from sgpr._workbench import server as server_module
 from sgpr._workbench import takeaway
 from sgpr._workbench.bench import Bench
@@ -35,7 +37,7 @@ from sgpr._workbench.folder import Folder, guessed_roles
 from sgpr._workbench.residuals import Region, Samples, difference, whiteness
 from sgpr._workbench.running import Workbench
 from sgpr._workbench.running import opened as opened_at_once
-from sgpr._workbench.tracks import piece
+from sgpr._workbench.tracks import Track, piece
 from sgpr.cli.errors import BadData
 
 EFFECTS = ["viscous_friction", "coulomb_friction"]
@@ -146,8 +148,8 @@ def test_opening_again_loses_nothing(arm: Path) -> None:
 
 def test_models_come_from_the_cache(arm: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[str] = []
-    computed = bench_module.computed
-    monkeypatch.setattr(bench_module, "computed", lambda step, *rest: asked.append(step.id) or computed(step, *rest))
+    computed = models_module.computed
+    monkeypatch.setattr(models_module, "computed", lambda step, *rest: asked.append(step.id) or computed(step, *rest))
     finish(opened([str(arm)]))
     assert asked == ["robot"] or asked == []
     # Another log, other models.
@@ -236,10 +238,15 @@ def test_a_killed_server_loses_nothing(tmp_path: Path) -> None:
         url = urlsplit(json.loads(process.stdout.readline())["url"])
         line = http.client.HTTPConnection("127.0.0.1", url.port or 0, timeout=30)
         headers = {"X-Sgpr-Token": url.query.removeprefix("token=")}
+        deadline = time.monotonic() + 30.0
+        reading = True
+        while reading and time.monotonic() < deadline:
+            # As the page: nothing can be fitted while logs are read.
+            line.request("GET", "/api/state", headers=headers)
+            reading = json.loads(line.getresponse().read())["job"] is not None
         line.request("POST", "/api/do/fit", json.dumps({"effects": EFFECTS}), headers)
         assert line.getresponse().read()
         line.close()
-        deadline = time.monotonic() + 30.0
         while "steps" not in tomllib.loads((folder / "sgpr.toml").read_text()) and time.monotonic() < deadline:
             time.sleep(0.05)
         process.kill()
@@ -252,8 +259,8 @@ def test_a_killed_server_loses_nothing(tmp_path: Path) -> None:
 def test_a_change_while_logs_are_read_keeps_the_split(arm: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = tomllib.loads((arm / "sgpr.toml").read_text())
     goes_on = threading.Event()
-    read = bench_module.read_log
-    monkeypatch.setattr(bench_module, "read_log", lambda *given: goes_on.wait(30.0) and read(*given))
+    read = logs_module.read_log
+    monkeypatch.setattr(logs_module, "read_log", lambda *given: goes_on.wait(30.0) and read(*given))
     bench = opened_at_once([str(arm)])
     bench.rename("m2", "spring")
     kept = tomllib.loads((arm / "sgpr.toml").read_text())
@@ -422,6 +429,24 @@ def test_thinning_keeps_peaks_and_shows_raw_samples(arm: Path) -> None:
     assert np.allclose(residual[:10], expected, atol=1e-5)
 
 
+def test_the_peaks_of_blocks_are_those_of_all_samples() -> None:
+    rng = np.random.default_rng(3)
+    line = rng.standard_normal((1, 300_000)).astype(np.float32)
+    line[0, 123_456], line[0, 7], line[0, 299_999] = 50.0, -40.0, 60.0
+    line[0, 5000:5200] = np.nan
+    track = Track(np.arange(300_000) * 1e-3, [], np.ones((1, 300_000), bool), {"measured": line, "q": line})
+    track.predicted["m1"] = np.ones_like(line)
+    for kind, shift in (("torque", 0.0), ("residual", 1.0)):
+        [lines], every = piece(track, ["m1"], kind, (-1.0, 1e9), 500)
+        t, y = lines["measured" if kind == "torque" else "m1"]
+        assert not every and len(t) < 600
+        # Each pixel shows the largest that is there.
+        for low, high in ((0.0, 10.0), (100.0, 150.0), (290.0, 300.0)):
+            inside = (track.t >= low) & (track.t < high)
+            assert np.nanmax(y[(t >= low) & (t < high)]) == np.nanmax(line[0, inside]) - np.float32(shift)
+        assert np.nanmin(y) == np.float32(-40.0) - np.float32(shift)
+
+
 def test_no_line_is_drawn_across_a_gap(arm: Path) -> None:
     def torn(table: np.ndarray) -> np.ndarray:
         table = table.copy()
@@ -493,6 +518,9 @@ def test_guesses() -> None:
     assert guessed_roles(["a.csv", "b_test.csv"]) == {"a.csv": "train", "b_test.csv": "test"}
     assert guessed_roles(["a.csv", "b.csv", "c.csv"])["c.csv"] == "test"
     assert guessed_roles(["a.csv"]) == {"a.csv": "train"}
+    pair = ["pair_unloaded.csv", "pair_load_2kg.csv", "test.csv"]
+    assert guessed_roles(pair) == {"pair_unloaded.csv": "train", "pair_load_2kg.csv": "off", "test.csv": "test"}
+    assert "train" in guessed_roles(["load_1.csv", "load_2.csv"]).values()
     assert "train" in guessed_roles(["test_1.csv", "test_2.csv"]).values()
 
 
@@ -645,7 +673,7 @@ def test_the_rest_as_a_last_step(arm: Path) -> None:
 
 def test_the_next_experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pair = ["viscous_friction", "coulomb_friction"]
-    monkeypatch.setattr(bench_module, "diagnose", functools.partial(sgpr.diagnose, effects=pair))
+    monkeypatch.setattr(missing_module, "diagnose", functools.partial(sgpr.diagnose, effects=pair))
     swinging().save(tmp_path / "swing.csv")
     (tmp_path / "sgpr.toml").write_text('robot = "two_link"\n')
     bench = opened([str(tmp_path)])
@@ -661,7 +689,49 @@ def test_the_next_experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     expected = sgpr.diagnose(sgpr.identify(robot, [log], effects=[]), [log], effects=pair).next_motion
     assert expected is not None
     assert np.allclose(sgpr.read(tmp_path / "motion.csv", robot.joint_names).q, expected.q, atol=1e-6)
-    assert [line["name"] for line in bench.diagnoses["m1"]["next_figure"]["data"]] == robot.joint_names
+    assert [line["name"] for line in bench.missing.found["m1"]["next_figure"]["data"]] == robot.joint_names
     again = opened([str(tmp_path)])
     finish(again)
     assert takeaway.next_experiment(again) == takeaway.next_experiment(bench)
+
+
+def test_commands_take_robot_split_and_effects_of_the_project(
+    arm: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = opened([str(arm)])
+    bench.use("m1")
+    monkeypatch.chdir(arm)
+    assert run("identify", "--out", tmp_path / "short", "--no-report").code == 0
+    named = ("--robot", "two_link", "--train", "train_1.csv", "train_2.csv", "--test", "test.csv")
+    effects = ("--effects", *EFFECTS)
+    assert run("identify", *named, *effects, "--out", tmp_path / "long", "--no-report").code == 0
+    for name in ("model.sgpr", "predictions.csv"):
+        assert (tmp_path / "short" / name).read_bytes() == (tmp_path / "long" / name).read_bytes()
+    assert (tmp_path / "short" / "model.sgpr").read_bytes() == takeaway.model_file(bench)
+    added = run("diagnose", "--add", "cable_stiffness@joint_2", "--out", tmp_path / "added", "--no-report")
+    assert added.code == 0
+    # Who names logs to train names those to test.
+    assert run("identify", "--train", "train_1.csv", "--out", tmp_path / "one", "--no-report").code == 0
+    assert not (tmp_path / "one" / "predictions.csv").exists()
+    (arm / "sgpr.toml").write_text('robot = "two_link"\ntrain = "train_1.csv"\n')
+    wrong = run("identify", "--out", tmp_path / "wrong")
+    assert wrong.code == 1 and "`train` is a list of names" in wrong.err
+    monkeypatch.chdir(tmp_path)
+    missing = run("learn", "--out", tmp_path / "wrong")
+    assert missing.code == 2 and "--robot" in missing.err
+
+
+def test_a_log_without_time_is_read_with_its_rate(tmp_path: Path) -> None:
+    folder = write_arm(tmp_path / "arm")
+    for path in folder.glob("t*.csv"):
+        lines = [line.split(",", 1)[1] for line in path.read_text().splitlines()]
+        path.write_text("\n".join(lines) + "\n")
+    bench = opened([str(folder)])
+    assert all("no time column" in (log.problem or "") for log in bench.logs.values())
+    bench.set_reading("", {"rate": 100.0})
+    assert [log.to_dict()["rate"] for log in bench.logs.values()] == pytest.approx([100.0] * 3)
+    bench.fit(EFFECTS)
+    finish(bench)
+    assert "sample_rate_hz=100.0" in takeaway.script(bench)
+    bench.set_reading("", {"rate": None})
+    assert bench.log("test.csv").problem is not None

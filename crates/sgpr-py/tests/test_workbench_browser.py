@@ -3,12 +3,14 @@
 import os
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from cli_support import DEMO
+from sgpr._workbench import missing
 from sgpr._workbench.running import Workbench
 from test_report_browser import CHROMIUM, QUIET
 from test_workbench import EFFECTS, write_arm
@@ -109,7 +111,8 @@ def test_six_clicks(browser: Any, tmp_path: Path) -> None:
         if PICTURES:
             page.screenshot(path=str(Path(PICTURES) / f"workbench_{name}.png"))
 
-    fit = page.get_by_role("button", name="Fit the model")
+    fit = page.locator("button:enabled", has_text="Fit the model")
+    page.get_by_role("progressbar").wait_for(state="detached")
     fit.wait_for()
     picture("robot")
     fit.click()
@@ -130,6 +133,12 @@ def test_six_clicks(browser: Any, tmp_path: Path) -> None:
     steps = {step["id"]: step["errors"]["test"]["joints"][3]["rmse"] for step in running.bench.to_dict()["steps"]}
     assert share >= 85.0 and abs(share - 100.0 * (1.0 - steps["m2"] / steps["m1"])) < 1.0
     print(f"three clicks, {seconds:.1f} s, the error of joint_4 down by {share:g} %")
+    tab.stage("Take away")
+    for name, beginning in (("model.h", b"/*"), ("model.rs", b"//"), ("report.html", b"<!DOCTYPE html>")):
+        with page.expect_download() as waiting:
+            page.get_by_role("button", name=f"({name})").click()
+        assert Path(waiting.value.path()).read_bytes().startswith(beginning)
+    tab.stage("Add, watch, take back")
     page.get_by_role("button", name="Take it back").click()
     page.locator(".verdict", has_text="The current model is “fit”").wait_for()
     tab.close()
@@ -270,3 +279,47 @@ def test_a_server_that_ends_is_said(browser: Any, tmp_path: Path) -> None:
     tab.page.locator("[role=alert]", has_text="Nothing is lost").wait_for(timeout=15_000)
     tab.problems.clear()
     tab.close()
+
+
+def test_a_log_that_stops_a_fit_is_repaired_by_clicks(browser: Any, tmp_path: Path) -> None:
+    folder = write_arm(tmp_path / "arm")
+    rng = np.random.default_rng(4)
+    for path in folder.glob("t*.csv"):
+        head, *rows = path.read_text().splitlines()
+        times = [row.split(",", 1) for row in rows]
+        jitter = 0.004 * rng.uniform(-1.0, 1.0, len(rows))
+        lines = [f"{float(t) + dt:.6f},{rest}" for (t, rest), dt in zip(times, jitter, strict=True)]
+        path.write_text("\n".join([head, *lines]) + "\n")
+    running = Workbench([str(folder)]).start()
+    tab = Tab(browser, running.url, 1400)
+    page = tab.page
+    page.locator(".verdict.bad", has_text="have to be repaired").wait_for()
+    page.get_by_role("button", name="Resample at 100 Hz").click()
+    page.locator(".verdict:not(.bad)").wait_for()
+    page.locator("button:enabled", has_text="Fit the model").click()
+    page.locator("text=with the robot file it is").wait_for()
+    tab.close()
+    running.stop()
+
+
+def test_what_is_known_stays_after_a_cancel(browser: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def endless(*logs: Any, progress: Callable[[str, int, int], object]) -> None:
+        for step in range(10_000):
+            progress("a search", step, 10_000)
+            time.sleep(0.01)
+
+    monkeypatch.setattr(missing, "diagnose", endless)
+    running = Workbench([str(write_arm(tmp_path / "arm"))]).start()
+    running.bench.work.wait(60.0)
+    running.bench.fit(EFFECTS)
+    running.bench.work.wait(60.0)
+    tab = Tab(browser, running.url, 1400)
+    page = tab.page
+    tab.stage("What is missing")
+    page.get_by_role("button", name="Look for it").click()
+    page.locator("li", has_text="joint_2: ").wait_for()
+    page.get_by_role("button", name="Cancel").click()
+    page.locator("text=What was known when the search was stopped").wait_for()
+    assert "joint_2: " in page.inner_text("main")
+    tab.close()
+    running.stop()

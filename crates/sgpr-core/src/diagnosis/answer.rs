@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::detectability::Detectable;
 use super::experiment;
@@ -13,7 +13,7 @@ use crate::excitation::TrajectorySamples;
 use crate::model::{Term, TorqueModel};
 
 /// What came out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// Effects of the catalogue are missing from the model.
@@ -25,7 +25,7 @@ pub enum Verdict {
 }
 
 /// A parameter of a finding.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FoundParameter {
     /// Name: `joint_2.vs`.
     pub name: String,
@@ -41,7 +41,7 @@ pub struct FoundParameter {
 pub type ByJoint = BTreeMap<String, f64>;
 
 /// An effect that the diagnosis stands behind, or one that was tested.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Finding {
     /// Effect.
     pub effect: String,
@@ -69,7 +69,7 @@ pub struct Finding {
 }
 
 /// An effect that could not be tested.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NotTestable {
     /// Effect.
     pub effect: String,
@@ -78,7 +78,7 @@ pub struct NotTestable {
 }
 
 /// Error of a joint on the test logs, torque as logged against prediction, and what noise alone would leave.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JointErrors {
     /// Before, N·m (N).
     pub rmse_before: f64,
@@ -93,7 +93,7 @@ pub struct JointErrors {
 }
 
 /// A proposal for what to record next.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NextExperiment {
     /// Hypotheses that it would tell apart: the finding first.
     pub about: Vec<String>,
@@ -113,7 +113,7 @@ pub struct NextExperiment {
 }
 
 /// The held-out error after one more effect.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Step {
     /// The effect that was added; none at the start.
     pub effect: Option<String>,
@@ -172,8 +172,89 @@ impl Diagnosis {
         serde_json::to_string_pretty(self).expect("finite numbers and strings")
     }
 
+    /// The diagnosis that [`Self::to_json`] wrote, with the models and the motions of its next experiments.
+    ///
+    /// # Errors
+    /// If the text is no diagnosis, or the motions are not those of its experiments.
+    pub fn from_json(
+        text: &str,
+        before: TorqueModel,
+        after: TorqueModel,
+        motions: Vec<TrajectorySamples>,
+    ) -> Result<Self, String> {
+        let mut data: serde_json::Value = serde_json::from_str(text).map_err(|error| error.to_string())?;
+        let data = &mut data;
+        let mut next_experiment: Vec<NextExperiment> = field(data, "next_experiment")?;
+        if next_experiment.len() != motions.len() {
+            return Err(format!("{} experiments, {} motions", next_experiment.len(), motions.len()));
+        }
+        for (experiment, motion) in next_experiment.iter_mut().zip(motions) {
+            experiment.motion = motion;
+        }
+        let mut findings: Vec<Finding> = field(data, "findings")?;
+        findings.iter_mut().for_each(|finding| finding.take_terms(&before, &after));
+        Ok(Self {
+            schema: field(data, "schema")?,
+            verdict: field(data, "verdict")?,
+            probability_nothing_missing: field(data, "probability_nothing_missing")?,
+            probability_unexplained: field(data, "probability_unexplained")?,
+            findings,
+            candidates: field(data, "candidates")?,
+            not_testable: field(data, "not_testable")?,
+            detectable: field(data, "detectable")?,
+            joints: field(data, "joints")?,
+            steps: field(data, "steps")?,
+            whereabouts: field(data, "whereabouts")?,
+            structure: field(data, "structure")?,
+            left: field(data, "left")?,
+            unexplained: field(data, "unexplained")?,
+            formulas: field(data, "formulas")?,
+            next_experiment,
+            before,
+            after,
+        })
+    }
+
     /// The motions of [`Self::next_experiment`] one after the other, 100 samples per second; `None` if there is none.
     pub fn next_motion(&self) -> Option<TrajectorySamples> {
         (!self.next_experiment.is_empty()).then(|| experiment::in_a_row(&self.next_experiment))
     }
+}
+
+impl Finding {
+    /// A finding from its JSON; what it is made of is in `after`, not in `before`.
+    ///
+    /// # Errors
+    /// If the text is no finding.
+    pub fn from_json(text: &str, before: &TorqueModel, after: &TorqueModel) -> Result<Self, String> {
+        let mut found: Self = serde_json::from_str(text).map_err(|error| error.to_string())?;
+        found.take_terms(before, after);
+        Ok(found)
+    }
+
+    /// The fields as JSON.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string(self).expect("finite numbers and strings")
+    }
+
+    fn take_terms(&mut self, before: &TorqueModel, after: &TorqueModel) {
+        let fresh = |term: &&Term| !before.terms().iter().any(|known| known.is_like(term));
+        self.terms = after.terms().iter().filter(fresh).filter(|term| self.holds(term, after)).cloned().collect();
+    }
+
+    /// Whether a term of a model is part of this finding.
+    fn holds(&self, term: &Term, model: &TorqueModel) -> bool {
+        let name = |joint: usize| &model.robot().joints()[joint].name;
+        let at = term.site.joint().map(name);
+        term.effect.name() == self.effect
+            && match at {
+                Some(joint) => self.joints.contains(joint),
+                None => self.joints.is_empty(),
+            }
+    }
+}
+
+fn field<T: serde::de::DeserializeOwned>(data: &mut serde_json::Value, name: &str) -> Result<T, String> {
+    let value = data.get_mut(name).ok_or_else(|| format!("no `{name}`"))?.take();
+    serde_json::from_value(value).map_err(|error| format!("{name}: {error}"))
 }

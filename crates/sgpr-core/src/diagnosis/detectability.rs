@@ -7,7 +7,7 @@
 //! linear descriptor models, Automatica 49(6) (2013).
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::answer::FoundParameter;
 use super::basis::{Basis, dot, gain_of, invisible, rms};
@@ -20,7 +20,7 @@ use crate::model::Term;
 use crate::progress::Interrupted;
 
 /// An effect that the logs would have shown, had it been there and large enough.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Detectable {
     /// Effect.
     pub effect: String,

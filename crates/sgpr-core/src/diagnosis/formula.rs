@@ -7,7 +7,7 @@
 //! Source: S. Chen, S. A. Billings, W. Luo, Orthogonal least squares methods and their application to non-linear system
 //! identification, Int. J. Control 50(5) (1989).
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::basis::{INVISIBLE, Noise, gain};
 use super::fit::{Extra, Fitted, held_out};
@@ -16,7 +16,7 @@ use crate::effects::sgn;
 use crate::linalg::{dot_in_lanes, solve_general};
 
 /// One term of a formula.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FormulaTerm {
     /// The function: `dq(joint_2) · cos q(joint_1)`.
     pub function: String,
@@ -31,7 +31,7 @@ pub struct FormulaTerm {
 }
 
 /// A formula for what is left of a joint's torque: a suggestion, not a finding.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Formula {
     /// Joint.
     pub joint: String,

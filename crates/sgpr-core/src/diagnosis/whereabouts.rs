@@ -1,12 +1,12 @@
 //! Where the error sits.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::fit::Fitted;
 use super::problem::Problem;
 
 /// Error energy in one cell.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Excess {
     /// The cell, in words.
     pub cell: String,
@@ -17,14 +17,14 @@ pub struct Excess {
 }
 
 /// Where the error of each joint sits.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Whereabouts {
     /// Per joint: root mean square error in the band over the noise beyond it, and the autocorrelation of neighbours.
     pub joints: Vec<JointWhereabouts>,
 }
 
 /// Where the error of one joint sits.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JointWhereabouts {
     /// Joint.
     pub joint: String,

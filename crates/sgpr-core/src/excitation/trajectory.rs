@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use serde::{Deserialize, Serialize};
+
 use super::{Basis, ExcitationError};
 use crate::recording::{self, Channel, Recording, RecordingError};
 use crate::robot::Robot;
@@ -18,7 +20,7 @@ pub struct Trajectory {
 }
 
 /// Samples of a trajectory; every array `[samples, n]`, row-major, SI.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrajectorySamples {
     /// s.
     pub time: Vec<f64>,

@@ -22,6 +22,7 @@ mod units;
 
 use std::io::{self, BufWriter};
 use std::path::Path;
+use std::sync::Arc;
 
 use tempfile::NamedTempFile;
 
@@ -46,10 +47,11 @@ const DEFAULT_LIMIT_BYTES: u64 = 4 << 30;
 pub struct Recording {
     source: String,
     joint_names: Vec<String>,
-    time: Vec<i64>,
-    position: Vec<f64>,
-    velocity: Option<Vec<f64>>,
-    torque: Option<Vec<f64>>,
+    // Shared by clones: logs are long.
+    time: Arc<Vec<i64>>,
+    position: Arc<Vec<f64>>,
+    velocity: Option<Arc<Vec<f64>>>,
+    torque: Option<Arc<Vec<f64>>>,
     channels: Vec<Channel>,
     notes: Vec<String>,
     layout: Option<Layout>,
@@ -96,10 +98,10 @@ impl Recording {
         Ok(Self {
             source,
             joint_names,
-            time,
-            position,
-            velocity,
-            torque,
+            time: Arc::new(time),
+            position: Arc::new(position),
+            velocity: velocity.map(Arc::new),
+            torque: torque.map(Arc::new),
             channels,
             notes: Vec::new(),
             layout: None,
@@ -195,12 +197,12 @@ impl Recording {
 
     /// Velocities, `[samples, n]`, rad/s (m/s), if logged.
     pub fn velocity(&self) -> Option<&[f64]> {
-        self.velocity.as_deref()
+        self.velocity.as_deref().map(Vec::as_slice)
     }
 
     /// Torques, `[samples, n]`, N·m (N), if logged.
     pub fn torque(&self) -> Option<&[f64]> {
-        self.torque.as_deref()
+        self.torque.as_deref().map(Vec::as_slice)
     }
 
     /// Everything else that was logged with the joints.

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::fmt::Display;
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::{Channel, IssueKind, Recording, RecordingError, require_joint_list, seconds};
 
@@ -28,13 +29,19 @@ impl Recording {
         });
         let columns: Vec<usize> = columns.collect::<Result<_, _>>()?;
         let n = self.dof();
-        let pick = |values: &[f64]| values.chunks_exact(n).flat_map(|row| columns.iter().map(|&j| row[j])).collect();
+        let same = columns.iter().copied().eq(0..n);
+        let pick = |values: &Arc<Vec<f64>>| {
+            if same {
+                return values.clone();
+            }
+            Arc::new(values.chunks_exact(n).flat_map(|row| columns.iter().map(|&j| row[j])).collect())
+        };
         Ok(Self {
             joint_names: names,
             layout: self.layout.as_ref().map(|layout| layout.select(&columns)),
             position: pick(&self.position),
-            velocity: self.velocity.as_deref().map(pick),
-            torque: self.torque.as_deref().map(pick),
+            velocity: self.velocity.as_ref().map(pick),
+            torque: self.torque.as_ref().map(pick),
             ..self.clone()
         })
     }
@@ -106,10 +113,10 @@ impl Recording {
         Self {
             source: self.source.clone(),
             joint_names: self.joint_names.clone(),
-            time: keep.clone().map(|i| self.time[i]).collect(),
-            position: rows(&self.position),
-            velocity: self.velocity.as_deref().map(rows),
-            torque: self.torque.as_deref().map(rows),
+            time: Arc::new(keep.clone().map(|i| self.time[i]).collect()),
+            position: Arc::new(rows(&self.position)),
+            velocity: self.velocity().map(rows).map(Arc::new),
+            torque: self.torque().map(rows).map(Arc::new),
             channels: channels
                 .map(|channel| Channel { name: channel.name.clone(), values: of_channel(channel) })
                 .collect(),

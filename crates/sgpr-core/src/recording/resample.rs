@@ -1,5 +1,7 @@
 //! Values between samples.
 
+use std::sync::Arc;
+
 use super::{Channel, Recording};
 
 /// The recording on the stamps t0, t0 + `period`, ... up to the last sample; `period` in ns, not zero.
@@ -26,14 +28,14 @@ pub(super) fn resample(recording: &Recording, period: u64) -> Recording {
     Recording {
         source: recording.source.clone(),
         joint_names: recording.joint_names.clone(),
-        position: cubic(&recording.position, n, &seconds, &places),
-        velocity: recording.velocity.as_deref().map(linear),
-        torque: recording.torque.as_deref().map(linear),
+        position: Arc::new(cubic(&recording.position, n, &seconds, &places)),
+        velocity: recording.velocity().map(linear).map(Arc::new),
+        torque: recording.torque().map(linear).map(Arc::new),
         channels: channels.map(|channel| Channel { name: channel.name.clone(), values: of_channel(channel) }).collect(),
         notes: recording.notes.clone(),
         layout: recording.layout.clone(),
         accepted: recording.accepted.clone(),
-        time: stamps,
+        time: Arc::new(stamps),
     }
 }
 

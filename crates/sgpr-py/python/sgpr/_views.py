@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._sgpr import Comparison, Diagnosis, Finding, Model, Recording, Robot, compare
+from ._sgpr import Comparison, Diagnosis, Excitation, Finding, Model, Recording, Robot, Simulation, compare
 from .report.colours import AFTER, BEFORE, line_of
 from .report.figures import axis, layout
 from .report.numbers import MISSING, significant, with_deviation
@@ -17,6 +17,10 @@ Array = NDArray[np.float64]
 
 MOST_POINTS = 5000
 """Points of a line on a screen; between them the smallest and the largest value are kept."""
+
+MOTION = ("position [rad, m]", "speed [rad/s, m/s]", "acceleration [rad/s², m/s²]")
+MOTION_POINTS = 1000
+PEAKS = ("velocity", "acceleration", "torque")
 
 VERDICTS = {
     "effects_found": "Effects are missing from the model.",
@@ -137,6 +141,59 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
     ]
     first, *more = diagnosis_lines(diagnosis)
     return table_html(first, ["effect", "where", "probability", "evidence"], rows, more[1:])
+
+
+def excitation_html(found: Excitation) -> str:
+    """Largest values of the motion, and how well it reveals the parameters."""
+    motion, peaks = found.trajectory, found.peaks
+    lower, upper = peaks["position"].T
+    rows = [
+        [
+            name,
+            f"{significant(float(lower[k]))} … {significant(float(upper[k]))}",
+            *(significant(float(peaks[kind][k])) for kind in PEAKS),
+        ]
+        for k, name in enumerate(motion.joint_names)
+    ]
+    value = significant(found.value, 4)
+    caption = f"Motion of {significant(motion.duration, 4)} s, {found.status}; {found.criterion} {value}"
+    notes = [f"tightest limit: {found.tightest}, used to {100.0 * found.utilisation:.0f} %"]
+    return table_html(caption, ["joint", "position", "speed", "acceleration", "torque"], rows, notes)
+
+
+def simulation_html(run: Simulation) -> str:
+    """Tracking errors and largest torques."""
+    error = np.abs(run.q - run.q_wanted)
+    rows = [
+        [
+            name,
+            significant(float(run.tracking_rmse[k])),
+            significant(float(error[:, k].max())),
+            significant(float(np.abs(run.tau[:, k]).max())),
+        ]
+        for k, name in enumerate(run.joint_names)
+    ]
+    caption = f"Simulation of {len(run)} samples, {significant(float(run.t[-1]), 4)} s"
+    head = ["joint", "position error, root mean square [rad, m]", "largest", "largest torque [N·m, N]"]
+    return table_html(caption, head, rows)
+
+
+def plot_excitation(found: Excitation) -> Any:
+    """A Plotly figure of positions, speeds and accelerations of a motion over time."""
+    motion = found.trajectory
+    time = np.linspace(0.0, motion.duration, MOTION_POINTS)
+    values = zip(MOTION, motion.at(time), strict=True)
+    return _over_time([(title, time, each, motion.joint_names) for title, each in values], "excitation")
+
+
+def plot_simulation(run: Simulation) -> Any:
+    """A Plotly figure of position error, torque and friction of a simulation over time."""
+    rows = [
+        ("position error [rad, m]", run.q - run.q_wanted),
+        ("torque [N·m, N]", run.tau),
+        ("friction [N·m, N]", run.friction),
+    ]
+    return _over_time([(title, run.t, values, run.joint_names) for title, values in rows], "simulation")
 
 
 def plot_robot(robot: Robot, q: Any = None) -> Any:

@@ -1,13 +1,13 @@
 //! When a residual changes: one function of the state before a moment, another one after it.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::rows::JointRows;
 use super::whiteness::{autoregression, whitened};
 use crate::effects::sgn;
 
 /// A change of the residual.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Change {
     /// Most likely moment, s of the session.
     pub time: f64,

@@ -11,7 +11,7 @@ mod whiteness;
 pub use change::Change;
 use rayon::prelude::*;
 use rows::JointRows;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use smoother::{Explained, Smooth, Variable, cross_validated};
 use whiteness::{autoregression, memory, portmanteau};
 
@@ -22,7 +22,7 @@ use crate::model::{LogResidual, TorqueModel};
 use crate::robot::Robot;
 
 /// A function of the state that a residual is correlated with.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Dependence {
     /// The function: `speed of joint_2`, `size of the acceleration`.
     pub on: String,
@@ -33,7 +33,7 @@ pub struct Dependence {
 }
 
 /// A variable that the structure of a residual depends on.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Input {
     /// The variable: `speed of joint_2`.
     pub variable: String,
@@ -44,7 +44,7 @@ pub struct Input {
 }
 
 /// Shares of a residual's variance; they add up to one.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shares {
     /// A smooth function of position, speed, acceleration and load explains it on blocks of time that it has not seen.
     pub state: f64,
@@ -55,7 +55,7 @@ pub struct Shares {
 }
 
 /// What is left of one joint's torque.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JointStructure {
     /// Joint.
     pub joint: String,

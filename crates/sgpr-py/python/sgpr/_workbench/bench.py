@@ -1,92 +1,40 @@
-"""What is open in the workbench: logs, steps, errors, candidates; and every change of it."""
+"""What is open in the workbench, and every change of it."""
 
-import contextlib
-import json
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import typer
-
-from .. import Model, Recording, Robot, SemiParametricModel, SgprError, diagnose, load
+from .. import Model, Robot
 from .. import effects as registry
-from .._pages import write_page
 from ..cli.effects import DEFAULT_EFFECTS
 from ..cli.errors import BadData
-from ..cli.project import KEYS, settings_of
-from ..cli.reading import ReadingOptions, read_log
+from ..cli.reading import ReadingOptions
 from ..cli.robots import READY_MADE, load_robot
-from ..cli.screening import excitation, outside, repeated, saturated
 from .folder import ROLES, Folder, guessed_roles
-from .motions import next_motion
+from .logs import BY_HAND, CANNOT, UNREAD, Log, checked, judged, read, used
+from .missing import Missing
+from .models import Data, Models
 from .remedies import proposals
-from .steps import ROBOT_FILE, Known, Ladder, Step, compared, computed, errors_of, figures_of, key_of
-from .tracks import Track, track_of
+from .steps import ROBOT_FILE, Ladder, Step
+from .tracks import Track
 from .work import Progress, Work
 
-CACHE = ".sgpr-workbench"
-CANNOT = (SgprError, BadData, OSError, typer.BadParameter)
-
-SHORTEST = 1.0
-"""s, of a stretch that is compared: what is left between two gaps may be less than a filter needs."""
-
-BY_HAND = (
-    "columns",
-    "units",
-    "torque_constants",
-    "accept",
-    "trim",
-    "split_gaps",
-    "resample",
-    "sort",
-    "drop_duplicates",
-    "drop_not_finite",
-    "drop_repeated",
-)
-"""Settings of reading that the page can change."""
-
-UNREAD = "not read yet: look into the folder again if nothing is being read"
-
 EMPTY: tuple[Any, ...] = (None, "", {}, [])
-
-
-@dataclass
-class Log:
-    """A log of the project: what was read, or why it could not be."""
-
-    name: str
-    role: str
-    stretches: list[Recording] = field(default_factory=list)
-    said: list[str] = field(default_factory=list)
-    layout: str = ""
-    problem: str | None = None
-    settings: dict[str, Any] = field(default_factory=dict)
-    issues: list[dict[str, str]] = field(default_factory=list)
-
-    def to_dict(self) -> dict[str, Any]:
-        """For the page."""
-        first = self.stretches[0] if self.stretches else None
-        return {
-            "name": self.name,
-            "role": self.role,
-            "problem": self.problem,
-            "samples": sum(len(part) for part in self.stretches),
-            "seconds": sum(part.duration for part in self.stretches),
-            "rate": None if first is None else first.sample_rate_hz,
-            "joints": [] if first is None else first.joint_names,
-            "layout": self.layout,
-            "said": self.said,
-            "issues": self.issues,
-            "settings": self.settings,
-        }
 
 
 class Bench:
     """The state of the workbench; every method may be called from any thread."""
 
-    def __init__(self, folder: Folder, robot: str | None = None, logs: list[str] | None = None) -> None:
+    def __init__(
+        self, folder: Folder, robot: str | None = None, logs: list[str] | None = None, patience: float = 0.0
+    ) -> None:
+        """Opens a folder.
+
+        - `patience`: s that reading waits for the first page: a long log would take the processor from it
+        """
+        self.shown = threading.Event()
+        self.patience = patience
         self.folder = folder
         self.lock = threading.RLock()
         self.version = 0
@@ -97,9 +45,8 @@ class Bench:
         self.robot_problem: str | None = None
         self.logs: dict[str, Log] = {}
         self.ladder = Ladder()
-        self.tracks: dict[str, Track] = {}
-        self.diagnoses: dict[str, dict[str, Any]] = {}
-        self.motions: dict[str, str] = {}
+        self.models = Models(folder.root, self.ladder)
+        self.missing = Missing(self.models, self.changed)
         self.checks: dict[str, Any] | None = None
         self.work = Work(self.changed)
         self._open(robot, logs)
@@ -129,14 +76,15 @@ class Bench:
         self.logs = {name: Log(name, roles.get(name, "off"), problem=UNREAD) for name in wanted}
 
         def task(progress: Progress) -> None:
+            self.shown.wait(self.patience)
             for number, name in enumerate(wanted):
                 progress(name, number, len(wanted))
-                log = self._read(name, self.logs[name].role)
+                log = read(self.folder, self.robot, name, self.logs[name].role)
                 with self.lock:
                     log.role = self.logs[name].role
                     self.logs[name] = log
                 self.changed()
-            if len(self.ladder.steps) > 1 and self.robot is not None and self.used("train"):
+            if len(self.ladder.steps) > 1 and self.robot is not None and used(self.logs, "train"):
                 self.compute(progress)
 
         self.work.start("open the folder", task, lambda text: self.say("bad", f"open the folder: {text}"))
@@ -165,40 +113,13 @@ class Bench:
         except CANNOT as error:
             self.robot_problem = str(error)
 
-    def _read(self, name: str, role: str) -> Log:
-        log = Log(name, role)
-        try:
-            path = self.folder.path(name)
-            log.settings = {k: v for k, v in settings_of(str(path))[0].items() if k in KEYS.values()}
-            joints = None if self.robot is None else self.robot.joint_names
-            found = read_log(str(path), ReadingOptions(), joints)
-            # By their names in the folder, so that a model does not tell where the folder is.
-            log.stretches = [part._from_source(name, part.notes) for part in found.stretches]
-            log.said = [*found.raw.notes, *found.actions]
-            log.layout = "" if found.raw.layout is None else found.raw.layout["text"]
-            log.issues = [{"rank": i.rank, "text": i.message} for part in log.stretches for i in part.issues]
-        except CANNOT as error:
-            log.problem = str(error)
-            log.role = role if role in ROLES else "off"
-        return log
-
     # What is used
-
-    def used(self, role: str) -> list[Recording]:
-        """The stretches of all logs of a role."""
-        return [part for log in self.logs.values() if log.role == role for part in log.stretches]
-
-    def judged(self) -> dict[str, list[Recording]]:
-        """Logs that are compared, by name, without stretches that are too short to be filtered."""
-        used = [log for log in self.logs.values() if log.role != "off" and log.stretches]
-        found = {log.name: [part for part in log.stretches if part.duration >= SHORTEST] for log in used}
-        return {name: parts for name, parts in found.items() if parts}
 
     def needs(self) -> Robot:
         """The robot, if there are a robot and training logs."""
         if self.robot is None:
             raise BadData(self.robot_problem or "there is no robot yet: put a URDF or a DH table into the folder")
-        if not self.used("train"):
+        if not used(self.logs, "train"):
             raise BadData("no log trains: set one to `train`")
         return self.robot
 
@@ -207,12 +128,11 @@ class Bench:
         first = next((log for log in self.logs.values() if log.role == "train"), None)
         return None if first is None else ReadingOptions().lasting([str(self.folder.path(first.name))])
 
-    def reference(self) -> Model:
-        """The model whose filters all are judged with: the first fit, so that errors can be compared."""
-        fits = [s.model for s in self.ladder.steps.values() if s.after is None and s.id != ROBOT_FILE and s.model]
-        if not fits or not isinstance(fits[0], Model):
-            raise BadData("there is no fit yet")
-        return fits[0]
+    def data(self) -> Data:
+        """What models follow from and are judged by."""
+        robot, reading = self.needs(), self.reading()
+        roles = {log.name: log.role for log in self.logs.values()}
+        return Data(robot, used(self.logs, "train"), reading, judged(self.logs), roles)
 
     # Changes
 
@@ -224,7 +144,7 @@ class Bench:
             self.robot_name = name
             self._read_robot()
             for log in list(self.logs.values()):
-                self.logs[log.name] = self._read(log.name, log.role)
+                self.logs[log.name] = read(self.folder, self.robot, log.name, log.role)
             self.save()
         self.refresh("fit with the other robot")
 
@@ -254,7 +174,7 @@ class Bench:
             else:
                 self.folder.save({key: None if value in EMPTY else value for key, value in settings.items()})
             for log in [self.log(name)] if name else list(self.logs.values()):
-                self.logs[log.name] = self._read(log.name, log.role)
+                self.logs[log.name] = read(self.folder, self.robot, log.name, log.role)
             self.message = None
             self.save()
         self.refresh("fit with the logs as they are read now")
@@ -270,9 +190,9 @@ class Bench:
         with self.lock:
             for name in self.folder.logs():
                 if name not in self.logs:
-                    self.logs[name] = self._read(name, guessed_roles([name, "x"])[name])
+                    self.logs[name] = read(self.folder, self.robot, name, guessed_roles([name, "x"])[name])
                 elif self.logs[name].problem == UNREAD and self.work.state() is None:
-                    self.logs[name] = self._read(name, self.logs[name].role)
+                    self.logs[name] = read(self.folder, self.robot, name, self.logs[name].role)
             if self.robot is None:
                 self.robot_name = next(iter(self.folder.robots()), None)
                 self._read_robot()
@@ -327,86 +247,35 @@ class Bench:
     def refresh(self, title: str) -> None:
         """Computes all models again, because what they follow from has changed."""
         with self.lock:
-            self.tracks.clear()
-            self.diagnoses.clear()
-            self.motions.clear()
+            self.models.forget()
+            self.missing.forget()
             self.checks = None
-            for step in self.ladder.steps.values():
-                step.model, step.errors, step.problem = None, {}, None
             self.changed()
-            if len(self.ladder.steps) == 1 or self.robot is None or not self.used("train"):
+            if len(self.ladder.steps) == 1 or self.robot is None or not used(self.logs, "train"):
                 return
         self.work.cancel()
         self.work.wait()
         self.work.start(title, self.compute, lambda text: self.say("bad", f"{title}: {text}"))
 
     def compute(self, progress: Progress) -> None:
-        """All models that are missing, in order, from the cache if nothing has changed; then their errors."""
-        robot = self.needs()
-        train, judged = self.used("train"), self.judged()
-        roles = {log.name: log.role for log in self.logs.values()}
+        """All models that are missing, in order; then their errors, and what was found to be missing in them."""
+        data = self.data()
         with self.lock:
             steps = list(self.ladder.steps.values())
         for step in [*steps[1:], steps[0]]:
             if step.model is None:
-                chain = self.ladder.chain(step.id)
-                before = chain[-2].model if len(chain) > 1 else None
                 try:
-                    step.model = self._cached(robot, train, chain, before, progress)
-                except (SgprError, BadData) as error:
+                    self.models.make(step, data, progress)
+                except CANNOT as error:
                     step.problem = str(error)
                     if not step.errors and step is steps[-1]:
                         raise
                     continue
-            if not step.errors:
+            if not step.errors and step.model is not None:
                 progress("errors of the models", 0, 0)
-                step.errors = self._judged(step, step.model, judged, roles)
-                self._restore_diagnosis(step)
+                self.models.judge(step, step.model, data)
+                self.missing.restore(step, data)
         self.changed()
-
-    def _judged(
-        self, step: Step, model: Known, logs: Mapping[str, list[Recording]], roles: Mapping[str, str]
-    ) -> dict[str, Any]:
-        """Errors of a model, and its torque, which is kept for the plots."""
-        like = self.reference()
-        each = {}
-        for name, stretches in logs.items():
-            interval = None
-            if isinstance(model, SemiParametricModel):
-                found, spread = model.compare_with_spread(stretches)
-                interval = [half for _, half, _ in spread]
-            else:
-                found = compared(model, stretches, like)
-            each[name] = figures_of(found)
-            with self.lock:
-                if name not in self.tracks:
-                    self.tracks[name] = track_of(found, stretches)
-                self.tracks[name].add(step.id, found, interval)
-        errors = errors_of(model, logs, roles, like, each)
-        if isinstance(model, SemiParametricModel):
-            judged = [part for name, parts in logs.items() if roles[name] == "test" for part in parts]
-            errors["coverage"] = [
-                {"joint": one["joint"], "percent_95": one["percent_95"]}
-                for one in (model.coverage(judged) if judged else [])
-            ]
-        return errors
-
-    def _cached(
-        self, robot: Robot, train: list[Recording], chain: list[Step], before: Known | None, progress: Progress
-    ) -> Known:
-        step, reading = chain[-1], self.reading()
-        place = self.folder.root / CACHE / f"{key_of(robot, train, chain, reading)}.sgpr"
-        if place.is_file():
-            with contextlib.suppress(SgprError, OSError):
-                return load(place)
-        model = computed(step, before, robot, train, progress)
-        if isinstance(model, Model):
-            model = model.with_reading(reading)
-        # A cache that cannot be written costs time, nothing else.
-        with contextlib.suppress(OSError, SgprError):
-            place.parent.mkdir(exist_ok=True)
-            model.save(place)
-        return model
 
     def learn(self) -> None:
         """A last step: a Gaussian process for what the current model leaves over."""
@@ -427,39 +296,13 @@ class Bench:
         if not isinstance(model, Model):
             raise BadData("a Gaussian process takes all that is left: go on from the step before it")
 
+        data = self.data()
+
         def task(progress: Progress) -> None:
-            found = diagnose(model, self.used("train"), self.used("test"), progress=progress)
-            data = found.to_dict()
-            motion = next_motion(found, model.robot)
-            if motion is not None:
-                data["next_figure"] = motion.figure
-            with self.lock:
-                self.diagnoses[step.id] = data
-                if motion is not None:
-                    self.motions[step.id] = motion.table
-            place = self._diagnosis_file(step)
-            with contextlib.suppress(OSError):
-                place.parent.mkdir(exist_ok=True)
-                write_page(place, json.dumps(data))
-                if motion is not None:
-                    write_page(place.with_suffix(".csv"), motion.table)
+            self.missing.look(step, model, data, progress)
 
         self.message = None
         self.work.start("look for what is missing", task, lambda text: self.say("bad", f"diagnosis: {text}"))
-
-    def _diagnosis_file(self, step: Step) -> Path:
-        logs = [*self.used("train"), *self.used("test")]
-        return (
-            self.folder.root / CACHE / f"{key_of(self.needs(), logs, self.ladder.chain(step.id), self.reading())}.json"
-        )
-
-    def _restore_diagnosis(self, step: Step) -> None:
-        if step.id == ROBOT_FILE or step.id in self.diagnoses:
-            return
-        with contextlib.suppress(OSError, ValueError):
-            place = self._diagnosis_file(step)
-            self.diagnoses[step.id] = json.loads(place.read_text(encoding="utf-8"))
-            self.motions[step.id] = place.with_suffix(".csv").read_text(encoding="utf-8")
 
     def take_back(self) -> None:
         """The step before the current one becomes the current one; what is taken back stays in the ladder."""
@@ -481,10 +324,7 @@ class Bench:
         """Takes a step away for good, with those that start from it."""
         with self.lock:
             self.ladder.remove(name)
-            for track in self.tracks.values():
-                for table in (track.predicted, track.predicted_in_band, track.interval):
-                    for gone in [key for key in table if key not in self.ladder.steps]:
-                        del table[gone]
+            self.models.forget_removed()
             self.save()
 
     def rename(self, name: str, to: str) -> None:
@@ -516,30 +356,16 @@ class Bench:
     def track(self, name: str) -> Track:
         """The torque of a log, measured and by all models."""
         with self.lock:
-            if name not in self.tracks:
+            if name not in self.models.tracks:
                 raise BadData(f"there is no prediction for {name} yet")
-            return self.tracks[name]
+            return self.models.tracks[name]
 
     def check(self) -> dict[str, Any]:
         """What the physics says of the training logs; needs a fit."""
         with self.lock:
             robot = self.needs()
-            model = self.reference()
-            if self.checks is None and model.fit is not None:
-                condition = model.fit["scaled_condition"]
-                train = self.used("train")
-                logs = {role: _logs([lg for lg in self.logs.values() if lg.role == role]) for role in ("train", "test")}
-                said = [] if model.report is None else model.report.warnings
-                texts = [
-                    *repeated(logs["train"], logs["test"]),
-                    *said,
-                    *saturated(robot, train),
-                    *outside(robot, train),
-                ]
-                self.checks = {
-                    "excitation": excitation(condition, len(model.parameters), model.fit["undetermined"]),
-                    "texts": list(dict.fromkeys(texts)),
-                }
+            if self.checks is None:
+                self.checks = checked(robot, self.models.reference(), self.logs)
             return self.checks or {}
 
     def _proposals(self) -> list[dict[str, Any]]:
@@ -579,7 +405,8 @@ class Bench:
                 "steps": [step.to_dict() for step in self.ladder.steps.values()],
                 "current": self.ladder.current,
                 "pinned": self.ladder.pinned,
-                "diagnosis": self.diagnoses.get(self.ladder.current),
+                "diagnosis": self.missing.found.get(self.ladder.current),
+                "hints": self.missing.hints.get(self.ladder.current, []),
             }
 
 
@@ -591,9 +418,3 @@ def in_words(effects: list[str]) -> str:
         kinds.setdefault(effect.replace("_", " "), []).append(joint)
     parts = [f"{kind} at {', '.join(joints)}" if any(joints) else kind for kind, joints in kinds.items()]
     return "; ".join(parts)
-
-
-def _logs(logs: list[Log]) -> Any:
-    from ..cli.reading import Log as Read
-
-    return [Read(log.name, log.stretches[0], log.stretches, []) for log in logs if log.stretches]

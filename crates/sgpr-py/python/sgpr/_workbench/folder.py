@@ -1,6 +1,7 @@
 """The project: a folder with a robot and logs, and `sgpr.toml` beside them, which the commands read as well."""
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from ..cli.robots import READY_MADE
 from ..reading import suffixes
 
 ROBOT_SUFFIXES = (".urdf", ".xml", ".toml", ".json")
+LOAD_WORD = re.compile(r"(?<!un)(?<!no_)(?<!no-)(?<!without_)load", re.IGNORECASE)
+"""A log with a load is one of another arm."""
 TEST_WORDS = ("test", "valid", "eval", "unseen", "check")
 MOST_LOGS = 200
 LARGEST_PROJECT_FILE = 1_000_000
@@ -109,13 +112,18 @@ class Folder:
 
 
 def guessed_roles(names: Sequence[str]) -> dict[str, str]:
-    """Which logs train and which test: by their names, else the last one tests."""
+    """Which logs train and which test: by their names, else the last one tests; those with a load are left out."""
+    loaded = {name: "off" for name in names if LOAD_WORD.search(name)}
+    if len(loaded) < len(names):
+        names = [name for name in names if name not in loaded]
+    else:
+        loaded = {}
     tests = [name for name in names if any(word in name.lower() for word in TEST_WORDS)]
     if not tests and len(names) > 1:
         tests = [names[-1]]
     if len(tests) == len(names):
         tests = tests[1:]
-    return {name: "test" if name in tests else "train" for name in names}
+    return {name: "test" if name in tests else "train" for name in names} | loaded
 
 
 def sorted_out(names: Sequence[str]) -> tuple[Path, str | None, list[Path]]:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal, stats  # type: ignore[import-untyped]
 
 from ..cli.errors import BadData
 from ..report.colours import AFTER, BEFORE, INTERVAL, LINES, MEASURED
@@ -23,6 +22,8 @@ DENSE = 20_000
 """More samples than this are drawn as density: dots would hide each other."""
 BINS = 50
 FEWEST = 8
+GAP = 0.05
+"""Of the range of a variable: a stretch without samples that is longer is left open."""
 PICKED = "#cc79a7"
 LONGEST_LAG = 2.0
 """s"""
@@ -165,6 +166,9 @@ def _cloud(samples: Samples, x: Array, y: Array, keep: NDArray[np.int64], colour
 
 def over_two(samples: Samples, first: str, second: str) -> dict[str, Any]:
     """Mean residual over two variables."""
+    # Loaded when it is needed: it takes longer than all the rest of the program.
+    from scipy import stats  # type: ignore[import-untyped]
+
     x, y = samples.values(first), samples.values(second)
     if first == second:
         raise BadData("the map needs two different variables")
@@ -191,6 +195,9 @@ def whiteness(samples: Samples, decimation: int) -> list[dict[str, Any]]:
 
     Every `decimation`-th sample is taken, as the fit does: those between them are not independent after its filter.
     """
+    # Loaded when it is needed: it takes longer than all the rest of the program.
+    from scipy import signal, stats  # type: ignore[import-untyped]
+
     y, rate = _longest(samples, decimation)
     if len(y) < 64:
         raise BadData("no stretch is long enough for a spectrum")
@@ -234,6 +241,9 @@ def _longest(samples: Samples, decimation: int) -> tuple[Array, float]:
 
 def difference(samples: Samples, region: Region) -> dict[str, Any]:
     """What is different in a picked region: one sentence, and a table of the variables that differ most."""
+    # Loaded when it is needed: it takes longer than all the rest of the program.
+    from scipy import stats  # type: ignore[import-untyped]
+
     inside = samples.inside(region)
     count = int(inside.sum())
     if count == 0 or count == len(inside):
@@ -278,19 +288,25 @@ def difference(samples: Samples, region: Region) -> dict[str, Any]:
 
 
 def averages(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-    """Mean, and the bounds of two thirds, of y over bins of x with equally many samples."""
-    edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, BINS + 1)))
-    if len(edges) < 3:
+    """Mean, and the bounds of two thirds, of y over bins of x with equally many samples.
+
+    Where x has a gap there is a bin without numbers: a line through it would be made up.
+    """
+    order = np.argsort(x)
+    x, y = x[order], y[order]
+    if len(x) < FEWEST or x[0] == x[-1]:
         nothing = np.zeros(0)
         return nothing, nothing, nothing, nothing
-    count = stats.binned_statistic(x, y, "count", bins=edges).statistic
-    kept = count >= FEWEST
-    centre = stats.binned_statistic(x, x, "mean", bins=edges).statistic[kept]
-    mean = stats.binned_statistic(x, y, "mean", bins=edges).statistic[kept]
-    low, high = (
-        stats.binned_statistic(x, y, lambda v, p=p: np.quantile(v, p) if len(v) else np.nan, bins=edges).statistic[kept]
-        for p in (1 / 6, 5 / 6)
-    )
+    gaps = np.flatnonzero(np.diff(x) > GAP * (x[-1] - x[0])) + 1
+    found: list[tuple[float, ...]] = []
+    for start, end in pairwise([0, *gaps.tolist(), len(x)]):
+        bins = max(1, round(BINS * (end - start) / len(x)))
+        for part in np.array_split(np.arange(start, end), bins):
+            if len(part) >= FEWEST:
+                low, high = np.quantile(y[part], [1 / 6, 5 / 6])
+                found.append((float(x[part].mean()), float(y[part].mean()), float(low), float(high)))
+        found.append((np.nan,) * 4)
+    centre, mean, low, high = np.array(found[:-1]).T
     return centre, mean, low, high
 
 

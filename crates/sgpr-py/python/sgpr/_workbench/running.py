@@ -14,12 +14,17 @@ from ..cli.errors import BadData
 from ..cli.robots import READY_MADE
 from .bench import Bench
 from .folder import Folder, sorted_out
+from .memory import keep_none_back
 from .server import application
 
 LOOPBACK = "127.0.0.1"
 
 
-def opened(names: Sequence[str]) -> Bench:
+PATIENCE = 1.0
+"""s that the first page may take before logs are read."""
+
+
+def opened(names: Sequence[str], patience: float = 0.0) -> Bench:
     """The bench of a folder, or of a robot and logs."""
     root, robot, logs = sorted_out(names or ["."])
     if not root.is_dir():
@@ -27,14 +32,15 @@ def opened(names: Sequence[str]) -> Bench:
     given = [*logs, *([Path(robot)] if robot and robot not in READY_MADE else [])]
     folder = Folder(root, given)
     name = robot if robot is None or robot in READY_MADE else folder.name_of(Path(robot))
-    return Bench(folder, name, [folder.name_of(log) for log in logs] if logs else None)
+    return Bench(folder, name, [folder.name_of(log) for log in logs] if logs else None, patience)
 
 
 class Workbench:
     """A running workbench: `url` is its address, `stop()` ends it, `wait()` waits for its end."""
 
     def __init__(self, names: Sequence[str], port: int = 0) -> None:
-        self.bench = opened(names)
+        keep_none_back()
+        self.bench = opened(names, PATIENCE)
         self._socket = _listening(port)
         self.port = self._socket.getsockname()[1]
         token = secrets.token_urlsafe(24)

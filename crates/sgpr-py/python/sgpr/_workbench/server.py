@@ -1,6 +1,5 @@
 """The addresses of the page."""
 
-import functools
 import json
 import os
 import struct
@@ -22,6 +21,7 @@ from starlette.staticfiles import StaticFiles
 from .. import SgprError
 from ..cli.errors import BadData
 from ..reading import suffixes
+from ..report.page import plotly_source
 from ..report.signature import VARIABLES
 from . import takeaway
 from .bench import Bench
@@ -80,19 +80,13 @@ async def _page(request: Request) -> Response:
     return Response(text, media_type="text/html")
 
 
-@functools.cache
-def _plotly_text() -> bytes:
-    from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]
-
-    return bytes(get_plotlyjs(), "utf-8")
-
-
 async def _plotly(request: Request) -> Response:
-    return Response(_plotly_text(), media_type="text/javascript", headers={"cache-control": "max-age=86400"})
+    return Response(plotly_source(), media_type="text/javascript", headers={"cache-control": "max-age=86400"})
 
 
 async def _state(request: Request) -> Response:
     bench: Bench = request.app.state.bench
+    bench.shown.set()
     known = request.query_params.get("version")
     if known == str(bench.version):
         return JSONResponse({"version": bench.version, "job": bench.work.state(), "same": True})
@@ -246,7 +240,7 @@ def _residual(bench: Bench, asked: Any) -> dict[str, Any]:
 
 
 def _whiteness(bench: Bench, asked: Any) -> dict[str, Any]:
-    processing = bench.reference().processing
+    processing = bench.models.reference().processing
     return {"figures": whiteness(_samples(bench, asked), 1 if processing is None else processing.decimation)}
 
 
@@ -266,6 +260,9 @@ async def _take(request: Request) -> Response:
         "commands.sh": (takeaway.commands, "text/plain"),
         "repeat.py": (takeaway.script, "text/x-python"),
         "next_experiment.csv": (takeaway.next_experiment, "text/csv"),
+        "model.h": (lambda bench: takeaway.source(bench, "c"), "text/plain"),
+        "model.rs": (lambda bench: takeaway.source(bench, "rust"), "text/plain"),
+        "robot.urdf": (takeaway.robot_file, "application/xml"),
     }
     if what not in kinds:
         return _wrong(f"there is no {what}")

@@ -5,15 +5,16 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from .. import SemiParametricModel
+from .. import Model, SemiParametricModel
 from .._pages import model_page
 from ..cli import learn
 from ..cli.errors import BadData
-from ..cli.reading import REPAIRS, Log
+from ..cli.reading import REPAIRS
 from ..cli.robots import READY_MADE
 from ..cli.screening import repeated
 from .bench import Bench
-from .steps import ROBOT_FILE, Step
+from .logs import as_read, used
+from .steps import ROBOT_FILE, Step, physics_of
 
 
 def chain_of(bench: Bench) -> list[Step]:
@@ -38,28 +39,48 @@ def report(bench: Bench) -> str:
     """The page of `sgpr compare` or `sgpr learn` for the current model, on the test logs if there are any."""
     model = chain_of(bench)[-1].model
     if isinstance(model, SemiParametricModel):
-        logs = {role: _as_read(bench, role) for role in ("train", "test")}
+        logs = {role: as_read(bench.logs, role) for role in ("train", "test")}
         result = learn.Result.of(model, logs["train"], logs["test"])
         data = result.to_dict() | {"settings": {}, "repeated_motions": repeated(logs["train"], logs["test"])}
         return result.page(data).html()
     assert model is not None, "asked before"
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "report.html"
-        model_page(model, path, bench.used("test") or bench.used("train"))
+        model_page(model, path, used(bench.logs, "test") or used(bench.logs, "train"))
         return path.read_text(encoding="utf-8")
+
+
+def source(bench: Bench, language: str) -> bytes:
+    """The current model as a file for a controller, which needs no library."""
+    model = chain_of(bench)[-1].model
+    if not isinstance(model, Model):
+        raise BadData("the Gaussian process is not exported: go on from the step before it")
+    rate = next((log.sample_rate_hz for log in used(bench.logs, "train")), None)
+    with tempfile.TemporaryDirectory() as place:
+        path = Path(place) / "source"
+        model.export(language, path, rate_hz=rate)
+        return path.read_bytes()
+
+
+def robot_file(bench: Bench) -> bytes:
+    """The robot file with the inertias that were identified."""
+    path = bench.folder.path(bench.robot_name or "")
+    if path.suffix.lower() not in (".urdf", ".xml"):
+        raise BadData("inertias are written back to a URDF; this robot is none")
+    model = chain_of(bench)[-1].model
+    assert model is not None, "asked before"
+    with tempfile.TemporaryDirectory() as place:
+        out = Path(place) / "robot.urdf"
+        physics_of(model).write_urdf(path, out)
+        return out.read_bytes()
 
 
 def next_experiment(bench: Bench) -> str:
     """The motion that tells the findings of the current model's diagnosis apart, as a table."""
-    found = bench.motions.get(bench.ladder.current)
+    found = bench.missing.motions.get(bench.ladder.current)
     if found is None:
         raise BadData("there is no next experiment: look for what is missing first, or nothing imitates the findings")
     return found
-
-
-def _as_read(bench: Bench, role: str) -> list[Log]:
-    logs = [log for log in bench.logs.values() if log.role == role and log.stretches]
-    return [Log(log.name, log.stretches[0], log.stretches, []) for log in logs]
 
 
 def commands(bench: Bench) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,14 @@ Rows = NDArray[np.float32]
 Times = NDArray[np.float64]
 
 Line = tuple[Times, Rows]
+Places = NDArray[np.int64]
 
 MOST_POINTS = 4000
 """Of a line: more than a screen is wide."""
+
+BLOCK = 128
+"""Samples of which the smallest and the largest are known in advance: a look at all of a long log need not go through
+all of it."""
 
 
 @dataclass
@@ -36,6 +42,29 @@ class Track:
     predicted_in_band: dict[str, Rows] = field(default_factory=dict)
     interval: dict[str, Rows] = field(default_factory=dict)
     channels: dict[str, Times] = field(default_factory=dict)
+    peaks: dict[tuple[str, str, int], Places] = field(default_factory=dict)
+
+    def line(self, kind: str, name: str, joint: int, at: Any = slice(None)) -> Rows:
+        """What is drawn of a joint at some samples: `measured`, or a step: its torque, or measured minus that."""
+        measured = self.rows["measured"][joint, at]
+        if name == "measured":
+            return measured
+        predicted = self.predicted[name][joint, at]
+        return predicted if kind == "torque" else measured - predicted
+
+    def peaks_of(self, kind: str, name: str, joint: int) -> Places:
+        """Where each block of such a line is smallest and largest, in order."""
+        key = (kind, name, joint)
+        if key not in self.peaks:
+            self.peaks[key] = peaks_in(self.line(kind, name, joint))
+        return self.peaks[key]
+
+    def forget(self, steps: set[str]) -> None:
+        """All of these steps."""
+        for table in (self.predicted, self.predicted_in_band, self.interval):
+            for step in steps & set(table):
+                del table[step]
+        self.peaks = {key: found for key, found in self.peaks.items() if key[1] not in steps}
 
     def residual(self, step: str) -> Rows:
         """Measured minus predicted torque as the fit sees it, `[n, N]`."""
@@ -74,8 +103,14 @@ def track_of(comparison: Comparison, recordings: Sequence[Recording]) -> Track:
 
 
 def joined(parts: Sequence[LogResidual], name: str) -> Rows:
-    """An array of all stretches, `[n, N]`: a row is in one piece of memory."""
-    return np.ascontiguousarray(np.concatenate([getattr(part, name).astype(np.float32) for part in parts]).T)
+    """An array of all stretches, `[n, N]`: a row is in one piece of memory, and no copy is made on the way."""
+    arrays = [getattr(part, name) for part in parts]
+    rows = np.empty((arrays[0].shape[1], sum(map(len, arrays))), dtype=np.float32)
+    end = 0
+    for array in arrays:
+        rows[:, end : end + len(array)] = array.T
+        end += len(array)
+    return rows
 
 
 def piece(
@@ -90,32 +125,65 @@ def piece(
     # One more at each side: a line goes on to the edge of the picture.
     first, last = max(0, int(first) - 1), min(len(track.t), int(last) + 1)
     points = min(points, MOST_POINTS)
+    names = (["measured"] if kind == "torque" else []) + [step for step in steps if step in track.predicted]
     joints = []
     for joint in range(len(track.rows["q"])):
-        measured = track.rows["measured"][joint, first:last]
-        lines = {"measured": measured} if kind == "torque" else {}
-        for step in steps:
-            if step in track.predicted:
-                predicted = track.predicted[step][joint, first:last]
-                lines[step] = predicted if kind == "torque" else measured - predicted
-                if step in track.interval:
-                    # About the prediction, or about zero: where the measured torque, or the residual, should be.
-                    middle = predicted if kind == "torque" else np.zeros_like(predicted)
-                    half = track.interval[step][joint, first:last]
-                    lines |= {f"{step} low": middle - half, f"{step} high": middle + half}
-        joints.append({name: _thinned(track, first, line, points) for name, line in lines.items()})
+        lines = {}
+        for name in names:
+            lines[name] = _line(track, (first, last), points, (kind, name, joint))
+            if name in track.interval:
+                # About the prediction, or about zero: where the measured torque, or the residual, should be.
+                half = track.interval[name][joint, first:last]
+                middle = track.predicted[name][joint, first:last] if kind == "torque" else np.zeros_like(half)
+                for end, values in (("low", middle - half), ("high", middle + half)):
+                    lines[f"{name} {end}"] = _with_gaps(track, _thinned(values, points) + first, values, first)
+        joints.append(lines)
     return joints, last - first <= points
 
 
-def _thinned(track: Track, first: int, line: Rows, points: int) -> Line:
-    """The smallest and the largest of each group of samples, with a gap where a stretch ends: a line through it would
-    be made up."""
-    kept = np.arange(len(line))
-    if len(line) > points:
-        chosen = MinMaxDownsampler().downsample(np.nan_to_num(line), n_out=points - points % 2)
-        kept = np.unique(np.concatenate([[0, len(line) - 1], chosen.astype(np.int64)]))
-    t, y = track.t[kept + first], line[kept]
-    places = np.searchsorted(kept + first, track.starts)
+def peaks_in(line: Rows) -> Places:
+    """Where each block is smallest and largest, in order; the rest that fills no block, sample by sample."""
+    whole = len(line) // BLOCK * BLOCK
+    blocks = line[:whole].reshape(-1, BLOCK)
+    if np.isnan(line.sum()):
+        blocks = np.nan_to_num(blocks)
+    ends = np.stack([blocks.argmin(axis=1), blocks.argmax(axis=1)], axis=1)
+    ends.sort(axis=1)
+    places = (ends + np.arange(0, whole, BLOCK)[:, None]).ravel()
+    return np.concatenate([np.unique(places), np.arange(whole, len(line))])
+
+
+def _line(track: Track, bounds: tuple[int, int], points: int, which: tuple[str, str, int]) -> Line:
+    """A line between two samples; of many blocks only where they are smallest and largest is looked at."""
+    first, last = bounds
+    if last - first <= BLOCK * points:
+        values = track.line(*which, slice(first, last))
+        return _with_gaps(track, _thinned(values, points) + first, values, first)
+    peaks = track.peaks_of(*which)
+    start, end = np.searchsorted(peaks, bounds)
+    places = np.concatenate([[first], peaks[start:end], [last - 1]])
+    places = places[np.diff(places, prepend=-1) > 0]
+    values = track.line(*which, places)
+    kept = _thinned(values, points)
+    return _with_gaps(track, places[kept], values[kept])
+
+
+def _thinned(line: Rows, points: int) -> Places:
+    """Where each group of samples is smallest and largest, and the ends."""
+    if len(line) <= points:
+        return np.arange(len(line))
+    known = np.nan_to_num(line) if np.isnan(line.sum()) else np.ascontiguousarray(line)
+    chosen = MinMaxDownsampler().downsample(known, n_out=points - points % 2)
+    return np.unique(np.concatenate([[0, len(line) - 1], chosen.astype(np.int64)]))
+
+
+def _with_gaps(track: Track, kept: Places, line: Rows, first: int | None = None) -> Line:
+    """Samples of a log with a gap where a stretch ends: a line through it would be made up.
+
+    - `line`: their values, or, from the sample `first` on, those of all
+    """
+    t, y = track.t[kept], line if first is None else line[kept - first]
+    places = np.searchsorted(kept, track.starts)
     places = np.unique(places[(places > 0) & (places < len(kept))])
     if len(places):
         t, y = np.insert(t, places, t[places - 1]), np.insert(y, places, np.nan)

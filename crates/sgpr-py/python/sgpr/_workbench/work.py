@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..cli.errors import BadData
+from .memory import give_back
 
 Progress = Callable[[str, int, int], object]
 
@@ -81,6 +82,7 @@ class Work:
             traceback.print_exc()
             message = f"{type(error).__name__}: {error}; this is a fault of sgpr, the details are in its terminal"
         finally:
+            give_back()
             with self._lock:
                 self._state = None
         if message is not None:

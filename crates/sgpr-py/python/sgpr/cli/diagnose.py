@@ -23,9 +23,21 @@ from .errors import LIMITS_NOT_MET, wrong_use
 from .findings import of_logs, of_texts
 from .findings import show as show_ranked
 from .inputs import kind_of, load_model
-from .options import Gravity, Joints, NoReport, Open, OutFolder, Strict, check_unseen, open_page
+from .options import (
+    OF_PROJECT_FILE,
+    Gravity,
+    Joints,
+    NoReport,
+    Open,
+    OutFolder,
+    Strict,
+    check_unseen,
+    nothing,
+    open_page,
+)
 from .output_folder import OutputFolder
 from .predictions import AFTER, BEFORE, left_out, predictions, residuals_by_log, write_before_and_after
+from .project import project_of
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .robots import load_robot
 from .screening import repeated
@@ -41,14 +53,25 @@ VERDICTS = {
 
 def diagnose(
     robot: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--robot",
             metavar="ROBOT|MODEL",
             help="URDF, DH table, puma560 or two_link; or a model (.sgpr) that was identified from the training logs.",
+            default_factory=nothing,
+            show_default=OF_PROJECT_FILE,
         ),
     ],
-    train: Annotated[list[str], typer.Option("--train", metavar="FILE...", help="Logs to learn from.")],
+    train: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--train",
+            metavar="FILE...",
+            help="Logs to learn from.",
+            default_factory=nothing,
+            show_default=OF_PROJECT_FILE,
+        ),
+    ],
     out: OutFolder,
     reading: ReadingOptions,
     output: Output,
@@ -93,17 +116,20 @@ def diagnose(
     Writes to DIR: diagnosis.json, report.html, model.sgpr, with test logs predictions.csv and, if effects could be
     mistaken for each other, next_experiment.csv and .mcap: the motion that tells them apart.
     """
+    robot, train, test, usual = project_of(robot, train, test)
     check_unseen(train, test)
     wanted = checked_effects(look_for, "--look-for") if look_for else None
     given: Model | None = load_model(robot, joints, gravity) if kind_of(robot) == "model" else None
     if given is not None and effects is not None:
         raise wrong_use("a model has its effects already", "--effects")
-    known = given.effects if given else checked_effects(DEFAULT_EFFECTS if effects is None else effects)
+    known = (
+        given.effects if given else checked_effects(next(e for e in (effects, usual, DEFAULT_EFFECTS) if e is not None))
+    )
     folder = OutputFolder(out)
     arm = given.robot if given else load_robot(robot, joints, gravity)
     like = given.reading if given else None
     train_logs = read_logs(train, reading, arm.joint_names, output, like)
-    test_logs = read_logs(test or [], reading, arm.joint_names, output, like)
+    test_logs = read_logs(test, reading, arm.joint_names, output, like)
     result = run(given or arm, train_logs, test_logs, known, wanted, output, add)
     data = result.to_dict()
     data["settings"] = {

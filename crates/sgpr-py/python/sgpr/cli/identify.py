@@ -1,7 +1,7 @@
 """`sgpr identify`: the main job, from a robot and logs to a torque model and a report on it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,7 +22,18 @@ from .findings import Found, as_data, of_logs, of_texts, ranked
 from .findings import show as show_ranked
 from .fit_options import BodyOptions, EquationOptions, IdentificationOptions
 from .info import show_certificate, show_parameters, show_terms
-from .options import Gravity, Joints, NoReport, Open, OutFolder, Strict, check_unseen, open_page
+from .options import (
+    OF_PROJECT_FILE,
+    Gravity,
+    Joints,
+    NoReport,
+    Open,
+    OutFolder,
+    Strict,
+    check_unseen,
+    nothing,
+    open_page,
+)
 from .output_folder import OutputFolder
 from .predictions import (
     AFTER,
@@ -33,6 +44,7 @@ from .predictions import (
     write_before_and_after,
     write_topics,
 )
+from .project import project_of
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .robots import load_robot
 from .screening import excitation, outside, repeated, saturated
@@ -46,9 +58,25 @@ IN_ROBOT_FILES = {
 
 def identify(
     robot: Annotated[
-        str, typer.Option("--robot", metavar="ROBOT", help="URDF, DH table (.toml, .json), puma560 or two_link.")
+        str | None,
+        typer.Option(
+            "--robot",
+            metavar="ROBOT",
+            help="URDF, DH table (.toml, .json), puma560 or two_link.",
+            default_factory=nothing,
+            show_default=OF_PROJECT_FILE,
+        ),
     ],
-    train: Annotated[list[str], typer.Option("--train", metavar="FILE...", help="Logs to identify from.")],
+    train: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--train",
+            metavar="FILE...",
+            help="Logs to identify from.",
+            default_factory=nothing,
+            show_default=OF_PROJECT_FILE,
+        ),
+    ],
     out: OutFolder,
     fit: IdentificationOptions,
     bodies: BodyOptions,
@@ -75,6 +103,9 @@ def identify(
     Writes to DIR: model.sgpr, report.html, identification.json and, with test logs, predictions.csv; with --consistent
     also the robot with the inertias and the friction found, robot.xml (MJCF) and, from a URDF, robot.urdf.
     """
+    robot, train, test, usual = project_of(robot, train, test)
+    if equations.effects is None:
+        equations = replace(equations, effects=usual)
     if fit.no_prior and (bodies.prior is not None or bodies.prior_deviation is not None):
         raise wrong_use("leaves nothing that --prior or --prior-deviation could say", "--no-prior")
     options = {**equations.arguments(), **fit.arguments(), **bodies.arguments(others=("--prior-deviation",))}
@@ -86,7 +117,7 @@ def identify(
     folder = OutputFolder(out)
     loaded = load_robot(robot, joints, gravity)
     train_logs = read_logs(train, reading, loaded.joint_names, output)
-    test_logs = read_logs(test or [], reading, loaded.joint_names, output)
+    test_logs = read_logs(test, reading, loaded.joint_names, output)
     instruments = stretches(read_logs(fit.instruments or [], reading, loaded.joint_names, output))
     result = run(loaded, train_logs, test_logs, {**options, "instruments": instruments}, output)
     settings = {

@@ -19,9 +19,21 @@ from .errors import LIMITS_NOT_MET, one_of, wrong_use
 from .findings import of_logs, of_texts
 from .findings import show as show_ranked
 from .inputs import kind_of, load_model
-from .options import Gravity, Joints, NoReport, Open, OutFolder, Strict, check_unseen, open_page
+from .options import (
+    OF_PROJECT_FILE,
+    Gravity,
+    Joints,
+    NoReport,
+    Open,
+    OutFolder,
+    Strict,
+    check_unseen,
+    nothing,
+    open_page,
+)
 from .output_folder import OutputFolder
 from .predictions import AFTER, BEFORE, INTERVAL, STD, left_out, predictions, residuals_by_log, spread_of, write_table
+from .project import project_of
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .robots import load_robot
 from .screening import repeated
@@ -33,15 +45,26 @@ MOST_POINTS = 20_000
 
 def learn(
     robot: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--robot",
             metavar="ROBOT|MODEL",
             help="URDF, DH table, puma560 or two_link; or a model (.sgpr) from the training logs, such as that of "
             "`sgpr diagnose`.",
+            default_factory=nothing,
+            show_default=OF_PROJECT_FILE,
         ),
     ],
-    train: Annotated[list[str], typer.Option("--train", metavar="FILE...", help="Logs to learn from.")],
+    train: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--train",
+            metavar="FILE...",
+            help="Logs to learn from.",
+            default_factory=nothing,
+            show_default=OF_PROJECT_FILE,
+        ),
+    ],
     out: OutFolder,
     reading: ReadingOptions,
     output: Output,
@@ -96,6 +119,7 @@ def learn(
     logs, predictions.csv with the columns NAME_measured, NAME_before, NAME_after, NAME_std and NAME_interval_95.
     Ctrl-C during the search keeps what was found so far.
     """
+    robot, train, test, usual = project_of(robot, train, test)
     check_unseen(train, test)
     one_of(kernel, KERNELS, "--kernel", "kernel")
     one_of(mean, MEANS, "--mean", "mean")
@@ -104,12 +128,14 @@ def learn(
     given: Model | None = load_model(robot, joints, gravity) if kind_of(robot) == "model" else None
     if given is not None and effects is not None:
         raise wrong_use("a model has its effects already", "--effects")
-    known = given.effects if given else checked_effects(DEFAULT_EFFECTS if effects is None else effects)
+    known = (
+        given.effects if given else checked_effects(next(e for e in (effects, usual, DEFAULT_EFFECTS) if e is not None))
+    )
     folder = OutputFolder(out)
     arm = given.robot if given else load_robot(robot, joints, gravity)
     like = given.reading if given else None
     train_logs = read_logs(train, reading, arm.joint_names, output, like)
-    test_logs = read_logs(test or [], reading, arm.joint_names, output, like)
+    test_logs = read_logs(test, reading, arm.joint_names, output, like)
     settings = {"points": points, "sparse": sparse, "kernel": kernel, "inputs": inputs, "mean": mean}
     with output.progress() as progress:
         model = SemiParametricModel(

@@ -30,6 +30,13 @@ Strict = Annotated[
 ]
 
 
+OF_PROJECT_FILE = "that of sgpr.toml"
+
+
+def nothing() -> None:
+    """The default of an option that `sgpr.toml` may hold."""
+
+
 def check_unseen(train: Sequence[str], test: Sequence[str] | None) -> None:
     """Refuses a log that is named for training and for the test."""
     both = sorted(set(train) & set(test or ()))

@@ -5,17 +5,19 @@ torque_constants = [9.6, 9.6, 6.0, 2.5, 2.5, 1.6]   # or { elbow = 9.6, ... }
 
 [files."day1_*.csv"]
 rows = [635, 3510]
+
+The workbench keeps there what a project is: `robot`, the logs to `train` and to `test`, and the steps of its models.
 """
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from .._pages import write_page
-from .errors import BadData
+from .errors import BadData, wrong_use
 
 NAME = "sgpr.toml"
 
@@ -76,6 +78,66 @@ def settings_of(log: str) -> tuple[dict[str, Any], Path | None]:
         if fnmatch(Path(log).name, pattern):
             found |= checked
     return found, place
+
+
+class Project(NamedTuple):
+    """What a command works on.
+
+    - `effects`: those of the fit that the current step of the project comes from; None where nothing says so
+    """
+
+    robot: str
+    train: list[str]
+    test: list[str]
+    effects: list[str] | None
+
+
+def project_of(robot: str | None, train: Sequence[str] | None, test: Sequence[str] | None) -> Project:
+    """What the command line names; what it does not name is as in `sgpr.toml` of the folder where the command runs.
+
+    The split of the project holds as a whole: who names logs to train names those to test as well.
+    """
+    data = _project() if robot is None or not train else {}
+    found = robot or data.get("robot")
+    if not isinstance(found, str) or not found:
+        raise wrong_use(f"is missing: name a robot, or have one in {NAME} here (sgpr workbench makes it)", "--robot")
+    logs = {role: _names(data, role) for role in ("train", "test")}
+    if not train and not logs["train"]:
+        raise wrong_use(f"is missing: name logs, or have them in {NAME} here (sgpr workbench makes it)", "--train")
+    unseen = list(test) if test else ([] if train else logs["test"])
+    return Project(found, list(train or logs["train"]), unseen, None if robot else _effects(data))
+
+
+def _project() -> dict[str, Any]:
+    place = Path(NAME)
+    if not place.is_file():
+        return {}
+    try:
+        return tomllib.loads(place.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise BadData(f"{place}: {error}") from error
+
+
+def _names(data: Mapping[str, Any], key: str) -> list[str]:
+    names = data.get(key, [])
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise BadData(f"{NAME}: `{key}` is a list of names")
+    return names
+
+
+def _effects(data: Mapping[str, Any]) -> list[str] | None:
+    steps = data.get("steps", [])
+    if not isinstance(steps, list) or not all(isinstance(step, Mapping) and "id" in step for step in steps):
+        raise BadData(f"{NAME}: `steps` is a list of tables with an `id`")
+    by_id = {step["id"]: step for step in steps}
+    name, seen = data.get("current"), set()
+    while name in by_id and name not in seen:
+        seen.add(name)
+        step = by_id[name]
+        if "after" not in step:
+            return _names(step, "effects")
+        name = step["after"]
+    return None
 
 
 def remember(log: str, settings: Mapping[str, Any]) -> Path:

@@ -10,6 +10,7 @@ from .logs import logs_section
 from .markup import Html, Section, element, table
 from .numbers import counted, significant
 from .page import page
+from .residual import residual_section
 from .settings import settings_section
 from .structure import structure_section
 from .torque import torque_section
@@ -37,10 +38,12 @@ class ComparisonPage:
         errors, plots = errors_section(self.comparisons)
         joints = list(zip(robot.joint_names, robot.torque_units, strict=True))
         torque, torque_data = torque_section(self.residuals, logs, joints)
+        residual, residual_data = residual_section(self.residuals, logs, robot)
         structure, more = structure_section("structure", data["structure"], dict(joints))
         sections = [
             Section("errors", "Errors", errors),
             Section("structure", "What the error depends on", structure),
+            Section("residual", "Residual against a variable", residual),
             Section("torque", "Measured and predicted torque", torque),
             Section("logs", "Data quality", logs_section(data["logs"], {})),
             Section("settings", "Settings and provenance", settings_section(self._settings())),
@@ -48,6 +51,7 @@ class ComparisonPage:
         if data["limits"]:
             sections.insert(0, Section("limits", "Limits", _limits(data["limits"])))
         payload = {"figures": plots | more, "switches": {}, "torque": torque_data or None}
+        payload["residual"] = residual_data or None
         return page(f"{labels[-1]} against {counted(len(logs), 'log')}", self._lead(len(logs)), sections, payload)
 
     def _lead(self, logs: int) -> Html:

@@ -12,6 +12,7 @@ from .logs import logs_section
 from .markup import Html, Section, element, items, join, paragraph, prose, table
 from .numbers import counted, percent, with_deviation
 from .page import page
+from .residual import residual_section
 from .settings import settings_section
 from .signature import signature_figures
 from .steps import steps_section
@@ -65,6 +66,7 @@ class DiagnosisPage:
         )
         errors, error_plots = errors_section(models)
         torque, torque_data = torque_section(residuals, judged, joints)
+        residual, residual_data = residual_section(residuals, judged, robot)
         units = dict(joints)
         steps, step_plots = steps_section(data["steps"] if found else [], units)
         findings, finding_plots = self._findings(units)
@@ -77,6 +79,7 @@ class DiagnosisPage:
             Section("findings", "What is missing", findings),
             Section("steps", "How the error falls", steps),
             Section("left", "What is left", left),
+            Section("residual", f"Residual against a variable, {on}", residual),
             Section("torque", f"Measured and predicted torque, {on}", torque),
             Section("candidates", "All that was tested", self._candidates()),
             Section("logs", "Data quality", logs_section(data["logs"], data["left_out_of_predictions"])),
@@ -86,6 +89,7 @@ class DiagnosisPage:
             "figures": {**error_plots, **where_plots, **finding_plots, **step_plots, **left_plots},
             "switches": {},
             "torque": torque_data or None,
+            "residual": residual_data or None,
         }
         return page(f"Diagnosis of the model of {robot.name}", self._lead(len(judged), unseen), sections, payload)
 
@@ -94,12 +98,12 @@ class DiagnosisPage:
         where = f"On {counted(logs, 'unseen log' if unseen else 'training log')}"
         names = [in_one_line(finding) for finding in data["findings"]]
         first = VERDICTS[data["verdict"]] + (f" {'; '.join(names)}." if names else "")
-        more = [first]
+        more = []
         if not unseen:
             more.append("These are the logs that the model was fitted to: name others with --test to know the errors.")
         more += [f"{text}." for text in data["repeated_motions"]]
         before = self.errors_before if names else None
-        lead = verdict(before, self.errors_after, where, "before it was", more=more)
+        lead = verdict(before, self.errors_after, where, "before it was", answer=first, more=more)
         odds = (
             f"Probability that nothing is missing: {data['probability_nothing_missing']:.2f}; that something is "
             f"missing that no known effect explains: {data['probability_unexplained']:.2f}."

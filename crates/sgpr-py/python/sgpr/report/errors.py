@@ -21,6 +21,7 @@ def verdict(
     where: str,
     before_has: str,
     *,
+    answer: str | None = None,
     more: Sequence[str] = (),
     bad: bool = False,
 ) -> Html:
@@ -28,12 +29,13 @@ def verdict(
 
     - `where`: "On 2 unseen logs"
     - `before_has`: "with the robot file it was"
-    - `more`: further sentences
+    - `answer`: a sentence that stands before all others; `more`: further sentences
     - `bad`: whether something else is wrong
     """
     scored = [joint for joint in after.joints if joint.samples]
+    begin = [answer] if answer else []
     if not scored:
-        return _box([f"{where}, no joint moves: nothing can be said about the model.", *more], bad=True)
+        return _box([*begin, f"{where}, no joint moves: nothing can be said about the model.", *more], bad=True)
     worst = max(scored, key=lambda joint: joint.relative_error_percent)
     first = f"{where}, {percent(after.relative_error_percent)} % of the torque remains unexplained"
     if before is not None:
@@ -54,7 +56,7 @@ def verdict(
     still = [joint.joint for joint in after.joints if not joint.samples]
     if still:
         sentences.append(f"Not judged, as they do not move in these logs: {', '.join(still)}.")
-    return _box([*sentences, *more], bad=bad or bool(worse or useless))
+    return _box([*begin, *sentences, *more], bad=bad or bool(worse or useless))
 
 
 def errors_section(models: Mapping[str, Comparison]) -> tuple[Html, dict[str, Any]]:

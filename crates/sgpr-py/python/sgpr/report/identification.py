@@ -14,6 +14,7 @@ from .markup import Html, Section, element, items, join, paragraph, prose
 from .numbers import counted
 from .page import page
 from .parameters import parameters_section
+from .residual import residual_section
 from .screening import screening_section
 from .settings import settings_section
 from .signals import signals_section
@@ -50,9 +51,9 @@ class IdentificationPage:
         before = "the robot file" if data["settings"]["start"] == "robot_file" else "the internal model alone"
         joints = list(zip(robot.joint_names, robot.torque_units, strict=True))
         errors, error_plots = errors_section({before: self.before, AFTER: self.after})
-        torque, torque_data = torque_section(
-            {before: self.residuals_before, AFTER: self.residuals_after}, judged, joints
-        )
+        residuals = {before: self.residuals_before, AFTER: self.residuals_after}
+        torque, torque_data = torque_section(residuals, judged, joints)
+        residual, residual_data = residual_section({AFTER: self.residuals_after}, judged, robot)
         excitation, excitation_plots = excitation_section(fit, report.singular_values, data["parameters"])
         labels = [choice["log"] for choice in data["cutoff_choices"]]
         signals, signal_plots, switches = signals_section(
@@ -62,6 +63,7 @@ class IdentificationPage:
         sections = [
             Section("errors", f"Errors on {on}", errors),
             Section("torque", f"Measured and predicted torque, {on}", torque),
+            Section("residual", "Residual against a variable", residual),
             Section("parameters", "Parameters", parameters_section(data["parameters"], data["terms"])),
             *(
                 [Section("essential", "Parameters left out", essential_section(data["essential"], names_of(data)))]
@@ -97,6 +99,7 @@ class IdentificationPage:
             "figures": {**error_plots, **excitation_plots, **signal_plots},
             "switches": switches,
             "torque": torque_data or None,
+            "residual": residual_data or None,
         }
         return page(f"Torque model of {robot.name}", join(lead), sections, payload)
 

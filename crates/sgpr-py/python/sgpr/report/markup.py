@@ -90,23 +90,23 @@ def table(
 def plot(name: str, height: int, label: str, note: object = "") -> Html:
     """The place of a plot."""
     place = Html(
-        f'<div class="plot" id="{html.escape(name)}" style="height:{height}px" role="img" '
+        f'<div class="plot" id="{html.escape(name)}" style="height:{height}px" role="figure" '
         f'aria-label="{html.escape(label)}"></div>'
     )
     return element("figure", join([place, element("figcaption", note)]) if note else place)
 
 
-def choice(name: str, label: str, options: Sequence[str]) -> Html:
-    """A selection, hidden if there is nothing to select."""
+def choice(name: str, label: str, options: Sequence[str], *, keep: bool = False) -> Html:
+    """A selection, hidden if there is nothing to select and it is not to be kept."""
     entries = join(element("option", text, value=str(k)) for k, text in enumerate(options))
     select = Html(f'<select id="{html.escape(name)}">{entries}</select>')
-    return element("label", join([label, select]), class_="choice" if len(options) > 1 else "choice single")
+    return element("label", join([label, select]), class_="choice" if keep or len(options) > 1 else "choice single")
 
 
 def legend(entries: Iterable[tuple[str, str, str]]) -> Html:
     """What the marks mean: (symbol, colour, meaning)."""
     marks = []
     for symbol, colour, text in entries:
-        mark = element("span", symbol, aria_hidden="true", style=f"color:{colour}")
+        mark = element("span", symbol, aria_hidden="true", style=f"color:var(--{colour[1:]},{colour})")
         marks.append(element("span", Html(f"{mark} {safe(text)}"), class_="key"))
     return element("p", join(marks), class_="legend")

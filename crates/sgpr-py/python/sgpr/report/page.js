@@ -2,7 +2,7 @@
 
 // Draws the plots of the page from the data that it carries. Nothing is loaded.
 (function () {
-  const payload = JSON.parse(document.getElementById("payload").textContent);
+  const text = document.getElementById("payload").textContent;
   // No button may offer to send anything anywhere.
   const config = {
     responsive: true, displaylogo: false, plotlyServerURL: "", showSendToCloud: false, showEditInChartStudio: false,
@@ -10,154 +10,46 @@
   };
   const place = (name) => document.getElementById(name);
 
-  for (const [name, figure] of Object.entries(payload.figures || {})) {
-    Plotly.newPlot(place(name), figure.data, figure.layout, config);
+  // Colours of the data are those of a light page; lines keep theirs, paper and ink change places.
+  const DARK = {
+    "#000000": "#f0f3f6", "#222222": "#e6edf3", "#ffffff": "#0d1117", "#e4e4e4": "#2d333b", "#bbbbbb": "#57606a", "#eeeeee": "#21262d",
+    "#b9dcf0": "#1b4058", "#555555": "#adb5bd", "#0072b2": "#4ba3e3", "#d55e00": "#f0803c", "rgba(255,255,255,0.85)": "rgba(13,17,23,0.85)",
+  };
+  const wantsDark = matchMedia("(prefers-color-scheme: dark)");
+
+  function drawAll(dark) {
+    const shade = (light) => (dark ? DARK[light] ?? light : light);
+    const payload = JSON.parse(dark ? text.replace(/#[0-9a-f]{6}\b|rgba\(255,255,255,0\.85\)/g, shade) : text);
+    for (const [name, figure] of Object.entries(payload.figures || {})) {
+      Plotly.react(place(name), figure.data, figure.layout, config);
+    }
+    // Plots of which a selection shows one.
+    for (const [name, figures] of Object.entries(payload.switches || {})) {
+      const show = (index) => Plotly.react(place(name), figures[index].data, figures[index].layout, config);
+      const select = place(name + "-choice");
+      select.onchange = () => show(Number(select.value));
+      show(Number(select.value));
+    }
+    if (payload.torque) torquePlots(payload.torque, config);
+    if (payload.residual) {
+      const shades = { grid: shade("#e4e4e4"), zero: shade("#bbbbbb"), paper: shade("#ffffff"), font: { family: getComputedStyle(document.body).fontFamily, size: 13, color: shade("#222222") } };
+      residualPlot(payload.residual, config, shades);
+    }
   }
 
-  // Plots of which a selection shows one.
-  for (const [name, figures] of Object.entries(payload.switches || {})) {
-    const show = (index) => Plotly.react(place(name), figures[index].data, figures[index].layout, config);
-    const select = place(name + "-choice");
-    select.addEventListener("change", () => show(Number(select.value)));
-    show(Number(select.value));
-  }
+  drawAll(wantsDark.matches);
+  wantsDark.addEventListener("change", () => drawAll(wantsDark.matches));
 
-  if (payload.torque) torquePlots(payload.torque);
-
-  // Paper is narrower than the window, and what is folded cannot be opened there.
+  // Paper is white and narrower than the window, and what is folded cannot be opened there.
   const PAPER_WIDTH = 670;
   const plots = () => document.querySelectorAll(".plot");
   window.addEventListener("beforeprint", () => {
     document.querySelectorAll("details").forEach((details) => { details.open = true; });
+    if (wantsDark.matches) drawAll(false);
     plots().forEach((div) => Plotly.relayout(div, { width: PAPER_WIDTH }));
   });
   window.addEventListener("afterprint", () => {
+    if (wantsDark.matches) drawAll(true);
     plots().forEach((div) => Plotly.relayout(div, { width: null, autosize: true }));
   });
-
-  // Measured and predicted torque of each joint, residual below. All samples are kept; shown are the extremes of as
-  // many intervals as the plot can resolve, taken anew for each zoom, so that no peak is ever lost.
-  function torquePlots(torque) {
-    const INTERVALS = 900;
-    const select = place("torque-choice");
-
-    const floats = (text) => {
-      const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-      return new Float32Array(bytes.buffer);
-    };
-    const unpack = (log) => log.unpacked ||= log.joints.map((joint) => ({
-      time: floats(joint.time),
-      measured: floats(joint.measured),
-      predicted: joint.predicted.map(floats),
-      residual: joint.residual.map(floats),
-      interval: joint.interval ? floats(joint.interval) : null,
-    }));
-
-    const first = (time, value) => {
-      let low = 0, high = time.length;
-      while (low < high) {
-        const middle = (low + high) >> 1;
-        if (time[middle] < value) low = middle + 1; else high = middle;
-      }
-      return low;
-    };
-
-    const extremes = (time, values, from, to) => {
-      const begin = Math.max(0, first(time, from) - 1), end = Math.min(time.length, first(time, to) + 1);
-      const x = [], y = [];
-      const keep = (k) => { x.push(time[k]); y.push(Number.isFinite(values[k]) ? values[k] : null); };
-      if (end - begin <= 2 * INTERVALS) {
-        for (let k = begin; k < end; k++) keep(k);
-        return { x, y };
-      }
-      for (let interval = 0; interval < INTERVALS; interval++) {
-        const start = begin + Math.floor(interval * (end - begin) / INTERVALS);
-        const stop = begin + Math.floor((interval + 1) * (end - begin) / INTERVALS);
-        let least = start, most = start, gap = -1;
-        for (let k = start; k < stop; k++) {
-          if (!Number.isFinite(values[k])) { gap = k; continue; }
-          if (!(values[k] >= values[least])) least = k;
-          if (!(values[k] <= values[most])) most = k;
-        }
-        const kept = [...new Set([least, most, ...(gap < 0 ? [] : [gap])])].sort((a, b) => a - b);
-        kept.forEach(keep);
-      }
-      return { x, y };
-    };
-
-    const traces = (joint, from, to) => {
-      const line = (values, axis, name, colour, width, shown) => ({
-        ...extremes(joint.time, values, from, to), type: "scatter", mode: "lines", name, legendgroup: name, yaxis: axis,
-        showlegend: shown, line: { color: colour, width }, hovertemplate: "%{y:.4g}",
-      });
-      const upper = [line(joint.measured, "y", "measured", torque.measured_colour, 2.4, true)];
-      const lower = [];
-      if (joint.interval) {
-        const edge = (sign, fill) => ({
-          ...line(joint.interval.map((half) => sign * half), "y2", "interval", torque.interval_colour, 0.5, false),
-          fill, fillcolor: torque.interval_colour, hoverinfo: "skip", hovertemplate: null,
-        });
-        lower.push(edge(-1, "none"), edge(1, "tonexty"));
-      }
-      torque.models.forEach((model, k) => {
-        upper.push(line(joint.predicted[k], "y", model.label, model.colour, 1.2, true));
-        lower.push(line(joint.residual[k], "y2", model.label, model.colour, 1.2, false));
-      });
-      return [...upper, ...lower];
-    };
-
-    // Room for all that is measured, and for what is predicted where it counts: the ends of a stretch, where derivatives
-    // are uncertain, would otherwise dwarf the rest.
-    const ranges = (shown, bands) => Object.fromEntries(["y", "y2"].map((axis) => {
-      let low = Infinity, high = -Infinity;
-      for (const trace of shown.filter((trace) => trace.yaxis === axis)) {
-        let band = 0;
-        trace.x.forEach((time, k) => {
-          while (band < bands.length && bands[band][1] < time) band++;
-          const counts = trace.name === "measured" || band === bands.length || time < bands[band][0];
-          if (!counts || trace.y[k] === null) return;
-          low = Math.min(low, trace.y[k]);
-          high = Math.max(high, trace.y[k]);
-        });
-      }
-      const margin = 0.06 * (high - low) || 1;
-      const range = low <= high ? [low - margin, high + margin] : [-1, 1];
-      return [axis === "y" ? "yaxis" : "yaxis2", range];
-    }));
-
-    const draw = (div, index) => {
-      const log = torque.logs[Number(select.value)];
-      const joint = unpack(log)[index];
-      const shown = traces(joint, 0, log.duration);
-      const bands = log.joints[index].not_counted.map(([x0, x1]) => ({
-        type: "rect", xref: "x", yref: "paper", x0, x1, y0: 0, y1: 1, layer: "below", line: { width: 0 },
-        fillcolor: torque.not_counted_colour,
-      }));
-      const layout = structuredClone(torque.layouts[index]);
-      layout.shapes = bands;
-      layout.xaxis.range = [0, log.duration];
-      for (const [axis, range] of Object.entries(ranges(shown, log.joints[index].not_counted))) layout[axis].range = range;
-      Plotly.react(div, shown, layout, config);
-    };
-
-    torque.layouts.forEach((_, index) => {
-      const div = place("torque-" + index);
-      draw(div, index);
-      div.on("plotly_relayout", (change) => {
-        const log = torque.logs[Number(select.value)];
-        const whole = change["xaxis.autorange"];
-        if (!whole && change["xaxis.range[0]"] === undefined && change["xaxis.range"] === undefined) return;
-        const range = whole ? [0, log.duration] : div.layout.xaxis.range;
-        const fresh = traces(unpack(log)[index], Number(range[0]), Number(range[1]));
-        const room = {};
-        if (change["yaxis.range[0]"] === undefined && change["yaxis2.range[0]"] === undefined) {
-          const fitting = ranges(fresh, log.joints[index].not_counted);
-          for (const [axis, values] of Object.entries(fitting)) room[axis + ".range"] = values;
-        }
-        if (whole) room["xaxis.range"] = range;
-        Plotly.update(div, { x: fresh.map((t) => t.x), y: fresh.map((t) => t.y) }, room);
-      });
-    });
-    select.addEventListener("change", () => torque.layouts.forEach((_, index) => draw(place("torque-" + index), index)));
-  }
 })();

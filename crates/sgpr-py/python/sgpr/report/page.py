@@ -16,7 +16,8 @@ POLICY = (
 def page(title: str, lead: object, sections: Sequence[Section], payload: dict[str, Any]) -> str:
     """The file.
 
-    - `payload`: `figures` (plots by the name of their place), `switches` (plots with a selection), `torque`
+    - `payload`: `figures` (plots by the name of their place), `switches` (plots with a selection), `torque`,
+      `residual`
     """
     contents = element(
         "nav",
@@ -42,7 +43,9 @@ def page(title: str, lead: object, sections: Sequence[Section], payload: dict[st
             body,
             "\n</main>\n",
             f'<script type="application/json" id="payload">{_data(payload)}</script>\n',
-            f"<script>{_plotly()}</script>\n<script>\n{_resource('page.js')}</script>\n</body>\n</html>\n",
+            f"<script>{plotly_source()}</script>\n",
+            *(f"<script>\n{_resource(name)}</script>\n" for name in ("torque.js", "residual.js", "page.js")),
+            "</body>\n</html>\n",
         ]
     )
 
@@ -57,8 +60,6 @@ def _resource(name: str) -> Html:
     return Html(resources.files(__package__).joinpath(name).read_text(encoding="utf-8"))
 
 
-def _plotly() -> str:
-    from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]
-
-    text: str = get_plotlyjs()
-    return text
+def plotly_source() -> str:
+    """The part of plotly.js that pages use, see tools/plotly_bundle.py."""
+    return str(_resource("plotly.min.js"))

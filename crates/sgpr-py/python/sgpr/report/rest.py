@@ -14,6 +14,7 @@ from .logs import logs_section
 from .markup import Html, Section, element, join, paragraph, plot, table
 from .numbers import counted, percent, significant
 from .page import page
+from .residual import residual_section
 from .settings import settings_section
 from .torque import torque_section
 
@@ -56,17 +57,20 @@ class RestPage:
         errors, plots = errors_section({BEFORE_LABEL: self.errors_before, AFTER_LABEL: self.errors_after})
         residuals = {BEFORE_LABEL: self.residuals_before, AFTER_LABEL: self.residuals_after}
         torque, torque_data = torque_section(residuals, judged, joints, self.intervals)
+        residual, residual_data = residual_section(residuals, judged, robot)
         coverage, figure = coverage_section(data["coverage"])
         on = "unseen logs" if unseen else "the training logs"
         sections = [
             Section("learned", "What was learned", learned_section(data["joints"], dict(joints))),
             Section("errors", f"Errors on {on}", errors),
             Section("coverage", "How sure it is", coverage),
+            Section("residual", f"Residual against a variable, {on}", residual),
             Section("torque", f"Measured and predicted torque, {on}", torque),
             Section("logs", "Data quality", logs_section(data["logs"], data["left_out_of_predictions"])),
             Section("settings", "Settings and provenance", settings_section(self._settings())),
         ]
         payload = {"figures": {**plots, **figure}, "switches": {}, "torque": torque_data or None}
+        payload["residual"] = residual_data or None
         return page(f"What the physics of {robot.name} leaves over", self._lead(len(judged), unseen), sections, payload)
 
     def _lead(self, logs: int, unseen: bool) -> Html:

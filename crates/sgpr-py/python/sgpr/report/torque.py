@@ -48,7 +48,7 @@ def torque_section(
     body = [
         paragraph(
             "Above, the torque as it was logged and as predicted; below, measured minus predicted in the band that the "
-            "figures are for. Drag over a plot to zoom, double-click to go back."
+            "figures are for. Drag over a plot to zoom all joints, double-click to go back."
         ),
         legend([*keys, ("■", "#cccccc", "not counted: joint at rest, or ends of a stretch")]),
         choice("torque-choice", "Log", [logs[k] for k in shown]),
@@ -96,12 +96,12 @@ def _log(models: Sequence[Pieces], budget: int, intervals: Sequence[Array] | Non
         keep = kept_samples([columns[0], columns[-1]], budget)
         joints.append(
             {
-                "time": _packed(time[keep]),
-                "measured": _packed(measured[keep, k]),
-                "predicted": [_packed(p[keep, k]) for p in predicted],
-                "residual": [_packed(r[keep, k]) for r in residual],
+                "time": packed(time[keep]),
+                "measured": packed(measured[keep, k]),
+                "predicted": [packed(p[keep, k]) for p in predicted],
+                "residual": [packed(r[keep, k]) for r in residual],
                 "not_counted": _bands(time, counted[:, k]),
-                **({} if interval is None else {"interval": _packed(interval[keep, k])}),
+                **({} if interval is None else {"interval": packed(interval[keep, k])}),
             }
         )
     return {"joints": joints, "duration": round(float(np.nanmax(time)), 6)}
@@ -143,5 +143,6 @@ def _bands(time: Array, counted: NDArray[np.bool_]) -> list[list[float]]:
     return [[round(a, 4), round(b, 4)] for a, b in sorted(longest)]
 
 
-def _packed(values: Array) -> str:
+def packed(values: Array) -> str:
+    """Numbers of four bytes as text."""
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")

@@ -1,6 +1,7 @@
 // Measured torque and that of all models, joint by joint, on one axis of time.
 
 import { series } from "./api.js";
+import { proposals } from "./data.js";
 import { button, choice, fill, h, MEASURED, number, percent, plain, styleOf, table } from "./dom.js";
 
 const MARGIN = { l: 64, r: 12, t: 6, b: 8 };
@@ -48,7 +49,7 @@ function headline(state) {
   const robot = state.steps[0];
   if (state.steps.length < 2 || !step?.errors.train) {
     return h("div", { class: "verdict" }, h("p", { class: "lead" }, state.job ? "The fit runs." : "There is no fit yet."),
-      state.job ? null : button("To the fit", () => app.go("fit"), { class: "main" }));
+      state.job ? null : button("To the fit", () => app.go("fit"), { class: "main" }), state.job ? null : proposals(state, app));
   }
   const on = step.errors.test ? "test" : "train";
   const where = on === "test" ? "On logs that the fit has not seen" : "On the training logs (no log tests)";

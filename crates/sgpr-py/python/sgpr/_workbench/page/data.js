@@ -16,14 +16,17 @@ function lead(state, app) {
   const robot = state.robot.joints.length ? `${state.robot.name}, ${state.robot.joints.length} joints` : "no robot yet";
   const fitted = state.steps.length > 1;
   const rest = state.logs.some((log) => log.role === "test") ? "" : " No log tests: errors are then those on logs that the fit has seen.";
-  return h("div", { class: "verdict" },
+  const broken = state.logs.filter((log) => log.role !== "off" && !(log.unread && state.job) && (log.problem || log.issues.some((issue) => issue.rank === "stop"))).length;
+  return h("div", { class: broken ? "verdict bad" : "verdict" },
     h("p", { class: "lead" }, `Robot: ${robot}. Logs: ${counts(state)}.${rest}`),
+    broken ? h("p", {}, `${broken} ${broken === 1 ? "log has" : "logs have"} to be repaired, or read in another way, before the fit.`) : null,
     h("div", { class: "bar" },
       button(fitted ? "Compare the models" : "Fit the model", async () => {
         if (fitted) app.go("compare");
         else if (await app.act("fit", { effects: state.usual_effects })) app.go("compare");
       }, { class: "main", disabled: !ready(state) || Boolean(state.job) }),
-      fitted ? null : h("span", { class: "soft" }, `with ${state.usual_effects.map(words).join(", ")}`)));
+      fitted ? null : h("span", { class: "soft" }, `with ${state.usual_effects.map(words).join(", ")}`)),
+    proposals(state, app));
 }
 
 export const robotStage = {
@@ -36,7 +39,7 @@ export const robotStage = {
       state.robot.joints.length ? h("p", { class: "soft" }, `Joints: ${state.robot.joints.join(", ")}`) : null,
       state.robot.warnings.map((text) => h("p", { class: "soft" }, text)),
       h("h3", {}, "Logs"), state.logs.length ? logTable(state, app) : h("p", {}, "There is no log in the folder yet."),
-      proposals(state, app), drop(app), state.logs.map((log) => reading(log, app)));
+      drop(app), state.logs.map((log) => reading(log, app)));
   },
 };
 
@@ -45,7 +48,7 @@ function logTable(state, app) {
     log.name,
     choice("", `role ${log.name}`, ROLES, log.role, (role) => app.act("set_role", { name: log.name, role })),
     String(log.samples), number(log.seconds, 4), log.rate ? number(log.rate, 4) : "–",
-    log.problem ? h("span", { class: "bad" }, log.problem) : state_of(log),
+    log.unread && state.job ? "is being read" : log.problem ? h("span", { class: "bad" }, log.problem) : state_of(log),
   ]);
   const shown = table("Logs", ["log", "use", "samples", "length [s]", "rate [Hz]", "state"], rows, [0, 1, 5]);
   shown.querySelectorAll("select").forEach((select, k) => select.setAttribute("aria-label", `Use of ${state.logs[k].name}`));
@@ -59,11 +62,11 @@ function state_of(log) {
   return looks ? `${looks} to look at` : "in order";
 }
 
-function proposals(state, app) {
+export function proposals(state, app) {
   if (!state.proposals.length) return null;
-  return h("section", { "aria-label": "Proposals" }, h("h3", {}, "What the checks propose"),
+  return h("section", { "aria-label": "Proposals" }, h("p", {}, "The checks propose:"),
     h("div", { class: "bar" }, state.proposals.map((one) => button(one.title, () => app.act("set_reading", { name: "", settings: merged(one.settings, state) })))),
-    h("p", { class: "soft" }, "For all logs of the folder; kept in sgpr.toml, and taken back below under “How … is read”."));
+    h("p", { class: "soft" }, "For all logs of the folder; kept in sgpr.toml, and taken back under “How … is read”."));
 }
 
 // Findings that are right add to those that were confirmed before.
@@ -107,6 +110,7 @@ function reading(log, app) {
     ...QUANTITIES.flatMap(([key]) => field(`columns of ${key}`, `columns.${key}`, listed(settings.columns?.[key]), "pattern such as q{} or names, with commas")),
     ...field("torque constants [N·m/A]", "torque_constants",
       Array.isArray(constants) ? constants.join(", ") : Object.entries(constants ?? {}).map(([k, v]) => `${k}=${v}`).join(", "), "9.6, 9.6, 6.0 or elbow=9.6"),
+    ...field("samples per second, of a log without time [Hz]", "rate", settings.sample_rate_hz, "100"),
     ...field("resample at [Hz]", "resample", settings.resample, "median, or a rate"),
     ...field("cut at gaps longer than [s]", "split_gaps", settings.split_gaps, "0.1"),
     ...field("keep from, to [s]", "trim", listed(settings.trim), "2, 18"),
@@ -114,7 +118,7 @@ function reading(log, app) {
     ...field("findings that are right", "accept", listed(settings.accept), "joints_by_order, position_in_degrees"),
   ];
   const apply = (name) => () => app.act("set_reading", { name, settings: settingsFrom(inputs) });
-  return h("details", { open: Boolean(log.problem) && !app.state.job },
+  return h("details", { open: Boolean(log.problem) && !log.unread && !app.state.job },
     h("summary", { "data-key": `reading ${log.name}` }, `How ${log.name} is read`),
     h("p", {}, log.layout || (log.problem ?? "By the names in the file.")),
     log.said.map((text) => h("p", { class: "soft" }, text)),
@@ -134,6 +138,7 @@ function settingsFrom(inputs) {
     else if (id === "accept") found.accept = parts(text);
     else if (id === "repairs") for (const name of REPAIRS) found[name] = parts(text).includes(name) || null;
     else if (id === "resample") found.resample = text === "" || text === "median" ? text : Number(text);
+    else if (id === "rate") found.rate = text === "" ? null : Number(text);
     else if (id === "split_gaps") found.split_gaps = text === "" ? null : Number(text);
     else if (id === "trim") found.trim = text === "" ? null : parts(text).map(Number);
     else if (text.includes("=")) found.torque_constants = Object.fromEntries(parts(text).map((part) => [part.split("=")[0], Number(part.split("=")[1])]));
@@ -151,7 +156,7 @@ export const checkStage = {
       h("p", {}, "Logs that test are not used to learn: their error is what a new motion would see."),
       state.logs.length ? logTable(state, app) : null,
       h("h3", {}, "What the checks found"),
-      issues.length ? table("Findings in the logs", ["", "log", "finding"], issues, [0, 1, 2]) : h("p", {}, "Nothing is wrong with the logs."),
+      issues.length ? table("Findings in the logs", ["rank", "log", "finding"], issues, [0, 1, 2]) : h("p", {}, "Nothing is wrong with the logs."),
       h("h3", {}, "What the physics says"),
       state.checks.excitation ? h("p", {}, `In the training logs ${state.checks.excitation}.`) : h("p", { class: "soft" }, "After the first fit: how well the motion excites the parameters, and what is suspicious."),
       (state.checks.texts ?? []).map((text) => h("p", {}, text)));
@@ -170,10 +175,10 @@ export const fitStage = {
       const effects = state.effects.map((each) => each.name).filter((name) => chosen.has(name));
       if (await app.act("fit", { effects })) app.go("compare");
     };
-    fill(root, h("h2", {}, "Fit"),
+    fill(root, h("h2", {}, "Fit"), lead(state, app),
       h("p", {}, "Inertia and gravity of all links are always fitted. Effects that every joint has from the start:"),
       h("div", { class: "bar" }, boxes),
-      button(state.steps.length > 1 ? "Fit once more" : "Fit the model", start, { class: "main", disabled: !ready(state) || Boolean(state.job) }),
+      button(state.steps.length > 1 ? "Fit once more" : "Fit with these", start, { disabled: !ready(state) || Boolean(state.job) }),
       h("p", { class: "soft" }, "An effect at a single joint is better added later, when the diagnosis has found it."));
   },
 };

@@ -4,7 +4,7 @@ import { getJson, save } from "./api.js";
 import { button, choice, fill, h, number, table, words } from "./dom.js";
 
 const VERDICTS = {
-  effects_found: "Effects are missing from the model.",
+  effects_found: "The model lacks",
   nothing_missing: "Nothing is missing: what is left is noise as far as these logs can tell.",
   unexplained_structure: "Something is missing that no known effect explains.",
 };
@@ -24,7 +24,8 @@ export function update(root, state, app) {
     : !fitted ? h("div", { class: "verdict" }, h("p", { class: "lead" }, "There is no fit yet."), button("To the fit", () => app.go("fit"), { class: "main" }))
     : found ? verdict(found)
     : h("div", { class: "verdict" }, h("p", { class: "lead" }, state.job ? `Looking for what “${step.name}” lacks: every effect is tried at every joint.` : `What does “${step.name}” lack?`),
-      state.job ? h("p", { class: "soft" }, "Cancel at any time: the models stay as they are.") : button("Look for it", () => app.act("diagnose"), { class: "main" }));
+      state.job ? h("p", { class: "soft" }, "Cancel at any time: the models stay as they are, and so does what is known by then.") : button("Look for it", () => app.act("diagnose"), { class: "main" }),
+      state.hints.length ? [h("p", {}, state.job ? "What is known so far, on the training logs:" : "What was known when the search was stopped, on the training logs:"), h("ul", {}, state.hints.map((text) => h("li", {}, text)))] : null);
   fill(root, h("h2", {}, "What is missing"), lead,
     found ? found.findings.map((one, k) => card(one, k, state, app, add)) : null,
     found ? candidates(found, state, app, add) : null,
@@ -35,12 +36,20 @@ export function update(root, state, app) {
 }
 
 function verdict(found) {
-  return h("div", { class: "verdict" }, h("p", { class: "lead" }, VERDICTS[found.verdict]),
+  const names = found.findings.map((one) => `${title(one)}${one.probability < 0.9 ? ` (probability ${one.probability.toFixed(2)})` : ""}`);
+  return h("div", { class: "verdict" }, h("p", { class: "lead" }, VERDICTS[found.verdict] + (names.length ? ` ${names.join("; ")}.` : "")),
     h("p", { class: "soft" }, `Probability that nothing is missing ${found.probability_nothing_missing.toFixed(2)}, that something unknown is ${found.probability_unexplained.toFixed(2)}.`),
     found.unexplained.map((text) => h("p", {}, `Left over: ${text}`)));
 }
 
 const fall = (one, joint) => 100 * (1 - one.rmse_after[joint] / one.rmse_before[joint]);
+
+// What is only ranked has no fit of its own, hence no error: adding it tells.
+function gained(one) {
+  const joints = Object.keys(one.rmse_before).filter((joint) => one.rmse_after[joint] !== one.rmse_before[joint]);
+  const best = joints.sort((a, b) => fall(one, b) - fall(one, a))[0];
+  return best === undefined ? "–" : `${best} −${number(fall(one, best), 2)} %`;
+}
 
 function card(one, k, state, app, add) {
   const gains = Object.keys(one.rmse_before).map((joint) => [joint, number(one.rmse_before[joint]), number(one.rmse_after[joint]), h("span", { class: fall(one, joint) >= 0 ? "good" : "bad" }, `${fall(one, joint) >= 0 ? "−" : "+"}${number(Math.abs(fall(one, joint)), 2)} %`)]);
@@ -59,13 +68,13 @@ function card(one, k, state, app, add) {
 function candidates(found, state, app, add) {
   const listed = found.candidates.filter((one) => !found.findings.some((other) => title(other) === title(one))).slice(0, SHOWN);
   const rows = listed.map((one, k) => [
-    title(one), one.probability.toFixed(2), one.score <= -1e6 ? "–" : number(one.score), one.confusable_with.map(words).join(", ") || "–",
-    h("span", {}, button("Show", () => toggle(`c${k}`, one, state, app), { "data-key": `signature c${k}`, "aria-label": `Show the signature of ${title(one)}` }), " ",
+    title(one), one.probability.toFixed(2), one.score <= -1e6 ? "–" : number(one.score), gained(one), one.confusable_with.map(words).join(", ") || "–",
+    h("span", { class: "pair" }, button("Show", () => toggle(`c${k}`, one, state, app), { "data-key": `signature c${k}`, "aria-label": `Show the signature of ${title(one)}` }), " ",
       button("Add", () => add(names(one)), { "data-key": `add c${k}`, "aria-label": `Add ${title(one)}`, disabled: Boolean(state.job) })),
   ]);
   return h("section", { "aria-label": "Other candidates" }, h("h3", {}, "Other candidates"),
-    h("p", { class: "soft" }, `The best ${listed.length} of ${found.candidates.length}. Evidence: log of the Bayes factor against the model alone, less what looking at so many costs.`),
-    table("Other candidates", ["effect", "probability", "evidence", "looks like", ""], rows, [0, 3, 4]), h("div", { id: "signature-c" }));
+    h("p", { class: "soft" }, `The best ${listed.length} of ${found.candidates.length}. Evidence: log of the Bayes factor against the model alone, less what looking at so many costs. The error gained is known of what was fitted; of the others it shows once they are added.`),
+    table("Other candidates", ["effect", "probability", "evidence", "error gained", "looks like", ""], rows, [0, 4, 5]), h("div", { id: "signature-c" }));
 }
 
 function experiment(found, app) {

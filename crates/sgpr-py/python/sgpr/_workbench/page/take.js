@@ -8,6 +8,9 @@ const FILES = [
   ["report.html", "Report", "one page, works offline"],
   ["repeat.py", "Python script", "makes the same model again, byte by byte; run it in the folder of the logs"],
   ["commands.sh", "Commands", "the same on the command line"],
+  ["model.h", "C header", "the physics for a controller: C99, needs no library"],
+  ["model.rs", "Rust module", "the same in Rust"],
+  ["robot.urdf", "Robot file", "the URDF with the inertias of this model, if they are those of bodies (sgpr identify --consistent makes them so)"],
 ];
 let shown = "";
 
