@@ -34,6 +34,7 @@ pub mod export;
 pub mod expression;
 pub mod gp;
 pub mod identification;
+mod limited_file;
 pub mod linalg;
 mod memory;
 pub mod model;
