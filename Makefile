@@ -9,7 +9,7 @@ SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-core/src crates/sgpr-l
 	crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
 
 .PHONY: docs figures readme first-hour package semver sdist build demo workbench fleet-demo demo-real estimators test test-rust test-python skipped browser lint msrv deny bench diagnosis-bench \
-	diagnosis-mujoco peers fuzz soak clean thesis
+	diagnosis-mujoco peers fuzz fuzz-guided soak clean thesis
 
 build: $(VENV)/.built
 
@@ -180,6 +180,17 @@ fuzz:
 	SGPR_FUZZ_CASES=$(FUZZ_CASES) cargo test --locked --release --package sgpr-core \
 		--test recording_hostile --test robot -- any changed damaged
 	SGPR_FUZZ_CASES=$(VALUE_CASES) cargo test --locked --release --package sgpr-core --test hostile_values
+
+## Files that are made where they reach code that no file reached before (fuzz/README.md), for FUZZ_SECONDS each.
+FUZZ_SECONDS ?= 600
+FUZZ_TARGETS ?= urdf dh csv mcap model semi_parametric
+fuzz-guided:
+	@cargo fuzz --version > /dev/null 2>&1 || cargo install --locked --quiet cargo-fuzz
+	@mkdir -p $(foreach target,$(FUZZ_TARGETS),fuzz/found/$(target))
+	for target in $(FUZZ_TARGETS); do \
+		cargo +nightly fuzz run --sanitizer none $$target fuzz/found/$$target fuzz/corpus/$$target -- \
+			-max_len=16384 -timeout=20 -rss_limit_mb=3000 -max_total_time=$(FUZZ_SECONDS) -print_final_stats=1 || exit 1; \
+	done
 
 ## Millions of calls of a predictor and a thousand identifications, in which memory must not grow.
 SOAK_CALLS ?= 10000000
