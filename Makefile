@@ -8,8 +8,8 @@ SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-predict/src crates/sgp
 	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name '*.js' -o -name '*.css' -o -name '*.html' -o -name Cargo.toml) \
 	crates/sgpr-predict/Cargo.toml crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
 
-.PHONY: docs figures readme first-hour package semver sdist build c-library controller-demo demo workbench fleet-demo demo-real estimators test test-rust test-python skipped browser lint msrv deny bench diagnosis-bench notebook \
-	diagnosis-mujoco peers fuzz soak clean thesis
+.PHONY: docs figures readme first-hour package semver sdist build c-library controller-demo demo workbench fleet-demo demo-real estimators test test-rust test-python skipped browser lint msrv deny bench \
+	diagnosis-bench notebook diagnosis-mujoco peers fuzz soak clean thesis fuzz-guided
 
 build: $(VENV)/.built
 
@@ -197,6 +197,17 @@ fuzz:
 	SGPR_FUZZ_CASES=$(FUZZ_CASES) cargo test --locked --release --package sgpr-core \
 		--test recording_hostile --test robot -- any changed damaged
 	SGPR_FUZZ_CASES=$(VALUE_CASES) cargo test --locked --release --package sgpr-core --test hostile_values
+
+## Files that are made where they reach code that no file reached before (fuzz/README.md), for FUZZ_SECONDS each.
+FUZZ_SECONDS ?= 600
+FUZZ_TARGETS ?= urdf dh csv mcap model semi_parametric
+fuzz-guided:
+	@cargo fuzz --version > /dev/null 2>&1 || cargo install --locked --quiet cargo-fuzz
+	@mkdir -p $(foreach target,$(FUZZ_TARGETS),fuzz/found/$(target))
+	for target in $(FUZZ_TARGETS); do \
+		cargo +nightly fuzz run --sanitizer none $$target fuzz/found/$$target fuzz/corpus/$$target -- \
+			-max_len=16384 -timeout=20 -rss_limit_mb=3000 -max_total_time=$(FUZZ_SECONDS) -print_final_stats=1 || exit 1; \
+	done
 
 ## Millions of calls of a predictor and a thousand identifications, in which memory must not grow; how long the slowest calls take.
 SOAK_CALLS ?= 10000000

@@ -7,7 +7,7 @@ zero and its rows weigh by noise of their own; with a standstill speed of almost
 the two predicts better depends on how a robot stands. Fifths of the training logs, each predicted from the other four,
 choose for each robot; the test logs are looked at with both to show what the choice brings. Errors are those of all
 samples in the band of the reference, rests included, percent of the torque. The table is the one in
-`docs/estimators.md`; `docs/real-data.md` says where the logs come from, SGPR_DATA names their folder.
+`research/consistency.md`; `docs/real-data.md` says where the logs come from, SGPR_DATA names their folder.
 """
 
 import sys

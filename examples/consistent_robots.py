@@ -3,7 +3,7 @@
     python examples/consistent_robots.py
 
 The logs are not part of this repository; `docs/real-data.md` says where they come from. The environment variable
-SGPR_DATA names the folder that holds them. The table is the one in `docs/estimators.md`.
+SGPR_DATA names the folder that holds them. The table is the one in `research/consistency.md`.
 """
 
 import sys

@@ -155,7 +155,8 @@ def test_real_robots_run_or_say_why_not(tmp_path: Path) -> None:
     assert "SGPR_DATA" in done.stderr and "Traceback" not in done.stderr
 
 
-DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("*/README.md")])
+PLACES = ("*.md", "docs/**/*.md", "research/*.md", "*/README.md")
+DOCUMENTS = sorted({path for place in PLACES for path in ROOT.glob(place)})
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)

@@ -17,15 +17,13 @@ from pathlib import Path
 TOOLS = Path(__file__).parent
 LOGS = "monday_a.csv monday_b.csv monday_c.csv"
 STEPS = [
-    ("look at robot and log", "sgpr info arm.urdf monday_a.csv", 0),
-    ("say which columns are the torques", "sgpr info arm.urdf monday_a.csv --columns 'torque=Ax{} drv' --remember", 0),
-    ("identify", f"sgpr identify --robot arm.urdf --train {LOGS} --test tuesday.csv --out result", 1),
+    ("look at robot and log", "sgpr info arm.urdf monday_a.csv", 1),
     (
-        "say which columns are the positions, too",
-        f"sgpr identify --robot arm.urdf --train {LOGS} --test tuesday.csv --out result "
-        "--columns 'position=Ax{} act pos [deg]' 'torque=Ax{} drv' --remember",
+        "say which columns are the joints",
+        "sgpr info arm.urdf monday_a.csv --columns 'position=Ax{} act pos [deg]' 'torque=Ax{} drv' --remember",
         0,
     ),
+    ("identify", f"sgpr identify --robot arm.urdf --train {LOGS} --test tuesday.csv --out result", 0),
     ("what is missing", f"sgpr diagnose --robot arm.urdf --train {LOGS} --test tuesday.csv --out diagnosis", 0),
     ("judge", "sgpr compare diagnosis/model.sgpr tuesday.csv --out comparison", 0),
 ]

@@ -29,6 +29,7 @@ pub mod excitation;
 pub mod export;
 pub mod gp;
 pub mod identification;
+mod limited_file;
 pub mod linalg;
 mod memory;
 pub mod model;

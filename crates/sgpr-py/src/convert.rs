@@ -254,10 +254,15 @@ fn not_whole(name: &str, value: &Bound<'_, PyAny>, allowed: &Range<usize>) -> Py
     invalid(format!("{name} = {shown}: expected a whole number, {range}"))
 }
 
+/// The name of the type of a value, for messages.
+fn type_name(value: &Bound<'_, PyAny>) -> String {
+    value.get_type().name().map_or_else(|_| "?".into(), |name| name.to_string())
+}
+
 /// Items of a mapping with text for keys.
 pub fn items<'py>(name: &str, mapping: &Bound<'py, PyAny>) -> PyResult<Vec<(String, Bound<'py, PyAny>)>> {
     let pairs = mapping.call_method0("items").map_err(|_| {
-        let found = mapping.get_type().name().map_or_else(|_| "?".into(), |name| name.to_string());
+        let found = type_name(mapping);
         pyo3::exceptions::PyTypeError::new_err(format!("{name}: got {found}, expected a dict"))
     })?;
     pairs.try_iter()?.map(|pair| pair?.extract()).collect()
@@ -268,7 +273,14 @@ pub fn texts(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     if value.is_instance_of::<PyString>() {
         return Err(pyo3::exceptions::PyTypeError::new_err(format!("{name}: got a str, expected a list of str")));
     }
-    value.try_iter()?.map(|text| text?.extract()).collect()
+    let wrong = |found: &Bound<'_, PyAny>, place: &str| {
+        pyo3::exceptions::PyTypeError::new_err(format!(
+            "{name}: got {}{place}, expected a list of str",
+            type_name(found)
+        ))
+    };
+    let each = value.try_iter().map_err(|_| wrong(value, ""))?;
+    each.map(|text| text.and_then(|text| text.extract().map_err(|_| wrong(&text, " in it")))).collect()
 }
 
 /// An unknown key, with those that are known.

@@ -84,7 +84,8 @@ impl Kernel {
             Shape::RationalQuadratic { .. } => Shape::RationalQuadratic { mixture: positive("mixture", mixture)? },
             shape => shape,
         };
-        let columns = inputs.try_iter()?.map(|input| whole("inputs", &input?, 0..LARGEST_INPUT));
+        let expected = |_| invalid(format!("inputs = {inputs}: expected a list of whole numbers, columns of X"));
+        let columns = inputs.try_iter().map_err(expected)?.map(|input| whole("inputs", &input?, 0..LARGEST_INPUT));
         let columns = columns.collect::<PyResult<Vec<usize>>>()?;
         let kernel = match length_scale {
             None => core::Kernel::isotropic(shape, columns.len(), 1.0),
@@ -194,7 +195,9 @@ const LARGEST_INPUT: usize = 1 << 20;
 
 /// {column: number}.
 fn pairs(given: &Bound<'_, PyAny>) -> PyResult<Vec<(usize, f64)>> {
-    given.call_method0("items")?.try_iter()?.map(|pair| pair?.extract()).collect()
+    let expected = |_| invalid(format!("periods = {given}: expected a dict, {{column of X: number}}"));
+    let pairs = given.call_method0("items").map_err(expected)?;
+    pairs.try_iter()?.map(|pair| pair?.extract().map_err(expected)).collect()
 }
 
 fn points<'py>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Numbers<'py>> {

@@ -372,9 +372,17 @@ impl Recording {
     }
 
     /// The same recording from another source and with more notes, for readers that go through another file.
-    fn _from_source(&self, source: &str, notes: Vec<String>) -> Self {
+    ///
+    /// - `layout`: which column became what, as in `layout`
+    #[pyo3(signature = (source, notes, layout=None))]
+    fn _from_source(&self, source: &str, notes: Vec<String>, layout: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
         let recording = self.inner.clone().with_source(source);
-        notes.into_iter().fold(recording, core::Recording::with_note).into()
+        let recording = notes.into_iter().fold(recording, core::Recording::with_note);
+        Ok(match layout {
+            Some(layout) => recording.with_layout(Some(layout_of(layout)?)),
+            None => recording,
+        }
+        .into())
     }
 
     /// Changes the recording as asked, and nothing else, in the order of the parameters.
@@ -391,6 +399,8 @@ impl Recording {
     ///     Remove samples with a position, velocity or torque that is not finite.
     /// drop_repeated : bool
     ///     Remove samples that repeat the one before while the arm moves.
+    /// unwrap : bool
+    ///     Take back jumps of positions by a full turn, of joints whose position is wrapped to one.
     /// split_gaps : float, optional
     ///     Cut where the time makes a step longer than this, s.
     /// resample : float or "median", optional
@@ -408,7 +418,7 @@ impl Recording {
     /// >>> repaired.actions
     /// ['log: dropped 1 of 3 samples with values that are not finite']
     #[pyo3(signature = (*, trim=None, sort=false, drop_duplicates=false, drop_not_finite=false, drop_repeated=false,
-        split_gaps=None, resample=None))]
+        unwrap=false, split_gaps=None, resample=None))]
     #[expect(clippy::too_many_arguments, reason = "one per step of the repair")]
     fn repair(
         &self,
@@ -418,6 +428,7 @@ impl Recording {
         drop_duplicates: bool,
         drop_not_finite: bool,
         drop_repeated: bool,
+        unwrap: bool,
         split_gaps: Option<f64>,
         resample: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Repaired> {
@@ -432,7 +443,8 @@ impl Recording {
             }),
         };
         let trim = trim.map(|(start, end)| range("trim", start, end)).transpose()?;
-        let request = Repair { trim, sort, drop_duplicates, drop_not_finite, drop_repeated, split_gaps, resample };
+        let request =
+            Repair { trim, sort, drop_duplicates, drop_not_finite, drop_repeated, unwrap, split_gaps, resample };
         let (parts, actions) = detached(py, || core::repair(&self.inner, &request)).map_err(IntoPyErr::into_py_err)?;
         let recordings = parts.into_iter().map(|part| Py::new(py, Self::from(part))).collect::<PyResult<_>>()?;
         Ok(Repaired { recordings, actions })
@@ -635,7 +647,7 @@ fn issue_kinds(given: &Bound<'_, PyAny>) -> PyResult<Vec<IssueKind>> {
 
 /// Refuses a recording whose units nobody can have meant.
 pub fn require_units(recording: &core::Recording) -> PyResult<()> {
-    let doubts = core::doubtful_units(recording);
+    let doubts = core::silent_errors(recording);
     let Some(first) = doubts.first() else { return Ok(()) };
     let more =
         if doubts.len() > 1 { format!(" ({} more findings like this)", doubts.len() - 1) } else { String::new() };

@@ -2,6 +2,7 @@
 
 import errno
 import importlib.metadata
+import json
 import os
 import signal
 import subprocess
@@ -134,13 +135,25 @@ def test_a_rate_beside_a_time_is_told(log: str) -> None:
 
 
 def test_positions_that_are_wrapped_are_told(tmp_path: Path) -> None:
+    def shifted(table: np.ndarray) -> np.ndarray:
+        table[:, 1] -= 0.1
+        return table
+
     def wrapped(table: np.ndarray) -> np.ndarray:
-        table[:, 1] = (table[:, 1] + 2.0 * np.pi - 0.1) % (2.0 * np.pi)
+        table[:, 1] = shifted(table)[:, 1] % (2.0 * np.pi)
         return table
 
     path = write_log(tmp_path / "log.csv", 1, wrapped)
     options = ("--robot", "two_link", "--train", path, "--out", tmp_path / "out", "--no-report")
-    assert f"look: {path}: `joint_1_position` jumps by a full turn" in run("identify", *options).err
+    refused = run("identify", *options)
+    assert refused.code == 1 and f"{path}: `joint_1_position` jumps by a full turn" in refused.err
+    assert "(--unwrap)" in refused.err
+    mended = json.loads(run("identify", *options, "--unwrap", "--json").out)
+    plain = write_log(tmp_path / "plain.csv", 1, shifted)
+    whole = json.loads(run("identify", *options[:3], plain, *options[4:], "--json").out)
+    assert mended["comparison"]["after"]["relative_error_percent"] == pytest.approx(
+        whole["comparison"]["after"]["relative_error_percent"], rel=1e-3
+    )
 
 
 def test_a_panic_is_one_message(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 import io
 import json
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -267,6 +268,8 @@ def test_effects_are_listed_and_explained() -> None:
     mistaken = run("effects", "viscous_frition")
     assert mistaken.code == 2
     assert "did you mean viscous_friction?" in " ".join(re.sub("[│\n]", " ", mistaken.err).split())
+    # A part of the name is enough.
+    assert "did you mean stribeck_friction?" in " ".join(re.sub("[│\n]", " ", run("effects", "stribek").err).split())
 
 
 def test_the_demo_needs_no_file(tmp_path: Path) -> None:
@@ -299,11 +302,68 @@ def test_info_names_the_columns_that_could_be_torques(tmp_path: Path) -> None:
     log.write_text(f"Cell 4; monitor\nclock_ms;Ax1 pos [deg];Ax2 pos [deg];Ax1 drv;Ax2 drv\n{rows}\n")
     said = run("info", "two_link", log)
     assert "--columns torque=Ax{} drv" in said.out
-    assert f"next: sgpr info two_link {log} --columns 'torque=Ax{{}} drv' --remember" in said.out.replace("\n", "")
+    columns = "'position=Ax{} pos [deg]' 'torque=Ax{} drv'"
+    assert f"next: sgpr info two_link {log} --columns {columns} --remember" in said.out.replace("\n", "")
     assert "nothing suspicious" not in said.out and "stands for" not in said.out
-    named = run("info", "two_link", log, "--columns", "torque=Ax{} drv")
+    # Without a robot only the torques are to be named.
+    alone = run("info", log)
+    assert alone.code == 1
+    assert f"next: sgpr info {log} --columns 'torque=Ax{{}} drv' --remember" in alone.out.replace("\n", "")
+    named = run("info", log, "--columns", "torque=Ax{} drv")
     assert "no torque" not in named.out and "next: sgpr identify" in named.out
     # Alone a robot shows its base parameters.
     assert "stands for" in run("info", "two_link").out
     refused = run("identify", "--robot", "two_link", "--train", log, "--columns", "torque=Ax{} drv", "--out", tmp_path)
     assert refused.code == 1 and "`Ax1`" in refused.err and "no time column" not in refused.err
+
+
+def test_a_robot_beside_logs_is_their_robot(tmp_path: Path) -> None:
+    t, q, tau = torque(1)
+    header = "t,Ax1 act pos,Ax2 act pos,Ax1 drv,Ax2 drv"
+    path = tmp_path / "log.csv"
+    np.savetxt(path, np.column_stack([t, q, tau]), delimiter=",", header=header, comments="")
+    looked = run("info", "two_link", path)
+    assert looked.code == 1
+    assert "stop: " in looked.out and "`Ax1`" in looked.out
+    # The command that comes next is complete.
+    next_one = re.search(r"next: sgpr (.*?)  \(", looked.out)
+    assert next_one is not None
+    words = shlex.split(next_one[1])
+    assert words[3:] == ["--columns", "position=Ax{} act pos", "torque=Ax{} drv", "--remember"]
+    confirmed = run(*words)
+    assert confirmed.code == 0, confirmed.out + confirmed.err
+    assert identify(path, tmp_path / "out").code == 0
+    (tmp_path / "other").mkdir()
+    for change in (in_degrees, a_thousandfold, with_lost_rows):
+        bad = write_log(tmp_path / "other" / "log.csv", 1, change)
+        assert run("info", "two_link", bad).code == 1, change
+
+
+def test_a_log_without_torque_is_refused_by_info_as_by_identify(tmp_path: Path) -> None:
+    t, q, tau = torque(1)
+    path = tmp_path / "log.csv"
+    header = "t,q_1,q_2,i1_A,i2_A"
+    np.savetxt(path, np.column_stack([t, q, tau]), delimiter=",", header=header, comments="")
+    looked, fitted = run("info", path), identify(path, tmp_path / "out")
+    assert (looked.code, fitted.code) == (1, 1)
+    assert "stop: no torque in this log" in looked.out
+    assert "--torque-constants" in fitted.err and "torque_constants" not in fitted.err
+    assert run("info", path, "--torque-constants", "1", "1").code == 0
+
+
+def test_the_next_command_reads_as_this_one(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "log.csv", 1, in_degrees)
+    said = run("info", "two_link", path, "--units", "position=deg", "--drop-repeated").out
+    assert f"--train {path} --units position=deg --drop-repeated --out result" in said.replace("\n", " ")
+
+
+def test_shares_of_a_torque_are_refused(tmp_path: Path) -> None:
+    t, q, tau = torque(1)
+    path = tmp_path / "log.csv"
+    header = "t,q_1,q_2,torque1 [%],torque2 [%]"
+    np.savetxt(path, np.column_stack([t, q, tau]), delimiter=",", header=header, comments="")
+    assert "`%` is no known unit of torque" in run("info", path).err
+    named = ("--columns", "torque=torque{} [%]", "--torque-constants", "2", "2")
+    found = run("info", path, *named, "--json")
+    assert found.code == 0, found.err
+    assert json.loads(found.out)[0]["columns"]["joints"][0]["torque"]["torque_constant"] == 2.0

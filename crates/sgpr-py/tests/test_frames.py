@@ -1,5 +1,6 @@
 """Frames of pandas and polars, MATLAB and HDF5 files."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -101,3 +102,110 @@ def test_hdf5(tmp_path: Path, log: sgpr.Recording) -> None:
         file["note"] = "nothing"
     with pytest.raises(sgpr.RecordingError, match="name them `t` and `q`"):
         sgpr.read(tmp_path / "empty.h5")
+
+
+def test_arrays_have_units_and_names_of_their_own(tmp_path: Path, log: sgpr.Recording) -> None:
+    degrees, current = np.degrees(log.q), log.tau / 2.0
+    np.savez(tmp_path / "named.npz", time=log.t, q_deg=degrees, tau=log.tau)
+    np.savez(tmp_path / "others.npz", clock=1e3 * log.t, joint_angles=degrees.T, drives=current)
+    np.savez(tmp_path / "counted.npz", qpos=log.q, effort=log.tau)
+    joints = log.joint_names
+    named = sgpr.read(tmp_path / "named.npz", joints)
+    assert_allclose(named.q, log.q, rtol=1e-14)
+    assert named.layout["joints"][1]["position"] == {
+        "column": "2 of q_deg", "unit": "deg", "stated": True, "torque_constant": None
+    }  # fmt: skip
+    others = sgpr.read(
+        tmp_path / "others.npz",
+        joints,
+        columns={"time": "clock", "position": "joint_angles", "torque": "drives"},
+        units={"time": "ms", "position": "deg"},
+        torque_constants=[2.0, 2.0, 2.0],
+    )
+    assert_allclose(others.q, log.q, rtol=1e-14)
+    assert_allclose(others.tau, log.tau, rtol=1e-14)
+    assert_allclose(others.t, log.t - log.t[0], atol=1e-9)
+    counted = sgpr.read(tmp_path / "counted.npz", joints, sample_rate_hz=100.0)
+    assert np.array_equal(counted.q, log.q) and np.array_equal(counted.tau, log.tau)
+    assert counted.sample_rate_hz == 100.0
+    for options, said in (
+        ({}, "no array `t` or `time` or `time_ns` of shape"),
+        ({"columns": {"position": "angles"}}, "there is no array `angles` for position; the arrays are `qpos`"),
+    ):
+        with pytest.raises(sgpr.RecordingError, match=said):
+            sgpr.read(tmp_path / "counted.npz", **options)
+    with pytest.raises(sgpr.RecordingError, match="3 columns without names, the robot 2 joints"):
+        sgpr.read(tmp_path / "named.npz", ["a", "b"])
+    plain = tmp_path / "plain.npz"
+    np.savez(plain, t=log.t, q=log.q)
+    assert "1 of q" in sgpr.read(plain).layout["text"]
+
+
+def lerobot(folder: Path, log: sgpr.Recording, episodes: int, *, one_file: bool) -> Path:
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    names = {"motors": [f"{name}.pos" for name in log.joint_names]}
+    info = {
+        "codebase_version": "v3.0" if one_file else "v2.1",
+        "fps": 100,
+        "features": {
+            "observation.state": {"names": names},
+            "observation.effort": {"names": log.joint_names},
+            "action": {"names": names},
+        },
+    }
+    (folder / "meta").mkdir(parents=True)
+    (folder / "meta" / "info.json").write_text(json.dumps(info))
+    chunk = folder / "data" / "chunk-000"
+    chunk.mkdir(parents=True)
+    rows = len(log.t)
+    tables = [
+        arrow.table(
+            {
+                "observation.state": arrow.array(list(log.q + episode)),
+                "observation.effort": arrow.array(list(log.tau)),
+                "action": arrow.array(list(log.q)),
+                "timestamp": arrow.array((np.arange(rows) / 100).astype(np.float32)),
+                "frame_index": np.arange(rows),
+                "episode_index": np.full(rows, episode),
+                "task": ["pick"] * rows,
+            }
+        )
+        for episode in range(episodes)
+    ]
+    if one_file:
+        parquet.write_table(arrow.concat_tables(tables), chunk / "file-000.parquet")
+    else:
+        for episode, table in enumerate(tables):
+            parquet.write_table(table, chunk / f"episode_{episode:06d}.parquet")
+    return folder
+
+
+@pytest.mark.parametrize("one_file", [False, True])
+def test_lerobot(tmp_path: Path, log: sgpr.Recording, one_file: bool) -> None:
+    place = lerobot(tmp_path / "data_set", log, 3, one_file=one_file)
+    for episode in range(3):
+        found = sgpr.read(place / f"episode_{episode}")
+        assert found.joint_names == log.joint_names
+        assert_allclose(found.q, log.q + episode, rtol=1e-14)
+        assert np.array_equal(found.tau, log.tau)
+        assert_allclose(found.t, np.arange(len(log.t)) / 100, atol=1e-12)
+        assert "skipped columns that hold no rows of numbers: task" in found.notes
+    for path, said in ((place, "3 episodes; each is a log of its own"), (place / "episode_7", "there is no episode 7")):
+        with pytest.raises(sgpr.RecordingError, match=said):
+            sgpr.read(path)
+    file = min((place / "data").rglob("*.parquet"))
+    if one_file:
+        with pytest.raises(sgpr.RecordingError, match=r"from .*episode_0 to .*episode_2"):
+            sgpr.read(file)
+    else:
+        assert_allclose(sgpr.read(file).q, log.q, rtol=1e-14)
+    (place / "meta" / "info.json").write_text("[1]")
+    with pytest.raises(sgpr.RecordingError, match="expected `features`"):
+        sgpr.read(place / "episode_0")
+
+
+def test_a_data_set_of_one_episode_is_a_log(tmp_path: Path, log: sgpr.Recording) -> None:
+    place = lerobot(tmp_path / "one", log, 1, one_file=True)
+    assert_allclose(sgpr.read(place).q, log.q, rtol=1e-14)
+    with pytest.raises(sgpr.RecordingError, match="more than 100 bytes"):
+        sgpr.read(place, limit_bytes=100)

@@ -233,11 +233,8 @@ struct Kind {
 pub(super) fn read_limited(path: &Path) -> Result<Vec<u8>, ModelFileError> {
     let name = path.display().to_string();
     let unreadable = |source| ModelFileError::Unreadable { path: name.clone(), source };
-    let bytes = std::fs::metadata(path).map_err(unreadable)?.len();
-    if bytes > LARGEST_FILE {
-        return Err(ModelFileError::TooLarge { path: name, bytes, limit: LARGEST_FILE });
-    }
-    std::fs::read(path).map_err(unreadable)
+    let content = crate::limited_file::read(path, LARGEST_FILE).map_err(unreadable)?;
+    content.map_err(|bytes| ModelFileError::TooLarge { path: name, bytes, limit: LARGEST_FILE })
 }
 
 pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<(), ModelFileError> {

@@ -106,7 +106,7 @@ pub enum MotionError {
     },
     /// No torque to learn from.
     #[error(
-        "{recording}: there is no torque in this log; name its columns, or give torque constants for motor currents"
+        "{recording}: there is no torque in this log: name its columns with `columns.torque`, and for motor currents give `torque_constants`"
     )]
     NoTorque {
         /// Recording.

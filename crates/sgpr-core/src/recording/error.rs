@@ -285,7 +285,8 @@ pub enum RecordingError {
     },
     /// A unit in the name of a column, or in the line of units, that is not known.
     #[error(
-        "{path}: column `{column}`: `{unit}` is no known unit of {quantity}: give the unit with `units.{quantity}`"
+        "{path}: column `{column}`: `{unit}` is no known unit of {quantity}: give the unit with `units.{quantity}`{}",
+        if *quantity == "torque" { ", or what one of it is in N·m with `torque_constants`" } else { "" }
     )]
     ColumnUnit {
         /// File.

@@ -27,7 +27,7 @@ use std::sync::Arc;
 use tempfile::NamedTempFile;
 
 pub use error::RecordingError;
-pub use inspect::{Issue, IssueKind, Severity, doubtful_units, inspect};
+pub use inspect::{Issue, IssueKind, Severity, inspect, silent_errors};
 pub(crate) use inspect::{MOST_JITTER, is_still, jitter};
 pub use layout::{ColumnLayout, JointLayout, Layout};
 pub use log_set::LogSet;

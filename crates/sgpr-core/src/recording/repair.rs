@@ -1,6 +1,7 @@
+use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 
-use super::inspect::{is_finite_row, repeated_samples};
+use super::inspect::{JUMP, is_finite_row, repeated_samples};
 use super::resample::resample;
 use super::{GAP_FACTOR, Recording, RecordingError, seconds};
 
@@ -24,6 +25,8 @@ pub struct Repair {
     pub drop_not_finite: bool,
     /// Remove samples that repeat the one before while the arm moves.
     pub drop_repeated: bool,
+    /// Take back jumps of positions by a full turn, of joints whose position is wrapped to one.
+    pub unwrap: bool,
     /// Cut where the time makes a step longer than this, s.
     pub split_gaps: Option<f64>,
     /// Bring the samples to equal steps. Cuts at gaps, see [`GAP_FACTOR`], if `split_gaps` is not given.
@@ -82,6 +85,9 @@ pub fn repair(recording: &Recording, request: &Repair) -> Result<(Vec<Recording>
     if request.drop_repeated {
         let repeated = repeated_samples(&work.recording);
         work.drop("that repeat the one before", |sample| repeated.binary_search(&sample).is_ok())?;
+    }
+    if request.unwrap {
+        work.unwrap();
     }
     if request.split_gaps.is_none() && request.resample.is_none() {
         return Ok((vec![work.recording], work.actions));
@@ -158,6 +164,29 @@ impl Work {
             self.recording = self.recording.pick(order.iter().copied());
         }
         self.note(format!("sorted by time, {moved} of {} samples moved", self.recording.len()));
+    }
+
+    fn unwrap(&mut self) {
+        let n = self.recording.dof();
+        let mut position = self.recording.position().to_vec();
+        let mut jumps = 0;
+        for joint in 0..n {
+            // The last position that was a number, as it was logged, and what is added to those that follow.
+            let (mut before, mut offset) = (f64::NAN, 0.0);
+            for q in position.iter_mut().skip(joint).step_by(n) {
+                let change = *q - before;
+                if (change.abs() - TAU).abs() < JUMP {
+                    offset -= TAU.copysign(change);
+                    jumps += 1;
+                }
+                before = if q.is_nan() { before } else { *q };
+                *q += offset;
+            }
+        }
+        if jumps > 0 {
+            self.recording.position = position;
+        }
+        self.note(format!("took back {jumps} jumps by a full turn"));
     }
 
     fn split(&mut self, gap: Option<f64>) -> Vec<Recording> {

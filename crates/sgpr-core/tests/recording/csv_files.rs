@@ -124,7 +124,9 @@ fn titles_above_the_names() {
     let error = csv_error("x,y\n0,1\n1,2\n");
     assert!(error.starts_with("log.csv: no time column among `x`, `y`"), "{error}");
     let error = csv_error("title\nx,y\n0,1\n");
-    assert!(error.starts_with("log.csv: no time column among `title`"), "{error}");
+    assert!(error.starts_with("log.csv: no time column among `x`, `y`"), "{error}");
+    let error = csv_error("Cell 4;;\nZeit;A1 Ist;A2 Ist\ns;grad;grad\n0;1,5;2,5\n");
+    assert!(error.starts_with("log.csv: no time column among `Zeit`, `A1 Ist`, `A2 Ist`"), "{error}");
     // Joints that the robot does not have are joints all the same: the title is not taken for the names.
     let elbow = ReadOptions { joints: Some(vec!["elbow".into()]), ..ReadOptions::default() };
     let other = message(read_csv_with("Cell 4; monitor\nclock_ms;Ax1 pos [deg];Ax2 pos [deg]\n0;1;2\n", &elbow));

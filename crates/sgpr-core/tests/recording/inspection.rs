@@ -1,6 +1,6 @@
 //! What is found in logs that are made to have it.
 
-use sgpr_core::recording::{Channel, Issue, IssueKind, Recording, Severity, doubtful_units, inspect};
+use sgpr_core::recording::{Channel, Issue, IssueKind, Recording, Repair, Severity, inspect, repair, silent_errors};
 
 use super::names;
 
@@ -167,9 +167,9 @@ fn a_time_in_the_wrong_unit() {
         "the median step is 10000 s, and no joint is faster than 2.1e-4 rad/s (m/s): if the log is not that slow, give the \
          unit of the time with `units.time`; if it is, confirm it (accept: unlikely_rate)"
     );
-    assert_eq!(kinds(&doubtful_units(&log.recording())), [IssueKind::UnlikelyRate]);
+    assert_eq!(kinds(&silent_errors(&log.recording())), [IssueKind::UnlikelyRate]);
     let accepted = log.recording().accepting(&[IssueKind::UnlikelyRate]);
-    assert_eq!(doubtful_units(&accepted), []);
+    assert_eq!(silent_errors(&accepted), []);
     assert!(inspect(&accepted).iter().all(|issue| issue.severity < Severity::Error), "{:?}", inspect(&accepted));
     // Milliseconds of a fast log are no long steps, but then no joint moves.
     let mut log = Log::with_time((0..2000).map(|k| k * 100 * MS).collect());
@@ -186,9 +186,15 @@ fn a_position_that_is_wrapped_to_a_turn() {
     log.position.iter_mut().step_by(2).for_each(|q| *q -= if *q > 0.8 { std::f64::consts::TAU } else { 0.0 });
     let issues = log.issues();
     let issue = issues.iter().find(|issue| issue.kind == IssueKind::PositionJump).expect("it jumps");
-    assert_eq!((issue.severity, issue.channel.as_deref()), (Severity::Warning, Some("a_position")));
+    assert_eq!((issue.severity, issue.channel.as_deref()), (Severity::Error, Some("a_position")));
     assert!(issue.message.starts_with("`a_position` jumps by a full turn "), "{}", issue.message);
-    assert!(issue.message.ends_with(" after the start: unwrap it before it is used"), "{}", issue.message);
+    assert!(issue.message.ends_with(" after the start: unwrap it (repair: unwrap)"), "{}", issue.message);
+    assert_eq!(kinds(&silent_errors(&log.recording())), [IssueKind::PositionJump]);
+    let request = Repair { unwrap: true, ..Repair::default() };
+    let (parts, actions) = repair(&log.recording(), &request).expect("a log");
+    let whole = Log::new().recording();
+    assert!(parts[0].position().iter().zip(whole.position()).all(|(a, b)| (a - b).abs() < 1e-12));
+    assert!(actions[0].ends_with("jumps by a full turn"), "{actions:?}");
     let mut log = Log::new();
     log.position.iter_mut().skip(2001).step_by(2).for_each(|q| *q += 1.0);
     let issues = log.issues();
@@ -217,9 +223,9 @@ fn positions_in_degrees() {
     assert_eq!(kinds(&issues), [IssueKind::PositionInDegrees; 2]);
     assert!(issues[0].message.contains("changes 57.3 times as fast as the velocity says"), "{}", issues[0].message);
     assert_eq!(issues[0].severity, Severity::Error);
-    assert_eq!(kinds(&doubtful_units(&log.recording())), [IssueKind::PositionInDegrees; 2]);
+    assert_eq!(kinds(&silent_errors(&log.recording())), [IssueKind::PositionInDegrees; 2]);
     let accepted = log.recording().accepting(&[IssueKind::PositionInDegrees]);
-    assert_eq!(doubtful_units(&accepted), []);
+    assert_eq!(silent_errors(&accepted), []);
     // Both in degrees: only the range tells.
     log.velocity.iter_mut().for_each(|dq| *dq = dq.to_degrees());
     let issues = log.issues();

@@ -55,11 +55,9 @@ impl Robot {
         let path = path.as_ref();
         let name = path.display().to_string();
         let unreadable = |source| RobotError::Unreadable { path: name.clone(), source };
-        let bytes = std::fs::metadata(path).map_err(unreadable)?.len();
-        if bytes > LARGEST_FILE {
-            return Err(RobotError::TooLarge { path: name, bytes, limit: LARGEST_FILE });
-        }
-        let text = String::from_utf8(std::fs::read(path).map_err(unreadable)?).map_err(|_| RobotError::Malformed {
+        let content = crate::limited_file::read(path, LARGEST_FILE).map_err(unreadable)?;
+        let too_large = |bytes| RobotError::TooLarge { path: name.clone(), bytes, limit: LARGEST_FILE };
+        let text = String::from_utf8(content.map_err(too_large)?).map_err(|_| RobotError::Malformed {
             path: name.clone(),
             message: "it is not text in UTF-8; save it as that if it is a robot description".into(),
         })?;

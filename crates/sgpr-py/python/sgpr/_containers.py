@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _npz
+from ._arrays import chosen, listed, recording_of
 from ._frames import read_columns
 from ._sgpr import Recording, RecordingError, SgprError
 
@@ -110,16 +110,12 @@ def _too_large(path: Path, limit: int) -> RecordingError:
 def _recording(path: Path, found: Arrays, joints: Sequence[str] | None, options: dict[str, Any]) -> Recording:
     """Of arrays with a column per joint if there are such, else of vectors with one value per sample."""
     short = _short_names(found)
-    roles = [name for names in _npz.NAMES.values() for name in names]
-    time = next((short[name] for name in _npz.NAMES["t"] if name in short), None)
-    position = next((short[name] for name in _npz.NAMES["q"] if name in short), None)
-    if time is not None and position is not None and position.ndim <= 2 and time.ndim == 1:
-        upright = {name: _upright(array, len(time)) if name in roles else array for name, array in short.items()}
-        refused = sorted(set(options) - {"accept"})
-        if refused:
-            raise RecordingError(f"{path}: `{refused[0]}` does not apply to arrays with one column per joint")
-        recording = _npz.recording_of(path, upright, joints)
-        return recording.accept(options["accept"]) if "accept" in options else recording
+    roles = chosen(path, short, options.get("columns") or {})
+    position = short.get(roles["position"] or "")
+    if position is not None and (position.ndim == 2 or options.get("sample_rate_hz") or roles["time"]):
+        if position.ndim == 1:
+            short |= {name: short[name][:, None] for key, name in roles.items() if key != "time" and name}
+        return recording_of(path, short, joints, options)
     lengths = [len(array) for array in short.values() if array.ndim == 1 and array.dtype.kind in "fiub"]
     samples = max(lengths, key=lengths.count, default=0)
     columns = {
@@ -128,8 +124,10 @@ def _recording(path: Path, found: Arrays, joints: Sequence[str] | None, options:
         if array.ndim == 1 and len(array) == samples and array.dtype.kind in "fiub"
     }
     if samples < 2:
-        names = ", ".join(f"`{name}` {array.shape}" for name, array in list(short.items())[:40]) or "none"
-        raise RecordingError(f"{path}: no time and positions among the arrays {names}: name them `t` and `q`")
+        raise RecordingError(
+            f"{path}: no time and positions among the arrays {listed(short)}: name them `t` and `q`, or say which "
+            "they are with `columns.time` and `columns.position`"
+        )
     return read_columns(columns, str(path), joints, **options)
 
 
@@ -138,11 +136,3 @@ def _short_names(found: Arrays) -> Arrays:
     short = [name.rpartition(".")[2] for name in found]
     unique = len(set(short)) == len(short)
     return dict(zip(short if unique else found, found.values(), strict=True))
-
-
-def _upright(array: NDArray[Any], samples: int) -> NDArray[Any]:
-    """Samples as rows."""
-    if array.ndim == 1 and len(array) == samples:
-        return array
-    rows = np.atleast_2d(array)
-    return rows.T if rows.shape[0] != samples and rows.shape[1] == samples else rows

@@ -39,16 +39,16 @@ def read(frame: Any, joints: Sequence[str] | None = None, **options: Any) -> Rec
 
 
 def read_columns(
-    columns: Mapping[str, NDArray[Any]], source: str, joints: Sequence[str] | None, **options: Any
+    table: Mapping[str, NDArray[Any]], source: str, joints: Sequence[str] | None, **options: Any
 ) -> Recording:
     """The same of columns of numbers, all of one length."""
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "table.csv"
         with copy.open("w", newline="", encoding="utf-8") as stream:
             writer = csv.writer(stream)
-            writer.writerow(columns)
+            writer.writerow(table)
             # repr of a float is exact.
-            writer.writerows(zip(*(map(repr, values.tolist()) for values in columns.values()), strict=True))
+            writer.writerows(zip(*(map(repr, values.tolist()) for values in table.values()), strict=True))
         try:
             recording = read_csv(copy, joints, **options)
         except RecordingError as error:

@@ -279,12 +279,13 @@ class Recording:
         drop_duplicates: bool = False,
         drop_not_finite: bool = False,
         drop_repeated: bool = False,
+        unwrap: bool = False,
         split_gaps: float | None = None,
         resample: float | Literal["median"] | None = None,
     ) -> Repaired: ...
     def average_periods(self, period: float, *, skip: int = 0) -> tuple[Recording, dict[str, _Array]]: ...
     def save(self, path: _Path) -> None: ...  # .csv, .csv.gz, .mcap
-    def _from_source(self, source: str, notes: Sequence[str]) -> Recording: ...
+    def _from_source(self, source: str, notes: Sequence[str], layout: dict[str, Any] | None = None) -> Recording: ...
 
 @final
 class Repaired:

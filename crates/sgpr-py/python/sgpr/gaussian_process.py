@@ -142,7 +142,7 @@ class GaussianProcess(Estimator):
         y = _outputs(y, X.shape[0])
         if self.budget is not None and self.inducing_points is not None:
             raise SgprError("budget and inducing_points exclude each other: give one of them")
-        inducing = None if self.inducing_points is None else min(int(self.inducing_points), X.shape[0])
+        inducing = None if self.inducing_points is None else min(_count(self.inducing_points), X.shape[0])
         process, stopped = fit_process(
             X,
             y,
@@ -359,6 +359,12 @@ class GaussianProcess(Estimator):
             input_tags=InputTags(),
             regressor_tags=RegressorTags(),
         )
+
+
+def _count(inducing_points: object) -> int:
+    if not isinstance(inducing_points, int | np.integer) or inducing_points < 1:
+        raise SgprError(f"inducing_points = {inducing_points}: expected a whole number, at least 1")
+    return int(inducing_points)
 
 
 def _inputs(X: ArrayLike, name: str, estimator: GaussianProcess) -> _Array:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from . import _bags, _containers, _frames, _npz, _parquet
+from . import _bags, _containers, _frames, _lerobot, _npz, _parquet
 from ._sgpr import Recording, RecordingError, read_csv, read_mcap
 
 
@@ -28,7 +28,8 @@ _CSV = _Format("CSV", read_csv, _TABLE_OPTIONS)
 _PARQUET = _Format("Parquet", _parquet.read, _TABLE_OPTIONS)
 _MCAP = _Format("MCAP", read_mcap, _TOPIC_OPTIONS | {"recover"})
 _BAG = _Format("ROS bag", _bags.read, _TOPIC_OPTIONS)
-_NPZ = _Format("NumPy archive", _npz.read, frozenset({"limit_bytes"}))
+_NPZ = _Format("NumPy archive", _npz.read, _TABLE_OPTIONS)
+_LEROBOT = _Format("LeRobot", _lerobot.read, _TABLE_OPTIONS)
 _MAT = _Format("MATLAB", _containers.read_mat, _TABLE_OPTIONS)
 _HDF5 = _Format("HDF5", _containers.read_hdf5, _TABLE_OPTIONS)
 
@@ -61,7 +62,7 @@ _BEGINNINGS = {
 
 
 def read(path: str | os.PathLike[str] | Any, joints: Sequence[str] | None = None, **options: Any) -> Recording:
-    """Reads a log: CSV, MCAP, ROS bag, NumPy archive, Parquet, MATLAB or HDF5 file, or a DataFrame.
+    """Reads a log: CSV, MCAP, ROS bag, NumPy archive, Parquet, MATLAB or HDF5 file, LeRobot episode, or a DataFrame.
 
     Parameters
     ----------
@@ -72,13 +73,14 @@ def read(path: str | os.PathLike[str] | Any, joints: Sequence[str] | None = None
         `tau` (or `time`, `position`, `velocity`, `torque` or `effort`) and `joint_names`; `.mat` (needs
         `pip install sgpr[matlab]`) and `.h5`, `.hdf5` (needs `pip install sgpr[hdf5]`) with such arrays, also in a
         structure or group, or with one vector per column as in a CSV file; `.parquet` with columns as in a CSV file
-        (needs `pip install sgpr[parquet]`). By its beginning if the name does not tell.
+        (needs `pip install sgpr[parquet]`); an episode of a LeRobot data set, `FOLDER/episode_3` or its Parquet file
+        (the same). By its beginning if the name does not tell.
     joints : list of str, optional
         Joints wanted, in order, e.g. `robot.joint_names`; by default those that the log names.
     **options
-        Tables: `columns`, `units`, `torque_constants`, `rows`, `seconds`, `sample_rate_hz`, see `read_csv`. MCAP and
-        bags: `logged_names`, `topics`, `clock`, and for MCAP `recover`, see `read_mcap`. All: `limit_bytes`, and
-        `accept`, findings that are right, see `Recording.accept`. An option that does not apply to the format is an
+        Tables and arrays: `columns`, `units`, `torque_constants`, `rows`, `seconds`, `sample_rate_hz`, see `read_csv`.
+        MCAP and bags: `logged_names`, `topics`, `clock`, and for MCAP `recover`, see `read_mcap`. All: `limit_bytes`,
+        and `accept`, findings that are right, see `Recording.accept`. An option that does not apply to the format is an
         error.
 
     Returns
@@ -103,9 +105,9 @@ def read(path: str | os.PathLike[str] | Any, joints: Sequence[str] | None = None
         return _frames.read(path, joints, **options)
     file = Path(path)
     accept = options.pop("accept", None)
-    if not file.exists():
+    if not is_log(file):
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), os.fspath(path))
-    chosen = _bag_of_folder(file) if file.is_dir() else _format_of(file)
+    chosen = _format_of(file)
     given = {name: value for name, value in options.items() if value is not None}
     for name in given:
         if name not in _TABLE_OPTIONS | _MCAP.options:
@@ -130,12 +132,19 @@ def suffixes() -> tuple[str, ...]:
 
 def options_of(path: str | os.PathLike[str]) -> frozenset[str]:
     """Options that apply to the format of a file."""
-    file = Path(path)
-    chosen = _bag_of_folder(file) if file.is_dir() else _format_of(file)
-    return chosen.options | {"accept"}
+    return _format_of(Path(path)).options | {"accept"}
+
+
+def is_log(path: str | os.PathLike[str]) -> bool:
+    """Whether there is something to read: a file, a folder, or an episode in a LeRobot data set."""
+    return Path(path).exists() or _lerobot.episode_of(Path(path)) is not None
 
 
 def _format_of(file: Path) -> _Format:
+    if _lerobot.episode_of(file) is not None:
+        return _LEROBOT
+    if file.is_dir():
+        return _bag_of_folder(file)
     name = file.name.lower()
     for suffix, chosen in _SUFFIXES.items():
         if name.endswith(suffix):
@@ -169,4 +178,7 @@ def _bag_of_folder(folder: Path) -> _Format:
         return _MCAP._replace(read=lambda _, joints, **options: read_mcap(files[0], joints, **options))
     if (folder / "metadata.yaml").exists():
         return _BAG
-    raise RecordingError(f"{folder}: a folder, but no ROS 2 bag: it holds neither metadata.yaml nor one MCAP file")
+    raise RecordingError(
+        f"{folder}: a folder, but neither a ROS 2 bag (metadata.yaml, or one MCAP file) nor a LeRobot data "
+        "set (meta/info.json)"
+    )

@@ -32,6 +32,11 @@ def save_report(result: Excitation | Simulation, robot: Robot, path: str | os.Pa
     from .report.tracking import TrackingPage
     from .report.versions import versions
 
+    if not isinstance(result, Excitation | Simulation):
+        raise TypeError(
+            f"result: got {type(result).__name__}, expected Excitation or Simulation; models and diagnoses have "
+            "a page of their own: `model.save_report`, `diagnosis.report`"
+        )
     names = result.trajectory.joint_names if isinstance(result, Excitation) else result.joint_names
     if names != robot.joint_names:
         raise SgprError(f"robot: its joints are {', '.join(robot.joint_names)}, those of the result {', '.join(names)}")

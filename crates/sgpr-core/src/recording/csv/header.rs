@@ -151,6 +151,12 @@ pub(super) fn bracketed(name: &str) -> Option<&str> {
     (!text.is_empty() && !text.chars().all(|letter| letter.is_ascii_digit())).then_some(text)
 }
 
+/// The word or sign at the end of a name that says that numbers are a share of something: `torque1 [%]`, `trq_1_percent`.
+pub(super) fn ratio(name: &str) -> Option<&str> {
+    let end = name.trim_end_matches([']', ')', ' ']);
+    ["%", "‰", "percent", "pct"].into_iter().find(|sign| end.ends_with(sign))
+}
+
 /// Whether the words of a text in brackets are no unit but say that this is the measurement of a joint.
 pub(super) fn says_nothing(text: &str) -> bool {
     Words::of(text).says_nothing()

@@ -108,6 +108,10 @@ impl<'a> JointColumns<'a> {
             quantity: quantity.name(),
             unit: unit.into(),
         };
+        // Currents are multiplied by a constant, whatever they are in.
+        if let Some(sign) = header::ratio(name).filter(|_| quantity != Quantity::Current) {
+            return Err(unknown(sign));
+        }
         match (of_line, cell, header::bracketed(name).filter(|_| name.ends_with(']'))) {
             (Some(unit), ..) => Ok(Some(unit)),
             (None, Some(cell), _) if !cell.is_empty() && cell != "-" => Err(unknown(cell)),

@@ -76,11 +76,13 @@ impl<R: BufRead> Lines<R> {
         let mut below: VecDeque<(u64, Vec<u8>)> = VecDeque::new();
         let mut bytes = 0;
         let mut found = None;
+        let mut numbers = None;
         while below.len() < MOST_TITLE_LINES && bytes < MOST_TITLE_BYTES && self.next_row()? {
             let line = self.line.trim_ascii().to_vec();
             bytes += line.len();
             let candidate = Header { delimiter: delimiter_of(&line), line, titles: 1 + below.len() };
             if is_numeric(&candidate.line) {
+                numbers = Some(candidate.line);
                 self.hold();
                 break;
             }
@@ -91,9 +93,10 @@ impl<R: BufRead> Lines<R> {
             below.push_back((self.number, std::mem::take(&mut self.line)));
         }
         let header = found.unwrap_or_else(|| {
-            below.append(&mut self.ahead);
-            self.ahead = below;
-            first
+            let (header, mut rest) = widest(first, below, numbers.as_deref());
+            rest.append(&mut self.ahead);
+            self.ahead = rest;
+            header
         });
         self.delimiter = header.delimiter;
         Ok(header)
@@ -150,6 +153,26 @@ impl<R: BufRead> Lines<R> {
     pub(super) fn has_decimal_comma(&self) -> bool {
         self.delimiter != b','
     }
+}
+
+/// Of lines that name no columns that are understood, the first with as many cells as the numbers have, none of them empty, so that
+/// a message speaks of names and not of a title; else the first of all. And the lines below it.
+fn widest(
+    first: Header,
+    mut below: VecDeque<(u64, Vec<u8>)>,
+    numbers: Option<&[u8]>,
+) -> (Header, VecDeque<(u64, Vec<u8>)>) {
+    let fits = |line: &[u8]| {
+        let delimiter = delimiter_of(line);
+        let names = cells(line, delimiter);
+        let is_full = names.len() > 1 && names.iter().all(|name| !name.is_empty());
+        is_full && numbers.is_some_and(|numbers| cells(numbers, delimiter).len() == names.len())
+    };
+    let place = below.iter().position(|(_, line)| fits(line.trim_ascii())).filter(|_| !fits(&first.line));
+    let Some(place) = place else { return (first, below) };
+    let rest = below.split_off(place + 1);
+    let line = below.pop_back().map(|(_, line)| line.trim_ascii().to_vec()).unwrap_or_default();
+    (Header { delimiter: delimiter_of(&line), line, titles: 1 + place }, rest)
 }
 
 /// The line of column names.

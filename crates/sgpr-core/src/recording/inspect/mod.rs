@@ -7,6 +7,7 @@ mod values;
 use std::str::FromStr;
 
 use super::{Recording, RecordingError};
+pub(crate) use motion::JUMP;
 pub(crate) use time::{MOST_JITTER, jitter};
 pub(crate) use values::is_still;
 pub(super) use values::{is_finite_row, repeated_samples};
@@ -148,7 +149,7 @@ impl Severity {
 /// - positions are degrees if half of the moving joints look so;
 /// - a joint stands still if it moves less than 0.002 rad (m);
 /// - a position jumps if it changes by more than 0.5 rad (m), at more than 50 rad/s (m/s) and by more than ten times what
-///   nine of ten samples change by;
+///   nine of ten samples change by; jumps by a turn alone are errors;
 /// - velocity and position are compared over stretches of at least ten samples and 0.1 s: the change of the position
 ///   against the integral of the velocity, which tells units and sign apart from noise;
 /// - the lag of the velocity is where its cross-correlation with the derivative of the position is largest.
@@ -169,11 +170,12 @@ pub fn inspect(recording: &Recording) -> Vec<Issue> {
     sorted(recording, issues)
 }
 
-/// Units that are so unlikely that nothing is computed before somebody states or confirms them: the part of [`inspect`] that
-/// no computation would stumble over.
-pub fn doubtful_units(recording: &Recording) -> Vec<Issue> {
+/// What nothing is computed with before somebody repairs, states or confirms it, and no computation would stumble over:
+/// units that are very unlikely, and positions that are wrapped to a turn. A part of [`inspect`].
+pub fn silent_errors(recording: &Recording) -> Vec<Issue> {
     let mut issues: Vec<Issue> = time::unlikely_rate(recording).into_iter().collect();
     issues.extend(motion::positions_in_degrees(recording));
+    issues.extend(motion::wrapped_positions(recording));
     let mut issues = sorted(recording, issues);
     issues.retain(|issue| issue.severity == Severity::Error);
     issues
@@ -200,7 +202,12 @@ fn counted(count: usize, noun: &str) -> String {
     format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
-/// Milliseconds, for messages.
-fn milliseconds(seconds: f64) -> String {
-    format!("{:.3} ms", seconds * 1e3)
+/// Four digits, for messages.
+fn rounded(value: f64) -> String {
+    format!("{value:.3e}").parse::<f64>().map_or_else(|_| value.to_string(), |value| value.to_string())
+}
+
+/// A length of time, for messages: milliseconds below a second.
+fn duration(seconds: f64) -> String {
+    if seconds.abs() < 1.0 { format!("{:.3} ms", seconds * 1e3) } else { format!("{seconds:.3} s") }
 }

@@ -1,7 +1,9 @@
 //! Issues of position and velocity together.
 
+use std::f64::consts::TAU;
+
 use super::values::{column, is_still};
-use super::{Issue, IssueKind, Severity, counted, milliseconds};
+use super::{Issue, IssueKind, Severity, counted, duration};
 use crate::recording::resample::resample;
 use crate::recording::statistics::{self, rms};
 use crate::recording::{GAP_FACTOR, Recording};
@@ -14,8 +16,8 @@ const STRETCH_SAMPLES: usize = 10;
 const ENOUGH_MOTION: f64 = 0.02;
 /// No arm joint turns further than this between its limits, rad.
 const WIDEST_RANGE: f64 = 4.0 * std::f64::consts::PI;
-/// Least change from one sample to the next that is a jump, rad (m).
-const JUMP: f64 = 0.5;
+/// Least change from one sample to the next that is a jump, and most that a jump by a turn differs from one, rad (m).
+pub(crate) const JUMP: f64 = 0.5;
 /// No arm joint is as fast, rad/s (m/s).
 const JUMP_SPEED: f64 = 50.0;
 /// A jump is this many times what nine of ten samples change by.
@@ -45,6 +47,13 @@ pub(super) fn positions_in_degrees(recording: &Recording) -> Vec<Issue> {
     let clean = without_faults(recording);
     let ratios: Vec<Option<Comparison>> = (0..clean.dof()).map(|joint| Comparison::of_joint(&clean, joint)).collect();
     all_degrees(&clean, &ratios)
+}
+
+/// Positions that are wrapped to a turn.
+pub(super) fn wrapped_positions(recording: &Recording) -> Vec<Issue> {
+    let clean = without_faults(recording);
+    let jumps = (0..clean.dof()).filter_map(|joint| jumps(&clean, joint));
+    jumps.filter(|issue| issue.severity == Severity::Error).collect()
 }
 
 /// An error where half of the moving joints look so, else a warning.
@@ -82,21 +91,25 @@ fn jumps(recording: &Recording, joint: usize) -> Option<Issue> {
     let found: Vec<usize> =
         (0..changes.len()).filter(|&k| changes[k] > JUMP.max(JUMP_SPEED * steps[k]).max(JUMP_FACTOR * usual)).collect();
     let first = *found.first()?;
-    let is_turn = |change: f64| (change - std::f64::consts::TAU).abs() < JUMP;
+    let is_turn = |change: f64| (change - TAU).abs() < JUMP;
     let name = format!("{}_position", recording.joint_names()[joint]);
     let (often, at) = (counted(found.len(), "time"), recording.time_seconds()[first + 1]);
-    let message = if found.iter().all(|&k| is_turn(changes[k])) {
-        format!("`{name}` jumps by a full turn {often}, first {at:.3} s after the start: unwrap it before it is used")
+    let (severity, message) = if found.iter().all(|&k| is_turn(changes[k])) {
+        let message = format!(
+            "`{name}` jumps by a full turn {often}, first {at:.3} s after the start: unwrap it (repair: unwrap)"
+        );
+        (Severity::Error, message)
     } else {
-        format!(
-            "`{name}` jumps {often}, first by {:.3} rad (m) within {} {at:.3} s after the start: repair the log, or cut \
-             it there",
+        let message = format!(
+            "`{name}` jumps {often}, first by {:.3} rad (m) within {} {at:.3} s after the start: leave out that time \
+             (repair: trim), or the samples that no joint can have",
             changes[first],
-            milliseconds(steps[first]),
-        )
+            duration(steps[first]),
+        );
+        (Severity::Warning, message)
     };
-    let (kind, severity) = (IssueKind::PositionJump, Severity::Warning);
-    Some(Issue { kind, severity, time: Some(at), channel: Some(name), count: found.len(), message })
+    let (kind, time, count) = (IssueKind::PositionJump, Some(at), found.len());
+    Some(Issue { kind, severity, time, channel: Some(name), count, message })
 }
 
 /// The change of a position against the integral of its velocity.
@@ -148,11 +161,7 @@ fn degrees(recording: &Recording, joint: usize, comparison: Option<Comparison>) 
             format!("changes {:.1} times as fast as the velocity says", comparison.ratio.abs())
         }
         _ if high - low > WIDEST_RANGE => {
-            format!(
-                "has a range of {:.1}, {:.1} turns if it were rad",
-                high - low,
-                (high - low) / std::f64::consts::TAU
-            )
+            format!("has a range of {:.1}, {:.1} turns if it were rad", high - low, (high - low) / TAU)
         }
         _ => return None,
     };
@@ -171,11 +180,11 @@ fn degrees(recording: &Recording, joint: usize, comparison: Option<Comparison>) 
 
 /// Ratios of the change of the position to the integral of the velocity that tell of a unit.
 const KNOWN_RATIOS: [(f64, &str); 6] = [
-    (std::f64::consts::PI / 180.0, "the velocity looks like deg/s"),
-    (180.0 / std::f64::consts::PI, "the position looks like degrees"),
-    (std::f64::consts::TAU / 60.0, "the velocity looks like rpm"),
-    (1e-3, "the velocity looks like mm/s"),
-    (1e3, "the position looks like mm"),
+    (std::f64::consts::PI / 180.0, "the velocity looks like deg/s (`units.velocity`)"),
+    (180.0 / std::f64::consts::PI, "the position looks like degrees (`units.position`)"),
+    (TAU / 60.0, "the velocity looks like rpm (`units.velocity`)"),
+    (1e-3, "the velocity looks like mm/s (`units.velocity`)"),
+    (1e3, "the position looks like mm (`units.position`)"),
     (1.0 / 60.0, "the velocity looks like units per minute"),
 ];
 
@@ -229,7 +238,7 @@ fn lag(recording: &Recording, comparisons: &[Option<Comparison>]) -> Option<Issu
         count: joints.len(),
         message: format!(
             "the velocity is {} {direction} against the derivative of the position (correlation {peak:.3}): take velocities from the filtered positions",
-            milliseconds(lag.abs()),
+            duration(lag.abs()),
         ),
     })
 }

@@ -1,6 +1,6 @@
 //! Issues of the time stamps.
 
-use super::{Issue, IssueKind, Severity, counted, milliseconds, percent};
+use super::{Issue, IssueKind, Severity, counted, duration, percent, rounded};
 use crate::recording::statistics::{median, quantile};
 use crate::recording::{GAP_FACTOR, Recording};
 
@@ -9,7 +9,7 @@ use crate::recording::{GAP_FACTOR, Recording};
 const LIKELY_PERIOD: [f64; 2] = [1e-5, 0.5];
 /// From this period on, s, ...
 const SLOW_PERIOD: f64 = 0.05;
-/// ... an arm in which no joint is faster, rad/s (m/s), is more likely one whose time is in milliseconds.
+/// ... an arm in which no joint is faster, rad/s (m/s), is more likely one whose time is in duration.
 const SLOW_MOTION: f64 = 0.01;
 /// Steps of a stretch may deviate from their median by this share of it (root mean square) before differences become wrong.
 pub(crate) const MOST_JITTER: f64 = 0.02;
@@ -81,7 +81,7 @@ impl Log {
         let message = format!(
             "the time runs backwards {}, first by {} at sample {}: sort the samples (repair: sort), or cut the log there if it was restarted",
             counted(found.len(), "time"),
-            milliseconds(-self.steps[first]),
+            duration(-self.steps[first]),
             first + 1,
         );
         self.issue(IssueKind::TimeBackwards, Severity::Error, &found, message)
@@ -102,16 +102,19 @@ impl Log {
         let found = self.where_step(|step| step > GAP_FACTOR * usual);
         let longest = found.iter().map(|&index| self.steps[index]).fold(0.0, f64::max);
         let message = format!(
-            "{}, the longest of {} (a gap is a step longer than {GAP_FACTOR} median steps of {}): cut the log there, nothing may be filtered or differentiated across",
+            "{}, the longest of {} (a gap is a step longer than {GAP_FACTOR} median steps of {}): nothing is filtered or differentiated across; if what stands before or behind does not belong to the motion, leave it out (repair: trim)",
             counted(found.len(), "gap"),
-            milliseconds(longest),
-            milliseconds(usual),
+            duration(longest),
+            duration(usual),
         );
         self.issue(IssueKind::Gap, Severity::Warning, &found, message)
     }
 
     fn irregular(&self) -> Option<Issue> {
         let usual = self.usual_period()?;
+        if self.runs_backwards() {
+            return None;
+        }
         let regular: Vec<f64> = self.steps.iter().copied().filter(|&step| step <= GAP_FACTOR * usual).collect();
         let off = |share: f64| self.where_step(|step| (step - usual).abs() > share * usual);
         let (by_10, by_50) = (off(0.1), off(0.5));
@@ -123,15 +126,15 @@ impl Log {
         }
         let mean = regular.iter().sum::<f64>() / regular.len() as f64;
         let message = format!(
-            "irregular sampling: median step {}, mean {}, 1 % to 99 % of the steps {} to {}; {} of the steps are off by more than 10 %, {} by more than 50 %: {} (resample: {:.0} Hz)",
-            milliseconds(usual),
-            milliseconds(mean),
-            milliseconds(quantile(&mut regular.clone(), 0.01)),
-            milliseconds(quantile(&mut regular.clone(), 0.99)),
+            "irregular sampling: median step {}, mean {}, 1 % to 99 % of the steps {} to {}; {} of the steps are off by more than 10 %, {} by more than 50 %: {} (resample: {} Hz)",
+            duration(usual),
+            duration(mean),
+            duration(quantile(&mut regular.clone(), 0.01)),
+            duration(quantile(&mut regular.clone(), 0.99)),
             percent(by_10.len(), self.steps.len()),
             percent(by_50.len(), self.steps.len()),
             if worst > MOST_JITTER { "too irregular to differentiate, resample first" } else { "resample" },
-            1.0 / usual,
+            rounded(1.0 / usual),
         );
         let severity = if worst > MOST_JITTER { Severity::Error } else { Severity::Warning };
         let found = if by_10.is_empty() { self.where_step(|step| step != usual) } else { by_10 };
@@ -147,12 +150,16 @@ impl Log {
 
     fn unlikely_rate(&self) -> Option<Issue> {
         let usual = self.usual_period()?;
+        if self.runs_backwards() {
+            return None;
+        }
         let slow_arm = usual > SLOW_PERIOD && self.fastest < SLOW_MOTION && self.fastest > 0.0;
         if (LIKELY_PERIOD[0]..=LIKELY_PERIOD[1]).contains(&usual) && !slow_arm {
             return None;
         }
         let message = format!(
-            "the median step is {usual} s{}: if the log is not that {}, give the unit of the time with `units.time`; if it is, confirm it (accept: unlikely_rate)",
+            "the median step is {} s{}: if the log is not that {}, give the unit of the time with `units.time`; if it is, confirm it (accept: unlikely_rate)",
+            rounded(usual),
             if slow_arm {
                 format!(", and no joint is faster than {:.1e} rad/s (m/s)", self.fastest)
             } else {
@@ -162,6 +169,11 @@ impl Log {
         );
         let (kind, severity) = (IssueKind::UnlikelyRate, Severity::Error);
         Some(Issue { kind, severity, time: None, channel: None, count: self.time.len(), message })
+    }
+
+    /// Whether the order of the samples is to be mended before their steps say anything.
+    fn runs_backwards(&self) -> bool {
+        self.steps.iter().any(|&step| step < 0.0)
     }
 
     /// Median of the steps forward, s.

@@ -124,6 +124,10 @@ fn check(path: &str, options: &McapOptions) -> Result<(), RecordingError> {
     for list in [&options.joints, &options.logged_names].into_iter().flatten() {
         require_joint_list(path, list)?;
     }
+    if options.topics.as_ref().is_some_and(Vec::is_empty) {
+        let (option, expected) = ("topics", "one topic at least; without it all are read");
+        return Err(RecordingError::InvalidOption { option, value: "empty".into(), expected });
+    }
     match (&options.joints, &options.logged_names) {
         (Some(joints), Some(logged)) if joints.len() != logged.len() => {
             let (option, expected, found) = ("logged_names", joints.len(), logged.len());

@@ -32,6 +32,7 @@ BY_HAND = (
     "drop_duplicates",
     "drop_not_finite",
     "drop_repeated",
+    "unwrap",
 )
 """Settings of reading that the page can change."""
 

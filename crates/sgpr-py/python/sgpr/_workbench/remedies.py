@@ -15,6 +15,7 @@ TITLES = {
     "drop_duplicates": "Drop samples with the stamp of the one before",
     "drop_not_finite": "Drop samples that are not numbers",
     "drop_repeated": "Drop samples that repeat the one before",
+    "unwrap": "Take back jumps by a full turn",
     "joints_by_order": "The columns are numbered in the order of the joints",
     "position_in_degrees": "The position is right as it is",
     "torque_scale": "The torque is right as it is",

@@ -27,6 +27,8 @@ OPTIONS = {
     r"\(repair: drop_repeated\)": "(--drop-repeated)",
     r"\(repair: drop_duplicates\)": "(--drop-duplicates)",
     r"\(repair: sort\)": "(--sort)",
+    r"\(repair: unwrap\)": "(--unwrap)",
+    r"\(repair: trim\)": "(--trim)",
     r"\(accept: (\w+)\)": r"(--accept \1)",
     r"`accept=\[\"(\w+)\"\]`": r"`--accept \1`",
     r"`units\.(\w+)`": r"`--units \1=...`",
@@ -59,7 +61,9 @@ def one_of(value: str, known: Iterable[str], option: str, what: str) -> str:
     known = list(known)
     if value in known:
         return value
-    near = difflib.get_close_matches(value, known, n=1)
+    near = difflib.get_close_matches(value, known, n=1) or [
+        name for name in known if difflib.get_close_matches(value, name.split("_"), n=1)
+    ]
     hint = f", did you mean {near[0]}?" if near else "."
     more = f"Known are {', '.join(known)}."
     if what == "effect" and len(known) > FEW:

@@ -1,11 +1,12 @@
 """`sgpr info`: what a robot, a log or a model holds."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Annotated, Any
 
 import typer
 
-from .. import Robot
+from .. import RecordingError, Robot, SgprError
 from ..report.certificate import kept_out
 from ..report.numbers import MISSING, counted, percent, readable, relative_deviation, significant, with_deviation
 from ..report.parameters import left_out
@@ -47,7 +48,7 @@ def info(
             "--robot",
             metavar="ROBOT",
             help="Robot of the logs: screens them against its physics (signs, units, delays, outliers, leverage, "
-            "saturation, excitation).",
+            "saturation, excitation). A single robot among the files is it, too.",
         ),
     ] = None,
     joints: Annotated[
@@ -60,52 +61,114 @@ def info(
     Exits with 1 if `sgpr identify` would refuse one of the logs.
     """
     chosen = checked_effects(effects or [])
-    arm = None if robot is None else load_robot(robot, joints, gravity)
     results: list[dict[str, Any]] = []
-    logs: list[str] = []
-    robots = [robot] if robot else []
     paths = expand_patterns(files)
+    kinds = {path: kind_of(path) for path in paths}
+    logs = [path for path in paths if kinds[path] == "log"]
+    named = robot or robot_among(kinds)
+    arm = load_robot(named, joints, gravity) if named and logs else None
     for path in paths:
-        match kind_of(path):
+        match kinds[path]:
             case "robot":
-                robots.append(path)
                 data = describe.robot(load_robot(path, joints, gravity), path, chosen)
                 show_robot(data, output, formulas=base_parameters, alone=len(paths) == 1)
             case "model":
                 data = describe.any_model(load_any_model(path), path)
                 show_model(data, output)
             case "log":
-                logs.append(path)
-                data = look_at_log(path, reading, arm, joints, effects)
+                data = look_at_log(path, reading, arm, joints, effects, output)
                 show_log(data, output)
         results.append(data)
     output.result(results)
-    if any(data.get("refused") for data in results):
+    refused = [data for data in results if data.get("refused")]
+    told = next((columns for data in refused if (columns := columns_to_name(data))), None)
+    if told:
+        why = "if these are they, in the order of the robot" if arm else "if these hold the torques"
+        beside = ["--robot", robot] if robot else []
+        words = replace(reading, columns=None, remember=False).words()
+        output.next("sgpr", "info", *paths, *beside, *words, "--columns", *told, "--remember", why=why)
+    elif logs and not refused:
+        output.next(
+            "sgpr", "identify", "--robot", named or "ROBOT", "--train", *logs, *reading.words(), "--out", "result"
+        )
+    if refused:
         raise typer.Exit(BAD_DATA)
-    named = robots[0] if robots else "ROBOT"
-    without = [data for data in results if data.get("has_torque") is False]
-    if without:
-        columns = f"torque={torque_columns(without[0]) or 'NAME{}'}"
-        output.next("sgpr", "info", *paths, "--columns", columns, "--remember", why="if these hold the torques")
-    elif logs:
-        output.next("sgpr", "identify", "--robot", named, "--train", *logs, "--out", "result")
+
+
+def robot_among(kinds: Mapping[str, str]) -> str | None:
+    """The robot of logs that stand beside it: the only one."""
+    robots = [path for path, kind in kinds.items() if kind == "robot"]
+    return robots[0] if len(robots) == 1 else None
 
 
 def look_at_log(
-    path: str, reading: ReadingOptions, arm: Robot | None, joints: Sequence[str] | None, effects: list[str] | None
+    path: str,
+    reading: ReadingOptions,
+    arm: Robot | None,
+    joints: Sequence[str] | None,
+    effects: list[str] | None,
+    output: Output,
 ) -> dict[str, Any]:
     """A log after its repairs, with what would stop `sgpr identify`: `refused`."""
-    log = read_log(path, reading, joints if arm is None else arm.joint_names)
-    if reading.remember:
+    unlike = None
+    try:
+        log = read_log(path, reading, joints if arm is None else arm.joint_names)
+    except RecordingError as error:
+        if arm is None:
+            raise
+        # What the log holds says more than that the robot's joints are not in it.
+        unlike = str(error)
+        try:
+            log = read_log(path, reading, None)
+        except SgprError:
+            raise error from None
+    if reading.remember and unlike is None:
         remember(path, reading.to_dict())
     parts = log.stretches
     issues = [describe.issue(found) for part in parts for found in part.issues]
-    data = {**describe.log(log.raw, path), "issues": issues, "actions": log.actions}
+    data = {**describe.log(log.raw, path), "issues": issues, "actions": log.actions, "unlike": unlike}
     data["refused"] = [found["message"] for found in issues if found["rank"] == "stop"]
-    if arm is not None:
-        data["screening"] = screened(arm, log, effects)
+    data["refused"] += [text for text in (unlike, without_torque(data)) if text is not None]
+    if arm is not None and not data["refused"]:
+        with output.progress() as progress:
+            data["screening"] = screened(arm, log, effects, progress)
         data["refused"] += [text for text in [data["screening"]["refused"]] if text is not None]
     return data
+
+
+def without_torque(log: dict[str, Any]) -> str | None:
+    """What is said of a log without torque."""
+    if log["has_torque"]:
+        return None
+    return (
+        f"no torque in this log: name its columns, --columns torque={torque_columns(log) or '...'} (motor currents: "
+        "and --torque-constants); without it sgpr predict alone can use the log"
+    )
+
+
+def columns_to_name(log: dict[str, Any]) -> list[str]:
+    """What `--columns` would say of a log without torque, or with other names for its joints than the robot has."""
+    torque = torque_columns(log)
+    told = [] if log["has_torque"] or torque is None else [f"torque={torque}"]
+    if log["unlike"] is None:
+        return told
+    joints = (log["columns"] or {"joints": []})["joints"]
+    for quantity in ("torque", "velocity", "position"):
+        columns = [joint[quantity]["column"] for joint in joints if joint[quantity] is not None]
+        pattern = pattern_of(columns)
+        if pattern is not None:
+            told.insert(0, f"{quantity}={pattern}")
+    return told
+
+
+def pattern_of(columns: Sequence[str]) -> str | None:
+    """A pattern for columns in the order of their joints, or their list; None if there is no way to say it."""
+    for place, letter in enumerate(columns[0] if columns else ""):
+        if letter == "1":
+            before, after = columns[0][:place], columns[0][place + 1 :]
+            if list(columns) == [f"{before}{k + 1}{after}" for k in range(len(columns))]:
+                return f"{before}{{}}{after}"
+    return None if not columns or any("," in column for column in columns) else ",".join(columns)
 
 
 def torque_columns(log: dict[str, Any]) -> str | None:
@@ -190,13 +253,11 @@ def show_log(data: dict[str, Any], output: Output) -> None:
         output.table(["other channel", "range"], [[name, _bounds(found)] for name, found in data["channels"].items()])
     if data["columns"] is not None:
         output.line(f"columns: {data['columns']['text']}")
-    if not data["has_torque"]:
-        pattern = torque_columns(data)
-        text = f"no torque in this log: name its columns, --columns torque={pattern or '...'}"
-        text += " (motor currents: and --torque-constants); without it sgpr predict alone can use the log"
-        output.line(f"look: {text}", "yellow")
+    for text in (data["unlike"], without_torque(data)):
+        if text is not None:
+            output.line(f"stop: {of_command_line(text)}", STYLES["stop"])
     show_findings(data["issues"], [*data["notes"], *data["actions"]], output)
-    if data["has_torque"] and not data["issues"]:
+    if not (data["issues"] or data["refused"] or "screening" in data):
         output.line("nothing suspicious found")
     if "screening" in data:
         show_screening(data["screening"], output)
@@ -220,7 +281,7 @@ def show_screening(found: dict[str, Any], output: Output) -> None:
     for one in of_texts(found["findings"]):
         output.line(one.line(), STYLES[one.rank])
     if not found["findings"]:
-        output.line("the physics of the robot finds nothing suspicious")
+        output.line("nothing suspicious found, by the physics of the robot neither")
 
 
 def show_model(data: dict[str, Any], output: Output) -> None:

@@ -7,6 +7,7 @@ from typing import Literal
 from .. import Model, SemiParametricModel
 from .._sgpr import load
 from ..loading import load as load_either
+from ..reading import is_log
 from .console import Output
 from .errors import BadData
 from .robots import READY_MADE, load_robot
@@ -24,7 +25,7 @@ def kind_of(name: str) -> Kind:
     path = Path(name)
     if name in READY_MADE and not path.exists():
         return "robot"
-    if path.is_dir():
+    if path.is_dir() or (not path.exists() and is_log(path)):
         return "log"
     with path.open("rb") as file:
         head = file.read(HEAD_BYTES)

@@ -37,6 +37,7 @@ KEYS = {
     "drop_duplicates": "drop_duplicates",
     "drop_not_finite": "drop_not_finite",
     "drop_repeated": "drop_repeated",
+    "unwrap": "unwrap",
     "split_gaps": "split_gaps",
     "resample": "resample",
     "joints": "joints",

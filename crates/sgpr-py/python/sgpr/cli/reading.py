@@ -2,7 +2,7 @@
 
 import glob
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,11 +13,11 @@ from ..loading import load as load_either
 from ..reading import options_of
 from . import project
 from .console import Output
-from .errors import BadData, one_of, wrong_use
+from .errors import BadData, of_command_line, one_of, wrong_use
 
 READING = "Reading logs"
 REPAIR = "Repairing logs (nothing is changed unless asked for)"
-REPAIRS = ("trim", "sort", "drop_duplicates", "drop_not_finite", "drop_repeated", "split_gaps", "resample")
+REPAIRS = ("trim", "sort", "drop_duplicates", "drop_not_finite", "drop_repeated", "unwrap", "split_gaps", "resample")
 """What `Recording.repair` takes."""
 
 
@@ -114,6 +114,9 @@ class ReadingOptions:
     drop_repeated: Annotated[
         bool, repairing("--drop-repeated", help="Drop samples that repeat the one before while the arm moves.")
     ] = False
+    unwrap: Annotated[
+        bool, repairing("--unwrap", help="Take back jumps by a full turn, of joints whose position is wrapped to one.")
+    ] = False
     split_gaps: Annotated[
         float | None, repairing("--split-gaps", metavar="S", help="Cut where time steps by more than this, s.")
     ] = None
@@ -185,6 +188,7 @@ class ReadingOptions:
             "drop_duplicates": self.drop_duplicates,
             "drop_not_finite": self.drop_not_finite,
             "drop_repeated": self.drop_repeated,
+            "unwrap": self.unwrap,
             "split_gaps": self.split_gaps,
             "resample": self._rate(),
         }
@@ -193,6 +197,22 @@ class ReadingOptions:
     def to_dict(self) -> dict[str, Any]:
         """All that was asked for, for the record."""
         return {**self.arguments(), **self.repairs()}
+
+    def words(self) -> list[str]:
+        """The same options for the next command, unless they are remembered in a file."""
+        words: list[str] = []
+        for field in () if self.remember else fields(self):
+            value, option = getattr(self, field.name), f"--{field.name.replace('_', '-')}"
+            match value:
+                case None | False:
+                    continue
+                case True:
+                    words.append(option)
+                case list() | tuple():
+                    words += [option, *map(str, value)]
+                case _ if value != field.default:
+                    words += [option, str(value)]
+        return words
 
     def _rate(self) -> float | str | None:
         if self.resample is None or self.resample == "median":
@@ -223,7 +243,7 @@ class Log:
     def tell(self, output: Output) -> None:
         """Says what was assumed of the log, and what was done to it."""
         for said in [*self.raw.notes, *self.actions]:
-            output.note(f"{self.path}: {said}")
+            output.note(f"{self.path}: {of_command_line(said)}")
 
 
 def read_log(

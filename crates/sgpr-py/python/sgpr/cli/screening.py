@@ -9,6 +9,7 @@ from .. import Recording, Robot, SgprError, repeated_share
 from .. import identify as identify_from
 from .. import screen as screen_with
 from ..report.numbers import counted, percent, significant
+from .console import ProgressCallback
 from .effects import DEFAULT_EFFECTS, checked_effects
 from .reading import Log, stretches
 
@@ -22,12 +23,14 @@ REPEATED = 0.5
 """Share of a test log: motions of their own reach a third, as arms start at the same pose."""
 
 
-def screened(robot: Robot, log: Log, effects: list[str] | None) -> dict[str, Any]:
+def screened(
+    robot: Robot, log: Log, effects: list[str] | None, progress: ProgressCallback | None = None
+) -> dict[str, Any]:
     """What the physics of a robot says of a log: how well it excites the parameters, and what is suspicious."""
     wanted = checked_effects(DEFAULT_EFFECTS if effects is None else effects)
     found: dict[str, Any] = {"refused": None, "excitation": None, "condition": None, "findings": []}
     try:
-        model = identify_from(robot, log.stretches, effects=wanted)
+        model = identify_from(robot, log.stretches, effects=wanted, progress=progress)
     except SgprError as error:
         return {**found, "refused": str(error)}
     assert model.fit is not None and model.report is not None, "just identified"

@@ -92,7 +92,7 @@ function drop(app) {
   h("p", { class: "soft" }, "They are copied into the folder. ", button("Look into the folder again", () => app.act("look_again"))));
 }
 
-const REPAIRS = ["sort", "drop_duplicates", "drop_not_finite", "drop_repeated"];
+const REPAIRS = ["sort", "drop_duplicates", "drop_not_finite", "drop_repeated", "unwrap"];
 const QUANTITIES = [["time", "ms, us, ns"], ["position", "deg"], ["velocity", "rpm, deg/s"], ["torque", "mNm"]];
 
 function reading(log, app) {
