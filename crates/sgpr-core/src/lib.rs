@@ -29,7 +29,6 @@ pub mod excitation;
 pub mod export;
 pub mod gp;
 pub mod identification;
-mod limited_file;
 pub mod linalg;
 mod memory;
 pub mod model;
@@ -41,5 +40,5 @@ pub mod recording;
 pub mod simulation;
 pub mod threads;
 
-use sgpr_predict::atomic_file;
+use sgpr_predict::{atomic_file, limited_file};
 pub use sgpr_predict::{control, dynamics, effects, expression, robot, signal, simd, spatial};

@@ -28,6 +28,9 @@ pub mod dynamics;
 pub mod effects;
 #[cfg(feature = "expressions")]
 pub mod expression;
+#[cfg(feature = "files")]
+#[doc(hidden)]
+pub mod limited_file;
 #[cfg(not(feature = "std"))]
 mod math;
 pub mod model;

@@ -184,7 +184,7 @@ impl Work {
             }
         }
         if jumps > 0 {
-            self.recording.position = position;
+            self.recording.position = position.into();
         }
         self.note(format!("took back {jumps} jumps by a full turn"));
     }

@@ -6,7 +6,10 @@ use std::path::Path;
 
 /// The content of a file; beyond `limit` bytes the error is how many there are at least. A device or a pipe, which has no
 /// size, is read up to the limit.
-pub(crate) fn read(path: &Path, limit: u64) -> io::Result<Result<Vec<u8>, u64>> {
+///
+/// # Errors
+/// If it cannot be read.
+pub fn read(path: &Path, limit: u64) -> io::Result<Result<Vec<u8>, u64>> {
     let file = File::open(path)?;
     let size = file.metadata()?.len();
     if size > limit {
