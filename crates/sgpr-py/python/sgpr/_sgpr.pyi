@@ -459,8 +459,9 @@ class Model:
     def all_parameter_names(self) -> list[str]: ...
     @property
     def processing(self) -> Processing | None: ...
+    # Keys: method noise rows correlation dispersion condition scaled_condition undetermined
     @property
-    def fit(self) -> dict[str, Any] | None: ...  # method noise rows correlation dispersion condition scaled_condition undetermined
+    def fit(self) -> dict[str, Any] | None: ...
     @property
     def report(self) -> IdentificationReport | None: ...  # only on the model that identify returned
     @property
