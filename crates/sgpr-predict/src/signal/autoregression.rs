@@ -1,4 +1,4 @@
-/// An autoregression x[k] = sum of phi[i] x[k - 1 - i] + innovation.
+/// An autoregression `x[k] = sum of phi[i] x[k - 1 - i] + innovation`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Autoregression {
     /// Coefficients, the latest value's first; none for white noise.
