@@ -1,5 +1,6 @@
 """What changed, in which arm, and when."""
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -127,12 +128,22 @@ def _stretches(history: ArmHistory, one: Series) -> list[Sessions]:
 
 def _track(history: ArmHistory, one: Series, there: Sessions, limit: float) -> Track:
     day = np.array(history.time)[there] / NANOSECONDS_PER_DAY
-    wander = WEAR_PER_YEAR.get(one.parameter, WEAR_PER_YEAR["Fc"]) ** 2 / DAYS_PER_YEAR * np.diff(day, prepend=day[0])
+    wander = _wear(history, one) ** 2 / DAYS_PER_YEAR * np.diff(day, prepend=day[0])
     tools = np.array(history.tools)[there]
     # References of two tools differ by about as much as a session is unsure.
     wander[1:] += np.where(tools[1:] != tools[:-1], one.deviation[there][1:] ** 2, 0.0)
     value = history.without_temperature(one)[there]
     return Track(value, one.deviation[there], wander, f"{one.joint}.{one.parameter}", limit)
+
+
+def _wear(history: ArmHistory, one: Series) -> float:
+    """What a parameter wanders in a year. The gain of a joint whose torque is mostly friction wanders with the friction,
+    by as much of it as temperature, which moves friction and no gain, shows."""
+    own = WEAR_PER_YEAR.get(one.parameter, WEAR_PER_YEAR["Fc"])
+    friction = history.find(one.joint, "Fc")
+    if one.parameter != "gain" or friction is None or friction.slope == 0.0:
+        return own
+    return math.hypot(own, min(abs(one.slope / friction.slope), 1.0) * WEAR_PER_YEAR["Fc"])
 
 
 def _sessions_per_alarm(history: ArmHistory, false_alarms: float) -> float:
