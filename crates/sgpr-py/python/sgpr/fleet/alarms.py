@@ -62,7 +62,7 @@ class _Group:
 
 
 def name_changes(history: ArmHistory) -> None:
-    """Alarms of an arm: of jumps that lie together the cause that explains most of the residual."""
+    """Alarms of an arm: of jumps that lie together the cause that explains most of the torque."""
     tools = _groups("", [one for one in history.series if one.parameter == "tool"])
     groups = {joint: _groups(joint, [one for one in history.series if one.joint == joint]) for joint in history.joints}
     for tool in tools:
@@ -118,15 +118,17 @@ def _around(groups: Sequence[_Group], group: _Group, sessions: int) -> tuple[sli
 
 
 def _cause(history: ArmHistory, group: _Group, groups: Sequence[_Group]) -> Series | None:
-    """The parameter of the joint that alone explains most of the residual after the jump, and not before; none if no
-    parameter changed by enough to matter."""
+    """The parameter of the joint that alone explains the largest change of the torque at the jump; none if no parameter
+    changed by enough to matter."""
     before, after = _around(groups, group, len(history.time))
     best, most = None, 0.0
     for one in history.series:
         if one.joint != group.joint:
             continue
         change, std = _step(history, one, before, after)
-        explained = _mean_of(one.gain[after]) - _mean_of(one.gain[before])
+        # The torque that the parameter explains, with its sign: before the jump it may be off the reference, too.
+        torque = np.sign(one.change) * np.sqrt(np.maximum(one.gain, 0.0))
+        explained = abs(_mean_of(torque[after]) - _mean_of(torque[before]))
         if _matters(change, std) and explained > most:
             best, most = one, explained
     return best

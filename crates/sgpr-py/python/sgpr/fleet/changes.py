@@ -137,8 +137,8 @@ def _track(history: ArmHistory, one: Series, there: Sessions, limit: float) -> T
 
 
 def _wear(history: ArmHistory, one: Series) -> float:
-    """What a parameter wanders in a year. The gain of a joint whose torque is mostly friction wanders with the friction,
-    by as much of it as temperature, which moves friction and no gain, shows."""
+    """What a parameter wanders in a year. The gain of a joint whose torque is mostly friction wanders with the
+    friction, by as much of it as temperature, which moves friction and no gain, shows."""
     own = WEAR_PER_YEAR.get(one.parameter, WEAR_PER_YEAR["Fc"])
     friction = history.find(one.joint, "Fc")
     if one.parameter != "gain" or friction is None or friction.slope == 0.0:
