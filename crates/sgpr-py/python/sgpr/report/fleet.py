@@ -114,7 +114,7 @@ class FleetPage:
             for alarm in sorted(alarms, key=lambda alarm: -abs(alarm.deviations))
         ]
         columns = ["arm", "type", "joint", "cause", "change", "95 % interval", "since", "until"]
-        columns += ["of it temperature", "standard deviations"]
+        columns += ["temperature, taken off", "standard deviations"]
         parts = [_sortable(table("Alarms", columns, rows, text_columns=(0, 1, 2, 3, 6, 7)))]
         parts.append(items(alarm.text for alarm in sorted(alarms, key=lambda alarm: (alarm.robot, alarm.session))))
         names = [f"{alarm.robot}, {alarm.joint or 'last link'}: {alarm.cause}" for _, alarm in shown]
@@ -245,7 +245,7 @@ class FleetPage:
                 "choose; so do the tails. Slow wear, a tenth of the friction in a year, is no change.",
                 "Sessions with another declared tool are measured by a reference of their own.",
                 "Temperature is taken off by one slope for each parameter of a type, where it is logged.",
-                "The cause is the one parameter that alone explains most of the residual after the change; a tool "
+                "The cause is the parameter of the joint that alone explains the largest change of the torque; a tool "
                 "explains several joints at once. An effect that the records lack can look like it: diagnose a log.",
                 f"Made with {', '.join(f'{name} {version}' for name, version in self.versions.items())}.",
             ]
