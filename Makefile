@@ -8,7 +8,7 @@ SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-predict/src crates/sgp
 	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name '*.js' -o -name '*.css' -o -name '*.html' -o -name Cargo.toml) \
 	crates/sgpr-predict/Cargo.toml crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
 
-.PHONY: docs figures readme first-hour package semver sdist build c-library controller-demo demo workbench fleet-demo demo-real estimators test test-rust test-python skipped browser lint msrv deny bench \
+.PHONY: docs figures readme first-hour package semver sdist build c-library controller-demo demo workbench fleet-demo fleet-alarms demo-real estimators test test-rust test-python skipped browser lint msrv deny bench \
 	diagnosis-bench notebook diagnosis-mujoco peers fuzz soak clean thesis fuzz-guided
 
 build: $(VENV)/.built
@@ -59,6 +59,13 @@ fleet-demo: build
 	$(BIN)/sgpr fleet simulate --robot $(FLEET_ROBOTS) --arms $(ARMS) --days $(DAYS) --out $(OUT)/fleet/logs
 	$(BIN)/sgpr fleet run $(OUT)/fleet/logs/fleet.csv --robot $(FLEET_ROBOTS) --out $(OUT)/fleet/records
 	$(BIN)/sgpr fleet report $(OUT)/fleet/records --robot $(FLEET_ROBOTS) --out $(OUT)/fleet/report
+
+## False alarms of healthy simulated arms and rises of friction found, with intervals; minutes.
+YEARS ?= 10
+RISES ?= 24
+fleet-alarms: build
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check "$$(ls $(VENV)/wheels/*.whl)[fleet]" scipy
+	$(BIN)/python benches/fleet_alarms.py --years $(YEARS) --rises $(RISES)
 
 ## The same on the logs of real robots, in the folder that SGPR_DATA names.
 demo-real: build

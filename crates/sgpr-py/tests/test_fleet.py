@@ -17,10 +17,10 @@ import pytest
 import sgpr
 from sgpr import fleet
 from sgpr.fleet import changes, engine
+from sgpr.fleet.evidence import Track, find_jumps
 from sgpr.fleet.logs import find
 
 distributed = pytest.importorskip("distributed", reason="Dask is not installed (pip install sgpr[fleet])")
-pytest.importorskip("ruptures", reason="ruptures is not installed (pip install sgpr[fleet])")
 pytestmark = pytest.mark.filterwarnings("ignore")
 
 TYPES = {"two": sgpr.robots.two_link()}
@@ -157,21 +157,23 @@ def test_tables_and_robots_that_cannot_be(table: Path, robots: dict[str, Any], t
     assert outcome.made == 0 and "no robot of the type `puma560`" in next(iter(outcome.aside.values()))
 
 
-def made(robot: sgpr.Robot, faults: tuple[Any, ...], arms: int = 4, sessions: int = 16) -> list[sgpr.Record]:
+def made(
+    robot: sgpr.Robot, faults: tuple[Any, ...], arms: int = 4, sessions: int = 16, tools: bool = False
+) -> list[sgpr.Record]:
     """Records of a fleet of one type, the first arm with faults."""
     from sgpr.fleet.simulated import Arm, session_log
 
     records, processing = [], None
     for k in range(arms):
-        arm = Arm(f"arm {k}", "two", 1000 + k, faults if k == 0 else ())
+        arm = Arm(f"arm {k}", "two", 1000 + k, faults if k == 0 else (), tools)
         for session in range(sessions):
-            log = session_log(arm, robot, session, 2)
+            log = session_log(arm, robot, session, 2, tracked=False)
             channels = {"temperature": log["temperature"]}
             recording = sgpr.Recording(
                 log["t"], log["q"], tau=log["tau"], joint_names=robot.joint_names, channels=channels
             )
             processing = processing or sgpr.choose_processing(robot, [recording])
-            labels = {"robot": arm.name, "type": "two", "session": f"{session:04d}"}
+            labels = {"robot": arm.name, "type": "two", "session": f"{session:04d}", "tool": arm.tool(session / 2)[0]}
             records.append(sgpr.record(robot, recording, processing=processing, labels=labels, blocks=1))
     return records
 
@@ -186,14 +188,14 @@ def test_a_rise_of_friction_is_found_named_and_dated(changed: list[changes.ArmHi
     alarms = [alarm for history in changed for alarm in history.alarms]
     assert len(alarms) == 1, [alarm.text for alarm in alarms]
     alarm = alarms[0]
-    assert (alarm.robot, alarm.joint, alarm.cause, alarm.session) == (
-        "arm 0",
-        "joint_2",
-        "Coulomb friction",
-        alarm.session,
-    )
+    assert (alarm.robot, alarm.joint, alarm.cause) == ("arm 0", "joint_2", "Coulomb friction")
     # Two sessions a day: within a day of logs.
-    assert 9 <= alarm.session <= 10 and alarm.change == pytest.approx(0.08, abs=0.03)
+    assert (
+        alarm.session == 9
+        and alarm.told <= 10
+        and alarm.until is None
+        and alarm.change == pytest.approx(0.08, abs=0.03)
+    )
     assert "Coulomb friction +" in alarm.text and "since 5 March 2026" in alarm.text
 
 
@@ -208,19 +210,49 @@ def test_a_tool_and_a_gain_are_named(kind: str, size: float, cause: str) -> None
     assert alarms[0].session == 8 and alarms[0].change == pytest.approx(size, rel=0.2)
 
 
-def test_chance_alone_reaches_the_threshold_as_rarely_as_it_says() -> None:
-    import ruptures
+def test_declared_tools_are_no_change_and_undeclared_ones_are() -> None:
+    records = made(TYPES["two"], (), arms=2, sessions=60, tools=True)
+    histories = changes.histories(records, TYPES)
+    assert all(len(set(history.tools)) == 2 for history in histories)
+    assert not [alarm.text for history in histories for alarm in history.alarms]
+    undeclared = []
+    for record in records:
+        head, numbers = record.to_parts()
+        undeclared.append(sgpr.Record.from_parts(re.sub('"tool":"[a-z]*"', '"tool":""', head), numbers))
+    assert all(record.labels["tool"] == "" for record in undeclared)
+    found = changes.histories(undeclared, TYPES)
+    assert all("tool" in {alarm.cause for alarm in history.alarms} for history in found)
 
+
+def tracks(values: Any, limit: float, wander: float = 0.0) -> list[Track]:
+    """Tracks of unit deviation, one per row."""
+    ones = np.ones(values.shape[1])
+    return [Track(row, ones, wander**2 * ones, "one", limit) for row in values]
+
+
+@pytest.mark.parametrize("tails", ["normal", "heavy"])
+def test_chance_makes_no_more_jumps_than_the_limit_says(tails: str) -> None:
     rng = np.random.default_rng(0)
-    series, sessions, arms = 5, 40, 60
-    limit = changes.threshold(series, sessions, 30.0, 1.0)
-    count = 0
-    for _ in range(arms * series):
-        signal = np.column_stack([rng.normal(size=sessions), np.ones(sessions)])
-        search = ruptures.Pelt(custom_cost=changes.weighted_cost(), min_size=2, jump=1).fit(signal)
-        count += len(search.predict(pen=limit**2)) > 1
-    # One per arm and year was allowed, in 30 days a twelfth: 5 of 60 arms; tests of neighbouring days are alike.
-    assert count <= 5
+    arms, sessions, limit = 150, 60, 120.0
+    values = rng.normal(size=(arms, sessions)) if tails == "normal" else rng.standard_t(5, size=(arms, sessions))
+    # Scatter that was thought smaller than it is, and levels that wander.
+    values = 1.3 * values + np.cumsum(rng.normal(0.0, 0.1, size=values.shape), axis=1)
+    count = sum(len(found.jumps) for found in find_jumps(tracks(values, limit, 0.1)))
+    allowed = arms * sessions / limit
+    # Far fewer would be a statistic that finds nothing.
+    assert 0.05 * allowed < count < allowed + 3.0 * allowed**0.5, count
+
+
+def test_jumps_are_found_where_they_are_and_single_sessions_are_none() -> None:
+    rng = np.random.default_rng(1)
+    values = rng.normal(size=(6, 80))
+    values[0, 50:] += 6.0
+    values[1, 20:] -= 6.0
+    values[1, 60:] += 9.0
+    values[2, 40] += 500.0
+    found = find_jumps(tracks(values, 1e5))
+    assert [one.jumps for one in found] == [[50], [20, 60], [], [], [], []]
+    assert found[0].told[0] <= 52 and found[1].told[0] <= 23
 
 
 def test_the_report_of_the_command(table: Path, tmp_path: Path) -> None:

@@ -1,5 +1,8 @@
 //! Butterworth low-pass, applied forwards and backwards.
 
+// Loops over registers by index: iterators and closures between the instructions of a register need not become part of the
+// function that has the instruction set, and are then slow.
+
 use pulp::{Arch, Simd, WithSimd};
 
 use super::SignalError;
@@ -129,36 +132,164 @@ impl WithSimd for ForwardBackward<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
+    fn with_simd<S: Simd>(self, simd: S) {
         let Self { filter, values, columns, extension } = self;
-        let samples = values.len() / columns;
-        // Rows before the first and after the last: twice the end minus the mirror image.
-        let mirrored = |values: &[f64], end: usize, inside: usize| -> Vec<f64> {
-            let rows = values[end * columns..][..columns].iter().zip(&values[inside * columns..][..columns]);
-            rows.map(|(end, inside)| 2.0 * end - inside).collect()
-        };
-        let before: Vec<Vec<f64>> = (1..=extension).rev().map(|k| mirrored(values, 0, k)).collect();
-        let mut after: Vec<Vec<f64>> =
-            (1..=extension).map(|k| mirrored(values, samples - 1, samples - 1 - k)).collect();
-
-        let mut state = State::at_rest(&filter.sections, &before[0]);
-        for mut row in before {
-            state.advance(&filter.sections, &mut row);
+        let registers = columns.div_ceil(S::F64_LANES);
+        let groups = registers.div_ceil(MOST_REGISTERS);
+        let mut first = 0;
+        for group in 0..groups {
+            // As equal as they can be: a register alone would wait for its own results.
+            let end = registers * (group + 1) / groups;
+            let own = first * S::F64_LANES..(end * S::F64_LANES).min(columns);
+            let table = Table { values, columns, own };
+            match end - first {
+                1 => table.filter::<S, 1>(simd, &filter.sections, extension),
+                2 => table.filter::<S, 2>(simd, &filter.sections, extension),
+                3 => table.filter::<S, 3>(simd, &filter.sections, extension),
+                _ => table.filter::<S, MOST_REGISTERS>(simd, &filter.sections, extension),
+            }
+            first = end;
         }
-        for row in values.chunks_exact_mut(columns) {
-            state.advance(&filter.sections, row);
+    }
+}
+
+/// Registers of columns that go through the filter beside each other: each waits for its own results, the others work
+/// meanwhile.
+const MOST_REGISTERS: usize = 4;
+
+/// Neighbouring columns, as many as `G` registers hold, the last one perhaps not full.
+struct Table<'a> {
+    values: &'a mut [f64],
+    columns: usize,
+    own: std::ops::Range<usize>,
+}
+
+impl Table<'_> {
+    #[inline(always)]
+    fn filter<S: Simd, const G: usize>(self, simd: S, sections: &[Section], extension: usize) {
+        match sections.len() {
+            1 => self.forwards_and_backwards::<S, G, 1>(simd, sections, extension),
+            2 => self.forwards_and_backwards::<S, G, 2>(simd, sections, extension),
+            3 => self.forwards_and_backwards::<S, G, 3>(simd, sections, extension),
+            4 => self.forwards_and_backwards::<S, G, 4>(simd, sections, extension),
+            count => {
+                assert!(count == HIGHEST_ORDER.div_ceil(2), "as many sections as the highest order has, at most");
+                self.forwards_and_backwards::<S, G, 5>(simd, sections, extension);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn forwards_and_backwards<S: Simd, const G: usize, const N: usize>(
+        mut self,
+        simd: S,
+        sections: &[Section],
+        extension: usize,
+    ) {
+        let samples = self.values.len() / self.columns;
+        let (start, end) = (self.load::<S, G>(simd, 0), self.load::<S, G>(simd, samples - 1));
+        let mut after = vec![end; extension];
+        for (k, row) in after.iter_mut().enumerate() {
+            *row = mirrored(simd, end, self.load(simd, samples - 2 - k));
+        }
+
+        let first = mirrored(simd, start, self.load(simd, extension));
+        let mut state = Registers::<S, G, N>::at_rest(simd, sections, first);
+        for k in (1..=extension).rev() {
+            state.advance(simd, mirrored(simd, start, self.load(simd, k)));
+        }
+        for row in 0..samples {
+            let filtered = state.advance(simd, self.load(simd, row));
+            self.store::<S, G>(simd, row, filtered);
         }
         for row in &mut after {
-            state.advance(&filter.sections, row);
+            *row = state.advance(simd, *row);
         }
 
-        let mut state = State::at_rest(&filter.sections, &after[extension - 1]);
-        for row in after.iter_mut().rev() {
-            state.advance(&filter.sections, row);
+        let mut state = Registers::<S, G, N>::at_rest(simd, sections, after[extension - 1]);
+        for row in after.iter().rev() {
+            state.advance(simd, *row);
         }
-        for row in values.chunks_exact_mut(columns).rev() {
-            state.advance(&filter.sections, row);
+        for row in (0..samples).rev() {
+            let filtered = state.advance(simd, self.load(simd, row));
+            self.store::<S, G>(simd, row, filtered);
         }
+    }
+
+    #[inline(always)]
+    fn load<S: Simd, const G: usize>(&self, simd: S, row: usize) -> [S::f64s; G] {
+        let row = &self.values[row * self.columns..][self.own.clone()];
+        let mut registers = [simd.splat_f64s(0.0); G];
+        for g in 0..G {
+            let rest = &row[g * S::F64_LANES..];
+            let (whole, _) = S::as_simd_f64s(rest);
+            registers[g] = if whole.is_empty() { simd.partial_load_f64s(rest) } else { whole[0] };
+        }
+        registers
+    }
+
+    #[inline(always)]
+    fn store<S: Simd, const G: usize>(&mut self, simd: S, row: usize, registers: [S::f64s; G]) {
+        let row = &mut self.values[row * self.columns..][self.own.clone()];
+        for g in 0..G {
+            let rest = &mut row[g * S::F64_LANES..];
+            if rest.len() >= S::F64_LANES {
+                S::as_mut_simd_f64s(rest).0[0] = registers[g];
+            } else {
+                simd.partial_store_f64s(rest, registers[g]);
+            }
+        }
+    }
+}
+
+/// Rows before the first and after the last: twice the end minus the mirror image.
+#[inline(always)]
+fn mirrored<S: Simd, const G: usize>(simd: S, end: [S::f64s; G], inside: [S::f64s; G]) -> [S::f64s; G] {
+    let mut row = end;
+    for g in 0..G {
+        row[g] = simd.sub_f64s(simd.add_f64s(end[g], end[g]), inside[g]);
+    }
+    row
+}
+
+/// Sections with what they remember of `G` registers of columns (transposed direct form II).
+struct Registers<S: Simd, const G: usize, const N: usize> {
+    /// Per section: b0, b1, b2, -a1, -a2.
+    factors: [[S::f64s; 5]; N],
+    memory: [[[S::f64s; G]; 2]; N],
+}
+
+impl<S: Simd, const G: usize, const N: usize> Registers<S, G, N> {
+    /// The state in which a constant signal at `level` passes unchanged.
+    #[inline(always)]
+    fn at_rest(simd: S, sections: &[Section], level: [S::f64s; G]) -> Self {
+        let zero = simd.splat_f64s(0.0);
+        let (mut factors, mut memory) = ([[zero; 5]; N], [[[zero; G]; 2]; N]);
+        for k in 0..N {
+            let Section { b, a, steady } = &sections[k];
+            factors[k] = [b[0], b[1], b[2], -a[0], -a[1]].map(|factor| simd.splat_f64s(factor));
+            for g in 0..G {
+                memory[k][0][g] = simd.mul_f64s(simd.splat_f64s(steady[0]), level[g]);
+                memory[k][1][g] = simd.mul_f64s(simd.splat_f64s(steady[1]), level[g]);
+            }
+        }
+        Self { factors, memory }
+    }
+
+    #[inline(always)]
+    fn advance(&mut self, simd: S, mut row: [S::f64s; G]) -> [S::f64s; G] {
+        for k in 0..N {
+            let [b0, b1, b2, a1, a2] = self.factors[k];
+            let [mut first, mut second] = self.memory[k];
+            for g in 0..G {
+                let y = simd.mul_add_f64s(b0, row[g], first[g]);
+                first[g] = simd.mul_add_f64s(a1, y, simd.mul_add_f64s(b1, row[g], second[g]));
+                second[g] = simd.mul_add_f64s(a2, y, simd.mul_f64s(b2, row[g]));
+                row[g] = y;
+            }
+            self.memory[k] = [first, second];
+        }
+        row
     }
 }
 

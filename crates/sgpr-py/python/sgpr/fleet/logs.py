@@ -8,7 +8,7 @@ from typing import Any
 
 from .._sgpr import SgprError
 
-COLUMNS = ("path", "robot", "session", "type", "start")
+COLUMNS = ("path", "robot", "session", "type", "tool", "start")
 _MOST_TABLE_BYTES = 1 << 30
 
 

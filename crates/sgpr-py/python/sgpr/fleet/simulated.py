@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 RATE_HZ = 100.0
 SECONDS = 20.0
+START_SECONDS = 2.0
 STEP = 1e-3
 FIRST_DAY = np.datetime64("2026-03-01T06:00:00", "ns")
 REFERENCE_CELSIUS = 25.0
@@ -28,6 +29,14 @@ FRICTION_PER_DEGREE = -0.01
 """Share by which friction changes per degree."""
 SCATTER = 0.01
 """Standard deviation of friction between sessions, as a share of it."""
+WEAR_PER_YEAR = (0.03, 0.05)
+"""Share by which friction grows in a year: mean and standard deviation over joints. That is normal."""
+YEARLY_CELSIUS, FORTNIGHTLY_CELSIUS = 4.0, 4.0
+"""Amplitudes of the temperature."""
+TOOLS = (("gripper", 0.0), ("spindle", 0.8))
+"""Tools that an arm changes, and what they weigh beyond the first, kg."""
+TOOL_DAYS = (5.0, 25.0)
+"""Days between two changes of the tool, from and to."""
 EFFECTS = ("viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset")
 FAULTS = ("wear", "friction", "torque_gain", "torque_offset", "tool", "collision")
 
@@ -50,12 +59,26 @@ class Fault:
 
 @dataclass(frozen=True)
 class Arm:
-    """An arm of the fleet, with its truth."""
+    """An arm of the fleet, with its truth.
+
+    - `tools`: whether it changes between the two `TOOLS`, which its table says
+    """
 
     name: str
     type: str
     seed: int
     faults: tuple[Fault, ...] = field(default=())
+    tools: bool = False
+
+    def tool(self, day: float) -> tuple[str, float]:
+        """Name and mass of the tool on a day."""
+        if not self.tools:
+            return TOOLS[0]
+        rng = np.random.default_rng([self.seed, 5])
+        changes, until = 0, rng.uniform(*TOOL_DAYS)
+        while until <= day:
+            changes, until = changes + 1, until + rng.uniform(*TOOL_DAYS)
+        return TOOLS[changes % len(TOOLS)]
 
 
 def simulate_fleet(
@@ -74,13 +97,14 @@ def simulate_fleet(
     """Write the logs of a simulated fleet, its table and its truth.
 
     Each arm has inertias, friction and torque offsets of its own around those of its type; friction follows the
-    temperature, which is logged, and varies a little from session to session. Sessions are motions of `SECONDS` under
-    computed torque, from the library's simulator.
+    temperature, which is logged, wears slowly, and varies a little from session to session. Every third arm changes
+    between two tools, which the table says. Sessions are motions of `SECONDS` under computed torque, from the
+    library's simulator.
 
     Parameters
     ----------
     out : path
-        Folder; gets `fleet.csv` (path, robot, session, type), `truth.json`, `logs/`, and `TYPE.urdf` of each type.
+        Folder; gets `fleet.csv` (path, robot, session, type, tool), `truth.json`, and `logs/`.
     types : dict of str to Robot, optional
         By default the PUMA 560 and a two-link arm.
     arms, days, sessions_per_day : int
@@ -101,7 +125,7 @@ def simulate_fleet(
     --------
     >>> table = sgpr.fleet.simulate_fleet("fleet", arms=1, days=1, sessions_per_day=1, faulty=0.0, spoiled=False)
     >>> table.read_text().splitlines()[0]
-    'path,robot,session,type'
+    'path,robot,session,type,tool'
     """
     if min(arms, days, sessions_per_day) < 1 or not 0.0 <= faulty <= 1.0:
         raise SgprError("a fleet has at least one arm, day and session, and a share of faulty arms from 0 to 1")
@@ -115,10 +139,14 @@ def simulate_fleet(
         for done, _ in enumerate(pool.map(_write_arm, jobs)):
             if progress is not None:
                 progress("arms", done + 1, arms)
-    rows = [[_log_name(arm, k), arm.name, f"{k:04d}", arm.type] for arm in fleet for k in range(sessions)]
+    rows = [
+        [_log_name(arm, k), arm.name, f"{k:04d}", arm.type, arm.tool(k / sessions_per_day)[0]]
+        for arm in fleet
+        for k in range(sessions)
+    ]
     broken = _spoil(place, fleet, rows, types, seed) if spoiled else {}
     with (place / "fleet.csv").open("w", encoding="utf-8", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerows([["path", "robot", "session", "type"], *rows])
+        csv.writer(file, lineterminator="\n").writerows([["path", "robot", "session", "type", "tool"], *rows])
     truth = {
         "sessions_per_day": sessions_per_day,
         "faults": [
@@ -158,7 +186,7 @@ def _arms(types: Mapping[str, Robot], arms: int, sessions: int, faulty: float, s
             joint = int(rng.integers(types[kind].dof))
             when = int(rng.integers(sessions // 3, max(2 * sessions // 3, sessions // 3 + 1)))
             faults = (Fault(what, joint, when, size[what]),)
-        fleet.append(Arm(f"arm {k:03d}", kind, seed * 100_003 + k, faults))
+        fleet.append(Arm(f"arm {k:03d}", kind, seed * 100_003 + k, faults, tools=k % 3 == 2))
     return fleet
 
 
@@ -169,8 +197,14 @@ def _write_arm(job: tuple[Path, Arm, Robot, int, int]) -> None:
         _write_log(place / _log_name(arm, session), robot, log)
 
 
-def session_log(arm: Arm, robot: Robot, session: int, sessions_per_day: int) -> dict[str, Array]:
-    """Columns of a session's log: `t` (ns), `q`, `tau`, `temperature`."""
+def session_log(
+    arm: Arm, robot: Robot, session: int, sessions_per_day: int, *, tracked: bool = True
+) -> dict[str, Array]:
+    """Columns of a session's log: `t` (ns), `q`, `tau`, `temperature`.
+
+    - `tracked`: the motion is that of an arm under computed torque; otherwise the planned one with its torque, which
+      takes a tenth of the time
+    """
     own = np.random.default_rng([arm.seed, 2])
     rng = np.random.default_rng([arm.seed, 3, session])
     n = robot.dof
@@ -182,9 +216,11 @@ def session_log(arm: Arm, robot: Robot, session: int, sessions_per_day: int) -> 
     offset = 0.01 * size * own.normal(size=n)
     rotor = 0.02 * size * own.lognormal(0.0, 0.1, n)
     day = session / sessions_per_day
-    celsius = REFERENCE_CELSIUS + 4.0 * np.sin(0.45 * day + own.uniform(0, 6)) + rng.normal(0.0, 1.0)
+    celsius = _celsius(arm, day) + rng.normal(0.0, 1.0)
     warm = 1.0 + FRICTION_PER_DEGREE * (celsius - REFERENCE_CELSIUS)
-    friction = warm * rng.normal(1.0, SCATTER, n)
+    worn = 1.0 + np.random.default_rng([arm.seed, 6]).normal(*WEAR_PER_YEAR, n) * day / 365.25
+    friction = worn * warm * rng.normal(1.0, SCATTER, n)
+    tool_mass = arm.tool(day)[1]
     gain, extra = np.ones(n), np.zeros(n)
     for fault in arm.faults:
         since = session - fault.session
@@ -201,10 +237,27 @@ def session_log(arm: Arm, robot: Robot, session: int, sessions_per_day: int) -> 
             case "torque_offset":
                 extra[fault.joint] += fault.size * coulomb[fault.joint]
             case "tool":
-                links[n - 1] += fault.size * np.array([1.0, 0.0, 0.0, 0.08, 0.0064, 0.0, 0.0064, 0.0, 0.0, 0.0])
+                tool_mass += fault.size
+    links[n - 1] += tool_mass * np.array([1.0, 0.0, 0.0, 0.08, 0.0064, 0.0, 0.0064, 0.0, 0.0, 0.0])
     parameters = np.concatenate([links.ravel(), viscous * friction, coulomb * friction, rotor, offset])
     truth = Model.from_parameters(robot, parameters, effects=EFFECTS)
-    # The controller knows the friction: it would hold light joints otherwise.
+    q, torque = _tracked(truth, motion) if tracked else (motion[0], np.asarray(truth.predict(*motion)))
+    tau = torque * gain + extra + rng.normal(0.0, 0.004, torque.shape) * size
+    if any(fault.kind == "collision" and fault.session == session for fault in arm.faults):
+        hit = slice(len(tau) // 2, len(tau) // 2 + 20)
+        tau[hit, [fault.joint for fault in arm.faults if fault.kind == "collision"]] += 2.0 * size.max()
+    start = FIRST_DAY + np.timedelta64(int(session / sessions_per_day * 86_400e9), "ns")
+    return {
+        "t": start.astype(np.int64) + np.arange(len(tau)) * round(1e9 / RATE_HZ),
+        "q": q + rng.normal(0.0, 2e-6, q.shape),
+        "tau": tau,
+        "temperature": np.full(len(tau), celsius),
+    }
+
+
+def _tracked(truth: Model, motion: tuple[Array, Array, Array]) -> tuple[Array, Array]:
+    """Positions and torques of an arm that a controller keeps on a motion. It knows the friction: it would hold light
+    joints otherwise."""
     run = simulate(
         truth,
         (RATE_HZ, *motion),
@@ -214,33 +267,31 @@ def session_log(arm: Arm, robot: Robot, session: int, sessions_per_day: int) -> 
         control_period=STEP,
         record_period=1 / RATE_HZ,
     )
-    tau = run.tau * gain + extra + rng.normal(0.0, 0.004, run.tau.shape) * size
-    if any(fault.kind == "collision" and fault.session == session for fault in arm.faults):
-        hit = slice(len(tau) // 2, len(tau) // 2 + 20)
-        tau[hit, [fault.joint for fault in arm.faults if fault.kind == "collision"]] += 2.0 * size.max()
-    start = FIRST_DAY + np.timedelta64(int(session / sessions_per_day * 86_400e9), "ns")
-    return {
-        "t": start.astype(np.int64) + np.arange(len(tau)) * round(1e9 / RATE_HZ),
-        "q": run.q + rng.normal(0.0, 2e-6, run.q.shape),
-        "tau": tau,
-        "temperature": np.full(len(tau), celsius),
-    }
+    return run.q, run.tau
+
+
+def _celsius(arm: Arm, day: float) -> float:
+    """Temperature of a day, by the seasons and the weather."""
+    phases = np.random.default_rng([arm.seed, 7]).uniform(0.0, 2.0 * np.pi, 2)
+    year = YEARLY_CELSIUS * np.sin(2.0 * np.pi * day / 365.25 + phases[0])
+    return float(REFERENCE_CELSIUS + year + FORTNIGHTLY_CELSIUS * np.sin(0.45 * day + phases[1]))
 
 
 def _motion(robot: Robot, rng: np.random.Generator) -> tuple[Array, Array, Array]:
     """A motion of five harmonics of a tenth of a hertz, from rest about a pose of its own."""
     t = np.arange(0.0, SECONDS, 1.0 / RATE_HZ)
-    q, dq, ddq = (np.zeros((len(t), robot.dof)) for _ in range(3))
-    start = np.clip(t / 2.0, 0.0, 1.0)
-    for joint in range(robot.dof):
-        for k in range(1, 6):
-            w = 2.0 * np.pi * 0.1 * k
-            a, b = rng.normal(0.0, 0.35 / k, 2)
-            q[:, joint] += a * np.sin(w * t) + b * np.cos(w * t)
+    w = 2.0 * np.pi * 0.1 * np.arange(1, 6)
+    a, b = rng.normal(size=(2, robot.dof, 5)) * 0.35 / np.arange(1, 6)
+    sin, cos = np.sin(np.outer(t, w)), np.cos(np.outer(t, w))
+    s = sin @ a.T + cos @ b.T
+    ds = (w * cos) @ a.T - (w * sin) @ b.T
+    dds = -(w**2 * sin) @ a.T - (w**2 * cos) @ b.T
     # From rest, smoothly: the first second belongs to no analysis anyway.
-    q = q * (start**3 * (10.0 - 15.0 * start + 6.0 * start**2))[:, None]
-    dq = np.gradient(q, 1.0 / RATE_HZ, axis=0, edge_order=2)
-    ddq = np.gradient(dq, 1.0 / RATE_HZ, axis=0, edge_order=2)
+    x = np.clip(t / START_SECONDS, 0.0, 1.0)[:, None]
+    r = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+    dr = 30.0 * x**2 * (1.0 - x) ** 2 / START_SECONDS
+    ddr = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / START_SECONDS**2
+    q, dq, ddq = r * s, dr * s + r * ds, ddr * s + 2.0 * dr * ds + r * dds
     return q, dq, ddq
 
 

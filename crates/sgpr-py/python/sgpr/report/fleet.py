@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..fleet.changes import Alarm, ArmHistory, Series, date, deviation_of, without_temperature
+from ..fleet.alarms import Alarm, date
+from ..fleet.series import ArmHistory, Series
 from .colours import AFTER, BEFORE, INTERVAL, MEASURED
 from .figures import axis, layout, rounded
 from .markup import Cell, Html, Section, choice, element, items, join, paragraph, plot, table
@@ -106,14 +107,15 @@ class FleetPage:
                 Cell(_amount(alarm), order=alarm.change),
                 Cell(_interval(alarm), order=alarm.interval[0]),
                 Cell(date(alarm.since) if alarm.since > 0 else str(alarm.session), order=float(alarm.since)),
+                Cell(MISSING if alarm.until is None else date(alarm.until), order=float(alarm.until or 0)),
                 Cell(_of_temperature(alarm), order=alarm.of_temperature),
                 Cell(significant(abs(alarm.deviations)), order=abs(alarm.deviations)),
             ]
             for alarm in sorted(alarms, key=lambda alarm: -abs(alarm.deviations))
         ]
-        columns = ["arm", "type", "joint", "cause", "change", "95 % interval", "since"]
-        columns += ["of it temperature", "standard deviations"]
-        parts = [_sortable(table("Alarms", columns, rows, text_columns=(0, 1, 2, 3, 6)))]
+        columns = ["arm", "type", "joint", "cause", "change", "95 % interval", "since", "until"]
+        columns += ["temperature, taken off", "standard deviations"]
+        parts = [_sortable(table("Alarms", columns, rows, text_columns=(0, 1, 2, 3, 6, 7)))]
         parts.append(items(alarm.text for alarm in sorted(alarms, key=lambda alarm: (alarm.robot, alarm.session))))
         names = [f"{alarm.robot}, {alarm.joint or 'last link'}: {alarm.cause}" for _, alarm in shown]
         parts.append(choice("changes-choice", "Change", names))
@@ -235,12 +237,15 @@ class FleetPage:
     def _how(self) -> Html:
         return items(
             [
-                f"A change is an alarm if chance makes at most {self.false_alarms:g} such alarms per arm and year: all "
-                "joints, parameters and days count as tests (Bonferroni).",
+                f"A change is an alarm if chance makes at most {self.false_alarms:g} such alarms per arm and year, "
+                "looked for after every session, in all joints and parameters together (statistic of Shiryaev and "
+                "Roberts), and if it is surely larger than 1 % (0.01 kg). Two sessions must show it.",
                 "The deviation of a session is that of its residual, memory included, and what neighbouring "
-                "sessions of the arm, or of the median arm of its type, differ by beyond that.",
+                "sessions of the median arm of its type differ by beyond that, times a factor that the arm's sessions "
+                "choose; so do the tails. Slow wear, a tenth of the friction in a year, is no change.",
+                "Sessions with another declared tool are measured by a reference of their own.",
                 "Temperature is taken off by one slope for each parameter of a type, where it is logged.",
-                "The cause is the one parameter that alone explains most of the residual after the change; a tool "
+                "The cause is the parameter of the joint that alone explains the largest change of the torque; a tool "
                 "explains several joints at once. An effect that the records lack can look like it: diagnose a log.",
                 f"Made with {', '.join(f'{name} {version}' for name, version in self.versions.items())}.",
             ]
@@ -256,6 +261,11 @@ def _ratio(history: ArmHistory) -> np.ndarray[Any, np.dtype[np.float64]]:
     return np.where(there, np.max(np.where(np.isfinite(ratio), ratio, -np.inf), axis=1), np.nan)
 
 
+def _mean(values: np.ndarray[Any, np.dtype[np.float64]]) -> float:
+    there = values[np.isfinite(values)]
+    return float(there.mean()) if there.size else math.nan
+
+
 def _median(error: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
     """Of each joint over sessions; NaN for one that never moved."""
     columns = [column[np.isfinite(column)] for column in error.T]
@@ -265,8 +275,8 @@ def _median(error: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.
 def _change(history: ArmHistory, alarm: Alarm) -> dict[str, Any]:
     one = _series_of(history, alarm)
     scale = 1.0 if alarm.cause == "tool" else 100.0
-    x = scale * without_temperature(history, one)
-    bars = 2.0 * scale * deviation_of(one)
+    x = scale * history.without_temperature(one)
+    bars = 2.0 * scale * one.deviation
     stamps = [str(np.datetime64(stamp, "ns").astype("datetime64[s]")) for stamp in history.time]
     points = {
         "type": "scatter",
@@ -278,7 +288,7 @@ def _change(history: ArmHistory, alarm: Alarm) -> dict[str, Any]:
         "marker": {"color": MEASURED, "size": 6},
         "hovertemplate": "%{x}: %{y:.3g}<extra></extra>",
     }
-    edges = [0, *one.steps, len(x)]
+    edges = [0, *sorted({alarm.session, *one.jumps}), len(x)]
     lines = [
         {
             "type": "scatter",
@@ -286,7 +296,7 @@ def _change(history: ArmHistory, alarm: Alarm) -> dict[str, Any]:
             "name": "before" if k == 0 else "after",
             "showlegend": k < 2,
             "x": [stamps[start], stamps[end - 1]],
-            "y": rounded([float(np.nanmean(x[start:end]))] * 2),
+            "y": rounded([_mean(x[start:end])] * 2),
             "line": {"color": BEFORE if k == 0 else AFTER, "width": 3},
             "hoverinfo": "skip",
         }
@@ -297,24 +307,28 @@ def _change(history: ArmHistory, alarm: Alarm) -> dict[str, Any]:
 
 
 def _series_of(history: ArmHistory, alarm: Alarm) -> Series:
-    return next(one for one in history.series if one.joint == alarm.joint and one.steps and one.name == alarm.cause)
+    return next(one for one in history.series if one.joint == alarm.joint and one.name == alarm.cause)
 
 
 def _amount(alarm: Alarm) -> str:
-    return f"{alarm.change:+.2f} kg" if alarm.cause == "tool" else f"{100 * alarm.change:+.1f} %"
+    return _signed(alarm, alarm.change)
 
 
 def _interval(alarm: Alarm) -> str:
     low, high = alarm.interval
     if alarm.cause == "tool":
-        return f"{low:.2f} to {high:.2f} kg"
-    return f"{100 * low:.1f} to {100 * high:.1f} %"
+        return f"{low:z.2f} to {high:z.2f} kg"
+    return f"{100 * low:z.1f} to {100 * high:z.1f} %"
 
 
 def _of_temperature(alarm: Alarm) -> str:
-    if alarm.of_temperature is None:
-        return "not logged"
-    return f"{alarm.of_temperature:+.2f} kg" if alarm.cause == "tool" else f"{100 * alarm.of_temperature:+.1f} %"
+    return "not logged" if alarm.of_temperature is None else _signed(alarm, alarm.of_temperature)
+
+
+def _signed(alarm: Alarm, value: float) -> str:
+    if alarm.cause == "tool":
+        return f"{value:+z.2f} kg"
+    return f"{100 * value:+z.1f} %"
 
 
 def _sortable(html: Html) -> Html:

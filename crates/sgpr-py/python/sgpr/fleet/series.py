@@ -1,0 +1,280 @@
+"""From the records of an arm to its parameters over sessions."""
+
+import math
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._sgpr import Model, Record, Robot, SgprError, deviations, identify_records
+
+if TYPE_CHECKING:
+    from .alarms import Alarm
+
+Array = NDArray[np.float64]
+
+BASELINE_SHARE, FEWEST_OF_BASELINE, MOST_OF_BASELINE = 0.2, 5, 20
+RIGID = ("Ia",)
+"""Parameters of effects that do not change while an arm works."""
+NAMES = {"Fv": "viscous friction", "Fc": "Coulomb friction", "tau0": "torque offset", "gain": "torque gain"}
+LARGEST_DEVIATION = 0.25
+"""Sessions that know a parameter less well than to this share of its scale say nothing of it."""
+
+
+@dataclass
+class Series:
+    """A parameter of an arm over its sessions, as a share of `scale` off the reference.
+
+    - `std`: of single sessions, from the residual and its memory
+    - `gain`: squares of the residual that a change of the parameter alone explains, (N·m)² ((N)²)
+    - `scatter`: of one session beyond `std`, from what neighbouring sessions differ by
+    - `factor`: on both, from all sessions
+    - `slope`: per °C, from all arms of the type; 0 where temperature is not logged or explains nothing
+    - `jumps`: sessions at which it changed, and `told`: after which of them each was sure
+    """
+
+    joint: str
+    parameter: str
+    unit: str
+    reference: float
+    scale: float
+    change: Array
+    std: Array
+    gain: Array
+    scatter: float = 0.0
+    factor: float = 1.0
+    slope: float = 0.0
+    jumps: list[int] = field(default_factory=list)
+    told: list[int] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        """What the parameter is called."""
+        return NAMES.get(self.parameter, self.parameter)
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviation of each session."""
+        return np.asarray(self.factor * np.sqrt(self.scatter**2 + self.std**2))
+
+
+@dataclass
+class ArmHistory:
+    """An arm over time.
+
+    - `time`: start of each session, ns; `error`: residual of the reference as a share of the torque, `(sessions,
+      joints)`
+    - `tools`: declared tool of each session
+    - `baseline`: sessions that the first reference is made of; `borrowed`: whether those of its sisters
+    - `referred`: whether a session is one of those that its reference is made of
+    """
+
+    robot: str
+    type: str
+    joints: list[str]
+    units: list[str]
+    sessions: list[str]
+    time: list[int]
+    tools: list[str]
+    hours: float
+    baseline: int
+    borrowed: bool
+    referred: NDArray[np.bool_]
+    temperature: Array
+    error: Array
+    series: list[Series]
+    alarms: list["Alarm"] = field(default_factory=list)
+    events: list[dict[str, Any]] = field(default_factory=list)
+    outliers: list[dict[str, Any]] = field(default_factory=list)
+
+    def find(self, joint: str, parameter: str) -> Series | None:
+        """A parameter over the sessions."""
+        return next((one for one in self.series if (one.joint, one.parameter) == (joint, parameter)), None)
+
+    def without_temperature(self, one: Series) -> Array:
+        """A parameter over the sessions, less what temperature explains."""
+        if one.slope == 0.0:
+            return one.change
+        mean = np.nanmean(self.temperature)
+        shift = np.where(np.isfinite(self.temperature), self.temperature - mean, 0.0)
+        return np.asarray(one.change - one.slope * shift)
+
+
+def by_arm(records: Iterable[Record]) -> dict[tuple[str, str], list[Record]]:
+    """Records by type and arm in the order of time, copies once."""
+    arms: dict[tuple[str, str], list[Record]] = {}
+    for one in records:
+        arms.setdefault((one.labels.get("type", ""), one.labels.get("robot", "")), []).append(one)
+    for key, own in arms.items():
+        own.sort(key=lambda one: (_time(one), one.source))
+        seen: set[Any] = set()
+        arms[key] = [one for one in own if not ((mark := (one.content_hash, one.counted)) in seen or seen.add(mark))]
+    return arms
+
+
+def history_of(
+    kind: str,
+    name: str,
+    arms: Mapping[tuple[str, str], Sequence[Record]],
+    robot: Robot | Model,
+    temperature: str,
+) -> ArmHistory:
+    """An arm over its sessions, against its reference: the model that is given, or its own first sessions.
+
+    Sessions with another declared tool are measured by a reference of their own, of the first ones with that tool.
+    """
+    own = arms[kind, name]
+    references, borrowed = _references(robot, own, [theirs for (other, _), theirs in arms.items() if other == kind])
+    first = references[_tool(own[0])]
+    assert first is not None
+    joints = first.robot.joint_names
+    found = [_deviation(references[_tool(one)], one) for one in own]
+    columns: dict[tuple[str, str], dict[str, Any]] = {}
+    error = np.full((len(own), len(joints)), np.nan)
+    mass = np.full((3, len(own)), np.nan)
+    for k, deviation in enumerate(found):
+        if deviation is None:
+            continue
+        mass[:, k] = deviation["tool_mass"], deviation["tool_mass_std"], deviation["tool_share"]
+        for joint in deviation["joints"]:
+            error[k, joints.index(joint["joint"])] = joint["error"] / max(joint["torque"], 1e-300)
+            for parameter in joint["parameters"]:
+                _enter(columns, joint, parameter, k, len(own))
+    series = [
+        Series(joint, symbol, column["unit"], column["reference"], _scale(joint, symbol, columns), *column["values"])
+        for (joint, symbol), column in columns.items()
+    ]
+    series.append(Series("", "tool", "kg", 0.0, 1.0, *mass))
+    for one in series:
+        # Sessions that do not determine a parameter say nothing of it.
+        one.change, one.std = one.change / one.scale, one.std / one.scale
+        one.change = np.where(one.std < LARGEST_DEVIATION, one.change, np.nan)
+    return ArmHistory(
+        robot=name,
+        type=kind,
+        joints=joints,
+        units=first.robot.torque_units,
+        sessions=[one.labels.get("session", one.source) for one in own],
+        time=[_time(one) for one in own],
+        tools=[_tool(one) for one in own],
+        hours=sum((one.end_time - one.start_time) / 3600e9 for one in own),
+        baseline=_baseline(own),
+        borrowed=borrowed,
+        referred=_referred(own),
+        temperature=np.array([_temperature(one, temperature) for one in own]),
+        error=error,
+        series=series,
+    )
+
+
+def _enter(columns: dict[tuple[str, str], dict[str, Any]], joint: Any, parameter: Any, k: int, sessions: int) -> None:
+    symbol = parameter["name"].rpartition(".")[2]
+    if symbol in RIGID:
+        return
+    start = {
+        "unit": parameter["unit"],
+        "reference": parameter["reference"],
+        "values": np.full((3, sessions), np.nan),
+    }
+    column = columns.setdefault((joint["joint"], symbol), start)
+    # Counted from one reference, whatever the tool.
+    change = parameter["change"] + parameter["reference"] - column["reference"]
+    explained = joint["error"] ** 2 - parameter["error_alone"] ** 2
+    column["values"][:, k] = change, parameter["std"], explained
+
+
+def _deviation(reference: Model | None, one: Record) -> dict[str, Any] | None:
+    return None if reference is None else deviations(reference, one)[0]
+
+
+def _tool(one: Record) -> str:
+    return one.labels.get("tool", "")
+
+
+def _time(one: Record) -> int:
+    """Start of the log, ns: that of the table if it says so, as stamps may count from the start of the log."""
+    start = one.labels.get("start")
+    if start:
+        try:
+            return int(np.datetime64(start.removesuffix("Z"), "ns").astype(np.int64))
+        except ValueError:
+            raise SgprError(f"{one.source}: `start` is {start}, expected a date such as 2026-03-04T08:00:00") from None
+    return one.start_time
+
+
+def _baseline(own: Sequence[Record]) -> int:
+    wanted = min(max(math.ceil(BASELINE_SHARE * len(own)), FEWEST_OF_BASELINE), MOST_OF_BASELINE)
+    return min(wanted, len(own))
+
+
+def _referred(own: Sequence[Record]) -> NDArray[np.bool_]:
+    found = np.zeros(len(own), dtype=bool)
+    for tool in {_tool(one) for one in own}:
+        theirs = [k for k, one in enumerate(own) if _tool(one) == tool]
+        found[theirs[: _baseline([own[k] for k in theirs])]] = True
+    return found
+
+
+def _references(
+    robot: Robot | Model, own: Sequence[Record], sisters: Sequence[Sequence[Record]]
+) -> tuple[dict[str, Model | None], bool]:
+    """The model of each tool that sessions are measured by, none where too few have it, and whether the first is that
+    of the sisters. A model that is given is that of the tool that the arm has first."""
+    found: dict[str, Model | None] = {}
+    borrowed = False
+    for one in own:
+        tool = _tool(one)
+        if tool in found:
+            continue
+        if not found and isinstance(robot, Model):
+            found[tool] = robot
+            continue
+        body = robot.robot if isinstance(robot, Model) else robot
+        model, of_sisters = _identified(body, tool, own, sisters)
+        borrowed |= of_sisters and not found
+        if model is None and not found:
+            raise SgprError(f"{one.source}: this arm and its sisters have too few sessions for a reference model")
+        found[tool] = model
+    return found, borrowed
+
+
+def _identified(
+    robot: Robot, tool: str, own: Sequence[Record], sisters: Sequence[Sequence[Record]]
+) -> tuple[Model | None, bool]:
+    def first(records: Sequence[Record]) -> list[Record]:
+        theirs = [one for one in records if _tool(one) == tool]
+        return theirs[: _baseline(theirs)]
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        few = len(first(own)) < FEWEST_OF_BASELINE and len(sisters) > 1
+        if not few:
+            try:
+                return identify_records(robot, first(own)), False
+            except SgprError:
+                pass
+        try:
+            return identify_records(robot, [one for theirs in sisters for one in first(theirs)]), True
+        except SgprError:
+            return None, True
+
+
+def _scale(joint: str, symbol: str, columns: Mapping[tuple[str, str], Mapping[str, Any]]) -> float:
+    """What a change is a share of: the parameter, of a torque offset the Coulomb friction."""
+    own = "Fc" if symbol == "tau0" else symbol
+    column = columns.get((joint, own))
+    value = abs(column["reference"]) if column is not None else 1.0
+    return value if value > 0.0 else 1.0
+
+
+def _temperature(one: Record, name: str) -> float:
+    values = [
+        mean
+        for block in one.blocks
+        for channel, mean in block["channels"].items()
+        if name.lower() in channel.lower() and math.isfinite(mean)
+    ]
+    return float(np.mean(values)) if values else math.nan
