@@ -1,6 +1,9 @@
 //! From samples to one triangular factor per joint: the observation matrix W and the torque, without ever holding them.
 
+use std::ops::Range;
+
 use faer::Mat;
+use rayon::prelude::*;
 
 use super::{BaseParameters, ClosedLoop, IdentificationError, ParameterSet};
 use crate::dynamics::{BatchWorkspace, Samples, for_each_regressor_block};
@@ -94,8 +97,11 @@ impl Layout {
     }
 }
 
-/// Numbers held at once for one piece of a trajectory; longer trajectories are cut.
-const PIECE: usize = 8 << 20;
+/// Samples of one piece of a trajectory, a whole number of blocks, few enough for the caches; longer trajectories are cut.
+const PIECE: usize = 4 * TriangularFactor::BLOCK;
+
+/// Pieces are that many times as long as what they overlap by.
+const OVERLAPS: usize = 12;
 
 impl<'a> Observation<'a> {
     /// No equations yet.
@@ -222,22 +228,38 @@ impl<'a> Observation<'a> {
         let (count, [before, all]) = (parts.len(), self.samples);
         self.samples[0] += trajectory.samples.count(n);
         let Trajectory { use_as, decimation, .. } = *trajectory;
+        let kind = |sample: usize, joint: usize| {
+            let part = ((before + sample) * count / all).min(count - 1);
+            (part, use_as.map_or(Row::Moving, |use_as| use_as[sample * n + joint]))
+        };
         self.source.for_each_piece(trajectory, |piece| {
-            for joint in 0..n {
-                let (rows, width) = piece.rows(joint);
-                if use_as.is_none() && decimation == 1 && count == 1 {
-                    parts[0][joint][0].push_all(rows);
-                    continue;
-                }
-                for (sample, row) in piece.samples.clone().zip(rows.chunks_exact(width)).step_by(decimation) {
-                    let [moving, resting] = &mut parts[((before + sample) * count / all).min(count - 1)][joint];
-                    match use_as.map_or(Row::Moving, |use_as| use_as[sample * n + joint]) {
-                        Row::Skip => {}
-                        Row::Moving => moving.push(row),
-                        Row::Resting => resting.push(row),
-                    }
-                }
+            let mut joints: Vec<Vec<&mut [TriangularFactor; 2]>> = (0..n).map(|_| Vec::with_capacity(count)).collect();
+            for part in parts.iter_mut() {
+                joints.iter_mut().zip(part).for_each(|(own, factors)| own.push(factors));
             }
+            joints.par_iter_mut().enumerate().for_each(|(joint, parts)| {
+                let (rows, width) = piece.rows(joint);
+                let mut push = |(part, row): (usize, Row), rows: &[f64]| match row {
+                    Row::Skip => {}
+                    Row::Moving => parts[part][0].push_all(rows),
+                    Row::Resting => parts[part][1].push_all(rows),
+                };
+                let samples = piece.samples.clone();
+                if decimation > 1 {
+                    let taken = samples.zip(rows.chunks_exact(width)).step_by(decimation);
+                    taken.for_each(|(sample, row)| push(kind(sample, joint), row));
+                    return;
+                }
+                // Neighbours that go to the same factor go together.
+                let mut first = samples.start;
+                while first < samples.end {
+                    let own = kind(first, joint);
+                    let end = (first + 1..samples.end).find(|sample| kind(*sample, joint) != own);
+                    let end = end.unwrap_or(samples.end);
+                    push(own, &rows[(first - samples.start) * width..(end - samples.start) * width]);
+                    first = end;
+                }
+            });
         })
     }
 }
@@ -438,14 +460,15 @@ struct RowSource<'a> {
     robot: &'a Robot,
     set: &'a ParameterSet,
     layouts: Vec<Layout>,
-    ws: BatchWorkspace,
+    /// One per thread.
+    workspaces: Vec<BatchWorkspace>,
     /// Rows of each joint in the present piece of a trajectory, `[samples, columns + 1]`, the torque last.
     rows: Vec<Vec<f64>>,
 }
 
 /// Rows of consecutive samples.
 struct Piece<'a> {
-    samples: std::ops::Range<usize>,
+    samples: Range<usize>,
     /// Samples before them in the buffers.
     before: usize,
     layouts: &'a [Layout],
@@ -467,7 +490,9 @@ impl Piece<'_> {
 impl<'a> RowSource<'a> {
     fn new(robot: &'a Robot, set: &'a ParameterSet, base: &BaseParameters) -> Self {
         let layouts: Vec<_> = (0..robot.dof()).map(|joint| Layout::new(joint, robot, set, base)).collect();
-        Self { robot, set, rows: vec![Vec::new(); layouts.len()], layouts, ws: BatchWorkspace::new(robot) }
+        crate::threads::prepare();
+        let workspaces = (0..rayon::current_num_threads()).map(|_| BatchWorkspace::new(robot)).collect();
+        Self { robot, set, rows: vec![Vec::new(); layouts.len()], layouts, workspaces }
     }
 
     /// Rows of a trajectory, filtered and not yet decimated.
@@ -493,12 +518,11 @@ impl<'a> RowSource<'a> {
 
         // A filtered piece reaches over its ends by as much as the filter remembers, to fifteen digits, and is long
         // against that; otherwise pieces stay in the cache.
-        let width: usize = self.layouts.iter().map(Layout::width).sum();
         let (piece, overlap) = match filter {
-            None => (TriangularFactor::BLOCK, 0),
+            None => (PIECE, 0),
             Some(filter) => {
                 let overlap = 8 * filter.settling_samples();
-                ((PIECE / width).max(4 * overlap), overlap)
+                (PIECE.max(OVERLAPS * overlap), overlap)
             }
         };
         let piece = piece.next_multiple_of(decimation);
@@ -508,9 +532,8 @@ impl<'a> RowSource<'a> {
             let reach = start.saturating_sub(overlap)..(end + overlap).min(count);
             self.fill(trajectory, reach.clone());
             if let Some(filter) = filter {
-                for (rows, layout) in self.rows.iter_mut().zip(&self.layouts) {
-                    filter.apply(rows, layout.width())?;
-                }
+                let rows = self.rows.par_iter_mut().zip(&self.layouts);
+                rows.try_for_each(|(rows, layout)| filter.apply(rows, layout.width()))?;
             }
             let (layouts, buffers) = (&self.layouts[..], &self.rows[..]);
             take(Piece { samples: start..end, before: start - reach.start, layouts, buffers });
@@ -519,50 +542,72 @@ impl<'a> RowSource<'a> {
         Ok(())
     }
 
-    /// Sets `rows` to the equations of the samples in `range`.
-    fn fill(&mut self, trajectory: &Trajectory<'_>, range: std::ops::Range<usize>) {
-        let Trajectory { samples, tau, columns, .. } = *trajectory;
-        let n = self.robot.dof();
-        let Self { robot, set, layouts, rows, ws, .. } = self;
+    /// Sets `rows` to the equations of the samples in `range`, each thread those of a part of it.
+    fn fill(&mut self, trajectory: &Trajectory<'_>, range: Range<usize>) {
+        let Self { robot, set, layouts, rows, workspaces } = self;
+        let parts = workspaces.len();
+        let part = |k: usize| range.start + k * range.len() / parts..range.start + (k + 1) * range.len() / parts;
+        let mut of_parts: Vec<Vec<&mut [f64]>> = (0..parts).map(|_| Vec::with_capacity(layouts.len())).collect();
         for (rows, layout) in rows.iter_mut().zip(layouts.iter()) {
             rows.resize(range.len() * layout.width(), 0.0);
-        }
-        let cut = range.start * n..range.end * n;
-        let piece = Samples { q: &samples.q[cut.clone()], dq: &samples.dq[cut.clone()], ddq: &samples.ddq[cut] };
-        for_each_regressor_block(
-            robot,
-            ws,
-            piece,
-            #[inline(always)]
-            |joint, link, first, count, block| {
-                let layout = &layouts[joint];
-                let width = layout.width();
-                let rows = rows[joint][first * width..].chunks_exact_mut(width);
-                for (k, row) in rows.take(count).enumerate() {
-                    for &(parameter, position) in &layout.of_link[link] {
-                        row[position] = block[parameter][k];
-                    }
-                }
-            },
-        );
-        let mut effects = vec![0.0; set.effect_columns_per_joint()];
-        for (k, sample) in range.enumerate() {
-            let at = sample * n..(sample + 1) * n;
-            let state = JointState { q: &samples.q[at.clone()], dq: &samples.dq[at.clone()], ddq: &samples.ddq[at] };
-            for joint in 0..n {
-                let layout = &layouts[joint];
-                let width = layout.width();
-                let row = &mut rows[joint][k * width..(k + 1) * width];
-                set.effect_row(joint, &state, &mut effects);
-                for &(index, position) in &layout.of_effects {
-                    row[position] = effects[index];
-                }
-                for &(index, position) in &layout.of_trajectory {
-                    let own = set.trajectory_columns()[index].joint.is_some();
-                    row[position] = columns[index][if own { sample } else { sample * n + joint }];
-                }
-                row[width - 1] = tau[sample * n + joint];
+            let mut rest = &mut rows[..];
+            for (k, own) in of_parts.iter_mut().enumerate() {
+                let (first, others) = rest.split_at_mut(part(k).len() * layout.width());
+                own.push(first);
+                rest = others;
             }
+        }
+        let of_threads = workspaces.par_iter_mut().zip(of_parts).enumerate();
+        of_threads.for_each(|(k, (ws, mut rows))| fill_rows(robot, set, layouts, trajectory, part(k), (ws, &mut rows)));
+    }
+}
+
+/// Sets the rows of each joint to the equations of the samples in `range`.
+fn fill_rows(
+    robot: &Robot,
+    set: &ParameterSet,
+    layouts: &[Layout],
+    trajectory: &Trajectory<'_>,
+    range: Range<usize>,
+    (ws, rows): (&mut BatchWorkspace, &mut [&mut [f64]]),
+) {
+    let Trajectory { samples, tau, columns, .. } = *trajectory;
+    let n = robot.dof();
+    let cut = range.start * n..range.end * n;
+    let piece = Samples { q: &samples.q[cut.clone()], dq: &samples.dq[cut.clone()], ddq: &samples.ddq[cut] };
+    for_each_regressor_block(
+        robot,
+        ws,
+        piece,
+        #[inline(always)]
+        |joint, link, first, count, block| {
+            let layout = &layouts[joint];
+            let width = layout.width();
+            let rows = rows[joint][first * width..].chunks_exact_mut(width);
+            for (k, row) in rows.take(count).enumerate() {
+                for &(parameter, position) in &layout.of_link[link] {
+                    row[position] = block[parameter][k];
+                }
+            }
+        },
+    );
+    let mut effects = vec![0.0; set.effect_columns_per_joint()];
+    for (k, sample) in range.enumerate() {
+        let at = sample * n..(sample + 1) * n;
+        let state = JointState { q: &samples.q[at.clone()], dq: &samples.dq[at.clone()], ddq: &samples.ddq[at] };
+        for joint in 0..n {
+            let layout = &layouts[joint];
+            let width = layout.width();
+            let row = &mut rows[joint][k * width..(k + 1) * width];
+            set.effect_row(joint, &state, &mut effects);
+            for &(index, position) in &layout.of_effects {
+                row[position] = effects[index];
+            }
+            for &(index, position) in &layout.of_trajectory {
+                let own = set.trajectory_columns()[index].joint.is_some();
+                row[position] = columns[index][if own { sample } else { sample * n + joint }];
+            }
+            row[width - 1] = tau[sample * n + joint];
         }
     }
 }

@@ -69,20 +69,31 @@ impl TriangularFactor {
         }
     }
 
-    /// Adds many rows, row-major; whole blocks without copying them.
+    /// Adds many rows, row-major; blocks without copying them where none waits, the last one too if it is worth a product.
     ///
     /// # Panics
     /// If they are no whole rows.
     pub fn push_all(&mut self, mut rows: &[f64]) {
+        /// Rows of a block that is worth a product.
+        const WORTH: usize = 128;
         assert!(rows.len().is_multiple_of(self.columns), "one number per column");
-        let block = Self::BLOCK * self.columns;
-        while self.pending.is_empty() && rows.len() >= block {
-            let (whole, rest) = rows.split_at(block);
-            self.rows += Self::BLOCK;
-            self.absorb_rows(whole);
+        while !rows.is_empty() {
+            let count = rows.len() / self.columns;
+            let taken = count.min(Self::BLOCK - self.pending.len() / self.columns);
+            let (block, rest) = rows.split_at(taken * self.columns);
             rows = rest;
+            self.rows += taken;
+            // The first block has as many rows as it can have: its factor is for all that follow.
+            let enough = if self.stage.is_some() { WORTH } else { Self::BLOCK };
+            if self.pending.is_empty() && taken >= enough {
+                self.absorb_rows(block);
+                continue;
+            }
+            self.pending.extend_from_slice(block);
+            if self.pending.len() == Self::BLOCK * self.columns {
+                self.absorb();
+            }
         }
-        rows.chunks_exact(self.columns).for_each(|row| self.push(row));
     }
 
     /// Adds all rows of another factor's matrix.

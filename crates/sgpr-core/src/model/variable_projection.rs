@@ -382,6 +382,11 @@ impl<'a> TermFit<'a> {
     fn columns_with(&self, model: &TorqueModel, unknowns: &[Unknown]) -> Result<Columns, MotionError> {
         let mut columns = Columns { tau: vec![], values: vec![], parameters: self.parameters(model, unknowns) };
         for (index, motion) in self.experiment.motions.iter().enumerate() {
+            if columns.parameters.is_empty() && model.terms().is_empty() {
+                columns.tau.push(torque_of(motion)?.to_vec());
+                columns.values.push(vec![]);
+                continue;
+            }
             let trajectory = Trajectory::of(motion, &self.times[index]);
             let rigid = model.rigid(&trajectory);
             let context = model.context(&trajectory, &rigid);
