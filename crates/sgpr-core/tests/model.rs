@@ -286,7 +286,7 @@ fn logs_that_cannot_be_used_are_refused_with_advice() {
     }));
     assert!(text.contains("too irregular to differentiate") && text.contains("resample"), "{text}");
     let text = message(&changed(&|_, _, tau, _| *tau = None));
-    assert!(text.contains("no torque in this log") && text.contains("torque constants"), "{text}");
+    assert!(text.contains("no torque in this log") && text.contains("torque_constants"), "{text}");
     let text = message(&changed(&|_, _, _, names| names[3] = "wrist".into()));
     assert!(text.contains("joint_4"), "{text}");
     let text = message(&[log.slice(0..30)]);
