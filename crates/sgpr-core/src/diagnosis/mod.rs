@@ -121,7 +121,7 @@ pub fn diagnose(
 ) -> Result<Diagnosis, DiagnosisError> {
     let wanted = options.by_hand.iter().map(|text| Wanted::parse(text, model.robot()));
     let wanted: Vec<Wanted> = wanted.collect::<Result<_, _>>()?;
-    let train = LogSet::new(train).sorted();
+    let train = LogSet::sorted(train);
     let train = train.logs();
     let problem = problem(model, train)?;
     let known: Vec<String> = problem.set.effects().iter().map(|effect| effect.name().into()).collect();
@@ -143,7 +143,7 @@ pub fn diagnose(
 /// # Errors
 /// As [`diagnose`].
 pub fn add(model: &TorqueModel, findings: &[&Finding], train: &[Recording]) -> Result<TorqueModel, DiagnosisError> {
-    let train = LogSet::new(train).sorted();
+    let train = LogSet::sorted(train);
     let train = train.logs();
     let problem = problem(model, train)?;
     let known: Vec<String> = problem.set.effects().iter().map(|effect| effect.name().into()).collect();

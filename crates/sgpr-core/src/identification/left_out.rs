@@ -1,6 +1,7 @@
 //! Parts of the data predicted from the others: by the robot file, and by what is identified.
 
-use faer::Mat;
+use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
+use faer::{Mat, Par};
 
 use super::least_squares::{residual_norm, weighted_gram};
 use super::prior::PULLS;
@@ -30,13 +31,12 @@ impl<'a> LeftOut<'a> {
     /// Base parameters by data and prior of all parts but one, each part in turn; none where rounding makes the equations
     /// indefinite.
     fn without(&self, prior: &ParameterPrior) -> Vec<Option<Vec<f64>>> {
-        let by = |part: usize| Some(self.without_parts(prior, |other| other == part)?.0);
+        let by = |part: usize| Some(self.without_parts(prior, |other| other == part)?.values);
         (0..self.normal.len()).map(by).collect()
     }
 
-    /// Base parameters by data and prior of some parts, and the equations that they solve; none where rounding makes these
-    /// indefinite.
-    fn without_parts(&self, prior: &ParameterPrior, left_out: impl Fn(usize) -> bool) -> Option<(Vec<f64>, Normal)> {
+    /// Base parameters by data and prior of all parts but some; none where rounding makes the equations indefinite.
+    fn without_parts(&self, prior: &ParameterPrior, left_out: impl Fn(usize) -> bool) -> Option<Solution> {
         let rows = prior.rows();
         let rank = prior.mean().len();
         let p = rows.as_ref().subcols(0, rank);
@@ -44,15 +44,17 @@ impl<'a> LeftOut<'a> {
         let mut data = Normal { information: Mat::zeros(rank, rank), projection: Mat::zeros(rank, 1) };
         let others = self.normal.iter().enumerate().filter(|(part, _)| !left_out(*part));
         others.for_each(|(_, part)| data.add(part));
-        let mut values = prior.mean().to_vec();
-        let mut all = data.clone();
+        let mut center = prior.mean().to_vec();
+        let mut solution = None;
         for _ in 0..PULLS {
-            let center = Mat::from_fn(rank, 1, |k, _| values[k]);
-            all = Normal { information: information.clone(), projection: &information * center };
+            let mean = Mat::from_fn(rank, 1, |k, _| center[k]);
+            let mut all = Normal { information: information.clone(), projection: &information * mean };
             all.add(&data);
-            values = all.solution(prior)?;
+            let found = all.solution(prior)?;
+            center.clone_from(&found.values);
+            solution = Some(found);
         }
-        Some((values, all))
+        solution
     }
 
     /// By what standard deviations have to be multiplied so that they hold for other motions, at least one: runs of up to
@@ -68,17 +70,15 @@ impl<'a> LeftOut<'a> {
         let mut ratios = Vec::new();
         for first in 0..self.parts.len() {
             let run = self.run_from(first);
-            let solved = self.without_parts(prior, |part| run.contains(&part));
-            let Some((values, normal)) = solved else { continue };
-            let Some(root) = normal.root(prior) else { continue };
+            let Some(solution) = self.without_parts(prior, |part| run.contains(&part)) else { continue };
             let mut joints: Vec<(usize, Missed)> = Vec::new();
             for &part in &run {
                 let used = self.parts[part].iter().zip(&self.levels[part]);
                 for (factor, _) in used.filter(|(factor, level)| !factor.resting && level.is_finite()) {
                     let missed = Missed {
-                        square: residual_norm(factor, &values).powi(2),
+                        square: residual_norm(factor, &solution.values).powi(2),
                         noise: factor.rows as f64 * noise(factor).powi(2),
-                        of_parameters: spread(factor, &root, prior),
+                        of_parameters: solution.spread(factor, prior),
                     };
                     match joints.iter_mut().find(|(joint, _)| *joint == factor.joint) {
                         Some((_, sum)) => sum.add(&missed),
@@ -170,20 +170,27 @@ impl Missed {
     }
 }
 
-/// Sum of the variances that uncertain parameters bring to the rows of a factor.
-///
-/// - `root`: of [`Normal::root`]
-fn spread(factor: &JointFactor, root: &Mat<f64>, prior: &ParameterPrior) -> f64 {
-    let count = factor.columns.len();
-    let rank = root.nrows();
-    let free = |base: usize| !prior.kept().contains(&base);
-    // (Rᵀ)⁻¹ of the rows as columns: its square is the variance.
-    let mut columns = Mat::from_fn(rank, count, |k, i| {
-        let place = factor.columns.iter().position(|base| *base == k).filter(|_| free(k));
-        place.map_or(0.0, |place| factor.factor[(i, place)])
-    });
-    faer::linalg::triangular_solve::solve_lower_triangular_in_place(root.transpose(), columns.as_mut(), faer::Par::Seq);
-    columns.squared_norm_l2()
+/// What normal equations say.
+struct Solution {
+    values: Vec<f64>,
+    /// R with RᵀR the information of the scaled parameters.
+    root: Mat<f64>,
+    /// What scaled parameters are multiplied by.
+    scale: Vec<f64>,
+}
+
+impl Solution {
+    /// Sum of the variances that uncertain parameters bring to the rows of a factor.
+    fn spread(&self, factor: &JointFactor, prior: &ParameterPrior) -> f64 {
+        let count = factor.columns.len();
+        // (Rᵀ)⁻¹ of the rows as columns: its square is the variance.
+        let mut columns = Mat::zeros(self.scale.len(), count);
+        for (place, &base) in factor.columns.iter().enumerate().filter(|(_, base)| !prior.kept().contains(base)) {
+            (0..count).for_each(|i| columns[(base, i)] = self.scale[base] * factor.factor[(i, place)]);
+        }
+        solve_lower_triangular_in_place(self.root.transpose(), columns.as_mut(), Par::Seq);
+        columns.squared_norm_l2()
+    }
 }
 
 /// Normal equations.
@@ -213,21 +220,8 @@ impl Normal {
         self.projection += &other.projection;
     }
 
-    /// R with RᵀR the information; one for what the prior keeps.
-    fn root(&self, prior: &ParameterPrior) -> Option<Mat<f64>> {
-        let rank = self.information.nrows();
-        let kept = |k: usize| prior.kept().contains(&k);
-        let scale: Vec<f64> = (0..rank).map(|k| self.information[(k, k)].sqrt()).collect();
-        let entry = |i: usize, j: usize| match (kept(i) || kept(j), i == j) {
-            (true, same) => f64::from(same),
-            _ => self.information[(i, j)] / (scale[i] * scale[j]),
-        };
-        let root = cholesky(Mat::from_fn(rank, rank, entry).as_ref())?;
-        Some(Mat::from_fn(rank, rank, |i, j| root[(i, j)] * if kept(j) { 1.0 } else { scale[j] }))
-    }
-
     /// `None` if the equations are not definite by rounding.
-    fn solution(&self, prior: &ParameterPrior) -> Option<Vec<f64>> {
+    fn solution(&self, prior: &ParameterPrior) -> Option<Solution> {
         let rank = self.information.nrows();
         let kept = |k: usize| prior.kept().contains(&k).then(|| prior.mean()[k]);
         let scale: Vec<f64> = (0..rank).map(|k| self.information[(k, k)].sqrt().recip()).collect();
@@ -243,9 +237,9 @@ impl Normal {
                 (self.projection[(i, 0)] - known.sum::<f64>()) * scale[i]
             }
         });
-        let sequential = faer::Par::Seq;
-        faer::linalg::triangular_solve::solve_lower_triangular_in_place(root.transpose(), values.as_mut(), sequential);
-        faer::linalg::triangular_solve::solve_upper_triangular_in_place(root.as_ref(), values.as_mut(), sequential);
-        Some((0..rank).map(|k| values[(k, 0)] * scale[k]).collect())
+        solve_lower_triangular_in_place(root.transpose(), values.as_mut(), Par::Seq);
+        solve_upper_triangular_in_place(root.as_ref(), values.as_mut(), Par::Seq);
+        let values = (0..rank).map(|k| values[(k, 0)] * scale[k]).collect();
+        Some(Solution { values, root, scale })
     }
 }

@@ -1,7 +1,5 @@
-use super::stepping::{DAHL_STATE, Dahl};
-use super::{
-    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, written_once,
-};
+use super::stepping::{DAHL_STATE, over_position, start_over_position};
+use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, written_once};
 
 /// Rubbing of a cable or hose: a Dahl element over the large angle zs.
 ///
@@ -57,23 +55,7 @@ impl Effect for CableHysteresis {
         DAHL_STATE
     }
 
-    written_once!(start: start);
+    written_once!(start: start_over_position);
 
-    written_once!(advance: law);
-}
-
-fn start<S: Stepped>(site: Site, _: &[f64], input: &SampleInput<'_, S>, state: &mut StepState<'_, S>) {
-    let joint = site.joint().expect("at a joint");
-    Dahl(state.hidden).start(input.q[joint], input.dq[joint]);
-}
-
-fn law<S: Stepped>(
-    site: Site,
-    constants: &[f64],
-    input: &SampleInput<'_, S>,
-    state: &mut StepState<'_, S>,
-    columns: &mut [S],
-) {
-    let x = input.q[site.joint().expect("at a joint")];
-    columns[0] = Dahl(state.hidden).advance(x, constants[0]);
+    written_once!(advance: over_position);
 }

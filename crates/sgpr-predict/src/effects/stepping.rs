@@ -559,6 +559,29 @@ impl<S: Number> Dahl<'_, S> {
     }
 }
 
+/// Starts a Dahl element over the position of a joint.
+pub(super) fn start_over_position<S: Stepped>(
+    site: Site,
+    _: &[f64],
+    input: &SampleInput<'_, S>,
+    state: &mut StepState<'_, S>,
+) {
+    let joint = site.joint().expect("at a joint");
+    Dahl(state.hidden).start(input.q[joint], input.dq[joint]);
+}
+
+/// Column of a Dahl element over the position of a joint, its distance the first constant.
+pub(super) fn over_position<S: Stepped>(
+    site: Site,
+    constants: &[f64],
+    input: &SampleInput<'_, S>,
+    state: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
+    let x = input.q[site.joint().expect("at a joint")];
+    columns[0] = Dahl(state.hidden).advance(x, constants[0]);
+}
+
 /// Numbers that a first-order lag carries.
 pub(super) const LAG_STATE: usize = 2;
 

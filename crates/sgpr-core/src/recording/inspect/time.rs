@@ -9,7 +9,7 @@ use crate::recording::{GAP_FACTOR, Recording};
 const LIKELY_PERIOD: [f64; 2] = [1e-5, 0.5];
 /// From this period on, s, ...
 const SLOW_PERIOD: f64 = 0.05;
-/// ... an arm in which no joint is faster, rad/s (m/s), is more likely one whose time is in duration.
+/// ... an arm in which no joint is faster, rad/s (m/s), is more likely one whose time is in milliseconds.
 const SLOW_MOTION: f64 = 0.01;
 /// Steps of a stretch may deviate from their median by this share of it (root mean square) before differences become wrong.
 pub(crate) const MOST_JITTER: f64 = 0.02;

@@ -17,7 +17,7 @@ from ..report.numbers import counted, percent, significant, with_deviation
 from ..report.versions import versions
 from . import describe
 from .console import Output, to_json
-from .effects import DEFAULT_EFFECTS, checked_effects
+from .effects import DEFAULT_EFFECTS, checked_effects, fitted_effects
 from .error_table import show_errors
 from .errors import LIMITS_NOT_MET, wrong_use
 from .findings import of_logs, of_texts
@@ -122,9 +122,7 @@ def diagnose(
     given: Model | None = load_model(robot, joints, gravity) if kind_of(robot) == "model" else None
     if given is not None and effects is not None:
         raise wrong_use("a model has its effects already", "--effects")
-    known = (
-        given.effects if given else checked_effects(next(e for e in (effects, usual, DEFAULT_EFFECTS) if e is not None))
-    )
+    known = given.effects if given else fitted_effects(effects, usual)
     folder = OutputFolder(out)
     arm = given.robot if given else load_robot(robot, joints, gravity)
     like = given.reading if given else None

@@ -23,6 +23,11 @@ def checked_effects(names: Sequence[str], option: str = "--effects") -> list[str
     return list(dict.fromkeys(names))
 
 
+def fitted_effects(*wishes: Sequence[str] | None) -> list[str]:
+    """The first wish that there is, checked; the usual effects of a fit if there is none."""
+    return checked_effects(next((wish for wish in wishes if wish is not None), DEFAULT_EFFECTS))
+
+
 def effects(
     output: Output,
     names: Annotated[

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .effects import DEFAULT_EFFECTS, checked_effects
+from .effects import DEFAULT_EFFECTS, fitted_effects
 from .errors import BadData, one_of, wrong_use
 
 FIT = "Identification"
@@ -95,7 +95,7 @@ class EquationOptions:
         if not 0.0 <= self.turn_margin < float("inf"):
             raise wrong_use("must be zero or more", "--turn-margin")
         return {
-            "effects": checked_effects(DEFAULT_EFFECTS if self.effects is None else self.effects),
+            "effects": fitted_effects(self.effects),
             "cutoff_hz": self.cutoff,
             "filter_order": self.order,
             "differentiation": self.differentiation,

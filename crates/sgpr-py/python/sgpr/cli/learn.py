@@ -13,7 +13,7 @@ from ..report.rest import INPUTS, RestPage, fewer_rows_were_better, points_of
 from ..report.versions import versions
 from . import describe
 from .console import Output, to_json
-from .effects import DEFAULT_EFFECTS, checked_effects
+from .effects import DEFAULT_EFFECTS, fitted_effects
 from .error_table import show_errors
 from .errors import LIMITS_NOT_MET, one_of, wrong_use
 from .findings import of_logs, of_texts
@@ -128,9 +128,7 @@ def learn(
     given: Model | None = load_model(robot, joints, gravity) if kind_of(robot) == "model" else None
     if given is not None and effects is not None:
         raise wrong_use("a model has its effects already", "--effects")
-    known = (
-        given.effects if given else checked_effects(next(e for e in (effects, usual, DEFAULT_EFFECTS) if e is not None))
-    )
+    known = given.effects if given else fitted_effects(effects, usual)
     folder = OutputFolder(out)
     arm = given.robot if given else load_robot(robot, joints, gravity)
     like = given.reading if given else None

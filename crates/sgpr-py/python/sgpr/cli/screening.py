@@ -10,7 +10,7 @@ from .. import identify as identify_from
 from .. import screen as screen_with
 from ..report.numbers import counted, percent, significant
 from .console import ProgressCallback
-from .effects import DEFAULT_EFFECTS, checked_effects
+from .effects import fitted_effects
 from .reading import Log, stretches
 
 GOOD, POOR = 100.0, 500.0
@@ -27,7 +27,7 @@ def screened(
     robot: Robot, log: Log, effects: list[str] | None, progress: ProgressCallback | None = None
 ) -> dict[str, Any]:
     """What the physics of a robot says of a log: how well it excites the parameters, and what is suspicious."""
-    wanted = checked_effects(DEFAULT_EFFECTS if effects is None else effects)
+    wanted = fitted_effects(effects)
     found: dict[str, Any] = {"refused": None, "excitation": None, "condition": None, "findings": []}
     try:
         model = identify_from(robot, log.stretches, effects=wanted, progress=progress)
