@@ -329,38 +329,72 @@ pub(super) fn gain_with(shares: &[Vec<f64>], residual: &Column, columns: &[Colum
 /// The same from projected products: Gram matrix, product with the residual, squared lengths before projection.
 /// Columns with less than `tolerance` of their length left are left out.
 pub(super) fn gain_of(gram: &[f64], b: &[f64], lengths: &[f64], tolerance: f64) -> Gain {
-    let k = b.len();
-    // Cholesky in the given order; columns that the ones before explain are left out.
-    let mut l = vec![0.0; k * k];
-    let mut kept = vec![false; k];
-    let mut forward = vec![0.0; k];
-    let mut visible = 0.0f64;
-    for i in 0..k {
-        for j in 0..i {
-            if kept[j] {
-                let sum: f64 = (0..j).map(|m| l[i * k + m] * l[j * k + m]).sum();
+    let factor = Factor::new(gram, lengths, tolerance);
+    let forward = factor.forward(b);
+    let chi2 = forward.iter().map(|x| x * x).sum();
+    let rank = factor.kept.iter().filter(|kept| **kept).count();
+    Gain { chi2, coefficients: factor.backward(&forward), visible: factor.visible, rank }
+}
+
+/// Cholesky factor of a Gram matrix in the given order; columns that the ones before explain are left out.
+pub(super) struct Factor {
+    l: Vec<f64>,
+    kept: Vec<bool>,
+    /// Largest share of its length that is left of a column.
+    visible: f64,
+}
+
+impl Factor {
+    /// Of a matrix, row by row; a column with less than `tolerance` of its squared length left is left out.
+    pub fn new(gram: &[f64], lengths: &[f64], tolerance: f64) -> Self {
+        let k = lengths.len();
+        let mut l = vec![0.0; k * k];
+        let mut kept = vec![false; k];
+        let mut visible = 0.0f64;
+        for i in 0..k {
+            for j in (0..i).filter(|&j| kept[j]) {
+                let sum = dot_in_lanes(&l[i * k..i * k + j], &l[j * k..j * k + j]);
                 l[i * k + j] = (gram[i * k + j] - sum) / l[j * k + j];
             }
+            let own = &l[i * k..i * k + i];
+            let pivot = gram[i * k + i] - dot_in_lanes(own, own);
+            let share = (pivot / lengths[i].max(f64::MIN_POSITIVE)).max(0.0).sqrt();
+            if share > tolerance && pivot > 0.0 {
+                visible = visible.max(share);
+                kept[i] = true;
+                l[i * k + i] = pivot.sqrt();
+            } else {
+                l[i * k..(i + 1) * k].fill(0.0);
+            }
         }
-        let pivot = gram[i * k + i] - (0..i).map(|m| l[i * k + m].powi(2)).sum::<f64>();
-        let share = (pivot / lengths[i].max(f64::MIN_POSITIVE)).max(0.0).sqrt();
-        if share > tolerance && pivot > 0.0 {
-            visible = visible.max(share);
-            kept[i] = true;
-            l[i * k + i] = pivot.sqrt();
-            let sum: f64 = (0..i).map(|m| l[i * k + m] * forward[m]).sum();
-            forward[i] = (b[i] - sum) / l[i * k + i];
-        } else {
-            (0..k).for_each(|m| l[i * k + m] = 0.0);
+        Self { l, kept, visible }
+    }
+
+    /// Zero for columns that are left out.
+    pub fn forward(&self, b: &[f64]) -> Vec<f64> {
+        let k = self.kept.len();
+        let mut forward = vec![0.0; k];
+        for i in (0..k).filter(|&i| self.kept[i]) {
+            let sum = dot_in_lanes(&self.l[i * k..i * k + i], &forward[..i]);
+            forward[i] = (b[i] - sum) / self.l[i * k + i];
         }
+        forward
     }
-    let mut coefficients = vec![0.0; k];
-    for i in (0..k).rev().filter(|&i| kept[i]) {
-        let sum: f64 = (i + 1..k).map(|m| l[m * k + i] * coefficients[m]).sum();
-        coefficients[i] = (forward[i] - sum) / l[i * k + i];
+
+    /// The solution of what was substituted forward.
+    pub fn backward(&self, forward: &[f64]) -> Vec<f64> {
+        let k = self.kept.len();
+        let (mut rest, mut solution) = (forward.to_vec(), vec![0.0; k]);
+        for i in (0..k).rev().filter(|&i| self.kept[i]) {
+            solution[i] = rest[i] / self.l[i * k + i];
+            rest[..i].iter_mut().zip(&self.l[i * k..]).for_each(|(rest, l)| *rest -= l * solution[i]);
+        }
+        solution
     }
-    let chi2 = forward.iter().map(|x| x * x).sum();
-    Gain { chi2, coefficients, visible, rank: kept.iter().filter(|kept| **kept).count() }
+
+    pub fn solve(&self, b: &[f64]) -> Vec<f64> {
+        self.backward(&self.forward(b))
+    }
 }
 
 /// Per joint the rows outside of which all columns are zero.

@@ -67,9 +67,8 @@ impl LeftOut {
         mean_square(&self.rows[joint])
     }
 
-    /// How many rows of a joint say as much about a smooth column as one row without memory would: for an autoregression
-    /// of first order (1 + r) / (1 - r), r the correlation of neighbours.
-    pub fn memory(&self, problem: &Problem, joint: usize) -> f64 {
+    /// Correlation of neighbouring rows of a joint, at most that with which half a block says as much as one row.
+    fn correlation(&self, problem: &Problem, joint: usize) -> f64 {
         let (rows, run) = (&self.rows[joint], &problem.run[joint]);
         let (mut products, mut squares) = (0.0, 0.0);
         for k in (1..rows.len()).filter(|&k| run[k] > 0) {
@@ -78,14 +77,34 @@ impl LeftOut {
         }
         let r = if squares > 0.0 { (products / squares).clamp(0.0, 0.999) } else { 0.0 };
         let block = problem.blocks(joint).next().map_or(1, |block| block.len());
-        ((1.0 + r) / (1.0 - r)).min((LONGEST_MEMORY * block as f64).max(1.0))
+        let longest = (LONGEST_MEMORY * block as f64).max(1.0);
+        r.min((longest - 1.0) / (longest + 1.0))
+    }
+
+    /// How many rows of a joint say as much about a smooth column as one row without memory would: for an autoregression
+    /// of first order (1 + r) / (1 - r), r the correlation of neighbours.
+    pub fn memory(&self, problem: &Problem, joint: usize) -> f64 {
+        let r = self.correlation(problem, joint);
+        (1.0 + r) / (1.0 - r)
+    }
+
+    /// Gain of the log predictive density with something that this model lacks, at some joints: the fall of the squares in
+    /// units of the error that is left and of how many rows say as much as one.
+    pub fn density_gain(&self, with: &Self, problem: &Problem, joints: &[usize]) -> f64 {
+        let of_joint = |&joint: &usize| {
+            let (own, left) = (self.mean_square(joint), with.mean_square(joint));
+            let rows = self.rows[joint].len() as f64;
+            if left > 0.0 { 0.5 * rows * (own / left - 1.0) / with.memory(problem, joint) } else { 0.0 }
+        };
+        joints.iter().map(of_joint).sum()
     }
 
     /// This model without something against `with` it, at some joints.
     ///
     /// With prediction errors e0 and e1, d = e0 - e1 is what the two predict differently. If the larger model is right the
-    /// fall of the squares in a block is its share of the squares of d, and varies with the noise by 4 m d² / s², m the memory
-    /// and s the error. It varies more from block to block than that where the larger model is wrong, or the memory longer.
+    /// fall of the squares in a block is its share of the squares of d, and varies with the noise by 4 Σ dᵢ dⱼ r^|i - j| / s²,
+    /// r the correlation of neighbouring errors and s the error: much where d is as slow as the errors, and as much as without
+    /// memory where it is fast. It varies more from block to block than that where the larger model is wrong.
     pub fn against(&self, with: &Self, problem: &Problem, joints: &[usize]) -> Comparison {
         let (mut noise, mut blocks, mut logarithms) = (0.0, Vec::new(), Vec::new());
         for &joint in joints {
@@ -93,9 +112,10 @@ impl LeftOut {
             if variance <= 0.0 {
                 continue;
             }
-            let memory = with.memory(problem, joint);
+            let r = with.correlation(problem, joint);
             for block in problem.blocks(joint) {
-                let (mut fall, mut size) = (0.0, 0.0);
+                let (mut fall, mut size, mut correlated) = (0.0, 0.0, 0.0);
+                let mut before_it = 0.0;
                 let square = |errors: &Self| errors.rows[joint][block.clone()].iter().map(|e| e * e).sum::<f64>();
                 let [before, after] = [self, with].map(square);
                 if before > 0.0 && after > 0.0 {
@@ -104,9 +124,13 @@ impl LeftOut {
                 for row in block {
                     let (own, other) = (self.rows[joint][row], with.rows[joint][row]);
                     fall += (own * own - other * other) / variance;
-                    size += (own - other) * (own - other) / variance;
+                    let d = own - other;
+                    size += d * d / variance;
+                    before_it *= if problem.run[joint][row] > 0 { r } else { 0.0 };
+                    correlated += d * (d + 2.0 * before_it) / variance;
+                    before_it += d;
                 }
-                noise += 4.0 * memory * size;
+                noise += 4.0 * size.max(correlated);
                 blocks.push((fall, size));
             }
         }

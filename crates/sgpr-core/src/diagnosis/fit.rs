@@ -5,8 +5,9 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::DiagnosisError;
-use super::basis::{Basis, INVISIBLE, INVISIBLE_TANGENT, Noise, gain, gain_of};
+use super::basis::{Basis, INVISIBLE, INVISIBLE_TANGENT, Noise, gain};
 use super::evidence::LeftOut;
+use super::left_out::FoldFits;
 use super::problem::{Column, Problem};
 use crate::effects::{Scale, Site};
 use crate::linalg::dot_in_lanes;
@@ -346,14 +347,6 @@ pub(super) fn beyond(problem: &Problem, fitted: &Fitted) -> Vec<ByLog> {
     logged.iter().zip(squares).map(|(logged, own)| logged.iter().zip(&own).map(rest).collect()).collect()
 }
 
-/// Columns beside those of a fit.
-#[derive(Default)]
-pub(super) struct Extra<'a> {
-    pub columns: &'a [Column],
-    /// One over the variance that their factors have before any data, 0 for none.
-    pub precision: f64,
-}
-
 /// Errors per joint in the band, of all logs together and of each.
 pub(super) fn by_log(problem: &Problem, errors: &LeftOut) -> Vec<ByLog> {
     let of_joint = |(joint, errors): (usize, &Vec<f64>)| {
@@ -385,7 +378,7 @@ pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) 
         }
     }
     (known.columns, known.target) = (columns, target.into());
-    LeftOut { rows: held_out_rows(problem, &known, &Extra::default(), noise, &problem.parts()) }
+    FoldFits::new(&known.columns, &known.target, noise, &problem.parts()).errors()
 }
 
 /// Errors in the band on fifths of the positions of a joint, and on fifths of its speeds, that were left out of the fit:
@@ -400,85 +393,14 @@ pub(super) fn left_out_states(problem: &Problem, fitted: &Fitted, noise: &Noise,
         let cuts: Vec<f64> = (1..FIFTHS).filter_map(|k| values.get(k * values.len() / FIFTHS)).copied().collect();
         let fold = |row: &(usize, usize)| cuts.iter().filter(|cut| value(row) > **cut).count();
         let folds: Vec<Vec<usize>> = problem.rows.iter().map(|rows| rows.iter().map(fold).collect()).collect();
-        LeftOut { rows: held_out_rows(problem, fitted, &Extra::default(), noise, &folds) }
+        FoldFits::new(&fitted.columns, &fitted.target, noise, &folds).errors()
     };
     [errors(|motion| &motion.q), errors(|motion| &motion.dq)]
 }
 
-/// Errors in the band, on blocks that were left out of the fit.
-pub(super) fn left_out(problem: &Problem, fitted: &Fitted, extra: &Extra<'_>, noise: &Noise) -> LeftOut {
-    LeftOut { rows: held_out_rows(problem, fitted, extra, noise, &problem.fold) }
-}
-
-/// The same as root mean squares per joint.
-pub(super) fn held_out(problem: &Problem, fitted: &Fitted, extra: &Extra<'_>, noise: &Noise) -> Vec<ByLog> {
-    by_log(problem, &left_out(problem, fitted, extra, noise))
-}
-
-/// Errors per joint and row in the band, each from a fit that its fold was left out of.
-fn held_out_rows(problem: &Problem, fitted: &Fitted, extra: &Extra<'_>, noise: &Noise, folds: &[Vec<usize>]) -> Column {
-    let n = problem.dof();
-    let all: Vec<&Column> = fitted.columns.iter().chain(extra.columns).chain([&*fitted.target]).collect();
-    let k = all.len();
-    let weight: Vec<f64> = noise.level.iter().map(|level| 1.0 / (level * level)).collect();
-    let count = folds.iter().flatten().max().map_or(0, |last| last + 1);
-    let mut grams = vec![vec![0.0; k * k]; count];
-    // Per joint: its rows by blocks, and the columns that it has.
-    let mut orders: Vec<Vec<usize>> = Vec::new();
-    let mut sorted: Vec<Vec<(usize, Vec<f64>)>> = Vec::new();
-    for joint in 0..n {
-        let fold = &folds[joint];
-        let mut order: Vec<usize> = (0..fold.len()).collect();
-        order.sort_by_key(|&row| fold[row]);
-        let present = (0..k).filter(|&c| !all[c][joint].is_empty());
-        let own: Vec<(usize, Vec<f64>)> =
-            present.map(|c| (c, order.iter().map(|&row| all[c][joint][row]).collect())).collect();
-        let mut first = 0;
-        for (index, gram) in grams.iter_mut().enumerate() {
-            let end = first + fold.iter().filter(|f| **f == index).count();
-            for (a, (i, x)) in own.iter().enumerate() {
-                for (j, y) in &own[..=a] {
-                    let value = weight[joint] * dot_in_lanes(&x[first..end], &y[first..end]);
-                    gram[i * k + j] += value;
-                    if i != j {
-                        gram[j * k + i] += value;
-                    }
-                }
-            }
-            first = end;
-        }
-        orders.push(order);
-        sorted.push(own);
-    }
-    let m = k - 1;
-    let solutions: Vec<Vec<f64>> = (0..count)
-        .into_par_iter()
-        .map(|left_out| {
-            let mut rest = vec![0.0; k * k];
-            for (_, gram) in grams.iter().enumerate().filter(|(index, _)| *index != left_out) {
-                rest.iter_mut().zip(gram).for_each(|(r, g)| *r += g);
-            }
-            (fitted.columns.len()..m).for_each(|i| rest[i * k + i] += extra.precision);
-            let square: Vec<f64> = (0..m * m).map(|i| rest[i / m * k + i % m]).collect();
-            let lengths: Vec<f64> = (0..m).map(|i| rest[i * k + i]).collect();
-            let b: Vec<f64> = (0..m).map(|i| rest[i * k + m]).collect();
-            let mut x = gain_of(&square, &b, &lengths, 1e-5).coefficients;
-            x.push(-1.0);
-            x
-        })
-        .collect();
-    let of_joint = |joint: usize| {
-        let mut errors = vec![0.0; orders[joint].len()];
-        let own_folds: Vec<usize> = orders[joint].iter().map(|&row| folds[joint][row]).collect();
-        for (c, values) in &sorted[joint] {
-            let values = values.iter().zip(&own_folds);
-            errors.iter_mut().zip(values).for_each(|(error, (value, fold))| *error += solutions[*fold][*c] * value);
-        }
-        let mut by_row = vec![0.0; errors.len()];
-        orders[joint].iter().zip(errors).for_each(|(&row, error)| by_row[row] = error);
-        by_row
-    };
-    (0..n).map(of_joint).collect()
+/// The fits that blocks were left out of.
+pub(super) fn fold_fits(problem: &Problem, fitted: &Fitted, noise: &Noise) -> FoldFits {
+    FoldFits::new(&fitted.columns, &fitted.target, noise, &problem.fold)
 }
 
 /// Sums of squares and counts: of all logs, then of each.

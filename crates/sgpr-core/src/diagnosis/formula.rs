@@ -10,7 +10,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::basis::{INVISIBLE, Noise, gain};
-use super::fit::{Extra, Fitted, held_out};
+use super::fit::{Fitted, fold_fits};
+use super::left_out::Extra;
 use super::problem::{Column, FOLDS, Problem};
 use crate::effects::sgn;
 use crate::linalg::{dot_in_lanes, solve_general};
@@ -174,7 +175,8 @@ pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: 
     let mut stability: Vec<f64> = Vec::new();
     // Of each chosen column: its products with all columns, those chosen before it taken out, over its length.
     let mut before: Vec<Vec<f64>> = Vec::new();
-    let mut error = held_out(problem, fitted, &Extra::default(), noise)[joint][0];
+    let fits = fold_fits(problem, fitted, noise);
+    let mut error = fits.errors().mean_square(joint).sqrt();
     while chosen.len() < MOST_TERMS {
         let best_without = |skip: Option<usize>| {
             let left = |k: usize| along[k][FOLDS] - skip.map_or(0.0, |fold| along[k][fold]);
@@ -188,7 +190,7 @@ pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: 
             break;
         }
         let extra: Vec<Column> = chosen.iter().chain([&best]).map(|k| columns[*k].clone()).collect();
-        let with = held_out(problem, fitted, &Extra { columns: &extra, precision: 0.0 }, noise)[joint][0];
+        let with = fits.errors_with(&Extra { columns: &extra, precision: 0.0 }, &[joint]).mean_square(joint).sqrt();
         if with > (1.0 - MATERIAL) * error {
             break;
         }
@@ -287,7 +289,7 @@ fn written(
         };
         text += &format!("{sign} {:.4} {}", term.coefficient.abs(), term.function);
     }
-    let before = held_out(problem, fitted, &Extra::default(), noise)[joint][0];
+    let before = fold_fits(problem, fitted, noise).errors().mean_square(joint).sqrt();
     let explained = 1.0 - (after / before.max(1e-300)).powi(2);
     Formula { joint: own.name.clone(), terms, text, explained }
 }

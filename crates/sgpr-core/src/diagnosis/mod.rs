@@ -13,6 +13,7 @@ mod evidence;
 mod experiment;
 mod fit;
 mod formula;
+mod left_out;
 mod problem;
 mod report;
 mod search;

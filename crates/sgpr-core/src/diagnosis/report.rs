@@ -148,31 +148,12 @@ fn findings(search: &Search<'_>, outcome: &Outcome, terms: &[Term], judged: &[Ju
     let mut findings: Vec<Finding> = Vec::new();
     for (index, accepted) in outcome.news(search) {
         let probability = judged.iter().find(|own| own.index == index).map_or(0.0, |own| own.probability);
-        let finding = finding(search, terms[index].clone(), accepted, &outcome.held_out, probability);
-        match findings.iter_mut().find(|f| f.effect == finding.effect && !f.joints.is_empty()) {
-            Some(same) => merge(same, finding),
-            None => findings.push(finding),
-        }
-    }
-    for finding in &mut findings {
-        finding.evidence = evidence(finding, robot);
+        let mut finding = finding(search, terms[index].clone(), accepted, &outcome.held_out, probability);
+        finding.evidence = evidence(&finding, robot);
+        findings.push(finding);
     }
     findings.sort_by(|a, b| b.score.total_cmp(&a.score).then_with(|| a.effect.cmp(&b.effect)));
     findings
-}
-
-/// The same effect at another joint.
-fn merge(same: &mut Finding, other: Finding) {
-    same.joints.extend(other.joints.into_iter().filter(|joint| !same.joints.contains(joint)).collect::<Vec<_>>());
-    same.parameters.extend(other.parameters);
-    same.probability = same.probability.min(other.probability);
-    same.score += other.score;
-    same.terms.extend(other.terms);
-    for (joint, before) in other.rmse_before {
-        let largest = same.rmse_before.entry(joint).or_insert(before);
-        *largest = largest.max(before);
-    }
-    same.rmse_after.extend(other.rmse_after);
 }
 
 fn finding(search: &Search<'_>, term: Term, accepted: &Accepted, after: &[f64], probability: f64) -> Finding {

@@ -4,7 +4,8 @@ use rayon::prelude::*;
 
 use super::basis::{Noise, dot, mean_square, products};
 use super::evidence::{EVEN, LeftOut, SURE, probability_of_fall, weights};
-use super::fit::{Extra, Fitted, beyond, left_out};
+use super::fit::{Fitted, beyond, fold_fits};
+use super::left_out::{Extra, FoldFits};
 use super::problem::{Column, Problem};
 use crate::random::Random;
 use crate::simd::cos_in_place;
@@ -164,6 +165,18 @@ pub(super) struct Smooth {
 impl Smooth {
     /// The process that predicts left-out blocks best, of those with most evidence, and its errors there.
     pub fn best(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: usize) -> Option<(Self, LeftOut)> {
+        let all: Vec<usize> = (0..problem.dof()).collect();
+        Self::best_beside(problem, (fitted, &fold_fits(problem, fitted, noise)), noise, joint, &all)
+    }
+
+    /// The same, with its errors at some joints and those of the fit alone at the others.
+    fn best_beside(
+        problem: &Problem,
+        (fitted, fits): (&Fitted, &FoldFits),
+        noise: &Noise,
+        joint: usize,
+        joints: &[usize],
+    ) -> Option<(Self, LeftOut)> {
         /// As many are held against left-out blocks.
         const FINALISTS: usize = 5;
         let left = mean_square(&fitted.residual[joint]);
@@ -184,16 +197,11 @@ impl Smooth {
         all.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         all.truncate(FINALISTS);
         let judged = all.into_par_iter().map(|own| {
-            let errors = own.left_out(problem, fitted, noise);
+            let errors = fits.errors_with(&own.extra(), joints);
             (own, errors)
         });
         let error = |(_, errors): &(Self, LeftOut)| errors.mean_square(joint);
         judged.collect::<Vec<_>>().into_iter().min_by(|a, b| error(a).total_cmp(&error(b)))
-    }
-
-    /// Errors on blocks of time that were left out, of the fit with the process beside it.
-    fn left_out(&self, problem: &Problem, fitted: &Fitted, noise: &Noise) -> LeftOut {
-        left_out(problem, fitted, &self.extra(), noise)
     }
 
     /// Log evidence of the same process against none beside another fit.
@@ -212,8 +220,9 @@ impl Smooth {
 pub(super) fn leftover(problem: &Problem, fitted: &Fitted, own: &LeftOut, noise: &Noise) -> Vec<Leftover> {
     let names: Vec<&str> = problem.nominal.robot().joint_names().collect();
     let beyond = beyond(problem, fitted);
+    let fits = fold_fits(problem, fitted, noise);
     let of_joint = |joint: usize| {
-        let (smooth, with) = Smooth::best(problem, fitted, noise, joint)?;
+        let (smooth, with) = Smooth::best_beside(problem, (fitted, &fits), noise, joint, &[joint])?;
         let whole = |errors: &LeftOut| errors.mean_square(joint) + beyond[joint][0].powi(2);
         let share = 1.0 - (whole(&with) / whole(own).max(f64::MIN_POSITIVE)).sqrt();
         // One of so many groups, and none, are as likely before any data.

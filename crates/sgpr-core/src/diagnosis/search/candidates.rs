@@ -160,6 +160,11 @@ impl Search<'_> {
         columns
     }
 
+    /// The same if they are remembered.
+    pub(super) fn cached(&self, term: &Term) -> Option<&[Column]> {
+        self.cache.get(&key_of(term)).map(Vec::as_slice)
+    }
+
     pub(super) fn columns_of(&self, fitted: &Fitted, term: &Term) -> Vec<Column> {
         if !term.is_transform() {
             return self.problem.term_columns(&fitted.model, &fitted.rigid, term);

@@ -3,11 +3,13 @@
 use rayon::prelude::*;
 
 use super::super::basis::{Basis, Gain, INVISIBLE, gain};
+use super::super::evidence::SURE;
 use super::super::fit::{Fitted, refine_transforms, solve_like, without};
 use super::super::problem::Column;
-use super::Search;
 use super::candidates::Candidate;
+use super::held_out::{Outlook, Standing};
 use super::times::TIME_STEP;
+use super::{EVIDENCE, MATERIAL, Search};
 use crate::effects::Scale;
 use crate::model::{Term, times_of};
 use crate::progress::Interrupted;
@@ -19,7 +21,14 @@ pub(super) fn lasts(term: &Term, constants: &[f64]) -> bool {
     times.windows(2).all(|pair| pair[1] - pair[0] >= SHORTEST_S)
 }
 
-/// Most candidates whose constants are refined in a step.
+/// A candidate and what is to be expected of it.
+#[derive(Clone, Debug)]
+pub(super) struct Promise {
+    pub candidate: Candidate,
+    pub outlook: Outlook,
+}
+
+/// Most candidates whose constants are refined at once.
 pub(super) const MOST_REFINED: usize = 8;
 
 /// Farthest step of a time before it is refined, in steps of the grid.
@@ -106,28 +115,60 @@ impl Search<'_> {
         best
     }
 
-    /// The best candidates, at most two sites of an effect, their constants refined, best first.
+    /// Candidates that may matter by what left-out blocks say of them, the most promising first. How much of the whitened
+    /// leftover they explain is no measure across joints: what the model lacks at one would hide all that others lack.
+    pub(super) fn promising(
+        &mut self,
+        fitted: &Fitted,
+        standing: &Standing,
+        candidates: &[Candidate],
+    ) -> Vec<Candidate> {
+        /// Least gain on left-out blocks, in its standard deviations, before constants are refined.
+        const CHANCE: f64 = 1.0;
+        let own = |c: &&Candidate| !c.impossible && c.score > EVIDENCE && c.term.effect.refines().is_none();
+        let own: Vec<&Candidate> = candidates.iter().filter(own).collect();
+        let outlook = |candidate: &&Candidate| {
+            let term = &candidate.term;
+            match self.cached(term) {
+                Some(columns) => self.outlook(standing, term, columns),
+                None => self.outlook(standing, term, &self.columns_of(fitted, term)),
+            }
+        };
+        let outlooks: Vec<Outlook> = own.par_iter().map(outlook).collect();
+        let all = own.into_iter().zip(outlooks).filter(|(_, outlook)| outlook.significance > CHANCE);
+        let mut promising: Vec<(&Candidate, f64)> =
+            all.map(|(candidate, outlook)| (candidate, outlook.density)).collect();
+        promising.sort_by(|a, b| b.1.total_cmp(&a.1));
+        promising.into_iter().map(|(candidate, _)| candidate.clone()).collect()
+    }
+
+    /// Candidates with their constants refined that may still matter, the most promising first.
     pub(super) fn refined(
         &self,
         fitted: &Fitted,
+        standing: &Standing,
         residual: (&Basis, &Column),
         candidates: &[Candidate],
-    ) -> Result<Vec<Candidate>, Interrupted> {
-        let mut chosen: Vec<&Candidate> = Vec::new();
-        let mut names: Vec<&str> = Vec::new();
-        let own = |c: &&Candidate| !c.impossible && c.score > 0.0 && c.term.effect.refines().is_none();
-        for candidate in candidates.iter().filter(own) {
-            let name = candidate.term.effect.name();
-            if chosen.len() < MOST_REFINED && names.iter().filter(|other| **other == name).count() < 2 {
-                names.push(name);
-                chosen.push(candidate);
-            }
-        }
+    ) -> Result<Vec<Promise>, Interrupted> {
+        /// Of what is asked of the model fitted with it: its other constants may still move.
+        const NEARLY: f64 = 0.8;
+        /// The same of a transform: tangents flatter it and wrong it.
+        const BY_TANGENTS: f64 = 0.4;
         self.progress.step("refine constants", 0, 1)?;
-        let refine = |candidate: &&Candidate| self.refine(fitted, residual, candidate);
-        let mut tried: Vec<Candidate> = chosen.par_iter().map(refine).collect();
+        let refine = |candidate: &Candidate| {
+            let refined = self.refine(fitted, residual, candidate);
+            let columns = self.columns_of(fitted, &refined.term);
+            let outlook = self.outlook(standing, &refined.term, &columns);
+            Promise { candidate: refined, outlook }
+        };
+        let mut tried: Vec<Promise> = candidates.par_iter().map(refine).collect();
         self.progress.step("refine constants", 1, 1)?;
-        tried.sort_by(|a, b| b.score.total_cmp(&a.score));
+        tried.retain(|Promise { candidate, outlook }| {
+            let share = if candidate.term.is_transform() { BY_TANGENTS } else { NEARLY };
+            let matters = outlook.significance > share * SURE && outlook.fall > share * MATERIAL;
+            matters && !candidate.impossible && candidate.score > EVIDENCE
+        });
+        tried.sort_by(|a, b| b.outlook.density.total_cmp(&a.outlook.density));
         Ok(tried)
     }
 

@@ -1,15 +1,16 @@
 //! Steps forward: what has evidence and matters is added.
 
-use std::cell::LazyCell;
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use super::super::basis::Basis;
+use super::super::evidence::SURE;
 use super::super::fit::{Fitted, solve_like};
 use super::super::problem::Column;
 use super::candidates::Candidate;
-use super::held_out::HeldOut;
+use super::constants::{MOST_REFINED, Promise};
+use super::held_out::{HeldOut, Standing};
 use super::{Accepted, EVIDENCE, MATERIAL, Search};
 use crate::effects::{Effect, Reach, Scale, Site};
 use crate::linalg::dot_in_lanes;
@@ -64,6 +65,17 @@ pub(super) fn falls(before: &Column, after: &Column) -> Vec<f64> {
         .zip(after)
         .map(|(before, after)| 0.5 * (dot_in_lanes(before, before) - dot_in_lanes(after, after)))
         .collect()
+}
+
+/// Candidates that promise this share of the best one's gain are tried beside it.
+const CLOSE: f64 = 0.3;
+
+/// A step forward.
+pub(super) enum Next {
+    /// Finer forms of effects that the model has.
+    Finer(Fitted, Vec<Accepted>),
+    /// One more effect.
+    Term(Fitted, Accepted),
 }
 
 /// A candidate, the model fitted with it, and its score.
@@ -131,9 +143,9 @@ impl Search<'_> {
         &self,
         fitted: &Fitted,
         (basis, white): (&Basis, &Column),
-        accepted: &[Accepted],
-        mut tried: Vec<Candidate>,
-    ) -> Vec<Candidate> {
+        (errors, accepted): (&HeldOut, &[Accepted]),
+        mut tried: Vec<Promise>,
+    ) -> Vec<Promise> {
         const SHARE: f64 = 0.01;
         const TRANSFORM: f64 = 0.001;
         /// What an effect at one joint may leave at others, which the parameters of the links tie to it.
@@ -170,8 +182,7 @@ impl Search<'_> {
             };
             self.problem.rows.iter().zip(column).map(of_joint).collect()
         };
-        let errors = LazyCell::new(|| self.errors(fitted));
-        tried.retain(|candidate| {
+        tried.retain(|Promise { candidate, .. }| {
             let with = self.white_with(fitted, (basis, white), candidate);
             let all = falls(white, &with);
             // What depends on time may be the contact in another form.
@@ -185,7 +196,7 @@ impl Search<'_> {
             let beside: f64 = falls.iter().zip(tiny).filter(|(fall, tiny)| fall < tiny).map(|(fall, _)| fall).sum();
             let asked = if apart { elsewhere.max(EVIDENCE) } else { *elsewhere };
             candidate.score - inside - beside > asked
-                || (may_explain_most(candidate, white, &with) && self.explains_most(fitted, &errors, candidate))
+                || (may_explain_most(candidate, white, &with) && self.explains_most(fitted, errors, candidate))
         });
         tried
     }
@@ -262,23 +273,42 @@ impl Search<'_> {
         Ok(Some((next, steps)))
     }
 
-    /// The fit with the best of the candidates that has evidence and matters, if there is one.
-    pub(super) fn next_term(
+    /// The next step forward, if there is one: finer forms of what the model has, or the best of the candidates that has
+    /// evidence and matters.
+    ///
+    /// - `promising`: those of the candidates that may matter, the most promising first
+    pub(super) fn next_step(
         &mut self,
         fitted: &Fitted,
-        tried: &[Candidate],
-    ) -> Result<Option<(Fitted, Accepted)>, Interrupted> {
-        let mut worthy: &[&Candidate] =
-            &tried.iter().filter(|c| !c.impossible && c.score > EVIDENCE).collect::<Vec<&Candidate>>();
-        let without = self.errors(fitted);
-        // One with much evidence that matters nowhere, in a moment of the log, must not hide the others.
-        while let Some(best) = worthy.first() {
-            let close = worthy.iter().take_while(|c| c.score > 0.3 * best.score).count().min(MOST_TRIED);
-            let (some, rest) = worthy.split_at(close);
-            if let Some(step) = self.best_of(fitted, &without, some, tried)? {
-                return Ok(Some(step));
+        (standing, accepted): (&Standing, &[Accepted]),
+        residual: (&Basis, &Column),
+        (candidates, promising): (&[Candidate], &[Candidate]),
+    ) -> Result<Option<Next>, Interrupted> {
+        let mut tried: Vec<Candidate> = Vec::new();
+        let mut first = true;
+        for some in promising.chunks(MOST_REFINED) {
+            let refined = self.refined(fitted, standing, residual, some)?;
+            let refined = self.worth_it(fitted, residual, (&standing.errors, accepted), refined);
+            tried.extend(refined.iter().map(|promise| promise.candidate.clone()));
+            if std::mem::take(&mut first)
+                && let Some((next, steps)) = self.finer_forms(fitted, residual, candidates, &tried)?
+            {
+                return Ok(Some(Next::Finer(next, steps)));
             }
-            worthy = rest;
+            // One that promises much and matters nowhere must not hide the others.
+            let mut rest = &refined[..];
+            while let Some(best) = rest.first() {
+                let close = |promise: &&Promise| promise.outlook.density > CLOSE * best.outlook.density;
+                let (some, others) = rest.split_at(rest.iter().take_while(close).count().clamp(1, MOST_TRIED));
+                let some: Vec<&Candidate> = some.iter().map(|promise| &promise.candidate).collect();
+                if let Some((next, step)) = self.best_of(fitted, &standing.errors, &some, &tried)? {
+                    return Ok(Some(Next::Term(next, step)));
+                }
+                rest = others;
+            }
+        }
+        if first && let Some((next, steps)) = self.finer_forms(fitted, residual, candidates, &tried)? {
+            return Ok(Some(Next::Finer(next, steps)));
         }
         Ok(None)
     }
@@ -316,8 +346,29 @@ impl Search<'_> {
             joint.map_or(0.0, |joint| self.held_out(fit)[joint])
         };
         let speaks_for_it = || self.is_at_edge(best) || error(trial) < error(best);
-        *score > (1.0 - NEARLY) * best_score
-            || (*score > (1.0 - ALMOST) * best_score && is_plainer(&own.term, &first.term) && speaks_for_it())
+        (*score > (1.0 - NEARLY) * best_score && *best_score > (1.0 - NEARLY) * score)
+            || (*score > (1.0 - ALMOST) * best_score
+                && *best_score > (1.0 - ALMOST) * score
+                && is_plainer(&own.term, &first.term)
+                && speaks_for_it())
+    }
+
+    /// Of trials, best first, the one comes first that surely predicts left-out blocks better than those before it: evidence
+    /// is that of forms that are right.
+    fn put_surely_better_first(&self, trials: &mut [Trial<'_>]) {
+        if trials.len() < 2 {
+            return;
+        }
+        let errors: Vec<HeldOut> = trials.par_iter().map(|(_, trial, _)| self.errors(trial)).collect();
+        let joints_of = |k: usize| self.joints_of(&trials[k].0.term);
+        let beats = |other: usize, own: usize| {
+            let mut joints = [joints_of(own), joints_of(other)].concat();
+            joints.sort_unstable();
+            joints.dedup();
+            errors[own].left_out.against(&errors[other].left_out, &self.problem, &joints).significance() >= SURE
+        };
+        let best = (1..trials.len()).fold(0, |best, k| if beats(k, best) { k } else { best });
+        trials[..=best].rotate_right(1);
     }
 
     /// Of trials that are the first one's effect at another joint and explain as much, the one comes first whose inertias
@@ -387,6 +438,7 @@ impl Search<'_> {
         let place = |trial: &Trial<'_>| self.place(&trial.0.term);
         trials.sort_by_key(|trial| ((-2.0 * trial.2).round() as i64, place(trial)));
         self.put_likely_twin_first(&mut trials);
+        self.put_surely_better_first(&mut trials);
         let scores: Vec<(&Candidate, f64)> = trials.iter().map(|(candidate, _, score)| (*candidate, *score)).collect();
         let (equal, others) = self.equal_to_first(trials);
         let others = others.into_iter().map(|trial| {

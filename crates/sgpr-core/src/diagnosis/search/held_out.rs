@@ -1,7 +1,9 @@
 //! Errors on blocks that were left out.
 
 use super::super::evidence::{Comparison, LeftOut, SURE};
-use super::super::fit::{ByLog, Extra, Fitted, beyond, by_log, left_out};
+use super::super::fit::{ByLog, Fitted, beyond, by_log, fold_fits};
+use super::super::left_out::{Extra, FoldFits};
+use super::super::problem::{Column, Problem};
 use super::Search;
 use super::forward::is_limit;
 use crate::effects::Reach;
@@ -19,6 +21,16 @@ pub(in super::super) struct HeldOut {
 }
 
 impl HeldOut {
+    /// - `beyond`: errors beyond the band
+    pub(super) fn new(problem: &Problem, left_out: LeftOut, beyond: Vec<ByLog>) -> Self {
+        Self { in_band: by_log(problem, &left_out), left_out, beyond }
+    }
+
+    /// The same fit with other errors in the band.
+    pub(super) fn with_others(&self, problem: &Problem, left_out: LeftOut) -> Self {
+        Self::new(problem, left_out, self.beyond.clone())
+    }
+
     /// Of all logs together, per joint, N·m (N).
     pub(in super::super) fn total(&self) -> Vec<f64> {
         self.in_band.iter().zip(&self.beyond).map(|(own, beyond)| own[0].hypot(beyond[0])).collect()
@@ -57,15 +69,50 @@ impl HeldOut {
     }
 }
 
+/// Where a fit stands on blocks that were left out.
+pub(super) struct Standing {
+    fits: FoldFits,
+    pub errors: HeldOut,
+}
+
+/// What left-out blocks say of one more term, the rest of the model refitted linearly.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Outlook {
+    /// Gain of the log predictive density at the joints on which it acts.
+    pub density: f64,
+    /// Gain in its standard deviations.
+    pub significance: f64,
+    /// Largest fall of the error on a joint, as a share of what is left.
+    pub fall: f64,
+}
+
 impl Search<'_> {
+    pub(super) fn standing(&self, fitted: &Fitted) -> Standing {
+        let fits = fold_fits(&self.problem, fitted, &self.noise);
+        let errors = HeldOut::new(&self.problem, fits.errors(), beyond(&self.problem, fitted));
+        Standing { fits, errors }
+    }
+
+    /// What is to be expected of a term; a transform by its tangents.
+    ///
+    /// - `columns`: of the term, in the band
+    pub(super) fn outlook(&self, standing: &Standing, term: &Term, columns: &[Column]) -> Outlook {
+        let joints = self.joints_of(term);
+        let with = standing.fits.errors_with(&Extra { columns, precision: 0.0 }, &joints);
+        let density = standing.errors.left_out.density_gain(&with, &self.problem, &joints);
+        let with = standing.errors.with_others(&self.problem, with);
+        let significance = self.comparison(&standing.errors, &with, term).significance();
+        Outlook { density, significance, fall: standing.errors.largest_fall_to(&with, term) }
+    }
+
     /// Error per joint on blocks that were left out, N·m (N).
     pub fn held_out(&self, fitted: &Fitted) -> Vec<f64> {
         self.errors(fitted).total()
     }
 
     pub(in super::super) fn errors(&self, fitted: &Fitted) -> HeldOut {
-        let left_out = left_out(&self.problem, fitted, &Extra::default(), &self.noise);
-        HeldOut { in_band: by_log(&self.problem, &left_out), left_out, beyond: beyond(&self.problem, fitted) }
+        let left_out = fold_fits(&self.problem, fitted, &self.noise).errors();
+        HeldOut::new(&self.problem, left_out, beyond(&self.problem, fitted))
     }
 
     /// A model without a term against the same with it, at the joints on which the term acts.

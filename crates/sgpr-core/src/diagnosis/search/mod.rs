@@ -23,8 +23,8 @@ use crate::model::Term;
 use crate::progress::{Interrupted, Progress};
 pub(super) use by_hand::Wanted;
 pub(super) use candidates::{Candidate, is_absorbed};
-use forward::falls;
 pub(super) use forward::is_limit;
+use forward::{Next, falls};
 use held_out::HeldOut;
 
 /// A term that was accepted.
@@ -212,21 +212,25 @@ impl<'a> Search<'a> {
                 continue;
             }
             let candidates = self.rank(&fitted, &basis, &white)?;
-            let tried = self.refined(&fitted, (&basis, &white), &candidates)?;
-            let tried = self.worth_it(&fitted, (&basis, &white), &accepted, tried);
-            if let Some((next, steps)) = self.finer_forms(&fitted, (&basis, &white), &candidates, &tried)? {
-                fitted = next;
-                accepted.extend(steps);
-                continue;
+            let standing = self.standing(&fitted);
+            let promising = self.promising(&fitted, &standing, &candidates);
+            match self.next_step(&fitted, (&standing, &accepted), (&basis, &white), (&candidates, &promising))? {
+                None => {
+                    ranking.get_or_insert(candidates);
+                    break;
+                }
+                Some(Next::Finer(next, steps)) => {
+                    fitted = next;
+                    accepted.extend(steps);
+                    continue;
+                }
+                Some(Next::Term(next, step)) => {
+                    ranking.get_or_insert(candidates);
+                    fitted = if next.terms().len() > 1 { self.polish(next) } else { next };
+                    accepted.push(step);
+                }
             }
-            ranking.get_or_insert(candidates);
-            let Some((next, step)) = self.next_term(&fitted, &tried)? else {
-                break;
-            };
-            let transform = next.terms().last().is_some_and(Term::is_transform);
-            fitted = if next.terms().len() > 1 { self.polish(next) } else { next };
-            accepted.push(step);
-            if transform {
+            if fitted.terms().last().is_some_and(Term::is_transform) {
                 self.cache.clear();
             }
             if let Some(later) = self.without_late_rests(&fitted)? {

@@ -109,10 +109,8 @@ impl Search<'_> {
                 keep(&mut best, self.candidate(term.clone(), gain, constants));
             }
         }
-        for candidate in self.scan_times(fitted, basis, white) {
-            keep(&mut best, candidate);
-        }
         let mut all: Vec<Candidate> = best.into_values().collect();
+        all.extend(self.scan_times(fitted, basis, white));
         all.sort_by(|a, b| {
             let key = |c: &Candidate| (c.term.effect.name().to_string(), c.term.site);
             (a.impossible, -a.score)

@@ -14,6 +14,9 @@ use crate::model::Term;
 /// Resolution of the grid of times, s.
 pub(super) const TIME_STEP: f64 = 0.5;
 
+/// Windows of an effect that begins and ends which are looked at, none overlapping.
+const MOST_WINDOWS: usize = 4;
+
 /// Gain from the sums of a window of time.
 pub(super) fn switched_gain(sum: &[f64], k: usize, r: usize) -> Gain {
     let share = |a: usize, b: usize| -> f64 {
@@ -69,28 +72,34 @@ impl Search<'_> {
                 let columns: Vec<Column> =
                     self.raw(fitted, &whole).iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
                 let sums = self.sums_over_time(basis, white, &columns, start, bins);
-                let mut best: Option<(f64, Vec<f64>, Gain)> = None;
                 let k = columns.len();
-                let mut consider = |first: usize, last: usize, constants: Vec<f64>| {
+                let gain = |first: usize, last: usize| {
                     let sum: Vec<f64> = sums[last].iter().zip(&sums[first]).map(|(b, a)| b - a).collect();
-                    let gain = switched_gain(&sum, k, basis.rank());
-                    if best.as_ref().is_none_or(|(chi2, ..)| gain.chi2 > *chi2) {
-                        best = Some((gain.chi2, constants, gain));
-                    }
+                    switched_gain(&sum, k, basis.rank())
                 };
+                let mut windows: Vec<(f64, usize, usize)> = Vec::new();
+                let mut consider = |first: usize, last: usize| windows.push((gain(first, last).chi2, first, last));
                 let time = |bin: usize| start + bin as f64 * TIME_STEP;
                 if times == 1 {
-                    (2..bins - 2).for_each(|first| consider(first, bins, vec![time(first)]));
+                    (2..bins - 2).for_each(|first| consider(first, bins));
                 } else {
                     for first in 1..bins - 2 {
                         // A contact lasts at most a quarter of the session: longer ones are changes of payload.
                         let longest = (first + (bins / 4).max(4)).min(bins - 1);
-                        (first + 1..longest).for_each(|last| consider(first, last, vec![time(first), time(last)]));
+                        (first + 1..longest).for_each(|last| consider(first, last));
                     }
                 }
-                if let Some((_, constants, gain)) = best {
-                    let term = Term::new(effect.clone(), site, constants);
-                    found.push(self.candidate(term, gain, times));
+                windows.sort_by(|a, b| b.0.total_cmp(&a.0));
+                // A contact is told from the model's own errors by left-out blocks: where they are largest need not be where
+                // it was.
+                let mut apart: Vec<(usize, usize)> = Vec::new();
+                for (_, first, last) in windows {
+                    if apart.len() < MOST_WINDOWS && apart.iter().all(|own| last <= own.0 || own.1 <= first) {
+                        apart.push((first, last));
+                        let constants = [time(first), time(last)][..times].to_vec();
+                        let term = Term::new(effect.clone(), site, constants);
+                        found.push(self.candidate(term, gain(first, last), times));
+                    }
                 }
             }
         }
