@@ -78,8 +78,13 @@ pub(super) enum Next {
     Term(Fitted, Accepted),
 }
 
-/// A candidate, the model fitted with it, and its score.
-type Trial<'c> = (&'c Candidate, Fitted, f64);
+/// A candidate and the model fitted with it.
+struct Trial<'c> {
+    candidate: &'c Candidate,
+    fit: Fitted,
+    score: f64,
+    errors: HeldOut,
+}
 
 /// Whether a candidate that changes the whitened residual from one to another is worth a fit to see whether it explains
 /// most of an error.
@@ -316,18 +321,15 @@ impl Search<'_> {
     /// Trials that do equally well with their errors, those with least freedom first: forms with more imitate them. Not so
     /// where more of it lowers the error on blocks that were left out: what is left of that is small beside what was
     /// explained, and would never become an effect of its own.
-    fn plainest_first<'c>(&self, mut trials: Vec<Trial<'c>>) -> Vec<(Trial<'c>, HeldOut)> {
-        trials.sort_by_key(|(candidate, ..)| freedom(&candidate.term));
-        let errors: Vec<HeldOut> = trials.par_iter().map(|(_, trial, _)| self.errors(trial)).collect();
-        let beats = |other: usize, own: usize| {
-            let [plainer, richer] = [own, other].map(|k| &trials[k].0.term);
-            let beyond_its_range = self.is_at_edge(&trials[other].1) && is_plainer(plainer, richer);
-            !beyond_its_range && errors[own].largest_fall_to(&errors[other], &trials[own].0.term) > MATERIAL
+    fn plainest_first<'c>(&self, mut trials: Vec<Trial<'c>>) -> Vec<Trial<'c>> {
+        trials.sort_by_key(|trial| freedom(&trial.candidate.term));
+        let beats = |other: &Trial<'_>, own: &Trial<'_>| {
+            let beyond_its_range =
+                self.is_at_edge(&other.fit) && is_plainer(&own.candidate.term, &other.candidate.term);
+            !beyond_its_range && own.errors.largest_fall_to(&other.errors, &own.candidate.term) > MATERIAL
         };
-        let beaten = |own: usize| (0..trials.len()).any(|other| beats(other, own));
-        let beaten: Vec<bool> = (0..trials.len()).map(beaten).collect();
-        let all = trials.into_iter().zip(errors).zip(beaten);
-        let (worse, good): (Vec<_>, Vec<_>) = all.partition(|(_, beaten)| *beaten);
+        let beaten: Vec<bool> = trials.iter().map(|own| trials.iter().any(|other| beats(other, own))).collect();
+        let (worse, good): (Vec<_>, Vec<_>) = trials.into_iter().zip(beaten).partition(|(_, beaten)| *beaten);
         good.into_iter().chain(worse).map(|(trial, _)| trial).collect()
     }
 
@@ -338,50 +340,42 @@ impl Search<'_> {
         trials.into_iter().partition(|_| equal.next() == Some(true))
     }
 
-    /// Whether a trial's score is that of the best one; or nearly so, where it is a plainer form and the best one is at the
+    /// Whether a trial's score is that of the first one; or nearly so, where it is a plainer form and the first one is at the
     /// end of its range, or makes the joint's error on blocks that were left out larger.
-    fn does_as_well(&self, (own, trial, score): &Trial<'_>, (first, best, best_score): &Trial<'_>) -> bool {
-        let error = |fit: &Fitted| {
-            let joint = fit.terms().last().and_then(|term| term.site.joint());
-            joint.map_or(0.0, |joint| self.held_out(fit)[joint])
-        };
-        let speaks_for_it = || self.is_at_edge(best) || error(trial) < error(best);
-        (*score > (1.0 - NEARLY) * best_score && *best_score > (1.0 - NEARLY) * score)
-            || (*score > (1.0 - ALMOST) * best_score
-                && *best_score > (1.0 - ALMOST) * score
-                && is_plainer(&own.term, &first.term)
-                && speaks_for_it())
+    fn does_as_well(&self, own: &Trial<'_>, first: &Trial<'_>) -> bool {
+        let error =
+            |trial: &Trial<'_>| own.candidate.term.site.joint().map_or(0.0, |joint| trial.errors.total()[joint]);
+        let speaks_for_it = || self.is_at_edge(&first.fit) || error(own) < error(first);
+        let within = |share: f64| own.score > (1.0 - share) * first.score && first.score > (1.0 - share) * own.score;
+        within(NEARLY) || (within(ALMOST) && is_plainer(&own.candidate.term, &first.candidate.term) && speaks_for_it())
     }
 
     /// Of trials, best first, the one comes first that surely predicts left-out blocks better than those before it: evidence
     /// is that of forms that are right.
     fn put_surely_better_first(&self, trials: &mut [Trial<'_>]) {
-        if trials.len() < 2 {
-            return;
-        }
-        let errors: Vec<HeldOut> = trials.par_iter().map(|(_, trial, _)| self.errors(trial)).collect();
-        let joints_of = |k: usize| self.joints_of(&trials[k].0.term);
-        let beats = |other: usize, own: usize| {
-            let mut joints = [joints_of(own), joints_of(other)].concat();
+        let beats = |other: &Trial<'_>, own: &Trial<'_>| {
+            let mut joints = [own, other].map(|trial| self.joints_of(&trial.candidate.term)).concat();
             joints.sort_unstable();
             joints.dedup();
-            errors[own].left_out.against(&errors[other].left_out, &self.problem, &joints).significance() >= SURE
+            own.errors.left_out.against(&other.errors.left_out, &self.problem, &joints).significance() >= SURE
         };
-        let best = (1..trials.len()).fold(0, |best, k| if beats(k, best) { k } else { best });
-        trials[..=best].rotate_right(1);
+        let best = (1..trials.len()).fold(0, |best, k| if beats(&trials[k], &trials[best]) { k } else { best });
+        if best > 0 {
+            trials[..=best].rotate_right(1);
+        }
     }
 
     /// Of trials that are the first one's effect at another joint and explain as much, the one comes first whose inertias
     /// are nearest to those of the robot's file: gains of two joints may be the same torque but for the scale of what they
     /// share.
     fn put_likely_twin_first(&self, trials: &mut [Trial<'_>]) {
-        let Some((first, _, score)) = trials.first() else { return };
-        let is_twin = |k: &usize| are_twins((*first, *score), (trials[*k].0, trials[*k].2));
+        let Some(first) = trials.first() else { return };
+        let is_twin = |k: &usize| are_twins((first.candidate, first.score), (trials[*k].candidate, trials[*k].score));
         let twins: Vec<usize> = (1..trials.len()).filter(is_twin).collect();
         if twins.is_empty() {
             return;
         }
-        let all = std::iter::once(0).chain(twins).map(|k| (k, self.distance_to_file(&trials[k].1)));
+        let all = std::iter::once(0).chain(twins).map(|k| (k, self.distance_to_file(&trials[k].fit)));
         if let Some((nearest, _)) = all.min_by(|a, b| a.1.total_cmp(&b.1)) {
             trials[..=nearest].rotate_right(1);
         }
@@ -428,24 +422,23 @@ impl Search<'_> {
         let with = |candidate: &&Candidate| self.with_term(fitted, candidate.term.clone());
         let fits: Vec<Fitted> = worthy.par_iter().map(with).collect();
         self.progress.step("try effects", 1, 1)?;
-        let scored = worthy.iter().zip(fits).map(|(candidate, trial)| {
-            let score = self.score_of(fitted, &trial);
-            (*candidate, trial, score)
-        });
-        let mut trials: Vec<Trial<'_>> = scored.filter(|(_, _, score)| *score >= EVIDENCE).collect();
+        let scores = fits.iter().map(|fit| self.score_of(fitted, fit)).collect::<Vec<f64>>();
+        let all =
+            worthy.iter().copied().zip(fits).zip(scores).filter(|(_, score)| *score >= EVIDENCE).collect::<Vec<_>>();
+        let trial = |((candidate, fit), score)| {
+            let errors = self.errors(&fit);
+            Trial { candidate, fit, score, errors }
+        };
+        let mut trials: Vec<Trial<'_>> = all.into_par_iter().map(trial).collect();
         // Columns may be the same, a torque that is lost in the direction of a torque of one sign and an offset: then the
         // order of the catalogue decides.
-        let place = |trial: &Trial<'_>| self.place(&trial.0.term);
-        trials.sort_by_key(|trial| ((-2.0 * trial.2).round() as i64, place(trial)));
+        trials.sort_by_key(|trial| ((-2.0 * trial.score).round() as i64, self.place(&trial.candidate.term)));
         self.put_likely_twin_first(&mut trials);
         self.put_surely_better_first(&mut trials);
-        let scores: Vec<(&Candidate, f64)> = trials.iter().map(|(candidate, _, score)| (*candidate, *score)).collect();
+        let scores: Vec<(&Candidate, f64)> = trials.iter().map(|trial| (trial.candidate, trial.score)).collect();
         let (equal, others) = self.equal_to_first(trials);
-        let others = others.into_iter().map(|trial| {
-            let errors = self.errors(&trial.1);
-            (trial, errors)
-        });
-        for ((candidate, trial, score), with) in self.plainest_first(equal).into_iter().chain(others) {
+        for Trial { candidate, fit: trial, score, errors: with } in self.plainest_first(equal).into_iter().chain(others)
+        {
             let fitted_term = trial.terms().last().unwrap_or(&candidate.term);
             let matters = without.largest_fall_to(&with, fitted_term) >= asked_of(fitted_term)
                 && self.is_sure(without, &with, fitted_term);
