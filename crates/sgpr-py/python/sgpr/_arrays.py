@@ -31,7 +31,8 @@ def chosen(path: Path, arrays: Arrays, columns: Mapping[str, Any]) -> dict[str, 
             found[quantity] = _named(arrays, columns[quantity])
             continue
         exact = [name for name in names if name in arrays]
-        stated = [each for each in arrays if quantity_of_array(each) == quantity]
+        # A unit that is not known is told when the numbers are read.
+        stated = [each for each in arrays if quantity_of_array(each.partition(" [")[0]) == quantity]
         if len(exact) > 1:
             raise RecordingError(f"{path}: the arrays {' and '.join(exact)} mean the same: leave one")
         found[quantity] = exact[0] if exact else stated[0] if len(stated) == 1 else None
