@@ -128,6 +128,7 @@ lint: build $(VENV)/.test
 	$(BIN)/ruff check crates/sgpr-py examples tests benches tools
 	$(BIN)/ruff format --check crates/sgpr-py examples tests benches tools
 	$(BIN)/python -m mypy.stubtest sgpr._sgpr
+	$(BIN)/python -m mypy --strict --package sgpr
 
 ## The oldest Rust that Cargo.toml promises, if rustup has it (rustup toolchain install $(MSRV)).
 MSRV := $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)

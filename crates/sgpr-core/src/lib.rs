@@ -41,4 +41,4 @@ pub mod simulation;
 pub mod threads;
 
 use sgpr_predict::{atomic_file, limited_file};
-pub use sgpr_predict::{control, dynamics, effects, expression, robot, signal, simd, spatial};
+pub use sgpr_predict::{control, dynamics, effects, expression, names, robot, signal, simd, spatial};

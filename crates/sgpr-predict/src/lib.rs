@@ -34,6 +34,7 @@ pub mod limited_file;
 #[cfg(not(feature = "std"))]
 mod math;
 pub mod model;
+pub mod names;
 pub mod robot;
 #[cfg(feature = "trajectories")]
 pub mod signal;

@@ -348,6 +348,12 @@ pub fn differentiation_name(method: Differentiation) -> String {
 /// IdentificationError
 ///     If the recordings hold too little, or an option cannot be.
 ///
+/// Warns
+/// -----
+/// UserWarning
+///     If the logs contradict the robot: torques that are negated, in another unit or at their limit, joints in another
+///     order, positions outside of their limits; and if logs share samples. `screen` looks closer, at single times, too.
+///
 /// Examples
 /// --------
 /// >>> robot = sgpr.Robot.from_urdf("robot.urdf")
@@ -373,6 +379,10 @@ pub fn identify(
     check_evidence(py, robot.get(), &recordings, &options)?;
     let robot = &robot.get().inner;
     let (model, report) = listen(py, progress, |progress| core::identify(robot, &recordings, &options, progress))?;
+    if options.start == Start::RobotFile {
+        let serious = report.findings.iter().filter(|finding| finding.severity() >= logs::Severity::Warning);
+        warn(py, &serious.map(ToString::to_string).collect::<Vec<_>>())?;
+    }
     let report = Py::new(py, IdentificationReport::new(py, report)?)?;
     Ok(Model { inner: Arc::new(model), report: Some(report) })
 }
@@ -486,7 +496,7 @@ pub struct IdentificationReport {
 
 impl IdentificationReport {
     fn new(py: Python<'_>, report: core::IdentificationReport) -> PyResult<Self> {
-        let core::IdentificationReport { cutoff_choices, singular_values, warnings, samples, essential } = report;
+        let core::IdentificationReport { cutoff_choices, singular_values, warnings, samples, essential, .. } = report;
         let cutoff_choices = cutoff_choices.into_iter().map(|inner| Py::new(py, CutoffChoice { inner }));
         Ok(Self {
             samples,

@@ -53,7 +53,7 @@ mod _sgpr {
     #[pymodule_export]
     use crate::record::{Record, choose_processing, compare_records, deviations, identify_records, record};
     #[pymodule_export]
-    use crate::recording::{Issue, Recording, Repaired, read_csv, read_mcap, write_mcap};
+    use crate::recording::{Issue, Recording, Repaired, quantity_of_array, read_csv, read_mcap, write_mcap};
     #[pymodule_export]
     use crate::robot::{BaseParameters, Robot, puma560, regroupings, two_link};
     #[pymodule_export]

@@ -171,6 +171,7 @@ impl Model {
         Parameters {
             rows: self.inner.base_parameters(),
             covariance: self.inner.fit().map(|fit| fit.covariance.clone()),
+            model: self.inner.clone(),
         }
     }
 
@@ -698,6 +699,7 @@ impl Parameter {
 pub struct Parameters {
     rows: Vec<BaseParameter>,
     covariance: Option<Vec<f64>>,
+    model: Arc<TorqueModel>,
 }
 
 impl Parameters {
@@ -758,7 +760,8 @@ impl Parameters {
     fn __getitem__(&self, key: &Bound<'_, PyAny>) -> PyResult<Parameter> {
         if let Ok(name) = key.extract::<String>() {
             let row = self.rows.iter().find(|row| row.name == name);
-            return row.map(Parameter::from).ok_or_else(|| PyKeyError::new_err(name));
+            let close = || sgpr_core::names::suggestion(&name, &self.names());
+            return row.map(Parameter::from).ok_or_else(|| PyKeyError::new_err(format!("{name}{}", close())));
         }
         let length = self.rows.len() as isize;
         let index: isize =
@@ -766,6 +769,11 @@ impl Parameters {
         let place = if index < 0 { index + length } else { index };
         let row = usize::try_from(place).ok().and_then(|place| self.rows.get(place));
         row.map(Parameter::from).ok_or_else(|| PyIndexError::new_err(format!("{index} of {length} parameters")))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Model,))> {
+        let of_model = py.import("operator")?.call_method1("attrgetter", ("parameters",))?;
+        Ok((of_model, (Model { inner: self.model.clone(), report: None },)))
     }
 
     /// One dict per parameter, with the attributes of `Parameter`.

@@ -913,3 +913,9 @@ pub fn write_mcap(py: Python<'_>, path: PathBuf, topics: &Bound<'_, PyAny>) -> P
     let path: &Path = &path;
     detached(py, || mcap::write(path, &topics)).map_err(IntoPyErr::into_py_err)
 }
+
+/// Which quantity an array holds by its name: "time", "position", "velocity", "torque", "current", or None.
+#[pyfunction]
+pub fn quantity_of_array(name: &str) -> Option<&'static str> {
+    sgpr_core::recording::csv::quantity_of_array(name)
+}

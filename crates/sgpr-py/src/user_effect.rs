@@ -218,7 +218,12 @@ impl UserEffect {
                 }
                 keywords.set_item("channels", channels)?;
             }
-            let result = self.function.bind(py).call(given, Some(&keywords))?;
+            let result = self.function.bind(py).call(given, Some(&keywords)).inspect_err(|error| {
+                // What the function raises stays what it is, and says where it comes from.
+                let _ = error
+                    .value(py)
+                    .call_method1("add_note", (format!("in the formula of the effect `{}`", self.name),));
+            })?;
             let kwargs = PyDict::new(py);
             kwargs.set_item("dtype", "float64")?;
             let result = py.import("numpy")?.call_method("asarray", (result,), Some(&kwargs))?;

@@ -29,6 +29,16 @@ def test_values_after_an_option_belong_to_it(written: str, understood: str) -> N
     assert expand(written.split(), SEVERAL, TAKES_VALUE) == understood.split()
 
 
+def test_an_option_without_its_values_is_named() -> None:
+    found = run("identify", "--robot", "two_link", "--train", "a.csv", "--effects", "--out", "x")
+    assert found.code == 2 and "--effects" in found.err and "needs a value before --out" in found.err
+
+
+def test_an_effect_to_add_is_checked_first() -> None:
+    found = run("diagnose", "--robot", "two_link", "--train", "a.csv", "--add", "torque_riple@joint_2", "--out", "x")
+    assert found.code == 2 and "did you mean torque_ripple" in " ".join(found.err.replace("│", " ").split())
+
+
 def test_help_shows_which_options_take_several_values() -> None:
     found = run("identify", "--help")
     assert found.code == 0

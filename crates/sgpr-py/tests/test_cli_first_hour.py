@@ -36,6 +36,34 @@ def with_lost_rows(table: Array) -> Array:
     return np.delete(table, [100, 500, 501, 900, 1300, 1700], axis=0)
 
 
+def negated(table: Array) -> Array:
+    table[:, 4] *= -1.0
+    return table
+
+
+def test_what_contradicts_the_robot_is_told_everywhere(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "log.csv", 1, negated)
+    text = "the torque of joint_2 looks negated"
+    with pytest.warns(UserWarning, match=text):
+        model = sgpr.identify(sgpr.robots.two_link(), [sgpr.read(path)])
+    assert model.report is not None and any(text in said for said in model.report.warnings)
+    assert f"look: {text}" in run("info", path, "--robot", "two_link").out
+    found = identify(path, tmp_path / "out", "--test", write_log(tmp_path / "test.csv", 2))
+    assert f"look: {text}" in found.err and "UserWarning" not in found.err
+    # Nobody goes on with a model that is worse than the robot file.
+    assert "do not use it" in found.err and "next: sgpr info two_link" in found.out
+
+
+def test_the_next_command_for_currents_is_one_that_works(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(Path(write_log(path, 1)).read_text().replace("tau_", "current_"))
+    looked = run("info", "two_link", path)
+    assert looked.code == 1 and "--torque-constants joint_1=K joint_2=K --remember" in looked.out
+    next_one = looked.out.split("next: sgpr ")[1].split("  (")[0].replace("=K", "=1.5").replace("\n", " ")
+    found = run(*shlex.split(next_one.removesuffix("--remember")))
+    assert found.code == 0, found.err
+
+
 @pytest.mark.parametrize("change", [in_degrees, a_thousandfold, with_lost_rows])
 def test_info_refuses_what_identify_refuses(tmp_path: Path, change: object) -> None:
     path = write_log(tmp_path / "log.csv", 1, change)

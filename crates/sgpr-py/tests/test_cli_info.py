@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 import sgpr
 from cli_support import DEMO_ROBOT, DEMO_TEST, JOINTS, RECORDINGS, run, write_log
 
@@ -89,7 +90,9 @@ def test_saturated_torques_and_impossible_positions_are_named(tmp_path: Path) ->
     [data] = json.loads(run("info", path, "--robot", urdf, "--effects", "viscous_friction", "--json").out)
     findings = data["screening"]["findings"]
     assert any("torque of joint_1 is at or above its limit" in text for text in findings), findings
-    assert any("position of joint_1 is outside its limits" in text for text in findings), findings
+    assert any("position of joint_1 is outside its limits of -0.3 to 0.3 rad" in text for text in findings), findings
+    with pytest.warns(UserWarning, match="is at or above its limit of 2 N·m"):
+        sgpr.identify(sgpr.Robot.from_urdf(urdf), [sgpr.read(path)], effects=["viscous_friction"])
 
 
 def test_log(tmp_path: Path) -> None:

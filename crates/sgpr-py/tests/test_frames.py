@@ -104,6 +104,57 @@ def test_hdf5(tmp_path: Path, log: sgpr.Recording) -> None:
         sgpr.read(tmp_path / "empty.h5")
 
 
+def test_units_beside_the_arrays_of_hdf5(tmp_path: Path, log: sgpr.Recording) -> None:
+    hdf5 = pytest.importorskip("h5py")
+    path = tmp_path / "log.h5"
+    with hdf5.File(path, "w") as file:
+        file["run/time"], file["run/position"] = 1000.0 * log.t, np.degrees(log.q)
+        file["run/effort"] = log.tau
+        for name, unit in (("time", "ms"), ("position", "deg"), ("effort", np.bytes_("Nm"))):
+            file[f"run/{name}"].attrs["units"] = unit
+    found = sgpr.read(path)
+    assert np.allclose(found.q, log.q) and np.allclose(found.t, log.t)
+    assert found.layout is not None and "position in deg, torque in Nm" in found.layout["text"]
+    # The name that was used remains good.
+    assert np.allclose(sgpr.read(path, columns={"position": "position"}).q, log.q)
+    with hdf5.File(path, "r+") as file:
+        file["run/effort"].attrs["units"] = "%"
+    with pytest.raises(sgpr.RecordingError, match="no known unit of torque"):
+        sgpr.read(path)
+
+
+def test_an_array_is_no_measurement_if_its_name_says_more(tmp_path: Path, log: sgpr.Recording) -> None:
+    path = tmp_path / "log.npz"
+    np.savez(path, t=log.t, q_actual=log.q, q_des=log.q + 1.0, tau_ext=log.tau)
+    found = sgpr.read(path)
+    assert np.array_equal(found.q, log.q) and found.tau is None
+    np.savez(path, t=log.t, q_des=log.q, tau=log.tau)
+    with pytest.raises(sgpr.RecordingError, match=r"no array `q` .* `q_des`"):
+        sgpr.read(path)
+    assert np.array_equal(sgpr.read(path, columns={"position": "q_des"}).q, log.q)
+
+
+def test_lists_in_parquet(tmp_path: Path, log: sgpr.Recording) -> None:
+    arrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    table = {
+        "timestamp": arrow.array(log.time_ns, arrow.timestamp("ns")),
+        "position": arrow.array(list(np.degrees(log.q))),
+        "effort": arrow.array(list(log.tau)),
+        "note": ["text"] * len(log),
+    }
+    path = tmp_path / "log.parquet"
+    parquet.write_table(arrow.table(table), path)
+    found = sgpr.read(path, units={"position": "deg"})
+    assert np.allclose(found.q, log.q) and np.array_equal(found.tau, log.tau)
+    assert np.array_equal(found.time_ns, log.time_ns)
+    assert any("skipped columns that hold no numbers: note" in note for note in found.notes)
+    uneven = arrow.table({"t": [0.0, 1.0], "q": arrow.array([[0.0, 1.0], [0.0]])})
+    parquet.write_table(uneven, path)
+    with pytest.raises(sgpr.RecordingError, match="unequal length"):
+        sgpr.read(path)
+
+
 def test_arrays_have_units_and_names_of_their_own(tmp_path: Path, log: sgpr.Recording) -> None:
     degrees, current = np.degrees(log.q), log.tau / 2.0
     np.savez(tmp_path / "named.npz", time=log.t, q_deg=degrees, tau=log.tau)

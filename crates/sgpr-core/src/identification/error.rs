@@ -55,7 +55,9 @@ pub enum IdentificationError {
     },
     /// A prior of no width.
     #[error(
-        "a relative deviation of {value} for the prior: it is positive and finite, 1 where the robot file is a guess"
+        "a relative deviation of {value:e} for the prior: it is between {:e} and {:e}, 1 where the robot file is a guess",
+        super::PRIOR_DEVIATIONS.start(),
+        super::PRIOR_DEVIATIONS.end()
     )]
     Prior {
         /// Given deviation.
@@ -71,7 +73,7 @@ pub enum IdentificationError {
         reason: String,
     },
     /// A setting of a method out of its range.
-    #[error("{setting}: {value} is out of range")]
+    #[error("{setting}: {value:e} is out of range")]
     Setting {
         /// Which.
         setting: &'static str,

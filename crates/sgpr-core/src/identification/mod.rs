@@ -58,3 +58,10 @@ pub use prior::ParameterPrior;
 pub use recursive::RecursiveLeastSquares;
 pub use screening::{Finding, screen_delays, screen_factors, screen_rows, screen_scale};
 pub use sgpr_predict::model::{EffectColumn, ParameterSet, TrajectoryColumn};
+
+/// Relative deviations of a prior: beyond, its squares and the data no longer fit into one number.
+const PRIOR_DEVIATIONS: std::ops::RangeInclusive<f64> = 1e-9..=1e9;
+
+fn check_prior_deviation(value: f64) -> Result<(), IdentificationError> {
+    if PRIOR_DEVIATIONS.contains(&value) { Ok(()) } else { Err(IdentificationError::Prior { value }) }
+}

@@ -49,7 +49,7 @@ impl PriorWidth {
 
     fn check(self) -> Result<(), IdentificationError> {
         match self {
-            Self::Given(value) if !(value > 0.0 && value.is_finite()) => Err(IdentificationError::Prior { value }),
+            Self::Given(value) => super::check_prior_deviation(value),
             _ => Ok(()),
         }
     }

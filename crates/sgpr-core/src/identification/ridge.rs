@@ -22,9 +22,7 @@ pub(super) fn estimate(
     start: Estimate,
     nominal: &[f64],
 ) -> Result<Estimate, IdentificationError> {
-    if !(relative_deviation > 0.0 && relative_deviation.is_finite()) {
-        return Err(IdentificationError::Prior { value: relative_deviation });
-    }
+    super::check_prior_deviation(relative_deviation)?;
     let (base, unknowns) = (equations.base(), nominal.len());
     let set = equations.parameter_set();
     let torque = torque_sizes(factors, equations.robot().dof());

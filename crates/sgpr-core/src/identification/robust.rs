@@ -28,6 +28,9 @@ const FEWEST_ROWS: usize = 100;
 /// measure of noise.
 const SMALLEST_SHARE: f64 = 0.25;
 
+/// Below this threshold, standard deviations, no row is left that tells how the estimate varies.
+const SMALLEST_THRESHOLD: f64 = 1e-3;
+
 pub(super) fn estimate(
     threshold: f64,
     equations: &mut Equations<'_>,
@@ -35,8 +38,9 @@ pub(super) fn estimate(
     mut start: Estimate,
     nominal: &[f64],
 ) -> Result<Estimate, IdentificationError> {
-    if threshold.is_nan() || threshold <= 0.0 {
-        return Err(IdentificationError::Setting { setting: "threshold of Huber's estimator", value: threshold });
+    if threshold.is_nan() || threshold < SMALLEST_THRESHOLD {
+        let setting = "threshold of Huber's estimator, in standard deviations, at least a thousandth";
+        return Err(IdentificationError::Setting { setting, value: threshold });
     }
     let unknowns = nominal.len();
     let group = Groups::of(factors);

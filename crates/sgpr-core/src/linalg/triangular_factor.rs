@@ -225,18 +225,26 @@ impl Stage {
         let noise = 1e-13 * values[k - 1];
         let root = |value: f64| if value > noise { value.sqrt() } else { 0.0 };
         // A column of zeros stays one: rounding must not stand in for its content.
-        let empty = |j: usize| self.gram[(j, j)] == 0.0;
-        let root = Mat::from_fn(k, k, |i, j| if empty(j) { 0.0 } else { root(values[i]) * vectors[(j, i)] });
+        let root =
+            Mat::from_fn(k, k, |i, j| if is_empty(&self.gram, j) { 0.0 } else { root(values[i]) * vectors[(j, i)] });
         triangle(multiply(&columns_times(&root, &lengths), &self.first).as_ref())
     }
 }
 
-/// A Gram matrix of columns of unit length, lower triangle, and the lengths that the columns have; one for no length.
+/// Squared lengths up to this one have lost digits to the end of the range of numbers: such columns are empty.
+const EMPTY: f64 = 1e-280;
+
+fn is_empty(gram: &Mat<f64>, j: usize) -> bool {
+    gram[(j, j)] <= EMPTY
+}
+
+/// A Gram matrix of columns of unit length, lower triangle, and the lengths that the columns have; one for empty columns,
+/// which are zero.
 fn equilibrated(gram: &Mat<f64>) -> (Mat<f64>, Vec<f64>) {
     let k = gram.ncols();
-    let length = |j: usize| if gram[(j, j)] > 0.0 { gram[(j, j)].sqrt() } else { 1.0 };
-    let lengths: Vec<f64> = (0..k).map(length).collect();
-    let entry = |i: usize, j: usize| if i >= j { gram[(i, j)] / (lengths[i] * lengths[j]) } else { 0.0 };
+    let lengths: Vec<f64> = (0..k).map(|j| if is_empty(gram, j) { 1.0 } else { gram[(j, j)].sqrt() }).collect();
+    let has_entry = |i: usize, j: usize| i >= j && !is_empty(gram, i) && !is_empty(gram, j);
+    let entry = |i: usize, j: usize| if has_entry(i, j) { gram[(i, j)] / (lengths[i] * lengths[j]) } else { 0.0 };
     (Mat::from_fn(k, k, entry), lengths)
 }
 
@@ -284,6 +292,24 @@ mod tests {
     fn relative_error(found: &Mat<f64>, expected: &Mat<f64>) -> f64 {
         let scale = |j: usize| expected.col(j).norm_l2();
         (0..5).map(|j| (found.col(j) - expected.col(j)).norm_l2() / scale(j)).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn columns_at_the_end_of_the_range_of_numbers_are_empty() {
+        for tiny in [1e-150, 1e-170, 1e-310] {
+            let mut factor = TriangularFactor::new(5);
+            for i in 0..700 {
+                let mut row = row(i);
+                (row[1], row[4]) = (tiny * row[1], tiny * row[4]);
+                factor.push(&row);
+            }
+            let found = factor.factor();
+            let expected = householder(0..700);
+            // Column 0 is the first of all: its length is that of the data.
+            assert!((found[(0, 0)] / expected[(0, 0)] - 1.0).abs() < 1e-12, "{tiny:e}");
+            assert!((0..5).all(|i| (0..5).all(|j| found[(i, j)].is_finite())), "{tiny:e}");
+            assert!(found[(1, 1)].abs() < 1e-100 && found[(4, 4)].abs() < 1e-100, "{tiny:e}");
+        }
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use faer::Mat;
 
 use super::experiment::{Experiment, band_filter, select_joints, torque_of};
+use super::limits::beyond_limits;
 use super::torque_model::{Certificate, Fit, nominal_parameters};
 use super::variable_projection::{self, Columns, TermFit};
 use super::{Term, TorqueModel, held};
@@ -210,6 +211,8 @@ pub struct IdentificationReport {
     pub singular_values: Vec<f64>,
     /// Sentences that the user should read.
     pub warnings: Vec<String>,
+    /// What speaks against the logs; each is among the warnings.
+    pub findings: Vec<Finding>,
     /// Samples in the logs, and equations per joint taken from them.
     pub samples: usize,
     /// Which base parameters the data support, if that was asked for.
@@ -237,12 +240,15 @@ pub fn identify(
     let recordings = select_joints(robot, recordings)?;
     require_torque(robot, &recordings)?;
     let (processing, cutoff_choices) = Processing::choose(&recordings, &options.conditioning)?;
-    let (model, Outcome { estimate, essential, notes }) =
+    let (model, Outcome { estimate, essential, notes, mut findings }) =
         fit(robot, &recordings, options, &processing, Given::default(), progress)?;
+    findings.extend(beyond_limits(robot, &recordings));
+    let found = findings.iter().map(ToString::to_string);
     let mut report = IdentificationReport {
         cutoff_choices,
         singular_values: estimate.excitation.singular_values,
-        warnings: robot.warnings().into_iter().chain(said.iter().cloned()).chain(notes).collect(),
+        warnings: robot.warnings().into_iter().chain(said.iter().cloned()).chain(notes).chain(found).collect(),
+        findings,
         samples: recordings.iter().map(Recording::len).sum(),
         essential,
     };
@@ -288,6 +294,7 @@ struct Outcome {
     estimate: Estimate,
     essential: Option<Essential>,
     notes: Vec<String>,
+    findings: Vec<Finding>,
 }
 
 fn fit(
@@ -375,9 +382,9 @@ fn fit(
     estimate.covariance *= faer::Scale(dispersion * dispersion);
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
     notes.append(&mut estimate.notes);
-    notes.extend(screen_factors(&set, &base, &joints, &factors, &estimate).iter().map(ToString::to_string));
+    let mut findings = screen_factors(&set, &base, &joints, &factors, &estimate);
     if options.start == Start::RobotFile {
-        notes.extend(screen_scale(&set, &base, &nominal, &factors).map(|finding| finding.to_string()));
+        findings.extend(screen_scale(&set, &base, &nominal, &factors));
     }
     let mut essential = None;
     if options.essential {
@@ -463,7 +470,7 @@ fn fit(
     });
     model.processing = Some(processing.clone());
     model.provenance.logs = recordings.iter().map(|recording| recording.source().to_string()).collect();
-    Ok((model, Outcome { estimate, essential, notes }))
+    Ok((model, Outcome { estimate, essential, notes, findings }))
 }
 
 /// Indices of motions in an order in which that of the logs does not show: by the torque that a log
@@ -796,7 +803,7 @@ fn describe(
         method += " under physical consistency";
     }
     let band = match processing.torque_cutoff_hz {
-        Some(hz) => format!("both sides filtered at {hz:.2} Hz, every {}th row taken", processing.decimation),
+        Some(hz) => format!("both sides filtered at {hz:.2} Hz, one row of {} taken", processing.decimation),
         None => "both sides unfiltered".into(),
     };
     let effects = if options.effects.is_empty() { "no effects".into() } else { options.effects.join(", ") };

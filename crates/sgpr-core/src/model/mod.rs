@@ -5,6 +5,7 @@ mod experiment;
 mod file;
 mod held;
 mod identify;
+mod limits;
 mod payload;
 mod prediction_band;
 mod record;

@@ -82,6 +82,8 @@ const SPEED_SHARE: f64 = 5e-4;
 /// ... and below this, rad/s (m/s), whatever the noise.
 const SLOWEST: f64 = 1e-6;
 
+/// A period of a day, Hz: slower motions are none.
+const LOWEST_CUTOFF_HZ: f64 = 1e-5;
 /// No stamp of integer nanoseconds tells more, Hz; what a log can hold is checked beside the log.
 const HIGHEST_CUTOFF_HZ: f64 = 1e9;
 
@@ -103,14 +105,14 @@ impl Processing {
     /// If a number is out of its range, or a list has not one number per joint.
     pub fn check(&self, joints: usize) -> Result<(), MotionError> {
         let wrong = |option, value: String, expected: String| Err(MotionError::Processing { option, value, expected });
-        let is_cutoff = |hz: f64| hz > 0.0 && hz < HIGHEST_CUTOFF_HZ;
+        let is_cutoff = |hz: f64| (LOWEST_CUTOFF_HZ..HIGHEST_CUTOFF_HZ).contains(&hz);
         let cutoffs = [("cutoff_hz", Some(self.cutoff_hz)), ("torque_cutoff_hz", self.torque_cutoff_hz)];
         for (option, hz) in cutoffs {
             if let Some(hz) = hz.filter(|hz| !is_cutoff(*hz)) {
                 return wrong(
                     option,
                     format!("{hz} Hz"),
-                    format!("more than 0 and less than {HIGHEST_CUTOFF_HZ:e} Hz"),
+                    format!("from {LOWEST_CUTOFF_HZ:e} to {HIGHEST_CUTOFF_HZ:e} Hz"),
                 );
             }
         }

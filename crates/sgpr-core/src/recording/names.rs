@@ -1,5 +1,7 @@
 //! Names in messages: quoting, and the names that may have been meant.
 
+pub(super) use sgpr_predict::names::suggestion;
+
 /// Longest list of names in a message.
 const LONGEST_LIST: usize = 40;
 
@@ -12,56 +14,4 @@ pub(super) fn quoted(names: &[String]) -> String {
     let rest = names.len() - shown.len();
     let more = if rest > 0 { format!(" and {rest} more") } else { String::new() };
     shown.join(", ") + &more
-}
-
-/// " (did you mean `x`?)", or nothing when no known name is close.
-pub(super) fn suggestion(name: &str, known: &[String]) -> String {
-    match closest(name, known) {
-        Some(close) => format!(" (did you mean `{close}`?)"),
-        None => String::new(),
-    }
-}
-
-/// The known name nearest to `name`, if it is near enough to be a slip of the pen.
-fn closest<'a>(name: &str, known: &'a [String]) -> Option<&'a str> {
-    let name = name.to_lowercase();
-    let length = name.chars().count();
-    let distances = known.iter().take(1000).map(|other| (edit_distance(&name, &other.to_lowercase()), other));
-    let (distance, other) = distances.min_by_key(|(distance, _)| *distance)?;
-    (distance <= length / 3 + 1 && distance < length).then_some(other.as_str())
-}
-
-/// Number of inserted, removed and replaced characters (Levenshtein) that lead from `a` to `b`.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().take(200).collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, from) in a.chars().take(200).enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, to) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(from != *to);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(row[j + 1] + 1);
-        }
-    }
-    row[b.len()]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn edit_distance_counts_single_changes() {
-        assert_eq!(edit_distance("kitten", "sitting"), 3);
-        assert_eq!(edit_distance("", "abc"), 3);
-        assert_eq!(edit_distance("abc", "abc"), 0);
-    }
-
-    #[test]
-    fn only_close_names_are_suggested() {
-        let known = ["shoulder_pan_joint".to_string(), "elbow_joint".to_string()];
-        assert_eq!(suggestion("sholder_pan_joint", &known), " (did you mean `shoulder_pan_joint`?)");
-        assert_eq!(suggestion("xyz", &known), "");
-    }
 }

@@ -215,7 +215,10 @@ fn settings_out_of_range_and_missing_things_are_named() {
     let motion = experiment.run(&experiment.truth);
     let message = |method: Method| experiment.estimate(&method, &motion, &motion.tau).expect_err("refused").to_string();
     assert!(message(Method::Irls { threshold: -1.0 }).contains("threshold"));
-    assert!(message(Method::Ridge { relative_deviation: f64::NAN }).contains("prior"));
+    assert!(message(Method::Irls { threshold: 1e-300 }).contains("threshold"));
+    for relative_deviation in [f64::NAN, 0.0, 1e-160, 1e160] {
+        assert!(message(Method::Ridge { relative_deviation }).contains("prior: it is between 1e-9 and 1e9"));
+    }
     assert!(message(Method::TotalLeastSquares { relative_noise: 2.0 }).contains("noise of the columns"));
     assert!(message(Method::Recursive { forgetting: 1.5 }).contains("forgetting"));
     let mut equations =

@@ -160,6 +160,8 @@ fn odd() -> Vec<Change> {
         ScaleTorque(1e-12),
         ScaleTorqueOf(1, 1e9),
         ScaleTorqueOf(1, 0.0),
+        ScalePosition(1e-150),
+        ScalePosition(1e-310),
         ShiftPosition(1e8),
         PositionSpikes(1e8),
         PositionSpikes(5e3),

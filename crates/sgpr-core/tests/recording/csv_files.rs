@@ -75,6 +75,9 @@ fn oddities_of_loggers() {
         "\"t\",\"q1\"\n\"0\",\"1\"\n",
         "t,q1,\n0,1,\n",
         "t,q1\n0,1",
+        "t,q1\r0,1\r",
+        "%t,seq,q1,frame\n0,7,1,base\n",
+        "# made by me\n# t,mode,q1\n0,idle,1\n",
     ] {
         assert_eq!(read_csv(text).position(), [1.0], "{text}");
     }
@@ -125,8 +128,8 @@ fn titles_above_the_names() {
     assert!(error.starts_with("log.csv: no time column among `x`, `y`"), "{error}");
     let error = csv_error("title\nx,y\n0,1\n");
     assert!(error.starts_with("log.csv: no time column among `x`, `y`"), "{error}");
-    let error = csv_error("Cell 4;;\nZeit;A1 Ist;A2 Ist\ns;grad;grad\n0;1,5;2,5\n");
-    assert!(error.starts_with("log.csv: no time column among `Zeit`, `A1 Ist`, `A2 Ist`"), "{error}");
+    let error = csv_error("Cell 4;;\nUhr;A1 Ist;A2 Ist\ns;grad;grad\n0;1,5;2,5\n");
+    assert!(error.starts_with("log.csv: no time column among `Uhr`, `A1 Ist`, `A2 Ist`"), "{error}");
     // Joints that the robot does not have are joints all the same: the title is not taken for the names.
     let elbow = ReadOptions { joints: Some(vec!["elbow".into()]), ..ReadOptions::default() };
     let other = message(read_csv_with("Cell 4; monitor\nclock_ms;Ax1 pos [deg];Ax2 pos [deg]\n0;1;2\n", &elbow));

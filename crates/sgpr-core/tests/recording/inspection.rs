@@ -107,6 +107,28 @@ fn equal_stamps() {
 }
 
 #[test]
+fn a_clock_of_whole_seconds() {
+    let log = Log { time: (0..2000).map(|k| k / 100 * 1000 * MS).collect(), ..Log::new() };
+    let issue = log.issue();
+    assert_eq!((issue.kind, issue.severity, issue.count), (IssueKind::DuplicateStamps, Severity::Error, 1980));
+    assert!(
+        issue.message.contains("a resolution of 1.000 s") && issue.message.contains("`sample_rate_hz`"),
+        "{issue:?}"
+    );
+    assert_eq!(kinds(&silent_errors(&log.recording())), [IssueKind::DuplicateStamps]);
+    // A logger that writes each sample three times has another remedy.
+    let (mut log, each) = (Log::new(), Log::new());
+    for k in 0..2000 {
+        log.time[k] = each.time[k / 3];
+        for (values, of_each) in [(&mut log.position, &each.position), (&mut log.velocity, &each.velocity)] {
+            values[2 * k..2 * k + 2].copy_from_slice(&of_each[k / 3 * 2..k / 3 * 2 + 2]);
+        }
+    }
+    let found = log.issues().into_iter().find(|issue| issue.kind == IssueKind::DuplicateStamps).expect("found");
+    assert!(found.message.contains("(repair: drop_duplicates)"), "{found:?}");
+}
+
+#[test]
 fn repeated_samples() {
     let mut log = Log::new();
     for k in (100..2000).step_by(16) {

@@ -81,6 +81,7 @@ pub use stepping::{LinkSample, Needs, SampleInput, StepState, Stepped, Streamed}
 
 #[cfg(feature = "expressions")]
 use crate::expression::Expr;
+use crate::names::suggestion;
 use crate::robot::{JointKind, Robot};
 use crate::simd::Number;
 
@@ -682,7 +683,7 @@ pub fn with_role(role: Role) -> Arc<dyn Effect> {
 
 /// An effect name that the library does not have.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there is no effect `{name}`; known are {}", known.join(", "))]
+#[error("there is no effect `{name}`{}; known are {}", suggestion(name, known), known.join(", "))]
 pub struct UnknownEffect {
     /// Requested name.
     pub name: String,

@@ -106,6 +106,14 @@ pub enum RobotError {
         /// Joint, link or field.
         element: String,
     },
+    /// A length, mass or inertia that no arm has.
+    #[error("`{element}` has the value {value:e} in SI units, which no arm has: check the units of the file")]
+    Implausible {
+        /// Joint, link or field.
+        element: String,
+        /// The value.
+        value: f64,
+    },
     /// A mass below zero.
     #[error("the link of `{link}` has the mass {mass} kg: a mass is not negative")]
     NegativeMass {

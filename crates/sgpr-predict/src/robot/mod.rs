@@ -36,6 +36,9 @@ use crate::spatial::{LinkInertia, Matrix3, PARAMETERS_PER_LINK, Pose, STANDARD_P
 /// Gravity that a robot has unless told otherwise, m/s², base axes.
 pub const STANDARD_GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 
+/// Largest length, mass or inertia in SI units: no arm comes near, and products of such numbers stay finite.
+const LARGEST_VALUE: f64 = 1e9;
+
 /// Most movable joints of a robot: several arms with hands have fewer.
 const MOST_JOINTS: usize = 100;
 
@@ -233,9 +236,7 @@ impl Robot {
             }
         }
         for (joint, link) in joints.iter().zip(&mut links) {
-            if link.standard_parameters().iter().any(|value| !value.is_finite()) {
-                return Err(RobotError::NotFinite { element: joint.name.clone() });
-            }
+            require_plausible(&joint.name, &link.standard_parameters())?;
             if link.mass < 0.0 {
                 return Err(RobotError::NegativeMass { link: joint.name.clone(), mass: link.mass });
             }
@@ -438,10 +439,16 @@ fn is_symmetric(inertia: &Matrix3<f64>) -> bool {
 }
 
 fn require_finite_pose(element: &str, pose: &Pose) -> Result<(), RobotError> {
-    let rows = pose.to_matrix4();
-    if rows.iter().flatten().all(|value| value.is_finite()) {
-        Ok(())
-    } else {
-        Err(RobotError::NotFinite { element: element.into() })
+    require_plausible(element, pose.to_matrix4().as_flattened())
+}
+
+/// Refuses what is not finite, and what is so large that products of it are not.
+fn require_plausible(element: &str, values: &[f64]) -> Result<(), RobotError> {
+    if values.iter().any(|value| !value.is_finite()) {
+        return Err(RobotError::NotFinite { element: element.into() });
+    }
+    match values.iter().find(|value| value.abs() > LARGEST_VALUE) {
+        Some(&value) => Err(RobotError::Implausible { element: element.into(), value }),
+        None => Ok(()),
     }
 }

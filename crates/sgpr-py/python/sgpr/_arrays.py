@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._frames import read_columns
-from ._sgpr import Recording, RecordingError
+from ._sgpr import Recording, RecordingError, quantity_of_array
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -18,25 +18,39 @@ NAMES = {
     "velocity": ("dq", "velocity", "qvel"),
     "torque": ("tau", "torque", "effort"),
 }
-"""Quantity -> names of its array."""
+"""Quantity -> names of its array that go before others."""
 
 ASSUMED = {"position": "rad (m)", "velocity": "rad/s (m/s)", "torque": "N·m (N)"}
 
 
 def chosen(path: Path, arrays: Arrays, columns: Mapping[str, Any]) -> dict[str, str | None]:
-    """Quantity -> its array: the one that `columns` names, else one of a known name, also with a unit: `q_deg`."""
+    """Quantity -> its array: the one that `columns` names, else one whose name says so, also with a unit: `q_deg`."""
     found: dict[str, str | None] = {}
     for quantity, names in NAMES.items():
         if columns.get(quantity) is not None:
-            own = columns[quantity]
-            found[quantity] = own if isinstance(own, str) and own in arrays else None
+            found[quantity] = _named(arrays, columns[quantity])
             continue
         exact = [name for name in names if name in arrays]
-        stated = [each for each in arrays for name in names if each.startswith((f"{name}_", f"{name} ["))]
+        # A unit that is not known is told when the numbers are read.
+        stated = [each for each in arrays if quantity_of_array(each.partition(" [")[0]) == quantity]
         if len(exact) > 1:
             raise RecordingError(f"{path}: the arrays {' and '.join(exact)} mean the same: leave one")
         found[quantity] = exact[0] if exact else stated[0] if len(stated) == 1 else None
     return found
+
+
+def with_unit(name: str, unit: object) -> str:
+    """The name of an array with the unit that its file says beside it, as columns of tables say it: `q [deg]`."""
+    said = unit.decode(errors="replace") if isinstance(unit, bytes) else unit
+    is_told = isinstance(said, str) and said.strip() not in ("", "1", "-")
+    return f"{name} [{str(said).strip()}]" if is_told and quantity_of_array(name.rpartition(".")[2]) else name
+
+
+def _named(arrays: Arrays, name: object) -> str | None:
+    """An array by its name, with or without the unit."""
+    if not isinstance(name, str):
+        return None
+    return next((each for each in arrays if each == name or each.startswith(f"{name} [")), None)
 
 
 def listed(arrays: Arrays) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arrays import chosen, listed, recording_of
+from ._arrays import chosen, listed, recording_of, with_unit
 from ._frames import read_columns
 from ._sgpr import Recording, RecordingError, SgprError
 
@@ -44,7 +44,7 @@ def read_mat(
         raise RecordingError(f"{path}: not a MATLAB file, or damaged: {error}") from None
     found: Arrays = {}
     _collect({key: value for key, value in content.items() if not key.startswith("__")}, "", found)
-    return _recording(path, found, joints, options)
+    return recording_of_arrays(path, found, joints, options)
 
 
 def _collect(content: Mapping[str, Any], prefix: str, found: Arrays) -> None:
@@ -90,7 +90,10 @@ def read_hdf5(
                 # MATLAB writes columns first.
                 array = np.asarray(data.asstr()[()] if text else data[()])
                 of_matlab = "MATLAB_class" in data.attrs and array.ndim == 2
-                found[name.replace("/", ".")] = np.atleast_1d((array.T if of_matlab else array).squeeze())
+                said = data.attrs.get("units", data.attrs.get("unit"))
+                found[with_unit(name.replace("/", "."), said)] = np.atleast_1d(
+                    (array.T if of_matlab else array).squeeze()
+                )
     except (SgprError, MemoryError):
         raise
     except OSError as error:
@@ -100,14 +103,14 @@ def read_hdf5(
     except Exception as error:
         raise RecordingError(f"{path}: not an HDF5 file, or damaged: {error}") from None
     texts = {name: array.astype(str) for name, array in found.items() if array.dtype.kind in "OS"}
-    return _recording(path, found | texts, joints, options)
+    return recording_of_arrays(path, found | texts, joints, options)
 
 
 def _too_large(path: Path, limit: int) -> RecordingError:
     return RecordingError(f"{path}: more than {limit} bytes of unpacked data; if that is right, raise `limit_bytes`")
 
 
-def _recording(path: Path, found: Arrays, joints: Sequence[str] | None, options: dict[str, Any]) -> Recording:
+def recording_of_arrays(path: Path, found: Arrays, joints: Sequence[str] | None, options: dict[str, Any]) -> Recording:
     """Of arrays with a column per joint if there are such, else of vectors with one value per sample."""
     short = _short_names(found)
     roles = chosen(path, short, options.get("columns") or {})
@@ -133,6 +136,6 @@ def _recording(path: Path, found: Arrays, joints: Sequence[str] | None, options:
 
 def _short_names(found: Arrays) -> Arrays:
     """Names without the structures or groups around them, where that leaves them different."""
-    short = [name.rpartition(".")[2] for name in found]
+    short = [name[name.rfind(".", 0, name.find(" [") if " [" in name else None) + 1 :] for name in found]
     unique = len(set(short)) == len(short)
     return dict(zip(short if unique else found, found.values(), strict=True))

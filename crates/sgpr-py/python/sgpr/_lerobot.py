@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._frames import read_columns
+from ._parquet import is_list, rows_of
 from ._sgpr import Recording, RecordingError, SgprError
 
 _DEFAULT_LIMIT = 4 << 30
@@ -120,7 +121,7 @@ def _rows(path: Path, wanted: Episode, limit: int) -> tuple[dict[str, NDArray[An
             table = table.filter(import_module("pyarrow.compute").equal(table["episode_index"], number))
     except arrow.ArrowException as error:
         raise RecordingError(f"{path}: not a LeRobot data set, or damaged: {error}") from None
-    return {name: _array(path, name, table[name]) for name in known}, [name for name in kinds if name not in known]
+    return {name: rows_of(path, name, table[name]) for name in known}, [name for name in kinds if name not in known]
 
 
 def _chosen(path: Path, wanted: Episode, places: dict[int, Path]) -> int:
@@ -155,16 +156,7 @@ def _episodes(place: Path, file: Any) -> list[int]:
 
 
 def _is_numeric(types: Any, kind: Any) -> bool:
-    is_list = types.is_list(kind) or types.is_fixed_size_list(kind) or types.is_large_list(kind)
-    inner = kind.value_type if is_list else kind
-    return bool(types.is_integer(inner) or types.is_floating(inner))
-
-
-def _array(path: Path, name: str, column: Any) -> NDArray[Any]:
-    try:
-        return np.array(column.to_pylist(), dtype=np.float64)
-    except (TypeError, ValueError):
-        raise RecordingError(f"{path}: `{name}` has samples of unequal length, or without numbers") from None
+    return is_list(types, kind) or bool(types.is_integer(kind) or types.is_floating(kind))
 
 
 def _time(path: Path, rows: dict[str, NDArray[Any]], info: dict[str, Any]) -> NDArray[Any]:

@@ -294,6 +294,7 @@ class Repaired:
     @property
     def actions(self) -> list[str]: ...
 
+def quantity_of_array(name: str) -> str | None: ...
 def read_csv(
     path: _Path,
     joints: Sequence[str] | None = None,

@@ -1,6 +1,7 @@
 """Gaussian process regression with scikit-learn's interface."""
 
 from collections.abc import Callable
+from importlib import import_module
 from typing import Any, Self
 
 import numpy as np
@@ -351,13 +352,12 @@ class GaussianProcess(Estimator):
 
     def __sklearn_tags__(self) -> Any:
         """Describe the estimator to scikit-learn."""
-        from sklearn.utils import InputTags, RegressorTags, Tags, TargetTags
-
-        return Tags(
+        tags = import_module("sklearn.utils")
+        return tags.Tags(
             estimator_type="regressor",
-            target_tags=TargetTags(required=True, multi_output=True),
-            input_tags=InputTags(),
-            regressor_tags=RegressorTags(),
+            target_tags=tags.TargetTags(required=True, multi_output=True),
+            input_tags=tags.InputTags(),
+            regressor_tags=tags.RegressorTags(),
         )
 
 

@@ -154,9 +154,7 @@ impl Consistency {
     ) -> Result<ConsistentParameters, IdentificationError> {
         let task = Task::new(&self.bounds, robot, set, base, whitened, nominal, torque)?;
         let deviation = self.prior.relative_deviation;
-        if !(deviation > 0.0 && deviation.is_finite()) {
-            return Err(IdentificationError::Prior { value: deviation });
-        }
+        super::check_prior_deviation(deviation)?;
         // Where data that are almost without noise meet a pull that is almost none, the solver may give up: a distance that
         // is easier to compute, and then a stronger pull, are better than no result.
         let Prior { distance, relative_deviation } = self.prior;

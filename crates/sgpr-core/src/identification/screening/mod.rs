@@ -11,11 +11,13 @@ use faer::Mat;
 
 pub use delays::screen_delays;
 
+use super::base_parameters::significant;
 use super::estimate::Groups;
 use super::extended_factor::{ExtendedFactor, own_noise};
 use super::least_squares::{Directions, Solution, stack, torque_norm};
 use super::robust::MEDIAN_OF_NORMAL;
 use super::{BaseParameters, Equations, Estimate, IdentificationError, JointFactor, ParameterSet};
+use crate::recording::Severity;
 
 /// Something suspicious in the data of an identification.
 #[derive(Clone, Debug, PartialEq)]
@@ -97,6 +99,40 @@ pub enum Finding {
         /// Joints to move.
         joints: Vec<String>,
     },
+    /// Torques at the limit of the robot file.
+    Saturated {
+        /// Name of the joint.
+        joint: String,
+        /// The limit.
+        limit: f64,
+        /// Its unit.
+        unit: &'static str,
+        /// Share of the samples.
+        share: f64,
+    },
+    /// Positions that the robot file rules out.
+    Outside {
+        /// Name of the joint.
+        joint: String,
+        /// Lowest and highest position.
+        limits: [f64; 2],
+        /// Their unit.
+        unit: &'static str,
+        /// Share of the samples.
+        share: f64,
+        /// Whether they would be inside if they were degrees.
+        in_degrees: bool,
+    },
+}
+
+impl Finding {
+    /// What to do about it: a note where it is right more often than it is a fault, or where the motion is to blame.
+    pub fn severity(&self) -> Severity {
+        match self {
+            Self::Outliers { .. } | Self::Late { .. } | Self::Leverage { .. } | Self::Weak { .. } => Severity::Note,
+            _ => Severity::Warning,
+        }
+    }
 }
 
 impl fmt::Display for Finding {
@@ -170,6 +206,25 @@ impl fmt::Display for Finding {
                  against each other",
                 1.0 / share,
                 joints.join(" and ")
+            ),
+            Self::Saturated { joint, limit, unit, share } => write!(
+                f,
+                "the torque of {joint} is at or above its limit of {} {unit} in {:.1} % of the samples: what the drive could \
+                 not give is not in the model; leave these times out, or move slower",
+                significant(*limit),
+                100.0 * share
+            ),
+            Self::Outside { joint, limits: [low, high], unit, share, in_degrees } => write!(
+                f,
+                "the position of {joint} is outside its limits of {} to {} {unit} in {:.1} % of the samples: {}",
+                significant(*low),
+                significant(*high),
+                100.0 * share,
+                if *in_degrees {
+                    "read as degrees it is inside; give the unit of the position"
+                } else {
+                    "check its sign, zero and unit, and the order of the joints"
+                }
             ),
         }
     }

@@ -41,8 +41,8 @@ impl Quantity {
     /// Symbols for it. They do not make the rest of a name a joint: `q_x` may be anything.
     pub(super) fn symbols(self) -> &'static [&'static str] {
         match self {
-            Self::Position => &["q"],
-            Self::Velocity => &["dq", "qd", "qdot"],
+            Self::Position => &["q", "qpos"],
+            Self::Velocity => &["dq", "qd", "qdot", "qvel"],
             Self::Torque => &["tau"],
             Self::Current => &["i"],
         }
@@ -128,6 +128,27 @@ pub(super) fn meaning(name: &str, joints: Option<&[String]>) -> Option<Meaning> 
     known.or_else(|| words.quantity_and_label(joints.is_none()))
 }
 
+/// Which quantity an array with a column per joint holds, by its name: `time`, `position`, `velocity`, `torque` or `current`.
+/// `None` if a word of it is not understood: `tau_ext` is no torque.
+///
+/// # Examples
+/// ```
+/// use sgpr_core::recording::csv::quantity_of_array;
+/// assert_eq!(quantity_of_array("q_deg"), Some("position"));
+/// assert_eq!(quantity_of_array("time [ms]"), Some("time"));
+/// assert_eq!(quantity_of_array("q_des"), None);
+/// ```
+pub fn quantity_of_array(name: &str) -> Option<&'static str> {
+    if name.len() > LONGEST_NAME {
+        return None;
+    }
+    if time_unit(name).is_some() {
+        return Some("time");
+    }
+    let (quantity, _) = Words::of(name).quantity_alone()?;
+    Some(if quantity == Quantity::Current { "current" } else { quantity.name() })
+}
+
 /// The unit in which a name ends whose other words are not understood: `axis3/angle_deg`, `A1_Istposition [°]`.
 pub(super) fn unit_at_end(name: &str, quantity: Quantity) -> Option<StatedUnit> {
     if name.len() > LONGEST_NAME {
@@ -169,7 +190,7 @@ pub(super) fn time_unit(name: &str) -> Option<Option<TimeUnit>> {
     let is_time = |words: &[&str]| {
         matches!(
             words,
-            ["t" | "time" | "timestamp" | "stamp" | "elapsed" | "clock"]
+            ["t" | "time" | "timestamp" | "stamp" | "elapsed" | "clock" | "zeit" | "zeitstempel" | "temps" | "tiempo"]
                 | ["time", "stamp"]
                 | ["header", "stamp"]
                 | ["elapsed" | "log" | "ros" | "sim" | "header", "time"]
@@ -309,7 +330,7 @@ mod tests {
 
     #[test]
     fn time_columns() {
-        for name in ["t", "time", "timestamp", "Time", "stamp", "__time", "header.stamp", "log_time"] {
+        for name in ["t", "time", "timestamp", "Time", "stamp", "__time", "header.stamp", "log_time", "Zeit"] {
             assert_eq!(time_unit(name), Some(None), "{name}");
         }
         assert_eq!(time_unit("t_s"), Some(Some(TimeUnit::Second)));

@@ -23,11 +23,24 @@ pub(super) struct Lines<R> {
     /// Lines taken from the text.
     taken: u64,
     delimiter: u8,
+    /// The sign that ends a line: a line feed, or a carriage return where there are no line feeds.
+    end: u8,
 }
 
 impl<R: BufRead> Lines<R> {
     pub(super) fn new(text: R) -> Self {
-        Self { text, line: Vec::new(), number: 0, ahead: VecDeque::new(), taken: 0, delimiter: b',' }
+        Self { text, line: Vec::new(), number: 0, ahead: VecDeque::new(), taken: 0, delimiter: b',', end: b'\n' }
+    }
+
+    /// Looks at the beginning of the text for the sign that ends its lines.
+    fn find_end(&mut self) -> io::Result<()> {
+        if let [beginning @ .., _] = self.text.fill_buf()?
+            && beginning.contains(&b'\r')
+            && !beginning.contains(&b'\n')
+        {
+            self.end = b'\r';
+        }
+        Ok(())
     }
 
     /// Goes to the next line that is not empty; `false` after the last one.
@@ -38,7 +51,7 @@ impl<R: BufRead> Lines<R> {
         }
         loop {
             self.line.clear();
-            if self.text.read_until(b'\n', &mut self.line)? == 0 {
+            if self.text.read_until(self.end, &mut self.line)? == 0 {
                 return Ok(false);
             }
             self.taken += 1;
@@ -64,12 +77,14 @@ impl<R: BufRead> Lines<R> {
         Ok(false)
     }
 
-    /// The header: the first line that is no comment, or, above numbers, the last comment. If that names no columns of a
+    /// The header: the first line that is no comment, or, above numbers, the last comment, or a comment that names columns of
+    /// a log right above a row that does not. If that names no columns of a
     /// log but a line below it and above the numbers does, it is that one, and what stands above is a title.
     ///
     /// - `names_columns`: whether cells are column names of a log
     pub(super) fn header(&mut self, names_columns: impl Fn(&[String]) -> bool) -> io::Result<Header> {
-        let first = self.first_header()?;
+        self.find_end()?;
+        let first = self.first_header(&names_columns)?;
         if is_numeric(&first.line) || names_columns(&first.names()) {
             return Ok(first);
         }
@@ -102,7 +117,7 @@ impl<R: BufRead> Lines<R> {
         Ok(header)
     }
 
-    fn first_header(&mut self) -> io::Result<Header> {
+    fn first_header(&mut self, names_columns: impl Fn(&[String]) -> bool) -> io::Result<Header> {
         let mut comment: Option<Vec<u8>> = None;
         while self.next_line()? {
             let line = self.line.trim_ascii();
@@ -111,7 +126,11 @@ impl<R: BufRead> Lines<R> {
                 continue;
             }
             let own = line.to_vec();
-            let above = comment.take().filter(|_| is_numeric(&own));
+            let is_row_of = |names: &[u8]| {
+                let (names, row) = (Header::of(names.to_vec()).names(), Header::of(own.clone()).names());
+                names.len() == row.len() && names_columns(&names) && !names_columns(&row)
+            };
+            let above = comment.take().filter(|names| is_numeric(&own) || is_row_of(names));
             if above.is_some() {
                 self.hold();
             }
@@ -121,8 +140,9 @@ impl<R: BufRead> Lines<R> {
     }
 
     fn header_of(&mut self, line: Vec<u8>) -> Header {
-        self.delimiter = delimiter_of(&line);
-        Header { line, delimiter: self.delimiter, titles: 0 }
+        let header = Header::of(line);
+        self.delimiter = header.delimiter;
+        header
     }
 
     /// The cells of the next line if they are units of the columns, which `are_units` tells; else that line is still to
@@ -184,6 +204,10 @@ pub(super) struct Header {
 }
 
 impl Header {
+    fn of(line: Vec<u8>) -> Self {
+        Self { delimiter: delimiter_of(&line), line, titles: 0 }
+    }
+
     fn names(&self) -> Vec<String> {
         let cells = cells(&self.line, self.delimiter);
         cells.iter().take(MOST_COLUMNS + 1).map(|name| decoded(name).trim().to_string()).collect()
@@ -238,7 +262,7 @@ fn cells(line: &[u8], delimiter: u8) -> Vec<Cow<'_, [u8]>> {
         quoted ^= byte == b'"';
         byte == delimiter && !quoted
     };
-    let line = line.strip_suffix(b"\n").unwrap_or(line);
+    let line = line.strip_suffix(b"\n").or(line.strip_suffix(b"\r")).unwrap_or(line);
     for cell in line.split(separates).map(<[u8]>::trim_ascii) {
         if delimiter == b' ' && cell.is_empty() {
             continue;

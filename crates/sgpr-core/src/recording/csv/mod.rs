@@ -2,7 +2,7 @@
 //!
 //! The first line names the columns; lines above it that name none, such as a title, are passed over. Comma, semicolon, tab
 //! and blanks separate them; after a semicolon, tab or blank a decimal comma is understood too. Lines that begin with `#` are
-//! comments; one right above the numbers (as NumPy writes) is the header if there is no other. A line of units may stand
+//! comments; one right above the numbers (as NumPy and `rostopic` write) is the header if there is no other. A line of units may stand
 //! between names and numbers. Text is UTF-8 or Latin-1.
 //!
 //! # Which column is what
@@ -39,6 +39,7 @@ mod write;
 use std::fmt;
 use std::ops::RangeInclusive;
 
+pub use header::quantity_of_array;
 pub use read::read;
 pub use write::write;
 

@@ -25,13 +25,17 @@ pub(crate) fn jitter(steps: &[i64]) -> Option<(i64, f64)> {
 
 pub(super) fn issues(recording: &Recording) -> Vec<Issue> {
     let log = Log::new(recording);
+    if let Some(coarse) = log.coarse() {
+        return log.backwards().into_iter().chain([coarse]).collect();
+    }
     let issues = [log.backwards(), log.duplicates(), log.gaps(), log.irregular(), log.unlikely_rate()];
     issues.into_iter().flatten().collect()
 }
 
-/// A time whose unit nobody can have meant.
+/// A time whose unit nobody can have meant, or that does not tell samples apart.
 pub(super) fn unlikely_rate(recording: &Recording) -> Option<Issue> {
-    Log::new(recording).unlikely_rate()
+    let log = Log::new(recording);
+    log.coarse().or_else(|| log.unlikely_rate())
 }
 
 struct Log {
@@ -43,6 +47,8 @@ struct Log {
     nanoseconds: Vec<i64>,
     /// Speed that the fastest joint exceeds in a tenth of the steps, rad/s (m/s).
     fastest: f64,
+    /// Steps without time in which the position changes.
+    moves_at_once: usize,
 }
 
 /// Of the joints' speeds from sample to sample, those that nine of ten do not exceed, the largest one.
@@ -61,8 +67,12 @@ fn fastest(recording: &Recording) -> f64 {
 impl Log {
     fn new(recording: &Recording) -> Self {
         let nanoseconds = recording.time().windows(2).map(|pair| pair[1].saturating_sub(pair[0])).collect();
-        let fastest = fastest(recording);
-        Self { time: recording.time_seconds(), steps: recording.steps(), nanoseconds, fastest }
+        let (fastest, n) = (fastest(recording), recording.dof());
+        let position = |sample: usize| &recording.position()[sample * n..(sample + 1) * n];
+        let steps = recording.steps();
+        let moves = |step: &usize| steps[*step] == 0.0 && position(*step) != position(step + 1);
+        let moves_at_once = (0..steps.len()).filter(moves).count();
+        Self { time: recording.time_seconds(), steps, nanoseconds, fastest, moves_at_once }
     }
 
     /// An issue of the steps `found`, unless there are none.
@@ -93,6 +103,20 @@ impl Log {
             "{} {} the stamp of the one before: drop the duplicates (repair: drop_duplicates), or check the resolution of the time",
             counted(found.len(), "sample"),
             if found.len() == 1 { "has" } else { "have" },
+        );
+        self.issue(IssueKind::DuplicateStamps, Severity::Error, &found, message)
+    }
+
+    /// Most samples move on under the stamp of the one before: what the steps say is about the clock, not about the samples.
+    fn coarse(&self) -> Option<Issue> {
+        if 2 * self.moves_at_once <= self.steps.len() {
+            return None;
+        }
+        let found = self.where_step(|step| step == 0.0);
+        let resolution = self.usual_period().map_or_else(String::new, |period| format!(" of {}", duration(period)));
+        let message = format!(
+            "{} have the stamp of the one before: the time has a resolution{resolution}, which is coarser than the samples; if they came at a constant rate, give it with `sample_rate_hz`, or take another column for the time with `columns.time`",
+            counted(found.len(), "sample"),
         );
         self.issue(IssueKind::DuplicateStamps, Severity::Error, &found, message)
     }

@@ -363,9 +363,9 @@ class Bench:
     def check(self) -> dict[str, Any]:
         """What the physics says of the training logs; needs a fit."""
         with self.lock:
-            robot = self.needs()
+            self.needs()
             if self.checks is None:
-                self.checks = checked(robot, self.models.reference(), self.logs)
+                self.checks = checked(self.models.reference(), self.logs)
             return self.checks or {}
 
     def _proposals(self) -> list[dict[str, Any]]:

@@ -11,7 +11,7 @@ from ..cli.errors import BadData
 from ..cli.project import KEYS, settings_of
 from ..cli.reading import Log as ReadLog
 from ..cli.reading import ReadingOptions, read_log
-from ..cli.screening import excitation, outside, repeated, saturated
+from ..cli.screening import excitation, repeated
 from .folder import ROLES, Folder
 
 CANNOT = (SgprError, BadData, OSError, typer.BadParameter)
@@ -112,16 +112,13 @@ def as_read(logs: Mapping[str, Log], role: str) -> list[ReadLog]:
     return [ReadLog(log.name, log.stretches[0], log.stretches, []) for log in wanted]
 
 
-def checked(robot: Robot, model: Model, logs: Mapping[str, Log]) -> dict[str, Any]:
+def checked(model: Model, logs: Mapping[str, Log]) -> dict[str, Any]:
     """What the physics says of the training logs."""
     if model.fit is None:
         return {}
-    train = used(logs, "train")
     texts = [
         *repeated(as_read(logs, "train"), as_read(logs, "test")),
         *([] if model.report is None else model.report.warnings),
-        *saturated(robot, train),
-        *outside(robot, train),
     ]
     condition, undetermined = model.fit["scaled_condition"], model.fit["undetermined"]
     return {

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from itertools import pairwise
 from typing import Any
 
@@ -167,7 +168,7 @@ def _cloud(samples: Samples, x: Array, y: Array, keep: NDArray[np.int64], colour
 def over_two(samples: Samples, first: str, second: str) -> dict[str, Any]:
     """Mean residual over two variables."""
     # Loaded when it is needed: it takes longer than all the rest of the program.
-    from scipy import stats  # type: ignore[import-untyped]
+    stats = import_module("scipy.stats")
 
     x, y = samples.values(first), samples.values(second)
     if first == second:
@@ -196,7 +197,7 @@ def whiteness(samples: Samples, decimation: int) -> list[dict[str, Any]]:
     Every `decimation`-th sample is taken, as the fit does: those between them are not independent after its filter.
     """
     # Loaded when it is needed: it takes longer than all the rest of the program.
-    from scipy import signal, stats  # type: ignore[import-untyped]
+    signal, stats = import_module("scipy.signal"), import_module("scipy.stats")
 
     y, rate = _longest(samples, decimation)
     if len(y) < 64:

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -115,11 +116,11 @@ class Ladder:
             after = row.get("after")
             if after is not None and after not in self.steps:
                 raise BadData(f"steps: `{row['id']}` starts from `{after}`, which is not among those before it")
-            texts = {key: [str(each) for each in row.get(key, [])] for key in ("effects", "add")}
+            effects, add = ([str(each) for each in row.get(key, [])] for key in ("effects", "add"))
             name = str(row.get("name", row["id"]))[:LONGEST_NAME]
-            flags = {"shown": bool(row.get("shown", True)), "rest": bool(row.get("rest", False))}
-            self.steps[row["id"]] = Step(row["id"], name, after, **flags, **texts)
-        self.current = data.get("current") if data.get("current") in self.steps else next(reversed(self.steps))
+            shown, rest = bool(row.get("shown", True)), bool(row.get("rest", False))
+            self.steps[row["id"]] = Step(row["id"], name, after, shown=shown, rest=rest, effects=effects, add=add)
+        self.current = str(data["current"]) if data.get("current") in self.steps else next(reversed(self.steps))
         self.pinned = data.get("pinned") if data.get("pinned") in self.steps else None
 
     def to_toml(self) -> dict[str, Any]:
@@ -139,7 +140,10 @@ def computed(step: Step, before: Known | None, robot: Robot, train: Sequence[Rec
     if step.id == ROBOT_FILE:
         return Model.nominal(robot)
     if step.after is None:
-        return identify(robot, train, effects=step.effects, progress=progress)
+        with warnings.catch_warnings():
+            # The page shows findings with their ranks.
+            warnings.simplefilter("ignore", UserWarning)
+            return identify(robot, train, effects=step.effects, progress=progress)
     if not isinstance(before, Model):
         raise BadData(f"{step.name}: the step before it has no model of physics alone")
     if step.rest:

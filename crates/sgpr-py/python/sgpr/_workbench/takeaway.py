@@ -3,7 +3,7 @@
 import shlex
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from .. import Model, SemiParametricModel
 from .._pages import model_page
@@ -50,7 +50,7 @@ def report(bench: Bench) -> str:
         return path.read_text(encoding="utf-8")
 
 
-def source(bench: Bench, language: str) -> bytes:
+def source(bench: Bench, language: Literal["c", "rust"]) -> bytes:
     """The current model as a file for a controller, which needs no library."""
     model = chain_of(bench)[-1].model
     if not isinstance(model, Model):

@@ -46,10 +46,10 @@ class Track:
 
     def line(self, kind: str, name: str, joint: int, at: Any = slice(None)) -> Rows:
         """What is drawn of a joint at some samples: `measured`, or a step: its torque, or measured minus that."""
-        measured = self.rows["measured"][joint, at]
+        measured: Rows = self.rows["measured"][joint, at]
         if name == "measured":
             return measured
-        predicted = self.predicted[name][joint, at]
+        predicted: Rows = self.predicted[name][joint, at]
         return predicted if kind == "torque" else measured - predicted
 
     def peaks_of(self, kind: str, name: str, joint: int) -> Places:
@@ -173,7 +173,8 @@ def _thinned(line: Rows, points: int) -> Places:
     if len(line) <= points:
         return np.arange(len(line))
     known = np.nan_to_num(line) if np.isnan(line.sum()) else np.ascontiguousarray(line)
-    chosen = MinMaxDownsampler().downsample(known, n_out=points - points % 2)
+    downsampler: Any = MinMaxDownsampler
+    chosen = downsampler().downsample(known, n_out=points - points % 2)
     return np.unique(np.concatenate([[0, len(line) - 1], chosen.astype(np.int64)]))
 
 

@@ -68,8 +68,8 @@ for each in (
     register(each)
 register(workbench)
 
-for each in (fleet_run, fleet_report, fleet_simulate):
-    register(each, fleet)
+for of_fleet in (fleet_run, fleet_report, fleet_simulate):
+    register(of_fleet, fleet)
 
 
 data_app = typer.Typer(name="data", help="Public logs of real robots, by name.", no_args_is_help=True)

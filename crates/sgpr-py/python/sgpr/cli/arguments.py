@@ -6,6 +6,8 @@ from typing import Any
 
 from typer.core import TyperCommand
 
+from .errors import wrong_use
+
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
@@ -50,6 +52,8 @@ def expand(args: Iterable[str], several: dict[str, bool], takes_value: dict[str,
                 del rest[: takes_value[name]]
             continue
         if not attached and rest:
+            if not is_value(rest[0], pair=False):
+                raise wrong_use(f"needs a value before {rest[0]}", name)
             result.append(rest.pop(0))
         while rest and is_value(rest[0], pair=several[name]):
             result += [name, rest.pop(0)]

@@ -119,6 +119,7 @@ def diagnose(
     robot, train, test, usual = project_of(robot, train, test)
     check_unseen(train, test)
     wanted = checked_effects(look_for, "--look-for") if look_for else None
+    add = checked_effects(add, "--add") if add else None
     given: Model | None = load_model(robot, joints, gravity) if kind_of(robot) == "model" else None
     if given is not None and effects is not None:
         raise wrong_use("a model has its effects already", "--effects")

@@ -3,6 +3,7 @@
 import difflib
 import functools
 import re
+import warnings
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -77,7 +78,10 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(command)
     def run(*args: Any, **kwargs: Any) -> Any:
         try:
-            return command(*args, **kwargs)
+            with warnings.catch_warnings():
+                # Findings of the library are told as such, with their ranks.
+                warnings.simplefilter("ignore", UserWarning)
+                return command(*args, **kwargs)
         except (typer.Exit, typer.Abort, typer.TyperException, BrokenPipeError):
             raise
         except KeyboardInterrupt:

@@ -125,7 +125,8 @@ def simulate(
     workers: Annotated[int | None, typer.Option("--workers", metavar="N", show_default="all processors")] = None,
 ) -> None:
     """Makes the logs of a fleet that does not exist, with faults that are known."""
-    types = {name: getattr(one, "robot", one) for name, one in robots_of(robot, None).items()} if robot else None
+    known = robots_of(robot, None).items() if robot else ()
+    types = {name: one.robot if isinstance(one, Model) else one for name, one in known} or None
     with output.progress() as progress:
         table = simulate_fleet(
             out,

@@ -47,7 +47,7 @@ from .predictions import (
 from .project import project_of
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .robots import load_robot
-from .screening import excitation, outside, repeated, saturated
+from .screening import excitation, repeated
 
 IN_ROBOT_FILES = {
     "robot.xml": ("rotor_inertia", "viscous_friction", "coulomb_friction"),
@@ -156,13 +156,30 @@ def identify(
     if not no_report and open_report:
         open_page(folder.path / "report.html")
     output.result(data)
-    output.next(
-        "sgpr", "diagnose", "--robot", str(folder.path / "model.sgpr"), "--train", *train,
-        *(["--test", *test] if test else []), "--out", str(folder.path.with_name(f"{folder.path.name}_diagnosis")),
-        why="which effect is missing?",
-    )  # fmt: skip
+    next_step(result, (robot, train, test), folder.path, reading, output)
     if result.is_worse() and strict:
         raise typer.Exit(LIMITS_NOT_MET)
+
+
+def next_step(
+    result: "Result",
+    asked: tuple[str, Sequence[str], Sequence[str] | None],
+    folder: Path,
+    reading: ReadingOptions,
+    output: Output,
+) -> None:
+    """A look at the logs of a model that nobody can use; else the search for what it lacks.
+
+    - `asked`: robot, logs to train and to test, as the command names them
+    """
+    robot, train, test = asked
+    if result.is_worse():
+        output.next("sgpr", "info", robot, *train, *reading.words(), why="what is wrong with the logs?")
+        return
+    unseen = ["--test", *test] if test else []
+    out = str(folder.with_name(f"{folder.name}_diagnosis"))
+    command = ["sgpr", "diagnose", "--robot", str(folder / "model.sgpr"), "--train", *train, *unseen, "--out", out]
+    output.next(*command, why="which effect is missing?")
 
 
 @dataclass(frozen=True)
@@ -291,8 +308,7 @@ def run(robot: Robot, train: Sequence[Log], test: Sequence[Log], options: dict[s
 def _findings(model: Model, training: Sequence[Recording]) -> list[str]:
     """What is suspicious in the training logs and not said yet."""
     said = [] if model.report is None else model.report.warnings
-    found = [text for text in screen_with(model, training) if text not in said]
-    return [*found, *saturated(model.robot, training), *outside(model.robot, training)]
+    return [text for text in screen_with(model, training) if text not in said]
 
 
 def without_place(name: str, model: Model) -> list[str]:

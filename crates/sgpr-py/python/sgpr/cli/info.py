@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from .. import RecordingError, Robot, SgprError
+from .._sgpr import quantity_of_array
 from ..report.certificate import kept_out
 from ..report.numbers import MISSING, counted, percent, readable, relative_deviation, significant, with_deviation
 from ..report.parameters import left_out
@@ -81,18 +82,31 @@ def info(
         results.append(data)
     output.result(results)
     refused = [data for data in results if data.get("refused")]
-    told = next((columns for data in refused if (columns := columns_to_name(data))), None)
-    if told:
-        why = "if these are they, in the order of the robot" if arm else "if these hold the torques"
-        beside = ["--robot", robot] if robot else []
-        words = replace(reading, columns=None, remember=False).words()
-        output.next("sgpr", "info", *paths, *beside, *words, "--columns", *told, "--remember", why=why)
+    asked = next((data for data in refused if columns_to_name(data) or has_currents(data)), None)
+    if asked is not None:
+        next_look(asked, paths, ["--robot", robot] if robot else [], reading, output)
     elif logs and not refused:
         output.next(
             "sgpr", "identify", "--robot", named or "ROBOT", "--train", *logs, *reading.words(), "--out", "result"
         )
     if refused:
         raise typer.Exit(BAD_DATA)
+
+
+def next_look(
+    log: dict[str, Any], paths: Sequence[str], beside: Sequence[str], reading: ReadingOptions, output: Output
+) -> None:
+    """The command that says which columns are meant, and where they are currents, what a drive makes of one ampere."""
+    told = columns_to_name(log)
+    words = replace(reading, columns=None, remember=False).words()
+    names = ["--columns", *told] if told else []
+    if has_currents(log):
+        constants = ["--torque-constants", *(f"{joint['name']}=K" for joint in log["joints"])]
+        why = "K: N·m at the joint per A, of each drive"
+    else:
+        constants = []
+        why = "if these hold the torques" if log["unlike"] is None else "if these are they, in the order of the robot"
+    output.next("sgpr", "info", *paths, *beside, *words, *names, *constants, "--remember", why=why)
 
 
 def robot_among(kinds: Mapping[str, str]) -> str | None:
@@ -132,6 +146,7 @@ def look_at_log(
     if arm is not None and not data["refused"]:
         with output.progress() as progress:
             data["screening"] = screened(arm, log, effects, progress)
+        data["screening"]["findings"] = [text for text in data["screening"]["findings"] if text not in arm.warnings]
         data["refused"] += [text for text in [data["screening"]["refused"]] if text is not None]
     return data
 
@@ -140,16 +155,25 @@ def without_torque(log: dict[str, Any]) -> str | None:
     """What is said of a log without torque."""
     if log["has_torque"]:
         return None
+    without = "without it sgpr predict alone can use the log"
+    if has_currents(log):
+        return f"no torque in this log, but motor currents: give --torque-constants, N·m per A; {without}"
     return (
         f"no torque in this log: name its columns, --columns torque={torque_columns(log) or '...'} (motor currents: "
-        "and --torque-constants); without it sgpr predict alone can use the log"
+        f"and --torque-constants); {without}"
     )
+
+
+def has_currents(log: dict[str, Any]) -> bool:
+    """Whether there is no torque, but a current for each joint."""
+    pattern = None if log["has_torque"] else torque_columns(log)
+    return pattern is not None and quantity_of_array(pattern.replace("{name}", "").replace("{}", "")) == "current"
 
 
 def columns_to_name(log: dict[str, Any]) -> list[str]:
     """What `--columns` would say of a log without torque, or with other names for its joints than the robot has."""
     torque = torque_columns(log)
-    told = [] if log["has_torque"] or torque is None else [f"torque={torque}"]
+    told = [] if log["has_torque"] or torque is None or has_currents(log) else [f"torque={torque}"]
     if log["unlike"] is None:
         return told
     joints = (log["columns"] or {"joints": []})["joints"]
@@ -232,8 +256,8 @@ def show_robot(data: dict[str, Any], output: Output, *, formulas: bool = False, 
 
 def show_warnings(data: dict[str, Any], output: Output) -> None:
     """What is odd about a robot file."""
-    for text in data["warnings"]:
-        output.line(f"look: {text}", "yellow")
+    for one in of_texts(data["warnings"]):
+        output.line(one.line(), STYLES[one.rank])
     output.line("")
 
 
@@ -305,7 +329,7 @@ def show_model(data: dict[str, Any], output: Output) -> None:
         output.line(
             f"positions filtered at {significant(chosen['cutoff_hz'])} Hz, torques "
             + (f"at {significant(band)} Hz" if band else "not filtered")
-            + f", every {chosen['decimation']}. row taken"
+            + f", one row of {chosen['decimation']} taken"
         )
     for path in data["logs"]:
         output.line(f"log: {path}")

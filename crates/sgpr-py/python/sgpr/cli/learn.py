@@ -32,7 +32,18 @@ from .options import (
     open_page,
 )
 from .output_folder import OutputFolder
-from .predictions import AFTER, BEFORE, INTERVAL, STD, left_out, predictions, residuals_by_log, spread_of, write_table
+from .predictions import (
+    AFTER,
+    BEFORE,
+    INTERVAL,
+    STD,
+    Pieces,
+    left_out,
+    predictions,
+    residuals_by_log,
+    spread_of,
+    write_table,
+)
 from .project import project_of
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .robots import load_robot
@@ -134,7 +145,7 @@ def learn(
     like = given.reading if given else None
     train_logs = read_logs(train, reading, arm.joint_names, output, like)
     test_logs = read_logs(test, reading, arm.joint_names, output, like)
-    settings = {"points": points, "sparse": sparse, "kernel": kernel, "inputs": inputs, "mean": mean}
+    settings: dict[str, Any] = {"points": points, "sparse": sparse, "kernel": kernel, "inputs": inputs, "mean": mean}
     with output.progress() as progress:
         model = SemiParametricModel(
             arm, effects=None if given else known, physics=given, n_jobs=jobs, progress=progress, **settings
@@ -154,8 +165,8 @@ def learn(
     with folder:
         model.save(folder.file("model.sgpr"))
         if test_logs:
-            found = {BEFORE: result.errors_before, AFTER: result.errors_after}
-            rows = predictions(test_logs, found | spread_of(result.errors_after, result.spread), arm.joint_names)
+            found: dict[str, Comparison | Pieces] = {BEFORE: result.errors_before, AFTER: result.errors_after}
+            rows = predictions(test_logs, {**found, **spread_of(result.errors_after, result.spread)}, arm.joint_names)
             data["left_out_of_predictions"] = left_out(rows)
             columns = {name: name for name in (BEFORE, AFTER, STD, INTERVAL)}
             write_table(folder.file("predictions.csv"), rows, arm.joint_names, columns, with_file=True)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import Recording, Robot, SgprError, repeated_share
+from .. import Robot, SgprError, repeated_share
 from .. import identify as identify_from
 from .. import screen as screen_with
 from ..report.numbers import counted, percent, significant
@@ -15,9 +15,6 @@ from .reading import Log, stretches
 
 GOOD, POOR = 100.0, 500.0
 """Condition numbers, columns scaled: optimised excitations reach 50 to 100."""
-
-AT_LIMIT = 0.995
-FEW, MOST = 0.001, 0.5
 
 REPEATED = 0.5
 """Share of a test log: motions of their own reach a third, as arms start at the same pose."""
@@ -41,7 +38,7 @@ def screened(
         **found,
         "condition": condition if np.isfinite(condition) else None,
         "excitation": excitation(condition, len(model.parameters), model.fit["undetermined"]),
-        "findings": [*said, *more, *saturated(robot, log.stretches), *outside(robot, log.stretches)],
+        "findings": [*said, *more],
     }
 
 
@@ -54,52 +51,6 @@ def excitation(condition: float, count: int, undetermined: Sequence[str]) -> str
         f"the motion excites all {counted(count, 'base parameter')}, {word}: the condition number is "
         f"{significant(condition, 3)} (columns scaled; optimised motions reach 50 to 100)"
     )
-
-
-def saturated(robot: Robot, stretches: Sequence[Recording]) -> list[str]:
-    """Torques at the limits of the robot file."""
-    texts = []
-    for k, name in enumerate(robot.joint_names):
-        limit = float(robot.limits["effort"][k])
-        torque = np.concatenate([np.abs(part.tau[:, k]) for part in stretches if part.tau is not None])
-        if not len(torque) or limit <= 0.0:
-            continue
-        share = float(np.mean(torque >= AT_LIMIT * limit))
-        if share > FEW:
-            unit = robot.torque_units[k]
-            check = "what the drive could not give is not in the model; leave these times out, or move slower"
-            texts.append(
-                f"the torque of {name} is at or above its limit of {significant(limit)} {unit} in "
-                f"{percent(100.0 * share)} % of the samples: {check}"
-            )
-    return texts
-
-
-def outside(robot: Robot, stretches: Sequence[Recording]) -> list[str]:
-    """Positions that the joint cannot have."""
-    texts = []
-    for k, name in enumerate(robot.joint_names):
-        low, high = float(robot.limits["lower"][k]), float(robot.limits["upper"][k])
-        position = np.concatenate([part.q[:, k] for part in stretches])
-        margin = 0.02 * (high - low)
-        if not np.isfinite(margin) or margin <= 0.0:
-            continue
-        share, as_degrees = (
-            float(np.mean((given < low - margin) | (given > high + margin)))
-            for given in (position, np.radians(position))
-        )
-        if share > FEW:
-            unit = robot.position_units[k]
-            check = (
-                "read as degrees it is inside; give the unit of the position"
-                if unit == "rad" and share > MOST and as_degrees <= FEW
-                else "check its sign, zero and unit, and the order of the joints"
-            )
-            texts.append(
-                f"the position of {name} is outside its limits of {significant(low)} to {significant(high)} {unit} in "
-                f"{percent(100.0 * share)} % of the samples: {check}"
-            )
-    return texts
 
 
 def repeated(train: Sequence[Log], test: Sequence[Log]) -> list[str]:

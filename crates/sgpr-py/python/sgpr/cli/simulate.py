@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from .. import Recording, __version__
+from .. import Model, Recording, Robot, __version__
 from .. import simulate as simulate_arm
 from ..report.numbers import significant
 from ..report.tracking import TrackingPage
@@ -83,8 +83,8 @@ def simulate(
             raise wrong_use("must be greater than zero", option)
     one_of(controller, CONTROLLERS, "--controller", "controller")
     check_not_input(out, [arm, motion, *([model] if model else [])])
-    truth = load_model(arm, joints) if kind_of(arm) == "model" else load_robot(arm, joints)
-    robot = getattr(truth, "robot", truth)
+    truth: Model | Robot = load_model(arm, joints) if kind_of(arm) == "model" else load_robot(arm, joints)
+    robot = truth.robot if isinstance(truth, Model) else truth
     drives = DRIVES[arm]() if arm in READY_MADE and not Path(arm).exists() else None
     known = None if model is None else load_model(model, joints)
     parts = read_log(motion, reading, robot.joint_names).stretches

@@ -9,6 +9,7 @@ import signal
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -154,8 +155,7 @@ def record_one(log: Log, kind: Kind, reading: dict[str, Any], storage: dict[str,
 
 def _completed(client: Any, jobs: Iterator[tuple[Any, ...]], total: int) -> Iterator[tuple[Log, Any]]:
     """Results as they come, never more than a few tasks ahead of the workers."""
-    from distributed import as_completed
-
+    as_completed = import_module("distributed").as_completed
     with client.as_current():
         waiting = as_completed()
     logs: dict[str, Log] = {}
@@ -187,12 +187,12 @@ def _completed(client: Any, jobs: Iterator[tuple[Any, ...]], total: int) -> Iter
 def _cluster(scheduler: str | None, workers: int | None) -> Iterator[Any]:
     """A client of the scheduler at an address, or of a cluster on this machine that ends with it."""
     try:
-        from distributed import Client, LocalCluster
+        dask = import_module("distributed")
     except ImportError:
         raise SgprError("a fleet needs Dask: pip install sgpr[fleet]") from None
     if scheduler is not None:
         try:
-            client = Client(scheduler, timeout="10s", set_as_default=False)
+            client = dask.Client(scheduler, timeout="10s", set_as_default=False)
         except (OSError, ValueError) as error:
             raise SgprError(f"{scheduler}: no scheduler of Dask answers there: {error}") from None
         with client:
@@ -202,14 +202,14 @@ def _cluster(scheduler: str | None, workers: int | None) -> Iterator[Any]:
         logging.getLogger(name).setLevel(logging.CRITICAL)
     # Ctrl-C is for this process: it ends its workers.
     with _without_interrupts():
-        cluster = LocalCluster(
+        cluster = dask.LocalCluster(
             n_workers=workers or os.cpu_count() or 1,
             threads_per_worker=1,
             dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,
             env={"RAYON_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
         )
-    with cluster, Client(cluster, set_as_default=False) as client:
+    with cluster, dask.Client(cluster, set_as_default=False) as client:
         yield client
 
 
@@ -240,7 +240,7 @@ def _local(path: str, storage: dict[str, Any]) -> Iterator[str]:
     if not is_remote(path):
         yield path.removeprefix("file://")
         return
-    import fsspec
+    fsspec = import_module("fsspec")
 
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / PurePosixPath(path).name

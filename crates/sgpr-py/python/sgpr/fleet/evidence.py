@@ -90,9 +90,9 @@ def find_jumps(tracks: Sequence[Track]) -> list[Found]:
     for freedom in FREEDOMS:
         places = [k for k, track in enumerate(tracks) if chosen[track.kind][2] == freedom]
         if places:
-            own = [tracks[k] for k in places]
-            prior = np.array([chosen[track.kind][1] for track in own])
-            found.update(zip(places, _Trellis(own).run(freedom, prior), strict=True))
+            of_kind: list[Track] = [tracks[k] for k in places]
+            prior = np.array([chosen[track.kind][1] for track in of_kind])
+            found.update(zip(places, _Trellis(of_kind).run(freedom, prior), strict=True))
     return [found[k] for k in range(len(tracks))]
 
 
@@ -214,7 +214,7 @@ class _Trellis:
             ahead, ahead_log = ahead / size, ahead_log + np.log(size[:, :, 0])
         return place
 
-    def _restart(self, state: "_State", track: int, place: int, end: int, freedom: float) -> None:
+    def _restart(self, state: "_State", track: int, place: int, end: int, freedom: int) -> None:
         """Forgets the level of before the jump, not the scatter."""
         post = np.exp(state.log[track] - state.log[track].max()) * state.quiet[track].sum(axis=1)
         state.prior[track] = post / post.sum()

@@ -110,8 +110,10 @@ def by_arm(records: Iterable[Record]) -> dict[tuple[str, str], list[Record]]:
         arms.setdefault((one.labels.get("type", ""), one.labels.get("robot", "")), []).append(one)
     for key, own in arms.items():
         own.sort(key=lambda one: (_time(one), one.source))
-        seen: set[Any] = set()
-        arms[key] = [one for one in own if not ((mark := (one.content_hash, one.counted)) in seen or seen.add(mark))]
+        first: dict[Any, Record] = {}
+        for one in own:
+            first.setdefault((one.content_hash, one.counted), one)
+        arms[key] = list(first.values())
     return arms
 
 

@@ -299,7 +299,7 @@ def _torque_size(robot: Robot) -> Array:
     """Root mean square torque of a motion, N·m, not below a hundredth of the largest."""
     motion = _motion(robot, np.random.default_rng(0))
     size = np.sqrt(np.mean(np.asarray(Model.nominal(robot).predict(*motion)) ** 2, axis=0))
-    return np.maximum(size, 0.05 * size.max())
+    return np.asarray(np.maximum(size, 0.05 * size.max()))
 
 
 def _log_name(arm: Arm, session: int) -> str:

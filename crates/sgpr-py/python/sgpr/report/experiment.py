@@ -49,7 +49,7 @@ def experiment_section(
             "name": joint,
             "x": rounded(time[keep]),
             "y": rounded(motion.q[keep, k]),
-            "line": {"width": 1.5, **line_of(k)},
+            "line": line_of(k) | {"width": 1.5},
         }
         for k, joint in enumerate(motion.joint_names)
     ]

@@ -87,7 +87,7 @@ class MotionPage:
                     "name": joint,
                     "x": rounded(time),
                     "y": rounded(values[:, k]),
-                    "line": {"width": 1.5, **line_of(k)},
+                    "line": line_of(k) | {"width": 1.5},
                 }
                 for k, joint in enumerate(self.robot.joint_names)
             ]
@@ -146,7 +146,7 @@ class MotionPage:
                     "name": f"search {int(number) + 1}",
                     "x": rounded(own[:, 1]),
                     "y": rounded(best),
-                    "line": {"width": 1.5, **line_of(int(number))},
+                    "line": line_of(int(number)) | {"width": 1.5},
                 }
             )
         label = f"best {self.found.criterion}, smoothed"

@@ -100,7 +100,7 @@ def certainty_plot(parameters: Sequence[dict[str, Any]]) -> tuple[Html, dict[str
 
 def left_out(p: dict[str, Any]) -> bool:
     """Whether the parameter is zero because the data do not support it."""
-    return p["standard_deviation"] == 0.0
+    return bool(p["standard_deviation"] == 0.0)
 
 
 def _row(p: dict[str, Any]) -> list[object]:

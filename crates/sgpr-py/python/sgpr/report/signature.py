@@ -95,7 +95,7 @@ def signature_figures(
 
 def _most_changed(finding: Mapping[str, Any]) -> str:
     before, after = finding["rmse_before"], finding["rmse_after"]
-    return max(before, key=lambda joint: before[joint] / max(after[joint], 1e-12))
+    return str(max(before, key=lambda joint: before[joint] / max(after[joint], 1e-12)))
 
 
 def _figure(
@@ -109,7 +109,7 @@ def _figure(
 
     def column(piece: LogResidual) -> Array:
         if variable == "t":
-            return piece.time_ns * 1e-9
+            return np.asarray(piece.time_ns * 1e-9, dtype=np.float64)
         if variable == "tau":
             return np.asarray(piece.predicted_in_band[:, joint])
         return np.asarray(getattr(piece, variable)[:, joint])

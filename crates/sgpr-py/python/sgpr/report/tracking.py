@@ -76,7 +76,7 @@ class TrackingPage:
                 "name": joint,
                 "x": rounded(self.run.t[::step]),
                 "y": rounded(values[::step, k]),
-                "line": {"width": 1.5, **line_of(k)},
+                "line": line_of(k) | {"width": 1.5},
             }
             for k, joint in enumerate(self.robot.joint_names)
         ]

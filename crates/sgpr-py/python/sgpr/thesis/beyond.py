@@ -76,7 +76,7 @@ def inertia(known: Known, motion: Trajectory) -> Array:
 
 def true_inertia(arm: Arm, motion: Trajectory) -> Array:
     """The same of the machine: links and rotors."""
-    return inertia(arm.robot, motion) + np.array([drive.rotor_inertia for drive in arm.drives])
+    return np.asarray(inertia(arm.robot, motion) + np.array([drive.rotor_inertia for drive in arm.drives]))
 
 
 def links_of(arm: Arm, model: Known) -> Robot:

@@ -123,7 +123,7 @@ class Arm:
         gains: tuple[float, float],
         models: Sequence[Known],
         seconds: float,
-        controller: str = "feed_forward",
+        controller: Any = "feed_forward",
         feed_forward: Array | None = None,
     ) -> Simulation:
         """The arm under feed-forward of the sum of the models and feedback at the joints (eq. 5-1).
@@ -206,7 +206,7 @@ def _with_stiction(drives: Sequence[Drive]) -> list[Drive]:
             rotor_inertia=drive.rotor_inertia,
             viscous_friction=drive.viscous_friction,
             coulomb_friction=drive.coulomb_friction,
-            static_friction=tuple(STICTION * size for size in drive.coulomb_friction),
+            static_friction=(STICTION * drive.coulomb_friction[0], STICTION * drive.coulomb_friction[1]),
             stribeck_velocity=STRIBECK_VELOCITY,
         )
         for drive in drives
@@ -268,7 +268,7 @@ def excitation(thesis: Thesis, arm: Arm, tell: Tell) -> None:
 
 def value_of(criterion: str, report: dict[str, Any]) -> float:
     """The criterion in a report; smaller is better."""
-    return -report["log_determinant"] if criterion == "d_optimality" else report[criterion]
+    return float(-report["log_determinant"] if criterion == "d_optimality" else report[criterion])
 
 
 def all_models(arm: Arm, logs: Sequence[Recording], settings: Settings) -> dict[str, Known]:

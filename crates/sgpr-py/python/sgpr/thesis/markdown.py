@@ -73,8 +73,8 @@ def _excitation(thesis: Thesis) -> Iterable[str]:
                     f"{row['seconds']:.0f}",
                 ]
             )
-    columns = ["robot", "columns", "criterion", "thesis's amplitudes", "found", "of the tightest limit", "s"]
-    yield _table(columns, rows)
+    titles = ["robot", "columns", "criterion", "thesis's amplitudes", "found", "of the tightest limit", "s"]
+    yield _table(titles, rows)
     every = [row for found in thesis.data["excitation"].values() for row in found["rows"]]
     beaten = sum(row["found"] < row["published"] for row in every)
     yield _text(
@@ -218,7 +218,8 @@ def _study(thesis: Thesis) -> Iterable[str]:
         "of the cut-off; below 0.05 rad/s stiction and the Stribeck slope rule. No model here describes that. Slow "
         "rows and those within a period of a turn are left out of all logs, and what outliers remain are weighed down."
     )
-    changes, hurt = [], {label: [] for label in labels}
+    changes: list[list[str]] = []
+    hurt: dict[str, list[str]] = {label: [] for label in labels}
     for row in table:
         before = next((other for other in table if f"HFS + {other['motion']}" == row["motion"]), None)
         if before is not None:
@@ -240,9 +241,9 @@ def _study(thesis: Thesis) -> Iterable[str]:
         yield _text(f"The series {where}.")
     yield from _terms(table)
     yield from _other_series(thesis, table)
-    better = [row["motion"] for row in table if _sum(row, SEMI_PARAMETRIC) < _sum(row, IDENTIFIED)]
+    follows = [row["motion"] for row in table if _sum(row, SEMI_PARAMETRIC) < _sum(row, IDENTIFIED)]
     yield _text(
-        f"The sum of *{SEMI_PARAMETRIC}* is below that of *{IDENTIFIED}* in {len(better)} of {len(table)} rows. Its "
+        f"The sum of *{SEMI_PARAMETRIC}* is below that of *{IDENTIFIED}* in {len(follows)} of {len(table)} rows. Its "
         "processes know no outliers, and rows in which dry friction turns between two samples would count in full: "
         "taken for errors that last for a while, which predictions leave out, or for a function of the motion."
     )

@@ -1,6 +1,6 @@
 """The figures as one page, numbered as in the thesis."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from .experiments import IDENTIFIED, INTERNAL, SEMI_PARAMETRIC, Thesis
 DRAWN = (INTERNAL, IDENTIFIED, SEMI_PARAMETRIC)
 
 WANTED = "wanted"
-WANTED_LINE = {"color": "#222222", "dash": "dot"}
+WANTED_LINE: dict[str, Any] = {"color": "#222222", "dash": "dot"}
 
 SHOWN_SAMPLES = 400
 HEIGHT = 300
@@ -54,7 +54,7 @@ class Figures:
         """None yet."""
         self.plots: dict[str, Any] = {}
 
-    def lines(self, label: str, unit: str, curves: dict[str, tuple[ArrayLike, ArrayLike]]) -> Html:
+    def lines(self, label: str, unit: str, curves: Mapping[str, tuple[ArrayLike, ArrayLike]]) -> Html:
         """A plot of curves over time."""
         data = []
         for index, (name, (time, values)) in enumerate(curves.items()):
@@ -67,14 +67,16 @@ class Figures:
                     "name": name,
                     "x": rounded(time[::step]),
                     "y": rounded(values[::step]),
-                    "line": {"width": 1.5, **(WANTED_LINE if name == WANTED else line_of(index))},
+                    "line": (WANTED_LINE if name == WANTED else line_of(index)) | {"width": 1.5},
                 }
             )
         settings: dict[str, Any] = {"xaxis": axis("time [s]"), "yaxis": axis(unit)}
         if len(curves) > 6:
             settings |= {"legend": {**LEGEND_BELOW, "y": -0.25}, "margin": {"l": 60, "r": 16, "t": 36, "b": 140}}
             return self._add(label, data, HEIGHT + 90, **settings)
-        return self._add(label, data, **settings, **({"margin": MANY_NAMES} if len(curves) > 4 else {}))
+        if len(curves) > 4:
+            settings["margin"] = MANY_NAMES
+        return self._add(label, data, **settings)
 
     def bars(self, label: str, unit: str, names: Sequence[str], groups: dict[str, ArrayLike]) -> Html:
         """A plot of grouped bars; errors differ by a factor of a thousand."""
@@ -89,7 +91,9 @@ class Figures:
             for index, (name, values) in enumerate(groups.items())
         ]
         # More than four names need two rows, which the tool bar would cover above the plot.
-        below = {"legend": LEGEND_BELOW, "margin": {"l": 60, "r": 16, "t": 36, "b": 80}} if len(groups) > 4 else {}
+        below: dict[str, Any] = {}
+        if len(groups) > 4:
+            below = {"legend": LEGEND_BELOW, "margin": {"l": 60, "r": 16, "t": 36, "b": 80}}
         return self._add(
             label, data, yaxis=axis(unit, type="log", dtick=1, range=_decades(data)), barmode="group", **below
         )
