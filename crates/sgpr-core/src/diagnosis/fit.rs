@@ -21,8 +21,8 @@ pub(super) struct Fitted {
     pub rigid: Arc<Vec<Rigid>>,
     /// What the columns have to explain: the torque less that of the model as it was, in the band.
     pub target: Arc<Column>,
-    /// Base columns, then those of the terms, in the band.
-    pub columns: Vec<Column>,
+    /// Base columns, then those of the terms, in the band; fits with the same transforms share them.
+    pub columns: Vec<Arc<Column>>,
     pub basis: Arc<Basis>,
     /// Noise by which the basis is whitened.
     noise: Noise,
@@ -61,11 +61,12 @@ pub(super) fn solve(problem: &Problem, start: &TorqueModel, terms: &[Term], nois
     let rigid = problem.rigid(&model);
     let base = problem.base_columns(&problem.base, &model, &rigid);
     let target = problem.target(&model, &rigid).into();
+    let base: Vec<Arc<Column>> = base.into_iter().map(Arc::new).collect();
     let basis = base_basis(problem, &base, noise);
     solve_with(problem, model, rigid, (base, basis), target, noise)
 }
 
-fn base_basis(problem: &Problem, columns: &[Column], noise: &Noise) -> Basis {
+fn base_basis(problem: &Problem, columns: &[Arc<Column>], noise: &Noise) -> Basis {
     let white: Vec<Column> = columns.iter().map(|column| noise.whiten(problem, column)).collect();
     Basis::with_first(&white, |index| problem.is_rotor(index))
 }
@@ -97,7 +98,7 @@ fn solve_with(
     problem: &Problem,
     mut model: TorqueModel,
     rigid: Vec<Rigid>,
-    (mut columns, mut basis): (Vec<Column>, Basis),
+    (mut columns, mut basis): (Vec<Arc<Column>>, Basis),
     target: Arc<Column>,
     noise: &Noise,
 ) -> Fitted {
@@ -105,7 +106,7 @@ fn solve_with(
     let of_terms: Vec<Vec<Column>> = terms.par_iter().map(|term| problem.term_columns(&model, &rigid, term)).collect();
     for column in of_terms.into_iter().flatten() {
         basis.push(&noise.whiten(problem, &column));
-        columns.push(column);
+        columns.push(column.into());
     }
     let mut white = noise.whiten(problem, &target);
     let values = basis.solve(&white);
@@ -115,7 +116,7 @@ fn solve_with(
     let chi2 = white.iter().map(|w| dot_in_lanes(w, w)).sum();
     let mut residual = target.to_vec();
     for (column, value) in columns.iter().zip(&values) {
-        for (r, c) in residual.iter_mut().zip(column) {
+        for (r, c) in residual.iter_mut().zip(column.iter()) {
             r.iter_mut().zip(c).for_each(|(r, c)| *r -= value * c);
         }
     }
@@ -375,7 +376,7 @@ pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) 
     for term in fitted.terms() {
         for factor in &term.coefficients {
             if is_timed(term) {
-                for (target, column) in target.iter_mut().zip(&fitted.columns[at]) {
+                for (target, column) in target.iter_mut().zip(fitted.columns[at].iter()) {
                     target.iter_mut().zip(column).for_each(|(target, x)| *target -= factor * x);
                 }
             } else {
@@ -418,21 +419,20 @@ pub(super) fn held_out(problem: &Problem, fitted: &Fitted, extra: &Extra<'_>, no
 /// Errors per joint and row in the band, each from a fit that its fold was left out of.
 fn held_out_rows(problem: &Problem, fitted: &Fitted, extra: &Extra<'_>, noise: &Noise, folds: &[Vec<usize>]) -> Column {
     let n = problem.dof();
-    let all: Vec<&Column> = fitted.columns.iter().chain(extra.columns).chain([&*fitted.target]).collect();
+    let own = fitted.columns.iter().map(|column| &**column);
+    let all: Vec<&Column> = own.chain(extra.columns).chain([&*fitted.target]).collect();
     let k = all.len();
     let weight: Vec<f64> = noise.level.iter().map(|level| 1.0 / (level * level)).collect();
     let count = folds.iter().flatten().max().map_or(0, |last| last + 1);
     let mut grams = vec![vec![0.0; k * k]; count];
-    // Per joint: its rows by blocks, and the columns that it has.
-    let mut orders: Vec<Vec<usize>> = Vec::new();
-    let mut sorted: Vec<Vec<(usize, Vec<f64>)>> = Vec::new();
-    for joint in 0..n {
-        let fold = &folds[joint];
+    let all = &all[..];
+    let present = |joint: usize| (0..k).filter(move |&c| !all[c][joint].is_empty());
+    for (joint, fold) in folds.iter().enumerate() {
+        // The columns that the joint has, their rows by blocks.
         let mut order: Vec<usize> = (0..fold.len()).collect();
         order.sort_by_key(|&row| fold[row]);
-        let present = (0..k).filter(|&c| !all[c][joint].is_empty());
         let own: Vec<(usize, Vec<f64>)> =
-            present.map(|c| (c, order.iter().map(|&row| all[c][joint][row]).collect())).collect();
+            present(joint).map(|c| (c, order.iter().map(|&row| all[c][joint][row]).collect())).collect();
         let mut first = 0;
         for (index, gram) in grams.iter_mut().enumerate() {
             let end = first + fold.iter().filter(|f| **f == index).count();
@@ -447,8 +447,6 @@ fn held_out_rows(problem: &Problem, fitted: &Fitted, extra: &Extra<'_>, noise: &
             }
             first = end;
         }
-        orders.push(order);
-        sorted.push(own);
     }
     let m = k - 1;
     let solutions: Vec<Vec<f64>> = (0..count)
@@ -468,15 +466,12 @@ fn held_out_rows(problem: &Problem, fitted: &Fitted, extra: &Extra<'_>, noise: &
         })
         .collect();
     let of_joint = |joint: usize| {
-        let mut errors = vec![0.0; orders[joint].len()];
-        let own_folds: Vec<usize> = orders[joint].iter().map(|&row| folds[joint][row]).collect();
-        for (c, values) in &sorted[joint] {
-            let values = values.iter().zip(&own_folds);
-            errors.iter_mut().zip(values).for_each(|(error, (value, fold))| *error += solutions[*fold][*c] * value);
+        let mut errors = vec![0.0; folds[joint].len()];
+        for c in present(joint) {
+            let values = all[c][joint].iter().zip(&folds[joint]);
+            errors.iter_mut().zip(values).for_each(|(error, (value, fold))| *error += solutions[*fold][c] * value);
         }
-        let mut by_row = vec![0.0; errors.len()];
-        orders[joint].iter().zip(errors).for_each(|(&row, error)| by_row[row] = error);
-        by_row
+        errors
     };
     (0..n).map(of_joint).collect()
 }

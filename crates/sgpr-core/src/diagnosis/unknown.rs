@@ -150,10 +150,12 @@ pub(super) fn features(problem: &Problem, joint: usize, group: &Group, length_sc
     columns
 }
 
-/// A Gaussian process on what a fit leaves at a joint.
+/// A Gaussian process on what a fit leaves at a joint. Its columns are made when they are asked for: hundreds of processes
+/// are tried, and few of them are looked at again.
 pub(super) struct Smooth {
+    joint: usize,
     group: Group,
-    columns: Vec<Column>,
+    length_scale: f64,
     /// Variance of the columns' factors, and the largest that was tried.
     variance: f64,
     largest: f64,
@@ -167,8 +169,8 @@ impl Smooth {
         /// As many are held against left-out blocks.
         const FINALISTS: usize = 5;
         let left = mean_square(&fitted.residual[joint]);
-        let of_group = |(group, scale): (Group, f64)| {
-            let columns = features(problem, joint, &group, scale);
+        let of_group = |(group, length_scale): (Group, f64)| {
+            let columns = features(problem, joint, &group, length_scale);
             if columns.is_empty() {
                 return None;
             }
@@ -176,7 +178,7 @@ impl Smooth {
             let of_unit_variance: f64 = columns.iter().map(|column| mean_square(&column[joint])).sum();
             let largest = LARGEST * LARGEST * left / of_unit_variance.max(f64::MIN_POSITIVE);
             let (variance, evidence) = evidence(fitted, &white, largest);
-            Some(Self { group, columns, variance, largest, evidence })
+            Some(Self { joint, group, length_scale, variance, largest, evidence })
         };
         let groups = Group::all(joint, problem.dof()).into_iter();
         let tried: Vec<(Group, f64)> = groups.flat_map(|group| LENGTH_SCALES.map(|s| (group.clone(), s))).collect();
@@ -193,17 +195,18 @@ impl Smooth {
 
     /// Errors on blocks of time that were left out, of the fit with the process beside it.
     fn left_out(&self, problem: &Problem, fitted: &Fitted, noise: &Noise) -> LeftOut {
-        left_out(problem, fitted, &self.extra(), noise)
+        let precision = 1.0 / self.variance.max(f64::MIN_POSITIVE);
+        left_out(problem, fitted, &Extra { columns: &self.columns(problem), precision }, noise)
     }
 
     /// Log evidence of the same process against none beside another fit.
     pub fn evidence_beside(&self, problem: &Problem, fitted: &Fitted, noise: &Noise) -> f64 {
-        let white: Vec<Column> = self.columns.iter().map(|c| noise.whiten(problem, c)).collect();
+        let white: Vec<Column> = self.columns(problem).iter().map(|c| noise.whiten(problem, c)).collect();
         evidence(fitted, &white, self.largest).1
     }
 
-    fn extra(&self) -> Extra<'_> {
-        Extra { columns: &self.columns, precision: 1.0 / self.variance.max(f64::MIN_POSITIVE) }
+    fn columns(&self, problem: &Problem) -> Vec<Column> {
+        features(problem, self.joint, &self.group, self.length_scale)
     }
 }
 

@@ -1,11 +1,15 @@
 //! Errors on blocks that were left out.
 
+use rayon::prelude::*;
+
 use super::super::evidence::{Comparison, LeftOut, SURE};
-use super::super::fit::{ByLog, Extra, Fitted, beyond, by_log, left_out};
+use super::super::fit::{ByLog, Extra, Fitted, beyond, by_log, held_out, left_out};
 use super::Search;
+use super::candidates::Candidate;
 use super::forward::is_limit;
 use crate::effects::Reach;
 use crate::model::Term;
+use crate::progress::Interrupted;
 
 /// An error of nothing, N·m (N).
 const TINY: f64 = 1e-12;
@@ -66,6 +70,29 @@ impl Search<'_> {
     pub(in super::super) fn errors(&self, fitted: &Fitted) -> HeldOut {
         let left_out = left_out(&self.problem, fitted, &Extra::default(), &self.noise);
         HeldOut { in_band: by_log(&self.problem, &left_out), left_out, beyond: beyond(&self.problem, fitted) }
+    }
+
+    /// What the best candidates do to the errors on blocks that were left out: all parameters are refitted beside each, its
+    /// constants stay.
+    pub(super) fn judge_best(&self, fitted: &Fitted, candidates: &mut [Candidate]) -> Result<(), Interrupted> {
+        const STAGE: &str = "errors of effects";
+        /// Of those with evidence.
+        const MOST: usize = 16;
+        const AT_ONCE: usize = 4;
+        let has_evidence = |c: &&mut Candidate| !c.impossible && c.score > 0.0 && c.term.effect.refines().is_none();
+        let mut best: Vec<&mut Candidate> = candidates.iter_mut().filter(has_evidence).take(MOST).collect();
+        let (count, without) = (best.len(), self.errors(fitted));
+        for (index, some) in best.chunks_mut(AT_ONCE).enumerate() {
+            self.step(STAGE, AT_ONCE * index, count)?;
+            some.par_iter_mut().for_each(|candidate| {
+                let columns = self.columns_of(fitted, &candidate.term);
+                let extra = Extra { columns: &columns, precision: 0.0 };
+                let in_band = held_out(&self.problem, fitted, &extra, &self.noise);
+                let with = in_band.iter().zip(&without.beyond).map(|(own, beyond)| own[0].hypot(beyond[0])).collect();
+                candidate.errors = Some([without.total(), with]);
+            });
+        }
+        self.step(STAGE, count, count)
     }
 
     /// A model without a term against the same with it, at the joints on which the term acts.

@@ -53,8 +53,8 @@ class Samples:
         self.tracks: list[Track] = [bench.track(name) for name in logs]
         if not self.tracks or any(step not in track.predicted for track in self.tracks):
             raise BadData("there is no prediction of this model yet")
-        self.masks = [track.counted[self.k] & np.isfinite(track.residual(step)[self.k]) for track in self.tracks]
-        self.residual = self._all(lambda track: track.residual(step)[self.k])
+        self.masks = [track.counted[self.k] & np.isfinite(track.residual(step, self.k)) for track in self.tracks]
+        self.residual = self._all(lambda track: track.residual(step, self.k))
         self.log = np.repeat(np.arange(len(logs)), [int(mask.sum()) for mask in self.masks])
 
     def _all(self, take: Any) -> Array:
@@ -85,13 +85,14 @@ class Samples:
         if kind == "channel":
             return self._all(lambda track: track.channels[which])
         if kind == "tau":
-            return self._all(lambda track: track.predicted_in_band[self.step][int(which)])
-        row = "measured_in_band" if kind == "measured" else kind
-        return self._all(lambda track: track.rows[row][int(which)])
+            return self._all(lambda track: track.in_band(self.step, int(which)))
+        if kind == "measured":
+            return self._all(lambda track: track.in_band("measured", int(which)))
+        return self._all(lambda track: track.rows[kind][int(which)])
 
     def gain(self, other: str) -> Array:
         """What another model predicts more."""
-        return self._all(lambda t: t.predicted_in_band[other][self.k] - t.predicted_in_band[self.step][self.k])
+        return self._all(lambda track: track.in_band(other, self.k) - track.in_band(self.step, self.k))
 
     def inside(self, region: Region) -> NDArray[np.bool_]:
         """Which samples are in a region."""
@@ -230,9 +231,9 @@ def whiteness(samples: Samples, decimation: int) -> list[dict[str, Any]]:
 def _longest(samples: Samples, decimation: int) -> tuple[Array, float]:
     best: tuple[Array, float] = (np.zeros(0), 1.0)
     for track in samples.tracks:
-        edges = [0, *track.starts, len(track.t)]
-        for first, last in pairwise(edges):
-            y = np.asarray(track.residual(samples.step)[samples.k, first : last : max(1, decimation)], dtype=float)
+        residual = track.residual(samples.step, samples.k)
+        for first, last in pairwise([0, *track.starts, len(track.t)]):
+            y = np.asarray(residual[first : last : max(1, decimation)], dtype=float)
             if len(y) > max(1, len(best[0])) and np.isfinite(y).all():
                 t = track.t[first : last : max(1, decimation)]
                 best = (y, float(1.0 / np.median(np.diff(t))))
