@@ -59,7 +59,7 @@ def test_torques_in_the_band_are_those_of_scipy(comparison: sgpr.Comparison, dem
     assert np.allclose(log.measured_in_band, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
     assert np.array_equal(processing.in_band(log.measured, log.rate_hz), log.measured_in_band)
     assert np.array_equal(processing.in_band(log.predicted[:, 2], log.rate_hz), log.predicted_in_band[:, 2])
-    with pytest.raises(sgpr.SgprError, match="too short"):
+    with pytest.raises(sgpr.SgprError, match="too few"):
         processing.in_band(log.measured[:5], log.rate_hz)
     with pytest.raises(ValueError, match="expected"):
         processing.in_band(np.zeros((3, 2, 2)), log.rate_hz)

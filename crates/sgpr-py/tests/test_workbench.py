@@ -34,7 +34,7 @@ from sgpr._workbench import server as server_module
 from sgpr._workbench import takeaway
 from sgpr._workbench.bench import Bench
 from sgpr._workbench.folder import Folder, guessed_roles
-from sgpr._workbench.residuals import Region, Samples, difference, whiteness
+from sgpr._workbench.residuals import Region, Samples, averages, difference, outline, whiteness
 from sgpr._workbench.running import Workbench
 from sgpr._workbench.running import opened as opened_at_once
 from sgpr._workbench.tracks import Track, piece
@@ -570,6 +570,19 @@ def test_time_left_is_that_of_the_stage(monkeypatch: pytest.MonkeyPatch) -> None
     work.start("work", task, pytest.fail)
     work.wait()
     assert [state["left"] for state in states if state is not None] == [None, None, 12, None, 6]
+
+
+def test_a_band_is_left_open_where_there_are_no_samples() -> None:
+    x = np.concatenate([np.linspace(0, 1, 100), np.linspace(3, 4, 100)])
+    centre, _, low, high = averages(x, np.sin(7 * x))
+    around_x, around_y = outline(centre, low, high)
+    (gap,) = np.flatnonzero(np.isnan(around_x))
+    for part, (start, end) in ((slice(0, gap), (0, 1)), (slice(gap + 1, None), (3, 4))):
+        assert start <= around_x[part].min() and around_x[part].max() <= end
+        count = len(around_x[part]) // 2
+        assert np.array_equal(around_x[part][:count], around_x[part][count:][::-1])
+        assert np.all(around_y[part][:count] <= around_y[part][count:][::-1])
+    assert [len(line) for line in outline(*np.zeros((3, 0)))] == [0, 0]
 
 
 def test_the_project_file_keeps_what_others_wrote(tmp_path: Path) -> None:

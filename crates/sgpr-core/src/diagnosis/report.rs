@@ -42,6 +42,9 @@ pub(super) fn report(
     let structure = structure::structure_of_fit(&search.problem, start);
     let of_last =
         if findings.is_empty() { structure.clone() } else { structure::structure_of_fit(&search.problem, last) };
+    let left_out = if findings.is_empty() { &outcome.held_out_before } else { &outcome.held_out };
+    // Takes the columns that are remembered: what comes after it needs the room.
+    let detectable = detectability::detectable(search, last, left_out)?;
     let formulas = if unexplained { formulas(search, last, left, &of_last) } else { vec![] };
     let names: Vec<&str> = model.robot().joint_names().collect();
     let words = |l: &Leftover| {
@@ -57,8 +60,6 @@ pub(super) fn report(
         (true, true) => Verdict::UnexplainedStructure,
         (false, true) => Verdict::NothingMissing,
     };
-    let left_out = if findings.is_empty() { &outcome.held_out_before } else { &outcome.held_out };
-    let detectable = detectability::detectable(search, last, left_out)?;
     Ok(Diagnosis {
         schema: 1,
         verdict,

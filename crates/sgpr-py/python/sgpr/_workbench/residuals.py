@@ -114,10 +114,10 @@ def against(
     keep = np.unique(np.linspace(0, len(x) - 1, min(SHOWN_POINTS, len(x))).astype(int))
     traces = _cloud(samples, x, y, keep, colour)
     centre, mean, low, high = averages(x, y)
+    around = outline(centre, low, high)
     traces += [
-        {**_line("", centre, high, INTERVAL), "line": {"width": 0}, "showlegend": False, "hoverinfo": "skip"},
-        {**_line("two thirds of the samples", centre, low, INTERVAL), "line": {"width": 0}, "fill": "tonexty",
-         "fillcolor": "rgba(86,180,233,.30)"},
+        {**_line("two thirds of the samples", *around, INTERVAL), "line": {"width": 0}, "fill": "toself",
+         "fillcolor": "rgba(86,180,233,.30)", "hoverinfo": "skip"},
         _line("mean", centre, mean, "#000000"),
     ]  # fmt: skip
     if other:
@@ -309,6 +309,19 @@ def averages(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
         found.append((np.nan,) * 4)
     centre, mean, low, high = np.array(found[:-1]).T
     return centre, mean, low, high
+
+
+def outline(x: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    """The line around a band, piece by piece where it has gaps: there and back, with no number between two pieces."""
+    known = np.isfinite(x)
+    ends = np.flatnonzero(np.diff(known.astype(int), prepend=0, append=0))
+    pieces = [slice(first, last) for first, last in ends.reshape(-1, 2)]
+    gap = np.full(1, np.nan)
+    around = [(np.concatenate([x[p], x[p][::-1], gap]), np.concatenate([low[p], high[p][::-1], gap])) for p in pieces]
+    if not around:
+        return np.zeros(0), np.zeros(0)
+    xs, ys = zip(*around, strict=True)
+    return np.concatenate(xs)[:-1], np.concatenate(ys)[:-1]
 
 
 def _range(values: Array) -> str:

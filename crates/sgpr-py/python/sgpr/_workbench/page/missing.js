@@ -51,7 +51,7 @@ function gained(one) {
   const best = joints.sort((a, b) => fall(one, b) - fall(one, a))[0];
   if (best === undefined) return "–";
   const value = fall(one, best);
-  return h("span", { class: value >= 0 ? "good" : "bad" }, `${best} ${value >= 0 ? "−" : "+"}${number(Math.abs(value), 2)} %`);
+  return h("span", { class: `pair ${value >= 0 ? "good" : "bad"}` }, `${best} ${value >= 0 ? "−" : "+"}${number(Math.abs(value), 2)} %`);
 }
 
 const others = (found) => found.candidates.filter((one) => !found.findings.some((other) => title(other) === title(one)));
@@ -87,7 +87,7 @@ function candidates(all, count, state, app, add) {
 function experiment(found, app) {
   if (!found.next_figure) return null;
   return h("section", { "aria-label": "Next experiment" }, h("h3", {}, "What to record next"),
-    found.next_experiment.map((one) => h("p", {}, `To tell ${one.about.map(words).join(" from ")}: ${one.experiment} (${number(one.seconds)} s). Log Bayes factor between them ${number(one.separation_now)} now, ${number(one.separation_expected)} expected with the motion.`)),
+    found.next_experiment.map((one) => h("p", {}, `To tell ${words(one.about[0])} from ${one.about.slice(1).map(words).join(" and ")}: ${one.experiment} (${number(one.seconds)} s). Log Bayes factor between them ${one.separation_now.toFixed(1)} now, ${one.separation_expected.toFixed(1)} expected with the motion.`)),
     h("p", { class: "soft" }, "It stays within what the logs show, but takes the arm to new poses: look for collisions first."),
     h("div", { id: "next-motion" }),
     button("The motion (next_experiment.csv)", () => save("next_experiment.csv").catch((error) => app.notice(error.message))));
