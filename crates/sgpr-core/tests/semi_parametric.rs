@@ -309,11 +309,10 @@ fn physics_of_a_single_log_is_judged_by_parts_that_it_has_not_seen() {
             [0..start, end..400].into_iter().filter(|range| !range.is_empty()).map(|range| log.slice(range)).collect();
         let (physics, _) = identify(&two_link(), &others, &identify_options, &()).expect("good logs");
         let found = compare(&physics, std::slice::from_ref(&log), None).expect("good");
-        for sample in start..end {
-            for joint in (0..2).filter(|joint| found.logs[0].counted[2 * sample + joint]) {
-                let [measured, predicted] = [&found.logs[0].measured_in_band, &found.logs[0].predicted_in_band]
-                    .map(|tau| tau[2 * sample + joint]);
-                squares[joint] += (measured - predicted).powi(2);
+        for joint in 0..2 {
+            let in_band = found.logs[0].in_band(joint);
+            for sample in (start..end).filter(|sample| found.logs[0].counts(2 * sample + joint)) {
+                squares[joint] += in_band.residual(sample).powi(2);
                 samples[joint] += 1.0;
             }
         }

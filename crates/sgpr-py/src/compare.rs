@@ -1,5 +1,6 @@
 //! Model against measurement.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use numpy::PyArrayDyn;
@@ -8,14 +9,16 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sgpr_core::identification::Row;
 use sgpr_core::model::{self as core, StreamedMotion, TorqueModel};
-use sgpr_core::motion::Motion;
-use sgpr_core::recording::Channel;
+use sgpr_core::motion::{self, Motion};
+use sgpr_core::recording::{self as logs, Channel};
 
 use crate::convert::{Numbers, array, view};
 use crate::detached::detached;
+use crate::diagnosis::as_python;
 use crate::errors::{IntoPyErr, invalid};
 use crate::identification::recordings;
 use crate::model::{Model, Processing, figure, html_table};
+use crate::recording::Recording;
 use crate::robot::Robot;
 use crate::simulation::semi_parametric;
 
@@ -65,7 +68,7 @@ pub fn compare(
     let recordings = self::recordings(recordings)?;
     let comparison =
         detached(py, || core::compare(&model, &recordings, processing.as_ref())).map_err(IntoPyErr::into_py_err)?;
-    Comparison::new(py, comparison)
+    Comparison::new(py, comparison, Compared { model, recordings: Arc::new(recordings) })
 }
 
 /// Compares what a predictor says one sample after the other with recordings: the torques of
@@ -106,17 +109,18 @@ pub fn compare_streaming(
     let motion = if causal { StreamedMotion::Causal } else { StreamedMotion::Filtered };
     let processing = processing.map(processing_of).transpose()?.flatten();
     let recordings = self::recordings(recordings)?;
-    let comparison = if let Ok(model) = model.cast::<Model>() {
+    let (comparison, model) = if let Ok(model) = model.cast::<Model>() {
         let model = model.get().inner.clone();
-        detached(py, || core::compare_streaming(&model, &recordings, processing.as_ref(), motion))
-            .map_err(IntoPyErr::into_py_err)?
+        let found = detached(py, || core::compare_streaming(&model, &recordings, processing.as_ref(), motion));
+        (found.map_err(IntoPyErr::into_py_err)?, model)
     } else if let Some(fitted) = semi_parametric(model)? {
         let fitted = fitted.get().inner.clone();
-        detached(py, || fitted.compare_streaming(&recordings, motion)).map_err(IntoPyErr::into_py_err)?
+        let found = detached(py, || fitted.compare_streaming(&recordings, motion));
+        (found.map_err(IntoPyErr::into_py_err)?, Arc::new(fitted.physics().clone()))
     } else {
         return Err(wrong_type("model", model, "Model or SemiParametricModel"));
     };
-    Comparison::new(py, comparison)
+    Comparison::new(py, comparison, Compared { model, recordings: Arc::new(recordings) })
 }
 
 pub fn processing_of(given: &Bound<'_, PyAny>) -> PyResult<Option<sgpr_core::motion::Processing>> {
@@ -142,15 +146,23 @@ pub struct Comparison {
     relative_error_percent: f64,
     relative_error_with_rests_percent: f64,
     logs: Vec<Py<LogResidual>>,
+    of: Compared,
+}
+
+/// What was compared: the model, of one with processes its physics, and the logs.
+#[derive(Clone)]
+pub struct Compared {
+    pub model: Arc<TorqueModel>,
+    pub recordings: Arc<Vec<logs::Recording>>,
 }
 
 impl Comparison {
     /// As the core made it.
-    pub fn new(py: Python<'_>, comparison: core::Comparison) -> PyResult<Self> {
+    pub fn new(py: Python<'_>, comparison: core::Comparison, of: Compared) -> PyResult<Self> {
         let core::Comparison { joints, relative_error_percent, relative_error_with_rests_percent, logs } = comparison;
         let dof = joints.len();
         let logs = logs.into_iter().map(|inner| Py::new(py, LogResidual { inner, dof })).collect::<PyResult<_>>()?;
-        Ok(Self { joints, relative_error_percent, relative_error_with_rests_percent, logs })
+        Ok(Self { joints, relative_error_percent, relative_error_with_rests_percent, logs, of })
     }
 
     /// The stretches of every log.
@@ -264,13 +276,26 @@ impl Comparison {
         slf.py().import("sgpr._views")?.call_method1("plot_found", (slf,))
     }
 
+    /// Writes the page of `sgpr compare`: errors joint by joint, torques, and what is left over anything.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : path
+    ///     Of the HTML file, which needs no other; complete or not there.
+    fn report(slf: &Bound<'_, Self>, path: PathBuf) -> PyResult<()> {
+        let Compared { model, recordings } = slf.get().of.clone();
+        let arguments = (slf, path, Model { inner: model, report: None }, as_python(&recordings));
+        slf.py().import("sgpr._pages")?.call_method1("comparison_page", arguments).map(drop)
+    }
+
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Parts<'py>)> {
         let py = slf.py();
         let own = slf.get();
+        let of = (Model { inner: own.of.model.clone(), report: None }, as_python(&own.of.recordings));
         let joints = own.joints.iter().map(|joint| joint_parts(joint.clone())).collect();
         let errors = (own.relative_error_percent, own.relative_error_with_rests_percent);
         let logs = own.logs.iter().map(|log| log_parts(log.bind(py))).collect::<PyResult<_>>()?;
-        Ok((slf.get_type().getattr("_from_parts")?, (joints, errors, logs)))
+        Ok((slf.get_type().getattr("_from_parts")?, (joints, errors, logs, of)))
     }
 
     #[staticmethod]
@@ -279,12 +304,15 @@ impl Comparison {
         joints: Vec<JointParts>,
         errors: (f64, f64),
         logs: Vec<Bound<'_, PyDict>>,
+        of: (PyRef<'_, Model>, Bound<'_, PyAny>),
     ) -> PyResult<Self> {
+        let (model, recordings) = of;
+        let of = Compared { model: model.inner.clone(), recordings: Arc::new(self::recordings(&recordings)?) };
         let joints: Vec<core::JointComparison> = joints.into_iter().map(joint_of).collect();
         let dof = joints.len();
         let residual = |log: &Bound<'_, PyDict>| Py::new(py, LogResidual { inner: log_of(log, dof)?, dof });
         let logs = logs.iter().map(residual).collect::<PyResult<_>>()?;
-        Ok(Self { joints, relative_error_percent: errors.0, relative_error_with_rests_percent: errors.1, logs })
+        Ok(Self { joints, relative_error_percent: errors.0, relative_error_with_rests_percent: errors.1, logs, of })
     }
 
     fn __repr__(&self) -> String {
@@ -307,7 +335,7 @@ impl Comparison {
 }
 
 /// What builds a comparison again.
-type Parts<'py> = (Vec<JointParts>, (f64, f64), Vec<Bound<'py, PyDict>>);
+type Parts<'py> = (Vec<JointParts>, (f64, f64), Vec<Bound<'py, PyDict>>, (Model, Vec<Recording>));
 /// Joint, unit, samples; the errors; the log of the largest one.
 type JointParts = ((String, String, usize), [f64; 11], String);
 
@@ -355,14 +383,11 @@ fn log_parts<'py>(log: &Bound<'py, LogResidual>) -> PyResult<Bound<'py, PyDict>>
     let inner = &log.get().inner;
     let flat = |values: &[f64]| array(py, &[values.len()], values.to_vec());
     let dict = PyDict::new(py);
-    dict.set_item("source", &inner.source)?;
-    dict.set_item("time", array(py, &[inner.time.len()], inner.time.clone())?)?;
-    dict.set_item("measured", flat(&inner.measured)?)?;
-    dict.set_item("predicted", flat(&inner.predicted)?)?;
-    dict.set_item("measured_in_band", flat(&inner.measured_in_band)?)?;
-    dict.set_item("predicted_in_band", flat(&inner.predicted_in_band)?)?;
-    dict.set_item("counted", array(py, &[inner.counted.len()], inner.counted.clone())?)?;
     let motion = &inner.motion;
+    dict.set_item("source", inner.source())?;
+    dict.set_item("time", array(py, &[inner.time().len()], inner.time().to_vec())?)?;
+    dict.set_item("predicted", flat(&inner.predicted)?)?;
+    dict.set_item("processing", inner.processing().to_json())?;
     dict.set_item("rate_hz", motion.rate_hz)?;
     for (name, values) in [("q", &motion.q), ("dq", &motion.dq), ("ddq", &motion.ddq)] {
         dict.set_item(name, flat(values)?)?;
@@ -400,12 +425,11 @@ fn log_of(dict: &Bound<'_, PyDict>, dof: usize) -> PyResult<core::LogResidual> {
         let values = Numbers::new("channels", &values)?.shaped(&[samples])?.values().to_vec();
         channels.push(Channel { name: name.extract()?, values });
     }
-    let source: String = item("source")?.extract()?;
     let tau = if item("tau")?.is_none() { None } else { Some(numbers("tau")?) };
     let motion = Motion {
-        source: source.clone(),
+        source: item("source")?.extract()?,
         rate_hz: item("rate_hz")?.extract()?,
-        time: time.clone(),
+        time,
         q: numbers("q")?,
         dq: numbers("dq")?,
         ddq: numbers("ddq")?,
@@ -414,16 +438,8 @@ fn log_of(dict: &Bound<'_, PyDict>, dof: usize) -> PyResult<core::LogResidual> {
         inner: flags("inner", samples)?,
         use_as: rows.into_iter().map(row_of).collect(),
     };
-    Ok(core::LogResidual {
-        source,
-        time,
-        measured: numbers("measured")?,
-        predicted: numbers("predicted")?,
-        measured_in_band: numbers("measured_in_band")?,
-        predicted_in_band: numbers("predicted_in_band")?,
-        counted: flags("counted", samples * dof)?,
-        motion,
-    })
+    let processing = motion::Processing::from_json(&item("processing")?.extract::<String>()?).map_err(invalid)?;
+    core::LogResidual::new(motion, numbers("predicted")?, &processing).map_err(IntoPyErr::into_py_err)
 }
 
 fn row_number(row: Row) -> u8 {
@@ -526,7 +542,16 @@ fn rows<'py, T: numpy::Element>(
     log: &Bound<'py, LogResidual>,
     pick: impl FnOnce(&LogResidual) -> &[T],
 ) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
-    view(log, &[log.get().inner.time.len(), log.get().dof], pick)
+    view(log, &[log.get().inner.time().len(), log.get().dof], pick)
+}
+
+impl LogResidual {
+    /// A read-only array, (N, n), of its own memory.
+    fn made<'py, T: numpy::Element>(&self, py: Python<'py>, values: Vec<T>) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+        let made = array(py, &[self.inner.time().len(), self.dof], values)?;
+        made.getattr("flags")?.setattr("writeable", false)?;
+        Ok(made)
+    }
 }
 
 #[pymethods]
@@ -534,19 +559,19 @@ impl LogResidual {
     /// Log.
     #[getter]
     fn source(&self) -> &str {
-        &self.inner.source
+        self.inner.source()
     }
 
     /// Time stamps, (N,), ns.
     #[getter]
     fn time_ns<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArrayDyn<i64>>> {
-        view(slf, &[slf.get().inner.time.len()], |log| &log.inner.time)
+        view(slf, &[slf.get().inner.time().len()], |log| log.inner.time())
     }
 
     /// Time since the first sample of the stretch, (N,), s.
     #[getter]
     fn t<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let time = &self.inner.time;
+        let time = self.inner.time();
         let start = time.first().copied().unwrap_or_default();
         array(py, &[time.len()], time.iter().map(|stamp| (stamp - start) as f64 * 1e-9).collect())
     }
@@ -554,7 +579,7 @@ impl LogResidual {
     /// Torque as logged, N·m (N).
     #[getter]
     fn measured<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        rows(slf, |log| &log.inner.measured)
+        rows(slf, |log| log.inner.measured())
     }
 
     /// Torque by the model, N·m (N).
@@ -563,22 +588,28 @@ impl LogResidual {
         rows(slf, |log| &log.inner.predicted)
     }
 
-    /// Measured, in the band of the model.
+    /// Measured, in the band of the model: filtered when it is asked for.
     #[getter]
-    fn measured_in_band<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        rows(slf, |log| &log.inner.measured_in_band)
+    fn measured_in_band<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.made(py, detached(py, || self.inner.measured_in_band()))
     }
 
-    /// Predicted, in the band of the model.
+    /// Predicted, in the band of the model: filtered when it is asked for.
     #[getter]
-    fn predicted_in_band<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        rows(slf, |log| &log.inner.predicted_in_band)
+    fn predicted_in_band<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.made(py, detached(py, || self.inner.predicted_in_band()))
     }
 
     /// Which of them count: the joint moves, and the ends of the stretch are far.
     #[getter]
-    fn counted<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArrayDyn<bool>>> {
-        rows(slf, |log| &log.inner.counted)
+    fn counted<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<bool>>> {
+        self.made(py, (0..self.inner.predicted.len()).map(|entry| self.inner.counts(entry)).collect())
+    }
+
+    /// Sampling rate of the stretch, Hz.
+    #[getter]
+    fn rate_hz(&self) -> f64 {
+        self.inner.motion.rate_hz
     }
 
     /// Filtered positions, rad (m).
@@ -600,6 +631,6 @@ impl LogResidual {
     }
 
     fn __repr__(&self) -> String {
-        format!("LogResidual('{}', {} samples)", self.inner.source, self.inner.time.len())
+        format!("LogResidual('{}', {} samples)", self.inner.source(), self.inner.time().len())
     }
 }

@@ -1,7 +1,7 @@
 //! Which effect a model lacks.
 
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -42,6 +42,9 @@ use crate::user_effect::{UserEffect, known_effects, registered};
 ///     and stay in ``diagnosis.model`` whatever comes out.
 /// progress : callable, optional
 ///     Called as ``progress(stage, done, total)``; what it raises stops the work, as Ctrl-C does.
+/// ranked : callable, optional
+///     Called with a list of dicts, the candidates as in diagnosis.json without their probabilities, once all are ranked:
+///     long before the search ends, and also if it is stopped after that. What it raises is raised at the end.
 ///
 /// Returns
 /// -------
@@ -61,7 +64,8 @@ use crate::user_effect::{UserEffect, known_effects, registered};
 /// 'coulomb_friction'
 /// >>> better = model.add(diagnosis.findings[0])
 #[pyfunction]
-#[pyo3(signature = (model, train, test=None, *, effects=None, add=None, progress=None), text_signature = "(model, train, test=(), *, effects=None, add=None, progress=None)")]
+#[pyo3(signature = (model, train, test=None, *, effects=None, add=None, progress=None, ranked=None), text_signature = "(model, train, test=(), *, effects=None, add=None, progress=None, ranked=None)")]
+#[expect(clippy::too_many_arguments, reason = "the keywords of Python")]
 pub fn diagnose(
     py: Python<'_>,
     model: &Bound<'_, Model>,
@@ -70,13 +74,29 @@ pub fn diagnose(
     effects: Option<&Bound<'_, PyAny>>,
     add: Option<Vec<String>>,
     progress: Option<Py<PyAny>>,
+    ranked: Option<Py<PyAny>>,
 ) -> PyResult<Diagnosis> {
     let train = Arc::new(recordings(train)?);
     let test = test.map(recordings).transpose()?.unwrap_or_default();
     let (catalogue, own) = catalogue(effects)?;
     let inner = model.get().inner.clone();
     let options = core::DiagnosisOptions { catalogue, by_hand: add.unwrap_or_default() };
-    let result = listen(py, progress, |progress| core::diagnose(&inner, &train, &test, &options, progress));
+    let refused = Mutex::new(None);
+    let tell = |candidates: &[core::Finding]| {
+        let Some(ranked) = &ranked else { return };
+        let text = candidates.iter().map(core::Finding::to_json).collect::<Vec<_>>().join(",");
+        let told = Python::attach(|py| {
+            let candidates = py.import("json")?.call_method1("loads", (format!("[{text}]"),))?;
+            ranked.call1(py, (candidates,))
+        });
+        if let Err(error) = told {
+            *refused.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+        }
+    };
+    let result = listen(py, progress, |progress| core::diagnose_with(&inner, &train, &test, &options, progress, &tell));
+    if let Some(error) = refused.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        return Err(error);
+    }
     for effect in own {
         if let Some(error) = effect.take_failure() {
             return Err(error);
@@ -359,7 +379,7 @@ fn as_model(model: &Arc<TorqueModel>) -> Model {
     Model { inner: model.clone(), report: None }
 }
 
-fn as_python(list: &[logs::Recording]) -> Vec<Recording> {
+pub fn as_python(list: &[logs::Recording]) -> Vec<Recording> {
     list.iter().map(|recording| recording.clone().into()).collect()
 }
 
@@ -448,6 +468,12 @@ impl Finding {
     #[getter]
     fn rmse_after(&self) -> core::ByJoint {
         self.inner.rmse_after.clone()
+    }
+
+    /// Largest fall of that error on a joint, percent of it; 0 for a candidate without evidence.
+    #[getter]
+    fn error_gained_percent(&self) -> f64 {
+        self.inner.error_gained_percent
     }
 
     /// One sentence.

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sgpr_core::effects::{Entry, by_name};
 use sgpr_core::excitation::{
-    self as core, Basis, Block, Criterion, ExciteOptions, MotionLimits, NominalEffects, Status, Surroundings,
+    self as core, Basis, Block, Criterion, ExciteOptions, MotionLimits, NominalEffects, Status, Step, Surroundings,
 };
 use sgpr_core::identification::{BaseParameters, ParameterSet};
 use sgpr_core::model::{Term, TorqueModel};
@@ -234,7 +234,7 @@ impl Trajectory {
             report.map(|report| (report, nominal))
         });
         let (report, nominal) = report.map_err(IntoPyErr::into_py_err)?;
-        report_dict(py, &report, nominal.as_ref())
+        report_dict(py, &report, nominal.as_ref().map(named).as_ref())
     }
 
     /// Largest values in continuous time.
@@ -316,9 +316,31 @@ impl Trajectory {
 pub struct Excitation {
     inner: core::Excitation,
     criterion: Criterion,
-    nominal: Option<NominalEffects>,
+    nominal: Option<Nominal>,
     robot: CoreRobot,
 }
+
+/// Values about which effects were judged, by name, and what no motion can tell from others.
+type Nominal = (Vec<(String, f64)>, Vec<String>);
+
+fn named(nominal: &NominalEffects) -> Nominal {
+    (nominal.names().into_iter().zip(nominal.values()).collect(), nominal.hidden().to_vec())
+}
+
+/// The motion; criterion, its value, share of a limit and its name, value of each search, whether it was interrupted; the
+/// rest.
+type Found = (
+    Trajectory,
+    (String, f64, f64, String, Vec<f64>, bool),
+    Revealed,
+    Largest,
+    Vec<(usize, usize, f64)>,
+    Option<Nominal>,
+);
+/// Conditions, those of the links, log determinant, singular values, rank, what is not told apart.
+type Revealed = ([f64; 3], Vec<f64>, f64, Vec<f64>, usize, Vec<String>);
+/// Positions, speeds, accelerations, torques.
+type Largest = (Vec<[f64; 2]>, Vec<f64>, Vec<f64>, Vec<f64>);
 
 #[pymethods]
 impl Excitation {
@@ -400,6 +422,71 @@ impl Excitation {
 
     fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("sgpr._views")?.call_method1("excitation_html", (slf,))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Found)> {
+        let own = slf.get();
+        let core::Excitation { value, report, peaks, utilisation, tightest, history, values, status, .. } =
+            own.inner.clone();
+        let criterion = own.criterion.name().to_string();
+        let conditions = [report.condition, report.scaled_condition, report.frobenius_condition];
+        let parts = (
+            own.trajectory(),
+            (criterion, value, utilisation, tightest, values, status == Status::Interrupted),
+            (
+                conditions,
+                report.link_conditions,
+                report.log_determinant,
+                report.singular_values,
+                report.rank,
+                report.not_told_apart,
+            ),
+            (peaks.position, peaks.velocity, peaks.acceleration, peaks.torque),
+            history.into_iter().map(|step| (step.start, step.evaluation, step.value)).collect(),
+            own.nominal.clone(),
+        );
+        Ok((slf.get_type().getattr("_from_parts")?, parts))
+    }
+
+    #[staticmethod]
+    fn _from_parts(
+        trajectory: PyRef<'_, Trajectory>,
+        search: (String, f64, f64, String, Vec<f64>, bool),
+        revealed: Revealed,
+        largest: Largest,
+        history: Vec<(usize, usize, f64)>,
+        nominal: Option<Nominal>,
+    ) -> PyResult<Self> {
+        let (criterion, value, utilisation, tightest, values, interrupted) = search;
+        let (conditions, link_conditions, log_determinant, singular_values, rank, not_told_apart) = revealed;
+        let (position, velocity, acceleration, torque) = largest;
+        let criterion = choice("criterion", &criterion, &Criterion::ALL.map(|known| (known.name(), known)))?;
+        let n = trajectory.robot.dof();
+        if [position.len(), velocity.len(), acceleration.len(), torque.len()] != [n; 4] {
+            return Err(invalid("not what was pickled: its parts do not belong together"));
+        }
+        let [condition, scaled_condition, frobenius_condition] = conditions;
+        let inner = core::Excitation {
+            trajectory: trajectory.inner.clone(),
+            value,
+            report: core::ExcitationReport {
+                condition,
+                scaled_condition,
+                frobenius_condition,
+                link_conditions,
+                log_determinant,
+                singular_values,
+                rank,
+                not_told_apart,
+            },
+            peaks: core::Peaks { position, velocity, acceleration, torque },
+            utilisation,
+            tightest,
+            history: history.into_iter().map(|(start, evaluation, value)| Step { start, evaluation, value }).collect(),
+            values,
+            status: if interrupted { Status::Interrupted } else { Status::Finished },
+        };
+        Ok(Self { inner, criterion, nominal, robot: trajectory.robot.clone() })
     }
 
     fn __repr__(&self) -> String {
@@ -532,7 +619,8 @@ pub fn excite(
         options.nominal = nominal(&robot, &set, &base, options.parameters.as_deref(), terms, duration);
         core::optimise(&robot, &set, &base, &options, &Once { progress, stopped: Mutex::new(false) })
     })?;
-    Ok(Excitation { inner: found, criterion: options.criterion, nominal: options.nominal, robot })
+    let nominal = options.nominal.as_ref().map(named);
+    Ok(Excitation { inner: found, criterion: options.criterion, nominal, robot })
 }
 
 /// The effects that enter by columns of the present joint motion, and the terms of the others: those of the model, or with
@@ -596,7 +684,7 @@ impl Progress for Once<'_> {
 fn report_dict<'py>(
     py: Python<'py>,
     report: &core::ExcitationReport,
-    nominal: Option<&NominalEffects>,
+    nominal: Option<&Nominal>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     dict.set_item("condition", report.condition)?;
@@ -609,13 +697,13 @@ fn report_dict<'py>(
     dict.set_item("rank", report.rank)?;
     dict.set_item("not_told_apart", &report.not_told_apart)?;
     dict.set_item("base_parameters", report.singular_values.len())?;
-    if let Some(nominal) = nominal {
+    if let Some((named, hidden)) = nominal {
         let values = PyDict::new(py);
-        for (name, value) in nominal.names().into_iter().zip(nominal.values()) {
+        for (name, value) in named {
             values.set_item(name, value)?;
         }
         dict.set_item("nominal", values)?;
-        dict.set_item("hidden", nominal.hidden())?;
+        dict.set_item("hidden", hidden)?;
     }
     Ok(dict)
 }

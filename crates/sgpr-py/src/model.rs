@@ -77,7 +77,7 @@ impl Model {
         let mut deviation = if return_std { torque.clone() } else { Vec::new() };
         for stretch in &found.logs {
             // Stamps increase, as the comparison has asked.
-            let Some(first) = stretch.time.first().and_then(|time| log.time().binary_search(time).ok()) else {
+            let Some(first) = stretch.time().first().and_then(|time| log.time().binary_search(time).ok()) else {
                 continue;
             };
             let place = first * n..first * n + stretch.predicted.len();
@@ -294,7 +294,7 @@ impl Model {
                 let text = finding.extract::<String>().map_err(|_| {
                     pyo3::exceptions::PyTypeError::new_err("finding: expected a Finding, or text such as effect@joint")
                 })?;
-                let added = crate::diagnosis::diagnose(py, slf, train, None, None, Some(vec![text]), None)?;
+                let added = crate::diagnosis::diagnose(py, slf, train, None, None, Some(vec![text]), None, None)?;
                 Ok(added.model())
             }
             (Err(_), None) => Err(invalid("train: an effect by hand is fitted to logs, which must be given")),
@@ -894,6 +894,40 @@ impl Processing {
     /// Samples at one sampling rate by which the filters reach over the end of a piece of a log, to fifteen digits.
     fn reach(&self, rate_hz: f64) -> PyResult<usize> {
         self.inner.reach(crate::convert::positive("rate_hz", rate_hz)?).map_err(IntoPyErr::into_py_err)
+    }
+
+    /// Torques in the band of the equations, the torque of a log through their filter, forwards and backwards: what errors
+    /// are counted in.
+    ///
+    /// Parameters
+    /// ----------
+    /// torque : array_like, (N,) or (N, n)
+    ///     Of one stretch without gaps, N·m (N).
+    /// rate_hz : float
+    ///     Its sampling rate, Hz.
+    ///
+    /// Returns
+    /// -------
+    /// numpy.ndarray
+    ///     As large as `torque`.
+    ///
+    /// Raises
+    /// ------
+    /// SgprError
+    ///     If the stretch is shorter than the filter, or the rate cannot hold its cut-off.
+    fn in_band<'py>(&self, py: Python<'py>, torque: &Bound<'py, PyAny>, rate_hz: f64) -> PyResult<Array<'py>> {
+        let rate_hz = crate::convert::positive("rate_hz", rate_hz)?;
+        let torque = Numbers::new("torque", torque)?.finite()?;
+        let shape = torque.shape().to_vec();
+        let columns = match shape[..] {
+            [_] => 1,
+            [_, columns] if columns > 0 => columns,
+            _ => return Err(invalid(format!("torque: got {shape:?}, expected (N,) or (N, n)"))),
+        };
+        let mut values = torque.values().to_vec();
+        let filtered = detached(py, || self.inner.in_band(&mut values, columns, rate_hz));
+        filtered.map_err(IntoPyErr::into_py_err)?;
+        array(py, &shape, values)
     }
 
     /// The processing that `to_json` wrote.

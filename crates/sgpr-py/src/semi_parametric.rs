@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use sgpr_core::model::{self as core, Inputs, Mean, SemiParametricError, SemiParametricOptions, StreamOptions};
 
-use crate::compare::Comparison;
+use crate::compare::{Compared, Comparison};
 use crate::convert::{Numbers, Samples, array, choice, whole};
 use crate::detached::detached;
 use crate::dynamics::motion;
@@ -26,6 +26,12 @@ type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 #[pyclass(module = "sgpr._sgpr", frozen)]
 pub struct FittedSemiParametric {
     pub(crate) inner: Arc<core::SemiParametricModel>,
+}
+
+impl FittedSemiParametric {
+    fn compared(&self, recordings: Vec<sgpr_core::recording::Recording>) -> Compared {
+        Compared { model: Arc::new(self.inner.physics().clone()), recordings: Arc::new(recordings) }
+    }
 }
 
 /// Fits a model, on top of physics if it is given; returns it and what stopped the work, if anything did.
@@ -145,7 +151,7 @@ impl FittedSemiParametric {
     fn compare(&self, py: Python<'_>, recordings: &Bound<'_, PyAny>) -> PyResult<Comparison> {
         let recordings = self::recordings(recordings)?;
         let comparison = detached(py, || self.inner.compare(&recordings)).map_err(IntoPyErr::into_py_err)?;
-        Comparison::new(py, comparison)
+        Comparison::new(py, comparison, self.compared(recordings))
     }
 
     /// The same, and for each of the comparison's logs the standard deviation, half the interval of 95 % and the novelty
@@ -165,7 +171,7 @@ impl FittedSemiParametric {
             Ok([result(standard_deviation)?, result(interval_95)?, result(novelty)?])
         };
         let spreads = predictions.into_iter().map(spread).collect::<PyResult<_>>()?;
-        Ok((Comparison::new(py, comparison)?, spreads))
+        Ok((Comparison::new(py, comparison, self.compared(recordings))?, spreads))
     }
 
     /// Mean over joints of the share of the variance that is explained.

@@ -1,10 +1,13 @@
 """Model against measurement."""
 
 import json
+import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
 import sgpr
+from scipy import signal
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +48,31 @@ def test_curves_are_those_of_log_and_model(
     assert np.array_equal(log.predicted, demo_model.predict(log.q, log.dq, log.ddq))
     assert np.shares_memory(log.q, log.q)
     assert not log.measured.flags.writeable
+
+
+def test_torques_in_the_band_are_those_of_scipy(comparison: sgpr.Comparison, demo_model: sgpr.Model) -> None:
+    (log,) = comparison.logs
+    processing = demo_model.processing
+    assert processing is not None and processing.torque_cutoff_hz is not None
+    sections = signal.butter(processing.order, processing.torque_cutoff_hz, fs=log.rate_hz, output="sos")
+    expected = signal.sosfiltfilt(sections, log.measured, axis=0)
+    assert np.allclose(log.measured_in_band, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    assert np.array_equal(processing.in_band(log.measured, log.rate_hz), log.measured_in_band)
+    assert np.array_equal(processing.in_band(log.predicted[:, 2], log.rate_hz), log.predicted_in_band[:, 2])
+    with pytest.raises(sgpr.SgprError, match="too few"):
+        processing.in_band(log.measured[:5], log.rate_hz)
+    with pytest.raises(ValueError, match="expected"):
+        processing.in_band(np.zeros((3, 2, 2)), log.rate_hz)
+
+
+def test_a_comparison_has_a_page(comparison: sgpr.Comparison, tmp_path: Path) -> None:
+    for number, one in enumerate([comparison, pickle.loads(pickle.dumps(comparison))]):
+        path = tmp_path / f"{number}.html"
+        one.report(path)
+        page = path.read_text(encoding="utf-8")
+        assert comparison.logs[0].source in page
+        assert all(joint.joint in page for joint in comparison.joints)
+    assert (tmp_path / "0.html").read_text() == (tmp_path / "1.html").read_text()
 
 
 def test_columns_and_tables(comparison: sgpr.Comparison, demo_robot: sgpr.Robot) -> None:

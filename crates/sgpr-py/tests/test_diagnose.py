@@ -3,6 +3,7 @@
 import csv
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -81,12 +82,57 @@ def test_candidates_alone_are_not_added(model: sgpr.Model, diagnosis: sgpr.Diagn
         model.add(mere)
 
 
+def test_what_a_candidate_would_gain(model: sgpr.Model, diagnosis: sgpr.Diagnosis, logs: list[sgpr.Recording]) -> None:
+    told: list[list[dict[str, Any]]] = []
+
+    def stop(stage: str, done: int, total: int) -> None:
+        if told:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        sgpr.diagnose(model, logs[:2], progress=stop, ranked=told.append)
+    (candidates,) = told
+    listed = {(one.effect, *one.joints): one.score for one in diagnosis.candidates[1:]}
+    assert set(listed) < {(one["effect"], *one["joints"]) for one in candidates}
+    # A spring has no constants to be refined: added by hand it is the fit that the ranking has judged.
+    spring = candidates[0]
+    assert (spring["effect"], spring["joints"]) == ("cable_stiffness", ["joint_1"])
+    (added,) = sgpr.diagnose(model, logs[:2], effects=["cable_stiffness"], add=["cable_stiffness@joint_1"]).findings
+    for rmse, expected in (("rmse_before", added.rmse_before), ("rmse_after", added.rmse_after)):
+        assert spring[rmse]["joint_1"] == pytest.approx(expected["joint_1"], rel=0.05)
+    share = 100 * (1 - spring["rmse_after"]["joint_1"] / spring["rmse_before"]["joint_1"])
+    assert spring["error_gained_percent"] == pytest.approx(share)
+    finding = diagnosis.findings[0]
+    fall = 100 * (1 - finding.rmse_after["joint_1"] / finding.rmse_before["joint_1"])
+    assert finding.error_gained_percent >= fall > 50.0
+    weak = [one for one in candidates if one["score"] <= 0.0]
+    assert weak and all(one["error_gained_percent"] == 0.0 for one in weak)
+
+
+def test_what_hears_of_candidates_may_fail(model: sgpr.Model, logs: list[sgpr.Recording]) -> None:
+    def hears(candidates: list[dict[str, Any]]) -> None:
+        raise RuntimeError("no room on the page")
+
+    with pytest.raises(RuntimeError, match="no room"):
+        sgpr.diagnose(model, logs[:2], effects=["cable_stiffness"], ranked=hears)
+
+
+def test_an_effect_that_cannot_act_there_is_refused_at_once(model: sgpr.Model, logs: list[sgpr.Recording]) -> None:
+    def never(stage: str, done: int, total: int) -> None:
+        raise AssertionError(stage)
+
+    for name, why in (("torque_ripple", "give `effect@joint`"), ("torque_riple@joint_1", "torque_ripple")):
+        with pytest.raises(sgpr.SgprError, match=why):
+            sgpr.diagnose(model, logs[:2], add=[name], progress=never)
+
+
 def test_plain_data_has_the_keys_of_the_file(diagnosis: sgpr.Diagnosis) -> None:
     data = diagnosis.to_dict()
     assert data["schema"] == 1
     assert data["verdict"] == diagnosis.verdict
     keys = {"effect", "joints", "probability", "parameters", "rmse_before", "rmse_after", "evidence"}
-    assert keys | {"confusable_with", "separating_experiment"} <= set(data["findings"][0])
+    keys |= {"confusable_with", "separating_experiment", "error_gained_percent"}
+    assert keys <= set(data["findings"][0])
     assert set(data["joints"]["joint_1"]) == {"rmse_before", "rmse_after", "noise", "fit_before", "fit_after"}
     assert "temperature_dependent_friction" in diagnosis.not_testable
     assert data["detectable"] == diagnosis.detectable

@@ -102,6 +102,17 @@ def test_joints_may_share_a_kernel(
         sgpr.SemiParametricModel(robot, inputs="own_velocity", **settings).fit(demo_logs)
 
 
+def test_it_has_the_page_of_its_command(
+    model: sgpr.SemiParametricModel, demo_logs: list[sgpr.Recording], test_log: list[sgpr.Recording], tmp_path: Path
+) -> None:
+    model.report(tmp_path / "rest.html", demo_logs[:1], test_log)
+    page = (tmp_path / "rest.html").read_text(encoding="utf-8")
+    assert all(f"{joint.rmse:.3g}" in page for joint in model.compare(test_log).joints)
+    assert test_log[0].source in page
+    with pytest.raises(AttributeError, match="not fitted yet"):
+        sgpr.SemiParametricModel(model.physics_.robot).report(tmp_path / "none.html", demo_logs)
+
+
 def test_far_from_the_data_the_physics_is_alone(model: sgpr.SemiParametricModel) -> None:
     far = np.full((2, 6), 300.0)
     tau, std, interval, novelty = model.predict(

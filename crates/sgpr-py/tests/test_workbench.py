@@ -34,10 +34,11 @@ from sgpr._workbench import server as server_module
 from sgpr._workbench import takeaway
 from sgpr._workbench.bench import Bench
 from sgpr._workbench.folder import Folder, guessed_roles
-from sgpr._workbench.residuals import Region, Samples, difference, whiteness
+from sgpr._workbench.residuals import Region, Samples, averages, difference, outline, whiteness
 from sgpr._workbench.running import Workbench
 from sgpr._workbench.running import opened as opened_at_once
 from sgpr._workbench.tracks import Track, piece
+from sgpr._workbench.work import Work
 from sgpr.cli.errors import BadData
 
 EFFECTS = ["viscous_friction", "coulomb_friction"]
@@ -176,6 +177,33 @@ def test_script_and_commands_make_the_same_model(arm: Path, monkeypatch: pytest.
         assert done_here.code == 0, done_here.err
     assert (arm / "step_2" / "model.sgpr").read_bytes() == expected
     assert "cable_stiffness" in takeaway.report(bench)
+
+
+def test_commands_that_judge_find_logs_and_robot_in_the_project(arm: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened([str(arm)])
+    monkeypatch.chdir(arm)
+    assert run("identify", "--out", "out", "--quiet").code == 0
+
+    def same(short: list[str], long: list[str]) -> None:
+        found = [run("compare", *names, "--json") for names in (short, long)]
+        assert [one.code for one in found] == [0, 0], found[0].err
+        assert json.loads(found[0].out) == json.loads(found[1].out)
+
+    same(["out/model.sgpr"], ["out/model.sgpr", "test.csv"])
+    same(["test.csv"], ["two_link", "test.csv"])
+    same(["train_1.csv", "train_2.csv"], ["two_link", "train_1.csv", "train_2.csv"])
+    assert run("predict", "out/model.sgpr", "--out", "a.csv", "--quiet").code == 0
+    assert run("predict", "out/model.sgpr", "test.csv", "--out", "b.csv", "--quiet").code == 0
+    assert (arm / "a.csv").read_text() == (arm / "b.csv").read_text()
+    assert run("predict", "test.csv", "--out", "c.csv", "--quiet").code == 0
+    text = (arm / "sgpr.toml").read_text()
+    (arm / "sgpr.toml").write_text(text.replace('test = ["test.csv"]', "test = []"))
+    several = run("predict", "out/model.sgpr", "--out", "d.csv")
+    assert several.code == 2 and "train_1.csv, train_2.csv" in several.err
+    (arm / "sgpr.toml").unlink()
+    for wanting, what in ((["out/model.sgpr"], "FILE"), (["test.csv"], "MODEL")):
+        refused = run("compare", *wanting)
+        assert refused.code == 2 and what in refused.err and "sgpr.toml" in refused.err
 
 
 def test_branches_and_taking_back(arm: Path) -> None:
@@ -434,7 +462,9 @@ def test_the_peaks_of_blocks_are_those_of_all_samples() -> None:
     line = rng.standard_normal((1, 300_000)).astype(np.float32)
     line[0, 123_456], line[0, 7], line[0, 299_999] = 50.0, -40.0, 60.0
     line[0, 5000:5200] = np.nan
-    track = Track(np.arange(300_000) * 1e-3, [], np.ones((1, 300_000), bool), {"measured": line, "q": line})
+    track = Track(
+        np.arange(300_000) * 1e-3, [], [1000.0], None, np.ones((1, 300_000), bool), {"measured": line, "q": line}
+    )
     track.predicted["m1"] = np.ones_like(line)
     for kind, shift in (("torque", 0.0), ("residual", 1.0)):
         [lines], every = piece(track, ["m1"], kind, (-1.0, 1e9), 500)
@@ -486,13 +516,73 @@ def test_noise_alone_stays_in_the_bands(arm: Path) -> None:
     rng = np.random.default_rng(0)
     track = samples.tracks[0]
     noise = rng.standard_normal(track.rows["q"].shape).astype(np.float32)
-    track.predicted_in_band["m2"] = track.rows["measured_in_band"] - noise
+    track.processing, track.predicted["m2"] = None, track.rows["measured"] - noise
+    track.bands.clear()
     for figure in whiteness(samples, 1):
         band, line = figure["data"]
         low, high = min(band["y"]), max(band["y"])
         values = np.array(line["y"])
         outside = np.mean((values < low) | (values > high))
         assert outside < 0.1, outside
+
+
+def test_candidates_are_there_before_the_search_ends(arm: Path) -> None:
+    bench = opened([str(arm)])
+    bench.use("m1")
+    bench.diagnose()
+    deadline = time.monotonic() + 120.0
+    while bench.to_dict()["ranked"] is None and time.monotonic() < deadline:
+        time.sleep(0.02)
+    bench.work.cancel()
+    bench.work.wait(60.0)
+    state = bench.to_dict()
+    assert state["diagnosis"] is None and "cancelled" in state["message"]["text"]
+    best = state["ranked"][0]
+    assert (best["effect"], best["joints"]) == ("cable_stiffness", ["joint_2"])
+    assert best["error_gained_percent"] > 50.0
+    # The same logs, the same model: kept. Other logs: not.
+    bench.use("m2")
+    assert bench.to_dict()["ranked"] is None
+    bench.set_role("train_2.csv", "off")
+    bench.work.wait(60.0)
+    bench.use("m1")
+    assert bench.to_dict()["ranked"] is None
+
+
+def test_time_left_is_that_of_the_stage(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [100.0]
+    monkeypatch.setattr("sgpr._workbench.work.time.monotonic", lambda: now[0])
+    work = Work(lambda: None)
+    states = []
+
+    def task(progress: Any) -> None:
+        for stage, done, total, at in (
+            ("a", 0, 10, 100.0),
+            ("a", 2, 10, 100.5),
+            ("a", 4, 10, 108.0),
+            ("b", 0, 4, 109.0),
+            ("b", 1, 4, 111.0),
+        ):
+            now[0] = at
+            progress(stage, done, total)
+            states.append(work.state())
+
+    work.start("work", task, pytest.fail)
+    work.wait()
+    assert [state["left"] for state in states if state is not None] == [None, None, 12, None, 6]
+
+
+def test_a_band_is_left_open_where_there_are_no_samples() -> None:
+    x = np.concatenate([np.linspace(0, 1, 100), np.linspace(3, 4, 100)])
+    centre, _, low, high = averages(x, np.sin(7 * x))
+    around_x, around_y = outline(centre, low, high)
+    (gap,) = np.flatnonzero(np.isnan(around_x))
+    for part, (start, end) in ((slice(0, gap), (0, 1)), (slice(gap + 1, None), (3, 4))):
+        assert start <= around_x[part].min() and around_x[part].max() <= end
+        count = len(around_x[part]) // 2
+        assert np.array_equal(around_x[part][:count], around_x[part][count:][::-1])
+        assert np.all(around_y[part][:count] <= around_y[part][count:][::-1])
+    assert [len(line) for line in outline(*np.zeros((3, 0)))] == [0, 0]
 
 
 def test_the_project_file_keeps_what_others_wrote(tmp_path: Path) -> None:

@@ -129,6 +129,7 @@ fn told(case: &Case, model: &TorqueModel) -> Result<TorqueModel, Failure> {
         parameters: vec![],
         rmse_before: BTreeMap::new(),
         rmse_after: BTreeMap::new(),
+        error_gained_percent: 0.0,
         evidence: String::new(),
         confusable_with: vec![],
         separating_experiment: String::new(),

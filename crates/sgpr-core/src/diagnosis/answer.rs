@@ -55,8 +55,11 @@ pub struct Finding {
     pub parameters: Vec<FoundParameter>,
     /// Error on blocks of time that no fit has seen, of the model with all findings but this, N·m (N).
     pub rmse_before: ByJoint,
-    /// The same with it.
+    /// The same with it; of a candidate with its constants as they were ranked.
     pub rmse_after: ByJoint,
+    /// Largest fall of that error on a joint, percent of it: negative if it only rises, 0 for a candidate without evidence.
+    #[serde(default)]
+    pub error_gained_percent: f64,
     /// One sentence.
     pub evidence: String,
     /// Effects that these logs tell from it badly; `effect@joint` is the same one elsewhere.
@@ -235,6 +238,14 @@ impl Finding {
     /// The fields as JSON.
     pub fn to_json(&self) -> String {
         serde_json::to_string(self).expect("finite numbers and strings")
+    }
+
+    /// The same with the fall of its error.
+    pub(super) fn with_gain(mut self) -> Self {
+        let fall = |(joint, before): (&String, &f64)| Some(100.0 * (1.0 - self.rmse_after.get(joint)? / before));
+        let falls = self.rmse_before.iter().filter_map(fall).filter(|fall| fall.is_finite());
+        self.error_gained_percent = falls.reduce(f64::max).unwrap_or(0.0);
+        self
     }
 
     fn take_terms(&mut self, before: &TorqueModel, after: &TorqueModel) {

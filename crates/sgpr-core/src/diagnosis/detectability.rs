@@ -94,8 +94,9 @@ pub(super) fn detectable(
     let columns = search.take_columns(fitted, &terms)?;
     let pairs: Vec<(Term, Vec<Column>)> = terms.into_iter().zip(columns).collect();
     let search = &*search;
+    // The columns go as they are projected.
     let all: Vec<Projected> =
-        pairs.par_iter().map(|(term, columns)| projected(search, &basis, term, columns)).collect();
+        pairs.into_par_iter().map(|(term, columns)| projected(search, &basis, term, &columns)).collect();
     // Of every effect at every site one point of the grid stands for all.
     let mut subjects: Vec<&Projected> = Vec::new();
     let mut first = 0;
@@ -109,13 +110,13 @@ pub(super) fn detectable(
     Ok(subjects.par_iter().filter_map(|subject| one(search, subject, &all, left)).collect())
 }
 
-fn projected(search: &Search<'_>, basis: &Basis, term: &Term, columns: &[Column]) -> Projected {
+fn projected(search: &Search<'_>, basis: &Basis, term: Term, columns: &[Column]) -> Projected {
     let white: Vec<Column> = columns.iter().map(|column| search.noise.whiten(&search.problem, column)).collect();
     let shares = basis.shares(&white);
     let lengths = white.iter().map(|column| dot(column, column)).collect();
     let size = columns.first().map_or(vec![], |column| column.iter().map(|own| rms(own)).collect());
     let k = white.len();
-    let own = Projected { term: term.clone(), white, shares, gram: vec![], lengths, size };
+    let own = Projected { term, white, shares, gram: vec![], lengths, size };
     Projected { gram: (0..k * k).map(|i| own.product(i / k, &own, i % k)).collect(), ..own }
 }
 

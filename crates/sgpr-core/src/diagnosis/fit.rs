@@ -22,8 +22,8 @@ pub(super) struct Fitted {
     pub rigid: Arc<Vec<Rigid>>,
     /// What the columns have to explain: the torque less that of the model as it was, in the band.
     pub target: Arc<Column>,
-    /// Base columns, then those of the terms, in the band.
-    pub columns: Vec<Column>,
+    /// Base columns, then those of the terms, in the band; fits with the same transforms share them.
+    pub columns: Vec<Arc<Column>>,
     pub basis: Arc<Basis>,
     /// Noise by which the basis is whitened.
     noise: Noise,
@@ -62,11 +62,12 @@ pub(super) fn solve(problem: &Problem, start: &TorqueModel, terms: &[Term], nois
     let rigid = problem.rigid(&model);
     let base = problem.base_columns(&problem.base, &model, &rigid);
     let target = problem.target(&model, &rigid).into();
+    let base: Vec<Arc<Column>> = base.into_iter().map(Arc::new).collect();
     let basis = base_basis(problem, &base, noise);
     solve_with(problem, model, rigid, (base, basis), target, noise)
 }
 
-fn base_basis(problem: &Problem, columns: &[Column], noise: &Noise) -> Basis {
+fn base_basis(problem: &Problem, columns: &[Arc<Column>], noise: &Noise) -> Basis {
     let white: Vec<Column> = columns.iter().map(|column| noise.whiten(problem, column)).collect();
     Basis::with_first(&white, |index| problem.is_rotor(index))
 }
@@ -98,7 +99,7 @@ fn solve_with(
     problem: &Problem,
     mut model: TorqueModel,
     rigid: Vec<Rigid>,
-    (mut columns, mut basis): (Vec<Column>, Basis),
+    (mut columns, mut basis): (Vec<Arc<Column>>, Basis),
     target: Arc<Column>,
     noise: &Noise,
 ) -> Fitted {
@@ -106,7 +107,7 @@ fn solve_with(
     let of_terms: Vec<Vec<Column>> = terms.par_iter().map(|term| problem.term_columns(&model, &rigid, term)).collect();
     for column in of_terms.into_iter().flatten() {
         basis.push(&noise.whiten(problem, &column));
-        columns.push(column);
+        columns.push(column.into());
     }
     let mut white = noise.whiten(problem, &target);
     let values = basis.solve(&white);
@@ -116,7 +117,7 @@ fn solve_with(
     let chi2 = white.iter().map(|w| dot_in_lanes(w, w)).sum();
     let mut residual = target.to_vec();
     for (column, value) in columns.iter().zip(&values) {
-        for (r, c) in residual.iter_mut().zip(column) {
+        for (r, c) in residual.iter_mut().zip(column.iter()) {
             r.iter_mut().zip(c).for_each(|(r, c)| *r -= value * c);
         }
     }
@@ -368,7 +369,7 @@ pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) 
     for term in fitted.terms() {
         for factor in &term.coefficients {
             if is_timed(term) {
-                for (target, column) in target.iter_mut().zip(&fitted.columns[at]) {
+                for (target, column) in target.iter_mut().zip(fitted.columns[at].iter()) {
                     target.iter_mut().zip(column).for_each(|(target, x)| *target -= factor * x);
                 }
             } else {

@@ -149,12 +149,14 @@ fn dictionary(joint: usize, dof: usize) -> Vec<Product> {
 
 /// A formula for what `fitted` leaves at `joint`, if one helps on blocks of time that no fit has seen.
 pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: usize) -> Option<Formula> {
-    let n = problem.dof();
-    let products = dictionary(joint, n);
-    let columns: Vec<Column> = products.chunks(AT_ONCE).flat_map(|some| raw(problem, fitted, joint, some)).collect();
-    let white: Vec<Vec<f64>> = columns.iter().map(|c| noise.whiten(problem, c).swap_remove(joint)).collect();
-    let at_joint = |z: &Vec<f64>| -> Column { (0..n).map(|j| if j == joint { z.clone() } else { vec![] }).collect() };
-    let shares = fitted.basis.shares(&white.iter().map(at_joint).collect::<Vec<_>>());
+    let products = dictionary(joint, problem.dof());
+    // Hundreds of columns: what is not whitened is made again for the few that are chosen.
+    let whitened = |some: &[Product]| -> Vec<Column> {
+        raw(problem, fitted, joint, some).iter().map(|column| noise.whiten(problem, column)).collect()
+    };
+    let white: Vec<Column> = products.chunks(AT_ONCE).flat_map(whitened).collect();
+    let shares = fitted.basis.shares(&white);
+    let white: Vec<&Vec<f64>> = white.iter().map(|column| &column[joint]).collect();
     let y = &fitted.white[joint];
     let fold = &problem.fold[joint];
     // Products with the residual by block, the last entry their sum; squared lengths after projection.
@@ -172,6 +174,7 @@ pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: 
     let rows = y.len().max(2) as f64;
     let invisible = |k: usize, length: f64| length <= 0.02 * whole[k].max(f64::MIN_POSITIVE);
     let mut chosen: Vec<usize> = Vec::new();
+    let mut columns: Vec<Column> = Vec::new();
     let mut stability: Vec<f64> = Vec::new();
     // Of each chosen column: its products with all columns, those chosen before it taken out, over its length.
     let mut before: Vec<Vec<f64>> = Vec::new();
@@ -189,8 +192,8 @@ pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: 
         if score < EVIDENCE {
             break;
         }
-        let extra: Vec<Column> = chosen.iter().chain([&best]).map(|k| columns[*k].clone()).collect();
-        let with = fits.errors_with(&Extra { columns: &extra, precision: 0.0 }, &[joint]).mean_square(joint).sqrt();
+        columns.extend(raw(problem, fitted, joint, &products[best..=best]));
+        let with = fits.errors_with(&Extra { columns: &columns, precision: 0.0 }, &[joint]).mean_square(joint).sqrt();
         if with > (1.0 - MATERIAL) * error {
             break;
         }
@@ -199,7 +202,7 @@ pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: 
         stability.push(same as f64 / FOLDS as f64);
         let products_with: Vec<f64> = (0..products.len())
             .map(|k| {
-                let plain = dot_in_lanes(&white[k], &white[best]) - dot_in_lanes(&shares[k], &shares[best]);
+                let plain = dot_in_lanes(white[k], white[best]) - dot_in_lanes(&shares[k], &shares[best]);
                 plain - before.iter().map(|row| row[k] * row[best]).sum::<f64>()
             })
             .collect();
@@ -215,8 +218,9 @@ pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: 
     }
     let terms: Vec<Chosen<'_>> = chosen
         .iter()
+        .zip(&columns)
         .zip(stability)
-        .map(|(k, stability)| Chosen { product: &products[*k], column: &columns[*k], stability })
+        .map(|((k, column), stability)| Chosen { product: &products[*k], column, stability })
         .collect();
     (!terms.is_empty()).then(|| written(problem, fitted, noise, joint, &terms, error))
 }

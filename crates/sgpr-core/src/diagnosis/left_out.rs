@@ -4,6 +4,9 @@
 //! of z. What one more effect would change on left-out blocks so costs little more than its products with the columns of
 //! the joints on which it acts.
 
+use std::ops::Range;
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::basis::{Factor, Noise};
@@ -24,23 +27,15 @@ pub(super) struct Extra<'a> {
 
 /// Fits to all folds but one, for each of them.
 pub(super) struct FoldFits {
-    joints: Vec<JointRows>,
+    columns: Vec<Arc<Column>>,
+    target: Arc<Column>,
+    /// Per fold: joints and contiguous rows of it.
+    blocks: Vec<Vec<(usize, Range<usize>)>>,
     /// Weight of a joint's rows, 1/(N·m)² (1/N²).
     weights: Vec<f64>,
     folds: Vec<FoldFit>,
-}
-
-/// The rows of a joint, fold by fold.
-struct JointRows {
-    /// Of each row its place among the rows of the problem.
-    order: Vec<usize>,
-    /// Where the folds begin, and the end.
-    bounds: Vec<usize>,
-    /// The columns that the joint has, with their indices.
-    columns: Vec<(usize, Vec<f64>)>,
-    target: Vec<f64>,
     /// Predicted less measured, each from the fit without its fold.
-    errors: Vec<f64>,
+    errors: Column,
 }
 
 /// The fit without a fold.
@@ -50,101 +45,65 @@ struct FoldFit {
     forward: Vec<f64>,
 }
 
-impl JointRows {
-    fn new(columns: &[Column], target: &Column, joint: usize, folds: &[usize], count: usize) -> Self {
-        let mut order: Vec<usize> = (0..folds.len()).collect();
-        order.sort_by_key(|&row| folds[row]);
-        let bounds = (0..=count).map(|fold| order.partition_point(|&row| folds[row] < fold)).collect();
-        let sorted = |values: &[f64]| -> Vec<f64> { order.iter().map(|&row| values[row]).collect() };
-        let present = columns.iter().enumerate().filter(|(_, column)| !column[joint].is_empty());
-        let columns = present.map(|(index, column)| (index, sorted(&column[joint]))).collect();
-        let target = sorted(&target[joint]);
-        Self { bounds, columns, errors: vec![0.0; order.len()], target, order }
-    }
-
-    fn fold(&self, fold: usize) -> std::ops::Range<usize> {
-        self.bounds[fold]..self.bounds[fold + 1]
-    }
-
-    /// Values of the rows in their order among the rows of the problem.
-    fn unsorted(&self, values: &[f64]) -> Vec<f64> {
-        let mut by_row = vec![0.0; values.len()];
-        self.order.iter().zip(values).for_each(|(&row, value)| by_row[row] = *value);
-        by_row
-    }
-}
-
 impl FoldFits {
     /// The fits of `columns` to a target, each joint weighted by its noise; `folds` per joint and row.
-    pub fn new(columns: &[Column], target: &Column, noise: &Noise, folds: &[Vec<usize>]) -> Self {
-        let count = folds.iter().flatten().max().map_or(0, |last| last + 1);
+    pub fn new(columns: &[Arc<Column>], target: &Arc<Column>, noise: &Noise, folds: &[Vec<usize>]) -> Self {
         let weights: Vec<f64> = noise.level.iter().map(|level| 1.0 / (level * level)).collect();
-        let of_joint = |joint: usize| JointRows::new(columns, target, joint, &folds[joint], count);
-        let mut joints: Vec<JointRows> = (0..folds.len()).map(of_joint).collect();
+        let blocks = blocks_of(folds);
         let m = columns.len();
-        let products: Vec<(Vec<f64>, Vec<f64>)> =
-            (0..count).into_par_iter().map(|fold| products_of_fold(&joints, &weights, fold, m)).collect();
+        let all: Vec<&Column> = columns.iter().map(|column| &**column).collect();
+        let of_fold = |blocks: &Vec<(usize, Range<usize>)>| Products::new(&all, &[], target, blocks, &weights);
+        let products: Vec<Products> = blocks.par_iter().map(of_fold).collect();
         let without = |left_out: usize| {
-            let (mut gram, mut along) = (vec![0.0; m * m], vec![0.0; m]);
-            for (_, (own, of_target)) in products.iter().enumerate().filter(|(fold, _)| *fold != left_out) {
-                gram.iter_mut().zip(own).for_each(|(sum, x)| *sum += x);
-                along.iter_mut().zip(of_target).for_each(|(sum, x)| *sum += x);
-            }
-            let lengths: Vec<f64> = (0..m).map(|i| gram[i * m + i]).collect();
-            let factor = Factor::new(&gram, &lengths, INVISIBLE);
-            let forward = factor.forward(&along);
+            let sum = Products::without(&products, left_out, m, 0);
+            let lengths: Vec<f64> = (0..m).map(|i| sum.gram[i * m + i]).collect();
+            let factor = Factor::new(&sum.gram, &lengths, INVISIBLE);
+            let forward = factor.forward(&sum.target);
             FoldFit { factor, forward }
         };
-        let folds: Vec<FoldFit> = (0..count).into_par_iter().map(without).collect();
-        let solutions: Vec<Vec<f64>> = folds.iter().map(|fold| fold.factor.backward(&fold.forward)).collect();
-        for rows in &mut joints {
-            rows.errors = rows.target.iter().map(|target| -target).collect();
-            for fold in 0..count {
-                let own = rows.bounds[fold]..rows.bounds[fold + 1];
-                add_columns(&mut rows.errors[own.clone()], &rows.columns, &own, &solutions[fold]);
+        let folds: Vec<FoldFit> = (0..blocks.len()).into_par_iter().map(without).collect();
+        let mut errors: Column = target.iter().map(|target| target.iter().map(|target| -target).collect()).collect();
+        for (blocks, fold) in blocks.iter().zip(&folds) {
+            let solution = fold.factor.backward(&fold.forward);
+            for (joint, rows) in blocks {
+                add_columns(&mut errors[*joint][rows.clone()], &all, &solution, (*joint, rows));
             }
         }
-        Self { joints, weights, folds }
+        Self { columns: columns.to_vec(), target: target.clone(), blocks, weights, folds, errors }
     }
 
     /// Errors on what was left out.
     pub fn errors(&self) -> LeftOut {
-        LeftOut { rows: self.joints.iter().map(|rows| rows.unsorted(&rows.errors)).collect() }
+        LeftOut { rows: self.errors.clone() }
     }
 
     /// The same of fits with columns beside those of the model, at some joints; at the others those without them.
     pub fn errors_with(&self, extra: &Extra<'_>, joints: &[usize]) -> LeftOut {
-        let k = extra.columns.len();
-        let sorted: Vec<Vec<Vec<f64>>> =
-            self.joints.iter().enumerate().map(|(j, rows)| rows.sorted(extra, j)).collect();
-        let (changes, factors): (Vec<Vec<f64>>, Vec<Vec<f64>>) = self.changes(extra, &sorted).into_iter().unzip();
-        let of_joint = |(joint, rows): (usize, &JointRows)| {
-            let mut errors = rows.errors.clone();
-            for fold in (0..self.folds.len()).filter(|_| joints.contains(&joint)) {
-                let own = rows.fold(fold);
-                add_columns(&mut errors[own.clone()], &rows.columns, &own, &changes[fold]);
-                for column in (0..k).filter(|&column| !sorted[joint][column].is_empty()) {
-                    let values = &sorted[joint][column][own.clone()];
-                    errors[own.clone()].iter_mut().zip(values).for_each(|(e, x)| *e += factors[fold][column] * x);
-                }
+        let own: Vec<&Column> = self.columns.iter().map(|column| &**column).collect();
+        let beside: Vec<&Column> = extra.columns.iter().collect();
+        let mut errors = self.errors.clone();
+        for (blocks, (changes, factors)) in self.blocks.iter().zip(self.changes(extra.precision, &own, &beside)) {
+            for (joint, rows) in blocks.iter().filter(|(joint, _)| joints.contains(joint)) {
+                let errors = &mut errors[*joint][rows.clone()];
+                add_columns(errors, &own, &changes, (*joint, rows));
+                add_columns(errors, &beside, &factors, (*joint, rows));
             }
-            rows.unsorted(&errors)
-        };
-        LeftOut { rows: self.joints.iter().enumerate().map(of_joint).collect() }
+        }
+        LeftOut { rows: errors }
     }
 
     /// Per fold by how much the model's parameters change with columns beside it, and the factors of these.
-    fn changes(&self, extra: &Extra<'_>, sorted: &[Vec<Vec<f64>>]) -> Vec<(Vec<f64>, Vec<f64>)> {
-        let (m, k) = (self.folds.first().map_or(0, |fold| fold.forward.len()), extra.columns.len());
-        let products: Vec<Products> =
-            (0..self.folds.len()).map(|fold| self.products_with(sorted, fold, m, k)).collect();
+    fn changes(&self, precision: f64, own: &[&Column], beside: &[&Column]) -> Vec<(Vec<f64>, Vec<f64>)> {
+        let (m, k) = (own.len(), beside.len());
+        let of_fold =
+            |blocks: &Vec<(usize, Range<usize>)>| Products::new(beside, own, &self.target, blocks, &self.weights);
+        let products: Vec<Products> = self.blocks.iter().map(of_fold).collect();
         let of_fold = |(left_out, fold): (usize, &FoldFit)| {
-            let mut sum = Products::zeros(m, k);
-            products.iter().enumerate().filter(|(other, _)| *other != left_out).for_each(|(_, own)| sum.add(own));
-            let lengths: Vec<f64> = (0..k).map(|i| sum.gram[i * k + i] + extra.precision).collect();
-            let along: Vec<Vec<f64>> = sum.across.chunks(m.max(1)).map(|across| fold.factor.forward(across)).collect();
+            let sum = Products::without(&products, left_out, k, m);
+            let lengths: Vec<f64> = (0..k).map(|i| sum.gram[i * k + i] + precision).collect();
+            let along: Vec<Vec<f64>> = (0..k).map(|i| fold.factor.forward(&sum.across[i * m..(i + 1) * m])).collect();
             let schur = |i: usize, j: usize| {
-                let prior = if i == j { extra.precision } else { 0.0 };
+                let prior = if i == j { precision } else { 0.0 };
                 sum.gram[i * k + j] + prior - dot_in_lanes(&along[i], &along[j])
             };
             let complement: Vec<f64> = (0..k * k).map(|i| schur(i / k, i % k)).collect();
@@ -156,41 +115,25 @@ impl FoldFits {
             }
             (fold.factor.backward(&taken), factors)
         };
-        if m == 0 || k == 0 {
-            return vec![(vec![0.0; m], vec![0.0; k]); self.folds.len()];
-        }
         self.folds.iter().enumerate().map(of_fold).collect()
     }
+}
 
-    fn products_with(&self, sorted: &[Vec<Vec<f64>>], fold: usize, m: usize, k: usize) -> Products {
-        let mut sum = Products::zeros(m, k);
-        for ((rows, own), weight) in self.joints.iter().zip(sorted).zip(&self.weights) {
-            let at = rows.fold(fold);
-            let present: Vec<usize> = (0..k).filter(|&column| !own[column].is_empty()).collect();
-            for &a in &present {
-                let z = &own[a][at.clone()];
-                sum.target[a] += weight * dot_in_lanes(z, &rows.target[at.clone()]);
-                present.iter().for_each(|&b| sum.gram[a * k + b] += weight * dot_in_lanes(z, &own[b][at.clone()]));
-                let across = &mut sum.across[a * m..(a + 1) * m];
-                rows.columns.iter().for_each(|(c, x)| across[*c] += weight * dot_in_lanes(z, &x[at.clone()]));
-            }
+/// Per fold its joints and contiguous rows.
+fn blocks_of(folds: &[Vec<usize>]) -> Vec<Vec<(usize, Range<usize>)>> {
+    let count = folds.iter().flatten().max().map_or(0, |last| last + 1);
+    let mut blocks = vec![vec![]; count];
+    for (joint, folds) in folds.iter().enumerate() {
+        let mut first = 0;
+        for block in folds.chunk_by(|a, b| a == b) {
+            blocks[block[0]].push((joint, first..first + block.len()));
+            first += block.len();
         }
-        sum
     }
+    blocks
 }
 
-impl JointRows {
-    /// The rows of columns beside the model, fold by fold; empty where a column has none.
-    fn sorted(&self, extra: &Extra<'_>, joint: usize) -> Vec<Vec<f64>> {
-        let of_column = |column: &Column| match &column[joint] {
-            values if values.is_empty() => vec![],
-            values => self.order.iter().map(|&row| values[row]).collect(),
-        };
-        extra.columns.iter().map(of_column).collect()
-    }
-}
-
-/// Products of columns beside a model in one fold: with each other, with the target and with the model's columns.
+/// Products of columns in one fold: with each other, with the target and with other columns.
 struct Products {
     gram: Vec<f64>,
     target: Vec<f64>,
@@ -198,41 +141,54 @@ struct Products {
 }
 
 impl Products {
-    fn zeros(m: usize, k: usize) -> Self {
-        Self { gram: vec![0.0; k * k], target: vec![0.0; k], across: vec![0.0; k * m] }
-    }
-
-    fn add(&mut self, other: &Self) {
-        let both =
-            [(&mut self.gram, &other.gram), (&mut self.target, &other.target), (&mut self.across, &other.across)];
-        both.into_iter().for_each(|(sum, own)| sum.iter_mut().zip(own).for_each(|(sum, x)| *sum += x));
-    }
-}
-
-/// Adds columns times factors to some rows.
-fn add_columns(out: &mut [f64], columns: &[(usize, Vec<f64>)], rows: &std::ops::Range<usize>, factors: &[f64]) {
-    for (index, values) in columns.iter().filter(|(index, _)| factors[*index] != 0.0) {
-        out.iter_mut().zip(&values[rows.clone()]).for_each(|(out, x)| *out += factors[*index] * x);
-    }
-}
-
-/// Products of the model's columns with each other and with the target in one fold.
-fn products_of_fold(joints: &[JointRows], weights: &[f64], fold: usize, m: usize) -> (Vec<f64>, Vec<f64>) {
-    let (mut gram, mut along) = (vec![0.0; m * m], vec![0.0; m]);
-    for (rows, weight) in joints.iter().zip(weights) {
-        let at = rows.fold(fold);
-        for (a, (i, x)) in rows.columns.iter().enumerate() {
-            along[*i] += weight * dot_in_lanes(&x[at.clone()], &rows.target[at.clone()]);
-            for (j, y) in &rows.columns[..=a] {
-                let value = weight * dot_in_lanes(&x[at.clone()], &y[at.clone()]);
-                gram[i * m + j] += value;
-                if i != j {
-                    gram[j * m + i] += value;
+    fn new(
+        columns: &[&Column],
+        others: &[&Column],
+        target: &Column,
+        blocks: &[(usize, Range<usize>)],
+        weights: &[f64],
+    ) -> Self {
+        let (k, m) = (columns.len(), others.len());
+        let mut own = Self { gram: vec![0.0; k * k], target: vec![0.0; k], across: vec![0.0; k * m] };
+        for (joint, rows) in blocks {
+            let weight = weights[*joint];
+            let present = |columns: &[&Column]| -> Vec<usize> {
+                (0..columns.len()).filter(|&column| !columns[column][*joint].is_empty()).collect()
+            };
+            let (mine, theirs) = (present(columns), present(others));
+            for (index, &a) in mine.iter().enumerate() {
+                let x = &columns[a][*joint][rows.clone()];
+                own.target[a] += weight * dot_in_lanes(x, &target[*joint][rows.clone()]);
+                for &b in &mine[..=index] {
+                    own.gram[a * k + b] += weight * dot_in_lanes(x, &columns[b][*joint][rows.clone()]);
+                }
+                for &b in &theirs {
+                    own.across[a * m + b] += weight * dot_in_lanes(x, &others[b][*joint][rows.clone()]);
                 }
             }
         }
+        for a in 0..k {
+            (0..a).for_each(|b| own.gram[b * k + a] = own.gram[a * k + b]);
+        }
+        own
     }
-    (gram, along)
+
+    /// The sum of all folds but one, for `k` columns and `m` others.
+    fn without(all: &[Self], left_out: usize, k: usize, m: usize) -> Self {
+        let mut sum = Self { gram: vec![0.0; k * k], target: vec![0.0; k], across: vec![0.0; k * m] };
+        for (_, own) in all.iter().enumerate().filter(|(fold, _)| *fold != left_out) {
+            let parts = [(&mut sum.gram, &own.gram), (&mut sum.target, &own.target), (&mut sum.across, &own.across)];
+            parts.into_iter().for_each(|(sum, own)| sum.iter_mut().zip(own).for_each(|(sum, x)| *sum += x));
+        }
+        sum
+    }
+}
+
+/// Adds columns times factors to some rows of a joint.
+fn add_columns(out: &mut [f64], columns: &[&Column], factors: &[f64], (joint, rows): (usize, &Range<usize>)) {
+    for (column, factor) in columns.iter().zip(factors).filter(|(column, _)| !column[joint].is_empty()) {
+        out.iter_mut().zip(&column[joint][rows.clone()]).for_each(|(out, x)| *out += factor * x);
+    }
 }
 
 #[cfg(test)]
@@ -276,7 +232,8 @@ mod tests {
         let folds: Vec<Vec<usize>> =
             vec![(0..40).map(|k| (k / 4) % 5).collect(), (0..40).map(|k| (k / 3) % 5).collect()];
         let noise = Noise::white(&vec![vec![1.0; 40]; 2]);
-        let fits = FoldFits::new(&model, &target, &noise, &folds);
+        let shared: Vec<Arc<Column>> = model.iter().cloned().map(Arc::new).collect();
+        let fits = FoldFits::new(&shared, &Arc::new(target.clone()), &noise, &folds);
         let close = |own: &LeftOut, other: &Column| {
             for (own, other) in own.rows.iter().flatten().zip(other.iter().flatten()) {
                 assert!((own - other).abs() < 1e-9, "{own} {other}");

@@ -38,6 +38,7 @@ use crate::motion::{MotionError, Processing};
 use crate::progress::{Interrupted, Progress};
 use crate::recording::{LogSet, Recording, RecordingError};
 use problem::Problem;
+pub use search::Ranked;
 use search::{Search, Wanted};
 
 /// What to look for.
@@ -120,13 +121,30 @@ pub fn diagnose(
     options: &DiagnosisOptions,
     progress: &dyn Progress,
 ) -> Result<Diagnosis, DiagnosisError> {
+    diagnose_with(model, train, test, options, progress, &|_| ())
+}
+
+/// The same; `ranked` hears of the candidates, best first, as soon as all are ranked: long before the search ends, and also
+/// if it is stopped after that.
+///
+/// # Errors
+/// As [`diagnose`].
+pub fn diagnose_with(
+    model: &TorqueModel,
+    train: &[Recording],
+    test: &[Recording],
+    options: &DiagnosisOptions,
+    progress: &dyn Progress,
+    ranked: &Ranked<'_>,
+) -> Result<Diagnosis, DiagnosisError> {
     let wanted = options.by_hand.iter().map(|text| Wanted::parse(text, model.robot()));
     let wanted: Vec<Wanted> = wanted.collect::<Result<_, _>>()?;
+    wanted.iter().try_for_each(|one| one.check(&options.catalogue, model.robot()))?;
     let train = LogSet::sorted(train);
     let train = train.logs();
     let problem = problem(model, train)?;
     let known: Vec<String> = problem.set.effects().iter().map(|effect| effect.name().into()).collect();
-    let mut search = Search::new(problem, &options.catalogue, known, progress);
+    let mut search = Search::new(problem, &options.catalogue, known, (progress, ranked));
     let start = search.start()?;
     let decision = if wanted.is_empty() {
         let outcome = search.run(&start)?;
@@ -148,7 +166,7 @@ pub fn add(model: &TorqueModel, findings: &[&Finding], train: &[Recording]) -> R
     let train = train.logs();
     let problem = problem(model, train)?;
     let known: Vec<String> = problem.set.effects().iter().map(|effect| effect.name().into()).collect();
-    let mut search = Search::new(problem, &[], known, &());
+    let mut search = Search::new(problem, &[], known, (&(), &|_| ()));
     let start = search.start()?;
     let mut terms = start.terms().to_vec();
     let new = |term: &&Term| !model.terms().iter().any(|own| own.is_like(term));

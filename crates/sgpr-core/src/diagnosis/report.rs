@@ -42,6 +42,9 @@ pub(super) fn report(
     let structure = structure::structure_of_fit(&search.problem, start);
     let of_last =
         if findings.is_empty() { structure.clone() } else { structure::structure_of_fit(&search.problem, last) };
+    let left_out = if findings.is_empty() { &outcome.held_out_before } else { &outcome.held_out };
+    // Takes the columns that are remembered: what comes after it needs the room.
+    let detectable = detectability::detectable(search, last, left_out)?;
     let formulas = if unexplained { formulas(search, last, left, &of_last) } else { vec![] };
     let names: Vec<&str> = model.robot().joint_names().collect();
     let words = |l: &Leftover| {
@@ -57,8 +60,6 @@ pub(super) fn report(
         (true, true) => Verdict::UnexplainedStructure,
         (false, true) => Verdict::NothingMissing,
     };
-    let left_out = if findings.is_empty() { &outcome.held_out_before } else { &outcome.held_out };
-    let detectable = detectability::detectable(search, last, left_out)?;
     Ok(Diagnosis {
         schema: 1,
         verdict,
@@ -153,7 +154,7 @@ fn findings(search: &Search<'_>, outcome: &Outcome, terms: &[Term], judged: &[Ju
         findings.push(finding);
     }
     findings.sort_by(|a, b| b.score.total_cmp(&a.score).then_with(|| a.effect.cmp(&b.effect)));
-    findings
+    findings.into_iter().map(Finding::with_gain).collect()
 }
 
 fn finding(search: &Search<'_>, term: Term, accepted: &Accepted, after: &[f64], probability: f64) -> Finding {
@@ -183,6 +184,7 @@ fn finding(search: &Search<'_>, term: Term, accepted: &Accepted, after: &[f64], 
         parameters: parameters_of(&term, robot),
         rmse_before: by_joint(&accepted.without),
         rmse_after: by_joint(after),
+        error_gained_percent: 0.0,
         evidence: String::new(),
         confusable_with: confusable,
         separating_experiment: about.experiment.into(),
@@ -223,54 +225,69 @@ fn candidates(
     outcome: &Outcome,
     rejected: &[(String, Site, f64)],
 ) -> Vec<Finding> {
-    let robot = search.problem.nominal.robot();
     let mut candidates: Vec<Finding> = findings.to_vec();
     for candidate in outcome.ranking.iter().filter(|c| c.term.effect.refines().is_none()) {
-        let joints: Vec<String> =
-            joints_of(&candidate.term).into_iter().map(|joint| robot.joints()[joint].name.clone()).collect();
-        let name = candidate.term.effect.name();
-        let listed = |f: &Finding| f.effect == name && joints.iter().all(|joint| f.joints.contains(joint));
+        let mut one = as_finding(search, candidate, &outcome.held_out_before);
+        let listed = |f: &Finding| f.effect == one.effect && one.joints.iter().all(|joint| f.joints.contains(joint));
         if candidates.iter().any(listed) {
             continue;
         }
-        let about = candidate.term.effect.about();
-        let mut term = candidate.term.clone();
-        if term.is_transform() {
-            term.constants.iter_mut().zip(&candidate.gain.coefficients).for_each(|(c, step)| *c += step);
-        } else {
-            term.coefficients.clone_from(&candidate.gain.coefficients);
-        }
-        let evidence = if candidate.score == f64::NEG_INFINITY {
-            "the model takes it up by itself: these logs cannot tell it from the parameters of the model".into()
-        } else if candidate.impossible {
-            "explains part of the leftover only with an impossible sign: the shape, not this effect".into()
-        } else {
-            format!("log Bayes factor {:.0} alone against the model", candidate.score)
-        };
-        let errors: ByJoint = robot
-            .joint_names()
-            .zip(&outcome.held_out_before)
-            .filter(|(joint, _)| joints.iter().any(|own| own == joint) || joints.is_empty())
-            .map(|(joint, error)| (joint.to_string(), *error))
-            .collect();
-        candidates.push(Finding {
-            effect: name.into(),
-            joints,
-            probability: rejected
-                .iter()
-                .find(|(own, site, _)| own == name && *site == candidate.term.site)
-                .map_or(0.0, |(_, _, probability)| *probability),
-            score: candidate.score.max(LOWEST_SCORE),
-            parameters: parameters_of(&term, robot),
-            rmse_before: errors.clone(),
-            rmse_after: errors,
-            evidence,
-            confusable_with: about.confusable.iter().map(|c| (*c).to_string()).collect(),
-            separating_experiment: about.experiment.into(),
-            terms: vec![],
-        });
+        let own = rejected.iter().find(|(own, site, _)| *own == one.effect && *site == candidate.term.site);
+        one.probability = own.map_or(0.0, |(_, _, probability)| *probability);
+        candidates.push(one);
     }
     candidates
+}
+
+/// The candidates of a search that goes on, none of them judged yet.
+pub(super) fn ranked(search: &Search<'_>, ranking: &[Candidate]) -> Vec<Finding> {
+    let unknown = vec![0.0; search.problem.dof()];
+    let own = ranking.iter().filter(|c| c.term.effect.refines().is_none());
+    own.map(|candidate| as_finding(search, candidate, &unknown)).collect()
+}
+
+/// What is known of a candidate.
+///
+/// - `without`: error per joint on blocks that were left out, N·m (N), if it was not judged
+fn as_finding(search: &Search<'_>, candidate: &Candidate, without: &[f64]) -> Finding {
+    let robot = search.problem.nominal.robot();
+    let joints: Vec<String> =
+        joints_of(&candidate.term).into_iter().map(|joint| robot.joints()[joint].name.clone()).collect();
+    let about = candidate.term.effect.about();
+    let mut term = candidate.term.clone();
+    if term.is_transform() {
+        term.constants.iter_mut().zip(&candidate.gain.coefficients).for_each(|(c, step)| *c += step);
+    } else {
+        term.coefficients.clone_from(&candidate.gain.coefficients);
+    }
+    let evidence = if candidate.score == f64::NEG_INFINITY {
+        "the model takes it up by itself: these logs cannot tell it from the parameters of the model".into()
+    } else if candidate.impossible {
+        "explains part of the leftover only with an impossible sign: the shape, not this effect".into()
+    } else {
+        format!("log Bayes factor {:.0} alone against the model", candidate.score)
+    };
+    let errors = |errors: &[f64]| -> ByJoint {
+        let own = robot.joint_names().zip(errors);
+        let own = own.filter(|(joint, _)| joints.iter().any(|own| own == joint) || joints.is_empty());
+        own.map(|(joint, error)| (joint.to_string(), *error)).collect()
+    };
+    let [before, after] = candidate.errors.as_ref().map_or([without; 2], |both| both.each_ref().map(Vec::as_slice));
+    let finding = Finding {
+        effect: candidate.term.effect.name().into(),
+        probability: 0.0,
+        score: candidate.score.max(LOWEST_SCORE),
+        parameters: parameters_of(&term, robot),
+        rmse_before: errors(before),
+        rmse_after: errors(after),
+        error_gained_percent: 0.0,
+        evidence,
+        confusable_with: about.confusable.iter().map(|c| (*c).to_string()).collect(),
+        separating_experiment: about.experiment.into(),
+        joints,
+        terms: vec![],
+    };
+    finding.with_gain()
 }
 
 /// Stands for minus infinity, which JSON does not have.

@@ -151,10 +151,12 @@ pub(super) fn features(problem: &Problem, joint: usize, group: &Group, length_sc
     columns
 }
 
-/// A Gaussian process on what a fit leaves at a joint.
+/// A Gaussian process on what a fit leaves at a joint. Its columns are made when they are asked for: hundreds of processes
+/// are tried, and few of them are looked at again.
 pub(super) struct Smooth {
+    joint: usize,
     group: Group,
-    columns: Vec<Column>,
+    length_scale: f64,
     /// Variance of the columns' factors, and the largest that was tried.
     variance: f64,
     largest: f64,
@@ -180,8 +182,8 @@ impl Smooth {
         /// As many are held against left-out blocks.
         const FINALISTS: usize = 5;
         let left = mean_square(&fitted.residual[joint]);
-        let of_group = |(group, scale): (Group, f64)| {
-            let columns = features(problem, joint, &group, scale);
+        let of_group = |(group, length_scale): (Group, f64)| {
+            let columns = features(problem, joint, &group, length_scale);
             if columns.is_empty() {
                 return None;
             }
@@ -189,7 +191,7 @@ impl Smooth {
             let of_unit_variance: f64 = columns.iter().map(|column| mean_square(&column[joint])).sum();
             let largest = LARGEST * LARGEST * left / of_unit_variance.max(f64::MIN_POSITIVE);
             let (variance, evidence) = evidence(fitted, &white, largest);
-            Some(Self { group, columns, variance, largest, evidence })
+            Some(Self { joint, group, length_scale, variance, largest, evidence })
         };
         let groups = Group::all(joint, problem.dof()).into_iter();
         let tried: Vec<(Group, f64)> = groups.flat_map(|group| LENGTH_SCALES.map(|s| (group.clone(), s))).collect();
@@ -197,7 +199,8 @@ impl Smooth {
         all.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         all.truncate(FINALISTS);
         let judged = all.into_par_iter().map(|own| {
-            let errors = fits.errors_with(&own.extra(), joints);
+            let precision = 1.0 / own.variance.max(f64::MIN_POSITIVE);
+            let errors = fits.errors_with(&Extra { columns: &own.columns(problem), precision }, joints);
             (own, errors)
         });
         let error = |(_, errors): &(Self, LeftOut)| errors.mean_square(joint);
@@ -206,12 +209,12 @@ impl Smooth {
 
     /// Log evidence of the same process against none beside another fit.
     pub fn evidence_beside(&self, problem: &Problem, fitted: &Fitted, noise: &Noise) -> f64 {
-        let white: Vec<Column> = self.columns.iter().map(|c| noise.whiten(problem, c)).collect();
+        let white: Vec<Column> = self.columns(problem).iter().map(|c| noise.whiten(problem, c)).collect();
         evidence(fitted, &white, self.largest).1
     }
 
-    fn extra(&self) -> Extra<'_> {
-        Extra { columns: &self.columns, precision: 1.0 / self.variance.max(f64::MIN_POSITIVE) }
+    fn columns(&self, problem: &Problem) -> Vec<Column> {
+        features(problem, self.joint, &self.group, self.length_scale)
     }
 }
 

@@ -1,12 +1,13 @@
 //! Model against measurement, on logs that no fit has seen.
 
 use super::TorqueModel;
-use super::experiment::{band_filter, select_joints, torque_of};
+use super::experiment::{select_joints, torque_of};
 use super::identify::{IdentifyError, motions};
 use crate::dynamics::{Workspace, gravity_torque};
 use crate::identification::Row;
 use crate::motion::{Motion, MotionError, Processing};
 use crate::recording::Recording;
+use crate::signal::LowPass;
 
 /// How well a model predicts the torque of some logs.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,25 +62,113 @@ pub struct JointComparison {
     pub relative_error_with_rests_percent: f64,
 }
 
-/// Torques of one stretch of a log, `[samples, n]`, row-major, N·m (N).
+/// Measured and predicted torque of one stretch of a log. Arrays are `[samples, n]`, row-major, N·m (N).
+///
+/// What passed the filter of the equations is made from what did not when it is asked for, as it is as large.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LogResidual {
-    /// Log.
-    pub source: String,
-    /// Time stamps, ns.
-    pub time: Vec<i64>,
+    /// By the model.
+    pub predicted: Vec<f64>,
+    /// Joint motion that was predicted from, and the torque as logged.
+    pub motion: Motion,
+    processing: Processing,
+    filter: Option<LowPass>,
+}
+
+/// Torques of one joint in the band of a model, `[samples]`, N·m (N).
+#[derive(Clone, Debug, PartialEq)]
+pub struct InBand {
     /// As logged.
     pub measured: Vec<f64>,
     /// By the model.
     pub predicted: Vec<f64>,
-    /// Measured, in the band of the model.
-    pub measured_in_band: Vec<f64>,
-    /// Predicted, in the band of the model.
-    pub predicted_in_band: Vec<f64>,
-    /// Which of them count, `[samples, n]`.
-    pub counted: Vec<bool>,
-    /// Joint motion that was predicted from: positions, velocities, accelerations.
-    pub motion: Motion,
+}
+
+impl InBand {
+    /// Measured minus predicted at a sample.
+    pub fn residual(&self, sample: usize) -> f64 {
+        self.measured[sample] - self.predicted[sample]
+    }
+}
+
+impl LogResidual {
+    /// Of a motion and what a model says of its torque.
+    ///
+    /// - `predicted`: `[samples, n]`
+    ///
+    /// # Errors
+    /// If the torque was not logged, or the stretch is shorter than the filter of the equations.
+    ///
+    /// # Panics
+    /// If `predicted` is not as long as the motion.
+    pub fn new(motion: Motion, predicted: Vec<f64>, processing: &Processing) -> Result<Self, IdentifyError> {
+        assert_eq!(torque_of(&motion)?.len(), predicted.len(), "a torque of every joint at every sample");
+        let filter = processing.band_filter(motion.rate_hz)?;
+        if let Some(filter) = &filter {
+            filter.check_length(motion.len())?;
+        }
+        Ok(Self { predicted, motion, processing: processing.clone(), filter })
+    }
+
+    /// Log.
+    pub fn source(&self) -> &str {
+        &self.motion.source
+    }
+
+    /// Time stamps, ns.
+    pub fn time(&self) -> &[i64] {
+        &self.motion.time
+    }
+
+    /// Number of joints.
+    pub fn dof(&self) -> usize {
+        self.predicted.len() / self.motion.len().max(1)
+    }
+
+    /// Torque as logged.
+    pub fn measured(&self) -> &[f64] {
+        torque_of(&self.motion).expect("checked when it was made")
+    }
+
+    /// How the log was processed.
+    pub fn processing(&self) -> &Processing {
+        &self.processing
+    }
+
+    /// Whether an entry of the arrays counts: the joint moves, and the ends of the stretch are far.
+    pub fn counts(&self, entry: usize) -> bool {
+        self.motion.use_as[entry] == Row::Moving
+    }
+
+    /// Measured and predicted torque of a joint in the band of the model.
+    pub fn in_band(&self, joint: usize) -> InBand {
+        let n = self.dof();
+        let of_joint = |values: &[f64]| values[joint..].iter().step_by(n).copied().collect::<Vec<f64>>();
+        let (measured, predicted) = (of_joint(self.measured()), of_joint(&self.predicted));
+        let Some(filter) = &self.filter else { return InBand { measured, predicted } };
+        let mut both: Vec<f64> = measured.iter().zip(&predicted).flat_map(|(m, p)| [*m, *p]).collect();
+        filter.apply(&mut both, 2).expect("checked when it was made");
+        let (measured, predicted) = both.chunks_exact(2).map(|pair| (pair[0], pair[1])).unzip();
+        InBand { measured, predicted }
+    }
+
+    /// Measured torque of all joints in the band of the model.
+    pub fn measured_in_band(&self) -> Vec<f64> {
+        self.filtered(self.measured())
+    }
+
+    /// Predicted torque of all joints in the band of the model.
+    pub fn predicted_in_band(&self) -> Vec<f64> {
+        self.filtered(&self.predicted)
+    }
+
+    fn filtered(&self, values: &[f64]) -> Vec<f64> {
+        let mut values = values.to_vec();
+        if let Some(filter) = &self.filter {
+            filter.apply(&mut values, self.dof()).expect("checked when it was made");
+        }
+        values
+    }
 }
 
 /// Compares `model` with recordings, processed as `processing` says, by default as the model was identified.
@@ -118,17 +207,9 @@ pub(super) fn compare_by<E: From<IdentifyError>>(
     let mut logs = Vec::new();
     for motion in motions(&recordings, processing).map_err(IdentifyError::from)? {
         let predicted = predict(&motion)?;
-        let log = residual(n, motion, predicted, processing)?;
+        let log = LogResidual::new(motion, predicted, processing)?;
         let gravity = gravity(model, &log.motion);
-        for (k, counted) in log.counted.iter().enumerate() {
-            if log.motion.inner[k / n] {
-                sums[k % n].add_any(&log, k);
-            }
-            if *counted {
-                let seconds = (log.time[k / n] - log.time[0]) as f64 * 1e-9;
-                sums[k % n].add(&log, k, gravity[k], seconds);
-            }
-        }
+        sums.iter_mut().enumerate().for_each(|(joint, sums)| sums.add(&log, joint, &gravity));
         logs.push(log);
     }
     let joints: Vec<JointComparison> =
@@ -139,35 +220,13 @@ pub(super) fn compare_by<E: From<IdentifyError>>(
     Ok(Comparison { joints, relative_error_percent, relative_error_with_rests_percent, logs })
 }
 
-/// Measured and `predicted` torque of `n` joints.
-pub(super) fn residual(
-    n: usize,
-    motion: Motion,
-    predicted: Vec<f64>,
-    processing: &Processing,
-) -> Result<LogResidual, IdentifyError> {
-    let measured = torque_of(&motion)?.to_vec();
-    let (mut measured_in_band, mut predicted_in_band) = (measured.clone(), predicted.clone());
-    if let Some(filter) = band_filter(processing, motion.rate_hz)? {
-        filter.apply(&mut measured_in_band, n)?;
-        filter.apply(&mut predicted_in_band, n)?;
-    }
-    Ok(LogResidual {
-        source: motion.source.clone(),
-        time: motion.time.clone(),
-        counted: motion.use_as.iter().map(|row| *row == Row::Moving).collect(),
-        measured,
-        predicted,
-        measured_in_band,
-        predicted_in_band,
-        motion,
-    })
-}
-
+/// Gravity torque of the model, `[samples, n]`.
 fn gravity(model: &TorqueModel, motion: &Motion) -> Vec<f64> {
     let robot = model.identified_robot();
     let mut ws = Workspace::new(robot);
-    motion.q.chunks_exact(robot.dof()).flat_map(|q| gravity_torque(robot, &mut ws, q).to_vec()).collect()
+    let mut torque = Vec::with_capacity(motion.q.len());
+    motion.q.chunks_exact(robot.dof()).for_each(|q| torque.extend_from_slice(gravity_torque(robot, &mut ws, q)));
+    torque
 }
 
 /// Sums over the samples of a joint.
@@ -189,26 +248,31 @@ struct Sums {
 }
 
 impl Sums {
-    /// A sample at which the joint moves or stands.
-    fn add_any(&mut self, log: &LogResidual, k: usize) {
-        self.any_count += 1.0;
-        self.any_residual += (log.measured_in_band[k] - log.predicted_in_band[k]).powi(2);
-        self.any_measured += log.measured_in_band[k].powi(2);
-    }
-
-    fn add(&mut self, log: &LogResidual, k: usize, gravity: f64, seconds: f64) {
-        let measured = log.measured_in_band[k];
-        let residual = measured - log.predicted_in_band[k];
-        self.count += 1.0;
-        self.residual += residual * residual;
-        self.measured += measured * measured;
-        self.mean += measured;
-        self.against_gravity += (measured - gravity).powi(2);
-        self.full_band += (log.measured[k] - log.predicted[k]).powi(2);
-        if residual.abs() > self.largest {
-            self.largest = residual.abs();
-            self.largest_log.clone_from(&log.source);
-            self.largest_time = seconds;
+    /// The samples of a joint.
+    ///
+    /// - `gravity`: torque of the model, `[samples, n]`
+    fn add(&mut self, log: &LogResidual, joint: usize, gravity: &[f64]) {
+        let (n, start) = (log.dof(), log.time()[0]);
+        let in_band = log.in_band(joint);
+        for sample in (0..log.motion.len()).filter(|sample| log.motion.inner[*sample]) {
+            let (entry, measured, residual) = (sample * n + joint, in_band.measured[sample], in_band.residual(sample));
+            self.any_count += 1.0;
+            self.any_residual += residual.powi(2);
+            self.any_measured += measured.powi(2);
+            if !log.counts(entry) {
+                continue;
+            }
+            self.count += 1.0;
+            self.residual += residual * residual;
+            self.measured += measured * measured;
+            self.mean += measured;
+            self.against_gravity += (measured - gravity[entry]).powi(2);
+            self.full_band += (log.measured()[entry] - log.predicted[entry]).powi(2);
+            if residual.abs() > self.largest {
+                self.largest = residual.abs();
+                log.source().clone_into(&mut self.largest_log);
+                self.largest_time = (log.time()[sample] - start) as f64 * 1e-9;
+            }
         }
     }
 

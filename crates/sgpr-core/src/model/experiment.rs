@@ -8,7 +8,7 @@ use crate::identification::{ClosedLoop, Row, Trajectory};
 use crate::motion::{Motion, MotionError, Processing};
 use crate::recording::{Recording, RecordingError};
 use crate::robot::Robot;
-use crate::signal::{LowPass, SignalError};
+use crate::signal::LowPass;
 
 /// The motion in some recordings with the filters of their equations.
 pub(super) struct Experiment {
@@ -20,7 +20,7 @@ pub(super) struct Experiment {
 impl Experiment {
     pub fn new(recordings: &[Recording], processing: &Processing) -> Result<Self, IdentifyError> {
         let motions = motions(recordings, processing)?;
-        let filters = motions.iter().map(|motion| band_filter(processing, motion.rate_hz));
+        let filters = motions.iter().map(|motion| processing.band_filter(motion.rate_hz));
         Ok(Self { filters: filters.collect::<Result<_, _>>()?, motions, decimation: processing.decimation })
     }
 
@@ -92,11 +92,6 @@ impl Experiment {
 
 pub(crate) fn torque_of(motion: &Motion) -> Result<&[f64], MotionError> {
     motion.tau.as_deref().ok_or_else(|| MotionError::NoTorque { recording: motion.source.clone() })
-}
-
-/// The filter on both sides of the equation, if there is one.
-pub(super) fn band_filter(processing: &Processing, rate_hz: f64) -> Result<Option<LowPass>, SignalError> {
-    processing.torque_cutoff_hz.map(|hz| LowPass::butterworth(processing.order, hz, rate_hz)).transpose()
 }
 
 /// The recordings with the robot's joints, in its order.

@@ -2,7 +2,7 @@
 
 use faer::Mat;
 
-use super::experiment::{Experiment, band_filter, select_joints, torque_of};
+use super::experiment::{Experiment, select_joints, torque_of};
 use super::limits::beyond_limits;
 use super::torque_model::{Certificate, Fit, nominal_parameters};
 use super::variable_projection::{self, Columns, TermFit};
@@ -842,7 +842,7 @@ pub(super) fn correlation(
     for motion in motions {
         let mut residual = torque_of(motion)?.to_vec();
         residual.iter_mut().zip(model.predict_motion(motion)).for_each(|(tau, predicted)| *tau -= predicted);
-        if let Some(filter) = band_filter(processing, motion.rate_hz)? {
+        if let Some(filter) = processing.band_filter(motion.rate_hz)? {
             filter.apply(&mut residual, n)?;
         }
         residuals.push(residual);

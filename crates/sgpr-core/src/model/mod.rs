@@ -19,7 +19,7 @@ mod variable_projection;
 pub(crate) use experiment::{select_joints, torque_of};
 pub(crate) use identify::{Given, identify_again, motions};
 
-pub use compare::{Comparison, JointComparison, LogResidual, compare};
+pub use compare::{Comparison, InBand, JointComparison, LogResidual, compare};
 pub use file::ModelFileError;
 pub use identify::{
     Controller, CutoffInfluence, IdentificationReport, IdentifyError, IdentifyOptions, Start, Uncertainty,

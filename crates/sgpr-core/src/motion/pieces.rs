@@ -1,7 +1,7 @@
 //! Pieces of a long log, and a processing as text.
 
 use super::{MotionError, Processing};
-use crate::signal::LowPass;
+use crate::signal::{LowPass, SignalError};
 
 impl Processing {
     /// Samples at this rate by which position filter, derivatives, and the filter of the equation reach over the end of a
@@ -18,6 +18,28 @@ impl Processing {
         }
         let period = rate_hz / self.cutoff_hz;
         Ok(samples + (self.turn_margin.max(1.0) * period).ceil() as usize)
+    }
+
+    /// Torques of one stretch through the filter of the equations, in place, `[samples, columns]` row-major.
+    ///
+    /// # Errors
+    /// If the rate cannot hold the cut-off, or the stretch is shorter than the filter.
+    ///
+    /// # Panics
+    /// If `values` does not hold whole rows.
+    pub fn in_band(&self, values: &mut [f64], columns: usize, rate_hz: f64) -> Result<(), MotionError> {
+        if let Some(filter) = self.band_filter(rate_hz)? {
+            filter.apply(values, columns)?;
+        }
+        Ok(())
+    }
+
+    /// The filter on both sides of the equations, if there is one.
+    ///
+    /// # Errors
+    /// If the rate cannot hold the cut-off.
+    pub(crate) fn band_filter(&self, rate_hz: f64) -> Result<Option<LowPass>, SignalError> {
+        self.torque_cutoff_hz.map(|hz| LowPass::butterworth(self.order, hz, rate_hz)).transpose()
     }
 
     /// The processing as text.

@@ -114,7 +114,7 @@ fn coverage(term: &Term, noise: f64, experiments: usize) -> [f64; 2] {
     let (first, _) = identify(&robot, &[log(&robot, terms, 12.0, 0.0, noise)], &options, &()).expect("good data");
     let truth = [log(&robot, terms, 12.0, 0.4, 0.0)];
     let truth = compare(&TorqueModel::nominal(&robot), &truth, first.processing()).expect("a log");
-    let (expected, motion) = (&truth.logs[0].measured, &truth.logs[0].motion);
+    let (expected, motion) = (truth.logs[0].measured(), &truth.logs[0].motion);
     let mut random = Noise(41);
     let (mut hits, mut count) = ([0u32; 2], 0u32);
     for _ in 0..experiments {

@@ -228,7 +228,7 @@ fn standard_deviations_of_short_logs_count_what_the_model_lacks() {
         let found = &test.logs[0];
         let deviation = lacks.standard_deviation_of(&found.motion);
         for k in (0..deviation.len()).step_by(40) {
-            let error = (found.measured[k] - found.predicted[k]).abs();
+            let error = (found.measured()[k] - found.predicted[k]).abs();
             hits += u32::from(error < 1.96 * deviation[k] + 0.4);
             plain_hits += u32::from(error < 1.96 * deviation[k] / dispersion + 0.4);
             count += 1;

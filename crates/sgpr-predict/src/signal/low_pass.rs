@@ -97,13 +97,18 @@ impl LowPass {
     /// If `values` does not hold whole rows.
     pub fn apply(&self, values: &mut [f64], columns: usize) -> Result<(), SignalError> {
         assert!(columns > 0 && values.len().is_multiple_of(columns), "whole rows of {columns} columns");
-        let samples = values.len() / columns;
-        let extension = self.extension();
-        if samples <= extension {
-            return Err(SignalError::TooShort { samples, needed: extension });
-        }
-        Arch::new().dispatch(ForwardBackward { filter: self, values, columns, extension });
+        self.check_length(values.len() / columns)?;
+        Arch::new().dispatch(ForwardBackward { filter: self, values, columns, extension: self.extension() });
         Ok(())
+    }
+
+    /// Whether so many samples are enough for [`Self::apply`].
+    ///
+    /// # Errors
+    /// If they are not more than either end is extended by.
+    pub fn check_length(&self, samples: usize) -> Result<(), SignalError> {
+        let needed = self.extension();
+        if samples > needed { Ok(()) } else { Err(SignalError::TooShort { samples, needed }) }
     }
 }
 

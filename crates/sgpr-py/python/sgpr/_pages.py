@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ._files import make_folder_of
-from ._sgpr import Diagnosis, Model, Recording, compare, residual_structure
+from ._sgpr import Comparison, Diagnosis, Model, Recording, compare, residual_structure
 
 
 def write_page(path: str | os.PathLike[str], text: str) -> None:
@@ -55,13 +55,19 @@ def diagnosis_page(
 
 def model_page(model: Model, path: str | os.PathLike[str], recordings: Sequence[Recording]) -> None:
     """The page of `sgpr compare`."""
+    comparison_page(compare(model, list(recordings)), path, model, recordings)
+
+
+def comparison_page(
+    found: Comparison, path: str | os.PathLike[str], model: Model, recordings: Sequence[Recording]
+) -> None:
+    """The same of a comparison that there is."""
     from .cli import describe
     from .cli.predictions import residuals_by_log
     from .report.comparison import ComparisonPage
     from .report.versions import versions
 
     logs = _logs(recordings)
-    found = compare(model, list(recordings))
     data: dict[str, Any] = {
         "command": "compare",
         "model": model.robot.name,
@@ -76,6 +82,17 @@ def model_page(model: Model, path: str | os.PathLike[str], recordings: Sequence[
     }
     page = ComparisonPage(model, {"model": found}, {"model": residuals_by_log(logs, found)}, data)
     write_page(path, page.html())
+
+
+def rest_page(model: Any, path: str | os.PathLike[str], train: Sequence[Recording], test: Sequence[Recording]) -> None:
+    """The page of `sgpr learn`."""
+    from .cli import learn as command
+    from .cli.screening import repeated
+
+    train_logs, test_logs = _logs(train), _logs(test)
+    result = command.Result.of(model, train_logs, test_logs)
+    data = result.to_dict() | {"settings": {}, "repeated_motions": repeated(train_logs, test_logs)}
+    write_page(path, result.page(data).html())
 
 
 def _logs(recordings: Sequence[Recording]) -> list[Any]:

@@ -308,6 +308,23 @@ class SemiParametricModel(Estimator):
         self._require_fitted("_fitted")
         return plot_semi_parametric(self, recordings)
 
+    def report(self, path: str | PathLike[str], train: Sequence[Recording], test: Sequence[Recording] = ()) -> None:
+        """Write the page of `sgpr learn`: what was learned, how sure it is, and the errors with and without it.
+
+        Parameters
+        ----------
+        path : path
+            Of the HTML file, which needs no other; complete or not there.
+        train : list of Recording
+            The logs of `fit`.
+        test : list of Recording, optional
+            Unseen logs to judge by.
+        """
+        from ._pages import rest_page
+
+        self._require_fitted("_fitted")
+        rest_page(self, path, train, test)
+
     def _repr_html_(self) -> str:
         from html import escape
 

@@ -197,11 +197,11 @@ impl<'a> Judge<'a> {
         };
         let brought = pick(&problem.difference([&without(problem, fitted, term), &fitted.model], 1.0));
         let mut at = problem.base.rank();
-        let mut columns: Vec<Vec<f64>> = fitted.columns[..at].iter().map(pick).collect();
+        let mut columns: Vec<Vec<f64>> = fitted.columns[..at].iter().map(|column| pick(column)).collect();
         for own in fitted.terms() {
             let width = own.coefficients.len();
             if !own.is_like(term) {
-                columns.extend(fitted.columns[at..at + width].iter().map(pick));
+                columns.extend(fitted.columns[at..at + width].iter().map(|column| pick(column)));
             }
             at += width;
         }

@@ -1,9 +1,11 @@
 //! Effects that a person adds: no search and no decision, the same fit and the same judgement.
 
+use std::sync::Arc;
+
 use super::super::DiagnosisError;
 use super::super::fit::Fitted;
 use super::{Accepted, Candidate, Outcome, Search};
-use crate::effects::{Site, UnknownEffect};
+use crate::effects::{Effect, Site, UnknownEffect};
 use crate::robot::Robot;
 
 /// An effect and where it acts.
@@ -37,6 +39,25 @@ impl Wanted {
         Ok(Self { effect: effect.trim().into(), site, text: text.into() })
     }
 
+    /// Whether the effect is known and can act there.
+    pub fn check(&self, catalogue: &[Arc<dyn Effect>], robot: &Robot) -> Result<(), DiagnosisError> {
+        let wrong = |reason: String| DiagnosisError::Addition { addition: self.text.clone(), reason };
+        let Some(effect) = catalogue.iter().find(|effect| effect.name() == self.effect) else {
+            let known = catalogue.iter().map(|effect| effect.name().into()).collect();
+            return Err(wrong(UnknownEffect { name: self.effect.clone(), known }.to_string()));
+        };
+        let sites = effect.sites(robot);
+        if sites.contains(&self.site) {
+            return Ok(());
+        }
+        Err(wrong(match sites.first() {
+            Some(Site::Arm) => "it acts on the whole arm: give its name alone".into(),
+            Some(Site::Joint(_)) => "it acts at a joint: give `effect@joint`".into(),
+            Some(Site::Pair(..)) => "it acts at a joint and is driven by another: give `effect@joint,other`".into(),
+            None => "it acts nowhere on this robot".into(),
+        }))
+    }
+
     fn is(&self, candidate: &Candidate) -> bool {
         candidate.term.effect.name() == self.effect && candidate.term.site == self.site
     }
@@ -61,29 +82,18 @@ impl Search<'_> {
             fitted = next;
             if ranking.is_empty() {
                 ranking = candidates;
+                let standing = self.standing(start);
+                self.judge_best(start, &standing, &mut ranking)?;
             }
         }
         let [held_out_before, held_out] = [start, &fitted].map(|fit| self.held_out(fit));
         Ok(Outcome { start: start.clone(), fitted, accepted, ranking, held_out_before, held_out })
     }
 
-    /// Why an effect is not among the candidates.
+    /// Why an effect that can act there is not among the candidates.
     fn why_not(&self, wanted: &Wanted) -> String {
-        let Some(effect) = self.catalogue.iter().find(|effect| effect.name() == wanted.effect) else {
-            let known = self.catalogue.iter().map(|effect| effect.name().into()).collect();
-            return UnknownEffect { name: wanted.effect.clone(), known }.to_string();
-        };
-        let sites = effect.sites(self.problem.nominal.robot());
-        if !sites.contains(&wanted.site) {
-            let where_it_acts = match sites.first() {
-                Some(Site::Arm) => "it acts on the whole arm: give its name alone",
-                Some(Site::Joint(_)) => "it acts at a joint: give `effect@joint`",
-                Some(Site::Pair(..)) => "it acts at a joint and is driven by another: give `effect@joint,other`",
-                None => "it acts nowhere on this robot",
-            };
-            return where_it_acts.into();
-        }
-        if self.has_everywhere(effect.as_ref()) {
+        let own = self.catalogue.iter().find(|effect| effect.name() == wanted.effect);
+        if own.is_some_and(|effect| self.has_everywhere(effect.as_ref())) {
             return "the model has it at every joint".into();
         }
         "these logs cannot show it: the parameters of the model take up what it does, or its time or channel is not logged"

@@ -20,6 +20,8 @@ pub(in super::super) struct Candidate {
     pub score: f64,
     /// Why it is out of the question, if it is.
     pub impossible: bool,
+    /// Error per joint on blocks that were left out, without and with it, N·m (N), of those that were judged.
+    pub errors: Option<[Vec<f64>; 2]>,
 }
 
 /// Whether the base parameters take an effect up whatever the motion.

@@ -227,7 +227,7 @@ impl Search<'_> {
                 continue;
             }
             let without = without(&self.problem, &fitted, k, &self.noise);
-            let candidate = Candidate { term, gain: Gain::default(), score: 0.0, impossible: false };
+            let candidate = Candidate { term, gain: Gain::default(), score: 0.0, impossible: false, errors: None };
             let refined = self.refine(&without, (&without.basis, &without.white), &candidate);
             let mut terms = fitted.terms().to_vec();
             terms[k].constants = refined.term.constants;

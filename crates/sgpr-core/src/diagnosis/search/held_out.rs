@@ -1,13 +1,17 @@
 //! Errors on blocks that were left out.
 
+use rayon::prelude::*;
+
 use super::super::evidence::{Comparison, LeftOut, SURE};
 use super::super::fit::{ByLog, Fitted, beyond, by_log, fold_fits};
 use super::super::left_out::{Extra, FoldFits};
 use super::super::problem::{Column, Problem};
 use super::Search;
+use super::candidates::Candidate;
 use super::forward::is_limit;
 use crate::effects::Reach;
 use crate::model::Term;
+use crate::progress::Interrupted;
 
 /// An error of nothing, N·m (N).
 const TINY: f64 = 1e-12;
@@ -113,6 +117,34 @@ impl Search<'_> {
     pub(in super::super) fn errors(&self, fitted: &Fitted) -> HeldOut {
         let left_out = fold_fits(&self.problem, fitted, &self.noise).errors();
         HeldOut::new(&self.problem, left_out, beyond(&self.problem, fitted))
+    }
+
+    /// What the best candidates do to the errors on blocks that were left out: all parameters are refitted beside each, its
+    /// constants stay.
+    pub(super) fn judge_best(
+        &self,
+        fitted: &Fitted,
+        standing: &Standing,
+        candidates: &mut [Candidate],
+    ) -> Result<(), Interrupted> {
+        const STAGE: &str = "errors of effects";
+        /// Of those with evidence.
+        const MOST: usize = 16;
+        const AT_ONCE: usize = 4;
+        let has_evidence = |c: &&mut Candidate| !c.impossible && c.score > 0.0 && c.term.effect.refines().is_none();
+        let mut best: Vec<&mut Candidate> = candidates.iter_mut().filter(has_evidence).take(MOST).collect();
+        let all: Vec<usize> = (0..self.problem.dof()).collect();
+        let count = best.len();
+        for (index, some) in best.chunks_mut(AT_ONCE).enumerate() {
+            self.step(STAGE, AT_ONCE * index, count)?;
+            some.par_iter_mut().for_each(|candidate| {
+                let columns = self.columns_of(fitted, &candidate.term);
+                let with = standing.fits.errors_with(&Extra { columns: &columns, precision: 0.0 }, &all);
+                let with = standing.errors.with_others(&self.problem, with);
+                candidate.errors = Some([standing.errors.total(), with.total()]);
+            });
+        }
+        self.step(STAGE, count, count)
     }
 
     /// A model without a term against the same with it, at the joints on which the term acts.

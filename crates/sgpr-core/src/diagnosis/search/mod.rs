@@ -14,10 +14,12 @@ mod times;
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use super::answer::Finding;
 use super::basis::Noise;
 use super::decision::{MANY, imitations};
 use super::fit::{Fitted, solve, solve_like};
 use super::problem::{Column, Problem};
+use super::report::ranked;
 use crate::effects::{Effect, Site};
 use crate::model::Term;
 use crate::progress::{Interrupted, Progress};
@@ -144,20 +146,25 @@ pub(super) struct Search<'a> {
     pub rows: f64,
     cache: HashMap<(String, Site, Vec<u64>), Vec<Column>>,
     progress: &'a dyn Progress,
+    /// Hears of the candidates before the search ends.
+    ranked: &'a Ranked<'a>,
 }
+
+/// Hears of the candidates of a search, best first, before it ends.
+pub type Ranked<'a> = dyn Fn(&[Finding]) + Sync + 'a;
 
 impl<'a> Search<'a> {
     pub fn new(
         problem: Problem,
         catalogue: &'a [Arc<dyn Effect>],
         known: Vec<String>,
-        progress: &'a dyn Progress,
+        (progress, ranked): (&'a dyn Progress, &'a Ranked<'a>),
     ) -> Self {
         let noise = Noise::white(&problem.y);
         let robot = problem.nominal.robot();
         let units: usize = catalogue.iter().map(|effect| effect.sites(robot).len()).sum();
         let rows = problem.rows.iter().map(Vec::len).sum::<usize>() as f64;
-        Self { problem, catalogue, known, noise, units: units as f64, rows, cache: HashMap::new(), progress }
+        Self { problem, catalogue, known, noise, units: units as f64, rows, cache: HashMap::new(), progress, ranked }
     }
 
     /// The accepted terms with their indices in the fit and what the search knows of them, those that refine an effect of
@@ -211,8 +218,12 @@ impl<'a> Search<'a> {
                 fitted = released;
                 continue;
             }
-            let candidates = self.rank(&fitted, &basis, &white)?;
+            let mut candidates = self.rank(&fitted, &basis, &white)?;
             let standing = self.standing(&fitted);
+            if ranking.is_none() {
+                self.judge_best(&fitted, &standing, &mut candidates)?;
+                (self.ranked)(&ranked(self, &candidates));
+            }
             let promising = self.promising(&fitted, &standing, &candidates);
             match self.next_step(&fitted, (&standing, &accepted), (&basis, &white), (&candidates, &promising))? {
                 None => {

@@ -29,7 +29,7 @@ impl Search<'_> {
             let only = |column: &Column| -> Column {
                 (0..n).map(|j| if j == joint { column[j].clone() } else { vec![] }).collect()
             };
-            let base = fitted.columns.iter().map(only);
+            let base = fitted.columns.iter().map(|column| only(column));
             let all: Vec<Column> = base.chain(columns).filter(|column| !column[joint].is_empty()).collect();
             self.left_by(joint, &all, &fitted.residual[joint])
         };

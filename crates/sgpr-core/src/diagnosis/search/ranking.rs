@@ -69,7 +69,7 @@ impl Search<'_> {
             .any(|((k, value), _)| *value > 0.98 * self.bounds(&term, k)[1]);
         let contact_like = term.effect.name() == "payload_change" || term.effect.name() == "external_contact";
         let impossible = (first_negative && !contact_like) || out_of_bounds || at_edge;
-        Candidate { impossible, term, gain, score }
+        Candidate { impossible, term, gain, score, errors: None }
     }
 
     /// Every effect at every site at its best point of the grid, best first.
@@ -79,7 +79,7 @@ impl Search<'_> {
         basis: &Basis,
         white: &Column,
     ) -> Result<Vec<Candidate>, Interrupted> {
-        const AT_ONCE: usize = 512;
+        const AT_ONCE: usize = 128;
         let mut best: HashMap<(String, Site), Candidate> = HashMap::new();
         let keep = |best: &mut HashMap<(String, Site), Candidate>, candidate: Candidate| {
             let key = (candidate.term.effect.name().to_string(), candidate.term.site);

@@ -68,16 +68,17 @@ impl JointRows {
     /// Rows of a comparison, one in `decimation` samples.
     pub fn of_logs(logs: &[&LogResidual], dof: usize, decimation: usize, joint: usize) -> Self {
         let mut rows = Self::new(joint, dof);
-        let total: usize = logs.iter().map(|log| log.time.len()).sum();
+        let total: usize = logs.iter().map(|log| log.motion.len()).sum();
         let every = decimation.max(1) * (total / decimation.max(1)).div_ceil(MOST_ROWS).max(1);
         let clock = common_clock(logs);
         let mut offset = 0;
         for log in logs {
             let block = (BLOCK_S * log.motion.rate_hz).max(1.0) as usize;
             let mut run = 0;
-            for sample in (0..log.time.len()).step_by(every) {
+            let in_band = log.in_band(joint);
+            for sample in (0..log.motion.len()).step_by(every) {
                 let at = sample * dof + joint;
-                if !log.counted[at] {
+                if !log.counts(at) {
                     run = 0;
                     continue;
                 }
@@ -85,14 +86,14 @@ impl JointRows {
                 run += 1;
                 rows.fold.push((offset + sample / block) % FOLDS);
                 if let Some(start) = clock {
-                    rows.time.push((log.time[sample] - start) as f64 * 1e-9);
+                    rows.time.push((log.time()[sample] - start) as f64 * 1e-9);
                 }
-                rows.residual.push(log.measured_in_band[at] - log.predicted_in_band[at]);
+                rows.residual.push(in_band.residual(sample));
                 rows.push_state(&log.motion.q[sample * dof..][..dof], &log.motion.dq[sample * dof..][..dof]);
                 rows.ddq.push(log.motion.ddq[at]);
-                rows.load.push(log.predicted_in_band[at]);
+                rows.load.push(in_band.predicted[sample]);
             }
-            offset += log.time.len() / block + 1;
+            offset += log.motion.len() / block + 1;
         }
         rows
     }
@@ -134,7 +135,8 @@ impl JointRows {
 /// The earliest stamp, ns, if no two logs overlap in time; stamps near zero count from zero.
 fn common_clock(logs: &[&LogResidual]) -> Option<i64> {
     const NEAR_ZERO_NS: i64 = 3_600_000_000_000;
-    let mut spans: Vec<(i64, i64)> = logs.iter().filter_map(|l| Some((*l.time.first()?, *l.time.last()?))).collect();
+    let mut spans: Vec<(i64, i64)> =
+        logs.iter().filter_map(|l| Some((*l.time().first()?, *l.time().last()?))).collect();
     spans.sort_unstable();
     let apart = spans.windows(2).all(|pair| pair[0].1 <= pair[1].0);
     let first = spans.first()?.0;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::super::experiment::{Experiment, band_filter, select_joints, torque_of};
+use super::super::experiment::{Experiment, select_joints, torque_of};
 use super::super::identify::require_torque;
 use super::super::torque_model::nominal_parameters;
 use super::super::variable_projection;
@@ -230,7 +230,7 @@ fn remember(
     for motion in motions {
         let mut residual = torque_of(motion).map_err(IdentifyError::from)?.to_vec();
         residual.iter_mut().zip(model.predict_motion(motion)).for_each(|(tau, predicted)| *tau -= predicted);
-        let filter = band_filter(&record.processing, motion.rate_hz).map_err(IdentifyError::from)?;
+        let filter = record.processing.band_filter(motion.rate_hz).map_err(IdentifyError::from)?;
         if let Some(filter) = filter {
             filter.apply(&mut residual, n).map_err(IdentifyError::from)?;
         }

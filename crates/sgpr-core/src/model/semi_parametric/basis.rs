@@ -4,7 +4,6 @@
 use faer::Mat;
 
 use super::super::compare::LogResidual;
-use super::super::experiment::band_filter;
 use super::super::identify::IdentifyError;
 use super::super::{Predictor, Rigid, Trajectory};
 use super::TorqueModel;
@@ -291,7 +290,7 @@ pub(super) fn matrix(
     for (index, log) in logs.iter().enumerate() {
         let time = model.session_time(&log.motion.time);
         let mut of_log = joint_rows(model, &Trajectory::of(&log.motion, &time), joint);
-        if let Some(filter) = band_filter(processing, log.motion.rate_hz)? {
+        if let Some(filter) = processing.band_filter(log.motion.rate_hz)? {
             filter.apply(&mut of_log, unknowns)?;
         }
         for (i, (_, sample)) in rows.source.iter().enumerate().filter(|(_, (source, _))| *source == index) {

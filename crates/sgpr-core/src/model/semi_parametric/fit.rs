@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use faer::Mat;
 
-use super::super::compare::{LogResidual, residual};
+use super::super::compare::LogResidual;
 use super::super::experiment::select_joints;
 use super::super::identify::{IdentifyError, motions};
 use super::super::torque_model::TorqueModel;
@@ -103,7 +103,7 @@ fn learn(
     let mut logs = Vec::new();
     for motion in motions(&recordings, &processing).map_err(IdentifyError::from)? {
         let predicted = physics.predict_motion(&motion);
-        logs.push(residual(robot.dof(), motion, predicted, &processing)?);
+        logs.push(LogResidual::new(motion, predicted, &processing)?);
     }
     let mut rows: Vec<Rows> = (0..robot.dof()).map(|joint| rows_of(&logs, joint, &processing)).collect();
     if options.mean == Mean::Joint {
@@ -159,18 +159,18 @@ fn rows_of(logs: &[LogResidual], joint: usize, processing: &Processing) -> Rows 
     let mut rows = Rows { x: vec![], residual: vec![], source: vec![], terms: None };
     let mut start = 0.0;
     for (index, log) in logs.iter().enumerate() {
-        let n = log.counted.len() / log.time.len();
-        let seconds = |k: usize| (log.time[k] - log.time[0]) as f64 * 1e-9;
-        for k in (0..log.time.len()).step_by(processing.decimation).filter(|k| log.counted[k * n + joint]) {
+        let (n, time, in_band) = (log.dof(), log.time(), log.in_band(joint));
+        let seconds = |k: usize| (time[k] - time[0]) as f64 * 1e-9;
+        for k in (0..time.len()).step_by(processing.decimation).filter(|k| log.counts(k * n + joint)) {
             let sample: Range<usize> = k * n..(k + 1) * n;
             for part in [&log.motion.q, &log.motion.dq, &log.motion.ddq] {
                 rows.x.extend_from_slice(&part[sample.clone()]);
             }
             rows.x.push(start + seconds(k));
-            rows.residual.push(log.measured_in_band[k * n + joint] - log.predicted_in_band[k * n + joint]);
+            rows.residual.push(in_band.residual(k));
             rows.source.push((index, k));
         }
-        start += seconds(log.time.len() - 1) + APART;
+        start += seconds(time.len() - 1) + APART;
     }
     rows
 }

@@ -168,12 +168,11 @@ fn memory(physics: &TorqueModel, rows: &[Rows]) -> f64 {
 /// Number of parts, and for each log the part of each sample: whole logs if there are enough; else eighths of their period
 /// if a motion repeats itself, for an eighth of the time would be seen again in every other period; else of the time.
 fn divide(logs: &[LogResidual]) -> (usize, Vec<Vec<usize>>) {
-    let lengths = logs.iter().map(|log| log.time.len());
+    let lengths = logs.iter().map(|log| log.motion.len());
     if logs.len() >= FEWEST_LOGS {
         return (logs.len(), lengths.enumerate().map(|(log, length)| vec![log; length]).collect());
     }
-    let dof = |log: &LogResidual| log.motion.q.len() / log.time.len();
-    let periods: Vec<Option<usize>> = logs.iter().map(|log| period(&log.motion.q, dof(log))).collect();
+    let periods: Vec<Option<usize>> = logs.iter().map(|log| period(&log.motion.q, log.dof())).collect();
     if periods.iter().any(Option::is_some) {
         let of_log = |(length, period): (usize, &Option<usize>)| {
             let period = period.unwrap_or(length);

@@ -357,8 +357,9 @@ impl SemiParametricModel {
                 let followed = followed.get_or_insert_with(|| FollowingIntervals::new(rate_hz));
                 let late = (rate_hz / band_hz).ceil() as usize;
                 let counted: Vec<usize> =
-                    (0..log.time.len()).map(|sample| sample * n + joint).filter(|&k| log.counted[k]).collect();
-                let error = |k: usize| log.measured_in_band[k] - log.predicted_in_band[k];
+                    (0..log.motion.len()).map(|sample| sample * n + joint).filter(|&k| log.counts(k)).collect();
+                let in_band = log.in_band(joint);
+                let error = |k: usize| in_band.residual(k / n);
                 let half = |k: usize| [prediction.standard_deviation[k], prediction.interval_95[k]];
                 for (index, &k) in counted.iter().enumerate() {
                     if following && index >= late {

@@ -407,6 +407,7 @@ class Bench:
                 "pinned": self.ladder.pinned,
                 "diagnosis": self.missing.found.get(self.ladder.current),
                 "hints": self.missing.hints.get(self.ladder.current, []),
+                "ranked": self.missing.ranked.get(self.ladder.current),
             }
 
 

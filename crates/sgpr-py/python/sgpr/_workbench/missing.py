@@ -20,6 +20,7 @@ class Missing:
     - `found`: as in diagnosis.json, with the plot of the next experiment; `motions`: that motion as a table
     - `tell`: called when something is known before the end
     - `hints`: sentences on what the error depends on, known before the search ends, and after one that was cancelled
+    - `ranked`: candidates as in diagnosis.json, known before the search ends as well, without their probabilities
     """
 
     def __init__(self, models: Models, tell: Callable[[], None]) -> None:
@@ -27,12 +28,14 @@ class Missing:
         self.found: dict[str, dict[str, Any]] = {}
         self.motions: dict[str, str] = {}
         self.hints: dict[str, list[str]] = {}
+        self.ranked: dict[str, list[dict[str, Any]]] = {}
 
     def forget(self) -> None:
         """Everything: the logs are others."""
         self.found.clear()
         self.motions.clear()
         self.hints.clear()
+        self.ranked.clear()
 
     def look(self, step: Step, model: Model, data: Data, progress: Progress) -> None:
         """Looks for what a model lacks; what the error depends on is there before the search begins."""
@@ -40,7 +43,12 @@ class Missing:
         structure = residual_structure(model, compare(model, data.of_role("train")))
         self.hints[step.id] = [joint["summary"] for joint in structure]
         self.tell()
-        found = diagnose(model, data.train, data.of_role("test"), progress=progress)
+
+        def heard(candidates: list[dict[str, Any]]) -> None:
+            self.ranked[step.id] = candidates
+            self.tell()
+
+        found = diagnose(model, data.train, data.of_role("test"), progress=progress, ranked=heard)
         result = found.to_dict()
         motion = next_motion(found, model.robot)
         if motion is not None:

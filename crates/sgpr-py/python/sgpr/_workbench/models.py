@@ -101,7 +101,7 @@ class Models:
         else:
             found = compared(model, stretches, like)
         if name not in self.tracks:
-            self.tracks[name] = track_of(found, stretches)
+            self.tracks[name] = track_of(found, stretches, like.processing)
         self.tracks[name].add(step.id, found, interval)
         return figures_of(found)
 

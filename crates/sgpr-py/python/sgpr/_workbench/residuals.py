@@ -54,8 +54,8 @@ class Samples:
         self.tracks: list[Track] = [bench.track(name) for name in logs]
         if not self.tracks or any(step not in track.predicted for track in self.tracks):
             raise BadData("there is no prediction of this model yet")
-        self.masks = [track.counted[self.k] & np.isfinite(track.residual(step)[self.k]) for track in self.tracks]
-        self.residual = self._all(lambda track: track.residual(step)[self.k])
+        self.masks = [track.counted[self.k] & np.isfinite(track.residual(step, self.k)) for track in self.tracks]
+        self.residual = self._all(lambda track: track.residual(step, self.k))
         self.log = np.repeat(np.arange(len(logs)), [int(mask.sum()) for mask in self.masks])
 
     def _all(self, take: Any) -> Array:
@@ -86,13 +86,14 @@ class Samples:
         if kind == "channel":
             return self._all(lambda track: track.channels[which])
         if kind == "tau":
-            return self._all(lambda track: track.predicted_in_band[self.step][int(which)])
-        row = "measured_in_band" if kind == "measured" else kind
-        return self._all(lambda track: track.rows[row][int(which)])
+            return self._all(lambda track: track.in_band(self.step, int(which)))
+        if kind == "measured":
+            return self._all(lambda track: track.in_band("measured", int(which)))
+        return self._all(lambda track: track.rows[kind][int(which)])
 
     def gain(self, other: str) -> Array:
         """What another model predicts more."""
-        return self._all(lambda t: t.predicted_in_band[other][self.k] - t.predicted_in_band[self.step][self.k])
+        return self._all(lambda track: track.in_band(other, self.k) - track.in_band(self.step, self.k))
 
     def inside(self, region: Region) -> NDArray[np.bool_]:
         """Which samples are in a region."""
@@ -114,10 +115,10 @@ def against(
     keep = np.unique(np.linspace(0, len(x) - 1, min(SHOWN_POINTS, len(x))).astype(int))
     traces = _cloud(samples, x, y, keep, colour)
     centre, mean, low, high = averages(x, y)
+    around = outline(centre, low, high)
     traces += [
-        {**_line("", centre, high, INTERVAL), "line": {"width": 0}, "showlegend": False, "hoverinfo": "skip"},
-        {**_line("two thirds of the samples", centre, low, INTERVAL), "line": {"width": 0}, "fill": "tonexty",
-         "fillcolor": "rgba(86,180,233,.30)"},
+        {**_line("two thirds of the samples", *around, INTERVAL), "line": {"width": 0}, "fill": "toself",
+         "fillcolor": "rgba(86,180,233,.30)", "hoverinfo": "skip"},
         _line("mean", centre, mean, "#000000"),
     ]  # fmt: skip
     if other:
@@ -231,9 +232,9 @@ def whiteness(samples: Samples, decimation: int) -> list[dict[str, Any]]:
 def _longest(samples: Samples, decimation: int) -> tuple[Array, float]:
     best: tuple[Array, float] = (np.zeros(0), 1.0)
     for track in samples.tracks:
-        edges = [0, *track.starts, len(track.t)]
-        for first, last in pairwise(edges):
-            y = np.asarray(track.residual(samples.step)[samples.k, first : last : max(1, decimation)], dtype=float)
+        residual = track.residual(samples.step, samples.k)
+        for first, last in pairwise([0, *track.starts, len(track.t)]):
+            y = np.asarray(residual[first : last : max(1, decimation)], dtype=float)
             if len(y) > max(1, len(best[0])) and np.isfinite(y).all():
                 t = track.t[first : last : max(1, decimation)]
                 best = (y, float(1.0 / np.median(np.diff(t))))
@@ -309,6 +310,19 @@ def averages(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
         found.append((np.nan,) * 4)
     centre, mean, low, high = np.array(found[:-1]).T
     return centre, mean, low, high
+
+
+def outline(x: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    """The line around a band, piece by piece where it has gaps: there and back, with no number between two pieces."""
+    known = np.isfinite(x)
+    ends = np.flatnonzero(np.diff(known.astype(int), prepend=0, append=0))
+    pieces = [slice(first, last) for first, last in ends.reshape(-1, 2)]
+    gap = np.full(1, np.nan)
+    around = [(np.concatenate([x[p], x[p][::-1], gap]), np.concatenate([low[p], high[p][::-1], gap])) for p in pieces]
+    if not around:
+        return np.zeros(0), np.zeros(0)
+    xs, ys = zip(*around, strict=True)
+    return np.concatenate(xs)[:-1], np.concatenate(ys)[:-1]
 
 
 def _range(values: Array) -> str:

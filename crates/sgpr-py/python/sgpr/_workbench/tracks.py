@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from tsdownsample import MinMaxDownsampler
 
-from .. import Comparison, LogResidual, Recording
+from .. import Comparison, LogResidual, Processing, Recording
 from ..cli.errors import BadData
 
 Rows = NDArray[np.float32]
@@ -20,6 +21,9 @@ Places = NDArray[np.int64]
 MOST_POINTS = 4000
 """Of a line: more than a screen is wide."""
 
+MOST_BANDS = 6
+"""Torques of a joint in the band of the fit that are kept: a look at a joint asks for some of them again and again."""
+
 BLOCK = 128
 """Samples of which the smallest and the largest are known in advance: a look at all of a long log need not go through
 all of it."""
@@ -29,20 +33,23 @@ all of it."""
 class Track:
     """A log at the samples of its comparison.
 
-    - `t`: s since its first sample, `[N]`; `starts`: where a stretch begins, after the first
-    - rows of `[n, N]`: `measured` and `predicted` as they are, `..._in_band` as the fit sees them, `q`, `dq`, `ddq`
+    - `t`: s since its first sample, `[N]`; `starts`: where a stretch begins, after the first; `rates`: of each, Hz
+    - rows of `[n, N]`: `measured` and `predicted` as they are, `q`, `dq`, `ddq`
+    - `processing`: with the filter of the fit, through which torques go when they are asked for; None for none
     - `interval`: half the interval of 95 % of steps that know it, `[n, N]`
     """
 
     t: Times
     starts: list[int]
+    rates: list[float]
+    processing: Processing | None
     counted: NDArray[np.bool_]
     rows: dict[str, Rows]
     predicted: dict[str, Rows] = field(default_factory=dict)
-    predicted_in_band: dict[str, Rows] = field(default_factory=dict)
     interval: dict[str, Rows] = field(default_factory=dict)
     channels: dict[str, Times] = field(default_factory=dict)
     peaks: dict[tuple[str, str, int], Places] = field(default_factory=dict)
+    bands: dict[tuple[str, int], Rows] = field(default_factory=dict)
 
     def line(self, kind: str, name: str, joint: int, at: Any = slice(None)) -> Rows:
         """What is drawn of a joint at some samples: `measured`, or a step: its torque, or measured minus that."""
@@ -61,14 +68,29 @@ class Track:
 
     def forget(self, steps: set[str]) -> None:
         """All of these steps."""
-        for table in (self.predicted, self.predicted_in_band, self.interval):
+        for table in (self.predicted, self.interval):
             for step in steps & set(table):
                 del table[step]
         self.peaks = {key: found for key, found in self.peaks.items() if key[1] not in steps}
+        self.bands = {key: found for key, found in self.bands.items() if key[0] not in steps}
 
-    def residual(self, step: str) -> Rows:
-        """Measured minus predicted torque as the fit sees it, `[n, N]`."""
-        return np.asarray(self.rows["measured_in_band"] - self.predicted_in_band[step])
+    def in_band(self, name: str, joint: int) -> Rows:
+        """The torque of a joint as the fit sees it, `measured` or that of a step, `[N]`; the last few are kept."""
+        key = (name, joint)
+        line = self.bands.get(key)
+        if line is None:
+            line = self.line("torque", name, joint)
+            if self.processing is not None:
+                ends = [0, *self.starts, len(line)]
+                parts = zip(pairwise(ends), self.rates, strict=True)
+                pieces = [self.processing.in_band(line[first:last], rate) for (first, last), rate in parts]
+                line = np.concatenate(pieces).astype(np.float32)
+            self.bands = dict([*self.bands.items(), (key, line)][-MOST_BANDS:])
+        return line
+
+    def residual(self, step: str, joint: int) -> Rows:
+        """Measured minus predicted torque of a joint as the fit sees it, `[N]`."""
+        return np.asarray(self.in_band("measured", joint) - self.in_band(step, joint))
 
     def add(self, step: str, found: Comparison, interval: Sequence[Times] | None = None) -> None:
         """The prediction of a model, and half its interval of 95 %."""
@@ -76,19 +98,18 @@ class Track:
         if sum(len(part.time_ns) for part in parts) != len(self.t):
             raise BadData("the models are judged at different samples")
         self.predicted[step] = joined(parts, "predicted")
-        self.predicted_in_band[step] = joined(parts, "predicted_in_band")
         if interval is not None:
             self.interval[step] = np.ascontiguousarray(np.concatenate(interval).T, dtype=np.float32)
 
 
-def track_of(comparison: Comparison, recordings: Sequence[Recording]) -> Track:
-    """The log without any prediction."""
+def track_of(comparison: Comparison, recordings: Sequence[Recording], processing: Processing | None) -> Track:
+    """The log without any prediction, to be judged in the band of a processing."""
     found = comparison.logs
     if not found:
         raise BadData("too short to be filtered")
     time = np.concatenate([part.time_ns for part in found])
     lengths = np.cumsum([len(part.time_ns) for part in found])[:-1]
-    rows = {name: joined(found, name) for name in ("measured", "measured_in_band", "q", "dq", "ddq")}
+    rows = {name: joined(found, name) for name in ("measured", "q", "dq", "ddq")}
     counted = np.concatenate([part.counted for part in found]).T.copy()
     t = (time - time[0]) * 1e-9
     channels = {}
@@ -99,7 +120,8 @@ def track_of(comparison: Comparison, recordings: Sequence[Recording]) -> Track:
             [np.asarray(part.channels[name], dtype=float).reshape(len(part), -1)[:, 0] for part in parts]
         )
         channels[name] = np.interp((time - time[0]) * 1e-9, (at - time[0]) * 1e-9, values)
-    return Track(t, lengths.tolist(), counted, rows, channels=channels)
+    rates = [part.rate_hz for part in found]
+    return Track(t, lengths.tolist(), rates, processing, counted, rows, channels=channels)
 
 
 def joined(parts: Sequence[LogResidual], name: str) -> Rows:

@@ -11,6 +11,9 @@ from .memory import give_back
 
 Progress = Callable[[str, int, int], object]
 
+SURE_AFTER = 1.0
+"""s of a stage, after which its pace says how long the rest takes."""
+
 
 class Cancelled(Exception):
     """The user wants no more of it."""
@@ -29,6 +32,7 @@ class Work:
         self._thread: threading.Thread | None = None
         self._state: dict[str, Any] | None = None
         self._begun = 0.0
+        self._of_stage = ("", 0, 0.0)
 
     def start(self, title: str, task: Callable[[Progress], None], failed: Callable[[str], None]) -> None:
         """Begins a piece of work.
@@ -41,6 +45,7 @@ class Work:
             self._stop.clear()
             self._begun = time.monotonic()
             self._state = {"title": title, "stage": "", "done": 0, "total": 0}
+            self._of_stage = ("", 0, self._begun)
             self._thread = threading.Thread(target=self._run, args=(task, failed), daemon=True, name="sgpr-work")
         self._tell()
         self._thread.start()
@@ -56,11 +61,22 @@ class Work:
             thread.join(seconds)
 
     def state(self) -> dict[str, Any] | None:
-        """What goes on, since how many seconds; None if nothing does."""
+        """What goes on, since how many seconds, and how many its stage still takes; None if nothing does."""
         with self._lock:
             if self._state is None:
                 return None
-            return {**self._state, "seconds": round(time.monotonic() - self._begun, 1), "stops": self._stop.is_set()}
+            now = time.monotonic()
+            spent = {"seconds": round(now - self._begun, 1), "left": self._left(now)}
+            return {**self._state, **spent, "stops": self._stop.is_set()}
+
+    def _left(self, now: float) -> int | None:
+        """s that the stage still takes at the pace since it began; None as long as that says little."""
+        assert self._state is not None, "asked before"
+        _, first, begun = self._of_stage
+        done, total = self._state["done"], self._state["total"]
+        if done <= first or now - begun < SURE_AFTER:
+            return None
+        return round((now - begun) * (total - done) / (done - first))
 
     def step(self, stage: str, done: int, total: int) -> None:
         """Tells of the progress, and ends work that was cancelled."""
@@ -68,6 +84,8 @@ class Work:
             raise Cancelled
         with self._lock:
             if self._state is not None:
+                if stage != self._of_stage[0] or done < self._state["done"] or total != self._state["total"]:
+                    self._of_stage = (stage, done, time.monotonic())
                 self._state.update(stage=stage, done=done, total=total)
 
     def _run(self, task: Callable[[Progress], None], failed: Callable[[str], None]) -> None:

@@ -29,17 +29,19 @@ from .limits import limits_of, verdicts
 from .options import Open, open_page
 from .output_folder import OutputFolder
 from .predictions import residuals_by_log
+from .project import ModelArgument, model_and_logs
 from .reading import Log, ReadingOptions, read_log, read_logs, stretches, tell_layouts
 from .screening import repeated
 
 
 def compare(
-    model: Annotated[
-        str, typer.Argument(metavar="MODEL", help="A saved model (.sgpr), or a robot for its file's model.")
-    ],
-    files: Annotated[list[str], typer.Argument(metavar="FILE", help="Logs.")],
     reading: ReadingOptions,
     output: Output,
+    model: ModelArgument = None,
+    files: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[FILE]...", help="Logs.", show_default="those to test of sgpr.toml"),
+    ] = None,
     against: Annotated[
         str | None, typer.Option("--against", metavar="MODEL|ROBOT", help="Another model, to set beside this one.")
     ] = None,
@@ -77,6 +79,7 @@ def compare(
     open_report: Open = False,
 ) -> None:
     """Compares the torque that a model predicts with the torque in logs, joint by joint."""
+    model, files = model_and_logs(model, files)
     main_model = load_any_model(model, joints)
     names = main_model.robot.joint_names
     wanted = limits_of(limit or [], limits, names)

@@ -24,20 +24,17 @@ from .findings import of_logs, of_texts
 from .findings import show as show_ranked
 from .inputs import kind_of, load_model
 from .options import (
-    OF_PROJECT_FILE,
     Gravity,
     Joints,
     NoReport,
     Open,
     OutFolder,
     Strict,
-    check_unseen,
-    nothing,
     open_page,
 )
 from .output_folder import OutputFolder
 from .predictions import AFTER, BEFORE, left_out, predictions, residuals_by_log, write_before_and_after
-from .project import project_of
+from .project import ModelAndLogs
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .robots import load_robot
 from .screening import repeated
@@ -52,32 +49,10 @@ VERDICTS = {
 
 
 def diagnose(
-    robot: Annotated[
-        str | None,
-        typer.Option(
-            "--robot",
-            metavar="ROBOT|MODEL",
-            help="URDF, DH table, puma560 or two_link; or a model (.sgpr) that was identified from the training logs.",
-            default_factory=nothing,
-            show_default=OF_PROJECT_FILE,
-        ),
-    ],
-    train: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--train",
-            metavar="FILE...",
-            help="Logs to learn from.",
-            default_factory=nothing,
-            show_default=OF_PROJECT_FILE,
-        ),
-    ],
+    project: ModelAndLogs,
     out: OutFolder,
     reading: ReadingOptions,
     output: Output,
-    test: Annotated[
-        list[str] | None, typer.Option("--test", metavar="FILE...", help="Logs to judge by, not used to learn.")
-    ] = None,
     effects: Annotated[
         list[str] | None,
         typer.Option(
@@ -116,8 +91,7 @@ def diagnose(
     Writes to DIR: diagnosis.json, report.html, model.sgpr, with test logs predictions.csv and, if effects could be
     mistaken for each other, next_experiment.csv and .mcap: the motion that tells them apart.
     """
-    robot, train, test, usual = project_of(robot, train, test)
-    check_unseen(train, test)
+    robot, train, test, usual = project.project()
     wanted = checked_effects(look_for, "--look-for") if look_for else None
     add = checked_effects(add, "--add") if add else None
     given: Model | None = load_model(robot, joints, gravity) if kind_of(robot) == "model" else None

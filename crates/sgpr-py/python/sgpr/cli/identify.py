@@ -23,15 +23,12 @@ from .findings import show as show_ranked
 from .fit_options import BodyOptions, EquationOptions, IdentificationOptions
 from .info import show_certificate, show_parameters, show_terms
 from .options import (
-    OF_PROJECT_FILE,
     Gravity,
     Joints,
     NoReport,
     Open,
     OutFolder,
     Strict,
-    check_unseen,
-    nothing,
     open_page,
 )
 from .output_folder import OutputFolder
@@ -44,7 +41,7 @@ from .predictions import (
     write_before_and_after,
     write_topics,
 )
-from .project import project_of
+from .project import RobotAndLogs
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .robots import load_robot
 from .screening import excitation, repeated
@@ -57,35 +54,13 @@ IN_ROBOT_FILES = {
 
 
 def identify(
-    robot: Annotated[
-        str | None,
-        typer.Option(
-            "--robot",
-            metavar="ROBOT",
-            help="URDF, DH table (.toml, .json), puma560 or two_link.",
-            default_factory=nothing,
-            show_default=OF_PROJECT_FILE,
-        ),
-    ],
-    train: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--train",
-            metavar="FILE...",
-            help="Logs to identify from.",
-            default_factory=nothing,
-            show_default=OF_PROJECT_FILE,
-        ),
-    ],
+    project: RobotAndLogs,
     out: OutFolder,
     fit: IdentificationOptions,
     bodies: BodyOptions,
     equations: EquationOptions,
     reading: ReadingOptions,
     output: Output,
-    test: Annotated[
-        list[str] | None, typer.Option("--test", metavar="FILE...", help="Logs to judge by, not used to identify.")
-    ] = None,
     joints: Joints = None,
     gravity: Gravity = None,
     no_report: NoReport = False,
@@ -103,7 +78,7 @@ def identify(
     Writes to DIR: model.sgpr, report.html, identification.json and, with test logs, predictions.csv; with --consistent
     also the robot with the inertias and the friction found, robot.xml (MJCF) and, from a URDF, robot.urdf.
     """
-    robot, train, test, usual = project_of(robot, train, test)
+    robot, train, test, usual = project.project()
     if equations.effects is None:
         equations = replace(equations, effects=usual)
     if fit.no_prior and (bodies.prior is not None or bodies.prior_deviation is not None):
@@ -113,7 +88,6 @@ def identify(
         raise wrong_use("parameters that are left out make no body: choose one of the two", "--consistent")
     if mcap is not None and not test:
         raise wrong_use("is written for test logs: name them with --test", "--mcap")
-    check_unseen(train, test)
     folder = OutputFolder(out)
     loaded = load_robot(robot, joints, gravity)
     train_logs = read_logs(train, reading, loaded.joint_names, output)

@@ -20,15 +20,12 @@ from .findings import of_logs, of_texts
 from .findings import show as show_ranked
 from .inputs import kind_of, load_model
 from .options import (
-    OF_PROJECT_FILE,
     Gravity,
     Joints,
     NoReport,
     Open,
     OutFolder,
     Strict,
-    check_unseen,
-    nothing,
     open_page,
 )
 from .output_folder import OutputFolder
@@ -44,7 +41,7 @@ from .predictions import (
     spread_of,
     write_table,
 )
-from .project import project_of
+from .project import ModelAndLogs
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .robots import load_robot
 from .screening import repeated
@@ -55,33 +52,10 @@ MOST_POINTS = 20_000
 
 
 def learn(
-    robot: Annotated[
-        str | None,
-        typer.Option(
-            "--robot",
-            metavar="ROBOT|MODEL",
-            help="URDF, DH table, puma560 or two_link; or a model (.sgpr) from the training logs, such as that of "
-            "`sgpr diagnose`.",
-            default_factory=nothing,
-            show_default=OF_PROJECT_FILE,
-        ),
-    ],
-    train: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--train",
-            metavar="FILE...",
-            help="Logs to learn from.",
-            default_factory=nothing,
-            show_default=OF_PROJECT_FILE,
-        ),
-    ],
+    project: ModelAndLogs,
     out: OutFolder,
     reading: ReadingOptions,
     output: Output,
-    test: Annotated[
-        list[str] | None, typer.Option("--test", metavar="FILE...", help="Logs to judge by, not used to learn.")
-    ] = None,
     effects: Annotated[
         list[str] | None,
         typer.Option(
@@ -130,8 +104,7 @@ def learn(
     logs, predictions.csv with the columns NAME_measured, NAME_before, NAME_after, NAME_std and NAME_interval_95.
     Ctrl-C during the search keeps what was found so far.
     """
-    robot, train, test, usual = project_of(robot, train, test)
-    check_unseen(train, test)
+    robot, train, test, usual = project.project()
     one_of(kernel, KERNELS, "--kernel", "kernel")
     one_of(mean, MEANS, "--mean", "mean")
     if inputs is not None:

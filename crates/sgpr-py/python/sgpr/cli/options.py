@@ -30,20 +30,6 @@ Strict = Annotated[
 ]
 
 
-OF_PROJECT_FILE = "that of sgpr.toml"
-
-
-def nothing() -> None:
-    """The default of an option that `sgpr.toml` may hold."""
-
-
-def check_unseen(train: Sequence[str], test: Sequence[str] | None) -> None:
-    """Refuses a log that is named for training and for the test."""
-    both = sorted(set(train) & set(test or ()))
-    if both:
-        raise wrong_use(f"{', '.join(both)}: a log that trains the model cannot test it", "--test")
-
-
 def open_page(path: Path) -> None:
     """Shows a page in the browser of the user."""
     webbrowser.open(path.resolve().as_uri())

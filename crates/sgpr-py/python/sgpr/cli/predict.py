@@ -16,6 +16,7 @@ from .inputs import load_any_model
 from .options import check_not_input
 from .output_folder import OutputFolder
 from .predictions import INTERVAL, STD, Pieces, beside, predictions, spread_of, write_table, write_topics
+from .project import ModelArgument, model_and_logs
 from .reading import ReadingOptions, read_log, tell_layouts
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
@@ -24,16 +25,17 @@ STD_WITH_NOISE = "std_with_noise"
 
 
 def predict(
-    model: Annotated[
-        str, typer.Argument(metavar="MODEL", help="A saved model (.sgpr), or a robot for its file's model.")
-    ],
-    file: Annotated[str, typer.Argument(metavar="FILE", help="A log.")],
     reading: ReadingOptions,
     output: Output,
     out: Annotated[
         str,
         typer.Option("--out", metavar="FILE", help="Table (.csv, .csv.gz), or MCAP file with topics (.mcap)."),
     ],
+    model: ModelArgument = None,
+    file: Annotated[
+        str | None,
+        typer.Argument(metavar="[FILE]", help="A log.", show_default="the one to test of sgpr.toml"),
+    ] = None,
     joints: Annotated[
         list[str] | None,
         typer.Option("--joints", metavar="JOINT...", help="Joints of a URDF to model; the others are locked."),
@@ -51,6 +53,10 @@ def predict(
     """
     if not out.endswith(SUFFIXES):
         raise wrong_use(f"`{out}`: the name must end in {', '.join(SUFFIXES)}", "--out")
+    model, files = model_and_logs(model, [] if file is None else [file])
+    if len(files) > 1:
+        raise wrong_use(f"is missing: name one of {', '.join(files)}", "FILE")
+    [file] = files
     check_not_input(out, [model, file])
     place = Path(out).absolute()
     loaded = load_any_model(model, joints)

@@ -12,12 +12,16 @@ The workbench keeps there what a project is: `robot`, the logs to `train` and to
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
+
+import typer
 
 from .._pages import write_page
 from .errors import BadData, wrong_use
+from .inputs import kind_of
 
 NAME = "sgpr.toml"
 
@@ -81,6 +85,94 @@ def settings_of(log: str) -> tuple[dict[str, Any], Path | None]:
     return found, place
 
 
+OF_PROJECT_FILE = "that of sgpr.toml"
+
+
+@dataclass(frozen=True)
+class RobotAndLogs:
+    """Options of a command that fits: the arm, logs to learn from, and logs to judge by."""
+
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            "--robot",
+            metavar="ROBOT",
+            help="URDF, DH table (.toml, .json), puma560 or two_link.",
+            show_default=OF_PROJECT_FILE,
+        ),
+    ] = None
+    train: Annotated[
+        list[str] | None,
+        typer.Option("--train", metavar="FILE...", help="Logs to learn from.", show_default=OF_PROJECT_FILE),
+    ] = None
+    test: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--test",
+            metavar="FILE...",
+            help="Logs to judge by, not used to learn.",
+            show_default="those of sgpr.toml with its --train",
+        ),
+    ] = None
+
+    def project(self) -> "Project":
+        """What the command line names; what it does not name is as in `sgpr.toml` of the folder where the command runs.
+
+        The split of the project holds as a whole: who names logs to train names those to test as well.
+        """
+        data = _project() if self.robot is None or not self.train else {}
+        robot = _robot(self.robot, data, "--robot")
+        logs = {role: _names(data, role) for role in ("train", "test")}
+        train = self.train or logs["train"]
+        if not train:
+            raise wrong_use(f"is missing: name logs, or have them in {NAME} here (sgpr workbench makes it)", "--train")
+        test = self.test or ([] if self.train else logs["test"])
+        both = sorted(set(train) & set(test))
+        if both:
+            raise wrong_use(f"{', '.join(both)}: a log that trains the model cannot test it", "--test")
+        return Project(robot, list(train), list(test), None if self.robot else _effects(data))
+
+
+@dataclass(frozen=True)
+class ModelAndLogs(RobotAndLogs):
+    """The same for a command that goes on from a model, too."""
+
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            "--robot",
+            metavar="ROBOT|MODEL",
+            help="URDF, DH table, puma560 or two_link; or a model (.sgpr) that was identified from the training logs.",
+            show_default=OF_PROJECT_FILE,
+        ),
+    ] = None
+
+
+ModelArgument = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="[MODEL]",
+        help="A saved model (.sgpr), or a robot for its file's model.",
+        show_default="the robot of sgpr.toml",
+    ),
+]
+
+
+def model_and_logs(model: str | None, files: Sequence[str] | None) -> tuple[str, list[str]]:
+    """What a command that judges a model names; what it does not name is as in `sgpr.toml` of the folder where it runs:
+    the robot, and the logs to test, or to train if none tests.
+    """
+    files = list(files or [])
+    if model is not None and kind_of(model) == "log":
+        model, files = None, [model, *files]
+    data = _project() if model is None or not files else {}
+    robot = _robot(model, data, "MODEL")
+    files = files or _names(data, "test") or _names(data, "train")
+    if not files:
+        raise wrong_use(f"is missing: name a log, or have logs in {NAME} here (sgpr workbench makes it)", "FILE")
+    return robot, files
+
+
 class Project(NamedTuple):
     """What a command works on.
 
@@ -93,20 +185,11 @@ class Project(NamedTuple):
     effects: list[str] | None
 
 
-def project_of(robot: str | None, train: Sequence[str] | None, test: Sequence[str] | None) -> Project:
-    """What the command line names; what it does not name is as in `sgpr.toml` of the folder where the command runs.
-
-    The split of the project holds as a whole: who names logs to train names those to test as well.
-    """
-    data = _project() if robot is None or not train else {}
-    found = robot or data.get("robot")
+def _robot(named: str | None, data: Mapping[str, Any], option: str) -> str:
+    found = named or data.get("robot")
     if not isinstance(found, str) or not found:
-        raise wrong_use(f"is missing: name a robot, or have one in {NAME} here (sgpr workbench makes it)", "--robot")
-    logs = {role: _names(data, role) for role in ("train", "test")}
-    if not train and not logs["train"]:
-        raise wrong_use(f"is missing: name logs, or have them in {NAME} here (sgpr workbench makes it)", "--train")
-    unseen = list(test) if test else ([] if train else logs["test"])
-    return Project(found, list(train or logs["train"]), unseen, None if robot else _effects(data))
+        raise wrong_use(f"is missing: name a robot, or have one in {NAME} here (sgpr workbench makes it)", option)
+    return found
 
 
 def _project() -> dict[str, Any]:

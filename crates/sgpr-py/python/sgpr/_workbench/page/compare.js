@@ -203,6 +203,7 @@ function errors(state) {
   return h("section", { "aria-label": "Errors" }, h("h3", {}, "Root mean square error"),
     h("div", { class: "bar" }, choice("On", "judged", options, view.judged, (value) => { view.judged = value; fill(parts.table, errors(app.state)); }),
       choice("Compare with", "pin", [["", "nothing"], ...state.steps.filter((step) => step.ready).map((step) => [step.id, step.name])], state.pinned ?? "", (name) => app.act("pin", { name: name || null }))),
+    h("p", { class: "soft" }, "Counted while a joint moves: while it stands, dry friction holds it with any torque, and no model can say which."),
     table("Errors", ["joint", "unit", ...steps.map((step) => step.name), "no model", "gravity only"], rows, [0, 1]));
 }
 

@@ -147,11 +147,27 @@ function settingsFrom(inputs) {
   return found;
 }
 
+// What is said of several logs and differs only in its numbers stands once.
+function sameOnce(logs) {
+  const found = new Map();
+  for (const log of logs) {
+    for (const { rank, text } of log.issues) {
+      const key = `${rank} ${text.replaceAll(/[\d.]+(e-?\d+)?/g, "#")}`;
+      if (!found.has(key)) found.set(key, { rank, text, names: [], others: [] });
+      found.get(key).names.push(log.name);
+      found.get(key).others.push(`${log.name}: ${text}`);
+    }
+  }
+  const order = { stop: 0, look: 1, know: 2 };
+  return [...found.values()].sort((a, b) => order[a.rank] - order[b.rank]).map(({ rank, text, names, others }) => [
+    rank, names.length > 1 ? `${names[0]} and ${names.length - 1} more` : names[0],
+    names.length > 1 ? [text, h("details", {}, h("summary", { "data-key": `all ${rank} ${text}` }, `In all ${names.length}`), others.map((each) => h("p", {}, each)))] : text,
+  ]);
+}
+
 export const checkStage = {
   update(root, state, app) {
-    const issues = state.logs.flatMap((log) => log.issues.map((issue) => [issue.rank, log.name, issue.text]));
-    const order = { stop: 0, look: 1, know: 2 };
-    issues.sort((a, b) => order[a[0]] - order[b[0]]);
+    const issues = sameOnce(state.logs);
     fill(root, h("h2", {}, "Check and split"), lead(state, app),
       h("p", {}, "Logs that test are not used to learn: their error is what a new motion would see."),
       state.logs.length ? logTable(state, app) : null,

@@ -34,10 +34,11 @@ export function update(root, state, application) {
   load();
 }
 
+// The joint that makes most of the error of all joints.
 function worst(state) {
   const errors = state.steps.find((step) => step.id === view.step)?.errors;
   const joints = (errors?.test ?? errors?.train)?.joints ?? [];
-  return joints.reduce((best, one) => (!best || one.relative > best.relative ? one : best), null)?.joint ?? state.robot.joints[0];
+  return joints.reduce((best, one) => (!best || one.rmse > best.rmse ? one : best), null)?.joint ?? state.robot.joints[0];
 }
 
 function controls(state, ready) {

@@ -87,7 +87,9 @@ function drawJob(job) {
       button("Cancel", () => app.cancel()));
   }
   const bar = place.querySelector("progress");
-  const text = `${job.title}: ${job.stops ? "stops" : job.stage || "begins"}, ${Math.round(job.seconds)} s`;
+  const left = job.left === null || job.stops ? "" : `, about ${Math.max(1, job.left)} s left of this stage`;
+  const of = job.total > 1 ? ` ${job.done} of ${job.total}` : "";
+  const text = `${job.title}: ${job.stops ? "stops" : `${job.stage || "begins"}${of}`}, ${Math.round(job.seconds)} s${left}`;
   place.querySelector("#job-text").textContent = text;
   if (job.total > 0) { bar.max = job.total; bar.value = job.done; } else bar.removeAttribute("value");
 }

@@ -28,11 +28,12 @@ export function update(root, state, app) {
       state.hints.length ? [h("p", {}, state.job ? "What is known so far, on the training logs:" : "What was known when the search was stopped, on the training logs:"), h("ul", {}, state.hints.map((text) => h("li", {}, text)))] : null);
   fill(root, h("h2", {}, "What is missing"), lead,
     found ? found.findings.map((one, k) => card(one, k, state, app, add)) : null,
-    found ? candidates(found, state, app, add) : null,
+    found ? candidates(others(found), found.candidates.length, state, app, add)
+      : fitted && state.ranked ? candidates(state.ranked, state.ranked.length, state, app, add) : null,
     found ? experiment(found, app) : null, fitted ? byHand(state, add) : null, found ? rest(found, app) : null);
   const motion = document.getElementById("next-motion");
   if (motion) Plotly.react(motion, found.next_figure.data, found.next_figure.layout, { displayModeBar: false, responsive: true });
-  if (open && found) signature(open, state, app);
+  if (open && (found || state.ranked)) signature(open, state, app);
 }
 
 function verdict(found) {
@@ -44,12 +45,16 @@ function verdict(found) {
 
 const fall = (one, joint) => 100 * (1 - one.rmse_after[joint] / one.rmse_before[joint]);
 
-// What is only ranked has no fit of its own, hence no error: adding it tells.
+// The largest change on blocks of time that were left out; what has no evidence was not fitted.
 function gained(one) {
   const joints = Object.keys(one.rmse_before).filter((joint) => one.rmse_after[joint] !== one.rmse_before[joint]);
   const best = joints.sort((a, b) => fall(one, b) - fall(one, a))[0];
-  return best === undefined ? "–" : `${best} −${number(fall(one, best), 2)} %`;
+  if (best === undefined) return "–";
+  const value = fall(one, best);
+  return h("span", { class: `pair ${value >= 0 ? "good" : "bad"}` }, `${best} ${value >= 0 ? "−" : "+"}${number(Math.abs(value), 2)} %`);
 }
+
+const others = (found) => found.candidates.filter((one) => !found.findings.some((other) => title(other) === title(one)));
 
 function card(one, k, state, app, add) {
   const gains = Object.keys(one.rmse_before).map((joint) => [joint, number(one.rmse_before[joint]), number(one.rmse_after[joint]), h("span", { class: fall(one, joint) >= 0 ? "good" : "bad" }, `${fall(one, joint) >= 0 ? "−" : "+"}${number(Math.abs(fall(one, joint)), 2)} %`)]);
@@ -65,22 +70,24 @@ function card(one, k, state, app, add) {
     h("div", { id: `signature-f${k}` }));
 }
 
-function candidates(found, state, app, add) {
-  const listed = found.candidates.filter((one) => !found.findings.some((other) => title(other) === title(one))).slice(0, SHOWN);
+function candidates(all, count, state, app, add) {
+  const listed = all.slice(0, SHOWN);
+  const judged = Boolean(state.diagnosis);
   const rows = listed.map((one, k) => [
-    title(one), one.probability.toFixed(2), one.score <= -1e6 ? "–" : number(one.score), gained(one), one.confusable_with.map(words).join(", ") || "–",
+    title(one), judged ? one.probability.toFixed(2) : "–", one.score <= -1e6 ? "–" : number(one.score), gained(one), one.confusable_with.map(words).join(", ") || "–",
     h("span", { class: "pair" }, button("Show", () => toggle(`c${k}`, one, state, app), { "data-key": `signature c${k}`, "aria-label": `Show the signature of ${title(one)}` }), " ",
       button("Add", () => add(names(one)), { "data-key": `add c${k}`, "aria-label": `Add ${title(one)}`, disabled: Boolean(state.job) })),
   ]);
-  return h("section", { "aria-label": "Other candidates" }, h("h3", {}, "Other candidates"),
-    h("p", { class: "soft" }, `The best ${listed.length} of ${found.candidates.length}. Evidence: log of the Bayes factor against the model alone, less what looking at so many costs. The error gained is known of what was fitted; of the others it shows once they are added.`),
-    table("Other candidates", ["effect", "probability", "evidence", "error gained", "looks like", ""], rows, [0, 4, 5]), h("div", { id: "signature-c" }));
+  const caption = judged ? "Other candidates" : "Candidates so far";
+  return h("section", { "aria-label": caption }, h("h3", {}, caption),
+    h("p", { class: "soft" }, `The best ${listed.length} of ${count}. Evidence: log of the Bayes factor against the model alone, less what looking at so many costs. Error gained: on blocks of time that the fit had not seen, with this effect alone beside the model; – without evidence.${judged ? "" : " Many of them imitate each other: which are there, and how surely, is known when the search ends."}`),
+    table(caption, ["effect", "probability", "evidence", "error gained", "looks like", ""], rows, [0, 4, 5]), h("div", { id: "signature-c" }));
 }
 
 function experiment(found, app) {
   if (!found.next_figure) return null;
   return h("section", { "aria-label": "Next experiment" }, h("h3", {}, "What to record next"),
-    found.next_experiment.map((one) => h("p", {}, `To tell ${one.about.map(words).join(" from ")}: ${one.experiment} (${number(one.seconds)} s). Log Bayes factor between them ${number(one.separation_now)} now, ${number(one.separation_expected)} expected with the motion.`)),
+    found.next_experiment.map((one) => h("p", {}, `To tell ${words(one.about[0])} from ${one.about.slice(1).map(words).join(" and ")}: ${one.experiment} (${number(one.seconds)} s). Log Bayes factor between them ${one.separation_now.toFixed(1)} now, ${one.separation_expected.toFixed(1)} expected with the motion.`)),
     h("p", { class: "soft" }, "It stays within what the logs show, but takes the arm to new poses: look for collisions first."),
     h("div", { id: "next-motion" }),
     button("The motion (next_experiment.csv)", () => save("next_experiment.csv").catch((error) => app.notice(error.message))));
