@@ -54,6 +54,7 @@ pub use left_out::LeftOut;
 pub use observation::{Equation, Equations, JointFactor, Observation, Row, Trajectory};
 pub use payload::{Payload, PayloadOptions, identify_payload};
 pub use posterior::{Held, PriorWidth, estimate_with_prior};
+pub(crate) use prior::Insisted;
 pub use prior::ParameterPrior;
 pub use recursive::RecursiveLeastSquares;
 pub use screening::{Finding, screen_delays, screen_factors, screen_rows, screen_scale};

@@ -346,7 +346,10 @@ fn fit(
     if options.prior.is_some() {
         held::leave_out_joints_at_rest(&mut factors);
     }
-    let prior = options.prior.map(|width| (ParameterPrior::new(robot, &set, &base, &start, &factors), width));
+    let prior = options.prior.map(|width| {
+        let prior = ParameterPrior::new(robot, &set, &base, &start, &factors);
+        (if options.start == Start::Zero { prior.of_difference() } else { prior }, width)
+    });
     // The residual of a first solution tells how much the noise remembers: the estimates stay, their spread grows.
     let first = LeastSquares::new(options.method.clone());
     let first = match &prior {
@@ -360,15 +363,16 @@ fn fit(
     let mut equations = Equations::new(robot, &set, &base, trajectories);
     let mut notes = Vec::new();
     let mut dispersion = 1.0;
-    let (mut estimate, held) = match prior {
-        None => (estimate(&options.method, &mut equations, &factors, &nominal, Some(&correlation))?, None),
+    let (mut estimate, held, mut bodies) = match prior {
+        None => (estimate(&options.method, &mut equations, &factors, &nominal, Some(&correlation))?, None, None),
         Some((prior, width)) => {
-            let task = held::Task { robot, set: &set, base: &base, factors: &factors, parts: &parts, motions };
+            let (set, base, start) = (&set, &base, &start);
+            let task = held::Task { robot, set, base, factors: &factors, parts: &parts, motions, start };
             let kept = options.start == Start::RobotFile;
             let found = task.estimate(&options.method, &mut equations, (prior, width), &correlation, kept)?;
             notes.extend(found.notes);
             dispersion = found.dispersion;
-            (found.estimate, found.held)
+            (found.estimate, found.held, found.bodies)
         }
     };
     set_uncertainty(options, &mut equations, &factors, &mut estimate, held.as_ref())?;
@@ -385,6 +389,7 @@ fn fit(
         notes.push(essential_note(&found, &base));
         estimate.values.clone_from(&found.values);
         estimate.covariance.clone_from(&found.covariance);
+        bodies = None;
         essential = Some(found);
     }
     let consistent = match &options.consistency {
@@ -401,9 +406,11 @@ fn fit(
                 notes.push(cross_validation_note(deviation, &scores));
             }
             let solve = |whitened: &Mat<f64>| consistency.solve(robot, &set, &base, whitened, &start, &torque);
-            let mut whitened = estimate.whitened.clone();
+            // What the prior holds it holds here, too; its weights are those of its own noise.
+            let mut whitened = held.as_ref().map_or_else(|| estimate.whitened.clone(), |held| held.whitened(&factors));
             let mut found = solve(&whitened)?;
-            for _ in 0..if options.method.reweights() { REWEIGHTINGS } else { 0 } {
+            let reweighs = held.is_none() && options.method.reweights();
+            for _ in 0..if reweighs { REWEIGHTINGS } else { 0 } {
                 if model.terms().iter().any(Term::is_transform) {
                     // What transforms make depends on the parameters.
                     model.set_all_parameters(&found.parameters);
@@ -416,7 +423,7 @@ fn fit(
             let costs = consistency.costs(robot, &set, &base, &whitened, &start, &torque)?;
             let mut kept_out = None;
             // Least squares leaves one unit of variance per parameter to chance; a limit can take at most as much of it.
-            if found.cost.powi(2) > CHANCE {
+            if found.cost.powi(2) > held::CHANCE && held.is_none() {
                 let folds = folds(robot, &set, &base, equations.trajectories())?;
                 let noise = noise_of(&factors, &estimate);
                 // A part that the solver gives up on is no reason to lose the model.
@@ -426,8 +433,9 @@ fn fit(
             Some((found, costs, kept_out, consistency))
         }
     };
+    let are_bodies = consistent.is_some() || bodies.is_some();
     match &consistent {
-        None => model.set_all_parameters(&base.expand(&estimate.values, &start)),
+        None => model.set_all_parameters(&bodies.unwrap_or_else(|| base.expand(&estimate.values, &start))),
         Some((consistent, ..)) => {
             model.set_all_parameters(&consistent.parameters);
             estimate.values.clone_from(&consistent.base);
@@ -442,7 +450,8 @@ fn fit(
     let names = model.base.names();
     let undecided = held.as_ref().map_or(vec![], |held| held.prior.undecided(&held.data));
     let prior = held.as_ref().map(|held| &held.prior);
-    model.provenance.history = vec![describe(options, processing, &factors, prior) + &dispersed(dispersion)];
+    let bodies = if are_bodies && options.consistency.is_none() { "; links are bodies" } else { "" };
+    model.provenance.history = vec![describe(options, processing, &factors, prior) + bodies + &dispersed(dispersion)];
     model.fit = Some(Fit {
         method: options.method.name().into(),
         covariance: row_major(&covariance),
@@ -596,9 +605,6 @@ fn loops<'a>(
 
 /// Times that joints are weighted anew by the residual of the consistent parameters.
 const REWEIGHTINGS: usize = 3;
-
-/// Squares of consistency's cost per parameter that noise explains.
-const CHANCE: f64 = 0.25;
 
 /// Parts of the data, each of which is predicted from the others.
 const FOLDS: usize = 5;
