@@ -160,7 +160,7 @@ def test_samples_that_training_and_test_share_are_named_with_both_files(logs: li
     found = run("identify", "--robot", "two_link", "--train", *logs[:2], "--test", logs[2], again, "--out", out)
     assert found.code == 0, found.err
     (text,) = json.loads((out / "identification.json").read_text())["repeated_motions"]
-    assert f"samples of the test log {again} are in the training log {logs[1]}" in text
+    assert f"samples of the test log {again} are in the training log {logs[0]}" in text
     count, _, whole, *_ = text.split()
     assert count == whole, "the whole log"
     assert "are in the training log" in " ".join(found.err.split()) + " ".join(found.out.split())

@@ -34,8 +34,8 @@ pub(super) struct Found {
     pub held: Option<Held>,
     /// All parameters, with every link a body, if that costs no more than noise explains; the estimate is theirs.
     pub bodies: Option<Vec<f64>>,
-    /// By what standard deviations have to be multiplied ([`LeftOut::dispersion`]); one for a bare estimate.
-    pub dispersion: f64,
+    /// By what intervals of 68 and 95 % are larger than noise makes them ([`LeftOut::dispersion`]); one for a bare estimate.
+    pub dispersion: [f64; 2],
     pub notes: Vec<String>,
 }
 
@@ -99,7 +99,7 @@ impl Task<'_> {
                 if let Some(mut bare) = bare.filter(|bare| self.knows_more_than_file(&bare.covariance, &flat)) {
                     notes.extend(self.negative_notes(flat.insisted_by(&bare)));
                     bare.values = flat.without_negative_friction(&bare.values, &bare.whitened);
-                    return Ok(Found { estimate: bare, held: None, bodies: None, dispersion: 1.0, notes });
+                    return Ok(Found { estimate: bare, held: None, bodies: None, dispersion: [1.0; 2], notes });
                 }
                 if saved.is_worse() {
                     let wide = flat.with_relative_deviation(WIDE).with_effect_scale(1.0);
@@ -244,7 +244,7 @@ impl Task<'_> {
         LeftOut::new(self.parts, level, self.base.rank())
     }
 
-    fn dispersion(&self, held: &Held) -> f64 {
+    fn dispersion(&self, held: &Held) -> [f64; 2] {
         let noise = |part: &JointFactor| self.factor_of(part).map_or(0.0, |index| held.estimate.noise[index]);
         self.left_out(held).dispersion(&held.prior, noise)
     }
