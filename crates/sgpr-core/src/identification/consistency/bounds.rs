@@ -173,7 +173,7 @@ pub(super) fn collect(
 }
 
 /// An arm weighs at most this many times as much as the weight that makes its largest torque on a lever of its whole reach.
-/// Of five arms from 7 to 37 kg the whole arm is 3 to 8 times as heavy.
+/// That is 22 to 24 kg from logs of the Panda, 27 to 40 of the KUKA LWR and 12 to 17 of Baxter's arm.
 const CLASS: f64 = 10.0;
 
 /// Standard gravity, m/s².

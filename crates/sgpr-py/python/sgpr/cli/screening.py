@@ -128,6 +128,6 @@ def repeated(train: Sequence[Log], test: Sequence[Log]) -> list[str]:
 def _shares(log: Log, path: str, count: int) -> str:
     whole = sum(len(part) for part in log.stretches)
     return (
-        f"{count} of {whole} samples of the test log {log.path} are in the training log {path}: its error there is that "
-        "of the fit, not one on unseen data. Test with another log"
+        f"{count} of {whole} samples of the test log {log.path} are in the training log {path}: its error there is "
+        "that of the fit, not one on unseen data. Test with another log"
     )
