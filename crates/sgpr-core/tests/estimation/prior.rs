@@ -198,6 +198,71 @@ fn rich_logs_give_the_bare_estimate_and_short_ones_another() {
     assert!(largest_difference(&values(2, chosen), &values(2, None)) > 0.0, "the prior is in force");
 }
 
+/// The same log with a torque that grows with the speed of the first joint, as no friction does.
+fn with_negative_friction(log: &Recording) -> Recording {
+    let (q, rate) = (log.position(), 100.0);
+    let speed = |k: usize| {
+        let (before, after) = (k.saturating_sub(2), (k + 2).min(q.len() - 2));
+        (q[after] - q[before]) * rate / ((after - before) / 2) as f64
+    };
+    let tau = log.torque().expect("simulated").iter().enumerate();
+    let tau = tau.map(|(k, tau)| if k % 2 == 0 { tau - 8.0 * speed(k) } else { *tau }).collect();
+    let (names, time) = (log.joint_names().to_vec(), log.time().to_vec());
+    Recording::new("driven", names, time, q.to_vec(), None, Some(tau), vec![]).expect("arrays of one length")
+}
+
+#[test]
+fn friction_is_never_negative_and_a_warning_says_what_imitates_it() {
+    let robot = two_link();
+    for (case, seconds) in [("rich", 40), ("poor", 4)] {
+        let log = [with_negative_friction(&log(seconds, [true; 2], [false; 2], 12))];
+        let of = |options: IdentifyOptions| {
+            let (model, report) = identify(&robot, &log, &options, &()).expect("a usable model");
+            let at = model.parameter_set().names().iter().position(|name| name == "joint_1.Fv").expect("an effect");
+            (model.parameters()[at], report.warnings.iter().any(|w| w.contains("`joint_1.Fv` is held at zero")))
+        };
+        assert_eq!(of(options()), (0.0, true), "{case}");
+        // The bare estimate says what the rows say, and the difference of two arms may have less friction.
+        let (bare, said) = of(IdentifyOptions { prior: None, ..options() });
+        assert!(bare < -4.0 && !said, "{case}: {bare}");
+        let (difference, said) = of(IdentifyOptions { start: sgpr_core::model::Start::Zero, ..options() });
+        assert!(difference < -2.0 && !said, "{case}: {difference}");
+    }
+}
+
+#[test]
+fn links_that_a_short_log_leaves_to_the_file_are_bodies() {
+    let robot = two_link();
+    let smallest = |model: &TorqueModel| {
+        let links = model.identified_robot().links().iter();
+        links.map(|link| link.smallest_pseudo_inertia_eigenvalue()).fold(f64::INFINITY, f64::min)
+    };
+    for seed in 30..34 {
+        let short = [log(2, [true; 2], [false; 2], seed)];
+        let (model, _) = identify(&robot, &short, &options(), &()).expect("a usable model");
+        let bodies = model.provenance().history[0].contains("links are bodies");
+        assert!(bodies && smallest(&model) > 0.0, "{seed}: {} {:?}", smallest(&model), model.provenance().history);
+        model.to_mjcf().expect("bodies can be written");
+        let bare = identify(&robot, &short, &IdentifyOptions { prior: None, ..options() }, &()).expect("enough rows").0;
+        assert!(smallest(&bare) < 0.0, "{seed}: the test would show nothing");
+    }
+}
+
+#[test]
+fn consistent_parameters_of_a_short_log_are_held_by_the_file() {
+    let robot = two_link();
+    let test = [log(20, [true; 2], [false; 2], 1)];
+    let error = |model: &TorqueModel| compare(model, &test, None).expect("a log").relative_error_percent;
+    let file = error(&TorqueModel::nominal(&robot));
+    for seed in 40..44 {
+        let short = [log(2, [true; 2], [false; 2], seed)];
+        let consistency = Some(sgpr_core::identification::Consistency::default());
+        let model = identify(&robot, &short, &IdentifyOptions { consistency, ..options() }, &()).expect("bodies").0;
+        let found = error(&model);
+        assert!(found < file, "{seed}: {found} %, file {file} %");
+    }
+}
+
 /// A log with a torque at the first joint that no model here has: a spring that stiffens.
 fn with_spring(log: &Recording) -> Recording {
     let spring = |(k, tau): (usize, &f64)| match k % 2 {
