@@ -7,7 +7,7 @@ use super::evidence::{EVEN, LeftOut, SURE, probability_of_fall, weights};
 use super::fit::{Extra, Fitted, beyond, left_out};
 use super::problem::{Column, Problem};
 use crate::random::Random;
-use crate::simd::cos_in_place;
+use sgpr_predict::internal::cos_in_place;
 
 /// What a joint's torque may depend on, and of which joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
