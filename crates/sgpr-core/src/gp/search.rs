@@ -238,7 +238,8 @@ pub(super) fn log_prior(priors: &[Option<(f64, f64)>], theta: &[f64], mut gradie
 }
 
 impl Data {
-    /// Bounds of theta of a covariance of these data: length scales from a thousandth of the spread of their inputs to a thousand times it,
+    /// Bounds of theta of a covariance of these data: length scales from a thousandth of the spread of their inputs
+    /// to a thousand times it,
     /// variances from a millionth of the mean square of y to ten thousand times it, the noise variance from 1e-8 of it.
     pub fn bounds(&self, covariance: &Covariance) -> Vec<(f64, f64)> {
         let spread = spreads(self.x(), self.inputs());

@@ -382,7 +382,8 @@ impl TorqueModel {
         StreamedModel::from(self).predictor(options)
     }
 
-    /// The model as MJCF for MuJoCo, with rotor inertia, viscous and Coulomb friction, at every joint or at one; MJCF has no place for
+    /// The model as MJCF for MuJoCo, with rotor inertia, viscous and Coulomb friction, at every joint or at one;
+    /// MJCF has no place for
     /// other effects.
     ///
     /// # Errors

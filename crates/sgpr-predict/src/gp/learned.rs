@@ -93,7 +93,7 @@ impl LearnedProcess {
 
     /// Number of points.
     pub fn len(&self) -> usize {
-        self.weights.len()
+        self.x.len() / self.inputs
     }
 
     /// Variance before any data.

@@ -138,7 +138,8 @@ struct Kind {
 }
 
 impl StreamedModel {
-    /// Reads the file of a torque model or of a semi-parametric one. Safe with files from strangers: nothing in them is run, sizes are checked before
+    /// Reads the file of a torque model or of a semi-parametric one. Safe with files from strangers: nothing in them
+    /// is run, sizes are checked before
     /// memory is taken.
     ///
     /// # Errors

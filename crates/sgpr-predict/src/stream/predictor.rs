@@ -325,7 +325,8 @@ impl Predictor {
         Ok((&self.sampler.buffers.tau, self.rest.as_ref().map_or(&[], |rest| rest.deviation())))
     }
 
-    /// Share of the variance of each joint's process that the logs have not explained, `[n]`, at the last sample that was asked with
+    /// Share of the variance of each joint's process that the logs have not explained, `[n]`, at the last sample
+    /// that was asked with
     /// [`Self::torque_and_deviation`]: from 0 at a point of the logs to 1 far from all, 0 for a joint without a process. Above 0.95
     /// the torque is that of the physics. Empty for a model without processes.
     pub fn novelty(&self) -> &[f64] {

@@ -7,7 +7,8 @@ use super::{SemiParametricError, SemiParametricModel};
 use crate::gp::PredictorOptions;
 
 impl SemiParametricModel {
-    /// Torque of one sample after the other, for a controller: physics and processes, which hold what the physics leaves of the logs,
+    /// Torque of one sample after the other, for a controller: physics and processes, which hold what the physics
+    /// leaves of the logs,
     /// whatever it is a property of. Joints whose processes have the same points are computed together; so is a kernel
     /// that they share.
     ///
