@@ -11,7 +11,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
 use sgpr_core::gp::{
     Compute, Covariance, Data, GaussianProcess, GpPredictor, Kernel, Likelihood, Precision, PredictorOptions, Shape,
-    SharedPredictor,
+    shared_predictor,
 };
 
 fn main() {
@@ -47,7 +47,7 @@ fn main() {
 
 /// Means of processes over the same points.
 fn shared(what: &str, processes: &[&GaussianProcess], precision: Precision, d: usize) {
-    let mut predictor = SharedPredictor::new(processes, precision).expect("the same points");
+    let mut predictor = shared_predictor(processes, precision).expect("the same points");
     let mut x = vec![0.0; d];
     let mut query = |k: usize| {
         x.iter_mut().enumerate().for_each(|(m, x)| *x = (0.37 * (k * d + m) as f64).sin());
@@ -79,8 +79,7 @@ fn latency(
     d: usize,
 ) {
     let options = PredictorOptions { precision, variance_rank, compact };
-    let mut predictors: Vec<GpPredictor> =
-        (0..joints).map(|_| GpPredictor::new(gp, options).expect("enough memory")).collect();
+    let mut predictors: Vec<GpPredictor> = (0..joints).map(|_| gp.predictor(options).expect("enough memory")).collect();
     let mut x = vec![0.0; d];
     let mut query = |k: usize| {
         x.iter_mut().enumerate().for_each(|(m, x)| *x = (0.37 * (k * d + m) as f64).sin());

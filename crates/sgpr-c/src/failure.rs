@@ -53,12 +53,15 @@ impl From<StreamError> for Failure {
     fn from(error: StreamError) -> Self {
         let code = match error {
             StreamError::Length { .. } => Code::WrongLength,
+            StreamError::OutOfRange { found, .. } if !found.is_finite() => Code::NotFinite,
             StreamError::NotFinite { .. } => Code::NotFinite,
             StreamError::Step { .. } | StreamError::StepTooShort { .. } => Code::BadTime,
             StreamError::TemperatureNeeded { .. } => Code::NoTemperature,
-            StreamError::Rate { .. } | StreamError::RateNeeded { .. } | StreamError::UnknownEffect { .. } => {
-                Code::BadOption
-            }
+            StreamError::Rate { .. }
+            | StreamError::RateNeeded { .. }
+            | StreamError::UnknownEffect { .. }
+            | StreamError::OutOfRange { .. }
+            | StreamError::NotLearned => Code::BadOption,
             _ => Code::NotStreamed,
         };
         Self::new(code, &error)

@@ -9,8 +9,13 @@ use std::process::{Command, Output};
 // Without a use of the library, cargo would not build it for this test.
 use sgpr as _;
 use sgpr_core::effects::{Site, by_name};
-use sgpr_core::model::{StreamOptions, Term, TorqueModel};
-use sgpr_core::robot::puma560;
+use sgpr_core::gp::PredictorOptions;
+use sgpr_core::model::{
+    Inputs, Predictor, SemiParametricModel, SemiParametricOptions, StreamOptions, Term, TorqueModel,
+    fit_semi_parametric,
+};
+use sgpr_core::recording::csv;
+use sgpr_core::robot::{Robot, UrdfOptions, puma560};
 
 const RATE_HZ: f64 = 250.0;
 const HERE: &str = env!("CARGO_MANIFEST_DIR");
@@ -57,10 +62,22 @@ fn motion(n: usize) -> Vec<f64> {
     (0..1500).flat_map(sample).collect()
 }
 
-fn expected(model: &TorqueModel, motion: &[f64]) -> Vec<u8> {
-    let n = model.robot().dof();
-    let options = StreamOptions { rate_hz: Some(RATE_HZ), ..StreamOptions::default() };
-    let mut predictor = model.predictor(&options).expect("streams");
+/// Friction is left to processes of few points, on one thread: the bits of the weights do not depend on the threads then.
+fn learned_model() -> SemiParametricModel {
+    let data = Path::new(HERE).join("../../data/demo");
+    let robot = Robot::from_urdf(data.join("robot.urdf"), &UrdfOptions::default()).expect("bundled");
+    let log = csv::read(data.join("train_1.csv.gz"), &Default::default()).expect("bundled");
+    let options = SemiParametricOptions {
+        inputs: Some(Inputs::OwnJoint),
+        points: 60,
+        evaluations: 5,
+        ..SemiParametricOptions::default()
+    };
+    fit_semi_parametric(&robot, std::slice::from_ref(&log), &options, &()).expect("a good log")
+}
+
+fn expected(mut predictor: Predictor, motion: &[f64]) -> Vec<u8> {
+    let n = predictor.dof();
     let mut bytes = Vec::new();
     for sample in motion.chunks_exact(3 * n) {
         let tau = predictor.torque(&sample[..n], &sample[n..2 * n], &sample[2 * n..]);
@@ -86,13 +103,27 @@ struct Case {
 
 impl Case {
     fn new() -> Self {
-        let (model, folder) = (model(), tempfile::tempdir().expect("a folder"));
-        let joints = model.robot().dof();
+        let model = model();
+        let options = StreamOptions { rate_hz: Some(RATE_HZ), ..StreamOptions::default() };
+        Self::of(&model.to_bytes(), model.predictor(&options).expect("streams"))
+    }
+
+    /// The same, physics and Gaussian processes.
+    fn learned() -> Self {
+        let model = learned_model();
+        let options = StreamOptions { rate_hz: Some(RATE_HZ), ..StreamOptions::default() };
+        let means = PredictorOptions { variance_rank: Some(0), ..PredictorOptions::default() };
+        Self::of(&model.to_bytes(), model.predictor(means, &options).expect("streams"))
+    }
+
+    fn of(file: &[u8], predictor: Predictor) -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
+        let joints = predictor.dof();
         let motion = motion(joints);
-        model.save(folder.path().join("model.sgpr")).expect("writable");
+        fs::write(folder.path().join("model.sgpr"), file).expect("writable");
         let bytes: Vec<u8> = motion.iter().flat_map(|value| value.to_le_bytes()).collect();
         fs::write(folder.path().join("motion.bin"), bytes).expect("writable");
-        Self { joints, expected: expected(&model, &motion), folder }
+        Self { joints, expected: expected(predictor, &motion), folder }
     }
 
     fn at(&self, name: &str) -> PathBuf {
@@ -116,10 +147,15 @@ impl Case {
 
 /// Compiles a program of this folder with the library, runs it, and compares.
 fn check(compiler: &str, standard: &str, source: &str, more: &[&str]) {
-    if !is_here(compiler) {
-        return;
+    if is_here(compiler) {
+        let case = Case::new();
+        compile(&case, compiler, standard, source, more);
+        case.run(&case.at("program"), case.folder.path());
     }
-    let (case, library) = (Case::new(), library());
+}
+
+fn compile(case: &Case, compiler: &str, standard: &str, source: &str, more: &[&str]) {
+    let library = library();
     run(Command::new(compiler)
         .args([standard, "-O1", "-g", "-Wall", "-Wextra", "-Wpedantic", "-Werror"])
         .arg(format!("-I{HERE}/include"))
@@ -130,7 +166,6 @@ fn check(compiler: &str, standard: &str, source: &str, more: &[&str]) {
         .args(["-lsgpr", "-lm", "-pthread"]));
     // The name under which the loader looks for it.
     std::os::unix::fs::symlink(library.join("libsgpr.so"), case.at("libsgpr.so.1")).expect("a link");
-    case.run(&case.at("program"), case.folder.path());
 }
 
 /// The library as it is installed, in a folder that was moved afterwards.
@@ -195,6 +230,34 @@ fn a_c_program_gets_the_same_bits_and_is_told_what_it_does_wrong() {
 fn a_cpp_program_gets_the_same_bits() {
     check("g++", "-std=c++17", "controller.cpp", &[]);
     check("clang++", "-std=c++17", "controller.cpp", &[]);
+}
+
+#[test]
+fn a_learned_model_gives_the_same_bits() {
+    if is_here("g++") {
+        let case = Case::learned();
+        compile(&case, "g++", "-std=c++17", "controller.cpp", &[]);
+        case.run(&case.at("program"), case.folder.path());
+    }
+}
+
+#[test]
+#[cfg(all(target_os = "linux", target_env = "gnu", target_arch = "x86_64"))]
+fn nothing_takes_memory_or_calls_the_system_after_set_up() {
+    for case in [Case::new(), Case::learned()] {
+        compile(&case, "gcc", "-std=gnu99", "quiet.c", &[]);
+        let program = Command::new(case.at("program"))
+            .env("LD_LIBRARY_PATH", case.folder.path())
+            .args([case.at("model.sgpr"), case.at("motion.bin"), case.at("tau.bin")])
+            .arg(case.joints.to_string())
+            .output()
+            .expect("built");
+        if program.status.code() == Some(77) {
+            eprintln!("skipped: this system does not let a process forbid itself system calls");
+            return;
+        }
+        assert_eq!(program.status.code(), Some(0), "4: memory, killed: a system call; {program:?}");
+    }
 }
 
 #[test]

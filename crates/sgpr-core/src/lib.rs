@@ -40,5 +40,5 @@ pub mod recording;
 pub mod simulation;
 pub mod threads;
 
-use sgpr_predict::{atomic_file, limited_file};
+use sgpr_predict::internal::{atomic_file, limited_file};
 pub use sgpr_predict::{control, dynamics, effects, expression, names, robot, signal, simd, spatial};

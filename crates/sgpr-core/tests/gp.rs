@@ -7,9 +7,9 @@ use common::{data, largest_difference};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use sgpr_core::gp::{
-    Compute, Covariance, Data, GaussianProcess, GpError, GpPredictor, Kernel, Likelihood, Precision, PredictorOptions,
-    SearchOptions, SearchStatus, Shape, SharedPredictor, SparseBound, SparseGaussianProcess, SparseOptions,
-    informative_points, search, search_sparse,
+    Compute, Covariance, Data, GaussianProcess, GpError, Kernel, Likelihood, Precision, PredictorOptions,
+    SearchOptions, SearchStatus, Shape, SparseBound, SparseGaussianProcess, SparseOptions, informative_points, search,
+    search_sparse, shared_predictor,
 };
 use sgpr_core::progress::{Interrupted, Progress};
 
@@ -520,8 +520,8 @@ fn processes_over_the_same_points_are_asked_together() {
     all.push(GaussianProcess::fit(data, first, &Compute::default()).expect("good data"));
     for count in 1..=all.len() {
         let processes: Vec<&GaussianProcess> = all.iter().take(count).collect();
-        let mut double = SharedPredictor::new(&processes, Precision::Double).expect("the same points");
-        let mut single = SharedPredictor::new(&processes, Precision::Single).expect("the same points");
+        let mut double = shared_predictor(&processes, Precision::Double).expect("the same points");
+        let mut single = shared_predictor(&processes, Precision::Single).expect("the same points");
         assert!(double.error() == 0.0 && single.error() > 0.0 && single.error() < 1e-2, "{}", single.error());
         for query in [&x[..d], &[0.3, -0.2, 0.1, 0.9, -0.4]] {
             let expected = processes.iter().map(|gp| gp.predict(query, false).expect("finite").mean[0]);
@@ -534,11 +534,11 @@ fn processes_over_the_same_points_are_asked_together() {
     let periodic = Kernel::ard(Shape::Matern52, &[1.0; 5]).with_period(0, 2.0).scaled(1.0);
     let other = Data::new(x.clone(), d, vec![1.0; n], 1).expect("good data");
     let other = GaussianProcess::fit(other, Covariance::new(periodic, 0.1), &Compute::default()).expect("good data");
-    assert!(SharedPredictor::new(&[&all[0], &other], Precision::Double).is_none(), "a kernel of another kind");
+    assert!(shared_predictor(&[&all[0], &other], Precision::Double).is_none(), "a kernel of another kind");
     let fewer = all[0].data().select(&[0, 1, 2]);
     let fewer = GaussianProcess::fit(fewer, all[0].covariance().clone(), &Compute::default()).expect("good data");
-    assert!(SharedPredictor::new(&[&all[0], &fewer], Precision::Double).is_none(), "other points");
-    assert!(SharedPredictor::new(&[], Precision::Double).is_none());
+    assert!(shared_predictor(&[&all[0], &fewer], Precision::Double).is_none(), "other points");
+    assert!(shared_predictor(&[], Precision::Double).is_none());
 }
 
 #[test]
@@ -557,7 +557,7 @@ fn a_variance_of_lower_rank_is_never_too_small_and_says_how_close_it_is() {
     let mut before = f64::INFINITY;
     for (rank, precision) in [(20, Precision::Double), (160, Precision::Double), (160, Precision::Single)] {
         let options = PredictorOptions { precision, variance_rank: Some(rank), ..PredictorOptions::default() };
-        let mut predictor = GpPredictor::new(&gp, options).expect("small");
+        let mut predictor = gp.predictor(options).expect("small");
         let rounding = if precision == Precision::Single { 1e-4 } else { 1e-9 };
         let mut excess: f64 = 0.0;
         for (x, variance) in queries.chunks_exact(3).zip(&exact.variance) {
@@ -574,7 +574,7 @@ fn a_variance_of_lower_rank_is_never_too_small_and_says_how_close_it_is() {
     }
     // A fifth of the number of measurements is enough for a log: the deviation of a measurement is within 1 %.
     assert!(before < 0.01 * 2.0 * 0.01, "{before}");
-    let all = GpPredictor::new(&gp, PredictorOptions { variance_rank: None, ..Default::default() }).expect("small");
+    let all = gp.predictor(PredictorOptions { variance_rank: None, ..Default::default() }).expect("small");
     assert_eq!((all.error(), all.variance_error()), (0.0, 0.0));
 }
 
@@ -597,7 +597,7 @@ fn the_mean_alone_is_the_mean_of_any_number_of_points() {
             (Precision::Single, true),
         ] {
             let options = PredictorOptions { precision, variance_rank: None, compact };
-            let mut predictor = GpPredictor::new(&gp, options).expect("small");
+            let mut predictor = gp.predictor(options).expect("small");
             // What is stated is measured at other points; in double precision only rounding is left. Of a rough kernel the
             // distance to a close point counts, which is the root of what rounding leaves of a difference of squares.
             let allowed = 1e-12 + 4.0 * predictor.error();
@@ -630,7 +630,7 @@ fn a_compact_predictor_is_as_close_as_it_says() {
     let (of_mean, of_variance) = (2e-3, 5e-5);
     for precision in [Precision::Double, Precision::Single] {
         let options = PredictorOptions { precision, variance_rank: None, compact: true };
-        let mut predictor = GpPredictor::new(&gp, options).expect("small");
+        let mut predictor = gp.predictor(options).expect("small");
         let (mut mean_error, mut variance_error) = (0.0, 0.0);
         for ((x, mean), variance) in queries.chunks_exact(4).zip(&exact.mean).zip(&exact.variance) {
             let (own_mean, own_variance) = predictor.mean_and_variance(x);
@@ -645,6 +645,6 @@ fn a_compact_predictor_is_as_close_as_it_says() {
     let turning = Covariance::new(kernel.with_period(1, 2.0), 0.01);
     let gp = GaussianProcess::fit(data, turning, &Compute::default()).expect("small");
     let compact = PredictorOptions { compact: true, ..PredictorOptions::default() };
-    let error = GpPredictor::new(&gp, compact).expect_err("no grid for a cosine");
+    let error = gp.predictor(compact).expect_err("no grid for a cosine");
     assert!(error.to_string().contains("periodic input"), "{error}");
 }

@@ -14,8 +14,9 @@ use sgpr_core::dynamics::{Samples, Workspace, rnea};
 use sgpr_core::effects::{Site, by_name};
 use sgpr_core::gp::{Compute, Inference, Precision, PredictorOptions};
 use sgpr_core::model::{
-    Coverage, IdentifyOptions, Inputs, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions,
-    SemiParametricPredictor, Start, Term, TorqueModel, compare, fit_rest, fit_semi_parametric, identify,
+    Coverage, IdentifyOptions, Inputs, Mean, RestOptions, SemiParametricError, SemiParametricModel,
+    SemiParametricOptions, Start, StreamOptions, StreamedModel, Term, TorqueModel, compare, fit_rest,
+    fit_semi_parametric, identify,
 };
 use sgpr_core::motion::{Conditioning, Motion};
 use sgpr_core::progress::{Interrupted, Progress};
@@ -108,8 +109,8 @@ fn a_model_read_back_and_a_predictor_say_the_same() {
 
         let every = PredictorOptions { variance_rank: None, ..PredictorOptions::default() };
         let single = PredictorOptions { precision: Precision::Single, ..PredictorOptions::default() };
-        let mut exact = SemiParametricPredictor::new(&back, every).expect("small");
-        let mut fast = SemiParametricPredictor::new(&back, single).expect("small");
+        let mut exact = back.predictor(every, &StreamOptions::default()).expect("small");
+        let mut fast = back.predictor(single, &StreamOptions::default()).expect("small");
         for k in (0..600).step_by(60) {
             let (q, dq, tau) = (&q[k..k + 6], &dq[k..k + 6], &prediction.tau[k..k + 6]);
             // Weights far larger than the torque lose digits of single precision: 1.1e-3 N·m of 40,
@@ -118,11 +119,13 @@ fn a_model_read_back_and_a_predictor_say_the_same() {
                 let deviation = prediction.standard_deviation[k + joint];
                 assert!((single - tau[joint]).abs() < 1e-2 * deviation, "{single} {tau:?} {deviation}");
             }
-            let (found, deviation) = exact.torque_and_deviation(q, dq, dq);
+            let (found, deviation) = exact.torque_and_deviation(q, dq, dq).expect("finite");
             assert!(largest_difference(found, tau) < 1e-9);
             // With what uncertain parameters bring.
             assert!(largest_difference(deviation, &prediction.standard_deviation[k..k + 6]) < 1e-9);
+            assert!(largest_difference(exact.novelty(), &prediction.novelty[k..k + 6]) < 1e-9);
         }
+        a_controller_reads_the_same(&back.to_bytes(), &back, samples);
     }
 }
 
@@ -358,7 +361,7 @@ fn joints_that_share_a_kernel_are_learned_and_predicted_together() {
     let expected = model.predict(Samples { q, dq, ddq: dq }, true).expect("finite");
     for (precision, tolerance) in [(Precision::Double, 1e-9), (Precision::Single, 1e-3)] {
         let options = PredictorOptions { precision, ..PredictorOptions::default() };
-        let mut predictor = SemiParametricPredictor::new(&model, options).expect("small");
+        let mut predictor = model.predictor(options, &StreamOptions::default()).expect("small");
         for k in (0..600).step_by(6) {
             let tau = predictor.torque(&q[k..k + 6], &dq[k..k + 6], &dq[k..k + 6]);
             assert!(largest_difference(tau, &expected.tau[k..k + 6]) < tolerance);
@@ -490,18 +493,50 @@ fn simulated_with(seed: u64, samples: usize, unknown: f64) -> Recording {
     Recording::new("simulated", names, time, q_all, Some(dq_all), Some(tau_all), vec![]).expect("arrays of one length")
 }
 
+/// The crate for controllers has a reader of its own, and conditions the processes itself.
+fn a_controller_reads_the_same(bytes: &[u8], model: &SemiParametricModel, motion: Samples<'_>) {
+    let (n, prediction) = (model.reports().len(), model.predict(motion, true).expect("finite"));
+    let read = StreamedModel::from_bytes(bytes, "file").expect("just written");
+    assert!(read.learned());
+    let stream = StreamOptions::default();
+    let rest = RestOptions { deviation: true, ..RestOptions::default() };
+    let mut sure = read.predictor_with(&stream, &rest).expect("small");
+    let mut mean = read.predictor(&stream).expect("no variance");
+    let single = RestOptions { precision: Precision::Single, ..RestOptions::default() };
+    let mut single = read.predictor_with(&stream, &single).expect("no variance");
+    let means = PredictorOptions { variance_rank: Some(0), ..PredictorOptions::default() };
+    let mut own = model.predictor(means, &stream).expect("no variance");
+    let largest = prediction.tau.iter().fold(0.0f64, |largest, tau| largest.max(tau.abs()));
+    for k in (0..prediction.tau.len()).step_by(20 * n) {
+        let at = k..k + n;
+        let (q, dq, ddq) = (&motion.q[at.clone()], &motion.dq[at.clone()], &motion.ddq[at.clone()]);
+        let tau = &prediction.tau[at.clone()];
+        let bits = mean.torque(q, dq, ddq);
+        // The weights are in the file.
+        assert_eq!(bits, own.torque(q, dq, ddq));
+        assert!(largest_difference(bits, tau) < 1e-9 * largest);
+        assert!(largest_difference(single.torque(q, dq, ddq), tau) < 1e-2 * largest);
+        let (found, deviation) = sure.torque_and_deviation(q, dq, ddq).expect("finite");
+        assert!(largest_difference(found, tau) < 1e-9 * largest);
+        // Of a difference of variances.
+        assert!(largest_difference(deviation, &prediction.standard_deviation[at.clone()]) < 1e-6 * largest);
+        assert!(largest_difference(sure.novelty(), &prediction.novelty[at]) < 1e-6);
+    }
+}
+
 fn predictor_says_the_same(model: &SemiParametricModel, motion: Samples<'_>) {
+    a_controller_reads_the_same(&model.to_bytes(), model, motion);
     let (n, prediction) = (model.reports().len(), model.predict(motion, true).expect("finite"));
     let every = PredictorOptions { variance_rank: None, ..PredictorOptions::default() };
     let single = PredictorOptions { precision: Precision::Single, ..PredictorOptions::default() };
-    let mut exact = SemiParametricPredictor::new(model, every).expect("small");
-    let mut fast = SemiParametricPredictor::new(model, single).expect("small");
+    let mut exact = model.predictor(every, &StreamOptions::default()).expect("small");
+    let mut fast = model.predictor(single, &StreamOptions::default()).expect("small");
     for k in (0..prediction.tau.len()).step_by(20 * n) {
         let at = k..k + n;
         let (q, dq, ddq) = (&motion.q[at.clone()], &motion.dq[at.clone()], &motion.ddq[at.clone()]);
         let tau = &prediction.tau[at.clone()];
         assert!(largest_difference(fast.torque(q, dq, ddq), tau) < 3e-3);
-        let (found, deviation) = exact.torque_and_deviation(q, dq, ddq);
+        let (found, deviation) = exact.torque_and_deviation(q, dq, ddq).expect("finite");
         assert!(largest_difference(found, tau) < 1e-7);
         assert!(largest_difference(deviation, &prediction.standard_deviation[at]) < 1e-7);
     }

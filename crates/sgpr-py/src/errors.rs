@@ -11,7 +11,7 @@ use sgpr_core::diagnosis::DiagnosisError;
 use sgpr_core::effects::UnknownEffect;
 use sgpr_core::excitation::ExcitationError as ExcitationFailure;
 use sgpr_core::export::ExportError;
-use sgpr_core::gp::GpError;
+use sgpr_core::gp::{GpError, KernelError};
 use sgpr_core::identification;
 use sgpr_core::model::{self, IdentifyError, SemiParametricError};
 use sgpr_core::motion::MotionError;
@@ -179,6 +179,12 @@ impl IntoPyErr for model::RecordError {
             Self::Identify(error) => error.into_py_err(),
             error => IdentificationError::new_err(error.to_string()),
         }
+    }
+}
+
+impl IntoPyErr for KernelError {
+    fn into_py_err(self) -> PyErr {
+        GpError::from(self).into_py_err()
     }
 }
 

@@ -587,8 +587,8 @@ impl FittedProcess {
     ) -> PyResult<ProcessPredictor> {
         let options = predictor_options(single, variance_rank, compact);
         let inner = detached(py, || match &self.process {
-            Process::Exact(gp) => GpPredictor::new(gp, options),
-            Process::Sparse(gp) => Ok(GpPredictor::from_sparse(gp, options)),
+            Process::Exact(gp) => gp.predictor(options),
+            Process::Sparse(gp) => Ok(gp.predictor(options)),
         });
         let with_variance = variance_rank != Some(0);
         Ok(ProcessPredictor { inner: Mutex::new(inner.map_err(IntoPyErr::into_py_err)?), with_variance })

@@ -419,8 +419,8 @@ impl Model {
     /// Writes the robot with the inertias of this model as URDF, and with its viscous and Coulomb friction as damping and
     /// friction in `<dynamics>`: the file `source`, from which the robot was read, everything else as it was.
     ///
-    /// URDF has no place for rotor inertia, torque offset and other effects. `<dynamics>` stays as it is where the model has
-    /// no such friction at every joint.
+    /// URDF has no place for rotor inertia, torque offset and other effects. `<dynamics>` of a joint stays as it is where the
+    /// model has no such friction.
     ///
     /// Parameters
     /// ----------
@@ -441,7 +441,7 @@ impl Model {
         path: PathBuf,
         locked: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
-        let robot = self.inner.identified_robot();
+        let robot = self.inner.robot_for_urdf();
         let mut options = urdf_options(None, locked, None)?;
         options.joints = Some(robot.joint_names().map(String::from).collect());
         detached(py, || robot.write_urdf(source, path, &options)).map_err(IntoPyErr::into_py_err)

@@ -126,6 +126,8 @@ impl OnlineModel {
         };
         let known = Box::new(models(model, arm, period)?);
         let inner = core::OnlineModel::new(arm, known, &options).map_err(IntoPyErr::into_py_err)?;
+        // What remembers the measured motion is not to see the wanted one.
+        let inner = inner.with_measured(Box::new(models(model, arm, period)?));
         Ok(Self { inner: Mutex::new(inner), dof: arm.dof() })
     }
 

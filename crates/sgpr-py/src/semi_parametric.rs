@@ -6,7 +6,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use sgpr_core::model::{self as core, Inputs, Mean, SemiParametricError, SemiParametricOptions, StreamOptions};
+use sgpr_core::model::{
+    self as core, Inputs, Mean, Predictor, SemiParametricError, SemiParametricOptions, StreamOptions,
+};
 
 use crate::compare::{Compared, Comparison};
 use crate::convert::{Numbers, Samples, array, choice, whole};
@@ -251,7 +253,7 @@ impl FittedSemiParametric {
         let options = predictor_options(single, variance_rank, compact);
         let (rate_hz, purpose, keep) = stream;
         let stream = StreamOptions { keep, ..stream_options(rate_hz, &purpose, None)? };
-        let inner = detached(py, || core::SemiParametricPredictor::streaming(&self.inner, options, &stream));
+        let inner = detached(py, || self.inner.predictor(options, &stream));
         Ok(SemiParametricPredictor {
             inner: Mutex::new(inner.map_err(IntoPyErr::into_py_err)?),
             dof: self.inner.physics().robot().dof(),
@@ -280,7 +282,7 @@ impl FittedSemiParametric {
 /// Torque of one sample after the other, for a control loop: physics and processes. One per thread.
 #[pyclass(module = "sgpr", frozen)]
 pub struct SemiParametricPredictor {
-    inner: Mutex<core::SemiParametricPredictor>,
+    inner: Mutex<Predictor>,
     dof: usize,
     with_variance: bool,
     purpose: &'static str,
@@ -292,6 +294,14 @@ impl SemiParametricPredictor {
     #[getter]
     fn purpose(&self) -> &'static str {
         self.purpose
+    }
+
+    /// Share of the variance of each joint's process that the logs have not explained, (n,), at the last call of `torque_and_std`:
+    /// from 0 at a point of the logs to 1 far from all, 0 for a joint without a process. Above 0.95 the torque is that of the physics.
+    #[getter]
+    fn novelty<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let predictor = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
+        array(py, &[self.dof], predictor.novelty().to_vec())
     }
 
     /// Forgets all samples, as `Predictor.reset`.
@@ -342,7 +352,8 @@ impl SemiParametricPredictor {
         let one = |name, value| Numbers::new(name, value)?.shaped(&[self.dof])?.finite();
         let (q, dq, ddq) = (one("q", q)?, one("dq", dq)?, one("ddq", ddq)?);
         let mut predictor = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
-        let (tau, deviation) = predictor.torque_and_deviation(q.values(), dq.values(), ddq.values());
+        let both = predictor.torque_and_deviation(q.values(), dq.values(), ddq.values());
+        let (tau, deviation) = both.map_err(IntoPyErr::into_py_err)?;
         let (tau, deviation) = (tau.to_vec(), deviation.to_vec());
         Ok((array(py, &[self.dof], tau)?, array(py, &[self.dof], deviation)?))
     }

@@ -7,7 +7,7 @@ use numpy::{PyArray1, PyArrayDyn};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use sgpr_core::gp::PredictorOptions;
-use sgpr_core::model::{SemiParametricPredictor, StreamOptions};
+use sgpr_core::model::StreamOptions;
 use sgpr_core::robot::Robot as CoreRobot;
 use sgpr_core::simulation::{
     self as core, ComputedTorque, Controller, Experiment, FeedForward, Gains, Integrator, InverseDynamics,
@@ -557,7 +557,7 @@ pub(crate) fn models(
             (model.robot().dof(), Box::new(model.predictor(&stream).map_err(IntoPyErr::into_py_err)?))
         } else if let Some(fitted) = semi_parametric(item)? {
             let model = &fitted.get().inner;
-            let predictor = SemiParametricPredictor::streaming(model, PredictorOptions::default(), &stream);
+            let predictor = model.predictor(PredictorOptions::default(), &stream);
             (model.physics().robot().dof(), Box::new(predictor.map_err(IntoPyErr::into_py_err)?))
         } else {
             return Ok(None);

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::problem::{Column, Problem};
 use crate::linalg::dot_in_lanes;
 use crate::model::Term;
-use crate::signal::Autoregression;
+use sgpr_predict::internal::Autoregression;
 
 /// Autoregressive noise of every joint.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,8 +5,10 @@ use rayon::prelude::*;
 use super::DiagnosisError;
 use super::basis::rms;
 use super::fit::{ByLog, LogSums};
-use crate::dynamics::{BatchWorkspace, Samples, Workspace, for_each_regressor_block, mass_matrix};
-use crate::effects::{Context, JointRanges, Reach, sgn};
+use sgpr_predict::internal::{JointRanges, for_each_regressor_block};
+
+use crate::dynamics::{BatchWorkspace, Samples, Workspace, mass_matrix};
+use crate::effects::{Context, Reach, sgn};
 use crate::identification::{BaseParameters, ParameterSet, Row};
 use crate::model::{
     Rigid, Term, TorqueModel, Trajectory, common_clock, motions, nominal_parameters, seconds_since, select_joints,

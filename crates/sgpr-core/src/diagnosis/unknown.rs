@@ -8,7 +8,7 @@ use super::fit::{Fitted, beyond, fold_fits};
 use super::left_out::{Extra, FoldFits};
 use super::problem::{Column, Problem};
 use crate::random::Random;
-use crate::simd::cos_in_place;
+use sgpr_predict::internal::cos_in_place;
 
 /// What a joint's torque may depend on, and of which joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,9 @@ use faer::{Accum, Mat, MatRef, Par};
 use super::criterion::SINGULAR;
 use super::dual::{DIRECTIONS, Dual};
 use super::{ExcitationError, NominalEffects, TrajectorySamples};
-use crate::dynamics::{BatchWorkspace, Body, Samples, regressor_batch, regressor_kernel};
+use sgpr_predict::internal::{Body, regressor_kernel};
+
+use crate::dynamics::{BatchWorkspace, Samples, regressor_batch};
 use crate::effects::{JointState, Role};
 use crate::identification::{BaseParameters, ParameterSet};
 use crate::linalg::{Svd, TriangularFactor};

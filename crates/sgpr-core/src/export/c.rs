@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::printer::{Dialect, body, head, owners, uses};
 use super::program::{Input, Program};
-use crate::expression::Node;
+use sgpr_predict::internal::Node;
 
 /// `prefix`: what the names of the file begin with.
 struct C<'a> {

@@ -1,7 +1,9 @@
 //! Formulas as lines of code: one statement for what is used more than once or too long for its place.
 
 use super::program::{Input, Program};
-use crate::expression::{Expr, Node};
+use sgpr_predict::internal::Node;
+
+use crate::expression::Expr;
 
 /// Longest formula that stands where it is used.
 const INLINE: usize = 56;

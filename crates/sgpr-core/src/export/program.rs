@@ -1,5 +1,7 @@
 use crate::effects::{Needs, Site};
-use crate::expression::{Expr, Recorder, Tape};
+use sgpr_predict::internal::{Recorder, Tape};
+
+use crate::expression::Expr;
 use crate::model::{Provenance, Purpose, Sampler, StreamOptions, StreamStart, StreamedModel, TorqueModel};
 use crate::simd::Number;
 

@@ -1,3 +1,5 @@
+use super::KernelError;
+
 /// Why a Gaussian process could not be built or asked.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -27,30 +29,9 @@ pub enum GpError {
         /// NaN or infinity.
         value: f64,
     },
-    /// A kernel that looks at inputs which are not there.
-    #[error("the kernel looks at input {input}, but there are only {inputs} (counted from zero)")]
-    Input {
-        /// Index of the input.
-        input: usize,
-        /// Number of inputs.
-        inputs: usize,
-    },
-    /// Length scales, variances and periods are positive, and have squares that are numbers.
-    #[error("{name} is {value}; it must be positive and finite, from 1e-150 to 1e150")]
-    Hyperparameter {
-        /// Name.
-        name: String,
-        /// Its value.
-        value: f64,
-    },
-    /// A kernel without a part that would make it one.
-    #[error("the kernel has {found}; {advice}")]
-    Kernel {
-        /// What is wrong.
-        found: String,
-        /// What would be right.
-        advice: &'static str,
-    },
+    /// A covariance function that is none, or that cannot be used for this.
+    #[error(transparent)]
+    Kernel(#[from] KernelError),
     /// More points than fit.
     #[error(
         "{points} points need {needed_gb:.1} GB for an exact Gaussian process, {limit_gb:.1} GB are allowed; take the \

@@ -4,7 +4,7 @@ use faer::{Mat, MatMut};
 use pulp::{Arch, Simd, WithSimd};
 
 use super::data::require_finite;
-use super::kernels::{Element, Features, PADDED, Plan};
+use super::kernels::{Element, Features, Plan, padded};
 use super::likelihood::weights_and_likelihood;
 use super::matrix::{Storage, assemble_and_factor, inverse_diagonal};
 use super::{Compute, Covariance, Data, GpError, Kernel, LeaveOneOut};
@@ -201,13 +201,6 @@ pub(super) fn require_points(x: &[f64], inputs: usize) -> Result<(), GpError> {
         return Err(GpError::Shape { what: "x", found: x.len(), expected: (x.len() / inputs + 1) * inputs });
     }
     require_finite("x", x, inputs)
-}
-
-/// With zeros at its end, so that whole groups can be read.
-pub(super) fn padded<T: Element>(values: &[f64]) -> Vec<T> {
-    let mut padded: Vec<T> = values.iter().map(|value| T::from_f64(*value)).collect();
-    padded.resize(values.len().next_multiple_of(PADDED), T::default());
-    padded
 }
 
 /// Means of a batch, and the covariances with the points, a column per point asked for.

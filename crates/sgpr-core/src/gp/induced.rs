@@ -12,7 +12,7 @@ use super::exact::{Expansion, ForCovariances, Prediction, require_points};
 use super::fading_noise::{FadingNoise, Step, whiten};
 use super::kernels::{Features, Plan, TILE};
 use super::matrix::{assemble_and_factor, factor, invert_factor};
-use super::{Compute, Covariance, Data, GpError};
+use super::{Compute, Covariance, Data, GpError, KernelError};
 
 /// Data points whose covariances with the inducing points are held at a time.
 pub(super) const CHUNK: usize = 4 * TILE;
@@ -41,7 +41,11 @@ impl Evidence {
         let plan = plan(data, covariance, inducing, compute)?;
         let Some(noise) = FadingNoise::of(covariance) else {
             let found = "correlated noise that is not exponential over one input".into();
-            return Err(GpError::Kernel { found, advice: "make it so, or thin the data and take the exact process" });
+            return Err(KernelError::Unfit {
+                found,
+                advice: "make it so, or thin the data and take the exact process",
+            }
+            .into());
         };
         let inputs = data.inputs();
         let steps = noise.steps(data.x().iter().skip(noise.input).step_by(inputs).copied());

@@ -22,7 +22,7 @@ const FIRST_JITTER: f64 = 1e-10;
 const LARGEST_JITTER: f64 = 1e-4;
 
 /// Double or single precision.
-pub(super) trait Number: Element + RealField {}
+pub(super) trait Number: Element + RealField + bytemuck::Pod {}
 
 impl Number for f64 {}
 impl Number for f32 {}

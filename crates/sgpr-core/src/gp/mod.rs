@@ -7,13 +7,11 @@
 //! Source: C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006); thesis 4-3, appendix B.
 
 mod budget;
-mod covariance;
 mod data;
 mod error;
 mod exact;
 mod fading_noise;
 mod induced;
-mod kernels;
 mod leave_one_out;
 mod likelihood;
 mod matrix;
@@ -26,20 +24,21 @@ mod sparse_search;
 mod subset;
 
 pub use budget::Inference;
-pub use covariance::Covariance;
 pub use data::{Compute, Data};
 pub use error::GpError;
 pub use exact::{GaussianProcess, Prediction};
 pub(crate) use fading_noise::FadingNoise;
 pub(crate) use induced::{Evidence, InducedProcess};
-pub use kernels::{Input, Kernel, Shape, Stationary};
 pub use leave_one_out::{Calibration, LeaveOneOut};
 pub use likelihood::{Likelihood, LikelihoodMemory};
 pub use minimise::SearchStatus;
-pub use predictor::{GpPredictor, Precision, PredictorOptions};
+pub use predictor::PredictorOptions;
 pub use search::{SearchOptions, SearchReport, search};
-pub use shared_predictor::SharedPredictor;
-pub(crate) use shared_predictor::WeightedKernel;
+pub use sgpr_predict::gp::{
+    Covariance, GpPredictor, Input, Kernel, KernelError, Precision, Shape, SharedPredictor, Stationary, WeightedKernel,
+};
+use sgpr_predict::internal as kernels;
+pub use shared_predictor::shared_predictor;
 pub use sparse::{SparseBound, SparseGaussianProcess, SparseGradient};
 pub use sparse_search::{SparseOptions, SparseReport, search_sparse};
 pub use subset::{informative_points, spread_points};

@@ -1,9 +1,8 @@
 use faer::MatRef;
 
-use super::covariance::Covariance;
-use super::kernels::{Kernel, spreads};
+use super::kernels::spreads;
 use super::minimise::{Limits, Minimum, SearchStatus, minimise};
-use super::{Compute, Data, GpError, Likelihood};
+use super::{Compute, Covariance, Data, GpError, Kernel, Likelihood};
 use crate::progress::{Interrupted, Progress};
 use crate::random::Random;
 
@@ -47,7 +46,7 @@ impl Default for SearchOptions {
 impl SearchOptions {
     /// Bounds of theta, given or from the data.
     pub(super) fn bounds_for(&self, data: &Data, start: &Covariance) -> Result<Vec<(f64, f64)>, GpError> {
-        let bounds = self.bounds.clone().unwrap_or_else(|| start.bounds(data));
+        let bounds = self.bounds.clone().unwrap_or_else(|| data.bounds(start));
         let expected = start.theta().len();
         let points = data.len();
         if !self.terms.len().is_multiple_of(points) {
@@ -238,51 +237,50 @@ pub(super) fn log_prior(priors: &[Option<(f64, f64)>], theta: &[f64], mut gradie
     sum
 }
 
-impl Covariance {
-    /// Bounds of theta for data: length scales from a thousandth of the spread of their inputs to a thousand times it,
+impl Data {
+    /// Bounds of theta of a covariance of these data: length scales from a thousandth of the spread of their inputs
+    /// to a thousand times it,
     /// variances from a millionth of the mean square of y to ten thousand times it, the noise variance from 1e-8 of it.
-    pub fn bounds(&self, data: &Data) -> Vec<(f64, f64)> {
-        let spread = spreads(data.x(), data.inputs());
-        let scale = match data.mean_square() {
+    pub fn bounds(&self, covariance: &Covariance) -> Vec<(f64, f64)> {
+        let spread = spreads(self.x(), self.inputs());
+        let scale = match self.mean_square() {
             0.0 => 1.0,
             scale => scale,
         };
         let mut bounds = Vec::new();
-        self.kernel().add_bounds(&spread, scale, &mut bounds);
+        add_bounds(&covariance.kernel(), &spread, scale, &mut bounds);
         bounds.push((1e-8 * scale, 10.0 * scale));
         bounds.into_iter().map(|(low, high): (f64, f64)| (low.ln(), high.ln())).collect()
     }
 }
 
-impl Kernel {
-    fn add_bounds(&self, spread: &[f64], scale: f64, bounds: &mut Vec<(f64, f64)>) {
-        match self {
-            Self::Stationary(leaf) => {
-                let of = |inputs: &[super::Input]| {
-                    let (low, high) = inputs.iter().fold((f64::INFINITY, 0.0), |(low, high), input| {
-                        (f64::min(low, spread[input.index]), f64::max(high, spread[input.index]))
-                    });
-                    (1e-3 * low, 1e3 * high)
-                };
-                if leaf.length_scales.len() == 1 {
-                    bounds.push(of(&leaf.inputs));
-                } else {
-                    bounds.extend(leaf.inputs.iter().map(|input| of(std::slice::from_ref(input))));
-                }
-                if let super::Shape::RationalQuadratic { .. } = leaf.shape {
-                    bounds.push((1e-2, 1e3));
-                }
+fn add_bounds(kernel: &Kernel, spread: &[f64], scale: f64, bounds: &mut Vec<(f64, f64)>) {
+    match kernel {
+        Kernel::Stationary(leaf) => {
+            let of = |inputs: &[super::Input]| {
+                let (low, high) = inputs.iter().fold((f64::INFINITY, 0.0), |(low, high), input| {
+                    (f64::min(low, spread[input.index]), f64::max(high, spread[input.index]))
+                });
+                (1e-3 * low, 1e3 * high)
+            };
+            if leaf.length_scales.len() == 1 {
+                bounds.push(of(&leaf.inputs));
+            } else {
+                bounds.extend(leaf.inputs.iter().map(|input| of(std::slice::from_ref(input))));
             }
-            Self::Scaled { kernel, .. } => {
-                bounds.push((1e-6 * scale, 1e4 * scale));
-                kernel.add_bounds(spread, scale, bounds);
+            if let super::Shape::RationalQuadratic { .. } = leaf.shape {
+                bounds.push((1e-2, 1e3));
             }
-            Self::Sum(parts) => parts.iter().for_each(|part| part.add_bounds(spread, scale, bounds)),
-            // Variances of further factors have no unit.
-            Self::Product(parts) => {
-                for (k, part) in parts.iter().enumerate() {
-                    part.add_bounds(spread, if k == 0 { scale } else { 1.0 }, bounds);
-                }
+        }
+        Kernel::Scaled { kernel, .. } => {
+            bounds.push((1e-6 * scale, 1e4 * scale));
+            add_bounds(kernel, spread, scale, bounds);
+        }
+        Kernel::Sum(parts) => parts.iter().for_each(|part| add_bounds(part, spread, scale, bounds)),
+        // Variances of further factors have no unit.
+        Kernel::Product(parts) => {
+            for (k, part) in parts.iter().enumerate() {
+                add_bounds(part, spread, if k == 0 { scale } else { 1.0 }, bounds);
             }
         }
     }

@@ -9,7 +9,7 @@ use super::induced::{
 };
 use super::kernels::{Features, Plan, TILE};
 use super::matrix::inverse_from;
-use super::{Compute, Covariance, Data, GpError, LeaveOneOut};
+use super::{Compute, Covariance, Data, GpError, KernelError, LeaveOneOut};
 
 /// Lower bound of the log marginal likelihood of a process that sees the data through m inducing points: n m² operations
 /// and memory for n (inputs + outputs) + 6 m² numbers, so that a million points are no burden.
@@ -127,7 +127,11 @@ impl<'a> SparseBound<'a> {
     fn plan(&self, covariance: &Covariance, inducing: &[f64]) -> Result<Plan, GpError> {
         if covariance.correlated_noise.is_some() {
             let found = "correlated noise, which the search for a sparse process cannot have".into();
-            return Err(GpError::Kernel { found, advice: "leave it out, or thin the data and take the exact process" });
+            return Err(KernelError::Unfit {
+                found,
+                advice: "leave it out, or thin the data and take the exact process",
+            }
+            .into());
         }
         let found = inducing.len() / self.data.inputs();
         if found > self.data.len() {

@@ -1,6 +1,6 @@
 //! The arm under its controller: the motion that a set of parameters makes of a reference.
 
-use sgpr_predict::model::BARELY_MOVING;
+use sgpr_predict::internal::BARELY_MOVING;
 
 use super::ParameterSet;
 use crate::dynamics::{Samples, Workspace, forward_dynamics_with_rotors};

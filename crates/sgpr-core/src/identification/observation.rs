@@ -6,7 +6,9 @@ use faer::Mat;
 use rayon::prelude::*;
 
 use super::{BaseParameters, ClosedLoop, IdentificationError, ParameterSet};
-use crate::dynamics::{BatchWorkspace, Samples, for_each_regressor_block};
+use sgpr_predict::internal::for_each_regressor_block;
+
+use crate::dynamics::{BatchWorkspace, Samples};
 use crate::effects::JointState;
 use crate::linalg::{TriangularFactor, triangle};
 use crate::robot::Robot;

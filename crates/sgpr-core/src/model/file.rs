@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
-use sgpr_predict::model::{Described, TermDescription};
+use sgpr_predict::internal::{Described, TermDescription};
 
 use super::TorqueModel;
 use super::torque_model::{Fit, Provenance};

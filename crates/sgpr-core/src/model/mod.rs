@@ -32,12 +32,13 @@ pub use record::{
 };
 pub use semi_parametric::{
     Candidate, Coverage, FollowingIntervals, Inputs, JointReport, Mean, SemiParametricError, SemiParametricModel,
-    SemiParametricOptions, SemiParametricPredictor, TorquePrediction, fit_rest, fit_semi_parametric,
+    SemiParametricOptions, TorquePrediction, fit_rest, fit_semi_parametric,
 };
-pub(crate) use sgpr_predict::model::times_of;
+pub(crate) use sgpr_predict::internal::times_of;
 pub use sgpr_predict::model::{StreamedModel, Term};
 pub use stream::{
-    Predictor, Purpose, SavedStates, StreamError, StreamOptions, StreamedMotion, UnknownPurpose, compare_streaming,
+    Predictor, Purpose, RestOptions, SavedStates, StreamError, StreamOptions, StreamedMotion, UnknownPurpose,
+    compare_streaming,
 };
 pub(crate) use stream::{Sampler, StreamStart, TermSteps};
 pub use terms::Trajectory;

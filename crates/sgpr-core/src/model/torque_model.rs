@@ -1,8 +1,9 @@
 use serde::{Deserialize, Serialize};
-use sgpr_predict::model::{StreamedModel, identified};
+use sgpr_predict::internal::{identified, with_role};
+use sgpr_predict::model::StreamedModel;
 
 use crate::dynamics::{BatchWorkspace, Samples, rnea_batch};
-use crate::effects::{JointState, Role, UnknownEffect, with_role};
+use crate::effects::{JointState, Role, Site, UnknownEffect};
 use crate::identification::{
     BaseParameters, Consistency, ConsistentParameters, Costs, Distance, KeptOut, LinkCertificate, ParameterSet,
     PhysicalBounds, Price, Prior, Stage,
@@ -392,7 +393,9 @@ impl TorqueModel {
         StreamedModel::from(self).predictor(options)
     }
 
-    /// The model as MJCF for MuJoCo, with rotor inertia, viscous and Coulomb friction; MJCF has no place for other effects.
+    /// The model as MJCF for MuJoCo, with rotor inertia, viscous and Coulomb friction, at every joint or at one;
+    /// MJCF has no place for
+    /// other effects.
     ///
     /// # Errors
     /// If a link is no body: identify with consistency first.
@@ -407,7 +410,39 @@ impl TorqueModel {
                 _ => {}
             }
         }
+        for (joint, role, value) in self.at_single_joints() {
+            match role {
+                Role::RotorInertia => joints[joint].rotor_inertia += value,
+                Role::ViscousFriction => joints[joint].viscous_friction += value,
+                Role::DryFriction => joints[joint].coulomb_friction += value,
+                _ => {}
+            }
+        }
         self.dynamics.to_mjcf(&joints)
+    }
+
+    /// The robot as a URDF can hold the model: its inertias, and its viscous and Coulomb friction, at every joint or at one. What
+    /// the model does not have at a joint is as in the robot file.
+    pub fn robot_for_urdf(&self) -> Robot {
+        let mut robot = self.dynamics.clone();
+        let everywhere = |role: Role| self.set.effects().iter().any(|effect| effect.role() == Some(role));
+        for (joint, role, value) in self.at_single_joints() {
+            let joint = robot.joint_mut(joint);
+            match role {
+                Role::ViscousFriction => joint.damping = value + if everywhere(role) { joint.damping } else { 0.0 },
+                Role::DryFriction => joint.friction = value + if everywhere(role) { joint.friction } else { 0.0 },
+                _ => {}
+            }
+        }
+        robot
+    }
+
+    /// Joint, role and value of the effects at single joints that a robot file may have a place for.
+    fn at_single_joints(&self) -> impl Iterator<Item = (usize, Role, f64)> {
+        self.terms.iter().filter_map(|term| match (term.effect.role(), term.site, &term.coefficients[..]) {
+            (Some(role), Site::Joint(joint), [value]) => Some((joint, role, *value)),
+            _ => None,
+        })
     }
 }
 

@@ -12,12 +12,13 @@
 use std::sync::Arc;
 
 use faer::Mat;
+use sgpr_predict::internal::{JointRanges, points_of};
 
 use super::experiment::{Experiment, torque_of};
 use super::identify::{IdentifyError, correlation};
 use super::terms::{Rigid, common_clock, seconds_since};
 use super::{Term, TorqueModel, Trajectory};
-use crate::effects::{self, Constant, Effect, Entry, JointRanges, Reach, Scale, UnknownEffect};
+use crate::effects::{self, Constant, Effect, Entry, Reach, Scale, UnknownEffect};
 use crate::identification::{
     BaseParameters, JointFactor, LeastSquares, Method, Observation, ParameterSet, TrajectoryColumn, stack,
     triangular_solution,
@@ -342,7 +343,7 @@ impl<'a> TermFit<'a> {
         let constants = term.effect.constants();
         let grids: Vec<Vec<f64>> =
             constants.iter().map(|constant| self.grid(constant, ranges, term.is_transform())).collect();
-        let mut points = effects::points_of(&grids);
+        let mut points = points_of(&grids);
         // What begins and ends does so in this order.
         if constants.len() == 2 && constants.iter().all(|constant| constant.scale == Scale::Time) {
             points.retain(|point| point[0] < point[1]);

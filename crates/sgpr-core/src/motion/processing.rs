@@ -2,7 +2,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{MotionError, uniform_rate};
 use crate::recording::{GAP_FACTOR, Recording, stretches};
-use crate::signal::{CutoffChoice, Differentiation, HIGHEST_ORDER, choose_cutoff};
+use sgpr_predict::internal::HIGHEST_ORDER;
+
+use crate::signal::{CutoffChoice, Differentiation, choose_cutoff};
 
 /// What the user asks for; what is left open is chosen from the logs.
 #[derive(Clone, Debug, PartialEq)]

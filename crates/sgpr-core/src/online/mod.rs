@@ -1,20 +1,11 @@
 //! A torque model that follows the arm while it runs: a payload picked up, and a rest that changes.
 //!
-//! [`MotionFilter`] makes velocity and acceleration from encoders as they come; [`PayloadTracker`] estimates the ten
-//! inertial parameters of what a link holds, recursively; [`OnlineGaussianProcess`] learns the rest with a budget of
-//! points, which come and go by updates of one Cholesky factor. [`OnlineModel`] puts them on top of an identified model,
-//! [`AdaptiveFeedForward`] lets a controller use it. No update allocates.
+//! The models are those of `sgpr-predict`; [`AdaptiveFeedForward`] lets a controller of the simulator use one.
 
 mod controller;
-mod error;
-mod filter;
-mod gaussian_process;
-mod model;
-mod payload;
 
 pub use controller::AdaptiveFeedForward;
-pub use error::OnlineError;
-pub use filter::MotionFilter;
-pub use gaussian_process::{Budget, OnlineGaussianProcess};
-pub use model::{OnlineModel, OnlineOptions, process_kernel};
-pub use payload::{PayloadOptions, PayloadTracker};
+pub use sgpr_predict::online::{
+    Budget, MotionFilter, OnlineError, OnlineGaussianProcess, OnlineModel, OnlineOptions, PayloadOptions,
+    PayloadTracker, process_kernel,
+};

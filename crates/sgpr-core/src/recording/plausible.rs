@@ -1,7 +1,7 @@
 //! Numbers that no arm makes: they come from a wrong column, unit or clock, and arithmetic with
 //! them overflows.
 
-pub(crate) use sgpr_predict::model::{LARGEST_POSITION, LARGEST_TORQUE, SMALLEST_TORQUE};
+pub(crate) use sgpr_predict::internal::{LARGEST_POSITION, LARGEST_TORQUE, SMALLEST_TORQUE};
 
 use super::{Recording, seconds};
 

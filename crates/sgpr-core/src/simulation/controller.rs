@@ -1,7 +1,8 @@
 //! Control laws.
 
+pub use sgpr_predict::control::InverseDynamics;
+
 use crate::dynamics::{Workspace, bias_forces, rnea};
-use crate::model::{Predictor, SemiParametricPredictor};
 use crate::robot::Robot;
 
 /// What a controller sees at a sample.
@@ -31,45 +32,6 @@ pub trait Controller: Send {
     /// Torque that the drives shall make until the next call, `[n]`, N·m (N); a number that is not finite ends the
     /// simulation.
     fn torque(&mut self, measured: &Measurement<'_>, wanted: &Setpoint<'_>, tau: &mut [f64]);
-}
-
-/// A torque model as a controller uses it: parametric, non-parametric or both.
-pub trait InverseDynamics: Send {
-    /// Adds the torque of a motion to `tau`, `[n]`, N·m (N).
-    fn add_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64], tau: &mut [f64]);
-}
-
-impl<F: FnMut(&[f64], &[f64], &[f64], &mut [f64]) + Send> InverseDynamics for F {
-    fn add_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64], tau: &mut [f64]) {
-        self(q, dq, ddq, tau);
-    }
-}
-
-impl InverseDynamics for Predictor {
-    fn add_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64], tau: &mut [f64]) {
-        add(tau, self.torque(q, dq, ddq));
-    }
-}
-
-impl InverseDynamics for SemiParametricPredictor {
-    fn add_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64], tau: &mut [f64]) {
-        add(tau, self.torque(q, dq, ddq));
-    }
-}
-
-/// Models on top of each other: an internal model and what compensates it.
-impl InverseDynamics for Vec<Box<dyn InverseDynamics>> {
-    fn add_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64], tau: &mut [f64]) {
-        for model in self {
-            model.add_torque(q, dq, ddq, tau);
-        }
-    }
-}
-
-impl InverseDynamics for Box<dyn InverseDynamics> {
-    fn add_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64], tau: &mut [f64]) {
-        (**self).add_torque(q, dq, ddq, tau);
-    }
 }
 
 fn add(tau: &mut [f64], more: &[f64]) {

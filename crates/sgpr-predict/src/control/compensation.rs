@@ -1,3 +1,4 @@
+use alloc::string::String;
 use alloc::vec::Vec;
 
 use crate::model::StreamedModel;
@@ -61,17 +62,18 @@ impl Compensation {
         let mut options = options.clone();
         options.stream.purpose = Purpose::FeedForward;
         let n = model.robot().dof();
-        let check = |name: &'static str, joint: usize, value: f64, good: bool| {
-            if good { Ok(()) } else { Err(StreamError::NotFinite { name, joint, value }) }
+        let check = |name: String, found: f64, good: bool, expected: &'static str| {
+            if good { Ok(()) } else { Err(StreamError::OutOfRange { name, found, expected }) }
         };
-        check("friction", 0, options.friction, (0.0..=1.0).contains(&options.friction))?;
-        let speed = options.transition_speed;
-        check("transition_speed", 0, speed, speed.is_finite() && speed > 0.0)?;
+        let (share, speed) = (options.friction, options.transition_speed);
+        check("friction".into(), share, (0.0..=1.0).contains(&share), "a share from 0 to 1")?;
+        check("transition_speed".into(), speed, speed.is_finite() && speed > 0.0, "a speed above zero")?;
         if !options.limits.is_empty() && options.limits.len() != n {
             return Err(StreamError::Length { name: "limits", found: options.limits.len(), expected: n });
         }
         for (joint, limit) in options.limits.iter().enumerate() {
-            check("limits", joint, *limit, limit.is_finite() && *limit >= 0.0)?;
+            let name = format!("limits of {}", model.joint_name(joint));
+            check(name, *limit, limit.is_finite() && *limit >= 0.0, "a torque that is not below zero")?;
         }
         Ok(Self {
             moving: model.predictor(&options.stream)?,

@@ -3,7 +3,9 @@
 //! Laws of motion control on a model are in `sgpr_core::simulation`: feed-forward, computed torque, impedance.
 
 mod compensation;
+mod inverse_dynamics;
 mod momentum_observer;
 
 pub use compensation::{Compensation, CompensationOptions};
+pub use inverse_dynamics::InverseDynamics;
 pub use momentum_observer::{Alarm, MomentumObserver, ObserverError, ObserverOptions};

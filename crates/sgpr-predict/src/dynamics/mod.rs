@@ -20,12 +20,7 @@ mod rnea;
 mod workspace;
 
 #[cfg(feature = "simd")]
-#[doc(hidden)]
-pub use batch::for_each_regressor_block;
-#[cfg(feature = "simd")]
 pub use batch::{BatchWorkspace, Samples, regressor_batch, rnea_batch};
-#[doc(hidden)]
-pub use body::Body;
 pub use energy::{kinetic_energy, potential_energy};
 pub use forward_dynamics::{forward_dynamics, forward_dynamics_with_rotors};
 pub use kinematics::{forward_kinematics, frame_pose, jacobian};
@@ -33,7 +28,13 @@ pub use mass_matrix::mass_matrix;
 #[cfg(feature = "expressions")]
 pub use recorded::RecordedWorkspace;
 pub use regressor::regressor;
-#[doc(hidden)]
-pub use regressor::regressor_kernel;
 pub use rnea::{bias_forces, gravity_torque, rnea};
 pub use workspace::Workspace;
+
+/// For [`crate::internal`].
+pub(crate) mod parts {
+    #[cfg(feature = "simd")]
+    pub use super::batch::for_each_regressor_block;
+    pub use super::body::Body;
+    pub use super::regressor::regressor_kernel;
+}

@@ -4,7 +4,9 @@ use super::Channel;
 use super::stepping::cubic_weights;
 use super::{EffectParameter, JointState, SampleInput, Site, StepState, Stepped};
 #[cfg(feature = "trajectories")]
-use crate::dynamics::{BatchWorkspace, Samples, for_each_regressor_block};
+use crate::dynamics::parts::for_each_regressor_block;
+#[cfg(feature = "trajectories")]
+use crate::dynamics::{BatchWorkspace, Samples};
 #[cfg(not(feature = "std"))]
 use crate::math::Float;
 use crate::robot::Robot;
@@ -248,7 +250,7 @@ pub(super) fn shift(values: &mut [f64], width: usize, delay: f64) {
 
 /// First-order lag with a time constant of `samples` sampling periods, for a torque that is linear between samples.
 pub(super) fn lag(values: &mut [f64], width: usize, samples: f64) {
-    let decay = (-1.0 / samples).exp();
+    let decay = Number::exp(-1.0 / samples);
     // Exact for a ramp between samples: y' = (u - y) / T.
     let slope = samples * (1.0 - decay);
     let (old, new) = (slope - decay, 1.0 - slope);

@@ -7,5 +7,7 @@ mod expr;
 mod tape;
 
 pub use expr::Expr;
-#[doc(hidden)]
-pub use tape::{Node, Recorder, Tape};
+/// For [`crate::internal`].
+pub(crate) mod parts {
+    pub use super::tape::{Node, Recorder, Tape};
+}

@@ -10,12 +10,19 @@ use alloc::vec::Vec;
 
 use serde::Deserialize;
 
-use super::{ParameterSet, StreamedModel, Term, TermDescription};
+use super::rest::{LearnedBasis, LearnedJoint};
+use super::term::TermDescription;
+use super::{ParameterSet, Rest, StreamedModel, Term};
 use crate::effects::{self, Effect};
+use crate::gp::{Covariance, LearnedProcess, Seen};
 use crate::robot::Robot;
 
 const FORMAT: &str = "sgpr torque model";
+const LEARNED_FORMAT: &str = "sgpr semi-parametric model";
 const VERSION: u32 = 1;
+
+/// Largest budget of points that a model is learned with.
+const MOST_POINTS: usize = 20_000;
 
 /// Larger files hold no torque model.
 #[cfg(feature = "std")]
@@ -54,9 +61,7 @@ pub enum ModelError {
         message: String,
     },
     /// A model of another kind.
-    #[error(
-        "{origin}: its head says `{found}`; a controller takes a `{FORMAT}`: save the physics of a learned model alone"
-    )]
+    #[error("{origin}: its head says `{found}`; a controller takes a `{FORMAT}` or a `{LEARNED_FORMAT}`")]
     Kind {
         /// File.
         origin: String,
@@ -133,7 +138,8 @@ struct Kind {
 }
 
 impl StreamedModel {
-    /// Reads the file of a torque model. Safe with files from strangers: nothing in them is run, sizes are checked before
+    /// Reads the file of a torque model or of a semi-parametric one. Safe with files from strangers: nothing in them
+    /// is run, sizes are checked before
     /// memory is taken.
     ///
     /// # Errors
@@ -163,15 +169,29 @@ impl StreamedModel {
     /// # Errors
     /// As [`Self::load`].
     pub fn from_bytes_with(bytes: &[u8], origin: &str, effects: &[Arc<dyn Effect>]) -> Result<Self, ModelError> {
+        Self::read(bytes, origin, effects, false)
+    }
+
+    /// - `within`: whether the bytes lie within the file of a semi-parametric model, which has none within it in turn
+    fn read(bytes: &[u8], origin: &str, effects: &[Arc<dyn Effect>], within: bool) -> Result<Self, ModelError> {
         let malformed = |message: String| ModelError::Malformed { origin: origin.into(), message };
         let archive = Archive::open(bytes).map_err(malformed)?;
         let of_head = |error: serde_json::Error| malformed(format!("its head: {error}"));
         let Kind { format, version } = serde_json::from_str(&archive.head).map_err(of_head)?;
-        if format != FORMAT {
+        let learned = format == LEARNED_FORMAT;
+        if format != FORMAT && (within || !learned) {
             return Err(ModelError::Kind { origin: origin.into(), found: format });
         }
         if version > VERSION {
             return Err(ModelError::Version { origin: origin.into(), found: version, supported: VERSION });
+        }
+        if learned {
+            let part = |name: &str| archive.bytes(name).map(|bytes| Self::read(bytes, origin, effects, true));
+            let mut model = part("physics").ok_or_else(|| malformed("`physics` is missing".into()))??;
+            let identified = part("identified").transpose()?;
+            let head = serde_json::from_str(&archive.head).map_err(of_head)?;
+            model.rest = Some(Arc::new(rest(head, &model, identified, &archive).map_err(malformed)?));
+            return Ok(model);
         }
         let Head { fit, described } = serde_json::from_str(&archive.head).map_err(of_head)?;
         let read = |name: &str, length: usize| archive.array(name, length);
@@ -183,6 +203,106 @@ impl StreamedModel {
         }
         Ok(Self::new(&robot, set, parameters).with_terms(terms).with_noise(noise))
     }
+}
+
+/// The head of a semi-parametric model, but for what only those who learn it know.
+#[derive(Deserialize)]
+struct LearnedHead {
+    joints: Vec<JointHead>,
+    /// Columns of the regressor that the base parameters are; not in files of versions that did not keep it.
+    #[serde(default)]
+    independent: Option<Vec<usize>>,
+}
+
+#[derive(Deserialize)]
+struct JointHead {
+    report: Report,
+    noise_variance: f64,
+    covariance: Option<Covariance>,
+}
+
+#[derive(Deserialize)]
+struct Report {
+    calibration: f64,
+}
+
+/// What was learned, checked.
+fn rest(
+    head: LearnedHead,
+    model: &StreamedModel,
+    identified: Option<StreamedModel>,
+    archive: &Archive<'_>,
+) -> Result<Rest, String> {
+    let n = model.dof();
+    if head.joints.len() != n || identified.as_ref().is_some_and(|identified| identified.dof() != n) {
+        return Err("what was learned is of another robot than the physics".into());
+    }
+    let mut joints = Vec::with_capacity(n);
+    for (joint, JointHead { report: Report { calibration }, noise_variance, covariance }) in
+        head.joints.into_iter().enumerate()
+    {
+        if !(noise_variance >= 0.0 && noise_variance.is_finite() && calibration > 0.0 && calibration.is_finite()) {
+            return Err(format!("noise variance or calibration of joint {} are no numbers above zero", joint + 1));
+        }
+        let process = covariance.map(|covariance| process(archive, joint, 3 * n + 1, covariance)).transpose()?;
+        joints.push(LearnedJoint { process, noise_variance, calibration });
+    }
+    let knows_parameters = head.independent.is_some();
+    let has_basis = archive.arrays.contains_key("basis_covariance");
+    let basis = match head.independent.filter(|_| has_basis) {
+        None => None,
+        Some(independent) => Some(basis(independent, model, &joints, archive)?),
+    };
+    Ok(Rest { joints, identified, basis, knows_parameters })
+}
+
+fn process(
+    archive: &Archive<'_>,
+    joint: usize,
+    inputs: usize,
+    covariance: Covariance,
+) -> Result<LearnedProcess, String> {
+    let name = |name: &str| format!("joint_{}.{name}", joint + 1);
+    let through = archive.arrays.contains_key(&name("products"));
+    let of_points = name(if through { "projection" } else { "residual" });
+    let points = archive.length(&of_points)?;
+    if points > MOST_POINTS {
+        return Err(format!("{points} points of joint {} are more than {MOST_POINTS}", joint + 1));
+    }
+    let array = |name: &str, length: usize| archive.array(name, length);
+    let x = array(&name("x"), points * inputs)?;
+    let own = array(&of_points, points)?;
+    let seen = match through {
+        false => Seen::AtPoints(own),
+        true => Seen::Through { products: array(&name("products"), points * (points + 1) / 2)?, projection: own },
+    };
+    let weights = name("weights");
+    let weights = archive.arrays.contains_key(&weights).then(|| array(&weights, points)).transpose()?;
+    LearnedProcess::new(covariance, x, inputs, seen, weights).map_err(|error| format!("joint {}: {error}", joint + 1))
+}
+
+fn basis(
+    independent: Vec<usize>,
+    model: &StreamedModel,
+    joints: &[LearnedJoint],
+    archive: &Archive<'_>,
+) -> Result<LearnedBasis, String> {
+    if independent.iter().any(|column| *column >= model.parameter_set().len()) {
+        return Err("its base parameters are not of its robot".into());
+    }
+    let of_terms: usize = model.terms().iter().map(|term| term.coefficients.len()).sum();
+    let unknowns = independent.len() + of_terms;
+    let covariance = archive.array("basis_covariance", unknowns * unknowns)?;
+    let rows = joints.iter().enumerate().map(|(joint, learned)| {
+        let name = format!("joint_{}.basis", joint + 1);
+        let process = learned.process.as_ref().filter(|_| archive.arrays.contains_key(&name));
+        process.map(|process| archive.array(&name, process.len() * unknowns)).transpose()
+    });
+    let rows: Vec<Option<Vec<f64>>> = rows.collect::<Result<_, String>>()?;
+    if rows.iter().flatten().flatten().chain(&covariance).any(|value| !value.is_finite()) {
+        return Err("what it says of its parameters has numbers that are not finite".into());
+    }
+    Ok(LearnedBasis { independent, covariance, rows })
 }
 
 /// The content of a file of safetensors.
@@ -215,6 +335,19 @@ impl<'a> Archive<'a> {
         let Header { mut metadata, arrays } = serde_json::from_slice(header).map_err(|error| error.to_string())?;
         let head = metadata.remove("sgpr").ok_or("its head has no entry `sgpr`")?;
         Ok(Self { head, arrays, numbers })
+    }
+
+    /// An array of bytes.
+    fn bytes(&self, name: &str) -> Option<&'a [u8]> {
+        let ArrayOf { dtype, data_offsets: [start, end] } = self.arrays.get(name)?;
+        self.numbers.get(*start..*end).filter(|_| dtype == "U8")
+    }
+
+    /// How many numbers of 64 bits an array holds.
+    fn length(&self, name: &str) -> Result<usize, String> {
+        let ArrayOf { data_offsets: [start, end], .. } =
+            self.arrays.get(name).ok_or_else(|| format!("`{name}` is missing"))?;
+        Ok(end.saturating_sub(*start) / size_of::<f64>())
     }
 
     fn array(&self, name: &str, length: usize) -> Result<Vec<f64>, String> {

@@ -2,18 +2,20 @@
 
 mod file;
 mod parameter_set;
+mod rest;
 mod streamed;
 mod term;
 
-#[doc(hidden)]
-pub use file::Described;
 pub use file::ModelError;
-#[doc(hidden)]
-pub use parameter_set::BARELY_MOVING;
 pub use parameter_set::{EffectColumn, ParameterSet, TrajectoryColumn};
+pub(crate) use rest::Rest;
 pub use streamed::StreamedModel;
-#[doc(hidden)]
-pub use streamed::identified;
 pub use term::Term;
-#[doc(hidden)]
-pub use term::{LARGEST_POSITION, LARGEST_TORQUE, SMALLEST_TORQUE, TermDescription, times_of};
+
+/// For [`crate::internal`].
+pub(crate) mod parts {
+    pub use super::file::Described;
+    pub use super::parameter_set::BARELY_MOVING;
+    pub use super::streamed::identified;
+    pub use super::term::{LARGEST_POSITION, LARGEST_TORQUE, SMALLEST_TORQUE, TermDescription, times_of};
+}

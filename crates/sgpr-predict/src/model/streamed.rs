@@ -1,12 +1,13 @@
 use alloc::string::String;
+use alloc::sync::Arc;
 use alloc::vec::Vec;
 
-use super::{ParameterSet, Term};
+use super::{ParameterSet, Rest, Term};
 use crate::effects::{Role, UnknownEffect};
 use crate::robot::Robot;
 
-/// tau = rigid body(q, dq, ddq) + effects at every joint + effects at single sites: a torque model without where it comes
-/// from.
+/// tau = rigid body(q, dq, ddq) + effects at every joint + effects at single sites + what was learned of the rest: a torque model
+/// without where it comes from.
 ///
 /// [`Self::predictor`] makes a [`Predictor`](crate::stream::Predictor) of it.
 #[derive(Clone, Debug)]
@@ -18,6 +19,7 @@ pub struct StreamedModel {
     parameters: Vec<f64>,
     terms: Vec<Term>,
     noise: Vec<f64>,
+    pub(crate) rest: Option<Arc<Rest>>,
 }
 
 impl StreamedModel {
@@ -28,7 +30,8 @@ impl StreamedModel {
     pub fn new(robot: &Robot, set: ParameterSet, parameters: Vec<f64>) -> Self {
         assert_eq!(parameters.len(), set.len(), "every parameter of the set");
         assert_eq!(set.dof(), robot.dof(), "a set of the robot");
-        Self { robot: identified(robot, &set, &parameters), set, parameters, terms: Vec::new(), noise: Vec::new() }
+        let robot = identified(robot, &set, &parameters);
+        Self { robot, set, parameters, terms: Vec::new(), noise: Vec::new(), rest: None }
     }
 
     /// The rigid body that a robot has by its file.
@@ -94,6 +97,15 @@ impl StreamedModel {
     /// Standard deviation of the torque per joint, N·m (N), as the fit says; empty if the model was not identified.
     pub fn noise(&self) -> &[f64] {
         &self.noise
+    }
+
+    /// Whether it has Gaussian processes of what its physics leaves over: that of a semi-parametric model file.
+    pub fn learned(&self) -> bool {
+        self.rest.is_some()
+    }
+
+    pub(crate) fn joint_name(&self, joint: usize) -> String {
+        self.robot.joints()[joint].name.clone()
     }
 
     /// Names of the effects, those of every joint first.

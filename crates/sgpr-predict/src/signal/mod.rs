@@ -10,13 +10,14 @@ mod low_pass;
 mod savitzky_golay;
 mod spectrum;
 
-#[doc(hidden)]
-pub use autoregression::Autoregression;
 pub use differentiate::Differentiation;
 pub use error::SignalError;
-#[doc(hidden)]
-pub use low_pass::HIGHEST_ORDER;
 pub use low_pass::LowPass;
-#[doc(hidden)]
-pub use spectrum::power_by_order;
 pub use spectrum::{CutoffChoice, Spectrum, choose_cutoff};
+
+/// For [`crate::internal`].
+pub(crate) mod parts {
+    pub use super::autoregression::Autoregression;
+    pub use super::low_pass::HIGHEST_ORDER;
+    pub use super::spectrum::power_by_order;
+}

@@ -11,9 +11,11 @@ mod lanes;
 mod number;
 #[cfg(feature = "simd")]
 mod pair_products;
-#[cfg(feature = "simd")]
 mod power_of_two;
 mod real;
+mod registers;
+#[cfg(not(feature = "simd"))]
+mod scalar;
 #[cfg(feature = "simd")]
 mod transpose;
 #[cfg(feature = "simd")]
@@ -24,19 +26,20 @@ pub use fused::Fused;
 #[cfg(feature = "simd")]
 pub use lanes::Lanes;
 #[cfg(feature = "simd")]
-#[doc(hidden)]
-pub use lanes::MAX_LANES;
+pub(crate) use lanes::MAX_LANES;
 pub use number::Number;
 #[cfg(feature = "simd")]
-#[doc(hidden)]
-pub use pair_products::{pair, pair_products};
-#[cfg(feature = "simd")]
-#[doc(hidden)]
-pub use power_of_two::{power_of_two_f32, power_of_two_f64};
+pub(crate) use pair_products::{pair, pair_products};
+pub(crate) use power_of_two::{power_of_two_f32, power_of_two_f64};
 pub use real::Real;
+pub(crate) use registers::{Arch, Simd, WithSimd, lanes_f32, lanes_f64};
 #[cfg(feature = "simd")]
-#[doc(hidden)]
-pub use transpose::Transpose;
+pub(crate) use transpose::Transpose;
 #[cfg(feature = "simd")]
-#[doc(hidden)]
-pub use trigonometry::{cos_in_place, sin_cos_slice};
+pub(crate) use trigonometry::sin_cos_slice;
+
+/// For [`crate::internal`].
+#[cfg(feature = "simd")]
+pub(crate) mod parts {
+    pub use super::trigonometry::cos_in_place;
+}

@@ -25,6 +25,16 @@ pub enum StreamError {
         /// The value.
         value: f64,
     },
+    /// A number that is none for this, such as a share of friction above one.
+    #[error("{name}: got {found}, expected {expected}")]
+    OutOfRange {
+        /// What the number is, as it is called in the options.
+        name: String,
+        /// The number.
+        found: f64,
+        /// What it may be.
+        expected: &'static str,
+    },
     /// A rate that is none.
     #[error("rate_hz: got {found}, expected a finite number above zero")]
     Rate {
@@ -74,6 +84,17 @@ pub enum StreamError {
     NotStreamed {
         /// Name of the effect.
         effect: String,
+        /// Why.
+        reason: String,
+    },
+    /// A standard deviation, of a model without processes.
+    #[error("a standard deviation is that of a learned model, and this one has no Gaussian processes: ask for none")]
+    NotLearned,
+    /// A process of a learned model that cannot be asked for this.
+    #[error("the Gaussian process of {joint}: {reason}")]
+    Process {
+        /// Name of the joint.
+        joint: String,
         /// Why.
         reason: String,
     },

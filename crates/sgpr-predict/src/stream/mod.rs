@@ -3,13 +3,19 @@
 mod error;
 mod options;
 mod predictor;
+mod rest;
 mod sampler;
 mod steps;
 
 pub use error::StreamError;
 pub use options::{Purpose, StreamOptions, UnknownPurpose};
 pub use predictor::{Predictor, SavedStates};
-#[doc(hidden)]
-pub use sampler::{Buffers, Sampler, StreamStart};
-#[doc(hidden)]
-pub use steps::{TermSteps, TransformSteps};
+pub use rest::RestOptions;
+use steps::TermSteps;
+
+/// For [`crate::internal`].
+pub(crate) mod parts {
+    pub use super::rest::{BasisParts, RestJoint, RestPredictor, base_value, together};
+    pub use super::sampler::{Sampler, StreamStart};
+    pub use super::steps::TermSteps;
+}

@@ -1,6 +1,8 @@
+use alloc::boxed::Box;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 
+use super::rest::{RestOptions, RestPredictor, identified};
 use super::sampler::{Buffers, Sampler, StreamStart};
 use super::{Purpose, StreamError, StreamOptions};
 use crate::effects::{Needs, Streamed, knows_one_row};
@@ -9,6 +11,9 @@ use crate::robot::Robot;
 
 /// Torque of one sample after the other, for a controller: owns its buffers, allocates nothing after it is made, takes no
 /// lock, and can move to another thread.
+///
+/// Of a learned model the torque is that of the physics and what its Gaussian processes add ([`StreamedModel::learned`]), and
+/// [`Self::torque_and_deviation`] says how sure it is. Far from the logs the processes add nothing.
 ///
 /// Effects with a memory carry their hidden state from call to call: the torque of sample k is that of
 /// a whole trajectory at sample k, from the first sample after [`Self::reset`] on. Where a trajectory
@@ -55,6 +60,9 @@ pub struct Predictor {
     /// Whether an effect may fail.
     fallible: bool,
     start: StreamStart,
+    /// Of a learned model.
+    rest: Option<Box<RestPredictor>>,
+    tau_with_rest: Vec<f64>,
 }
 
 /// The time of the session.
@@ -92,6 +100,24 @@ impl StreamedModel {
     /// If a rate is needed and none given, or no number above zero; if an effect cannot be streamed; if an effect to keep is
     /// none of the model.
     pub fn predictor(&self, options: &StreamOptions) -> Result<Predictor, StreamError> {
+        self.predictor_with(options, &RestOptions::default())
+    }
+
+    /// The same with another arithmetic of the processes of a learned model, or with a standard deviation.
+    ///
+    /// # Errors
+    /// As [`Self::predictor`]; if a standard deviation is asked for and the model has no processes, or too many points for it.
+    pub fn predictor_with(&self, options: &StreamOptions, rest: &RestOptions) -> Result<Predictor, StreamError> {
+        let physics = self.physics_predictor(options)?;
+        match &self.rest {
+            Some(learned) => Ok(physics.with_rest(RestPredictor::of_file(self, learned, options, rest)?)),
+            None if rest.deviation => Err(StreamError::NotLearned),
+            None => Ok(physics),
+        }
+    }
+
+    /// The physics alone.
+    pub(super) fn physics_predictor(&self, options: &StreamOptions) -> Result<Predictor, StreamError> {
         let rate_hz = match options.rate_hz {
             Some(found) if !(found.is_finite() && found > 0.0) => return Err(StreamError::Rate { found }),
             given => given.unwrap_or(f64::NAN),
@@ -114,6 +140,8 @@ impl StreamedModel {
             options: options.clone(),
             clock: Clock { rate_hz, origin: 0.0, steps: 0, at_start: true },
             start: StreamStart::AtRest,
+            rest: None,
+            tau_with_rest: vec![0.0; n],
             sampler,
         })
     }
@@ -179,6 +207,14 @@ impl Predictor {
         }
     }
 
+    /// The same with the processes of a learned model.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn with_rest(mut self, rest: RestPredictor) -> Self {
+        self.rest = Some(Box::new(rest));
+        self
+    }
+
     /// Number of joints.
     pub fn dof(&self) -> usize {
         self.sampler.buffers.tau.len()
@@ -205,10 +241,10 @@ impl Predictor {
     /// If the time is not finite.
     pub fn set_time(&mut self, time: f64) -> Result<(), StreamError> {
         if !time.is_finite() {
-            return Err(StreamError::NotFinite { name: "time", joint: 0, value: time });
+            return Err(StreamError::OutOfRange { name: "time".into(), found: time, expected: "a finite number" });
         }
         self.clock = Clock { origin: time, steps: 0, at_start: true, ..self.clock };
-        Ok(())
+        identified(&mut self.rest).map_or(Ok(()), |other| other.set_time(time))
     }
 
     /// Sets the temperature of each joint, °C, for friction that depends on it.
@@ -218,7 +254,7 @@ impl Predictor {
     pub fn set_temperature(&mut self, celsius: &[f64]) -> Result<(), StreamError> {
         self.check_array("temperature", celsius)?;
         self.sampler.buffers.temperature.copy_from_slice(celsius);
-        Ok(())
+        identified(&mut self.rest).map_or(Ok(()), |other| other.set_temperature(celsius))
     }
 
     /// Forgets all samples: the clock is at zero, and the hidden states start at rest at the next sample, as a trajectory
@@ -227,6 +263,9 @@ impl Predictor {
         self.clock = Clock { origin: 0.0, steps: 0, at_start: true, ..self.clock };
         self.sampler.forget();
         self.start = StreamStart::AtRest;
+        if let Some(other) = identified(&mut self.rest) {
+            other.reset();
+        }
     }
 
     /// Forgets all samples: the clock is at zero, and the hidden states are those after a long motion at speed `dq` to `q`,
@@ -247,7 +286,7 @@ impl Predictor {
         self.start = StreamStart::Moving;
         self.sample(self.clock.rate_hz);
         self.sampler.forget();
-        Ok(())
+        identified(&mut self.rest).map_or(Ok(()), |other| other.reset_at(q, dq))
     }
 
     /// Torque at the next sample, one period after the last; moves the hidden states on.
@@ -261,10 +300,37 @@ impl Predictor {
     pub fn torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> &[f64] {
         let n = self.dof();
         assert!([q, dq, ddq].iter().all(|values| values.len() == n), "one value per joint");
-        if self.take(q, dq, ddq, None).is_err() {
+        if self.take(q, dq, ddq, None, false).is_err() {
             self.sampler.buffers.tau.fill(f64::NAN);
         }
         &self.sampler.buffers.tau
+    }
+
+    /// The same, and the standard deviation of its measurement, `[n]` each, N·m (N): of the processes, of noise, and what
+    /// uncertain parameters bring, beside a process as far as that does not know.
+    ///
+    /// # Errors
+    /// As [`Self::try_torque`].
+    ///
+    /// # Panics
+    /// If the predictor was made without a standard deviation ([`RestOptions`]).
+    pub fn torque_and_deviation(
+        &mut self,
+        q: &[f64],
+        dq: &[f64],
+        ddq: &[f64],
+    ) -> Result<(&[f64], &[f64]), StreamError> {
+        assert!(self.rest.as_ref().is_some_and(|rest| rest.with_deviation()), "made with a standard deviation");
+        self.take(q, dq, ddq, None, true)?;
+        Ok((&self.sampler.buffers.tau, self.rest.as_ref().map_or(&[], |rest| rest.deviation())))
+    }
+
+    /// Share of the variance of each joint's process that the logs have not explained, `[n]`, at the last sample
+    /// that was asked with
+    /// [`Self::torque_and_deviation`]: from 0 at a point of the logs to 1 far from all, 0 for a joint without a process. Above 0.95
+    /// the torque is that of the physics. Empty for a model without processes.
+    pub fn novelty(&self) -> &[f64] {
+        self.rest.as_ref().map_or(&[], |rest| rest.novelty())
     }
 
     /// As [`Self::torque`], with what is wrong with a sample as an error.
@@ -273,8 +339,12 @@ impl Predictor {
     /// If a slice is not of length n or holds a number that is not finite, or a temperature is missing; the hidden states
     /// stay as they are.
     pub fn try_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> Result<&[f64], StreamError> {
-        self.take(q, dq, ddq, None)?;
+        self.take(q, dq, ddq, None, false)?;
         Ok(&self.sampler.buffers.tau)
+    }
+
+    pub(super) fn last_torque(&self) -> &[f64] {
+        &self.sampler.buffers.tau
     }
 
     /// As [`Self::try_torque`], `step` seconds after the last sample: for irregular calls and pauses.
@@ -283,7 +353,7 @@ impl Predictor {
     /// As [`Self::try_torque`]; if the step is no finite number above zero, or shorter than half a period where the model has
     /// a delay.
     pub fn torque_after(&mut self, step: f64, q: &[f64], dq: &[f64], ddq: &[f64]) -> Result<&[f64], StreamError> {
-        self.take(q, dq, ddq, Some(step))?;
+        self.take(q, dq, ddq, Some(step), false)?;
         Ok(&self.sampler.buffers.tau)
     }
 
@@ -297,6 +367,9 @@ impl Predictor {
         into.last_ddq.extend_from_slice(&self.sampler.buffers.last_ddq);
         into.has_last = self.sampler.buffers.has_last;
         into.run = Some((self.clock, self.start));
+        if let Some(other) = self.rest.as_ref().and_then(|rest| rest.identified.as_ref()) {
+            other.save(into.other.get_or_insert_default());
+        }
     }
 
     /// Back to what was saved.
@@ -310,6 +383,9 @@ impl Predictor {
         self.sampler.buffers.last_ddq.copy_from_slice(&from.last_ddq);
         self.sampler.buffers.has_last = from.has_last;
         (self.clock, self.start) = (clock, start);
+        if let (Some(other), Some(from)) = (identified(&mut self.rest), &from.other) {
+            other.restore(from);
+        }
     }
 
     /// The robot as transforms make it, and at the last sample the motion of its links and of its joints: q, dq, ddq.
@@ -335,7 +411,8 @@ impl Predictor {
         if self.sampler.buffers.tau[joint].abs() >= largest { 0.0 } else { gain }
     }
 
-    fn take(&mut self, q: &[f64], dq: &[f64], ddq: &[f64], step: Option<f64>) -> Result<(), StreamError> {
+    /// - `spread`: whether it is asked how sure the torque is
+    fn take(&mut self, q: &[f64], dq: &[f64], ddq: &[f64], step: Option<f64>, spread: bool) -> Result<(), StreamError> {
         for (name, values) in [("q", q), ("dq", dq), ("ddq", ddq)] {
             self.check_array(name, values)?;
         }
@@ -364,13 +441,39 @@ impl Predictor {
         self.clock.advance(step);
         let rate_hz = step.map_or(self.clock.rate_hz, |step| 1.0 / step);
         self.sample(rate_hz);
-        if let Some(before) = before
+        if let Some(before) = &before
             && let Some((effect, reason)) = self.sampler.terms.failure()
         {
-            self.restore(&before);
+            self.restore(before);
             return Err(StreamError::EffectFailed { effect, reason });
         }
+        if let Some(mut rest) = self.rest.take() {
+            let other = rest.identified.as_mut().map_or(Ok(()), |other| other.take(q, dq, ddq, step, false));
+            if other.is_ok() {
+                self.add_rest(&mut rest, [q, dq, ddq], spread);
+            }
+            self.rest = Some(rest);
+            if let (Err(_), Some(before)) = (&other, &before) {
+                self.restore(before);
+            }
+            return other;
+        }
         Ok(())
+    }
+
+    fn add_rest(&mut self, rest: &mut RestPredictor, motion: [&[f64]; 3], spread: bool) {
+        rest.set_motion(motion);
+        // The spread needs the torque of the physics as it is.
+        let mut tau = core::mem::take(&mut self.tau_with_rest);
+        tau.copy_from_slice(&self.sampler.buffers.tau);
+        rest.replace(&mut tau);
+        if spread {
+            rest.add_means_and_spread(self, &mut tau);
+        } else {
+            rest.add_means(&mut tau);
+        }
+        self.sampler.buffers.tau.copy_from_slice(&tau);
+        self.tau_with_rest = tau;
     }
 
     fn check_array(&self, name: &'static str, values: &[f64]) -> Result<(), StreamError> {
@@ -399,4 +502,6 @@ pub struct SavedStates {
     last_ddq: Vec<f64>,
     has_last: f64,
     run: Option<(Clock, StreamStart)>,
+    /// Of the model of joints without a process, if it is another.
+    other: Option<Box<SavedStates>>,
 }

@@ -6,10 +6,10 @@ use super::super::basis::Gain;
 use super::super::fit::{Fitted, tangent};
 use super::super::problem::Column;
 use super::Search;
-use crate::effects::{self, Constant, Effect, Entry, Scale, Site};
+use crate::effects::{Constant, Effect, Entry, Scale, Site};
 use crate::model::Term;
 use crate::progress::Interrupted;
-use crate::signal::power_by_order;
+use sgpr_predict::internal::power_by_order;
 
 /// An effect at a site, and how much of the leftover it explains.
 #[derive(Clone, Debug)]
@@ -91,7 +91,7 @@ impl Search<'_> {
     /// Constants to start from.
     pub(super) fn points(&self, effect: &dyn Effect, site: Site) -> Vec<Vec<f64>> {
         let grids: Vec<Vec<f64>> = (0..effect.constants().len()).map(|k| self.grid(effect, site, k)).collect();
-        effects::points_of(&grids)
+        sgpr_predict::internal::points_of(&grids)
     }
 
     /// Values of a constant to start from, in its unit.

@@ -4,7 +4,7 @@ use super::OfState;
 use super::rows::JointRows;
 use super::smoother::Variable;
 use crate::effects::sgn;
-use crate::signal::power_by_order;
+use sgpr_predict::internal::power_by_order;
 
 /// Lowest and highest number of periods per turn that is looked for.
 const ORDERS: std::ops::RangeInclusive<usize> = 3..=200;

@@ -8,7 +8,7 @@ use super::super::problem::FOLDS;
 use super::rows::JointRows;
 use crate::linalg::dot_in_lanes;
 use crate::random::Random;
-use crate::simd::cos_in_place;
+use sgpr_predict::internal::cos_in_place;
 
 /// A variable that a joint's torque may depend on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

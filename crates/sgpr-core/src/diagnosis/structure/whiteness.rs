@@ -3,7 +3,7 @@
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::rows::JointRows;
-use crate::signal::Autoregression;
+use sgpr_predict::internal::Autoregression;
 
 /// Highest order of the autoregression that describes noise: what passed a low-pass remembers many rows.
 const ORDER: usize = 20;

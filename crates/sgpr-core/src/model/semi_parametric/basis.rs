@@ -2,17 +2,17 @@
 //! base parameters, then the coefficients of the effects that the physics has at single joints.
 
 use faer::Mat;
+use sgpr_predict::internal::base_value;
 
 use super::super::compare::LogResidual;
 use super::super::identify::IdentifyError;
-use super::super::{Predictor, Rigid, Trajectory};
+use super::super::{Rigid, Trajectory};
 use super::TorqueModel;
 use super::process::{Process, Terms};
 use super::rest::{Rest, Rows};
-use crate::dynamics::{BatchWorkspace, Samples, Workspace, regressor, regressor_batch};
+use crate::dynamics::{BatchWorkspace, Samples, regressor_batch};
 use crate::effects::{JointState, Reach};
-use crate::gp::GpPredictor;
-use crate::identification::ParameterSet;
+use crate::gp::{GpPredictor, Precision};
 use crate::motion::Processing;
 use crate::robot::Robot;
 use crate::spatial::PARAMETERS_PER_LINK;
@@ -59,6 +59,22 @@ impl Basis {
         Some(Self { covariance, rows: vec![None; n], weights: vec![vec![]; n] })
     }
 
+    /// `[unknowns, unknowns]`, row-major.
+    pub fn covariance_by_rows(&self) -> Vec<f64> {
+        let unknowns = self.covariance.ncols();
+        (0..unknowns * unknowns).map(|k| self.covariance[(k / unknowns, k % unknowns)]).collect()
+    }
+
+    /// k(x, X) K⁻¹ W of each joint whose process was estimated together with the parameters, one sample after the other.
+    pub fn explained(&self, joints: &[Rest]) -> Vec<Option<GpPredictor>> {
+        let explained = joints.iter().zip(self.weights.iter().zip(&self.rows)).map(|(rest, (weights, rows))| {
+            let gp = rest.gp.as_ref().filter(|_| rows.is_some() && !weights.is_empty())?;
+            let signal = &gp.covariance().signal;
+            Some(GpPredictor::weighing(signal, gp.x(), gp.inputs(), weights, Precision::Double))
+        });
+        explained.collect()
+    }
+
     /// Adds the variance that uncertain parameters bring to the prediction: of r = w - k(x, X) K⁻¹ W (GPML eq. 2.42). Beside
     /// a process that has learned what these parameters leave over it is that of w, as far as the process does not know.
     ///
@@ -91,81 +107,6 @@ impl Basis {
             }
         }
     }
-}
-
-/// The same variance for one sample after the other. Allocates nothing. What lies between torque and log counts by its
-/// gain: a delay or a lag does not change how surely a torque is known.
-#[derive(Debug)]
-pub(super) struct BasisPredictor {
-    physics: TorqueModel,
-    covariance: Mat<f64>,
-    /// k(x, X) K⁻¹ W of each joint with a process.
-    explained: Vec<Option<GpPredictor>>,
-    ws: Workspace,
-    /// Derivatives by the parameters, and by those of the effects of a joint.
-    row: Vec<f64>,
-    effects: Vec<f64>,
-    /// Effect parameters of each joint.
-    own: Vec<Vec<usize>>,
-}
-
-impl BasisPredictor {
-    pub fn new(basis: &Basis, physics: &TorqueModel, joints: &[Rest]) -> Self {
-        let explained = joints.iter().zip(basis.weights.iter().zip(&basis.rows)).map(|(rest, (weights, rows))| {
-            let gp = rest.gp.as_ref().filter(|_| rows.is_some())?;
-            Some(GpPredictor::weighing(&gp.covariance().signal, gp.x(), gp.inputs(), weights))
-        });
-        Self {
-            explained: explained.collect(),
-            covariance: basis.covariance.clone(),
-            ws: Workspace::new(physics.robot()),
-            row: vec![0.0; unknowns(physics)],
-            effects: vec![0.0; physics.parameter_set().effect_columns_per_joint()],
-            own: (0..joints.len()).map(|joint| physics.parameter_set().effect_parameters_of(joint)).collect(),
-            physics: physics.clone(),
-        }
-    }
-
-    /// Adds the variance of each joint's torque.
-    ///
-    /// - `stream`: the physics at this sample
-    /// - `x`: of the processes
-    /// - `novelty`: `[n]`, as in [`Basis::add_variance`]; one for a joint without a process
-    pub fn add_variance(&mut self, stream: &Predictor, x: &[f64], novelty: &[f64], variance: &mut [f64]) {
-        let Self { physics, covariance, explained, ws, row, effects, own } = self;
-        let (set, base) = (physics.parameter_set(), physics.base());
-        let (robot, links, [q, dq, ddq]) = stream.links();
-        let wide = robot.dof() * PARAMETERS_PER_LINK;
-        let table = regressor(robot, ws, &links[0], &links[1], &links[2]);
-        for (joint, (explained, variance)) in explained.iter_mut().zip(variance).enumerate() {
-            set.effect_row(joint, &JointState { q, dq, ddq }, effects);
-            let of_links = &table[joint * wide..][..wide];
-            let (of_base, of_terms) = row.split_at_mut(base.rank());
-            for (value, &parameter) in of_base.iter_mut().zip(base.independent()) {
-                *value = base_value(set, &own[joint], of_links, effects, parameter);
-            }
-            stream.term_columns(joint, of_terms);
-            let gain = stream.gain(joint);
-            row.iter_mut().for_each(|value| *value *= gain);
-            let share = if explained.is_some() { 1.0 } else { novelty[joint] };
-            if let Some(explained) = explained {
-                row.iter_mut().zip(explained.mean(x)).for_each(|(row, explained)| *row -= explained);
-            }
-            let mut sum = 0.0;
-            for (i, a) in row.iter().enumerate() {
-                sum += a * row.iter().zip(covariance.col_as_slice(i)).map(|(b, c)| b * c).sum::<f64>();
-            }
-            *variance += share * sum.max(0.0);
-        }
-    }
-}
-
-/// Derivative of a joint's torque by a parameter of the base.
-fn base_value(set: &ParameterSet, own: &[usize], of_links: &[f64], effects: &[f64], parameter: usize) -> f64 {
-    if parameter < set.inertial() {
-        return of_links[parameter];
-    }
-    own.iter().position(|own| *own == parameter).map_or(0.0, |index| effects[index])
 }
 
 /// Number of parameters that enter the torque linearly.

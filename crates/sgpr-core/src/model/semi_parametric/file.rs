@@ -1,5 +1,6 @@
 //! One file per model, in the format of the torque model: a head in JSON, the physics as a file within the file, points and
-//! residuals, or inducing points and what all rows say at them, as little-endian `f64`. The processes are conditioned again when the file is read.
+//! residuals, or inducing points and what all rows say at them, as little-endian `f64`. The processes are conditioned again when the
+//! file is read; for `sgpr-predict`, which conditions them for a variance only, it has the weights of their means, too.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -31,6 +32,9 @@ struct Head {
     /// The search was stopped.
     stopped: bool,
     joints: Vec<Joint>,
+    /// Columns of the regressor that the base parameters are: for those who predict and do not analyse the robot.
+    #[serde(default)]
+    independent: Vec<usize>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -79,6 +83,7 @@ impl SemiParametricModel {
             mean: self.mean,
             stopped: self.stopped,
             joints: self.joints.iter().map(joint).collect(),
+            independent: self.physics.base().independent().to_vec(),
         };
         let encode = |values: &mut dyn Iterator<Item = f64>| values.flat_map(f64::to_le_bytes).collect::<Vec<u8>>();
         let mut arrays = Vec::new();
@@ -89,6 +94,7 @@ impl SemiParametricModel {
             };
             let m = gp.len();
             push("x", vec![m, gp.inputs()], &mut gp.x().iter().copied());
+            push("weights", vec![m], &mut gp.weighted_kernel().weights.iter().copied());
             match gp {
                 Process::Exact(gp) => push("residual", vec![m], &mut gp.data().y().iter().copied()),
                 Process::Sparse(Sparse { products, projection, .. }) => {
@@ -98,7 +104,7 @@ impl SemiParametricModel {
                 }
             }
         }
-        if let Some(basis) = self.basis.as_ref().filter(|_| self.mean == Mean::Joint) {
+        if let Some(basis) = &self.basis {
             let matrices = basis.rows.iter().enumerate().filter_map(|(joint, rows)| Some((joint, rows.as_ref()?)));
             let named = matrices.map(|(joint, rows)| (format!("joint_{}.basis", joint + 1), rows));
             for (name, matrix) in named.chain([("basis_covariance".into(), &basis.covariance)]) {

@@ -17,7 +17,6 @@ use std::cell::RefCell;
 pub use fit::{fit_rest, fit_semi_parametric};
 pub use following::FollowingIntervals;
 pub use inputs::Inputs;
-pub use predictor::SemiParametricPredictor;
 pub use rest::{Candidate, JointReport};
 
 use basis::Basis;

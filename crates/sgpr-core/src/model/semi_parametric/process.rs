@@ -128,19 +128,19 @@ impl Process {
     /// For one point after the other.
     ///
     /// # Errors
-    /// As [`GpPredictor::new`].
+    /// As [`GaussianProcess::predictor`].
     pub fn predictor(&self, options: PredictorOptions) -> Result<GpPredictor, GpError> {
         match self {
-            Self::Exact(gp) => GpPredictor::new(gp, options),
-            Self::Sparse(sparse) => Ok(GpPredictor::from_induced(&sparse.process, options)),
+            Self::Exact(gp) => gp.predictor(options),
+            Self::Sparse(sparse) => Ok(sparse.process.predictor(options)),
         }
     }
 
     /// Its mean.
     pub fn weighted_kernel(&self) -> WeightedKernel<'_> {
         match self {
-            Self::Exact(gp) => WeightedKernel::of(gp),
-            Self::Sparse(sparse) => WeightedKernel::of_induced(&sparse.process),
+            Self::Exact(gp) => gp.weighted_kernel(),
+            Self::Sparse(sparse) => sparse.process.weighted_kernel(),
         }
     }
 

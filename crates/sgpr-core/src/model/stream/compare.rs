@@ -1,13 +1,10 @@
 //! How well a streamed model predicts the torque of logs.
 
-use super::{Predictor, StreamError, StreamOptions};
+use super::{Predictor, StreamOptions};
 use crate::effects::Context;
 use crate::gp::PredictorOptions;
 use crate::model::compare::compare_by;
-use crate::model::{
-    Comparison, IdentifyError, SemiParametricError, SemiParametricModel, SemiParametricPredictor, TorqueModel,
-    select_joints,
-};
+use crate::model::{Comparison, IdentifyError, SemiParametricError, SemiParametricModel, TorqueModel, select_joints};
 use crate::motion::{Motion, Processing};
 use crate::recording::Recording;
 use crate::robot::Robot;
@@ -59,7 +56,7 @@ impl SemiParametricModel {
         let mean = PredictorOptions { variance_rank: Some(0), ..PredictorOptions::default() };
         let source = Source { recordings: &recordings, processing: &chosen, motion };
         let predict = |stretch: &Motion| {
-            let mut predictor = SemiParametricPredictor::streaming(self, mean, &at_rate(stretch))?;
+            let mut predictor = self.predictor(mean, &at_rate(stretch))?;
             Ok::<_, SemiParametricError>(streamed(&mut predictor, physics, stretch, &source)?)
         };
         compare_by(physics, &predict, &recordings, Some(&chosen))
@@ -77,41 +74,6 @@ fn at_rate(stretch: &Motion) -> StreamOptions {
     StreamOptions { rate_hz: Some(stretch.rate_hz), ..StreamOptions::default() }
 }
 
-/// A predictor of either kind.
-trait Stream {
-    fn set_time(&mut self, time: f64) -> Result<(), StreamError>;
-    fn set_temperature(&mut self, celsius: &[f64]) -> Result<(), StreamError>;
-    fn try_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> Result<&[f64], StreamError>;
-}
-
-impl Stream for Predictor {
-    fn set_time(&mut self, time: f64) -> Result<(), StreamError> {
-        self.set_time(time)
-    }
-
-    fn set_temperature(&mut self, celsius: &[f64]) -> Result<(), StreamError> {
-        self.set_temperature(celsius)
-    }
-
-    fn try_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> Result<&[f64], StreamError> {
-        self.try_torque(q, dq, ddq)
-    }
-}
-
-impl Stream for SemiParametricPredictor {
-    fn set_time(&mut self, time: f64) -> Result<(), StreamError> {
-        self.set_time(time)
-    }
-
-    fn set_temperature(&mut self, celsius: &[f64]) -> Result<(), StreamError> {
-        self.set_temperature(celsius)
-    }
-
-    fn try_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> Result<&[f64], StreamError> {
-        self.try_torque(q, dq, ddq)
-    }
-}
-
 /// Where the motion comes from.
 struct Source<'a> {
     recordings: &'a [Recording],
@@ -121,7 +83,7 @@ struct Source<'a> {
 
 /// Torques along a stretch of a log, `[samples, n]`.
 fn streamed(
-    predictor: &mut dyn Stream,
+    predictor: &mut Predictor,
     model: &TorqueModel,
     stretch: &Motion,
     source: &Source<'_>,

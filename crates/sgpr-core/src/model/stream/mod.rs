@@ -3,5 +3,7 @@
 mod compare;
 
 pub use compare::{StreamedMotion, compare_streaming};
-pub use sgpr_predict::stream::{Predictor, Purpose, SavedStates, StreamError, StreamOptions, UnknownPurpose};
-pub(crate) use sgpr_predict::stream::{Sampler, StreamStart, TermSteps};
+pub(crate) use sgpr_predict::internal::{Sampler, StreamStart, TermSteps};
+pub use sgpr_predict::stream::{
+    Predictor, Purpose, RestOptions, SavedStates, StreamError, StreamOptions, UnknownPurpose,
+};

@@ -1,8 +1,12 @@
 //! A Gaussian process whose points come and go.
 
+use alloc::vec::Vec;
+
 use super::OnlineError;
 use super::error::{require, require_positive};
 use crate::gp::Kernel;
+#[cfg(not(feature = "std"))]
+use crate::math::Float;
 
 /// How many points a process keeps, and which.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,8 +45,8 @@ impl Default for Budget {
 ///
 /// # Examples
 /// ```
-/// use sgpr_core::gp::{Kernel, Shape};
-/// use sgpr_core::online::{Budget, OnlineGaussianProcess};
+/// use sgpr_predict::gp::{Kernel, Shape};
+/// use sgpr_predict::online::{Budget, OnlineGaussianProcess};
 /// let kernel = Kernel::isotropic(Shape::SquaredExponential, 1, 0.5);
 /// let mut gp = OnlineGaussianProcess::new(kernel, 1, 1, 1e-4, Budget { points: 20, novelty: 1e-3, ..Budget::default() })?;
 /// for k in 0..200 {
@@ -51,7 +55,7 @@ impl Default for Budget {
 /// }
 /// assert!(gp.len() <= 20 && (gp.mean(&[1.0])[0] - 1.0f64.sin()).abs() < 0.05);
 /// assert!(gp.mean(&[50.0])[0].abs() < 1e-9, "far from the data nothing is said");
-/// # Ok::<(), sgpr_core::online::OnlineError>(())
+/// # Ok::<(), sgpr_predict::online::OnlineError>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct OnlineGaussianProcess {

@@ -1,5 +1,8 @@
 use serde::{Deserialize, Serialize};
 
+#[cfg(not(feature = "std"))]
+use crate::math::Float;
+
 /// A stationary kernel as a function of the distance r in length scales, with variance one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

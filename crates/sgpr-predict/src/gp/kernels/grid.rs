@@ -2,10 +2,8 @@
 
 use std::ops::Range;
 
-use pulp::Simd;
-
 use super::{Element, PADDED, Plan, Points, Query, REGISTERS, group};
-use crate::simd::{pair, pair_products};
+use crate::simd::{Simd, pair, pair_products};
 
 /// Largest number of steps from the middle of the grid, and largest digit.
 const LARGEST: f64 = 32_767.0;
@@ -18,7 +16,7 @@ const NO_RANGE: f64 = 1e-100;
 
 /// Middle and step of the grid of every input.
 #[derive(Clone, Debug)]
-pub(crate) struct Grid {
+pub struct Grid {
     middle: Vec<f64>,
     step: Vec<f64>,
 }
@@ -58,7 +56,7 @@ impl Grid {
 ///
 /// |x - c|² = |x|² + |c|² - 2 x·c, where x is in steps and c is split into digits: sums of products of integers of 16 bits.
 #[derive(Clone, Debug)]
-pub(crate) struct GridPoints<T> {
+pub struct GridPoints<T> {
     leaves: Vec<GridLeaf<T>>,
 }
 

@@ -1,7 +1,11 @@
 //! Position, velocity, acceleration and torque from samples as they come.
 
+use alloc::vec::Vec;
+
 use super::OnlineError;
 use super::error::{require, require_positive};
+#[cfg(not(feature = "std"))]
+use crate::math::Float;
 
 /// The same two low-passes in a row on position and torque, and differences of what comes out: four signals with the
 /// same delay, as a regression needs them. Owns its buffers; an update allocates nothing.
@@ -52,7 +56,7 @@ impl MotionFilter {
         require_positive("period", period)?;
         require_positive("cutoff_hz", cutoff_hz)?;
         require_positive("standstill_speed", standstill_speed)?;
-        let omega = std::f64::consts::TAU * cutoff_hz;
+        let omega = core::f64::consts::TAU * cutoff_hz;
         if cutoff_hz * period > 0.1 {
             let expected = "at most a tenth of the sampling rate";
             return Err(OnlineError::InvalidOption { option: "cutoff_hz", value: cutoff_hz, expected });

@@ -1,25 +1,30 @@
 //! Arithmetic on a tile of points, small enough for the first-level cache, in `f64` and in `f32`.
 
-use pulp::Simd;
+#[cfg(feature = "std")]
+use core::primitive::f64 as of_f64;
 
 use super::Shape;
-use crate::simd::{power_of_two_f32, power_of_two_f64};
+#[cfg(not(feature = "std"))]
+use crate::math as of_f64;
+use crate::simd::{Simd, lanes_f32, lanes_f64, power_of_two_f32, power_of_two_f64};
 
 /// Points per tile; a multiple of the lanes of every register.
-pub(crate) const TILE: usize = 256;
+pub const TILE: usize = 256;
 
 /// Registers of points that share what is read of a query.
-pub(crate) const REGISTERS: usize = 4;
+pub const REGISTERS: usize = 4;
 
 /// Numbers of one row before those of the next in a block of four; the lanes of the widest register.
-pub(crate) const BLOCK: usize = 16;
+pub const BLOCK: usize = 16;
 
 /// A number that kernels are computed in.
-pub(crate) trait Element: Copy + Default + Send + Sync + std::fmt::Debug + bytemuck::Pod + 'static {
+pub trait Element: Copy + Default + Send + Sync + core::fmt::Debug + 'static {
     /// As many numbers as the instruction set has lanes.
-    type Register<S: Simd>: Copy + bytemuck::Pod;
+    type Register<S: Simd>: Copy;
 
+    /// The nearest number.
     fn from_f64(value: f64) -> Self;
+    /// The same number.
     fn to_f64(self) -> f64;
 
     /// The first registers of a slice.
@@ -28,6 +33,7 @@ pub(crate) trait Element: Copy + Default + Send + Sync + std::fmt::Debug + bytem
     /// Writes registers to the beginning of a slice.
     fn store<S: Simd, const COUNT: usize>(registers: [Self::Register<S>; COUNT], slice: &mut [Self]);
 
+    /// A register of one number.
     fn splat<S: Simd>(simd: S, value: Self) -> Self::Register<S>;
 
     /// factor x.
@@ -57,6 +63,7 @@ pub(crate) trait Element: Copy + Default + Send + Sync + std::fmt::Debug + bytem
 
     /// norms + norm + sum over digits of units * products, no less than zero; the products are integers with a sign, as many
     /// in all registers as there are norms.
+    #[cfg(feature = "simd")]
     fn squares_from_products<S: Simd, const COUNT: usize>(
         simd: S,
         norms: [Self::Register<S>; REGISTERS],
@@ -121,7 +128,7 @@ pub(crate) trait Element: Copy + Default + Send + Sync + std::fmt::Debug + bytem
 }
 
 macro_rules! element {
-    ($float:ident, $power_of_two:ident, $registers:ident, $as_simd:ident, $as_mut_simd:ident, $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $max:ident, $sqrt:ident, $mul_add:ident, $sum:ident) => {
+    ($float:ident, $power_of_two:ident, $lanes:ident, $registers:ident, $as_simd:ident, $as_mut_simd:ident, $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $max:ident, $sqrt:ident, $mul_add:ident, $sum:ident) => {
         impl Element for $float {
             type Register<S: Simd> = S::$registers;
 
@@ -157,7 +164,7 @@ macro_rules! element {
 
             #[inline(always)]
             fn decay<S: Simd>(simd: S, factor: f64, x: S::$registers) -> S::$registers {
-                $power_of_two(simd, Self::times(simd, std::f64::consts::LOG2_E * factor, x))
+                $power_of_two(simd, Self::times(simd, core::f64::consts::LOG2_E * factor, x))
             }
 
             #[inline(always)]
@@ -203,6 +210,7 @@ macro_rules! element {
                 sums
             }
 
+            #[cfg(feature = "simd")]
             #[inline(always)]
             fn squares_from_products<S: Simd, const COUNT: usize>(
                 simd: S,
@@ -327,8 +335,8 @@ macro_rules! element {
                     Shape::RationalQuadratic { mixture } => {
                         let share = Self::times(simd, 1.0 / (2.0 * mixture), r2);
                         let mut logarithm = share;
-                        for x in bytemuck::cast_slice_mut::<S::$registers, Self>(std::slice::from_mut(&mut logarithm)) {
-                            *x = x.ln_1p();
+                        for x in $lanes::<S>(&mut logarithm) {
+                            *x = of_f64::ln_1p(f64::from(*x)) as Self;
                         }
                         let k = Self::decay(simd, -mixture, logarithm);
                         [k, if SLOPES { simd.$div(Self::times(simd, -0.5, k), simd.$add(one, share)) } else { k }]
@@ -454,6 +462,7 @@ macro_rules! element {
 element!(
     f64,
     power_of_two_f64,
+    lanes_f64,
     f64s,
     as_simd_f64s,
     as_mut_simd_f64s,
@@ -470,6 +479,7 @@ element!(
 element!(
     f32,
     power_of_two_f32,
+    lanes_f32,
     f32s,
     as_simd_f32s,
     as_mut_simd_f32s,

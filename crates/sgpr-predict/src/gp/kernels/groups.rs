@@ -1,14 +1,22 @@
 //! Points in groups whose coordinates lie together, so that a query reads memory in its order.
 
-use pulp::Simd;
+use alloc::vec::Vec;
 
 use super::{Element, Features, Plan, REGISTERS, Shape};
+use crate::simd::Simd;
 
 /// Points are padded to whole groups of any number; a divisor of a tile.
 pub(crate) const PADDED: usize = 64;
 
+/// With zeros at its end, so that whole groups can be read.
+pub fn padded<T: Element>(values: &[f64]) -> Vec<T> {
+    let mut padded: Vec<T> = values.iter().map(|value| T::from_f64(*value)).collect();
+    padded.resize(values.len().next_multiple_of(PADDED), T::default());
+    padded
+}
+
 /// Points of a group: a block of the widest registers.
-pub(crate) const fn group<T>() -> usize {
+pub const fn group<T>() -> usize {
     REGISTERS * 64 / size_of::<T>()
 }
 
@@ -19,7 +27,7 @@ const fn block<T: Element, S: Simd>() -> usize {
 }
 
 /// Points in the coordinates of a plan.
-pub(crate) trait Points<T: Element> {
+pub trait Points<T: Element> {
     /// Squared distances, in the coordinates of a leaf of the plan, of a block of points from `start` on to the query `c`.
     fn squares_at<S: Simd>(&self, simd: S, leaf: usize, start: usize, c: &[T]) -> [T::Register<S>; REGISTERS];
 
@@ -37,7 +45,7 @@ pub(crate) trait Points<T: Element> {
 ///
 /// - `weights`: one per point, whole groups
 #[inline(always)]
-pub(crate) fn weigh<T: Element, S: Simd>(
+pub fn weigh<T: Element, S: Simd>(
     simd: S,
     points: &impl Points<T>,
     shape: Shape,
@@ -64,7 +72,7 @@ pub(crate) fn weigh<T: Element, S: Simd>(
 
 /// All digits of points.
 #[derive(Clone, Debug)]
-pub(crate) struct GroupedPoints<T> {
+pub struct GroupedPoints<T> {
     /// Of every leaf.
     leaves: Vec<GroupedLeaf<T>>,
 }
@@ -85,7 +93,7 @@ impl<T: Element> GroupedPoints<T> {
 }
 
 impl<T: Element> GroupedLeaf<T> {
-    fn new(features: &Features<T>, columns: std::ops::Range<usize>) -> Self {
+    fn new(features: &Features<T>, columns: core::ops::Range<usize>) -> Self {
         let (count, width) = (features.count(), columns.len());
         let mut values = vec![T::default(); count.next_multiple_of(PADDED) * width];
         for (m, column) in columns.enumerate() {

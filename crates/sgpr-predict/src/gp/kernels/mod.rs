@@ -1,20 +1,32 @@
 //! Covariance functions: stationary shapes over chosen inputs, scaled, added and multiplied.
 
+#[cfg(feature = "simd")]
 mod grid;
 mod groups;
 mod plan;
 mod shape;
 mod tile;
 
-pub(crate) use grid::{Grid, GridPoints};
-pub(crate) use groups::{GroupedPoints, PADDED, Points, group, weigh};
-pub(crate) use plan::{Features, Plan, Query, Work};
+#[cfg(feature = "simd")]
+pub use grid::{Grid, GridPoints};
+pub(crate) use groups::{GroupedPoints, weigh};
+#[cfg(feature = "simd")]
+pub(crate) use groups::{PADDED, group};
+pub use groups::{Points, padded};
+pub use plan::{Features, Plan, Query, Work};
 pub use shape::Shape;
-pub(crate) use tile::{BLOCK, Element, REGISTERS, TILE};
+pub(crate) use tile::{BLOCK, REGISTERS};
+pub use tile::{Element, TILE};
+
+use alloc::boxed::Box;
+use alloc::string::String;
+use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
-use super::GpError;
+use super::KernelError;
+#[cfg(not(feature = "std"))]
+use crate::math::Float;
 
 /// A covariance function k(x, x').
 ///
@@ -29,7 +41,7 @@ use super::GpError;
 ///
 /// # Examples
 /// ```
-/// use sgpr_core::gp::{Kernel, Shape};
+/// use sgpr_predict::gp::{Kernel, Shape};
 /// let friction = Kernel::ard(Shape::Matern32, &[0.5, 0.5]).on(&[1, 4]).scaled(2.0);
 /// let rest = Kernel::isotropic(Shape::SquaredExponential, 6, 3.0).scaled(1.0);
 /// let kernel = friction.plus(rest);
@@ -79,7 +91,7 @@ const MOST_NODES: usize = 256;
 
 /// Whether a length scale, a variance or a period can be computed with: its square, and one over
 /// that, are numbers.
-pub(crate) fn is_hyperparameter(value: f64) -> bool {
+pub fn is_hyperparameter(value: f64) -> bool {
     (1e-150..=1e150).contains(&value)
 }
 
@@ -116,7 +128,7 @@ impl Kernel {
     }
 
     /// The variance and the leaf of a kernel that is one stationary shape without periods, scaled or not.
-    pub(crate) fn single_leaf(&self) -> Option<(f64, &Stationary)> {
+    pub fn single_leaf(&self) -> Option<(f64, &Stationary)> {
         match self {
             Self::Stationary(leaf) if leaf.inputs.iter().all(|input| input.period.is_none()) => Some((1.0, leaf)),
             Self::Scaled { variance, kernel } => kernel.single_leaf().map(|(inner, leaf)| (variance * inner, leaf)),
@@ -247,25 +259,25 @@ impl Kernel {
     ///
     /// # Errors
     /// If a hyperparameter is not positive, or the kernel looks at an input that is not there.
-    pub fn validate(&self, inputs: usize) -> Result<(), GpError> {
+    pub fn validate(&self, inputs: usize) -> Result<(), KernelError> {
         let mut nodes = 0;
         self.validate_node(inputs, 0, &mut nodes)?;
         let mut result = Ok(());
         self.clone().for_each_parameter(&mut |name, value| {
             if result.is_ok() && !is_hyperparameter(*value) {
-                result = Err(GpError::Hyperparameter { name, value: *value });
+                result = Err(KernelError::Hyperparameter { name, value: *value });
             }
         });
         result
     }
 
-    fn validate_node(&self, inputs: usize, depth: usize, nodes: &mut usize) -> Result<(), GpError> {
+    fn validate_node(&self, inputs: usize, depth: usize, nodes: &mut usize) -> Result<(), KernelError> {
         *nodes += 1;
         if *nodes > MOST_NODES || depth > 32 {
             let found = format!("more than {MOST_NODES} parts or a depth beyond 32");
-            return Err(GpError::Kernel { found, advice: "use fewer" });
+            return Err(KernelError::Unfit { found, advice: "use fewer" });
         }
-        let wrong = |found: String, advice| Err(GpError::Kernel { found, advice });
+        let wrong = |found: String, advice| Err(KernelError::Unfit { found, advice });
         match self {
             Self::Stationary(leaf) => {
                 if leaf.inputs.is_empty() {
@@ -278,10 +290,10 @@ impl Kernel {
                 }
                 for input in &leaf.inputs {
                     if input.index >= inputs {
-                        return Err(GpError::Input { input: input.index, inputs });
+                        return Err(KernelError::Input { input: input.index, inputs });
                     }
                     if let Some(period) = input.period.filter(|period| !is_hyperparameter(*period)) {
-                        return Err(GpError::Hyperparameter { name: "the period".into(), value: period });
+                        return Err(KernelError::Hyperparameter { name: "the period".into(), value: period });
                     }
                 }
                 Ok(())
@@ -349,7 +361,7 @@ impl Kernel {
 
 impl Stationary {
     /// Length scale of the k-th input.
-    pub(super) fn scale(&self, k: usize) -> f64 {
+    pub fn scale(&self, k: usize) -> f64 {
         self.length_scales[if self.length_scales.len() == 1 { 0 } else { k }]
     }
 
@@ -358,7 +370,7 @@ impl Stationary {
             let difference = a[input.index] - b[input.index];
             let difference = match input.period {
                 None => difference,
-                Some(period) => period / std::f64::consts::PI * (std::f64::consts::PI * difference / period).sin(),
+                Some(period) => period / core::f64::consts::PI * (core::f64::consts::PI * difference / period).sin(),
             };
             (difference / self.scale(k)).powi(2)
         };
@@ -367,7 +379,7 @@ impl Stationary {
 }
 
 /// Standard deviation of every column; one for a column that is constant.
-pub(crate) fn spreads(x: &[f64], inputs: usize) -> Vec<f64> {
+pub fn spreads(x: &[f64], inputs: usize) -> Vec<f64> {
     let samples = (x.len() / inputs).max(1) as f64;
     let column = |m: usize| x.iter().skip(m).step_by(inputs);
     let spread = |m: usize| {

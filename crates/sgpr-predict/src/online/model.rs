@@ -1,10 +1,17 @@
 //! An identified model with what has changed since on top.
 
+use alloc::boxed::Box;
+use alloc::vec::Vec;
+
 use super::error::{require, require_positive};
 use super::{Budget, MotionFilter, OnlineError, OnlineGaussianProcess, PayloadOptions, PayloadTracker};
+use crate::control::InverseDynamics;
 use crate::gp::{Kernel, Shape};
+#[cfg(not(feature = "std"))]
+use crate::math::Float;
+use crate::model::StreamedModel;
 use crate::robot::Robot;
-use crate::simulation::InverseDynamics;
+use crate::stream::{Purpose, StreamOptions};
 
 /// What an [`OnlineModel`] follows, and how fast.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,6 +51,8 @@ impl Default for OnlineOptions {
 /// no point is near it says nothing.
 pub struct OnlineModel {
     model: Box<dyn InverseDynamics>,
+    /// The model along the measured motion, where it has a memory.
+    measured: Option<Box<dyn InverseDynamics>>,
     filter: MotionFilter,
     period: f64,
     payload: Option<PayloadTracker>,
@@ -53,8 +62,8 @@ pub struct OnlineModel {
     y: Vec<f64>,
 }
 
-impl std::fmt::Debug for OnlineModel {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl core::fmt::Debug for OnlineModel {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.debug_struct("OnlineModel").field("payload", &self.payload).field("process", &self.process).finish()
     }
 }
@@ -81,6 +90,7 @@ impl OnlineModel {
             .map(|budget| OnlineGaussianProcess::new(process_kernel(n), 3 * n, n, options.process_noise, budget));
         Ok(Self {
             model,
+            measured: None,
             filter: MotionFilter::new(n, options.period, options.cutoff_hz, options.standstill_speed)?,
             period: options.period,
             payload,
@@ -91,6 +101,29 @@ impl OnlineModel {
         })
     }
 
+    /// On top of a model of which friction has a memory, lags or delays: one that follows the measured motion says what is left
+    /// over, and one that follows the motion that is asked for gives the torque.
+    ///
+    /// - `stream`: purpose of that torque, and effects to keep; the rate is that of the options
+    ///
+    /// # Errors
+    /// If an option has no meaning, or the model cannot be streamed.
+    pub fn of(model: &StreamedModel, stream: &StreamOptions, options: &OnlineOptions) -> Result<Self, OnlineError> {
+        require_positive("period", options.period)?;
+        let asked = StreamOptions { rate_hz: Some(1.0 / options.period), ..stream.clone() };
+        let measured = StreamOptions { purpose: Purpose::ExpectedMeasurement, keep: Vec::new(), ..asked.clone() };
+        let online = Self::new(model.robot(), Box::new(model.predictor(&asked)?), options)?;
+        Ok(online.with_measured(Box::new(model.predictor(&measured)?)))
+    }
+
+    /// The same with another model that says what is left over: one that is asked for the measured motion only, so that what it
+    /// remembers is of that motion.
+    #[must_use]
+    pub fn with_measured(mut self, model: Box<dyn InverseDynamics>) -> Self {
+        self.measured = Some(model);
+        self
+    }
+
     /// One sample, a period after the one before.
     ///
     /// - `q`: measured positions, `[n]`, rad (m)
@@ -99,17 +132,22 @@ impl OnlineModel {
     /// # Errors
     /// If a slice is not of length n or a value not finite; the model stays as it is then.
     pub fn update(&mut self, q: &[f64], tau: &[f64]) -> Result<(), OnlineError> {
-        let Self { model, filter, payload, process, residual, x, y, .. } = self;
+        let Self { model, measured, filter, payload, process, residual, x, y, .. } = self;
         filter.update(q, tau)?;
         let n = residual.len();
         let moving = filter.moving();
-        if !moving.contains(&true) {
-            return Ok(());
-        }
         let motion = [filter.q(), filter.dq(), filter.ddq()];
         let [fq, fdq, fddq] = motion;
         residual.fill(0.0);
-        model.add_torque(fq, fdq, fddq, residual);
+        // What remembers the motion has to see all of it.
+        match measured {
+            Some(measured) => measured.add_torque(fq, fdq, fddq, residual),
+            None if moving.contains(&true) => model.add_torque(fq, fdq, fddq, residual),
+            None => {}
+        }
+        if !moving.contains(&true) {
+            return Ok(());
+        }
         residual.iter_mut().zip(filter.tau()).for_each(|(residual, tau)| *residual = tau - *residual);
         if let Some(payload) = payload {
             payload.update(self.period, motion, residual, moving, filter.samples_per_independent_sample());
@@ -140,7 +178,7 @@ impl OnlineModel {
         for (what, values) in [("q", q), ("dq", dq), ("ddq", ddq)] {
             require(what, values, n)?;
         }
-        let mut tau = std::mem::take(&mut self.y);
+        let mut tau = core::mem::take(&mut self.y);
         tau.fill(0.0);
         self.add_torque(q, dq, ddq, &mut tau);
         self.y = tau;

@@ -1,8 +1,12 @@
 //! What a link holds, from the torque that the arm's model leaves over, sample by sample.
 
+use alloc::vec::Vec;
+
 use super::OnlineError;
 use super::error::require_positive;
 use crate::dynamics::{Workspace, regressor};
+#[cfg(not(feature = "std"))]
+use crate::math::Float;
 use crate::robot::Robot;
 use crate::spatial::PARAMETERS_PER_LINK;
 
@@ -82,7 +86,7 @@ impl PayloadTracker {
         }
         options.noise.iter().try_for_each(|noise| require_positive("noise", *noise))?;
         let (moment, inertia) = (options.mass * options.radius, options.mass * options.radius * options.radius);
-        let prior: [f64; N] = std::array::from_fn(|k| match k {
+        let prior: [f64; N] = core::array::from_fn(|k| match k {
             0 => options.mass,
             1..4 => moment,
             _ => inertia,

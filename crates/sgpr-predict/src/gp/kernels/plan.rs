@@ -1,15 +1,17 @@
 //! A kernel laid out for arithmetic on tiles of points: the tree flattened, inputs scaled once and stored by columns.
 
-use std::f64::consts::TAU;
-use std::ops::Range;
-
-use pulp::Simd;
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+use core::ops::Range;
 
 use super::{Element, Kernel, Points, REGISTERS, Shape, TILE};
+#[cfg(not(feature = "std"))]
+use crate::math::Float;
+use crate::simd::{Arch, Simd, WithSimd};
 
 /// A kernel ready to be evaluated.
 #[derive(Clone, Debug)]
-pub(crate) struct Plan {
+pub struct Plan {
     /// Children before parents; the last one is the kernel.
     nodes: Vec<Node>,
     leaves: Vec<Leaf>,
@@ -70,7 +72,7 @@ impl Column {
 
 /// Points in the coordinates of a plan, a column after the other, each `stride` long, padded with zeros.
 #[derive(Clone, Debug)]
-pub(crate) struct Features<T> {
+pub struct Features<T> {
     values: Vec<T>,
     stride: usize,
     count: usize,
@@ -80,11 +82,11 @@ pub(crate) struct Features<T> {
 
 /// One point in the coordinates of a plan.
 #[derive(Clone, Debug)]
-pub(crate) struct Query<T>(Vec<T>);
+pub struct Query<T>(Vec<T>);
 
 /// Tiles that an evaluation writes.
 #[derive(Clone, Debug)]
-pub(crate) struct Work<T> {
+pub struct Work<T> {
     values: Vec<T>,
     adjoints: Vec<T>,
     squares: Vec<T>,
@@ -152,6 +154,7 @@ impl<T> Query<T> {
 }
 
 impl Plan {
+    /// Lays a kernel out.
     pub fn new(kernel: &Kernel) -> Self {
         let mut plan =
             Self { nodes: vec![], leaves: vec![], columns: vec![], theta_len: 0, variance: kernel.variance() };
@@ -197,6 +200,7 @@ impl Plan {
         }
     }
 
+    /// Number of hyperparameters.
     pub fn theta_len(&self) -> usize {
         self.theta_len
     }
@@ -225,7 +229,7 @@ impl Plan {
                         None => self.columns.push(column(None, 1.0)),
                         Some(period) => {
                             let frequency = TAU / period;
-                            for phase in [0.0, -std::f64::consts::FRAC_PI_2] {
+                            for phase in [0.0, -core::f64::consts::FRAC_PI_2] {
                                 self.columns.push(column(Some((frequency, phase)), 1.0 / frequency));
                             }
                         }
@@ -261,6 +265,11 @@ impl Plan {
         Features { values, stride, count, leaves: self.leaves.iter().map(|leaf| leaf.columns.start).collect() }
     }
 
+    /// k(X, X) of the points of `x`, `[samples, inputs]` row-major, `[samples, samples]`.
+    pub(crate) fn covariances(&self, x: &[f64], inputs: usize) -> Vec<f64> {
+        Arch::new().dispatch(Covariances { plan: self, points: self.features(x, inputs) })
+    }
+
     /// Room for a point.
     pub fn query<T: Element>(&self) -> Query<T> {
         Query(vec![T::default(); self.columns.len()])
@@ -274,6 +283,7 @@ impl Plan {
         }
     }
 
+    /// Room for what an evaluation writes.
     pub fn work<T: Element>(&self) -> Work<T> {
         let tiles = |count: usize| vec![T::default(); count * TILE];
         Work {
@@ -436,5 +446,31 @@ impl Plan {
                 }
             }
         }
+    }
+}
+
+struct Covariances<'a> {
+    plan: &'a Plan,
+    points: Features<f64>,
+}
+
+impl WithSimd for Covariances<'_> {
+    type Output = Vec<f64>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Vec<f64> {
+        let Self { plan, points } = self;
+        let count = points.count();
+        let (mut query, mut work) = (plan.query(), plan.work());
+        let mut all = vec![0.0; count * count];
+        for (k, row) in all.chunks_exact_mut(count).enumerate() {
+            points.point(k, &mut query);
+            for (start, length) in points.tiles_from(0) {
+                let values = plan.values::<f64, S, false>(simd, &points, (start, length), &query, &mut work);
+                let end = (start + length).min(count);
+                row[start..end].copy_from_slice(&values[..end - start]);
+            }
+        }
+        all
     }
 }

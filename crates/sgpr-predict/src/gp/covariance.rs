@@ -1,7 +1,12 @@
+use alloc::string::String;
+use alloc::vec::Vec;
+
 use serde::{Deserialize, Serialize};
 
 use super::kernels::is_hyperparameter;
-use super::{GpError, Kernel};
+use super::{Kernel, KernelError};
+#[cfg(not(feature = "std"))]
+use crate::math::Float;
 
 /// Covariance of the measurements: signal + correlated noise + noise_variance on the diagonal.
 ///
@@ -80,17 +85,17 @@ impl Covariance {
 
     /// # Errors
     /// If a hyperparameter is not positive, or a kernel looks at an input that is not there.
-    pub fn validate(&self, inputs: usize) -> Result<(), GpError> {
+    pub fn validate(&self, inputs: usize) -> Result<(), KernelError> {
         self.signal.validate(inputs)?;
         self.correlated_noise.iter().try_for_each(|kernel| kernel.validate(inputs))?;
         if self.noise_variance != 0.0 && !is_hyperparameter(self.noise_variance) {
-            return Err(GpError::Hyperparameter { name: "noise_variance".into(), value: self.noise_variance });
+            return Err(KernelError::Hyperparameter { name: "noise_variance".into(), value: self.noise_variance });
         }
         Ok(())
     }
 
     /// Signal and correlated noise.
-    pub(crate) fn kernel(&self) -> Kernel {
+    pub fn kernel(&self) -> Kernel {
         match &self.correlated_noise {
             Some(noise) => Kernel::Sum(vec![self.signal.clone(), noise.clone()]),
             None => self.signal.clone(),

@@ -1,4 +1,7 @@
-use crate::gp::GpError;
+use alloc::string::{String, ToString};
+
+use crate::gp::KernelError;
+use crate::stream::StreamError;
 
 /// Why an online model was not made, or refuses a sample.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -45,10 +48,13 @@ pub enum OnlineError {
     /// A kernel of which no process can be made.
     #[error("{0}")]
     Kernel(String),
+    /// A model that cannot be streamed.
+    #[error(transparent)]
+    Stream(#[from] StreamError),
 }
 
-impl From<GpError> for OnlineError {
-    fn from(error: GpError) -> Self {
+impl From<KernelError> for OnlineError {
+    fn from(error: KernelError) -> Self {
         Self::Kernel(error.to_string())
     }
 }

@@ -1,0 +1,303 @@
+//! What the processes of a learned model add to its physics, and how sure the sum is.
+
+use alloc::boxed::Box;
+use alloc::string::String;
+use alloc::vec::Vec;
+
+use super::{Predictor, StreamError, StreamOptions};
+use crate::dynamics::{Workspace, regressor};
+use crate::effects::JointState;
+use crate::gp::{GpPredictor, LearnedProcess, Precision, SharedPredictor, WeightedKernel};
+#[cfg(not(feature = "std"))]
+use crate::math::Float;
+use crate::model::{ParameterSet, Rest, StreamedModel};
+use crate::spatial::PARAMETERS_PER_LINK;
+
+/// How the processes of a learned model are asked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RestOptions {
+    /// Arithmetic.
+    pub precision: Precision,
+    /// Whether [`Predictor::torque_and_deviation`] is called: needs a square of the points in memory, and as much time.
+    pub deviation: bool,
+}
+
+/// The processes of the joints.
+#[derive(Debug)]
+pub struct RestPredictor {
+    joints: Vec<RestJoint>,
+    /// Joints of the same points, and their means.
+    together: Vec<(Vec<usize>, SharedPredictor)>,
+    /// For the joints without a process, where it differs from the physics.
+    pub(super) identified: Option<Predictor>,
+    parameters: Option<BasisPredictor>,
+    /// q, dq, ddq, and a time that nothing looks at.
+    x: Vec<f64>,
+    deviation: Vec<f64>,
+    novelty: Vec<f64>,
+    of_parameters: Vec<f64>,
+    with_deviation: bool,
+}
+
+/// The process of one joint.
+#[derive(Debug)]
+pub struct RestJoint {
+    /// None without a process, or if it is only asked together with others.
+    pub process: Option<GpPredictor>,
+    /// It has a process.
+    pub learned: bool,
+    /// Variance of the measurement about the signal, N²·m² (N²).
+    pub noise_variance: f64,
+    /// Variance of its process before the logs.
+    pub prior: f64,
+    /// What standard deviations of process and noise are multiplied by.
+    pub calibration: f64,
+}
+
+/// What predictions need to know of the estimate of the linear parameters.
+#[derive(Debug)]
+pub struct BasisParts {
+    /// Columns of the regressor that the parameters are.
+    pub independent: Vec<usize>,
+    /// Their covariance, with that of the coefficients of terms, `[unknowns, unknowns]`, row-major.
+    pub covariance: Vec<f64>,
+    /// k(x, X) K⁻¹ W of each joint whose process was estimated together with the parameters.
+    pub explained: Vec<Option<GpPredictor>>,
+}
+
+impl RestPredictor {
+    /// The only place that allocates.
+    ///
+    /// - `joints`: one per joint
+    /// - `together`: groups of joints, and their means
+    /// - `identified`: the model of the joints without a process, if it is another
+    /// - `basis`: with a standard deviation, unless nobody knows how sure the parameters are
+    pub fn new(
+        model: &StreamedModel,
+        joints: Vec<RestJoint>,
+        together: Vec<(Vec<usize>, SharedPredictor)>,
+        identified: Option<Predictor>,
+        basis: Option<BasisParts>,
+        with_deviation: bool,
+    ) -> Self {
+        let n = joints.len();
+        Self {
+            parameters: basis.map(|basis| BasisPredictor::new(model, basis)),
+            joints,
+            together,
+            identified,
+            x: vec![0.0; 3 * n + 1],
+            deviation: vec![0.0; n],
+            novelty: vec![0.0; n],
+            of_parameters: vec![0.0; n],
+            with_deviation,
+        }
+    }
+
+    /// Of a model file.
+    pub(super) fn of_file(
+        model: &StreamedModel,
+        rest: &Rest,
+        stream: &StreamOptions,
+        options: &RestOptions,
+    ) -> Result<Self, StreamError> {
+        let RestOptions { precision, deviation } = *options;
+        let processes: Vec<Option<&LearnedProcess>> = rest.joints.iter().map(|joint| joint.process.as_ref()).collect();
+        let sums: Vec<Option<WeightedKernel<'_>>> =
+            processes.iter().map(|process| process.map(LearnedProcess::weighted_kernel)).collect();
+        let together = together(&sums, precision);
+        let refused = |joint: usize, reason: String| StreamError::Process { joint: model.joint_name(joint), reason };
+        if deviation {
+            rest.check_deviation().map_err(|(joint, reason)| refused(joint, reason))?;
+        }
+        let mut joints = Vec::with_capacity(processes.len());
+        let mut explained = Vec::with_capacity(processes.len());
+        for (index, (process, joint)) in processes.iter().zip(&rest.joints).enumerate() {
+            let alone = !together.iter().any(|(members, _)| members.contains(&index));
+            let (mut predictor, mut of_basis) = (None, None);
+            if let (Some(process), true) = (process, deviation) {
+                let rows = rest.basis.as_ref().and_then(|basis| basis.rows[index].as_deref());
+                let both = process.mean_and_variance(precision, rows).map_err(|reason| refused(index, reason))?;
+                (predictor, of_basis) = (Some(both.0), both.1);
+            } else if let (Some(process), true) = (process, alone) {
+                predictor = Some(process.mean(precision));
+            }
+            joints.push(RestJoint {
+                process: predictor,
+                learned: process.is_some(),
+                noise_variance: joint.noise_variance,
+                prior: process.map_or(1.0, LearnedProcess::prior_variance),
+                calibration: joint.calibration,
+            });
+            explained.push(of_basis);
+        }
+        let basis = rest.basis.as_ref().filter(|_| deviation).map(|basis| BasisParts {
+            independent: basis.independent.clone(),
+            covariance: basis.covariance.clone(),
+            explained,
+        });
+        let identified = rest.identified.as_ref().map(|identified| identified.predictor(stream)).transpose()?;
+        Ok(Self::new(model, joints, together, identified, basis, deviation))
+    }
+
+    pub(super) fn with_deviation(&self) -> bool {
+        self.with_deviation
+    }
+
+    pub(super) fn deviation(&self) -> &[f64] {
+        &self.deviation
+    }
+
+    pub(super) fn novelty(&self) -> &[f64] {
+        &self.novelty
+    }
+
+    /// The torque of another model at the joints without a process.
+    pub(super) fn replace(&mut self, tau: &mut [f64]) {
+        let Some(identified) = &self.identified else { return };
+        let own = identified.last_torque();
+        let without = self.joints.iter().zip(tau).zip(own).filter(|((joint, _), _)| !joint.learned);
+        without.for_each(|((_, tau), own)| *tau = *own);
+    }
+
+    pub(super) fn set_motion(&mut self, motion: [&[f64]; 3]) {
+        let n = self.deviation.len();
+        for (part, x) in motion.into_iter().zip(self.x.chunks_exact_mut(n)) {
+            x.copy_from_slice(part);
+        }
+    }
+
+    /// Adds the means.
+    pub(super) fn add_means(&mut self, tau: &mut [f64]) {
+        for (index, joint) in self.joints.iter_mut().enumerate() {
+            let together = self.together.iter().any(|(members, _)| members.contains(&index));
+            if let (Some(process), false) = (&mut joint.process, together) {
+                tau[index] += process.mean(&self.x)[0];
+            }
+        }
+        for (members, predictor) in &mut self.together {
+            for (joint, mean) in members.iter().zip(predictor.means(&self.x)) {
+                tau[*joint] += mean;
+            }
+        }
+    }
+
+    /// Adds the means, and computes how sure the torque is.
+    ///
+    /// - `physics`: at this sample
+    pub(super) fn add_means_and_spread(&mut self, physics: &Predictor, tau: &mut [f64]) {
+        for (joint, own) in self.joints.iter_mut().enumerate() {
+            self.deviation[joint] = own.noise_variance;
+            self.novelty[joint] = 0.0;
+            if let Some(process) = &mut own.process {
+                let (mean, unexplained) = process.mean_and_variance(&self.x);
+                tau[joint] += mean[0];
+                self.deviation[joint] += unexplained;
+                self.novelty[joint] = unexplained / own.prior;
+            }
+        }
+        self.of_parameters.fill(0.0);
+        if let Some(parameters) = &mut self.parameters {
+            let share = |joint: usize| if self.joints[joint].learned { self.novelty[joint] } else { 1.0 };
+            parameters.add_variance(physics, &self.x, &share, &mut self.of_parameters);
+        }
+        for ((own, deviation), of_parameters) in self.joints.iter().zip(&mut self.deviation).zip(&self.of_parameters) {
+            *deviation = (own.calibration * own.calibration * *deviation + of_parameters).sqrt();
+        }
+    }
+}
+
+/// Groups of two or more joints whose processes have the same points and can be asked together.
+pub fn together(sums: &[Option<WeightedKernel<'_>>], precision: Precision) -> Vec<(Vec<usize>, SharedPredictor)> {
+    let mut groups: Vec<(Vec<usize>, Vec<WeightedKernel<'_>>)> = vec![];
+    for (index, sum) in sums.iter().enumerate().filter_map(|(index, sum)| Some((index, (*sum)?))) {
+        match groups.iter_mut().find(|(_, group)| group[0].x == sum.x) {
+            Some((members, group)) => {
+                members.push(index);
+                group.push(sum);
+            }
+            None => groups.push((vec![index], vec![sum])),
+        }
+    }
+    let several = groups.into_iter().filter(|(members, _)| members.len() > 1);
+    several.filter_map(|(members, group)| Some((members, SharedPredictor::new(&group, precision)?))).collect()
+}
+
+/// The variance that uncertain parameters bring to the torque, one sample after the other: of r = w - k(x, X) K⁻¹ W (GPML
+/// eq. 2.42). Beside a process that has learned what these parameters leave over it is that of w, as far as the process
+/// does not know. Allocates nothing. What lies between torque and log counts by its gain: a delay or a lag does not change how
+/// surely a torque is known.
+#[derive(Debug)]
+struct BasisPredictor {
+    set: ParameterSet,
+    basis: BasisParts,
+    ws: Workspace,
+    /// Derivatives by the parameters, and by those of the effects of a joint.
+    row: Vec<f64>,
+    effects: Vec<f64>,
+    /// Effect parameters of each joint.
+    own: Vec<Vec<usize>>,
+}
+
+impl BasisPredictor {
+    fn new(model: &StreamedModel, basis: BasisParts) -> Self {
+        let set = model.parameter_set().clone();
+        let of_terms: usize = model.terms().iter().map(|term| term.coefficients.len()).sum();
+        Self {
+            ws: Workspace::new(model.robot()),
+            row: vec![0.0; basis.independent.len() + of_terms],
+            effects: vec![0.0; set.effect_columns_per_joint()],
+            own: (0..model.dof()).map(|joint| set.effect_parameters_of(joint)).collect(),
+            basis,
+            set,
+        }
+    }
+
+    /// Adds the variance of each joint's torque.
+    ///
+    /// - `physics`: at this sample
+    /// - `x`: of the processes
+    /// - `share`: of a joint's variance that its process leaves
+    fn add_variance(&mut self, physics: &Predictor, x: &[f64], share: &dyn Fn(usize) -> f64, variance: &mut [f64]) {
+        let Self { set, basis: BasisParts { independent, covariance, explained }, ws, row, effects, own } = self;
+        let (robot, links, [q, dq, ddq]) = physics.links();
+        let wide = robot.dof() * PARAMETERS_PER_LINK;
+        let table = regressor(robot, ws, &links[0], &links[1], &links[2]);
+        for (joint, (explained, variance)) in explained.iter_mut().zip(variance).enumerate() {
+            set.effect_row(joint, &JointState { q, dq, ddq }, effects);
+            let of_links = &table[joint * wide..][..wide];
+            let (of_base, of_terms) = row.split_at_mut(independent.len());
+            for (value, &parameter) in of_base.iter_mut().zip(&*independent) {
+                *value = base_value(set, &own[joint], of_links, effects, parameter);
+            }
+            physics.term_columns(joint, of_terms);
+            let gain = physics.gain(joint);
+            row.iter_mut().for_each(|value| *value *= gain);
+            let share = if explained.is_some() { 1.0 } else { share(joint) };
+            if let Some(explained) = explained {
+                row.iter_mut().zip(explained.mean(x)).for_each(|(row, explained)| *row -= explained);
+            }
+            let mut sum = 0.0;
+            for (a, covariances) in row.iter().zip(covariance.chunks_exact(row.len())) {
+                sum += a * row.iter().zip(covariances).map(|(b, c)| b * c).sum::<f64>();
+            }
+            *variance += share * sum.max(0.0);
+        }
+    }
+}
+
+/// Derivative of a joint's torque by a parameter of the base.
+///
+/// - `own`: effect parameters of the joint
+/// - `of_links`, `effects`: its derivatives by the parameters of all links, and by those of its effects
+pub fn base_value(set: &ParameterSet, own: &[usize], of_links: &[f64], effects: &[f64], parameter: usize) -> f64 {
+    if parameter < set.inertial() {
+        return of_links[parameter];
+    }
+    own.iter().position(|own| *own == parameter).map_or(0.0, |index| effects[index])
+}
+
+/// The other predictor, if there is one.
+pub(super) fn identified(rest: &mut Option<Box<RestPredictor>>) -> Option<&mut Predictor> {
+    rest.as_mut()?.identified.as_mut()
+}
