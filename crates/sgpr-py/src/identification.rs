@@ -377,8 +377,8 @@ pub fn differentiation_name(method: Differentiation) -> String {
 /// Warns
 /// -----
 /// UserWarning
-///     If the logs contradict the robot: torques that are negated, in another unit or at their limit, joints in another
-///     order, positions outside of their limits; and if logs share samples. `screen` looks closer, at single times, too.
+///     If logs share samples. What contradicts the robot (torques that are negated, in another unit or at their limit,
+///     joints in another order, positions outside of their limits) is in `model.report.warnings`; `screen` looks closer.
 ///
 /// Examples
 /// --------
@@ -405,10 +405,6 @@ pub fn identify(
     check_evidence(py, robot.get(), &recordings, &options)?;
     let robot = &robot.get().inner;
     let (model, report) = listen(py, progress, |progress| core::identify(robot, &recordings, &options, progress))?;
-    if options.start == Start::RobotFile {
-        let serious = report.findings.iter().filter(|finding| finding.severity() >= logs::Severity::Warning);
-        warn(py, &serious.map(ToString::to_string).collect::<Vec<_>>())?;
-    }
     let report = Py::new(py, IdentificationReport::new(py, report)?)?;
     Ok(Model { inner: Arc::new(model), report: Some(report) })
 }

@@ -198,7 +198,8 @@ def test_file_that_is_no_model(log: str, tmp_path: Path) -> None:
     path.write_text("not a model")
     assert "model" in message_of_bad_data("info", path)
     assert "model.sgpr" in message_of_bad_data("compare", path, log)
-    assert "log.csv" in message_of_bad_data("compare", log, log)
+    without_model = run("compare", log, log)
+    assert without_model.code == 2 and "MODEL" in without_model.err
 
 
 @pytest.mark.parametrize(

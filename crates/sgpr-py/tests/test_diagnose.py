@@ -219,7 +219,9 @@ def test_command(tmp_path: Path) -> None:
     data = json.loads(done.out)
     assert data == json.loads((out / "diagnosis.json").read_text())
     assert data["findings"][0]["effect"] == "coulomb_friction"
-    found = {p["name"]: p["value"] for p in data["findings"][0]["parameters"]}
+    at_joints = [finding for finding in data["findings"] if finding["effect"] == "coulomb_friction"]
+    assert sorted(finding["joints"][0] for finding in at_joints) == ["joint_1", "joint_2"]
+    found = {p["name"]: p["value"] for finding in at_joints for p in finding["parameters"]}
     for joint, size in zip(("joint_1", "joint_2"), np.broadcast_to(COULOMB, 2), strict=True):
         assert found[f"{joint}.Fc"] == pytest.approx(size, rel=0.1)
     with (out / "predictions.csv").open(newline="") as file:

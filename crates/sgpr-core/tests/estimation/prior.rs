@@ -102,7 +102,7 @@ fn a_handful_of_rows_stays_near_the_file_and_does_better_than_it() {
     .expect("good data");
     assert!(squares[1] < squares[0], "{squares:?}");
     let wrong = fit.solve_with_prior(&factors, &prior, PriorWidth::Given(0.0)).expect_err("no width").to_string();
-    assert!(wrong.contains("positive"), "{wrong}");
+    assert!(wrong.contains("between 1e-9 and 1e9"), "{wrong}");
 }
 
 /// A log of the two-link arm whose bodies are 15 % heavier than the file's, with friction, along sums of sines; joints
