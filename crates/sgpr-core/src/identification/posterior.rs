@@ -3,8 +3,8 @@
 use faer::Mat;
 
 use super::least_squares::{
-    Excitation, MOST_ITERATIONS, SAME_WEIGHTS, floored, least_noise, residual_noise, residual_norm, stack,
-    triangular_solution, unit_noise,
+    Excitation, MOST_ITERATIONS, SAME_WEIGHTS, floored, least_noise, residual_noise, stack, triangular_solution,
+    unit_noise,
 };
 use super::prior::{ParameterPrior, Posterior};
 use super::{Equations, Estimate, IdentificationError, JointFactor, LeastSquares, Method, estimate};
@@ -31,22 +31,6 @@ pub struct Held {
     pub data: Mat<f64>,
     /// Those units by factor, N·m (N); infinite for factors that are left out.
     pub levels: Vec<f64>,
-}
-
-impl Held {
-    /// Triangle of the data beside the prior that holds them, `[rank + 1, rank + 1]`, as a program of consistent parameters
-    /// takes it: in units of one standard deviation, with the residual of the data in its corner.
-    ///
-    /// - `factors`: those of the estimate
-    pub fn whitened(&self, factors: &[JointFactor]) -> Mat<f64> {
-        let mut system = self.prior.beside(&self.data);
-        let rank = system.ncols() - 1;
-        let of_data = triangular_solution(&self.data, self.prior.mean());
-        let square = |(factor, level): (&JointFactor, &f64)| (residual_norm(factor, &of_data) / level).powi(2);
-        let residual = factors.iter().zip(&self.levels).map(square).sum::<f64>().sqrt();
-        system[(rank, rank)] = system[(rank, rank)].hypot(residual);
-        system
-    }
 }
 
 /// A factor with fewer rows than this many per column is followed by its parameters too closely to start from.
@@ -108,7 +92,7 @@ pub fn estimate_with_prior(
 }
 
 /// Triangle [R | R t] of data that know as much of the parameters as R and put them at `values` t.
-pub(super) fn informed(data: &Mat<f64>, values: &[f64]) -> Mat<f64> {
+fn informed(data: &Mat<f64>, values: &[f64]) -> Mat<f64> {
     let rank = values.len();
     let along = |i: usize| (i..rank).map(|j| data[(i, j)] * values[j]).sum::<f64>();
     Mat::from_fn(rank + 1, rank + 1, |i, j| match (i < rank, j < rank) {

@@ -16,9 +16,8 @@ use faer::Mat;
 
 use super::consistency::parameter_scales;
 use super::least_squares::{residual_norm, torque_sizes};
-use super::posterior::informed;
 use super::{BaseParameters, JointFactor, ParameterSet};
-use crate::effects::{JointState, Role};
+use crate::effects::JointState;
 use crate::linalg::{cholesky, triangle};
 use crate::robot::Robot;
 
@@ -44,8 +43,6 @@ pub struct ParameterPrior {
     /// What the deviations of effects are multiplied by.
     effect_scale: f64,
     non_negative: Vec<usize>,
-    /// Those of them that are friction, and no inertia.
-    friction: Vec<usize>,
     /// Base parameters that stay as the robot file has them.
     kept: Vec<usize>,
 }
@@ -67,12 +64,9 @@ const OFFSET_SHARE: f64 = 0.316;
 /// Times that the prior pulls.
 pub(super) const PULLS: usize = 2;
 
-/// Friction that would be negative by more standard deviations than this is imitated by something that the model lacks. Of
-/// a normal law one in 44 lies below.
+/// Friction that is negative by more standard deviations than this is what the data say: something that the model lacks
+/// imitates it. Of a normal law one in 44 lies below.
 const INSISTED: f64 = 2.0;
-
-/// Parameters that are kept have a standard deviation of this share of what the prior gives them.
-const KEPT: f64 = 1e-3;
 
 impl ParameterPrior {
     /// The prior of a robot with effects, its bodies with a relative deviation of one.
@@ -108,11 +102,6 @@ impl ParameterPrior {
             let parameter = base.independent()[k];
             parameter >= set.inertial() && base.combination(k).is_empty() && set.is_non_negative(parameter)
         };
-        let non_negative: Vec<usize> = (0..rank).filter(|k| stands_alone(*k)).collect();
-        let is_inertia = |k: usize| {
-            let column = &set.effect_columns().get(base.independent()[k] - set.inertial());
-            column.is_some_and(|column| set.effects()[column.effect].role() == Some(Role::RotorInertia))
-        };
         Self {
             of_file,
             left_by_file: left,
@@ -120,8 +109,7 @@ impl ParameterPrior {
             effects: root(set.inertial()..width),
             relative_deviation: 1.0,
             effect_scale: 1.0,
-            friction: non_negative.iter().copied().filter(|k| !is_inertia(*k)).collect(),
-            non_negative,
+            non_negative: (0..rank).filter(|k| stands_alone(*k)).collect(),
             kept: Vec::new(),
         }
     }
@@ -130,14 +118,6 @@ impl ParameterPrior {
     #[must_use]
     pub fn keeping(mut self, parameters: Vec<usize>) -> Self {
         self.kept = parameters;
-        self
-    }
-
-    /// The same for the difference of two arms, in which friction may well be negative.
-    #[must_use]
-    pub fn of_difference(mut self) -> Self {
-        self.non_negative.clear();
-        self.friction.clear();
         self
     }
 
@@ -284,58 +264,7 @@ impl ParameterPrior {
         (0..self.of_file.len()).filter(|k| held(*k)).collect()
     }
 
-    /// Estimates without prior, with friction that is not negative: nearest in what the rows know.
-    ///
-    /// - `whitened`: as in [`Self::chosen_by`]
-    pub(crate) fn without_negative_friction(&self, values: &[f64], whitened: &Mat<f64>) -> Vec<f64> {
-        match self.friction.iter().any(|k| values[*k] < 0.0) {
-            true => non_negative(&informed(whitened, values), &self.friction, &[]),
-            false => values.to_vec(),
-        }
-    }
-
-    /// Friction that an estimate without prior makes negative for certain.
-    pub(crate) fn insisted_by(&self, estimate: &super::Estimate) -> Vec<Insisted> {
-        let deviations = estimate.standard_deviations();
-        let said =
-            self.friction.iter().map(|&k| Insisted { base: k, value: estimate.values[k], deviation: deviations[k] });
-        said.filter(Insisted::is_certain).collect()
-    }
-
-    /// What data and prior make negative for certain as long as nothing forbids it.
-    ///
-    /// - `data`: as in [`Self::chosen_by`]
-    pub(crate) fn insisted(&self, data: &Mat<f64>) -> Vec<Insisted> {
-        let Posterior { free, root, .. } = self.posterior(data);
-        let said = self.non_negative.iter();
-        let said = said.map(|&k| Insisted { base: k, value: free[k], deviation: root.row(k).norm_l2() });
-        said.filter(Insisted::is_certain).collect()
-    }
-
-    /// Triangle of data and prior together, what is kept included, in units of one standard deviation: the posterior mean
-    /// is its least squares solution, as long as no limit stands in the way.
-    ///
-    /// - `data`: as in [`Self::chosen_by`]
-    pub(super) fn beside(&self, data: &Mat<f64>) -> Mat<f64> {
-        let system = self.posterior(data).system;
-        let rank = self.of_file.len();
-        let covariance = self.covariance();
-        let all = Mat::from_fn(rank + 1 + self.kept.len(), rank + 1, |i, j| match i.checked_sub(rank + 1) {
-            None => system[(i, j)],
-            Some(row) => {
-                let k = self.kept[row];
-                let weight = 1.0 / (KEPT * covariance[(k, k)].sqrt());
-                match j {
-                    _ if j == k => weight,
-                    _ if j == rank => weight * self.of_file[k],
-                    _ => 0.0,
-                }
-            }
-        });
-        triangle(all.as_ref())
-    }
-
-    /// Base parameters by data and prior, those that physics forbids to be negative not negative.
+    /// Base parameters by data and prior, those that physics forbids to be negative not negative, unless the data insist.
     ///
     /// The prior pulls [`PULLS`] times, each time toward what the pull before has found (iterated Tikhonov regularisation):
     /// of what the data say in a direction of which they know `k` times what the prior knows, in information, the share
@@ -370,24 +299,9 @@ impl ParameterPrior {
         }
         let kept: Vec<(usize, f64)> = self.kept.iter().map(|k| (*k, self.of_file[*k])).collect();
         let free = solve_with(&system, &[], &kept);
-        let values = non_negative(&system, &self.non_negative, &kept);
-        Posterior { values, free, root, rows, system }
-    }
-}
-
-/// A parameter that physics forbids to be negative, and what an estimate without that limit makes of it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Insisted {
-    /// Base parameter.
-    pub base: usize,
-    pub value: f64,
-    /// Standard deviation of the value.
-    pub deviation: f64,
-}
-
-impl Insisted {
-    fn is_certain(&self) -> bool {
-        self.value < -INSISTED * self.deviation
+        let insisted = |k: usize| free[k] < -INSISTED * root.row(k).norm_l2();
+        let constrained: Vec<usize> = self.non_negative.iter().copied().filter(|k| !insisted(*k)).collect();
+        Posterior { values: non_negative(&system, &constrained, &kept), root, rows }
     }
 }
 
@@ -395,14 +309,10 @@ impl Insisted {
 pub(super) struct Posterior {
     /// `[rank]`.
     pub values: Vec<f64>,
-    /// The same where friction may be negative.
-    free: Vec<f64>,
     /// Upper triangular root U of the covariance U Uᵀ for data whose noise is what they are in units of.
     pub root: Mat<f64>,
-    /// [`ParameterPrior::rows`], as they pulled last.
+    /// [`ParameterPrior::rows`].
     rows: Mat<f64>,
-    /// Triangle of data and rows.
-    system: Mat<f64>,
 }
 
 impl Posterior {

@@ -5,9 +5,8 @@ use faer::Mat;
 
 use crate::dynamics::Samples;
 use crate::identification::{
-    BaseParameters, Consistency, ConsistentParameters, Equations, Estimate, Held, IdentificationError, Insisted,
-    JointFactor, Judgement, LeftOut, Method, Observation, ParameterPrior, ParameterSet, Prior, PriorWidth, Row,
-    Trajectory, estimate, estimate_with_prior, torque_sizes,
+    BaseParameters, Equations, Estimate, Held, IdentificationError, JointFactor, Judgement, LeftOut, Method,
+    Observation, ParameterPrior, ParameterSet, PriorWidth, Row, Trajectory, estimate, estimate_with_prior,
 };
 use crate::motion::Motion;
 use crate::random::Random;
@@ -23,8 +22,6 @@ pub(super) struct Task<'a> {
     /// Of consecutive parts of all logs, one after the other.
     pub parts: &'a [Vec<JointFactor>],
     pub motions: &'a [Motion],
-    /// All parameters of the robot file.
-    pub start: &'a [f64],
 }
 
 /// An estimate, and what the user should know of it.
@@ -32,15 +29,10 @@ pub(super) struct Found {
     pub estimate: Estimate,
     /// None if the logs are rich: the estimate is bare.
     pub held: Option<Held>,
-    /// All parameters, with every link a body, if that costs no more than noise explains; the estimate is theirs.
-    pub bodies: Option<Vec<f64>>,
-    /// By what intervals of 68 and 95 % are larger than noise makes them ([`LeftOut::dispersion`]); one for a bare estimate.
-    pub dispersion: [f64; 2],
+    /// By what standard deviations have to be multiplied ([`LeftOut::dispersion`]); one for a bare estimate.
+    pub dispersion: f64,
     pub notes: Vec<String>,
 }
-
-/// Squares of consistency's cost per parameter that noise explains.
-pub(super) const CHANCE: f64 = 0.25;
 
 /// Leaves out the rows of joints that never move: whatever holds such a joint, dry friction included, is one unknown torque,
 /// which many equal rows would make certain. They still judge ([`LeftOut::judge_against_file`]).
@@ -96,10 +88,8 @@ impl Task<'_> {
             let saved = self.left_out(&held).judge(&flat, &held.prior);
             if saved.gain - saved.standard_error < LEAST_GAIN || saved.parts < 2 {
                 let bare = self.bare(method, equations, &flat, correlation)?;
-                if let Some(mut bare) = bare.filter(|bare| self.knows_more_than_file(&bare.covariance, &flat)) {
-                    notes.extend(self.negative_notes(flat.insisted_by(&bare)));
-                    bare.values = flat.without_negative_friction(&bare.values, &bare.whitened);
-                    return Ok(Found { estimate: bare, held: None, bodies: None, dispersion: [1.0; 2], notes });
+                if let Some(bare) = bare.filter(|bare| self.knows_more_than_file(&bare.covariance, &flat)) {
+                    return Ok(Found { estimate: bare, held: None, dispersion: 1.0, notes });
                 }
                 if saved.is_worse() {
                     let wide = flat.with_relative_deviation(WIDE).with_effect_scale(1.0);
@@ -124,30 +114,10 @@ impl Task<'_> {
                 }
             }
         }
-        notes.extend(self.negative_notes(held.prior.insisted(&held.data)));
+        notes.extend(self.negative_notes(&held));
         notes.extend(self.held_note(&held));
         let dispersion = self.dispersion(&held);
-        let mut estimate = held.estimate.clone();
-        let bodies = self.bodies(&held).filter(|_| keeping).map(|bodies| {
-            estimate.values = bodies.base;
-            bodies.parameters
-        });
-        Ok(Found { estimate, held: Some(held), bodies, dispersion, notes })
-    }
-
-    /// The bodies nearest to an estimate that is held by those of the robot file, unless they cost more than noise explains:
-    /// then inertias imitate something that the model lacks, and bodies in their place would err more. They are pulled
-    /// toward the file as the estimate is, or less if that is what costs.
-    fn bodies(&self, held: &Held) -> Option<ConsistentParameters> {
-        let torque = torque_sizes(self.factors, self.robot.dof());
-        let (robot, set, base) = (self.robot, self.set, self.base);
-        let whitened = held.whitened(self.factors);
-        [held.prior.relative_deviation().clamp(1.0, WIDE), WIDE].into_iter().find_map(|relative_deviation| {
-            let prior = Prior { relative_deviation, ..Prior::default() };
-            let consistency = Consistency { prior, ..Consistency::default() };
-            let found = consistency.solve(robot, set, base, &whitened, self.start, &torque).ok()?;
-            (found.cost.powi(2) <= CHANCE).then_some(found)
-        })
+        Ok(Found { estimate: held.estimate.clone(), held: Some(held), dispersion, notes })
     }
 
     /// The estimate without prior; none if there are fewer rows than parameters.
@@ -244,7 +214,7 @@ impl Task<'_> {
         LeftOut::new(self.parts, level, self.base.rank())
     }
 
-    fn dispersion(&self, held: &Held) -> [f64; 2] {
+    fn dispersion(&self, held: &Held) -> f64 {
         let noise = |part: &JointFactor| self.factor_of(part).map_or(0.0, |index| held.estimate.noise[index]);
         self.left_out(held).dispersion(&held.prior, noise)
     }
@@ -278,17 +248,21 @@ impl Task<'_> {
         kept.iter().map(note).collect()
     }
 
-    /// Friction that would come out negative for certain.
-    fn negative_notes(&self, insisted: Vec<Insisted>) -> Vec<String> {
-        let note = |Insisted { base, value, deviation }: Insisted| {
+    /// Friction that comes out negative for certain.
+    fn negative_notes(&self, held: &Held) -> Vec<String> {
+        let deviations = held.estimate.standard_deviations();
+        let negative = held.prior.non_negative().iter().filter(|k| held.estimate.values[**k] < 0.0);
+        let note = |&k: &usize| {
             format!(
-                "`{}` is held at zero: without that limit it would be {value:.3} ± {deviation:.3} {}, which no friction or \
-                 rotor is, so something that the model lacks imitates it. `sgpr diagnose` looks for it",
-                self.base.names()[base],
-                self.base.units()[base]
+                "`{}` comes out negative ({:.3} ± {:.3} {}), which no friction or rotor is: something that the model lacks \
+                 imitates it. `sgpr diagnose` looks for it; `--consistent` forbids it",
+                self.base.names()[k],
+                held.estimate.values[k],
+                deviations[k],
+                self.base.units()[k]
             )
         };
-        insisted.into_iter().map(note).collect()
+        negative.map(note).collect()
     }
 
     /// What the prior holds, and which motion would free it.

@@ -4,7 +4,7 @@ use faer::Mat;
 
 use super::experiment::{Experiment, select_joints, torque_of};
 use super::limits::beyond_limits;
-use super::torque_model::{Certificate, Fit, HALF_INTERVAL_95, nominal_parameters};
+use super::torque_model::{Certificate, Fit, nominal_parameters};
 use super::variable_projection::{self, Columns, TermFit};
 use super::{Term, TorqueModel, held};
 use crate::effects::UnknownEffect;
@@ -353,10 +353,7 @@ fn fit(
     if options.prior.is_some() {
         held::leave_out_joints_at_rest(&mut factors);
     }
-    let prior = options.prior.map(|width| {
-        let prior = ParameterPrior::new(robot, &set, &base, &start, &factors);
-        (if options.start == Start::Zero { prior.of_difference() } else { prior }, width)
-    });
+    let prior = options.prior.map(|width| (ParameterPrior::new(robot, &set, &base, &start, &factors), width));
     // The residual of a first solution tells how much the noise remembers: the estimates stay, their spread grows.
     let first = LeastSquares::new(options.method.clone());
     let first = match &prior {
@@ -369,21 +366,19 @@ fn fit(
     let correlation = correlation(&model, motions, processing, &factors)?;
     let mut equations = Equations::new(robot, &set, &base, trajectories);
     let mut notes = Vec::new();
-    let mut dispersion = [1.0; 2];
-    let (mut estimate, held, mut bodies) = match prior {
-        None => (estimate(&options.method, &mut equations, &factors, &nominal, Some(&correlation))?, None, None),
+    let mut dispersion = 1.0;
+    let (mut estimate, held) = match prior {
+        None => (estimate(&options.method, &mut equations, &factors, &nominal, Some(&correlation))?, None),
         Some((prior, width)) => {
-            let (set, base, start) = (&set, &base, &start);
-            let task = held::Task { robot, set, base, factors: &factors, parts: &parts, motions, start };
+            let task = held::Task { robot, set: &set, base: &base, factors: &factors, parts: &parts, motions };
             let kept = options.start == Start::RobotFile;
             let found = task.estimate(&options.method, &mut equations, (prior, width), &correlation, kept)?;
             notes.extend(found.notes);
             dispersion = found.dispersion;
-            (found.estimate, found.held, found.bodies)
+            (found.estimate, found.held)
         }
     };
     set_uncertainty(options, &mut equations, &factors, &mut estimate, held.as_ref())?;
-    let [dispersion, of_95] = dispersion;
     estimate.covariance *= faer::Scale(dispersion * dispersion);
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
     notes.append(&mut estimate.notes);
@@ -397,7 +392,6 @@ fn fit(
         notes.push(essential_note(&found, &base));
         estimate.values.clone_from(&found.values);
         estimate.covariance.clone_from(&found.covariance);
-        bodies = None;
         essential = Some(found);
     }
     let consistent = match &options.consistency {
@@ -414,11 +408,9 @@ fn fit(
                 notes.push(cross_validation_note(deviation, &scores));
             }
             let solve = |whitened: &Mat<f64>| consistency.solve(robot, &set, &base, whitened, &start, &torque);
-            // What the prior holds it holds here, too; its weights are those of its own noise.
-            let mut whitened = held.as_ref().map_or_else(|| estimate.whitened.clone(), |held| held.whitened(&factors));
+            let mut whitened = estimate.whitened.clone();
             let mut found = solve(&whitened)?;
-            let reweighs = held.is_none() && options.method.reweights();
-            for _ in 0..if reweighs { REWEIGHTINGS } else { 0 } {
+            for _ in 0..if options.method.reweights() { REWEIGHTINGS } else { 0 } {
                 if model.terms().iter().any(Term::is_transform) {
                     // What transforms make depends on the parameters.
                     model.set_all_parameters(&found.parameters);
@@ -431,7 +423,7 @@ fn fit(
             let costs = consistency.costs(robot, &set, &base, &whitened, &start, &torque)?;
             let mut kept_out = None;
             // Least squares leaves one unit of variance per parameter to chance; a limit can take at most as much of it.
-            if found.cost.powi(2) > held::CHANCE && held.is_none() {
+            if found.cost.powi(2) > CHANCE {
                 let folds = folds(robot, &set, &base, equations.trajectories())?;
                 let noise = noise_of(&factors, &estimate);
                 // A part that the solver gives up on is no reason to lose the model.
@@ -441,9 +433,8 @@ fn fit(
             Some((found, costs, kept_out, consistency))
         }
     };
-    let are_bodies = consistent.is_some() || bodies.is_some();
     match &consistent {
-        None => model.set_all_parameters(&bodies.unwrap_or_else(|| base.expand(&estimate.values, &start))),
+        None => model.set_all_parameters(&base.expand(&estimate.values, &start)),
         Some((consistent, ..)) => {
             model.set_all_parameters(&consistent.parameters);
             estimate.values.clone_from(&consistent.base);
@@ -458,8 +449,7 @@ fn fit(
     let names = model.base.names();
     let undecided = held.as_ref().map_or(vec![], |held| held.prior.undecided(&held.data));
     let prior = held.as_ref().map(|held| &held.prior);
-    let bodies = if are_bodies && options.consistency.is_none() { "; links are bodies" } else { "" };
-    model.provenance.history = vec![describe(options, processing, &factors, prior) + bodies + &dispersed(dispersion)];
+    model.provenance.history = vec![describe(options, processing, &factors, prior) + &dispersed(dispersion)];
     model.fit = Some(Fit {
         method: options.method.name().into(),
         covariance: row_major(&covariance),
@@ -468,7 +458,6 @@ fn fit(
         rows: (0..robot.dof()).map(|joint| rows_of(&factors, joint)).collect(),
         correlation: per_joint(&factors, &correlation, robot.dof()),
         dispersion,
-        half_interval_95: HALF_INTERVAL_95 * of_95 / dispersion,
         values: estimate.values[..rank].to_vec(),
         condition: estimate.excitation.condition,
         scaled_condition: estimate.excitation.scaled_condition,
@@ -614,6 +603,9 @@ fn loops<'a>(
 
 /// Times that joints are weighted anew by the residual of the consistent parameters.
 const REWEIGHTINGS: usize = 3;
+
+/// Squares of consistency's cost per parameter that noise explains.
+const CHANCE: f64 = 0.25;
 
 /// Parts of the data, each of which is predicted from the others.
 const FOLDS: usize = 5;

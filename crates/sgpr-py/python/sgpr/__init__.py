@@ -74,7 +74,6 @@ from ._sgpr import (
     repeated_share,
     residual_structure,
     screen,
-    shared_samples,
     simulate,
     write_mcap,
 )
@@ -157,7 +156,6 @@ __all__ = [
     "robots",
     "save_report",
     "screen",
-    "shared_samples",
     "simulate",
     "workbench",
     "write_mcap",
