@@ -4,7 +4,6 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pytest
 import sgpr
 from cli_support import DEMO_ROBOT, DEMO_TEST, JOINTS, RECORDINGS, run, write_log
 

@@ -212,6 +212,33 @@ def test_a_consistent_model_with_an_effect_of_the_trajectory_writes_its_bodies(
     effects = ["viscous_friction", "coulomb_friction", "rotor_inertia", f"stribeck_friction@{joint}"]
     model = sgpr.identify(demo_robot, demo_logs, effects=effects, consistent=True)
     (term,) = model.terms
+    assert (term["effect"], term["joints"]) == ("stribeck_friction", [joint])
+    size, deviation, unit = term["parameters"][f"{joint}.dFs"]
+    assert abs(size) < 1e-6 and deviation > 0.0 and unit == "N·m"
+    # The arm has no such friction, so below which speed it would act is not known.
+    value, deviation, unit = term["parameters"][f"{joint}.vs"]
+    assert value > 0.0 and deviation is None and unit == "rad/s"
+    assert model.certificate is not None
+    assert all(link["smallest_eigenvalue"] > 0.0 for link in model.certificate["links"])
+    plain = sgpr.identify(demo_robot, demo_logs, effects=effects[:3], consistent=True)
+    error, without = (sgpr.compare(m, [demo_test]).relative_error_percent for m in (model, plain))
+    assert error < 1.01 * without
+    assert "<mujoco" in model.to_mjcf()
+    model.save(tmp_path / "model.sgpr")
+    again = sgpr.load(tmp_path / "model.sgpr")
+    assert again.terms == model.terms and again.certificate == model.certificate
+
+    with pytest.raises(sgpr.IdentificationError, match="cannot be at"):
+        sgpr.identify(demo_robot, demo_logs[:1], effects=["stribeck_friction@elbow"])
+
+
+def test_friction_of_a_single_joint_is_in_the_files_of_other_codes(
+    demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording], tmp_path: Path
+) -> None:
+    joint = demo_robot.joint_names[1]
+    effects = ["coulomb_friction", "rotor_inertia", f"viscous_friction@{joint}"]
+    model = sgpr.identify(demo_robot, demo_logs, effects=effects, consistent=True)
+    (term,) = model.terms
     ((value, *_),) = term["parameters"].values()
     damping = [float(found) for found in re.findall(r'damping="([^"]*)"', model.to_mjcf())]
     assert [found for found in damping if found] == [pytest.approx(value)]
@@ -221,5 +248,6 @@ def test_a_consistent_model_with_an_effect_of_the_trajectory_writes_its_bodies(
         found = [(each.get("name"), each.find("dynamics")) for each in ElementTree.parse(path).getroot().iter("joint")]
         return {name: float(dynamics.get("damping", "0")) for name, dynamics in found if dynamics is not None}
 
-    before, after = damping_of(URDF), damping_of(tmp_path / "robot.urdf")
-    assert after == {**before, joint: pytest.approx(value)}
+    after = damping_of(tmp_path / "robot.urdf")
+    assert after[joint] == pytest.approx(value)
+    assert not any(damping for name, damping in after.items() if name != joint)
