@@ -78,6 +78,7 @@ __all__ = [
     "load",
     "puma560",
     "puma560_drives",
+    "quantity_of_array",
     "read_csv",
     "read_mcap",
     "record",

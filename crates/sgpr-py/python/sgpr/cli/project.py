@@ -164,7 +164,8 @@ def model_and_logs(model: str | None, files: Sequence[str] | None) -> tuple[str,
     """
     files = list(files or [])
     if model is not None and kind_of(model) == "log":
-        model, files = None, [model, *files]
+        files = [model, *files]
+        model = None
     data = _project() if model is None or not files else {}
     robot = _robot(model, data, "MODEL")
     files = files or _names(data, "test") or _names(data, "train")
