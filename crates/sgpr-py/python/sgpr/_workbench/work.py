@@ -76,7 +76,8 @@ class Work:
         done, total = self._state["done"], self._state["total"]
         if done <= first or now - begun < SURE_AFTER:
             return None
-        return int(round((now - begun) * (total - done) / (done - first)))
+        left: int = round((now - begun) * (total - done) / (done - first))
+        return left
 
     def step(self, stage: str, done: int, total: int) -> None:
         """Tells of the progress, and ends work that was cancelled."""
