@@ -108,7 +108,7 @@ pub trait Element: Copy + Default + Send + Sync + core::fmt::Debug + 'static {
 
     /// The products of four rows with a vector.
     ///
-    /// - `rows`: `[length / BLOCK, 4, BLOCK]`, with the length of `b` a multiple of [`BLOCK`]
+    /// - `rows`: `[length / BLOCK, 4, BLOCK]`, with the length of `b` a multiple of `BLOCK`
     fn four_dots<S: Simd>(simd: S, rows: &[Self], b: &[Self]) -> [f64; 4];
 
     /// sum of w (x - c)².
