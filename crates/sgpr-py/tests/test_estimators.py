@@ -189,6 +189,8 @@ def test_good_logs_pass(case: str, data: Path) -> None:
     model = sgpr.identify(robot, [log])
     assert model.report is not None
     said = [text for text in model.report.warnings if "smaller than their standard deviation" not in text]
+    # The waves know nothing of the limits of the arm.
+    said = [text for text in said if "is outside its limits" not in text]
     assert (said, sgpr.screen(model, [log])) == ([], [])
 
 
