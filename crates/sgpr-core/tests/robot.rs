@@ -421,7 +421,7 @@ fn numbers_that_cannot_be_are_named() {
     assert_says(&with(1.0, at_origin, [1.0, f64::INFINITY, 1.0]), &["arm.urdf", "`one`", "not a finite number"]);
     assert_says(&with(1.0, "xyz=\"0 inf 0\"", [1.0; 3]), &["arm.urdf", "`one`", "not a finite number"]);
     assert_says(&with(1e308, "xyz=\"1e10 0 0\"", [1.0; 3]), &["arm.urdf", "`one`", "1e10", "check the units"]);
-    assert_says(&with(1e200, at_origin, [1.0; 3]), &["arm.urdf", "`one`", "1e200", "check the units"]);
+    assert_says(&with(1e200, at_origin, [1.0; 3]), &["arm.urdf", "`to_one`", "1e200", "check the units"]);
     let placed =
         |more: &str| message(&[BASE, "<link name=\"one\"/>", &joint("continuous", "base", "one", more)].concat());
     assert_says(&placed("<origin xyz=\"0 0 1e12\"/>"), &["arm.urdf", "`to_one`", "1e12", "check the units"]);

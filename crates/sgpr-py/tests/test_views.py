@@ -144,8 +144,8 @@ def test_figures(
     assert len(arm.x) == len(demo_robot.frames) + 1
     finding = diagnosis.findings[0]
     steps = diagnosis.plot().data
-    # The model as it was, then with the effect at each of its joints.
-    assert len(steps) == 1 + len(finding.joints)
+    # The model as it was, then with one finding after the other.
+    assert len(steps) == 1 + len(diagnosis.findings)
     for joint in finding.joints:
         assert steps[-1].y[steps[-1].x.index(joint)] < 0.9 * steps[0].y[steps[0].x.index(joint)]
     assert list(finding.plot().data[1].y) == list(finding.rmse_after.values())

@@ -573,7 +573,7 @@ def test_time_left_is_that_of_the_stage(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_a_band_is_left_open_where_there_are_no_samples() -> None:
-    x = np.concatenate([np.linspace(0, 1, 100), np.linspace(3, 4, 100)])
+    x = np.concatenate([np.linspace(0, 1, 2000), np.linspace(3, 4, 2000)])
     centre, _, low, high = averages(x, np.sin(7 * x))
     around_x, around_y = outline(centre, low, high)
     (gap,) = np.flatnonzero(np.isnan(around_x))
