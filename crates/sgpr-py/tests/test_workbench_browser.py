@@ -303,7 +303,7 @@ def test_a_log_that_stops_a_fit_is_repaired_by_clicks(browser: Any, tmp_path: Pa
 
 
 def test_what_is_known_stays_after_a_cancel(browser: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def endless(*logs: Any, progress: Callable[[str, int, int], object]) -> None:
+    def endless(*logs: Any, progress: Callable[[str, int, int], object], **options: Any) -> None:
         for step in range(10_000):
             progress("a search", step, 10_000)
             time.sleep(0.01)
