@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -224,6 +225,8 @@ def test_command(tmp_path: Path) -> None:
     found = {p["name"]: p["value"] for finding in at_joints for p in finding["parameters"]}
     for joint, size in zip(("joint_1", "joint_2"), np.broadcast_to(COULOMB, 2), strict=True):
         assert found[f"{joint}.Fc"] == pytest.approx(size, rel=0.1)
+    # An effect at several joints is named once in the first line of the page.
+    assert re.search(r"The model lacks coulomb friction at joint_[12], joint_[12]\.", (out / "report.html").read_text())
     with (out / "predictions.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0])[:5] == ["file", "t", "joint_1_measured", "joint_1_before", "joint_1_after"]

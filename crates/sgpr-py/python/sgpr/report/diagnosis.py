@@ -96,7 +96,7 @@ class DiagnosisPage:
     def _lead(self, logs: int, unseen: bool) -> Html:
         data = self.data
         where = f"On {counted(logs, 'unseen log' if unseen else 'training log')}"
-        names = [in_one_line(finding) for finding in data["findings"]]
+        names = _in_a_sentence(data["findings"])
         first = VERDICTS[data["verdict"]] + (f" {'; '.join(names)}." if names else "")
         more = []
         if not unseen:
@@ -272,6 +272,17 @@ def in_one_line(finding: Mapping[str, Any]) -> str:
         return _title(finding)
     doubt = ", or ".join([f"probability {finding['probability']:.2f}", *map(_in_words, finding["confusable_with"])])
     return f"{_title(finding)} ({doubt})"
+
+
+def _in_a_sentence(findings: Sequence[Mapping[str, Any]]) -> list[str]:
+    """All of them, an effect that is certain at several joints once."""
+    texts: dict[str, str] = {}
+    for finding in findings:
+        certain = finding["joints"] and finding["probability"] >= CERTAIN
+        key = finding["effect"] if certain else in_one_line(finding)
+        known = texts.get(key)
+        texts[key] = f"{known}, {', '.join(finding['joints'])}" if known and certain else in_one_line(finding)
+    return list(texts.values())
 
 
 def _title(finding: Mapping[str, Any]) -> str:

@@ -37,7 +37,14 @@ export function update(root, state, app) {
 }
 
 function verdict(found) {
-  const names = found.findings.map((one) => `${title(one)}${one.probability < 0.9 ? ` (probability ${one.probability.toFixed(2)})` : ""}`);
+  const texts = new Map();
+  for (const one of found.findings) {
+    const certain = one.joints.length && one.probability >= 0.9;
+    const key = certain ? one.effect : title(one);
+    if (certain && texts.has(key)) texts.set(key, `${texts.get(key)}, ${one.joints.join(", ")}`);
+    else texts.set(key, one.probability >= 0.9 ? title(one) : `${title(one)} (probability ${one.probability.toFixed(2)})`);
+  }
+  const names = [...texts.values()];
   return h("div", { class: "verdict" }, h("p", { class: "lead" }, VERDICTS[found.verdict] + (names.length ? ` ${names.join("; ")}.` : "")),
     h("p", { class: "soft" }, `Probability that nothing is missing ${found.probability_nothing_missing.toFixed(2)}, that something unknown is ${found.probability_unexplained.toFixed(2)}.`),
     found.unexplained.map((text) => h("p", {}, `Left over: ${text}`)));
