@@ -117,12 +117,7 @@ impl Search<'_> {
 
     /// Candidates that may matter by what left-out blocks say of them, the most promising first. How much of the whitened
     /// leftover they explain is no measure across joints: what the model lacks at one would hide all that others lack.
-    pub(super) fn promising(
-        &mut self,
-        fitted: &Fitted,
-        standing: &Standing,
-        candidates: &[Candidate],
-    ) -> Vec<Candidate> {
+    pub(super) fn promising(&self, fitted: &Fitted, standing: &Standing, candidates: &[Candidate]) -> Vec<Candidate> {
         /// Least gain on left-out blocks, in its standard deviations, before constants are refined.
         const CHANCE: f64 = 1.0;
         let own = |c: &&Candidate| !c.impossible && c.score > EVIDENCE && c.term.effect.refines().is_none();
