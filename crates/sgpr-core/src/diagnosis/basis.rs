@@ -76,14 +76,13 @@ impl Noise {
     pub fn whiten(&self, problem: &Problem, column: &Column) -> Column {
         let of_joint = |(joint, x): (usize, &Vec<f64>)| {
             let (phi, scale) = (&self.phi[joint], 1.0 / self.sigma[joint]);
-            let run = &problem.run[joint];
-            let value = |k: usize| {
-                if run[k] < phi.len() {
-                    return 0.0;
-                }
-                scale * (x[k] - phi.iter().enumerate().map(|(lag, p)| p * x[k - 1 - lag]).sum::<f64>())
-            };
-            (0..x.len()).map(value).collect()
+            let mut predicted = vec![0.0; x.len()];
+            for (lag, p) in phi.iter().enumerate() {
+                let later = predicted.get_mut(lag + 1..).unwrap_or_default();
+                later.iter_mut().zip(x).for_each(|(sum, x)| *sum += p * x);
+            }
+            let rows = x.iter().zip(&predicted).zip(&problem.run[joint]);
+            rows.map(|((x, p), run)| if *run < phi.len() { 0.0 } else { scale * (x - p) }).collect()
         };
         column.iter().enumerate().map(of_joint).collect()
     }
@@ -113,16 +112,17 @@ const DEPENDENT: f64 = 1e-5;
 
 impl Basis {
     /// Of columns in their order.
-    pub fn new(columns: &[Column]) -> Self {
+    pub fn new(columns: Vec<Column>) -> Self {
         Self::with_first(columns, |_| false)
     }
 
     /// The same, where of columns that depend on each other those stay whose index is to come `first`.
-    pub fn with_first(columns: &[Column], first: impl Fn(usize) -> bool) -> Self {
+    pub fn with_first(columns: Vec<Column>, first: impl Fn(usize) -> bool) -> Self {
+        let columns: Vec<Arc<Column>> = columns.into_iter().map(Arc::new).collect();
         let mut basis = Self { independent: vec![], kept: vec![], triangle: vec![], columns: columns.len() };
         for turn in [true, false] {
             for index in (0..columns.len()).filter(|index| first(*index) == turn) {
-                basis.take(index, &columns[index]);
+                basis.take(index, columns[index].clone());
             }
         }
         basis
@@ -149,23 +149,28 @@ impl Basis {
         }
     }
 
-    pub fn push(&mut self, column: &Column) {
+    /// One of all columns, if it is independent.
+    pub fn column(&self, index: usize) -> Option<&Arc<Column>> {
+        self.kept.iter().position(|own| *own == index).map(|k| &self.independent[k])
+    }
+
+    pub fn push(&mut self, column: Arc<Column>) {
         self.columns += 1;
         self.take(self.columns - 1, column);
     }
 
-    fn take(&mut self, index: usize, column: &Column) {
-        let length = dot(column, column);
+    fn take(&mut self, index: usize, column: Arc<Column>) {
+        let length = dot(&column, &column);
         if length <= 0.0 || !length.is_finite() {
             return;
         }
-        let mut shares = self.shares_of(column);
+        let mut shares = self.shares_of(&column);
         let left = length - dot_in_lanes(&shares, &shares);
         if left > DEPENDENT * DEPENDENT * length {
             shares.push(left.sqrt());
             self.triangle.push(shares);
             self.kept.push(index);
-            self.independent.push(column.clone().into());
+            self.independent.push(column);
         }
     }
 

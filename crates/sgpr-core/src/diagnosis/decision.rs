@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::evidence::{EVEN, LeftOut, SURE, probability_of_fall, weights};
 use super::fit::{ByLog, Fitted, beyond, left_out_parts, left_out_states};
 use super::search::{Accepted, EVIDENCE, MATERIAL, Outcome, Search, is_limit, without};
-use super::unknown::{self, Leftover, Smooth};
+use super::unknown::{self, Leftover, Processes};
 use crate::effects::Site;
 use crate::model::Term;
 use crate::progress::Interrupted;
@@ -75,7 +75,7 @@ pub(super) fn decide(search: &mut Search<'_>, outcome: Outcome) -> Result<Decisi
     search.step("weigh what was found", 0, 3)?;
     let mut beside = Beside::of(search, &outcome.fitted);
     let found = outcome.accepted.len();
-    let mut outcome = without_imitations(search, outcome, &beside.left)?;
+    let mut outcome = without_imitations(search, outcome, &beside)?;
     if outcome.accepted.len() < found {
         beside = Beside::of(search, &outcome.fitted);
     }
@@ -109,26 +109,27 @@ pub(super) fn judge_only(search: &Search<'_>, outcome: Outcome) -> Decision {
 struct Beside {
     /// Its errors on left-out blocks.
     errors: LeftOut,
-    /// What is left at each joint.
+    /// What a process could still predict at each joint.
     left: Vec<Leftover>,
+    /// Those that are tried there.
+    processes: Vec<Processes>,
 }
 
 impl Beside {
     fn of(search: &Search<'_>, fitted: &Fitted) -> Self {
+        let (problem, noise) = (&search.problem, &search.noise);
         let errors = search.errors(fitted).left_out;
-        let left = unknown::leftover(&search.problem, fitted, &errors, &search.noise);
-        Self { errors, left }
+        let joints = (0..problem.dof()).into_par_iter();
+        let processes: Vec<Processes> = joints.map(|joint| Processes::new(problem, fitted, noise, joint)).collect();
+        let left = unknown::leftover(problem, (fitted, &errors), noise, &processes);
+        Self { errors, left, processes }
     }
 }
 
 /// `outcome` without the effects that only imitate what no effect of the catalogue makes.
 ///
-/// - `left`: what is left at each joint beside all of them
-fn without_imitations(
-    search: &mut Search<'_>,
-    mut outcome: Outcome,
-    left: &[Leftover],
-) -> Result<Outcome, Interrupted> {
+/// - `beside`: what is beside all of them
+fn without_imitations(search: &mut Search<'_>, mut outcome: Outcome, beside: &Beside) -> Result<Outcome, Interrupted> {
     let n = search.problem.dof();
     let of_arm = joint_of_arm(search, &outcome);
     let mut closed = vec![false; n];
@@ -136,9 +137,10 @@ fn without_imitations(
         let terms = outcome.fitted.terms();
         let at_joint = |term: &Term| is_at(term, joint) || (term.site == Site::Arm && of_arm == Some(joint));
         let found: Vec<usize> = outcome.news(search).map(|(k, _)| k).filter(|k| at_joint(&terms[*k])).collect();
-        let left = left.iter().find(|l| l.joint == joint && l.is_material());
+        let left = beside.left.iter().find(|l| l.joint == joint && l.is_material());
         closed[joint] = left.is_some();
-        let imitations = imitations(search, &outcome.fitted, &found, joint, left.map_or(0.0, |l| l.share));
+        let left = left.map_or(0.0, |l| l.share);
+        let imitations = imitations(search, &outcome.fitted, &found, (joint, left), &beside.processes[joint]);
         if !imitations.is_empty() {
             closed[joint] = true;
             outcome = outcome.without(search, &imitations);
@@ -173,13 +175,20 @@ fn is_at(term: &Term, joint: usize) -> bool {
 /// half of what they do; or something that matters beside many of them.
 ///
 /// - `left`: share of the joint's left-out error that it could still take away
-pub(super) fn imitations(search: &Search<'_>, fitted: &Fitted, found: &[usize], joint: usize, left: f64) -> Vec<usize> {
+pub(super) fn imitations(
+    search: &Search<'_>,
+    fitted: &Fitted,
+    found: &[usize],
+    (joint, left): (usize, f64),
+    processes: &Processes,
+) -> Vec<usize> {
     if found.is_empty() {
         return vec![];
     }
     let (problem, noise) = (&search.problem, &search.noise);
     let bare = search.refit(fitted, without(fitted.terms(), found));
-    let Some((smooth, with_smooth)) = Smooth::best(problem, &bare, noise, joint) else { return vec![] };
+    let all: Vec<usize> = (0..problem.dof()).collect();
+    let Some((smooth, with_smooth)) = processes.best(problem, &bare, noise, &all) else { return vec![] };
     let with_found = search.errors(fitted).left_out;
     let explained = explained_share(joint, &search.errors(&bare).left_out, &with_found);
     let of_smooth = weights(problem, &[&with_found, &with_smooth], &[0.0; 2], &[joint])[1];
@@ -203,7 +212,7 @@ pub(super) fn imitations(search: &Search<'_>, fitted: &Fitted, found: &[usize], 
         let trial = |k: usize| {
             let out: Vec<usize> = found.iter().copied().filter(|f| *f != k && !kept.contains(f)).collect();
             let with = search.refit(fitted, without(fitted.terms(), &out));
-            search.score_of(&bare, &with) + smooth.evidence_beside(problem, &with, noise)
+            search.score_of(&bare, &with) + processes.evidence_beside(&smooth, problem, &with, noise)
         };
         let rest: Vec<usize> = found.iter().copied().filter(|k| !kept.contains(k)).collect();
         let evidence: Vec<(usize, f64)> = rest.into_par_iter().map(|k| (k, trial(k))).collect();
@@ -315,22 +324,23 @@ fn rejected(search: &Search<'_>, outcome: &Outcome, own: &LeftOut) -> Vec<(Strin
 }
 
 /// The probability of every term that was found, by left-out blocks at the joints on which it acts.
-fn judge(search: &Search<'_>, outcome: &Outcome, Beside { errors, left }: &Beside) -> Vec<Judged> {
+fn judge(search: &Search<'_>, outcome: &Outcome, beside: &Beside) -> Vec<Judged> {
     let found: Vec<(usize, &Accepted)> = outcome.news(search).collect();
     let left_at = |step: &Accepted| {
-        let own = left.iter().find(|l| step.site.joint() == Some(l.joint) && l.is_material());
+        let own = beside.left.iter().find(|l| step.site.joint() == Some(l.joint) && l.is_material());
         own.map_or(0.0, |left| left.share)
     };
-    let judged = |(index, step)| judge_one(search, (&outcome.fitted, errors), (index, step), left_at(step));
+    let judged = |(index, step)| judge_one(search, (&outcome.fitted, beside), (index, step), left_at(step));
     found.into_par_iter().map(judged).collect()
 }
 
 fn judge_one(
     search: &Search<'_>,
-    (fitted, own_errors): (&Fitted, &LeftOut),
+    (fitted, beside): (&Fitted, &Beside),
     (index, step): (usize, &Accepted),
     left: f64,
 ) -> Judged {
+    let own_errors = &beside.errors;
     let term = &fitted.terms()[index];
     if is_limit(term) {
         return Judged { index, probability: 1.0 - 1.0 / search.units, something: 1.0 - 1.0 / search.units };
@@ -354,7 +364,8 @@ fn judge_one(
     let effects = models.len();
     let twins = effects - step.twins.len()..effects;
     if let Some(joint) = term.site.joint() {
-        models.extend(Smooth::best(&search.problem, &bare, &search.noise, joint).map(|(_, errors)| errors));
+        let best = beside.processes[joint].best(&search.problem, &bare, &search.noise, &search.joints_of(term));
+        models.extend(best.map(|(_, errors)| errors));
     }
     // One of so many effects, and none, are as likely before any data.
     let prior: Vec<f64> = (0..models.len()).map(|k| if k == 0 { 0.0 } else { -search.units.ln() }).collect();

@@ -1,6 +1,6 @@
 //! A model with terms, fitted to the equations.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 
@@ -32,6 +32,9 @@ pub(super) struct Fitted {
     /// The same, whitened.
     pub white: Column,
     pub chi2: f64,
+    /// Fits to all blocks of time but one, once they were asked for, and those of the fit that it was made like.
+    folds: OnceLock<Arc<FoldFits>>,
+    folds_of_like: Option<Arc<FoldFits>>,
 }
 
 impl Fitted {
@@ -54,6 +57,30 @@ impl Fitted {
         let terms = self.terms().iter().enumerate();
         terms.flat_map(|(k, term)| (0..term.constants.len()).map(move |index| (k, index)))
     }
+
+    /// The fits that blocks of time were left out of.
+    pub fn folds(&self, problem: &Problem, noise: &Noise) -> Arc<FoldFits> {
+        let like = || self.folds_of_like.as_deref();
+        let make = || FoldFits::new(&self.columns, &self.target, noise, (&problem.fold, like())).into();
+        if self.noise == *noise { self.folds.get_or_init(make).clone() } else { make() }
+    }
+
+    /// The columns of a term as they are and whitened, if it is in the fit and they are those of any model with the same
+    /// transforms.
+    fn columns_of(&self, term: &Term) -> Option<Vec<(Arc<Column>, Option<Arc<Column>>)>> {
+        let mut at = self.columns.len() - self.terms().iter().map(|own| own.coefficients.len()).sum::<usize>();
+        for own in self.terms() {
+            let width = own.coefficients.len();
+            let same = own.is_like(term) && own.constants == term.constants && !own.effect.follows_torque();
+            if same {
+                return Some(
+                    (at..at + width).map(|k| (self.columns[k].clone(), self.basis.column(k).cloned())).collect(),
+                );
+            }
+            at += width;
+        }
+        None
+    }
 }
 
 /// Least squares for base parameters and linear parameters of the terms, constants as they are.
@@ -64,15 +91,15 @@ pub(super) fn solve(problem: &Problem, start: &TorqueModel, terms: &[Term], nois
     let target = problem.target(&model, &rigid).into();
     let base: Vec<Arc<Column>> = base.into_iter().map(Arc::new).collect();
     let basis = base_basis(problem, &base, noise);
-    solve_with(problem, model, rigid, (base, basis), target, noise)
+    solve_with(problem, model, rigid, (base, basis), target, noise, None)
 }
 
 fn base_basis(problem: &Problem, columns: &[Arc<Column>], noise: &Noise) -> Basis {
     let white: Vec<Column> = columns.iter().map(|column| noise.whiten(problem, column)).collect();
-    Basis::with_first(&white, |index| problem.is_rotor(index))
+    Basis::with_first(white, |index| problem.is_rotor(index))
 }
 
-/// The same with the base columns of a fit, if its transforms are those of `terms`.
+/// The same with the base columns of a fit, if its transforms are those of `terms`, and those of terms that it has.
 pub(super) fn solve_like(problem: &Problem, like: &Fitted, terms: &[Term], noise: &Noise) -> Fitted {
     let transforms = |terms: &[Term]| -> Vec<(String, Site, Vec<f64>)> {
         let own = terms.iter().filter(|term| term.is_transform());
@@ -85,7 +112,7 @@ pub(super) fn solve_like(problem: &Problem, like: &Fitted, terms: &[Term], noise
     let rigid = problem.rigid(&model);
     let base = like.columns[..problem.base.rank()].to_vec();
     let basis = if like.noise == *noise { like.basis.of_first(base.len()) } else { base_basis(problem, &base, noise) };
-    solve_with(problem, model, rigid, (base, basis), like.target.clone(), noise)
+    solve_with(problem, model, rigid, (base, basis), like.target.clone(), noise, Some(like))
 }
 
 /// The fit without a term.
@@ -102,12 +129,26 @@ fn solve_with(
     (mut columns, mut basis): (Vec<Arc<Column>>, Basis),
     target: Arc<Column>,
     noise: &Noise,
+    like: Option<&Fitted>,
 ) -> Fitted {
     let terms: Vec<Term> = model.terms().to_vec();
-    let of_terms: Vec<Vec<Column>> = terms.par_iter().map(|term| problem.term_columns(&model, &rigid, term)).collect();
-    for column in of_terms.into_iter().flatten() {
-        basis.push(&noise.whiten(problem, &column));
-        columns.push(column.into());
+    let whitened_alike = like.filter(|like| like.noise == *noise);
+    let columns_of = |term: &Term| -> Vec<(Arc<Column>, Arc<Column>)> {
+        let whitened = |column: &Arc<Column>| Arc::new(noise.whiten(problem, column));
+        if let Some(known) = like.and_then(|like| like.columns_of(term)) {
+            let both = |(column, white): (Arc<Column>, Option<Arc<Column>>)| {
+                let white = white.filter(|_| whitened_alike.is_some()).unwrap_or_else(|| whitened(&column));
+                (column, white)
+            };
+            return known.into_iter().map(both).collect();
+        }
+        let own = problem.term_columns(&model, &rigid, term).into_iter().map(Arc::new);
+        own.map(|column| (column.clone(), whitened(&column))).collect()
+    };
+    let of_terms: Vec<_> = terms.par_iter().map(columns_of).collect();
+    for (column, white) in of_terms.into_iter().flatten() {
+        basis.push(white);
+        columns.push(column);
     }
     let mut white = noise.whiten(problem, &target);
     let values = basis.solve(&white);
@@ -146,6 +187,8 @@ fn solve_with(
         residual,
         white,
         chi2,
+        folds: OnceLock::new(),
+        folds_of_like: like.and_then(|like| like.folds.get().or(like.folds_of_like.as_ref()).cloned()),
     }
 }
 
@@ -231,7 +274,7 @@ pub(super) fn with_deviations(problem: &Problem, fitted: &Fitted, noise: &Noise)
     let mut basis = Basis::clone(&fitted.basis);
     let mut terms = fitted.terms().to_vec();
     let constants: Vec<(usize, usize)> = fitted.constants().collect();
-    tangents(problem, fitted, noise, &constants).iter().for_each(|tangent| basis.push(tangent));
+    tangents(problem, fitted, noise, &constants).into_iter().for_each(|tangent| basis.push(tangent.into()));
     let is_time = |(k, index): &(usize, usize)| terms[*k].effect.constants()[*index].scale == Scale::Time;
     let times: Vec<(usize, usize)> = constants.into_iter().filter(is_time).collect();
     let intervals: Vec<[f64; 2]> = times.par_iter().map(|at| interval(problem, fitted, noise, *at)).collect();
@@ -379,7 +422,7 @@ pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) 
         }
     }
     (known.columns, known.target) = (columns, target.into());
-    FoldFits::new(&known.columns, &known.target, noise, &problem.parts()).errors()
+    FoldFits::new(&known.columns, &known.target, noise, (&problem.parts(), None)).errors()
 }
 
 /// Errors in the band on fifths of the positions of a joint, and on fifths of its speeds, that were left out of the fit:
@@ -394,14 +437,9 @@ pub(super) fn left_out_states(problem: &Problem, fitted: &Fitted, noise: &Noise,
         let cuts: Vec<f64> = (1..FIFTHS).filter_map(|k| values.get(k * values.len() / FIFTHS)).copied().collect();
         let fold = |row: &(usize, usize)| cuts.iter().filter(|cut| value(row) > **cut).count();
         let folds: Vec<Vec<usize>> = problem.rows.iter().map(|rows| rows.iter().map(fold).collect()).collect();
-        FoldFits::new(&fitted.columns, &fitted.target, noise, &folds).errors()
+        FoldFits::new(&fitted.columns, &fitted.target, noise, (&folds, None)).errors()
     };
     [errors(|motion| &motion.q), errors(|motion| &motion.dq)]
-}
-
-/// The fits that blocks were left out of.
-pub(super) fn fold_fits(problem: &Problem, fitted: &Fitted, noise: &Noise) -> FoldFits {
-    FoldFits::new(&fitted.columns, &fitted.target, noise, &problem.fold)
 }
 
 /// Sums of squares and counts: of all logs, then of each.

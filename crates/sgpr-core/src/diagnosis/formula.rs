@@ -10,7 +10,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::basis::{INVISIBLE, Noise, gain};
-use super::fit::{Fitted, fold_fits};
+use super::fit::Fitted;
 use super::left_out::Extra;
 use super::problem::{Column, FOLDS, Problem};
 use crate::effects::sgn;
@@ -178,7 +178,7 @@ pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: 
     let mut stability: Vec<f64> = Vec::new();
     // Of each chosen column: its products with all columns, those chosen before it taken out, over its length.
     let mut before: Vec<Vec<f64>> = Vec::new();
-    let fits = fold_fits(problem, fitted, noise);
+    let fits = fitted.folds(problem, noise);
     let mut error = fits.errors().mean_square(joint).sqrt();
     while chosen.len() < MOST_TERMS {
         let best_without = |skip: Option<usize>| {
@@ -293,7 +293,7 @@ fn written(
         };
         text += &format!("{sign} {:.4} {}", term.coefficient.abs(), term.function);
     }
-    let before = fold_fits(problem, fitted, noise).errors().mean_square(joint).sqrt();
+    let before = fitted.folds(problem, noise).errors().mean_square(joint).sqrt();
     let explained = 1.0 - (after / before.max(1e-300)).powi(2);
     Formula { joint: own.name.clone(), terms, text, explained }
 }

@@ -33,6 +33,8 @@ pub(super) struct FoldFits {
     blocks: Vec<Vec<(usize, Range<usize>)>>,
     /// Weight of a joint's rows, 1/(N·m)² (1/N²).
     weights: Vec<f64>,
+    /// Products of the rows of each fold.
+    products: Vec<Products>,
     folds: Vec<FoldFit>,
     /// Predicted less measured, each from the fit without its fold.
     errors: Column,
@@ -46,14 +48,26 @@ struct FoldFit {
 }
 
 impl FoldFits {
-    /// The fits of `columns` to a target, each joint weighted by its noise; `folds` per joint and row.
-    pub fn new(columns: &[Arc<Column>], target: &Arc<Column>, noise: &Noise, folds: &[Vec<usize>]) -> Self {
+    /// The fits of `columns` to a target, each joint weighted by its noise; `folds` per joint and row. Products of columns
+    /// that are in fits `like` it are taken from there.
+    pub fn new(
+        columns: &[Arc<Column>],
+        target: &Arc<Column>,
+        noise: &Noise,
+        (folds, like): (&[Vec<usize>], Option<&Self>),
+    ) -> Self {
         let weights: Vec<f64> = noise.level.iter().map(|level| 1.0 / (level * level)).collect();
         let blocks = blocks_of(folds);
         let m = columns.len();
         let all: Vec<&Column> = columns.iter().map(|column| &**column).collect();
-        let of_fold = |blocks: &Vec<(usize, Range<usize>)>| Products::new(&all, &[], target, blocks, &weights);
-        let products: Vec<Products> = blocks.par_iter().map(of_fold).collect();
+        let like =
+            like.filter(|like| Arc::ptr_eq(&like.target, target) && like.weights == weights && like.blocks == blocks);
+        let in_like: Vec<Option<usize>> = columns.iter().map(|column| like.and_then(|l| l.index_of(column))).collect();
+        let of_fold = |(fold, blocks): (usize, &Vec<(usize, Range<usize>)>)| {
+            let known = like.map(|like| (&like.products[fold], like.columns.len()));
+            Products::symmetric(&all, target, (blocks, &weights), (known, &in_like))
+        };
+        let products: Vec<Products> = blocks.par_iter().enumerate().map(of_fold).collect();
         let without = |left_out: usize| {
             let sum = Products::without(&products, left_out, m, 0);
             let lengths: Vec<f64> = (0..m).map(|i| sum.gram[i * m + i]).collect();
@@ -69,7 +83,11 @@ impl FoldFits {
                 add_columns(&mut errors[*joint][rows.clone()], &all, &solution, (*joint, rows));
             }
         }
-        Self { columns: columns.to_vec(), target: target.clone(), blocks, weights, folds, errors }
+        Self { columns: columns.to_vec(), target: target.clone(), blocks, weights, products, folds, errors }
+    }
+
+    fn index_of(&self, column: &Arc<Column>) -> Option<usize> {
+        self.columns.iter().position(|own| Arc::ptr_eq(own, column))
     }
 
     /// Errors on what was left out.
@@ -141,6 +159,45 @@ struct Products {
 }
 
 impl Products {
+    /// Of all columns of a model; those that are known, at some indices of others, are taken over.
+    ///
+    /// - `known`: products of other columns, and how many these are
+    /// - `in_known`: per column its index among them
+    fn symmetric(
+        columns: &[&Column],
+        target: &Column,
+        (blocks, weights): (&[(usize, Range<usize>)], &[f64]),
+        (known, in_known): (Option<(&Self, usize)>, &[Option<usize>]),
+    ) -> Self {
+        let m = columns.len();
+        let mut own = Self { gram: vec![0.0; m * m], target: vec![0.0; m], across: vec![] };
+        if let Some((known, size)) = known {
+            for (a, in_a) in in_known.iter().enumerate() {
+                let Some(in_a) = in_a else { continue };
+                own.target[a] = known.target[*in_a];
+                for (b, in_b) in in_known.iter().enumerate() {
+                    own.gram[a * m + b] = in_b.map_or(0.0, |in_b| known.gram[in_a * size + in_b]);
+                }
+            }
+        }
+        let is_new = |k: usize| in_known[k].is_none();
+        for (joint, rows) in blocks {
+            let weight = weights[*joint];
+            let present: Vec<usize> = (0..m).filter(|&k| !columns[k][*joint].is_empty()).collect();
+            for &a in present.iter().filter(|a| is_new(**a)) {
+                let x = &columns[a][*joint][rows.clone()];
+                own.target[a] += weight * dot_in_lanes(x, &target[*joint][rows.clone()]);
+                for &b in present.iter().filter(|b| **b <= a || !is_new(**b)) {
+                    own.gram[a * m + b] += weight * dot_in_lanes(x, &columns[b][*joint][rows.clone()]);
+                }
+            }
+        }
+        for a in (0..m).filter(|a| is_new(*a)) {
+            (0..m).filter(|b| *b < a || !is_new(*b)).for_each(|b| own.gram[b * m + a] = own.gram[a * m + b]);
+        }
+        own
+    }
+
     fn new(
         columns: &[&Column],
         others: &[&Column],
@@ -228,12 +285,12 @@ mod tests {
         };
         let model = [column([true, true]), column([true, false]), column([false, true])];
         let beside = [column([true, false]), column([true, true])];
-        let target = column([true, true]);
+        let target = Arc::new(column([true, true]));
         let folds: Vec<Vec<usize>> =
             vec![(0..40).map(|k| (k / 4) % 5).collect(), (0..40).map(|k| (k / 3) % 5).collect()];
         let noise = Noise::white(&vec![vec![1.0; 40]; 2]);
         let shared: Vec<Arc<Column>> = model.iter().cloned().map(Arc::new).collect();
-        let fits = FoldFits::new(&shared, &Arc::new(target.clone()), &noise, &folds);
+        let fits = FoldFits::new(&shared, &target, &noise, (&folds, None));
         let close = |own: &LeftOut, other: &Column| {
             for (own, other) in own.rows.iter().flatten().zip(other.iter().flatten()) {
                 assert!((own - other).abs() < 1e-9, "{own} {other}");

@@ -1,12 +1,17 @@
 //! Structure that no effect of the catalogue explains: a Gaussian process on what is left, by groups of variables.
 
+use std::sync::Arc;
+
+use faer::linalg::matmul::matmul;
+use faer::{Accum, Mat, Par};
 use rayon::prelude::*;
 
-use super::basis::{Noise, dot, mean_square, products};
+use super::basis::{Basis, Noise, mean_square};
 use super::evidence::{EVEN, LeftOut, SURE, probability_of_fall, weights};
-use super::fit::{Fitted, beyond, fold_fits};
-use super::left_out::{Extra, FoldFits};
+use super::fit::{Fitted, beyond};
+use super::left_out::Extra;
 use super::problem::{Column, Problem};
+use crate::linalg::dot_in_lanes;
 use crate::random::Random;
 use sgpr_predict::internal::cos_in_place;
 
@@ -21,7 +26,7 @@ enum Variable {
 use Variable::{Position, Speed, Time};
 
 /// A smooth function of some variables, times a product of others.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Group {
     factors: Vec<Variable>,
     of: Vec<Variable>,
@@ -106,7 +111,8 @@ impl Leftover {
 pub(super) const MATTERS: f64 = 0.05;
 
 /// Features of a group at a joint: cosines of random combinations of the standardised variables, times the factors. They
-/// are as smooth as the motion, and what the filter of the equations takes out of that is nothing.
+/// are as smooth as the motion, and what the filter of the equations takes out of that is nothing. None for a function of
+/// time if the logs have no common clock.
 pub(super) fn features(problem: &Problem, joint: usize, group: &Group, length_scale: f64) -> Vec<Column> {
     let n = problem.dof();
     let Group { factors, of } = group;
@@ -151,12 +157,35 @@ pub(super) fn features(problem: &Problem, joint: usize, group: &Group, length_sc
     columns
 }
 
-/// A Gaussian process on what a fit leaves at a joint. Its columns are made when they are asked for: hundreds of processes
-/// are tried, and few of them are looked at again.
-pub(super) struct Smooth {
-    joint: usize,
+/// A Gaussian process at a joint, by products of its whitened columns. They are made anew when they are asked for: hundreds
+/// of processes are tried, and few of them are looked at again.
+#[derive(Clone, Debug, Default)]
+struct Process {
     group: Group,
     length_scale: f64,
+    /// Mean square of its torque per variance of the columns' factors.
+    of_unit_variance: f64,
+    /// Products with each other ...
+    gram: Vec<f64>,
+    /// ... with the columns of a fit, and with its target.
+    across: Vec<Vec<f64>>,
+    target: Vec<f64>,
+}
+
+/// The Gaussian processes that are tried on what a fit leaves at a joint, and how each goes with the columns of the fit. What
+/// speaks for a process beside any part of the fit follows from that.
+pub(super) struct Processes {
+    joint: usize,
+    noise: Noise,
+    target: Arc<Column>,
+    /// Whitened columns of the fit.
+    columns: Vec<Arc<Column>>,
+    all: Vec<Process>,
+}
+
+/// One of the processes.
+pub(super) struct Smooth {
+    index: usize,
     /// Variance of the columns' factors, and the largest that was tried.
     variance: f64,
     largest: f64,
@@ -164,68 +193,178 @@ pub(super) struct Smooth {
     pub evidence: f64,
 }
 
-impl Smooth {
-    /// The process that predicts left-out blocks best, of those with most evidence, and its errors there.
-    pub fn best(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: usize) -> Option<(Self, LeftOut)> {
-        let all: Vec<usize> = (0..problem.dof()).collect();
-        Self::best_beside(problem, (fitted, &fold_fits(problem, fitted, noise)), noise, joint, &all)
+/// Columns of one joint side by side.
+fn side_by_side(columns: &[&[f64]]) -> Mat<f64> {
+    Mat::from_fn(columns.first().map_or(0, |c| c.len()), columns.len(), |row, c| columns[c][row])
+}
+
+impl Processes {
+    pub fn new(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: usize) -> Self {
+        let empty = |(group, length_scale): (Group, f64)| Process { group, length_scale, ..Default::default() };
+        let groups = Group::all(joint, problem.dof()).into_iter();
+        let all = groups.flat_map(|group| LENGTH_SCALES.map(|length_scale| (group.clone(), length_scale))).map(empty);
+        let none = Arc::new(Column::default());
+        let nothing = Self { joint, noise: noise.clone(), target: none, columns: vec![], all: all.collect() };
+        let mut own = nothing.beside(problem, fitted, noise);
+        own.all.retain(|process| !process.target.is_empty());
+        own
     }
 
-    /// The same, with its errors at some joints and those of the fit alone at the others.
-    fn best_beside(
+    /// The same processes beside another fit; what it shares with theirs is taken over.
+    fn beside(&self, problem: &Problem, fitted: &Fitted, noise: &Noise) -> Self {
+        let all = self.products_beside(problem, fitted, noise, &self.all);
+        let columns = fitted.basis.independent().to_vec();
+        Self { joint: self.joint, noise: noise.clone(), target: fitted.target.clone(), columns, all }
+    }
+
+    fn products_beside(&self, problem: &Problem, fitted: &Fitted, noise: &Noise, some: &[Process]) -> Vec<Process> {
+        let joint = self.joint;
+        let same_noise = self.noise == *noise;
+        let same_target = same_noise && Arc::ptr_eq(&self.target, &fitted.target);
+        let columns = fitted.basis.independent();
+        let place = |own: &Arc<Column>| self.columns.iter().position(|other| Arc::ptr_eq(own, other));
+        let places: Vec<Option<usize>> = columns.iter().map(place).collect();
+        let acts = |k: &usize| !columns[*k][joint].is_empty();
+        let new: Vec<usize> = (0..columns.len()).filter(|k| places[*k].is_none()).filter(acts).collect();
+        let target = if same_target { vec![] } else { noise.whiten(problem, &fitted.target) };
+        let beside = new.iter().map(|k| &columns[*k][joint]).chain(target.get(joint)).map(Vec::as_slice);
+        let beside = side_by_side(&beside.collect::<Vec<_>>());
+        let one = |known: &Process| {
+            let across = |feature: usize| -> Vec<f64> {
+                let known = known.across.get(feature);
+                places.iter().map(|at| at.zip(known).map_or(0.0, |(at, known)| known[at])).collect()
+            };
+            if beside.ncols() == 0 && !known.target.is_empty() {
+                return Process { across: (0..known.across.len()).map(across).collect(), ..known.clone() };
+            }
+            let own = features(problem, joint, &known.group, known.length_scale);
+            if own.is_empty() {
+                return known.clone();
+            }
+            let of_unit_variance = own.iter().map(|column| mean_square(&column[joint])).sum();
+            let white: Vec<Column> = own.iter().map(|column| noise.whiten(problem, column)).collect();
+            drop(own);
+            let z = side_by_side(&white.iter().map(|column| &column[joint][..]).collect::<Vec<_>>());
+            let k = white.len();
+            let products = |other: &Mat<f64>| {
+                let mut products = Mat::<f64>::zeros(k, other.ncols());
+                matmul(products.as_mut(), Accum::Replace, z.transpose(), other.as_ref(), 1.0, Par::Seq);
+                products
+            };
+            let gram = if same_noise && !known.gram.is_empty() {
+                known.gram.clone()
+            } else {
+                let gram = products(&z);
+                (0..k * k).map(|at| gram[(at / k, at % k)]).collect()
+            };
+            let along = products(&beside);
+            let with_new = |feature: usize| {
+                let mut all = across(feature);
+                new.iter().enumerate().for_each(|(at, column)| all[*column] = along[(feature, at)]);
+                all
+            };
+            let target =
+                if same_target { known.target.clone() } else { (0..k).map(|f| along[(f, new.len())]).collect() };
+            Process { of_unit_variance, gram, across: (0..k).map(with_new).collect(), target, ..known.clone() }
+        };
+        some.par_iter().map(one).collect()
+    }
+
+    /// The process that predicts left-out blocks best, of those with most evidence beside a fit, and its errors there.
+    ///
+    /// - `joints`: where to have these errors; at the others they are those of the fit alone
+    pub fn best(
+        &self,
         problem: &Problem,
-        (fitted, fits): (&Fitted, &FoldFits),
+        fitted: &Fitted,
         noise: &Noise,
-        joint: usize,
         joints: &[usize],
-    ) -> Option<(Self, LeftOut)> {
+    ) -> Option<(Smooth, LeftOut)> {
         /// As many are held against left-out blocks.
         const FINALISTS: usize = 5;
+        let joint = self.joint;
         let left = mean_square(&fitted.residual[joint]);
-        let of_group = |(group, length_scale): (Group, f64)| {
-            let columns = features(problem, joint, &group, length_scale);
-            if columns.is_empty() {
-                return None;
-            }
-            let white: Vec<Column> = columns.iter().map(|c| noise.whiten(problem, c)).collect();
-            let of_unit_variance: f64 = columns.iter().map(|column| mean_square(&column[joint])).sum();
-            let largest = LARGEST * LARGEST * left / of_unit_variance.max(f64::MIN_POSITIVE);
-            let (variance, evidence) = evidence(fitted, &white, largest);
-            Some(Self { joint, group, length_scale, variance, largest, evidence })
+        let beside = self.beside(problem, fitted, noise);
+        let along = fitted.basis.shares_of(&noise.whiten(problem, &fitted.target));
+        let smooth = |(index, process): (usize, &Process)| {
+            let largest = LARGEST * LARGEST * left / process.of_unit_variance.max(f64::MIN_POSITIVE);
+            let (variance, evidence) = process.evidence(&fitted.basis, &along, largest);
+            Smooth { index, variance, largest, evidence }
         };
-        let groups = Group::all(joint, problem.dof()).into_iter();
-        let tried: Vec<(Group, f64)> = groups.flat_map(|group| LENGTH_SCALES.map(|s| (group.clone(), s))).collect();
-        let mut all: Vec<Self> = tried.into_par_iter().filter_map(of_group).filter(|own| own.evidence > 0.0).collect();
+        let mut all: Vec<Smooth> = beside.all.par_iter().enumerate().map(smooth).collect();
+        all.retain(|own| own.evidence > 0.0);
         all.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         all.truncate(FINALISTS);
+        let folds = fitted.folds(problem, noise);
         let judged = all.into_par_iter().map(|own| {
             let precision = 1.0 / own.variance.max(f64::MIN_POSITIVE);
-            let errors = fits.errors_with(&Extra { columns: &own.columns(problem), precision }, joints);
+            let Process { group, length_scale, .. } = &self.all[own.index];
+            let columns = features(problem, joint, group, *length_scale);
+            let errors = folds.errors_with(&Extra { columns: &columns, precision }, joints);
             (own, errors)
         });
-        let error = |(_, errors): &(Self, LeftOut)| errors.mean_square(joint);
+        let error = |(_, errors): &(Smooth, LeftOut)| errors.mean_square(joint);
         judged.collect::<Vec<_>>().into_iter().min_by(|a, b| error(a).total_cmp(&error(b)))
     }
 
-    /// Log evidence of the same process against none beside another fit.
-    pub fn evidence_beside(&self, problem: &Problem, fitted: &Fitted, noise: &Noise) -> f64 {
-        let white: Vec<Column> = self.columns(problem).iter().map(|c| noise.whiten(problem, c)).collect();
-        evidence(fitted, &white, self.largest).1
+    /// Log evidence of a process against none beside another fit.
+    pub fn evidence_beside(&self, smooth: &Smooth, problem: &Problem, fitted: &Fitted, noise: &Noise) -> f64 {
+        let along = fitted.basis.shares_of(&noise.whiten(problem, &fitted.target));
+        let beside = self.products_beside(problem, fitted, noise, &self.all[smooth.index..=smooth.index]);
+        beside[0].evidence(&fitted.basis, &along, smooth.largest).1
     }
 
-    fn columns(&self, problem: &Problem) -> Vec<Column> {
-        features(problem, self.joint, &self.group, self.length_scale)
+    /// What the torque of a process depends on, in words.
+    fn describe(&self, smooth: &Smooth, names: &[&str]) -> String {
+        self.all[smooth.index].group.describe(self.joint, names)
+    }
+}
+
+impl Process {
+    /// Variance of the columns' factors, at most the `largest`, at which their log evidence beside some columns is greatest,
+    /// and that.
+    ///
+    /// - `along`: shares of the target along the basis
+    fn evidence(&self, basis: &Basis, along: &[f64], largest: f64) -> (f64, f64) {
+        let k = self.target.len();
+        let shares = |across: &Vec<f64>| -> Vec<f64> {
+            let mut shares = across.clone();
+            basis.forward_substitute(&mut shares);
+            shares
+        };
+        let shares: Vec<Vec<f64>> = self.across.iter().map(shares).collect();
+        let gram = |a: usize, b: usize| self.gram[a * k + b] - dot_in_lanes(&shares[a], &shares[b]);
+        let gram = faer::Mat::from_fn(k, k, |a, b| gram(a.max(b), a.min(b)));
+        let b: Vec<f64> =
+            self.target.iter().zip(&shares).map(|(own, shares)| own - dot_in_lanes(shares, along)).collect();
+        let (values, vectors) = crate::linalg::symmetric_eigen(gram.as_ref());
+        let along: Vec<f64> = (0..k).map(|i| (0..k).map(|j| vectors[(j, i)] * b[j]).sum()).collect();
+        let at = |variance: f64| {
+            let one = |(value, along): (&f64, &f64)| {
+                let scaled = 1.0 + variance * value.max(0.0);
+                0.5 * (variance * along * along / scaled - scaled.ln())
+            };
+            values.iter().zip(&along).map(one).sum::<f64>()
+        };
+        let tried = (0..30).map(|e| largest * f64::from(-e).exp2()).map(|variance| (variance, at(variance)));
+        tried.fold((0.0, 0.0), |best, tried| if tried.1 > best.1 { tried } else { best })
     }
 }
 
 /// What a Gaussian process could still predict at each joint, of the group with most evidence there; `own` are the errors
 /// of the fit on blocks that were left out.
-pub(super) fn leftover(problem: &Problem, fitted: &Fitted, own: &LeftOut, noise: &Noise) -> Vec<Leftover> {
+///
+/// - `processes`: of each joint
+pub(super) fn leftover(
+    problem: &Problem,
+    (fitted, own): (&Fitted, &LeftOut),
+    noise: &Noise,
+    processes: &[Processes],
+) -> Vec<Leftover> {
     let names: Vec<&str> = problem.nominal.robot().joint_names().collect();
     let beyond = beyond(problem, fitted);
-    let fits = fold_fits(problem, fitted, noise);
     let of_joint = |joint: usize| {
-        let (smooth, with) = Smooth::best_beside(problem, (fitted, &fits), noise, joint, &[joint])?;
+        let (smooth, with) = processes[joint].best(problem, fitted, noise, &[joint])?;
         let whole = |errors: &LeftOut| errors.mean_square(joint) + beyond[joint][0].powi(2);
         let share = 1.0 - (whole(&with) / whole(own).max(f64::MIN_POSITIVE)).sqrt();
         // One of so many groups, and none, are as likely before any data.
@@ -235,28 +374,8 @@ pub(super) fn leftover(problem: &Problem, fitted: &Fitted, own: &LeftOut, noise:
         // Asked like an effect: what is not sure on left-out blocks is at most as likely as not.
         let most = if own.against(&with, problem, &[joint]).significance() >= SURE { 1.0 } else { EVEN };
         let probability = there.min(matters).min(most);
-        let group = smooth.group.describe(joint, &names);
+        let group = processes[joint].describe(&smooth, &names);
         Some(Leftover { joint, share, probability, group })
     };
     (0..problem.dof()).into_par_iter().filter_map(of_joint).collect()
-}
-
-/// Variance of the factors of `white`, at most the `largest`, at which their log evidence is greatest, and that.
-fn evidence(fitted: &Fitted, white: &[Column], largest: f64) -> (f64, f64) {
-    let k = white.len();
-    let shares = fitted.basis.shares_of_many(&white.iter().collect::<Vec<_>>());
-    let gram = products(white, &shares);
-    let gram = faer::Mat::from_fn(k, k, |a, b| gram[a * k + b]);
-    let b: Vec<f64> = white.iter().map(|c| dot(c, &fitted.white)).collect();
-    let (values, vectors) = crate::linalg::symmetric_eigen(gram.as_ref());
-    let along: Vec<f64> = (0..k).map(|i| (0..k).map(|j| vectors[(j, i)] * b[j]).sum()).collect();
-    let at = |variance: f64| {
-        let one = |(value, along): (&f64, &f64)| {
-            let scaled = 1.0 + variance * value.max(0.0);
-            0.5 * (variance * along * along / scaled - scaled.ln())
-        };
-        values.iter().zip(&along).map(one).sum::<f64>()
-    };
-    let tried = (0..30).map(|e| largest * f64::from(-e).exp2()).map(|variance| (variance, at(variance)));
-    tried.fold((0.0, 0.0), |best, tried| if tried.1 > best.1 { tried } else { best })
 }

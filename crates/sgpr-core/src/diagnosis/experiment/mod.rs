@@ -219,7 +219,7 @@ impl<'a> Judge<'a> {
         let raw: Vec<Column> = columns.iter().map(|column| self.scaled(column)).collect();
         let brought = self.scaled(&self.logs.0);
         let power = dot(&brought, &brought);
-        let contains = power - gain(&Basis::new(&[]), &brought, &raw, 1e-9).chi2 < 1e-6 * power;
+        let contains = power - gain(&Basis::new(vec![]), &brought, &raw, 1e-9).chi2 < 1e-6 * power;
         for (k, coefficient) in term.coefficients.iter_mut().enumerate() {
             let given = candidate.gain.coefficients.get(k).copied().unwrap_or_default();
             *coefficient = if given == 0.0 { self.level / rms(&columns[k]).max(1e-150) } else { given };
@@ -281,7 +281,7 @@ impl<'a> Judge<'a> {
 
     /// Columns made orthonormal.
     fn basis(&self, columns: &[Vec<f64>]) -> Basis {
-        Basis::new(&columns.iter().map(|column| self.scaled(column)).collect::<Vec<Column>>())
+        Basis::new(columns.iter().map(|column| self.scaled(column)).collect())
     }
 
     /// What a basis leaves of a torque.

@@ -2,8 +2,10 @@
 
 use rayon::prelude::*;
 
+use std::sync::Arc;
+
 use super::super::evidence::{Comparison, LeftOut, SURE};
-use super::super::fit::{ByLog, Fitted, beyond, by_log, fold_fits};
+use super::super::fit::{ByLog, Fitted, beyond, by_log};
 use super::super::left_out::{Extra, FoldFits};
 use super::super::problem::{Column, Problem};
 use super::Search;
@@ -75,7 +77,7 @@ impl HeldOut {
 
 /// Where a fit stands on blocks that were left out.
 pub(super) struct Standing {
-    fits: FoldFits,
+    fits: Arc<FoldFits>,
     pub errors: HeldOut,
 }
 
@@ -92,7 +94,7 @@ pub(super) struct Outlook {
 
 impl Search<'_> {
     pub(super) fn standing(&self, fitted: &Fitted) -> Standing {
-        let fits = fold_fits(&self.problem, fitted, &self.noise);
+        let fits = fitted.folds(&self.problem, &self.noise);
         let errors = HeldOut::new(&self.problem, fits.errors(), beyond(&self.problem, fitted));
         Standing { fits, errors }
     }
@@ -115,7 +117,7 @@ impl Search<'_> {
     }
 
     pub(in super::super) fn errors(&self, fitted: &Fitted) -> HeldOut {
-        let left_out = fold_fits(&self.problem, fitted, &self.noise).errors();
+        let left_out = fitted.folds(&self.problem, &self.noise).errors();
         HeldOut::new(&self.problem, left_out, beyond(&self.problem, fitted))
     }
 

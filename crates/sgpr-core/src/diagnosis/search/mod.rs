@@ -20,7 +20,8 @@ use super::decision::{MANY, imitations};
 use super::fit::{Fitted, solve, solve_like};
 use super::problem::{Column, Problem};
 use super::report::ranked;
-use crate::effects::{Effect, Site};
+use super::unknown::Processes;
+use crate::effects::{Effect, Reach, Site};
 use crate::model::Term;
 use crate::progress::{Interrupted, Progress};
 pub(super) use by_hand::Wanted;
@@ -145,6 +146,8 @@ pub(super) struct Search<'a> {
     pub units: f64,
     pub rows: f64,
     cache: HashMap<(String, Site, Vec<u64>), Vec<Column>>,
+    /// Refined constants of effects at joints where the model has not changed since.
+    refined: HashMap<(String, Site), Vec<f64>>,
     progress: &'a dyn Progress,
     /// Hears of the candidates before the search ends.
     ranked: &'a Ranked<'a>,
@@ -164,7 +167,21 @@ impl<'a> Search<'a> {
         let robot = problem.nominal.robot();
         let units: usize = catalogue.iter().map(|effect| effect.sites(robot).len()).sum();
         let rows = problem.rows.iter().map(Vec::len).sum::<usize>() as f64;
-        Self { problem, catalogue, known, noise, units: units as f64, rows, cache: HashMap::new(), progress, ranked }
+        let units = units as f64;
+        let (cache, refined) = (HashMap::new(), HashMap::new());
+        Self { problem, catalogue, known, noise, units, rows, cache, refined, progress, ranked }
+    }
+
+    /// Forgets what is remembered of columns and constants: other rows, or another motion.
+    fn forget(&mut self) {
+        self.cache.clear();
+        self.refined.clear();
+    }
+
+    /// Forgets the constants that a new term may move.
+    fn forget_beside(&mut self, term: &Term) {
+        let own = term.site.joint().filter(|_| term.effect.reach() == Reach::Own);
+        self.refined.retain(|(_, site), _| own.is_some() && site.joint() != own);
     }
 
     /// The accepted terms with their indices in the fit and what the search knows of them, those that refine an effect of
@@ -232,6 +249,7 @@ impl<'a> Search<'a> {
                 }
                 Some(Next::Finer(next, steps)) => {
                     fitted = next;
+                    fitted.terms().iter().rev().take(steps.len()).for_each(|term| self.forget_beside(term));
                     accepted.extend(steps);
                     continue;
                 }
@@ -241,8 +259,10 @@ impl<'a> Search<'a> {
                     accepted.push(step);
                 }
             }
-            if fitted.terms().last().is_some_and(Term::is_transform) {
-                self.cache.clear();
+            match fitted.terms().last() {
+                Some(term) if term.is_transform() => self.forget(),
+                Some(term) => self.forget_beside(term),
+                None => {}
             }
             if let Some(later) = self.without_late_rests(&fitted)? {
                 fitted = later;
@@ -277,7 +297,12 @@ impl<'a> Search<'a> {
         let joint = accepted.last()?.site.joint()?;
         let at_joint = |k: &usize| fitted.terms()[*k].site.joint() == Some(joint) && !is_limit(&fitted.terms()[*k]);
         let own: Vec<usize> = self.news(fitted, accepted).map(|(k, _)| k).filter(at_joint).collect();
-        let out = if own.len() < MANY { vec![] } else { imitations(self, fitted, &own, joint, 0.0) };
+        let out = if own.len() < MANY {
+            vec![]
+        } else {
+            let processes = Processes::new(&self.problem, fitted, &self.noise, joint);
+            imitations(self, fitted, &own, (joint, 0.0), &processes)
+        };
         (!out.is_empty()).then_some((joint, out))
     }
 

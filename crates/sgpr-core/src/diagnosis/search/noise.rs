@@ -78,7 +78,7 @@ impl Search<'_> {
                 column
             };
             let some: Vec<Column> = columns.iter().map(|c| column(masked(&c[joint]))).collect();
-            let basis = Basis::new(&some);
+            let basis = Basis::new(some);
             used = basis.rank();
             let factors = basis.solve(&column(masked(residual)));
             left = residual.to_vec();

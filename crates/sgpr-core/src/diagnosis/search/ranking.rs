@@ -29,12 +29,12 @@ impl Search<'_> {
                 let columns = problem.reversal_columns(&fitted.model, &fitted.rigid, joint, widths);
                 let columns: Vec<Column> = columns.iter().map(|column| self.noise.whiten(problem, column)).collect();
                 if !BREAKAWAY.contains(&(self.friction_at_creep(fitted, widths, &columns) / dry)) {
-                    columns.iter().for_each(|column| basis.push(column));
+                    columns.into_iter().for_each(|column| basis.push(column.into()));
                 }
             }
         }
         let constants: Vec<(usize, usize)> = fitted.constants().collect();
-        tangents(problem, fitted, &self.noise, &constants).iter().for_each(|tangent| basis.push(tangent));
+        tangents(problem, fitted, &self.noise, &constants).into_iter().for_each(|tangent| basis.push(tangent.into()));
         let mut white = self.noise.whiten(problem, &fitted.target);
         basis.project_out(&mut white);
         basis.project_out(&mut white);
