@@ -264,6 +264,25 @@ impl ParameterPrior {
         (0..self.of_file.len()).filter(|k| held(*k)).collect()
     }
 
+    /// Triangle of data and of the prior as it pulled last, what is kept included: equations for whatever else has to hold.
+    ///
+    /// - `whitened`: as in [`Self::chosen_by`]
+    pub(crate) fn beside(&self, whitened: &Mat<f64>) -> Mat<f64> {
+        /// Deviation of what is kept, in standard deviations of the prior.
+        const KEPT: f64 = 1e-3;
+        let (rank, rows, covariance) = (self.of_file.len(), self.posterior(whitened).rows, self.covariance());
+        let kept = |k: usize, j: usize| {
+            let weight = 1.0 / (KEPT * covariance[(k, k)].sqrt());
+            if j == rank { weight * self.of_file[k] } else { f64::from(u8::from(j == k)) * weight }
+        };
+        let all = Mat::from_fn(2 * rank + 1 + self.kept.len(), rank + 1, |i, j| match i {
+            _ if i <= rank => whitened[(i, j)],
+            _ if i <= 2 * rank => rows[(i - rank - 1, j)],
+            _ => kept(self.kept[i - 2 * rank - 1], j),
+        });
+        triangle(all.as_ref())
+    }
+
     /// Base parameters by data and prior, those that physics forbids to be negative not negative, unless the data insist.
     ///
     /// The prior pulls [`PULLS`] times, each time toward what the pull before has found (iterated Tikhonov regularisation):
@@ -311,7 +330,7 @@ pub(super) struct Posterior {
     pub values: Vec<f64>,
     /// Upper triangular root U of the covariance U Uᵀ for data whose noise is what they are in units of.
     pub root: Mat<f64>,
-    /// [`ParameterPrior::rows`].
+    /// [`ParameterPrior::rows`], as they pulled last.
     rows: Mat<f64>,
 }
 

@@ -408,7 +408,12 @@ fn fit(
                 notes.push(cross_validation_note(deviation, &scores));
             }
             let solve = |whitened: &Mat<f64>| consistency.solve(robot, &set, &base, whitened, &start, &torque);
-            let mut whitened = estimate.whitened.clone();
+            // What the prior holds it holds here, too.
+            let holding = |whitened: Mat<f64>| match &held {
+                Some(held) => held.prior.beside(&whitened),
+                None => whitened,
+            };
+            let mut whitened = holding(estimate.whitened.clone());
             let mut found = solve(&whitened)?;
             for _ in 0..if options.method.reweights() { REWEIGHTINGS } else { 0 } {
                 if model.terms().iter().any(Term::is_transform) {
@@ -417,7 +422,7 @@ fn fit(
                     let columns = terms.columns(&model)?;
                     factors = variable_projection::factors(robot, &set, &base, &experiment, &columns)?;
                 }
-                whitened = estimate.whitened_at(&factors, &found.base, &correlation);
+                whitened = holding(estimate.whitened_at(&factors, &found.base, &correlation));
                 found = solve(&whitened)?;
             }
             let costs = consistency.costs(robot, &set, &base, &whitened, &start, &torque)?;

@@ -6,6 +6,7 @@
 //! - per link: the pseudo-inertia `[[S, h], [hᵀ, m]]` is positive definite, which says that a distribution of positive
 //!   mass has these parameters, and nothing more (Wensing, Kim, Slotine (2018));
 //! - per effect: parameters that physics forbids to be negative are not;
+//! - no link is heavier than the whole arm is by its robot file or, if the file has placeholders, by its torques;
 //! - limits of the user ([`PhysicalBounds`]): masses, places of centres of mass, any parameter.
 //!
 //! The data enter by the triangular factor R of the weighted base parameters, so the program has the size of the robot,
@@ -229,8 +230,10 @@ impl<'a> Task<'a> {
         assert!(same, "the factor and torques of this robot");
         let sizes = nominal_links(nominal, set).map(LinkSize::of).collect();
         let scale = parameter_scales(set, nominal, torque);
-        let bounds = bounds::collect(bounds, robot, set, &scale)
+        let masses = bounds::masses(bounds, robot, base, nominal, torque, &scale);
+        let mut bounds = bounds::collect(bounds, robot, set, &scale)
             .map_err(|BadBound { bound, reason }| IdentificationError::BadBound { bound, reason })?;
+        bounds.extend(masses);
         let whitened = resolved(whitened);
         Ok(Self { robot, set, base, whitened, nominal, sizes, scale, bounds })
     }

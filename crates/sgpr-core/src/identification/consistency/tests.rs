@@ -46,6 +46,33 @@ fn the_divergence_is_that_of_its_definition() {
 }
 
 #[test]
+fn no_link_is_heavier_than_the_whole_arm() {
+    // Two links of 1 kg, 1 m apart: the file's arm weighs 2 kg, one with 9.80665 N·m at that reach up to 10 kg.
+    let robot = crate::robot::two_link();
+    let set = ParameterSet::new(&robot, &[] as &[&str]).expect("no effect");
+    let (base, nominal) = (BaseParameters::new(&robot, &set), robot.standard_parameters());
+    let scale = vec![1.0; set.len()];
+    let reach = robot.joints()[1].placement.translation.norm();
+    let limits = |bounds: &PhysicalBounds, torque: [f64; 2]| {
+        let found = bounds::masses(bounds, &robot, &base, &nominal, &torque, &scale);
+        // Where the limit on the last link binds.
+        let margin = |mass: f64| {
+            let mut x = vec![0.0; set.len()];
+            x[PARAMETERS_PER_LINK] = mass;
+            found.last().map_or(f64::NAN, |bound| bound.margin(&x))
+        };
+        (found.len(), 1.0 / (margin(0.0) - margin(1.0)))
+    };
+    let free = PhysicalBounds::default();
+    let (count, most) = limits(&free, [1e-3, 1e-4]);
+    assert!(count == 2 && (most - nominal[0] - nominal[PARAMETERS_PER_LINK]).abs() < 1e-9, "{count} {most}");
+    let (_, most) = limits(&free, [9.806_65 * reach, 1.0]);
+    assert!((most - 10.0).abs() < 1e-9, "{most}");
+    let own = PhysicalBounds { total_mass: Some([1.0, 9.0]), ..free };
+    assert_eq!(limits(&own, [1.0; 2]).0, 0, "what the user says of masses goes before");
+}
+
+#[test]
 fn an_inertia_that_no_body_has_is_mended_and_a_rod_is_not() {
     let size = LinkSize { mass: 1.0, length: 0.1 };
     let impossible = [1.0, 0.0, 0.0, 0.0, 0.01, 0.0, 0.01, 0.0, 0.0, 0.03];
