@@ -109,6 +109,32 @@ pub fn repeated_share(known: &Bound<'_, PyAny>, new: &Bound<'_, Recording>) -> P
     Ok(logs::repeated_share(&known, new))
 }
 
+/// Samples of a log that other logs have, too: an error there is not one on unseen data.
+///
+/// Samples are the same if positions and torques of a run of at least fifty are the same numbers, whatever files and stamps
+/// say. Another run of the same motion has other noise; `repeated_share` finds it.
+///
+/// Parameters
+/// ----------
+/// known : list of Recording
+/// new : Recording
+///
+/// Returns
+/// -------
+/// list of (int, int, int)
+///     In the order of `new`: the index of the log in `known`, and the first sample of `new` and the one after the last.
+///
+/// Examples
+/// --------
+/// >>> log = sgpr.read("train.csv.gz")
+/// >>> sgpr.shared_samples([log], log) == [(0, 0, len(log))]
+/// True
+#[pyfunction]
+pub fn shared_samples(known: &Bound<'_, PyAny>, new: &Bound<'_, Recording>) -> PyResult<Vec<(usize, usize, usize)>> {
+    let runs = logs::shared_samples(&recordings(known)?, &new.get().inner);
+    Ok(runs.into_iter().map(|(run, log)| (log, run.start, run.end)).collect())
+}
+
 const OPTIONS: [&str; 21] = [
     "effects",
     "method",

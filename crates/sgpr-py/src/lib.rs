@@ -43,6 +43,7 @@ mod _sgpr {
     #[pymodule_export]
     use crate::identification::{
         CutoffChoice, CutoffInfluence, IdentificationReport, cutoff_influence, effects, identify, repeated_share,
+        shared_samples,
     };
     #[pymodule_export]
     use crate::model::{Model, Parameter, Parameters, Predictor, Processing, load};

@@ -142,24 +142,39 @@ def test_failure_leaves_the_folder_as_it_was(logs: list[str], tmp_path: Path) ->
 
 def test_a_test_log_that_repeats_the_training_is_named(finished: Run, logs: list[str], tmp_path: Path) -> None:
     assert json.loads((finished[1] / "identification.json").read_text())["repeated_motions"] == []
-    again = write_log(tmp_path / "again.csv", 1, lambda table: table[100:])
+    # Another run of the same motion has other noise.
+    noise = np.random.default_rng(3)
+    again = write_log(tmp_path / "again.csv", 1, lambda table: table[100:] + noise.normal(0.0, 1e-9, table[100:].shape))
     out = tmp_path / "out"
     found = run("identify", "--robot", "two_link", "--train", *logs[:2], "--test", logs[2], again, "--out", out)
-    assert found.code == 0
+    assert found.code == 0, found.err
     (text,) = json.loads((out / "identification.json").read_text())["repeated_motions"]
     assert text.startswith(f"{again} repeats motions of the training logs for 100 %")
     assert "repeats motions" in " ".join(found.err.split()) + " ".join(found.out.split())
     assert "repeats motions of the training logs" in (out / "report.html").read_text()
+
+
+def test_samples_that_training_and_test_share_are_named_with_both_files(logs: list[str], tmp_path: Path) -> None:
+    again = write_log(tmp_path / "again.csv", 1, lambda table: table[100:])
+    out = tmp_path / "out"
+    found = run("identify", "--robot", "two_link", "--train", *logs[:2], "--test", logs[2], again, "--out", out)
+    assert found.code == 0, found.err
+    (text,) = json.loads((out / "identification.json").read_text())["repeated_motions"]
+    assert f"samples of the test log {again} are in the training log {logs[0]}" in text
+    count, _, whole, *_ = text.split()
+    assert count == whole, "the whole log"
+    assert "are in the training log" in " ".join(found.err.split()) + " ".join(found.out.split())
+    assert "are in the training log" in (out / "report.html").read_text()
     # The model knows which logs trained it.
     found = run("compare", out / "model.sgpr", logs[2], again, "--json", "--out", tmp_path / "compared")
     assert json.loads(found.out)["repeated_motions"] == [text]
-    assert "repeats motions of the training logs" in (tmp_path / "compared" / "report.html").read_text()
+    assert "are in the training log" in (tmp_path / "compared" / "report.html").read_text()
     for command in (("diagnose", "--look-for", "stribeck_friction"), ("learn", "--points", "100")):
         out = tmp_path / command[0]
         found = run(*command, "--robot", "two_link", "--train", *logs[:2], "--test", again, "--out", out)
         assert found.code == 0, found.err
-        assert "repeats motions" in " ".join(found.err.split())
-        assert "repeats motions of the training logs" in (out / "report.html").read_text()
+        assert "are in the training log" in " ".join(found.err.split())
+        assert "are in the training log" in (out / "report.html").read_text()
 
 
 def test_without_test_logs_the_training_logs_are_shown_as_such(logs: list[str], tmp_path: Path) -> None:

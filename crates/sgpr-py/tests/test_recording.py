@@ -366,5 +366,7 @@ def test_a_test_log_with_the_motion_of_the_training_is_found(
     again = demo_logs[0].slice(1000, 4000)
     assert sgpr.repeated_share(demo_logs, again) == 1.0
     assert sgpr.repeated_share(demo_logs, demo_test) == 0.0
+    assert sgpr.shared_samples(demo_logs, again) == [(0, 0, 3000)]
+    assert sgpr.shared_samples(demo_logs, demo_test) == []
     with pytest.raises(ValueError, match="joints"):
         sgpr.repeated_share(demo_logs, log)

@@ -79,6 +79,16 @@ impl LogSet {
     }
 }
 
+/// Runs of samples of `new` that one of the `known` logs has, too, in order, and which log that is.
+///
+/// An error on samples that a fit has seen is none on unseen data. Samples are the same as in a [`LogSet`]: another run of
+/// the same motion has other noise and is found by [`repeated_share`](super::repeated_share).
+pub fn shared_samples(known: &[Recording], new: &Recording) -> Vec<(Range<usize>, usize)> {
+    let mut logs = Known::default();
+    known.iter().for_each(|log| logs.add(log));
+    logs.runs_of(new)
+}
+
 fn by_content(a: &Recording, b: &Recording) -> Ordering {
     let first = |recording: &Recording| recording.time().first().copied();
     let numbers = |a: &[f64], b: &[f64]| {
@@ -231,6 +241,16 @@ mod tests {
         let notes = LogSet::new(&[log("a", 0..400), log("b", 300..500)]).notes().to_vec();
         assert_eq!(notes.len(), 1);
         assert!(notes[0].starts_with("100 of 200 samples of b, from 0.00 s"), "{}", notes[0]);
+    }
+
+    #[test]
+    fn a_test_log_that_the_training_has_is_found_by_its_samples() {
+        let train = [log("a", 0..400), log("b", 500..900)];
+        assert_eq!(shared_samples(&train, &log("c", 380..700)), [(120..320, 1)]);
+        assert_eq!(shared_samples(&train, &log("c", 300..600)), [(0..100, 0), (200..300, 1)]);
+        assert_eq!(shared_samples(&train, &log("c", 500..900)), [(0..400, 1)]);
+        assert_eq!(shared_samples(&train, &log("c", 900..1300)), []);
+        assert_eq!(shared_samples(&[], &log("c", 0..400)), []);
     }
 
     #[test]

@@ -30,7 +30,7 @@ pub use error::RecordingError;
 pub use inspect::{Issue, IssueKind, Severity, inspect, silent_errors};
 pub(crate) use inspect::{MOST_JITTER, is_still, jitter};
 pub use layout::{ColumnLayout, JointLayout, Layout};
-pub use log_set::LogSet;
+pub use log_set::{LogSet, shared_samples};
 pub(crate) use part::stretches;
 pub use part::{GAP_FACTOR, split_at_gaps};
 pub(crate) use plausible::{Implausible, PERIODS, SMALLEST_TORQUE};

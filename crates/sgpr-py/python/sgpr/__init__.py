@@ -74,6 +74,7 @@ from ._sgpr import (
     repeated_share,
     residual_structure,
     screen,
+    shared_samples,
     simulate,
     write_mcap,
 )
@@ -156,6 +157,7 @@ __all__ = [
     "robots",
     "save_report",
     "screen",
+    "shared_samples",
     "simulate",
     "workbench",
     "write_mcap",

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import Robot, SgprError, repeated_share
+from .. import Robot, SgprError, repeated_share, shared_samples
 from .. import identify as identify_from
 from .. import screen as screen_with
 from ..report.numbers import counted, percent, significant
@@ -54,10 +54,18 @@ def excitation(condition: float, count: int, undetermined: Sequence[str]) -> str
 
 
 def repeated(train: Sequence[Log], test: Sequence[Log]) -> list[str]:
-    """Test logs with the motion of training logs."""
+    """Test logs with samples or motions of training logs."""
     training = stretches(train)
+    paths = [log.path for log in train for _ in log.stretches]
     texts = []
     for log in test:
+        shared: dict[str, int] = {}
+        for part in log.stretches:
+            for known, first, end in shared_samples(training, part):
+                shared[str(paths[known])] = shared.get(str(paths[known]), 0) + end - first
+        if shared:
+            texts += [_shares(log, path, count) for path, count in shared.items()]
+            continue
         found = [share for part in log.stretches if (share := repeated_share(training, part)) is not None]
         if found and max(found) > REPEATED:
             texts.append(
@@ -66,3 +74,11 @@ def repeated(train: Sequence[Log], test: Sequence[Log]) -> list[str]:
                 "motion. Test with another motion"
             )
     return texts
+
+
+def _shares(log: Log, path: str, count: int) -> str:
+    whole = sum(len(part) for part in log.stretches)
+    return (
+        f"{count} of {whole} samples of the test log {log.path} are in the training log {path}: its error there is "
+        "that of the fit, not one on unseen data. Test with another log"
+    )
