@@ -7,7 +7,8 @@
 //!    only imitate a law that no catalogue has. An effect that is there makes the rest of that law smaller: the process
 //!    needs less variance beside it, and the two together have more evidence. One that imitates does not.
 //! 2. The probability of an effect is its weight among its alternatives: none, its rivals in its place, the process.
-//! 3. What is less probable than not leaves the model.
+//! 3. What is there predicts parts of the logs better, too, that are far from what it was fitted to.
+//! 4. What is less probable than not leaves the model.
 
 use rayon::prelude::*;
 
@@ -75,7 +76,8 @@ pub(super) fn decide(search: &mut Search<'_>, outcome: Outcome) -> Result<Decisi
     search.step("weigh what was found", 0, 3)?;
     let mut beside = Beside::of(search, &outcome.fitted);
     let found = outcome.accepted.len();
-    let mut outcome = without_imitations(search, outcome, &beside)?;
+    let outcome = without_imitations(search, outcome, &beside)?;
+    let mut outcome = without_chance(search, outcome);
     if outcome.accepted.len() < found {
         beside = Beside::of(search, &outcome.fitted);
     }
@@ -165,6 +167,32 @@ fn without_imitations(search: &mut Search<'_>, mut outcome: Outcome, beside: &Be
     Ok(outcome.without(search, &out))
 }
 
+/// Gain on parts of the logs, in its standard deviations, of what was surely found on blocks of time between others.
+const HOLDS: f64 = 2.0;
+
+/// `outcome` without the effects that do not predict parts of the logs better which are far from what they were fitted to,
+/// the least sure first: blocks of time between others may be predicted by what this motion alone looks like. What begins
+/// or ends at a time is not asked, for its part may be the only one.
+fn without_chance(search: &Search<'_>, mut outcome: Outcome) -> Outcome {
+    let (problem, noise) = (&search.problem, &search.noise);
+    loop {
+        let fitted = &outcome.fitted;
+        let with = left_out_parts(problem, fitted, noise);
+        let is_asked = |k: &usize| !is_limit(&fitted.terms()[*k]) && fitted.terms()[*k].times().next().is_none();
+        let sure = |k: usize| {
+            let bare = search.refit(fitted, without(fitted.terms(), &[k]));
+            let joints = search.joints_of(&fitted.terms()[k]);
+            (k, left_out_parts(problem, &bare, noise).against(&with, problem, &joints).significance())
+        };
+        let asked: Vec<usize> = outcome.news(search).map(|(k, _)| k).filter(is_asked).collect();
+        let all: Vec<(usize, f64)> = asked.into_par_iter().map(sure).collect();
+        match all.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, sure)| *sure < HOLDS) {
+            Some((chance, _)) => outcome = outcome.without(search, &[chance]),
+            None => return outcome,
+        }
+    }
+}
+
 /// Whether a term acts at a joint and not only by cutting its torque: rows at a limit are no equations that it could explain.
 fn is_at(term: &Term, joint: usize) -> bool {
     matches!(term.site, Site::Joint(own) | Site::Pair(own, _) if own == joint) && !is_limit(term)
@@ -201,7 +229,7 @@ pub(super) fn imitations(
         }
     }
     let much_is_left = is_much(left, explained) || (left > 0.0 && found.len() >= MANY);
-    if !much_is_left && of_smooth < EVEN {
+    if !much_is_left && of_smooth < CERTAIN {
         return vec![];
     }
     // Terms that hold at positions and speeds that they were not fitted to ...

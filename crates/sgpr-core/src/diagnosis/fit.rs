@@ -32,9 +32,27 @@ pub(super) struct Fitted {
     /// The same, whitened.
     pub white: Column,
     pub chi2: f64,
-    /// Fits to all blocks of time but one, once they were asked for, and those of the fit that it was made like.
-    folds: OnceLock<Arc<FoldFits>>,
-    folds_of_like: Option<Arc<FoldFits>>,
+    /// Fits that blocks of time were left out of, and parts of the logs.
+    blocks: Once,
+    parts: Once,
+}
+
+/// Fits that rows were left out of, once they were asked for, and those of the fit that it was made like.
+#[derive(Clone, Default)]
+struct Once {
+    own: OnceLock<Arc<FoldFits>>,
+    like: Option<Arc<FoldFits>>,
+}
+
+impl Once {
+    fn like(other: &Self) -> Self {
+        Self { own: OnceLock::new(), like: other.own.get().or(other.like.as_ref()).cloned() }
+    }
+
+    fn get(&self, fitted: &Fitted, noise: &Noise, folds: &[Vec<usize>]) -> Arc<FoldFits> {
+        let make = || FoldFits::new(&fitted.columns, &fitted.target, noise, (folds, self.like.as_deref())).into();
+        if fitted.noise == *noise { self.own.get_or_init(make).clone() } else { make() }
+    }
 }
 
 impl Fitted {
@@ -60,9 +78,7 @@ impl Fitted {
 
     /// The fits that blocks of time were left out of.
     pub fn folds(&self, problem: &Problem, noise: &Noise) -> Arc<FoldFits> {
-        let like = || self.folds_of_like.as_deref();
-        let make = || FoldFits::new(&self.columns, &self.target, noise, (&problem.fold, like())).into();
-        if self.noise == *noise { self.folds.get_or_init(make).clone() } else { make() }
+        self.blocks.get(self, noise, &problem.fold)
     }
 
     /// The columns of a term as they are and whitened, if it is in the fit and they are those of any model with the same
@@ -187,8 +203,8 @@ fn solve_with(
         residual,
         white,
         chi2,
-        folds: OnceLock::new(),
-        folds_of_like: like.and_then(|like| like.folds.get().or(like.folds_of_like.as_ref()).cloned()),
+        blocks: like.map_or_else(Once::default, |like| Once::like(&like.blocks)),
+        parts: like.map_or_else(Once::default, |like| Once::like(&like.parts)),
     }
 }
 
@@ -405,6 +421,9 @@ pub(super) fn by_log(problem: &Problem, errors: &LeftOut) -> Vec<ByLog> {
 /// alone, which the others cannot predict: its torque counts as known.
 pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) -> LeftOut {
     let is_timed = |term: &Term| term.times().next().is_some();
+    if !fitted.terms().iter().any(is_timed) {
+        return fitted.parts.get(fitted, noise, &problem.parts()).errors();
+    }
     let mut known = fitted.clone();
     let mut target = known.target.to_vec();
     let mut at = problem.base.rank();

@@ -110,8 +110,12 @@ fn with_findings(
     if inside().next().is_none() {
         return Ok(model.clone());
     }
-    let terms = fitted.terms().iter().filter(|term| !is_out(term)).cloned().collect();
-    Ok(refitted(search, model, terms, inside().map(sentence), train)?)
+    let terms: Vec<Term> = fitted.terms().iter().filter(|term| !is_out(term)).cloned().collect();
+    let found = |term: &Term| inside().any(|finding| finding.terms.iter().any(|own| own.is_like(term)));
+    let given = |term: &Term| model.terms().iter().any(|own| own.is_like(term));
+    let beside = terms.iter().filter(|term| !found(term) && !given(term));
+    let beside: Vec<String> = beside.map(|term| beside_findings(term, model.robot())).collect();
+    Ok(refitted(search, model, terms, inside().map(sentence).chain(beside), train)?)
 }
 
 /// The model with these terms, all parameters identified anew from the logs in the way in which it was identified.
@@ -127,6 +131,13 @@ pub(super) fn refitted(
     let mut again = identify_again(model, given, consistency.as_ref(), train)?;
     again.provenance.history.extend(history);
     Ok(again)
+}
+
+/// A line of a model's history for what is fitted with the findings and is none itself.
+fn beside_findings(term: &Term, robot: &Robot) -> String {
+    let values: Vec<String> =
+        parameters_of(term, robot).iter().map(|p| format!("{} = {:.3e} {}", p.name, p.value, p.unit)).collect();
+    format!("added {} beside the findings, too small for one: {}", term.effect.name(), values.join(", "))
 }
 
 /// One line of a model's history.

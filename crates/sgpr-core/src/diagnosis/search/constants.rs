@@ -10,7 +10,7 @@ use super::candidates::Candidate;
 use super::held_out::{Outlook, Standing};
 use super::times::TIME_STEP;
 use super::{EVIDENCE, MATERIAL, Search};
-use crate::effects::{Reach, Scale};
+use crate::effects::Scale;
 use crate::model::{Term, times_of};
 use crate::progress::Interrupted;
 
@@ -137,26 +137,9 @@ impl Search<'_> {
         promising.into_iter().map(|(candidate, _)| candidate.clone()).collect()
     }
 
-    /// A candidate with the constants that were found at the last time, if nothing at its joint has changed since, else with
-    /// refined ones.
-    fn refined_once(&self, fitted: &Fitted, residual: (&Basis, &Column), candidate: &Candidate) -> Candidate {
-        let term = &candidate.term;
-        match self.refined.get(&(term.effect.name().to_string(), term.site)) {
-            Some(constants) => self.with_constants(fitted, residual, term, constants),
-            None => self.refine(fitted, residual, candidate),
-        }
-    }
-
-    fn remember(&mut self, term: &Term) {
-        let lasting = term.effect.reach() == Reach::Own && term.times().next().is_none() && !term.is_transform();
-        if lasting && term.site.joint().is_some() {
-            self.refined.insert((term.effect.name().to_string(), term.site), term.constants.clone());
-        }
-    }
-
     /// Candidates with their constants refined that may still matter, the most promising first.
     pub(super) fn refined(
-        &mut self,
+        &self,
         fitted: &Fitted,
         standing: &Standing,
         residual: (&Basis, &Column),
@@ -168,14 +151,13 @@ impl Search<'_> {
         const BY_TANGENTS: f64 = 0.4;
         self.progress.step("refine constants", 0, 1)?;
         let refine = |candidate: &Candidate| {
-            let refined = self.refined_once(fitted, residual, candidate);
+            let refined = self.refine(fitted, residual, candidate);
             let columns = self.columns_of(fitted, &refined.term);
             let outlook = self.outlook(standing, &refined.term, &columns);
             Promise { candidate: refined, outlook }
         };
         let mut tried: Vec<Promise> = candidates.par_iter().map(refine).collect();
         self.progress.step("refine constants", 1, 1)?;
-        tried.iter().for_each(|promise| self.remember(&promise.candidate.term));
         tried.retain(|Promise { candidate, outlook }| {
             let share = if candidate.term.is_transform() { BY_TANGENTS } else { NEARLY };
             let matters = outlook.significance > share * SURE && outlook.fall > share * MATERIAL;

@@ -1,8 +1,8 @@
 //! Errors on blocks that were left out.
 
-use rayon::prelude::*;
-
 use std::sync::Arc;
+
+use rayon::prelude::*;
 
 use super::super::evidence::{Comparison, LeftOut, SURE};
 use super::super::fit::{ByLog, Fitted, beyond, by_log};

@@ -21,7 +21,7 @@ use super::fit::{Fitted, solve, solve_like};
 use super::problem::{Column, Problem};
 use super::report::ranked;
 use super::unknown::Processes;
-use crate::effects::{Effect, Reach, Site};
+use crate::effects::{Effect, Site};
 use crate::model::Term;
 use crate::progress::{Interrupted, Progress};
 pub(super) use by_hand::Wanted;
@@ -146,8 +146,6 @@ pub(super) struct Search<'a> {
     pub units: f64,
     pub rows: f64,
     cache: HashMap<(String, Site, Vec<u64>), Vec<Column>>,
-    /// Refined constants of effects at joints where the model has not changed since.
-    refined: HashMap<(String, Site), Vec<f64>>,
     progress: &'a dyn Progress,
     /// Hears of the candidates before the search ends.
     ranked: &'a Ranked<'a>,
@@ -167,21 +165,7 @@ impl<'a> Search<'a> {
         let robot = problem.nominal.robot();
         let units: usize = catalogue.iter().map(|effect| effect.sites(robot).len()).sum();
         let rows = problem.rows.iter().map(Vec::len).sum::<usize>() as f64;
-        let units = units as f64;
-        let (cache, refined) = (HashMap::new(), HashMap::new());
-        Self { problem, catalogue, known, noise, units, rows, cache, refined, progress, ranked }
-    }
-
-    /// Forgets what is remembered of columns and constants: other rows, or another motion.
-    fn forget(&mut self) {
-        self.cache.clear();
-        self.refined.clear();
-    }
-
-    /// Forgets the constants that a new term may move.
-    fn forget_beside(&mut self, term: &Term) {
-        let own = term.site.joint().filter(|_| term.effect.reach() == Reach::Own);
-        self.refined.retain(|(_, site), _| own.is_some() && site.joint() != own);
+        Self { problem, catalogue, known, noise, units: units as f64, rows, cache: HashMap::new(), progress, ranked }
     }
 
     /// The accepted terms with their indices in the fit and what the search knows of them, those that refine an effect of
@@ -249,7 +233,6 @@ impl<'a> Search<'a> {
                 }
                 Some(Next::Finer(next, steps)) => {
                     fitted = next;
-                    fitted.terms().iter().rev().take(steps.len()).for_each(|term| self.forget_beside(term));
                     accepted.extend(steps);
                     continue;
                 }
@@ -259,10 +242,8 @@ impl<'a> Search<'a> {
                     accepted.push(step);
                 }
             }
-            match fitted.terms().last() {
-                Some(term) if term.is_transform() => self.forget(),
-                Some(term) => self.forget_beside(term),
-                None => {}
+            if fitted.terms().last().is_some_and(Term::is_transform) {
+                self.cache.clear();
             }
             if let Some(later) = self.without_late_rests(&fitted)? {
                 fitted = later;

@@ -61,7 +61,7 @@ impl Search<'_> {
 
     /// The fit on rows that were chosen anew, with the noise there.
     pub(super) fn on_other_rows(&mut self, fitted: &Fitted) -> Result<Fitted, Interrupted> {
-        self.forget();
+        self.cache.clear();
         let again = solve(&self.problem, &fitted.model, fitted.terms(), &self.noise);
         self.with_noise_anew(&again)
     }
@@ -69,7 +69,7 @@ impl Search<'_> {
     /// The fit on the rows of all joints but the closed ones.
     pub(in super::super) fn on_rows_without(&mut self, closed: &[bool], fitted: &Fitted) -> Fitted {
         self.problem.leave_out_joints(closed).expect("the logs had torque before");
-        self.forget();
+        self.cache.clear();
         self.rows = self.noise.rows(&self.problem);
         solve(&self.problem, &fitted.model, fitted.terms(), &self.noise)
     }
