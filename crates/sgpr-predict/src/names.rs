@@ -4,9 +4,9 @@ use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
 
-/// " (did you mean `x`?)", or nothing when no known name is close.
+/// " (did you mean `x`?)", or nothing when no known name is close or has `name` as a word of its own.
 pub fn suggestion(name: &str, known: &[String]) -> String {
-    match closest(name, known) {
+    match closest(name, known).or_else(|| with_word(name, known)) {
         Some(close) => format!(" (did you mean `{close}`?)"),
         None => String::new(),
     }
@@ -19,6 +19,13 @@ fn closest<'a>(name: &str, known: &'a [String]) -> Option<&'a str> {
     let distances = known.iter().take(1000).map(|other| (edit_distance(&name, &other.to_lowercase()), other));
     let (distance, other) = distances.min_by_key(|(distance, _)| *distance)?;
     (distance <= length / 3 + 1 && distance < length).then_some(other.as_str())
+}
+
+/// The first known name of which `name` is a word: `stribeck` of `stribeck_friction`.
+fn with_word<'a>(name: &str, known: &'a [String]) -> Option<&'a str> {
+    let name = name.to_lowercase();
+    let is_word = |other: &&String| !name.is_empty() && other.to_lowercase().split('_').any(|word| word == name);
+    known.iter().take(1000).find(is_word).map(String::as_str)
 }
 
 /// Number of inserted, removed and replaced characters (Levenshtein) that lead from `a` to `b`.
@@ -55,5 +62,13 @@ mod tests {
         let known = ["shoulder_pan_joint".to_string(), "elbow_joint".to_string()];
         assert_eq!(suggestion("sholder_pan_joint", &known), " (did you mean `shoulder_pan_joint`?)");
         assert_eq!(suggestion("xyz", &known), "");
+        assert_eq!(suggestion("", &known), "");
+    }
+
+    #[test]
+    fn a_word_of_a_name_suggests_it() {
+        let known = ["viscous_friction".to_string(), "stribeck_friction".to_string()];
+        assert_eq!(suggestion("Stribeck", &known), " (did you mean `stribeck_friction`?)");
+        assert_eq!(suggestion("stri", &known), "");
     }
 }

@@ -19,12 +19,12 @@ use crate::errors::{IntoPyErr, invalid};
 use crate::estimators::{ConsistencyArguments, method, uncertainty};
 use crate::model::Model;
 use crate::progress::listen;
-use crate::recording::{Recording, require_units};
+use crate::recording::{Recording, require_usable};
 use crate::robot::Robot;
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
-/// The recordings that were given, in memory of their own; units that nobody can have meant are refused.
+/// The recordings that were given, in memory of their own; those with an error are refused.
 pub fn recordings(given: &Bound<'_, PyAny>) -> PyResult<Vec<logs::Recording>> {
     let wrong = |found: &Bound<'_, PyAny>| {
         let found = found.get_type().name().map_or_else(|_| "?".into(), |name| name.to_string());
@@ -37,7 +37,7 @@ pub fn recordings(given: &Bound<'_, PyAny>) -> PyResult<Vec<logs::Recording>> {
     for item in given.try_iter().map_err(|_| wrong(given))? {
         let item = item?;
         let recording = item.cast::<Recording>().map_err(|_| wrong(&item))?.get().inner.clone();
-        require_units(&recording)?;
+        require_usable(&recording)?;
         recordings.push(recording);
     }
     Ok(recordings)

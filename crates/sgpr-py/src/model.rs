@@ -672,6 +672,11 @@ pub struct Parameter {
     nominal: f64,
 }
 
+impl Parameter {
+    const FIELDS: [&str; 7] =
+        ["name", "expression", "unit", "value", "standard_deviation", "relative_standard_deviation", "nominal"];
+}
+
 impl From<&BaseParameter> for Parameter {
     fn from(row: &BaseParameter) -> Self {
         let BaseParameter { name, expression, unit, value, standard_deviation, nominal } = row.clone();
@@ -682,6 +687,13 @@ impl From<&BaseParameter> for Parameter {
 
 #[pymethods]
 impl Parameter {
+    /// What `dataclasses.asdict` and pandas read of a row.
+    #[classattr]
+    fn __dataclass_fields__(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
+        let row = py.import("dataclasses")?.call_method1("make_dataclass", ("Parameter", Self::FIELDS))?;
+        row.getattr("__dataclass_fields__")
+    }
+
     fn __repr__(&self) -> String {
         let spread = self.standard_deviation.map_or(String::new(), |deviation| format!(" ± {}", figure(deviation)));
         format!("Parameter({} = {}{spread} {})", self.name, figure(self.value), self.unit)
@@ -695,6 +707,8 @@ impl Parameter {
 /// >>> parameters = sgpr.Model.nominal(sgpr.robots.two_link()).parameters
 /// >>> len(parameters), parameters[0].name, parameters["joint_2.mx"].value
 /// (6, 'joint_1.mx', 0.5)
+///
+/// `pandas.DataFrame(parameters)` has a row for each.
 #[pyclass(module = "sgpr", frozen, sequence)]
 pub struct Parameters {
     rows: Vec<BaseParameter>,
@@ -769,6 +783,11 @@ impl Parameters {
         let place = if index < 0 { index + length } else { index };
         let row = usize::try_from(place).ok().and_then(|place| self.rows.get(place));
         row.map(Parameter::from).ok_or_else(|| PyIndexError::new_err(format!("{index} of {length} parameters")))
+    }
+
+    fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let rows: Vec<Parameter> = self.rows.iter().map(Parameter::from).collect();
+        rows.into_pyobject(py)?.call_method0("__iter__")
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Model,))> {

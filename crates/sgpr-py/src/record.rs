@@ -15,7 +15,7 @@ use crate::errors::{IntoPyErr, invalid};
 use crate::estimators::method as method_of;
 use crate::identification::{Arguments, recordings};
 use crate::model::{Model, Processing};
-use crate::recording::{Recording, require_units};
+use crate::recording::{Recording, require_usable};
 use crate::robot::Robot;
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
@@ -280,7 +280,7 @@ pub fn record(
         return Err(invalid(format!("blocks: got {blocks}, expected 1 to 10000")));
     }
     let (robot, recording) = (&robot.get().inner, &recording.get().inner);
-    require_units(recording)?;
+    require_usable(recording)?;
     let found = core::torque_scale(robot, recording).map_err(IntoPyErr::into_py_err)?;
     if let Some(found) = found {
         let (recording, finding) = (recording.source().into(), found.message);

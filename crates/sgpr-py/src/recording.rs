@@ -645,12 +645,15 @@ fn issue_kinds(given: &Bound<'_, PyAny>) -> PyResult<Vec<IssueKind>> {
     texts("accept", given)?.iter().map(|kind| kind.parse().map_err(RecordingError::into_py_err)).collect()
 }
 
-/// Refuses a recording whose units nobody can have meant.
-pub fn require_units(recording: &core::Recording) -> PyResult<()> {
-    let doubts = core::silent_errors(recording);
+/// Refuses a recording with an error, in the words of its inspection.
+pub fn require_usable(recording: &core::Recording) -> PyResult<()> {
+    let doubts = core::refusals(recording);
     let Some(first) = doubts.first() else { return Ok(()) };
-    let more =
-        if doubts.len() > 1 { format!(" ({} more findings like this)", doubts.len() - 1) } else { String::new() };
+    let more = match doubts.len() - 1 {
+        0 => String::new(),
+        1 => " (1 more finding like this)".into(),
+        count => format!(" ({count} more findings like this)"),
+    };
     Err(RecordingError::Doubtful { recording: recording.source().into(), finding: first.message.clone() + &more }
         .into_py_err())
 }

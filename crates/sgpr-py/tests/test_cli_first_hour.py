@@ -1,5 +1,6 @@
 """What a user meets in the first hour: nothing is silent, nothing is to be guessed."""
 
+import gzip
 import io
 import json
 import re
@@ -16,6 +17,7 @@ from cli_support import DEMO_ROBOT, DEMO_TEST, DEMO_TRAIN, Array, run, torque, w
 from rich.console import Console
 from sgpr.cli import console as cli_console
 from sgpr.cli.console import Output
+from sgpr.cli.errors import of_command_line
 
 
 def identify(train: object, out: Path, *more: object) -> object:
@@ -109,6 +111,53 @@ def test_joints_in_order_are_confirmed(tmp_path: Path) -> None:
         sgpr.compare(arm, [log])
     sgpr.compare(arm, [log.accept(["joints_by_order"])])
     sgpr.compare(arm, [sgpr.Recording(t, q, tau=tau)])
+
+
+def test_a_finding_at_several_joints_is_one_line(tmp_path: Path) -> None:
+    def with_torques_that_stop(table: Array) -> Array:
+        table[1500:, 3:] = table[:, 3:].mean(axis=0).round(3)
+        return table
+
+    path = write_log(tmp_path / "log.csv", 1, with_torques_that_stop)
+    lines = [line for line in run("info", path).out.splitlines() if "_torque` stays at" in line]
+    assert len(lines) == 1 and lines[0].startswith("look: `joint_1_torque` stays at ")
+    assert " for 500 samples (25 %) in 1 stretch" in lines[0]
+    assert lines[0].endswith("(--trim) (the same of `joint_2_torque`)")
+    assert [issue["channel"] for issue in json.loads(run("info", path, "--json").out)[0]["issues"]] == [
+        "joint_1_torque",
+        "joint_2_torque",
+    ]
+
+
+def test_the_next_command_for_a_log_of_fewer_joints_names_those(tmp_path: Path) -> None:
+    header, *rows = gzip.decompress(Path(DEMO_TRAIN[0]).read_bytes()).decode().splitlines()
+    kept = [k for k, name in enumerate(header.split(",")) if not name.endswith("_6")]
+    path = tmp_path / "log.csv"
+    path.write_text("".join(",".join(row.split(",")[k] for k in kept) + "\n" for row in (header, *rows)))
+    looked = run("info", DEMO_ROBOT, path)
+    assert looked.code == 1
+    command = looked.out.split("next: sgpr ")[1].split("  (")[0].replace("\n", " ")
+    assert command.endswith("--joints joint_1 joint_2 joint_3 joint_4 joint_5")
+    found = run(*shlex.split(command))
+    assert found.code == 0 and "taken to stand at zero: joint_6" in found.err
+    assert "--joints joint_1 joint_2 joint_3 joint_4 joint_5" in found.out.split("next: sgpr identify")[1]
+
+
+@pytest.mark.parametrize("change", ["backwards", "missing"])
+def test_info_identify_and_python_refuse_in_the_same_words(tmp_path: Path, change: str) -> None:
+    def broken(table: Array) -> Array:
+        if change == "backwards":
+            table[1000:, 0] -= table[1000, 0]
+        else:
+            table[500:520, 3] = np.nan
+        return table
+
+    path = write_log(tmp_path / "log.csv", 1, broken)
+    with pytest.raises(sgpr.SgprError) as refused:
+        sgpr.identify(sgpr.robots.two_link(), [sgpr.read(path)])
+    told = run("info", "two_link", path).out.split("stop: ")[1].splitlines()[0]
+    assert told in identify(path, tmp_path / "out").err
+    assert of_command_line(str(refused.value)).endswith(told)
 
 
 def test_a_copy_counts_once_and_is_told(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """The torque model: kept, read, added, used."""
 
 import copy
+import dataclasses
 import pickle
 import threading
 from pathlib import Path
@@ -170,6 +171,16 @@ def test_parameters_are_a_sequence(demo_model: sgpr.Model) -> None:
     assert len(repr(parameters).splitlines()) == len(parameters) + 1
     with pytest.raises(AttributeError):
         parameter.value = 3.0  # type: ignore[misc]
+
+
+def test_parameters_are_the_rows_of_a_table(demo_model: sgpr.Model) -> None:
+    parameters = demo_model.parameters
+    assert [one.name for one in parameters] == parameters.names
+    assert [dataclasses.asdict(one) for one in parameters] == parameters.to_dict()
+    pandas = pytest.importorskip("pandas")
+    table = pandas.DataFrame(parameters)
+    assert list(table.columns) == list(parameters.to_dict()[0])
+    assert np.array_equal(table["value"], parameters.values)
 
 
 def test_all_parameters_are_a_view(demo_model: sgpr.Model) -> None:

@@ -5,9 +5,11 @@ import json
 import numpy as np
 import pytest
 from sgpr.report.diagnosis import in_one_line
+from sgpr.report.experiment import separation
 from sgpr.report.markup import Cell, Html, Section, element, paragraph, table
 from sgpr.report.page import page
-from sgpr.report.torque import kept_samples
+from sgpr.report.steps import steps_at_once
+from sgpr.report.torque import kept_samples, uncounted
 
 
 def test_text_is_escaped() -> None:
@@ -40,9 +42,38 @@ def test_extremes_survive_thinning() -> None:
     assert np.array_equal(kept_samples([values[:100]], 1000), np.arange(100))
 
 
+def test_the_page_knows_the_samples_that_are_not_counted_by_their_times() -> None:
+    # 19.996 s is more in four bytes than in eight: the last sample must not leave its band.
+    time = np.arange(5000) / 250.0
+    counted = np.ones(5000, dtype=bool)
+    counted[:3] = counted[100] = counted[-4:] = False
+    shown = time.astype(np.float32)
+    inside = np.zeros(5000, dtype=bool)
+    for begin, end in uncounted(time, counted):
+        inside |= (shown >= begin) & (shown <= end)
+    assert np.array_equal(inside, ~counted)
+
+
 def test_numbers_that_are_not_finite_are_no_json() -> None:
     with pytest.raises(ValueError, match="JSON"):
         page("t", "", [], {"x": float("nan")})
+
+
+def test_an_effect_that_came_at_several_joints_at_once_is_one_step() -> None:
+    before, after = {"a": 1.0, "b": 2.0}, {"a": 0.5, "b": 1.0}
+    steps = [
+        {"effect": None, "joints": [], "rmse": before},
+        {"effect": "backlash", "joints": ["a"], "rmse": after},
+        {"effect": "backlash", "joints": ["b"], "rmse": after},
+        {"effect": "payload", "joints": [], "rmse": after},
+    ]
+    assert steps_at_once(steps) == [("the model", before), ("+ backlash a, b", after), ("+ payload", after)]
+
+
+def test_an_experiment_that_decides_nothing_says_so() -> None:
+    told = separation({"separation_now": -0.2, "separation_expected": 0.4})
+    assert told == "0 now, 0 expected, too little to tell them apart (3 would do)"
+    assert separation({"separation_now": 1.0, "separation_expected": 12.0}) == "1 now, 12 expected"
 
 
 def test_a_finding_that_is_not_certain_says_so_in_the_first_lines() -> None:

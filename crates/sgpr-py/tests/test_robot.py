@@ -112,7 +112,7 @@ def test_base_parameters_agree_with_independent_codes(reference: Reference) -> N
 def test_base_parameters_with_effects() -> None:
     base = sgpr.robots.two_link().base_parameters(["viscous_friction"])
     assert base.names[-2:] == ["joint_1.Fv", "joint_2.Fv"]
-    with pytest.raises(sgpr.IdentificationError, match="there is no effect `stiction`; known are viscous_friction"):
+    with pytest.raises(sgpr.IdentificationError, match="there is no effect `stiction`; `sgpr effects` lists all"):
         sgpr.robots.two_link().base_parameters(["stiction"])
 
 

@@ -34,6 +34,7 @@ from sgpr._workbench import server as server_module
 from sgpr._workbench import takeaway
 from sgpr._workbench.bench import Bench
 from sgpr._workbench.folder import Folder, guessed_roles
+from sgpr._workbench.remedies import proposals
 from sgpr._workbench.residuals import Region, Samples, averages, difference, outline, whiteness
 from sgpr._workbench.running import Workbench
 from sgpr._workbench.running import opened as opened_at_once
@@ -700,6 +701,13 @@ def test_other_commands_need_nothing_of_it(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, check=False, capture_output=True, text=True)
     assert "as it should be" in done.stdout, done.stderr
+
+
+def test_one_rate_is_proposed_for_all_logs() -> None:
+    said = ["irregular sampling (resample: 1010 Hz)", "irregular sampling (resample: 1000 Hz)", "(repair: sort)"]
+    for texts in (said, said[::-1]):
+        found = {one["title"]: one["settings"] for one in proposals(texts)}
+        assert found["Resample at 1000 Hz"] == {"resample": 1000.0} and len(found) == 2
 
 
 def test_what_messages_propose_is_a_click(tmp_path: Path) -> None:

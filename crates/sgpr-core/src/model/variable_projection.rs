@@ -18,7 +18,7 @@ use super::experiment::{Experiment, torque_of};
 use super::identify::{IdentifyError, correlation};
 use super::terms::{Rigid, common_clock, seconds_since};
 use super::{Term, TorqueModel, Trajectory};
-use crate::effects::{self, Constant, Effect, Entry, Reach, Scale, UnknownEffect};
+use crate::effects::{self, Constant, Effect, Entry, Reach, Scale};
 use crate::identification::{
     BaseParameters, JointFactor, LeastSquares, Method, Observation, ParameterSet, TrajectoryColumn, stack,
     triangular_solution,
@@ -38,9 +38,8 @@ pub(super) fn split(robot: &Robot, names: &[String]) -> Result<(Vec<String>, Vec
         let (own, joint) = name.split_once('@').map_or((name.as_str(), None), |(own, joint)| (own, Some(joint)));
         let effect = effects::by_name(own)?;
         if effect.entry() == Entry::Gate {
-            let in_torque = effects::registry().into_iter().filter(|effect| effect.entry() != Entry::Gate);
-            let known = in_torque.map(|effect| effect.name().into()).collect();
-            return Err(UnknownEffect { name: own.into(), known }.into());
+            let reason = "checks of the log find it, and it adds no torque to a model".into();
+            return Err(IdentifyError::NotTestable { effect: own.into(), reason });
         }
         let place = match joint {
             None if effect.entry() == Entry::State => {

@@ -48,7 +48,7 @@ pub enum MotionError {
     },
     /// Time stands still or runs backwards.
     #[error(
-        "{recording}: time does not increase after sample {row}, {seconds:.3} s after the start; sort or drop such samples (repair: sort, drop_duplicates)"
+        "{recording}: time does not increase after sample {row}, {seconds:.3} s after the start; sort or drop such samples (repair: sort, drop_duplicates), or read the parts of a log that was restarted one by one (`rows`)"
     )]
     TimeNotIncreasing {
         /// Recording.

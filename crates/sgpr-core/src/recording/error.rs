@@ -1,4 +1,4 @@
-use super::names::{quoted, suggestion};
+use super::names::{patterns, quoted, suggestion};
 
 /// Why a log could not be read, changed or written.
 #[derive(Debug, thiserror::Error)]
@@ -85,7 +85,10 @@ pub enum RecordingError {
         path: String,
     },
     /// The chosen part of the log is empty.
-    #[error("{path}: no sample lies within the chosen {rows}; the log has {samples} rows and lasts {duration} s")]
+    #[error(
+        "{path}: no sample lies within the chosen {rows}; the log has {samples} rows{}",
+        duration.map_or_else(String::new, |seconds| format!(" and lasts {seconds} s"))
+    )]
     NoRowsChosen {
         /// File.
         path: String,
@@ -93,11 +96,13 @@ pub enum RecordingError {
         rows: String,
         /// Rows of the log.
         samples: usize,
-        /// Length of the log, s.
-        duration: f64,
+        /// Length of the log, s; `None` if no time was read.
+        duration: Option<f64>,
     },
     /// A row with too few or too many cells.
-    #[error("{path}:{line}: {found} cells, but the header names {expected} columns")]
+    #[error(
+        "{path}:{line}: {found} cells, but the header names {expected} columns: mend the line, or read the rows before or behind it alone (`rows`)"
+    )]
     RowLength {
         /// File.
         path: String,
@@ -109,7 +114,7 @@ pub enum RecordingError {
         found: usize,
     },
     /// Text in a column of numbers.
-    #[error("{path}:{line}: column `{column}`: `{text}` is not a number")]
+    #[error("{path}:{line}: column `{column}`: `{text}` is not a number{}", why_no_number(column, text))]
     NotANumber {
         /// File.
         path: String,
@@ -121,7 +126,7 @@ pub enum RecordingError {
         text: String,
     },
     /// A time stamp that cannot be one.
-    #[error("{path}:{line}: column `{column}`: `{text}` is not a time in {unit}{}", why_no_time(text))]
+    #[error("{path}:{line}: column `{column}`: `{text}` is not a time in {unit}{}", why_no_time(column, text))]
     NotATime {
         /// File.
         path: String,
@@ -147,14 +152,17 @@ pub enum RecordingError {
     },
     /// No column was understood as a joint position.
     #[error(
-        "{path}: no joint positions among the columns {}; say which they are with `columns.position`, as a pattern (`q{{}}`, where {{}} is the number of the joint; `{{name}}_position`) or as a list of columns",
-        quoted(columns)
+        "{path}: no joint positions among the columns {}; say which they are with `columns.position`, as a pattern ({}, where {{}} is the number of the joint; `{{name}}_position`) or as a list of columns",
+        quoted(columns),
+        patterns(unknown)
     )]
     NoPositions {
         /// File.
         path: String,
         /// Columns found.
         columns: Vec<String>,
+        /// Those of them that are nothing that the names of columns tell.
+        unknown: Vec<String>,
     },
     /// The log has joints, but others than those wanted.
     #[error(
@@ -398,7 +406,7 @@ pub enum RecordingError {
     },
     /// Time that does not run forward, where it must.
     #[error(
-        "{recording}: the time does not increase at sample {sample} ({seconds} s after the start): repair with `sort` and `drop_duplicates` first"
+        "{recording}: the time does not increase at sample {sample} ({seconds} s after the start): repair with `sort` and `drop_duplicates` first, or read the parts of a log that was restarted one by one (`rows`)"
     )]
     UnsortedTime {
         /// Recording.
@@ -503,9 +511,18 @@ pub enum RecordingError {
     },
 }
 
+const NAMES_AGAIN: &str =
+    " (the names of the columns come again here, as where logs were put together: read the parts one by one, `rows`)";
+
+/// What may be wrong with a cell that holds no number.
+fn why_no_number(column: &str, text: &str) -> &'static str {
+    if text == column { NAMES_AGAIN } else { "" }
+}
+
 /// What may be wrong with a cell that holds no time.
-fn why_no_time(text: &str) -> &'static str {
+fn why_no_time(column: &str, text: &str) -> &'static str {
     match text.parse::<f64>() {
+        Err(_) if text == column => NAMES_AGAIN,
         Ok(_) => " (64 bits of nanoseconds reach 292 years)",
         Err(_) if text.is_empty() => "",
         Err(_) => {

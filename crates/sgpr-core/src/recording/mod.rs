@@ -27,7 +27,7 @@ use std::sync::Arc;
 use tempfile::NamedTempFile;
 
 pub use error::RecordingError;
-pub use inspect::{Issue, IssueKind, Severity, inspect, silent_errors};
+pub use inspect::{Issue, IssueKind, Severity, inspect, refusals};
 pub(crate) use inspect::{MOST_JITTER, is_still, jitter};
 pub use layout::{ColumnLayout, JointLayout, Layout};
 pub use log_set::{LogSet, shared_samples};

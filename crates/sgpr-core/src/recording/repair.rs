@@ -1,7 +1,7 @@
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 
-use super::inspect::{JUMP, is_finite_row, repeated_samples};
+use super::inspect::{is_finite_row, is_turn, repeated_samples, usual_change};
 use super::resample::resample;
 use super::{GAP_FACTOR, Recording, RecordingError, seconds};
 
@@ -169,18 +169,22 @@ impl Work {
     fn unwrap(&mut self) {
         let n = self.recording.dof();
         let mut position = self.recording.position().to_vec();
+        let time = self.recording.time_seconds();
         let mut jumps = 0;
         for joint in 0..n {
-            // The last position that was a number, as it was logged, and what is added to those that follow.
-            let (mut before, mut offset) = (f64::NAN, 0.0);
-            for q in position.iter_mut().skip(joint).step_by(n) {
-                let change = *q - before;
-                if (change.abs() - TAU).abs() < JUMP {
-                    offset -= TAU.copysign(change);
+            let logged: Vec<f64> = position.iter().skip(joint).step_by(n).copied().collect();
+            // Across positions that are no numbers, too.
+            let numbers: Vec<usize> = (0..logged.len()).filter(|&sample| !logged[sample].is_nan()).collect();
+            let change = |pair: &[usize]| logged[pair[1]] - logged[pair[0]];
+            let changes: Vec<f64> = numbers.windows(2).map(|pair| change(pair).abs()).collect();
+            let usual = usual_change(&changes);
+            let mut offset = 0.0;
+            for pair in numbers.windows(2) {
+                if is_turn(change(pair), time[pair[1]] - time[pair[0]], usual) {
+                    offset -= TAU.copysign(change(pair));
                     jumps += 1;
                 }
-                before = if q.is_nan() { before } else { *q };
-                *q += offset;
+                position[pair[1] * n + joint] += offset;
             }
         }
         if jumps > 0 {

@@ -25,6 +25,28 @@ fn numbered_columns() {
 }
 
 #[test]
+fn words_of_other_languages() {
+    let german = "Zeit [s],Achse 1 Istposition [rad],Achse 2 Istposition [rad],Geschwindigkeit Achse 1,Geschwindigkeit Achse 2,\
+                  Drehmoment_1 [Nm],Drehmoment_2 [Nm],Sollposition_1,Soll_Moment_2\n0,1,2,3,4,5,6,7,8\n";
+    let french = "temps,position_axe_1,position_axe_2,vitesse_1,vitesse_2,couple_1,couple_2,consigne_position_1,x\n0,1,2,3,4,5,6,7,8\n";
+    for text in [german, french] {
+        let log = read_csv(text);
+        assert_eq!(log.joint_names(), ["joint_1", "joint_2"]);
+        assert_eq!(log.position(), [1.0, 2.0]);
+        assert_eq!(log.velocity().expect("logged"), [3.0, 4.0]);
+        assert_eq!(log.torque().expect("logged"), [5.0, 6.0]);
+        assert_eq!(log.channels().len(), 2);
+    }
+}
+
+#[test]
+fn a_log_that_is_not_understood_names_its_patterns() {
+    let text = "t,lage 1 (rad),lage 2 (rad),k2_a_1,k2_a_2,x\n0,1,2,3,4,5\n";
+    let said = csv_error(text);
+    assert!(said.contains("as a pattern (`lage {} (rad)`, `k2_a_{}`, where {} is the number"), "{said}");
+}
+
+#[test]
 fn velocity_and_torque_are_optional() {
     let log = read_csv("t,q_1\n0,1\n");
     assert!(log.velocity().is_none() && log.torque().is_none());

@@ -104,6 +104,9 @@ fn text_among_numbers() {
     let error = csv_error("t,q1\nnow,1\n");
     assert!(error.starts_with("log.csv:2: column `t`: `now` is not a time in s"), "{error}");
     assert_eq!(csv_error("t,q1\n,1\n"), "log.csv:2: column `t`: `` is not a time in s");
+    let again = "(the names of the columns come again here, as where logs were put together: read the parts one by one, `rows`)";
+    assert_eq!(csv_error("t,q1\n0,1\nt,q1\n0,1\n"), format!("log.csv:3: column `t`: `t` is not a time in s {again}"));
+    assert_eq!(csv_error("t,q1\n0,1\n1,q1\n"), format!("log.csv:3: column `q1`: `q1` is not a number {again}"));
     let error = csv_error("t,q1\ns,rad\nx,1\n");
     assert!(
         error.starts_with("log.csv:3: column `t`: `x` is not a time in s (times are numbers, ISO 8601 "),
@@ -222,8 +225,10 @@ fn copies_have_one_hash() {
 
 #[test]
 fn rows_of_other_length() {
-    assert_eq!(csv_error("t,q1\n0,1\n1\n"), "log.csv:3: 1 cells, but the header names 2 columns");
-    assert_eq!(csv_error("# a\nt,q1\n0,1,2\n"), "log.csv:3: 3 cells, but the header names 2 columns");
+    let remedy = "mend the line, or read the rows before or behind it alone (`rows`)";
+    let expected = |cells| format!("log.csv:3: {cells} cells, but the header names 2 columns: {remedy}");
+    assert_eq!(csv_error("t,q1\n0,1\n1\n"), expected(1));
+    assert_eq!(csv_error("# a\nt,q1\n0,1,2\n"), expected(3));
 }
 
 #[test]
@@ -259,8 +264,18 @@ fn parts_of_a_log() {
     assert_eq!(part(Rows::Seconds(0.5..=1.0)).expect("there").position(), [2.0, 3.0]);
     assert_eq!(
         message(part(Rows::Numbers(7..=9))),
-        "log.csv: no sample lies within the chosen rows 7 to 9; the log has 4 rows and lasts 1.5 s"
+        "log.csv: no sample lies within the chosen rows 7 to 9; the log has 4 rows"
     );
+    assert_eq!(
+        message(part(Rows::Seconds(7.0..=9.0))),
+        "log.csv: no sample lies within the chosen seconds 7 to 9; the log has 4 rows and lasts 1.5 s"
+    );
+    // Rows that are left out may hold anything.
+    let text = "t,q1\n0,1\n1,2\nt,q1\n0,3\n1,4\nend of log\n";
+    let part = |rows| read_csv_with(text, &ReadOptions { rows: Some(Rows::Numbers(rows)), ..ReadOptions::default() });
+    assert_eq!(part(1..=2).expect("there").position(), [1.0, 2.0]);
+    assert_eq!(part(4..=5).expect("there").position(), [3.0, 4.0]);
+    assert!(message(part(4..=6)).starts_with("log.csv:7: 1 cells"));
 }
 
 #[test]

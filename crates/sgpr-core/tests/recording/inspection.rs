@@ -1,6 +1,8 @@
 //! What is found in logs that are made to have it.
 
-use sgpr_core::recording::{Channel, Issue, IssueKind, Recording, Repair, Severity, inspect, repair, silent_errors};
+use sgpr_core::recording::{
+    Channel, Issue, IssueKind, Recording, Repair, Resample, Severity, inspect, refusals, repair,
+};
 
 use super::names;
 
@@ -115,7 +117,7 @@ fn a_clock_of_whole_seconds() {
         issue.message.contains("a resolution of 1.000 s") && issue.message.contains("`sample_rate_hz`"),
         "{issue:?}"
     );
-    assert_eq!(kinds(&silent_errors(&log.recording())), [IssueKind::DuplicateStamps]);
+    assert_eq!(kinds(&refusals(&log.recording())), [IssueKind::DuplicateStamps]);
     // A logger that writes each sample three times has another remedy.
     let (mut log, each) = (Log::new(), Log::new());
     for k in 0..2000 {
@@ -141,6 +143,21 @@ fn repeated_samples() {
     // Of 119, some may fall on a turn of both joints.
     assert!((115..=119).contains(&issues[0].count) && issues[0].time == Some(1.0), "{issues:?}");
     assert!(issues[0].message.contains("repeat all values of the one before"), "{}", issues[0].message);
+}
+
+#[test]
+fn samples_that_are_held() {
+    let mut log = Log::new();
+    for values in [&mut log.position, &mut log.velocity, &mut log.torque] {
+        let held = values.clone();
+        (0..2000).for_each(|k| values[2 * k..2 * k + 2].copy_from_slice(&held[k / 4 * 8..k / 4 * 8 + 2]));
+    }
+    let silent = refusals(&log.recording());
+    assert_eq!(kinds(&silent), [IssueKind::RepeatedSamples]);
+    // At turns of both joints some stay, as an arm may well rest there.
+    let request = Repair { drop_repeated: true, resample: Some(Resample::MedianRate), ..Repair::default() };
+    let (parts, _) = repair(&log.recording(), &request).expect("a log");
+    assert_eq!(refusals(&parts[0]), []);
 }
 
 #[test]
@@ -189,9 +206,9 @@ fn a_time_in_the_wrong_unit() {
         "the median step is 10000 s, and no joint is faster than 2.1e-4 rad/s (m/s): if the log is not that slow, give the \
          unit of the time with `units.time`; if it is, confirm it (accept: unlikely_rate)"
     );
-    assert_eq!(kinds(&silent_errors(&log.recording())), [IssueKind::UnlikelyRate]);
+    assert_eq!(kinds(&refusals(&log.recording())), [IssueKind::UnlikelyRate]);
     let accepted = log.recording().accepting(&[IssueKind::UnlikelyRate]);
-    assert_eq!(silent_errors(&accepted), []);
+    assert_eq!(refusals(&accepted), []);
     assert!(inspect(&accepted).iter().all(|issue| issue.severity < Severity::Error), "{:?}", inspect(&accepted));
     // Milliseconds of a fast log are no long steps, but then no joint moves.
     let mut log = Log::with_time((0..2000).map(|k| k * 100 * MS).collect());
@@ -200,6 +217,10 @@ fn a_time_in_the_wrong_unit() {
     assert!(kinds(&log.issues()).contains(&IssueKind::UnlikelyRate));
     let log = Log::with_time((0..2000).map(|k| k * 100 * MS).collect());
     assert!(!kinds(&log.issues()).contains(&IssueKind::UnlikelyRate));
+    // What steps say of velocities waits until the unit of the time is known.
+    let mut log = Log::new();
+    log.time.iter_mut().for_each(|time| *time *= 1000);
+    assert_eq!(kinds(&log.issues()), [IssueKind::UnlikelyRate]);
 }
 
 #[test]
@@ -211,7 +232,7 @@ fn a_position_that_is_wrapped_to_a_turn() {
     assert_eq!((issue.severity, issue.channel.as_deref()), (Severity::Error, Some("a_position")));
     assert!(issue.message.starts_with("`a_position` jumps by a full turn "), "{}", issue.message);
     assert!(issue.message.ends_with(" after the start: unwrap it (repair: unwrap)"), "{}", issue.message);
-    assert_eq!(kinds(&silent_errors(&log.recording())), [IssueKind::PositionJump]);
+    assert_eq!(kinds(&refusals(&log.recording())), [IssueKind::PositionJump]);
     let request = Repair { unwrap: true, ..Repair::default() };
     let (parts, actions) = repair(&log.recording(), &request).expect("a log");
     let whole = Log::new().recording();
@@ -224,6 +245,44 @@ fn a_position_that_is_wrapped_to_a_turn() {
     assert_eq!((issue.channel.as_deref(), issue.count), (Some("b_position"), 1));
     assert!(issue.message.contains("jumps 1 time, first by 0.985 rad"), "{}", issue.message);
     assert!(issue.message.contains("within 10.000 ms 10.000 s after the start"), "{}", issue.message);
+    // What differs from a turn by more than the joint moves is none, and is not taken back as one.
+    let mut log = Log::new();
+    log.position.iter_mut().step_by(2).for_each(|q| *q -= if *q > 0.8 { std::f64::consts::TAU + 0.3 } else { 0.0 });
+    let issues = log.issues();
+    let issue = issues.iter().find(|issue| issue.kind == IssueKind::PositionJump).expect("it jumps");
+    assert!(issue.severity == Severity::Warning && !issue.message.contains("turn"), "{}", issue.message);
+    let (parts, _) = repair(&log.recording(), &request).expect("a log");
+    assert_eq!(parts[0].position(), log.position);
+}
+
+#[test]
+fn a_stray_sample_is_no_unit() {
+    let mut log = Log::new();
+    log.position[1000] = 999.0;
+    log.velocity.clear();
+    let joints = names(&["a", "b"]);
+    let recording =
+        Recording::new("log", joints, log.time, log.position, None, Some(log.torque), vec![]).expect("fits");
+    assert_eq!(kinds(&inspect(&recording)), [IssueKind::PositionJump]);
+}
+
+#[test]
+fn numbers_that_overflow() {
+    let wrapped = |value: f64, step: f64| ((value / step).round() + 32768.0).rem_euclid(65536.0) - 32768.0;
+    let mut log = Log::new();
+    // 16 bits of 0.1 mN·m reach to 3.2768 N·m, of the 5 N·m that there are.
+    log.torque.iter_mut().step_by(2).for_each(|tau| *tau = 1e-4 * wrapped(*tau, 1e-4));
+    let silent = refusals(&log.recording());
+    assert_eq!(kinds(&silent), [IssueKind::Overflow]);
+    assert_eq!(silent[0].channel.as_deref(), Some("a_torque"));
+    assert!(silent[0].message.contains("65536 steps of 1.000e-4"), "{}", silent[0].message);
+    // The same range in the same steps without a passage from end to end.
+    let mut log = Log::new();
+    log.torque.iter_mut().step_by(2).for_each(|tau| *tau = 1e-4 * (*tau * 0.65536e4).round());
+    assert_eq!(log.issues(), []);
+    let mut log = Log::new();
+    log.position.iter_mut().step_by(2).for_each(|q| *q = 3e-5 * wrapped(*q, 3e-5));
+    assert!(kinds(&refusals(&log.recording())).contains(&IssueKind::Overflow));
 }
 
 #[test]
@@ -245,9 +304,16 @@ fn positions_in_degrees() {
     assert_eq!(kinds(&issues), [IssueKind::PositionInDegrees; 2]);
     assert!(issues[0].message.contains("changes 57.3 times as fast as the velocity says"), "{}", issues[0].message);
     assert_eq!(issues[0].severity, Severity::Error);
-    assert_eq!(kinds(&silent_errors(&log.recording())), [IssueKind::PositionInDegrees; 2]);
+    assert_eq!(kinds(&refusals(&log.recording())), [IssueKind::PositionInDegrees; 2]);
     let accepted = log.recording().accepting(&[IssueKind::PositionInDegrees]);
-    assert_eq!(silent_errors(&accepted), []);
+    assert_eq!(refusals(&accepted), []);
+    assert!(!issues[0].message.contains("other joints"), "{}", issues[0].message);
+    // One of two: a unit for all would be as wrong.
+    let mut one = Log::new();
+    one.position.iter_mut().step_by(2).for_each(|q| *q = q.to_degrees());
+    let issue = one.issue();
+    assert_eq!((issue.kind, issue.severity), (IssueKind::PositionInDegrees, Severity::Error));
+    assert!(issue.message.contains("other joints do not look so"), "{}", issue.message);
     // Both in degrees: only the range tells.
     log.velocity.iter_mut().for_each(|dq| *dq = dq.to_degrees());
     let issues = log.issues();
@@ -299,9 +365,32 @@ fn clipped_torques() {
     let mut log = Log::new();
     log.torque.iter_mut().step_by(2).for_each(|tau| *tau = tau.clamp(-4.0, 4.0));
     let issue = log.issue();
-    assert_eq!((issue.kind, issue.severity), (IssueKind::ClippedTorque, Severity::Note));
+    assert_eq!((issue.kind, issue.severity), (IssueKind::ClippedTorque, Severity::Warning));
     assert!(issue.message.contains("(-4 or 4)"), "{}", issue.message);
     assert!(issue.count > 500);
+    let mut log = Log::new();
+    log.torque.iter_mut().skip(1000).step_by(2).take(10).for_each(|tau| *tau = 9.0);
+    let issue = log.issue();
+    assert_eq!((issue.kind, issue.severity, issue.count), (IssueKind::ClippedTorque, Severity::Note, 10));
+}
+
+#[test]
+fn torques_that_are_not_measured() {
+    let mut log = Log::new();
+    log.torque.iter_mut().skip(3001).step_by(2).for_each(|tau| *tau = 0.0);
+    let issue = log.issue();
+    assert_eq!((issue.kind, issue.channel.as_deref()), (IssueKind::FrozenTorque, Some("b_torque")));
+    assert!(issue.severity == Severity::Warning && issue.time == Some(15.0) && issue.count == 500, "{issue:?}");
+    // Nothing is clipped where nothing changes.
+    log.torque.iter_mut().skip(1).step_by(2).for_each(|tau| *tau = 0.0);
+    assert_eq!((log.issue().kind, log.issue().count), (IssueKind::FrozenTorque, 2000));
+    // A joint that rests may well have one torque.
+    let mut log = Log::new();
+    for values in [&mut log.position, &mut log.velocity, &mut log.torque] {
+        let last = values[3001];
+        values.iter_mut().skip(3001).step_by(2).for_each(|value| *value = last);
+    }
+    assert!(!kinds(&log.issues()).contains(&IssueKind::FrozenTorque), "{:?}", log.issues());
 }
 
 #[test]

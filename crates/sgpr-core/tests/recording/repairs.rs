@@ -129,7 +129,8 @@ fn what_cannot_be_done() {
     let error = |log: &Recording, request: Repair| -> String { message::<_>(repair(log, &request)) };
     assert_eq!(
         error(&log(&[0, 5, 5, 9]), resample(100.0)),
-        "log: the time does not increase at sample 2 (0.005 s after the start): repair with `sort` and `drop_duplicates` first"
+        "log: the time does not increase at sample 2 (0.005 s after the start): repair with `sort` and `drop_duplicates` first, or \
+         read the parts of a log that was restarted one by one (`rows`)"
     );
     assert!(error(&log(&[0, 1]), resample(-1.0)).starts_with("resample = -1: a rate in Hz"));
     assert!(error(&log(&[0, 1]), resample(1e9)).contains("at most 1000 samples of each one"));

@@ -65,6 +65,7 @@ mod transmission_hysteresis;
 mod viscous_friction;
 mod wrist_coupling;
 
+use alloc::format;
 use alloc::string::{String, ToString};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -605,7 +606,7 @@ pub fn registry() -> Vec<Arc<dyn Effect>> {
 /// The effect `name`.
 ///
 /// # Errors
-/// If there is none; the message lists those that exist.
+/// If there is none; the message says which may have been meant, and where all are listed.
 pub fn by_name(name: &str) -> Result<Arc<dyn Effect>, UnknownEffect> {
     let all = registry();
     let known = all.iter().map(|effect| effect.name().to_string()).collect();
@@ -615,12 +616,19 @@ pub fn by_name(name: &str) -> Result<Arc<dyn Effect>, UnknownEffect> {
 
 /// An effect name that the library does not have.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there is no effect `{name}`{}; known are {}", suggestion(name, known), known.join(", "))]
+#[error("there is no effect `{name}`{}; {}", suggestion(name, known), choice(known))]
 pub struct UnknownEffect {
     /// Requested name.
     pub name: String,
     /// Names to choose from.
     pub known: Vec<String>,
+}
+
+/// More names than this are looked up, not read in a message.
+const FEW: usize = 12;
+
+fn choice(known: &[String]) -> String {
+    if known.len() <= FEW { format!("known are {}", known.join(", ")) } else { "`sgpr effects` lists all".into() }
 }
 
 /// Sign of `x`, zero at zero (`f64::signum` is one there).

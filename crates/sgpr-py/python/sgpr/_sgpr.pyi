@@ -1,9 +1,9 @@
 """The compiled half of sgpr. Docstrings are those of the module; this file gives the types."""
 
 import builtins
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from os import PathLike
-from typing import Any, Final, Literal, final, overload
+from typing import Any, ClassVar, Final, Literal, TypedDict, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -324,6 +324,7 @@ def write_mcap(path: _Path, topics: Mapping[str, Recording]) -> None: ...
 
 @final
 class Parameter:
+    __dataclass_fields__: ClassVar[dict[str, Any]]
     @property
     def name(self) -> str: ...
     @property
@@ -359,6 +360,7 @@ class Parameters:
     def covariance(self) -> _Array | None: ...
     def __len__(self) -> int: ...
     def __getitem__(self, key: int | str, /) -> Parameter: ...
+    def __iter__(self) -> Iterator[Parameter]: ...
     def to_dict(self) -> list[dict[str, Any]]: ...
     def _repr_html_(self) -> str: ...
 
@@ -661,6 +663,59 @@ def diagnose(
     ranked: Callable[[list[dict[str, Any]]], object] | None = None,
 ) -> Diagnosis: ...
 
+class _Dependence(TypedDict):
+    on: str
+    correlation: float
+    band: float  # what noise alone reaches
+
+class _Shares(TypedDict):
+    state: float
+    time: float
+    noise: float
+
+class _Change(TypedDict):
+    time: float  # s
+    interval: list[float]
+    end: float | None
+    probability: float
+    share: float
+
+class _Input(TypedDict):
+    variable: str
+    alone: float
+    total: float
+
+class _Structure(TypedDict):
+    joint: str
+    rmse: float
+    rows: int
+    independent_rows: float
+    whiteness: float  # probability that noise is as far from white
+    dependence: list[_Dependence]
+    shares: _Shares  # of the variance
+    inputs: list[_Input]
+    change: _Change | None
+    shape: list[str]
+    summary: str
+
+class _Constant(TypedDict):
+    name: str
+    value: float
+    std: float | None
+    unit: str
+
+class _Detectable(TypedDict):
+    effect: str
+    joints: list[str]
+    constants: list[_Constant]
+    parameter: str
+    unit: str
+    seen_from: float | None
+    torque: float | None
+    visible: float
+    told_apart_from: float | None
+    mistaken_for: str | None
+
 @final
 class Diagnosis:
     @property
@@ -676,13 +731,13 @@ class Diagnosis:
     @property
     def not_testable(self) -> dict[str, str]: ...
     @property
-    def detectable(self) -> list[dict[str, Any]]: ...
+    def detectable(self) -> list[_Detectable]: ...
     @property
     def unexplained(self) -> list[str]: ...
     @property
-    def structure(self) -> list[dict[str, Any]]: ...
+    def structure(self) -> list[_Structure]: ...
     @property
-    def left(self) -> list[dict[str, Any]]: ...
+    def left(self) -> list[_Structure]: ...
     @property
     def formulas(self) -> dict[str, str]: ...
     @property
@@ -695,7 +750,7 @@ class Diagnosis:
     def report(self, path: _Path) -> None: ...
     def _repr_html_(self) -> str: ...
 
-def residual_structure(model: Model, comparison: Comparison) -> list[dict[str, Any]]: ...
+def residual_structure(model: Model, comparison: Comparison) -> list[_Structure]: ...
 
 @final
 class Finding:

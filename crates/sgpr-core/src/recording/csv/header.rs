@@ -31,10 +31,32 @@ impl Quantity {
     /// Words for it, in lower case.
     pub(super) fn words(self) -> &'static [&'static str] {
         match self {
-            Self::Position => &["position", "positions", "pos", "angle"],
-            Self::Velocity => &["velocity", "velocities", "vel", "speed"],
-            Self::Torque => &["torque", "torques", "effort", "efforts", "force", "trq"],
-            Self::Current => &["current", "currents"],
+            Self::Position => &["position", "positions", "pos", "angle", "istposition", "winkel", "istwinkel"],
+            Self::Velocity => &[
+                "velocity",
+                "velocities",
+                "vel",
+                "speed",
+                "geschwindigkeit",
+                "istgeschwindigkeit",
+                "drehzahl",
+                "istdrehzahl",
+                "vitesse",
+            ],
+            Self::Torque => &[
+                "torque",
+                "torques",
+                "effort",
+                "efforts",
+                "force",
+                "trq",
+                "moment",
+                "istmoment",
+                "drehmoment",
+                "istdrehmoment",
+                "couple",
+            ],
+            Self::Current => &["current", "currents", "strom", "iststrom", "motorstrom", "courant"],
         }
     }
 

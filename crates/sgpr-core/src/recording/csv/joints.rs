@@ -63,7 +63,12 @@ impl<'a> JointColumns<'a> {
         };
         let (labels, columns): (Vec<Label>, Vec<String>) = self.columns.iter().filter_map(of_others).unzip();
         if !self.given || columns.is_empty() {
-            return RecordingError::NoPositions { path: self.path.into(), columns: self.columns.to_vec() };
+            let unknown = |name: &&String| header::meaning(name, None).is_none();
+            return RecordingError::NoPositions {
+                path: self.path.into(),
+                columns: self.columns.to_vec(),
+                unknown: self.columns.iter().filter(unknown).cloned().collect(),
+            };
         }
         let found = labels.into_iter().map(|label| match label {
             Label::Name(name) => name,

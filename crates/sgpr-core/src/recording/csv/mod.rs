@@ -128,7 +128,7 @@ pub enum Columns {
 /// A part of a log.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Rows {
-    /// Data rows, counted from 1, both ends included.
+    /// Data rows, counted from 1, both ends included. What the others hold is not looked at.
     Numbers(RangeInclusive<usize>),
     /// Seconds since the first row of the file, both ends included.
     Seconds(RangeInclusive<f64>),

@@ -46,6 +46,9 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Recording, 
     }
     let mut table = Table::new(&name, &columns, mapping, options);
     while lines.next_row().map_err(explain)? {
+        if table.passes_over() {
+            continue;
+        }
         table.take_row(Row::new(&name, &columns, &lines)?)?;
     }
     table.finish()
@@ -255,8 +258,9 @@ struct Table<'a> {
     channels: Vec<ChannelColumn>,
     notes: Vec<String>,
     layout: Layout,
-    /// Data rows seen, and the times of the first and the last one.
+    /// Data rows of the file so far, those of them whose time was read, and the times of the first and last of these.
     rows: usize,
+    timed: usize,
     span: [i64; 2],
 }
 
@@ -286,14 +290,22 @@ impl<'a> Table<'a> {
             notes,
             layout,
             rows: 0,
+            timed: 0,
             span: [0, 0],
         }
     }
 
-    fn take_row(&mut self, row: Row) -> Result<(), RecordingError> {
+    /// Counts a row that is not among those chosen by their numbers. What it holds is nobody's concern: it may be what
+    /// the choice is to leave out.
+    fn passes_over(&mut self) -> bool {
         self.rows += 1;
+        matches!(&self.options.rows, Some(Rows::Numbers(numbers)) if !numbers.contains(&self.rows))
+    }
+
+    fn take_row(&mut self, row: Row) -> Result<(), RecordingError> {
+        self.timed += 1;
         let time = self.time_of(&row)?;
-        self.span = [if self.rows == 1 { time } else { self.span[0] }, time];
+        self.span = [if self.timed == 1 { time } else { self.span[0] }, time];
         if !self.is_wanted(time) {
             return Ok(());
         }
@@ -305,7 +317,7 @@ impl<'a> Table<'a> {
     }
 
     fn time_of(&mut self, row: &Row) -> Result<i64, RecordingError> {
-        if let (1, Clock::Column { index, unit }) = (self.rows, self.clock) {
+        if let (1, Clock::Column { index, unit }) = (self.timed, self.clock) {
             self.clock = self.clock_of(row, index, unit);
         }
         match self.clock {
@@ -359,8 +371,7 @@ impl<'a> Table<'a> {
 
     fn is_wanted(&self, time: i64) -> bool {
         match &self.options.rows {
-            None => true,
-            Some(Rows::Numbers(numbers)) => numbers.contains(&self.rows),
+            None | Some(Rows::Numbers(_)) => true,
             Some(Rows::Seconds(seconds)) => seconds.contains(&recording::seconds(self.span[0], time)),
         }
     }
@@ -381,7 +392,7 @@ impl<'a> Table<'a> {
             return Err(RecordingError::NoRows { path: self.path.into() });
         }
         if let (Some(rows), true) = (&self.options.rows, self.time.is_empty()) {
-            let duration = recording::seconds(self.span[0], self.span[1]);
+            let duration = (self.timed > 0).then(|| recording::seconds(self.span[0], self.span[1]));
             let (path, rows) = (self.path.into(), rows.to_string());
             return Err(RecordingError::NoRowsChosen { path, rows, samples: self.rows, duration });
         }

@@ -11,10 +11,11 @@ const NAMES_OF_JOINTS: [&str; 4] = ["turn", "turns", "rev", "revolutions"];
 /// Words that say "this is the measurement".
 const MEASURED: [&str; 5] = ["actual", "act", "measured", "meas", "msr"];
 /// Words around a number or a name that say nothing more.
-const FILLERS: [&str; 6] = ["joint", "joints", "j", "axis", "state", "states"];
+const FILLERS: [&str; 10] =
+    ["joint", "joints", "j", "axis", "state", "states", "achse", "gelenk", "axe", "articulation"];
 /// Words that are not part of the name of a joint: what they mark is no plain measurement.
 const NOT_A_JOINT: &str = " ref reference des desired d target cmd command commanded commands goal setpoint sp err error \
-                           est estimated ext external raw limit min max temperature model motor ";
+                           est estimated ext external raw limit min max temperature model motor soll consigne ";
 
 /// A column name cut into words at separators and between letters and digits.
 #[derive(Clone)]

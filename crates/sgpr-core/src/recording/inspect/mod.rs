@@ -7,7 +7,7 @@ mod values;
 use std::str::FromStr;
 
 use super::{Recording, RecordingError};
-pub(crate) use motion::JUMP;
+pub(crate) use motion::{is_turn, usual_change};
 pub(crate) use time::{MOST_JITTER, jitter};
 pub(crate) use values::is_still;
 pub(super) use values::{is_finite_row, repeated_samples};
@@ -62,6 +62,10 @@ pub enum IssueKind {
     VelocityLag,
     /// A torque that is cut off at its largest value.
     ClippedTorque,
+    /// A torque that stays at one value while its joint moves.
+    FrozenTorque,
+    /// Numbers that leave one end of 16 bits and come back at the other.
+    Overflow,
     /// Positions that move in steps.
     EncoderStep,
     /// Columns that were given to joints in the order of their numbers, as no name told.
@@ -71,7 +75,7 @@ pub enum IssueKind {
 }
 
 impl IssueKind {
-    const NAMES: [(Self, &'static str); 17] = [
+    const NAMES: [(Self, &'static str); 19] = [
         (Self::NotFinite, "not_finite"),
         (Self::Implausible, "implausible"),
         (Self::TimeBackwards, "time_backwards"),
@@ -86,6 +90,8 @@ impl IssueKind {
         (Self::VelocityMismatch, "velocity_mismatch"),
         (Self::VelocityLag, "velocity_lag"),
         (Self::ClippedTorque, "clipped_torque"),
+        (Self::FrozenTorque, "frozen_torque"),
+        (Self::Overflow, "overflow"),
         (Self::EncoderStep, "encoder_step"),
         (Self::JointsByOrder, "joints_by_order"),
         (Self::TorqueScale, "torque_scale"),
@@ -147,9 +153,12 @@ impl Severity {
 /// - the unit of the time is in doubt below 10 µs and above 0.5 s from sample to sample, and above 0.05 s if no joint is
 ///   faster than 0.01 rad/s (m/s);
 /// - positions are degrees if half of the moving joints look so;
+/// - samples that repeat the one before are errors if they are most of the log;
+/// - a torque is frozen if it keeps one value for half a second, in which its joint moves by a tenth of its range;
+/// - numbers overflow if they jump across nine tenths of a range of 62,000 to 65,536 of their smallest steps;
 /// - a joint stands still if it moves less than 0.002 rad (m);
 /// - a position jumps if it changes by more than 0.5 rad (m), at more than 50 rad/s (m/s) and by more than ten times what
-///   nine of ten samples change by; jumps by a turn alone are errors;
+///   nine of ten samples change by; jumps by a turn alone, give or take what a joint moves in one step, are errors;
 /// - velocity and position are compared over stretches of at least ten samples and 0.1 s: the change of the position
 ///   against the integral of the velocity, which tells units and sign apart from noise;
 /// - the lag of the velocity is where its cross-correlation with the derivative of the position is largest.
@@ -166,14 +175,18 @@ impl Severity {
 pub fn inspect(recording: &Recording) -> Vec<Issue> {
     let mut issues = time::issues(recording);
     issues.extend(values::issues(recording));
-    issues.extend(motion::issues(recording));
+    // Speeds say nothing before the unit of the time is right.
+    let is_time_right = recording.accepted().contains(&IssueKind::UnlikelyRate)
+        || issues.iter().all(|issue| issue.kind != IssueKind::UnlikelyRate);
+    issues.extend(motion::issues(recording, is_time_right));
     sorted(recording, issues)
 }
 
-/// What nothing is computed with before somebody repairs, states or confirms it, and no computation would stumble over:
-/// units that are very unlikely, and positions that are wrapped to a turn. A part of [`inspect`].
-pub fn silent_errors(recording: &Recording) -> Vec<Issue> {
-    let mut issues: Vec<Issue> = time::unlikely_rate(recording).into_iter().collect();
+/// What nothing is computed with before somebody repairs, states or confirms it: the errors of [`inspect`], without the
+/// work for the rest.
+pub fn refusals(recording: &Recording) -> Vec<Issue> {
+    let mut issues = time::issues(recording);
+    issues.extend(values::errors(recording));
     issues.extend(motion::positions_in_degrees(recording));
     issues.extend(motion::wrapped_positions(recording));
     let mut issues = sorted(recording, issues);

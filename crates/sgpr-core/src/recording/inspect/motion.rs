@@ -17,7 +17,9 @@ const ENOUGH_MOTION: f64 = 0.02;
 /// No arm joint turns further than this between its limits, rad.
 const WIDEST_RANGE: f64 = 4.0 * std::f64::consts::PI;
 /// Least change from one sample to the next that is a jump, and most that a jump by a turn differs from one, rad (m).
-pub(crate) const JUMP: f64 = 0.5;
+const JUMP: f64 = 0.5;
+/// Few arm joints are faster, rad/s (m/s).
+const FAST: f64 = 10.0;
 /// No arm joint is as fast, rad/s (m/s).
 const JUMP_SPEED: f64 = 50.0;
 /// A jump is this many times what nine of ten samples change by.
@@ -27,17 +29,20 @@ const LARGEST_LAG: f64 = 0.05;
 /// Most samples for the cross-correlation.
 const LONGEST_PIECE: usize = 20_000;
 
-pub(super) fn issues(recording: &Recording) -> Vec<Issue> {
+/// - `is_time_right`: whether the unit of the time is beyond doubt
+pub(super) fn issues(recording: &Recording, is_time_right: bool) -> Vec<Issue> {
     let clean = without_faults(recording);
     let ratios: Vec<Option<Comparison>> = (0..clean.dof()).map(|joint| Comparison::of_joint(&clean, joint)).collect();
     let mut issues = all_degrees(&clean, &ratios);
     let suspected: Vec<Option<String>> = issues.iter().map(|issue| issue.channel.clone()).collect();
-    let mismatches = (0..clean.dof()).filter_map(|joint| mismatch(&clean, joint, ratios[joint]?));
-    issues.extend(mismatches.filter(|issue| {
-        let position = issue.channel.as_ref().map(|name| name.replace("_velocity", "_position"));
-        !suspected.contains(&position)
-    }));
-    issues.extend(lag(&clean, &ratios));
+    if is_time_right {
+        let mismatches = (0..clean.dof()).filter_map(|joint| mismatch(&clean, joint, ratios[joint]?));
+        issues.extend(mismatches.filter(|issue| {
+            let position = issue.channel.as_ref().map(|name| name.replace("_velocity", "_position"));
+            !suspected.contains(&position)
+        }));
+        issues.extend(lag(&clean, &ratios));
+    }
     issues.extend((0..clean.dof()).filter_map(|joint| jumps(&clean, joint)));
     issues
 }
@@ -60,8 +65,15 @@ pub(super) fn wrapped_positions(recording: &Recording) -> Vec<Issue> {
 fn all_degrees(clean: &Recording, ratios: &[Option<Comparison>]) -> Vec<Issue> {
     let mut issues: Vec<Issue> = (0..clean.dof()).filter_map(|joint| degrees(clean, joint, ratios[joint])).collect();
     let moving = (0..clean.dof()).filter(|&joint| !is_still(clean, joint)).count();
-    if 2 * issues.len() >= moving {
-        issues.iter_mut().for_each(|issue| issue.severity = Severity::Error);
+    let (some, most) = (issues.len() < moving, 2 * issues.len() >= moving);
+    for issue in &mut issues {
+        if most {
+            issue.severity = Severity::Error;
+        }
+        if some {
+            issue.message += "; other joints do not look so: a unit of some joints alone stands in the names of their columns, \
+                              such as q_1 [deg]";
+        }
     }
     issues
 }
@@ -87,14 +99,13 @@ fn jumps(recording: &Recording, joint: usize) -> Option<Issue> {
         return None;
     }
     let steps = recording.steps();
-    let usual = statistics::quantile(&mut changes.clone(), 0.9);
+    let usual = usual_change(&changes);
     let found: Vec<usize> =
         (0..changes.len()).filter(|&k| changes[k] > JUMP.max(JUMP_SPEED * steps[k]).max(JUMP_FACTOR * usual)).collect();
     let first = *found.first()?;
-    let is_turn = |change: f64| (change - TAU).abs() < JUMP;
     let name = format!("{}_position", recording.joint_names()[joint]);
     let (often, at) = (counted(found.len(), "time"), recording.time_seconds()[first + 1]);
-    let (severity, message) = if found.iter().all(|&k| is_turn(changes[k])) {
+    let (severity, message) = if found.iter().all(|&k| is_turn(changes[k], steps[k], usual)) {
         let message = format!(
             "`{name}` jumps by a full turn {often}, first {at:.3} s after the start: unwrap it (repair: unwrap)"
         );
@@ -110,6 +121,19 @@ fn jumps(recording: &Recording, joint: usize) -> Option<Issue> {
     };
     let (kind, time, count) = (IssueKind::PositionJump, Some(at), found.len());
     Some(Issue { kind, severity, time, channel: Some(name), count, message })
+}
+
+/// What nine of ten samples of a position change by.
+pub(crate) fn usual_change(changes: &[f64]) -> f64 {
+    statistics::quantile(&mut changes.to_vec(), 0.9)
+}
+
+/// Whether a position changes by a full turn, give or take what the joint moves in a step.
+///
+/// - `step`: its length, s
+/// - `usual`: what nine of ten samples change by
+pub(crate) fn is_turn(change: f64, step: f64, usual: f64) -> bool {
+    (change.abs() - TAU).abs() < JUMP.min((FAST * step).max(JUMP_FACTOR * usual))
 }
 
 /// The change of a position against the integral of its velocity.
@@ -154,13 +178,16 @@ impl Comparison {
 }
 
 fn degrees(recording: &Recording, joint: usize, comparison: Option<Comparison>) -> Option<Issue> {
-    let [low, high] = statistics::range(column(recording.position(), recording.dof(), joint))?;
+    let mut q: Vec<f64> = column(recording.position(), recording.dof(), joint).collect();
+    let [low, high] = statistics::range(q.iter().copied())?;
+    // A single stray sample is a jump, no unit.
+    let usual_range = statistics::quantile(&mut q, 0.99) - statistics::quantile(&mut q, 0.01);
     let name = format!("{}_position", recording.joint_names()[joint]);
     let reason = match comparison {
         Some(comparison) if comparison.is_near(1f64.to_degrees()) => {
             format!("changes {:.1} times as fast as the velocity says", comparison.ratio.abs())
         }
-        _ if high - low > WIDEST_RANGE => {
+        _ if usual_range > WIDEST_RANGE => {
             format!("has a range of {:.1}, {:.1} turns if it were rad", high - low, (high - low) / TAU)
         }
         _ => return None,

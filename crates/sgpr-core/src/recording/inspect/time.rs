@@ -32,12 +32,6 @@ pub(super) fn issues(recording: &Recording) -> Vec<Issue> {
     issues.into_iter().flatten().collect()
 }
 
-/// A time whose unit nobody can have meant, or that does not tell samples apart.
-pub(super) fn unlikely_rate(recording: &Recording) -> Option<Issue> {
-    let log = Log::new(recording);
-    log.coarse().or_else(|| log.unlikely_rate())
-}
-
 struct Log {
     /// s since the first sample
     time: Vec<f64>,
@@ -89,7 +83,7 @@ impl Log {
         let found = self.where_step(|step| step < 0.0);
         let first = *found.first()?;
         let message = format!(
-            "the time runs backwards {}, first by {} at sample {}: sort the samples (repair: sort), or cut the log there if it was restarted",
+            "the time runs backwards {}, first by {} at sample {}: sort the samples (repair: sort), or if it was restarted there, read its parts one by one (`rows`)",
             counted(found.len(), "time"),
             duration(-self.steps[first]),
             first + 1,

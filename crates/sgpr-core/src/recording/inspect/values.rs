@@ -12,14 +12,30 @@ const MOTION_WINDOW: usize = 5;
 const MOVING_SHARE: f64 = 0.1;
 /// As many samples in a row at the largest torque are a flat top.
 const FLAT_TOP: usize = 5;
+/// A torque that keeps its value for so long, s, ...
+const FROZEN: f64 = 0.5;
+/// ... while the joint moves by this share of its range, is not measured.
+const FROZEN_SHARE: f64 = 0.1;
+/// Numbers that 16 bits can hold ...
+const OF_16_BITS: f64 = 65_536.0;
+/// ... and the share of them that numbers which overflow pass, and jump across.
+const NEAR_THE_ENDS: [f64; 2] = [0.95, 0.9];
 
 pub(super) fn issues(recording: &Recording) -> Vec<Issue> {
+    let mut issues = errors(recording);
+    issues.extend(still_joints(recording));
+    issues.extend(clipped(recording));
+    issues.extend(frozen(recording));
+    issues.extend(encoder_steps(recording));
+    issues
+}
+
+/// Those of them that can be errors.
+pub(super) fn errors(recording: &Recording) -> Vec<Issue> {
     let mut issues = not_finite(recording);
     issues.extend(implausible(recording));
     issues.extend(repeated(recording));
-    issues.extend(still_joints(recording));
-    issues.extend(clipped(recording));
-    issues.extend(encoder_steps(recording));
+    issues.extend(overflows(recording));
     issues
 }
 
@@ -107,7 +123,11 @@ fn repeated(recording: &Recording) -> Option<Issue> {
     let share = found.len() as f64 / recording.len() as f64;
     Some(Issue {
         kind: IssueKind::RepeatedSamples,
-        severity: if share > 0.001 { Severity::Warning } else { Severity::Note },
+        severity: match share {
+            _ if share > 0.5 => Severity::Error,
+            _ if share > 0.001 => Severity::Warning,
+            _ => Severity::Note,
+        },
         time: Some(seconds(recording.time()[0], recording.time()[first])),
         channel: None,
         count: found.len(),
@@ -192,28 +212,103 @@ fn clipped(recording: &Recording) -> Vec<Issue> {
     let of_joint = |joint: usize| {
         let tau: Vec<f64> = column(torque, n, joint).collect();
         let q: Vec<f64> = column(recording.position(), n, joint).collect();
-        let [low, high] = statistics::range(tau.iter().copied())?;
+        let [low, high] = statistics::range(tau.iter().copied()).filter(|[low, high]| low < high)?;
         let runs = flat_tops(&tau, &q, low).into_iter().chain(flat_tops(&tau, &q, high));
         let runs: Vec<(usize, usize)> = runs.collect();
         let first = runs.iter().map(|(start, _)| *start).min()?;
-        let count = runs.iter().map(|(_, length)| length).sum();
+        let count: usize = runs.iter().map(|(_, length)| length).sum();
         let name = format!("{}_torque", recording.joint_names()[joint]);
         Some(Issue {
             kind: IssueKind::ClippedTorque,
-            severity: Severity::Note,
+            severity: if count * 100 > recording.len() { Severity::Warning } else { Severity::Note },
             time: Some(seconds(recording.time()[0], recording.time()[first])),
             message: format!(
-                "`{name}` stays at its extreme ({low} or {high}) for {count} samples in {} while the joint moves: it may be clipped by a limit of drive or logger; leave these stretches out",
-                match runs.len() {
-                    1 => "1 stretch".into(),
-                    several => format!("{several} stretches"),
-                },
+                "`{name}` stays at its extreme ({low} or {high}) for {count} samples in {} while the joint moves: it may be clipped by a limit of drive or logger; leave that time out (repair: trim)",
+                in_stretches(runs.len()),
             ),
             channel: Some(name),
             count,
         })
     };
     (0..n).filter_map(of_joint).collect()
+}
+
+/// Torques that stay at one value, not their extreme, while the joint moves on.
+fn frozen(recording: &Recording) -> Vec<Issue> {
+    let Some(torque) = recording.torque() else { return Vec::new() };
+    let (n, time) = (recording.dof(), recording.time_seconds());
+    let of_joint = |joint: usize| {
+        let tau: Vec<f64> = column(torque, n, joint).collect();
+        let q: Vec<f64> = column(recording.position(), n, joint).collect();
+        let width = |values: &[f64]| statistics::range(values.iter().copied()).map_or(0.0, |[low, high]| high - low);
+        let extremes = statistics::range(tau.iter().copied()).filter(|[low, high]| low < high);
+        let (mut start, mut runs) = (0, Vec::new());
+        for run in tau.chunk_by(|a, b| a == b) {
+            let end = start + run.len();
+            let is_top = extremes.is_some_and(|extremes| extremes.contains(&run[0]));
+            let moved = width(&q[start..end]);
+            if time[end - 1] - time[start] >= FROZEN && !is_top && moved > STILL_RANGE.max(FROZEN_SHARE * width(&q)) {
+                runs.push(start..end);
+            }
+            start = end;
+        }
+        let first = runs.first()?.start;
+        let count = runs.iter().map(std::ops::Range::len).sum();
+        let name = format!("{}_torque", recording.joint_names()[joint]);
+        Some(Issue {
+            kind: IssueKind::FrozenTorque,
+            severity: Severity::Warning,
+            time: Some(time[first]),
+            message: format!(
+                "`{name}` stays at {} for {} ({}) in {} while the joint moves, first {:.3} s after the start: it was not measured there; leave that time out (repair: trim)",
+                tau[first],
+                counted(count, "sample"),
+                percent(count, recording.len()),
+                in_stretches(runs.len()),
+                time[first],
+            ),
+            channel: Some(name),
+            count,
+        })
+    };
+    (0..n).filter_map(of_joint).collect()
+}
+
+fn in_stretches(count: usize) -> String {
+    if count == 1 { "1 stretch".into() } else { format!("{count} stretches") }
+}
+
+/// Numbers that leave one end of 16 bits and come back at the other.
+fn overflows(recording: &Recording) -> Vec<Issue> {
+    let (n, time) = (recording.dof(), recording.time_seconds());
+    let of_column = |(name, values): (String, Vec<f64>)| {
+        let [low, high] = statistics::range(values.iter().copied())?;
+        let changes: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+        let visible = 1e-9 * (high - low);
+        let step = changes.iter().copied().filter(|change| *change > visible).fold(f64::INFINITY, f64::min);
+        if !(NEAR_THE_ENDS[0]..=1.0).contains(&((high - low) / (OF_16_BITS * step))) {
+            return None;
+        }
+        let across = |&k: &usize| changes[k] > NEAR_THE_ENDS[1] * (high - low);
+        let found: Vec<usize> = (0..changes.len()).filter(across).collect();
+        let at = time[found.first()? + 1];
+        Some(Issue {
+            kind: IssueKind::Overflow,
+            severity: Severity::Error,
+            time: Some(at),
+            message: format!(
+                "`{name}` overflows {}, first {at:.3} s after the start: it leaves one end of 65536 steps of {step:.3e} and comes back at the other; log it in more bits or larger steps, or leave that time out (repair: trim)",
+                counted(found.len(), "time"),
+            ),
+            channel: Some(name),
+            count: found.len(),
+        })
+    };
+    let columns = recording.joint_names().iter().enumerate().flat_map(|(joint, name)| {
+        let arrays = recording.arrays();
+        arrays.map(move |(array, values)| (format!("{name}_{array}"), column(values, n, joint).collect()))
+    });
+    columns.filter_map(of_column).collect()
 }
 
 /// Start and length of the runs of `tau` at `extreme` during which `q` keeps changing.

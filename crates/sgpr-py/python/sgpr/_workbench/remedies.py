@@ -30,7 +30,9 @@ def proposals(texts: Iterable[str]) -> list[dict[str, Any]]:
         for pattern, kind in PROPOSALS.items():
             for value in re.findall(pattern, text):
                 if kind == "resample":
-                    found.setdefault("resample", {"resample": float(value)})
+                    # One rate for all logs, which none of them has to be stretched to.
+                    rate = min(float(value), found.get("resample", {"resample": float("inf")})["resample"])
+                    found["resample"] = {"resample": rate}
                 elif kind == "repair":
                     found.update({name: {name: True} for name in value.split(", ") if name in TITLES})
                 elif value in TITLES:

@@ -13,7 +13,9 @@ from .. import diagnose as diagnose_model
 from .. import effects as registry
 from .. import identify as identify_from
 from ..report.diagnosis import DiagnosisPage
+from ..report.experiment import separation
 from ..report.numbers import counted, percent, significant, with_deviation
+from ..report.steps import steps_at_once
 from ..report.versions import versions
 from . import describe
 from .console import Output, to_json
@@ -36,7 +38,7 @@ from .output_folder import OutputFolder
 from .predictions import AFTER, BEFORE, left_out, predictions, residuals_by_log, write_before_and_after
 from .project import ModelAndLogs
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
-from .robots import load_robot
+from .robots import load_robot, tell_locked
 from .screening import repeated
 
 NEXT_EXPERIMENT = "next_experiment.csv"
@@ -100,6 +102,8 @@ def diagnose(
     known = given.effects if given else fitted_effects(effects, usual)
     folder = OutputFolder(out)
     arm = given.robot if given else load_robot(robot, joints, gravity)
+    if not given:
+        tell_locked(robot, arm, output)
     like = given.reading if given else None
     train_logs = read_logs(train, reading, arm.joint_names, output, like)
     test_logs = read_logs(test, reading, arm.joint_names, output, like)
@@ -273,14 +277,13 @@ def show(result: Result, data: dict[str, Any], output: Output) -> None:
     for one in data["next_experiment"]:
         output.line(
             f"next experiment, to tell {' from '.join(one['about'])}: {one['experiment']}; log Bayes factor "
-            f"{one['separation_now']:.0f} now, {one['separation_expected']:.0f} expected"
+            f"{separation(one)}"
         )
-    steps = data["steps"]
+    steps = steps_at_once(data["steps"])
     if len(steps) > 1 and data["findings"]:
-        names = list(steps[0]["rmse"])
-        label = [f"{step['effect'] or 'model'} {', '.join(step['joints'])}".strip() for step in steps]
-        rows = [[name, *(significant(step["rmse"][name]) for step in steps)] for name in names]
-        output.table(["held-out error of", *label], rows)
+        units = dict(zip(result.before.robot.joint_names, result.before.robot.torque_units, strict=True))
+        rows = [[name, unit, *(significant(errors[name]) for _, errors in steps)] for name, unit in units.items()]
+        output.table(["held-out error of", "unit", *(label for label, _ in steps)], rows, text_columns=(0, 1))
     show_errors({BEFORE: result.errors_before, AFTER: result.errors_after}, output)
     where = f"On {counted(len(result.test), 'unseen log')}" if result.test else "On the training logs"
     before, after = (c.relative_error_percent for c in (result.errors_before, result.errors_after))

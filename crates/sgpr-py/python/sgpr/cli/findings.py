@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from ..report.numbers import counted
@@ -31,11 +31,13 @@ class Found:
 
     - `rank`: what to do about it
     - `where`: log or model, empty if it concerns all
+    - `channel`: quantity of the log that it concerns, if it is one
     """
 
     rank: Rank
     text: str
     where: str = ""
+    channel: str | None = None
 
     def line(self) -> str:
         """For people."""
@@ -50,7 +52,7 @@ class Found:
 def of_logs(logs: Iterable[Log]) -> list[Found]:
     """What is wrong with logs after their repairs."""
     return [
-        Found(issue.rank, of_command_line(issue.message), log.path)
+        Found(issue.rank, of_command_line(issue.message), log.path, issue.channel)
         for log in logs
         for part in log.stretches
         for issue in part.issues
@@ -67,12 +69,29 @@ def ranked(found: Sequence[Found]) -> list[Found]:
     return sorted(dict.fromkeys(found), key=lambda one: RANKS.index(one.rank))
 
 
+def merged(found: Sequence[Found]) -> list[Found]:
+    """The same, where several quantities of a log have the same finding with other numbers, with the first of them."""
+    groups: dict[object, list[Found]] = {}
+    for one in found:
+        plain = re.sub(r"[-+]?\d[\d.e+-]*", "", one.text.replace(f"`{one.channel}`", ""))
+        groups.setdefault((one.rank, one.where, plain) if one.channel else one, []).append(one)
+    return [_together(group) for group in groups.values()]
+
+
+def _together(alike: Sequence[Found]) -> Found:
+    first, *others = alike
+    if not others:
+        return first
+    names = ", ".join(f"`{one.channel}`" for one in others)
+    return replace(first, text=f"{first.text} (the same of {names})")
+
+
 def show(found: Sequence[Found], output: Output, more: str) -> None:
     """What stops and what is to be looked at; how much more there is to know.
 
     - `more`: where the rest is said
     """
-    everything = ranked(found)
+    everything = merged(ranked(found))
     shown = [one for one in everything if one.rank != "know"]
     grouped: dict[tuple[Rank, str], list[str]] = {}
     for one in shown:

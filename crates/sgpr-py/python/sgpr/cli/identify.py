@@ -43,7 +43,7 @@ from .predictions import (
 )
 from .project import RobotAndLogs
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
-from .robots import load_robot
+from .robots import load_robot, tell_locked
 from .screening import excitation, repeated
 
 IN_ROBOT_FILES = {
@@ -90,6 +90,7 @@ def identify(
         raise wrong_use("is written for test logs: name them with --test", "--mcap")
     folder = OutputFolder(out)
     loaded = load_robot(robot, joints, gravity)
+    tell_locked(robot, loaded, output)
     train_logs = read_logs(train, reading, loaded.joint_names, output)
     test_logs = read_logs(test, reading, loaded.joint_names, output)
     instruments = stretches(read_logs(fit.instruments or [], reading, loaded.joint_names, output))

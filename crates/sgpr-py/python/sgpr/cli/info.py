@@ -16,12 +16,12 @@ from . import describe
 from .console import Output
 from .effects import checked_effects
 from .errors import BAD_DATA, of_command_line
-from .findings import STYLES, of_texts
+from .findings import STYLES, Found, merged, of_texts
 from .inputs import kind_of, load_any_model
 from .options import Gravity
 from .project import remember
 from .reading import ReadingOptions, expand_patterns, read_log
-from .robots import load_robot
+from .robots import is_urdf, load_robot, tell_locked
 from .screening import screened
 
 
@@ -68,6 +68,8 @@ def info(
     logs = [path for path in paths if kinds[path] == "log"]
     named = robot or robot_among(kinds)
     arm = load_robot(named, joints, gravity) if named and logs else None
+    if arm is not None and named:
+        tell_locked(named, arm, output)
     for path in paths:
         match kinds[path]:
             case "robot":
@@ -83,12 +85,18 @@ def info(
     output.result(results)
     refused = [data for data in results if data.get("refused")]
     asked = next((data for data in refused if columns_to_name(data) or has_currents(data)), None)
+    of_arm = [*(["--joints", *joints] if joints else []), *(["--gravity", *map(str, gravity)] if gravity else [])]
     if asked is not None:
-        next_look(asked, paths, ["--robot", robot] if robot else [], reading, output)
+        beside = ["--robot", robot] if robot else []
+        fewer = joints_in_log(asked, arm) if arm is not None and named and is_urdf(named) else []
+        if fewer:
+            why = "if the log holds these joints and the others stand"
+            output.next("sgpr", "info", *paths, *beside, "--joints", *fewer, *reading.words(), why=why)
+        else:
+            next_look(asked, paths, [*beside, *of_arm], reading, output)
     elif logs and not refused:
-        output.next(
-            "sgpr", "identify", "--robot", named or "ROBOT", "--train", *logs, *reading.words(), "--out", "result"
-        )
+        train = ["--train", *logs, *of_arm, *reading.words()]
+        output.next("sgpr", "identify", "--robot", named or "ROBOT", *train, "--out", "result")
     if refused:
         raise typer.Exit(BAD_DATA)
 
@@ -107,6 +115,14 @@ def next_look(
         constants = []
         why = "if these hold the torques" if log["unlike"] is None else "if these are they, in the order of the robot"
     output.next("sgpr", "info", *paths, *beside, *words, *names, *constants, "--remember", why=why)
+
+
+def joints_in_log(log: dict[str, Any], arm: Robot) -> list[str]:
+    """The joints of an arm that a log with fewer of them may hold: those of its names, or the first ones; else none."""
+    names = [joint["name"] for joint in log["joints"]]
+    if log["unlike"] is None or len(names) >= arm.dof:
+        return []
+    return names if set(names) <= set(arm.joint_names) else arm.joint_names[: len(names)]
 
 
 def robot_among(kinds: Mapping[str, str]) -> str | None:
@@ -290,8 +306,8 @@ def show_log(data: dict[str, Any], output: Output) -> None:
 
 def show_findings(issues: Sequence[dict[str, Any]], notes: Sequence[str], output: Output) -> None:
     """What was found in a log, worst first."""
-    for found in issues:
-        output.line(f"{found['rank']}: {of_command_line(found['message'])}", STYLES[found["rank"]])
+    for one in merged([Found(i["rank"], of_command_line(i["message"]), channel=i["channel"]) for i in issues]):
+        output.line(one.line(), STYLES[one.rank])
     for text in notes:
         output.line(f"know: {of_command_line(text)}")
 

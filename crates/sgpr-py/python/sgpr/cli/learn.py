@@ -9,7 +9,7 @@ import typer
 from .. import Comparison, Model, SemiParametricModel, __version__
 from .. import compare as compare_with
 from ..report.numbers import counted, percent, significant
-from ..report.rest import INPUTS, RestPage, fewer_rows_were_better, points_of
+from ..report.rest import INPUTS, RestPage, fewer_rows_were_better, points_of, too_narrow
 from ..report.versions import versions
 from . import describe
 from .console import Output, to_json
@@ -43,7 +43,7 @@ from .predictions import (
 )
 from .project import ModelAndLogs
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
-from .robots import load_robot
+from .robots import load_robot, tell_locked
 from .screening import repeated
 
 KERNELS = ("squared_exponential", "exponential", "matern32", "matern52", "rational_quadratic")
@@ -115,6 +115,8 @@ def learn(
     known = given.effects if given else fitted_effects(effects, usual)
     folder = OutputFolder(out)
     arm = given.robot if given else load_robot(robot, joints, gravity)
+    if not given:
+        tell_locked(robot, arm, output)
     like = given.reading if given else None
     train_logs = read_logs(train, reading, arm.joint_names, output, like)
     test_logs = read_logs(test, reading, arm.joint_names, output, like)
@@ -161,20 +163,6 @@ def learn(
         output.bad("The processes make the torque of the test logs worse than the physics alone: do not use them.")
         if strict:
             raise typer.Exit(LIMITS_NOT_MET)
-
-
-NARROW = 85.0
-"""Percent of the samples in the interval of 95 %, below which it says too much."""
-
-
-def too_narrow(coverage: Sequence[dict[str, Any]]) -> list[str]:
-    """Joints whose intervals hold far less than they say."""
-    found = [one for one in coverage if one["percent_95"] is not None and one["percent_95"] < NARROW]
-    return [
-        f"the interval of 95 % of {one['joint']} holds {percent(one['percent_95'])} % of the torques: it is too "
-        "narrow; learn from more logs of other motions"
-        for one in found
-    ]
 
 
 def fit(model: SemiParametricModel, logs: Sequence[Log], output: Output) -> None:

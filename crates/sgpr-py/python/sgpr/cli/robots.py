@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from .. import Robot
+from .. import Robot, RobotError
 from ..robots import puma560, two_link
+from .console import Output
 from .errors import BadData, wrong_use
 
 READY_MADE = {"puma560": puma560, "two_link": two_link}
@@ -29,6 +30,19 @@ def load_robot(name: str, joints: Sequence[str] | None = None, gravity: Sequence
     else:
         robot = Robot.from_urdf(name, joints)
     return robot if gravity is None else robot.with_gravity(gravity)
+
+
+def tell_locked(name: str, robot: Robot, output: Output) -> None:
+    """Says which joints of a URDF the robot lacks: they stand at zero, whatever the log says of them."""
+    if not is_urdf(name):
+        return
+    try:
+        whole = Robot.from_urdf(name)
+    except RobotError:
+        return
+    locked = [joint for joint in whole.joint_names if joint not in robot.joint_names]
+    if locked:
+        output.told(f"left out and taken to stand at zero: {', '.join(locked)}")
 
 
 def is_urdf(name: str) -> bool:

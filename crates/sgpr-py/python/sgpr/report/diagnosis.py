@@ -103,7 +103,7 @@ class DiagnosisPage:
             more.append("These are the logs that the model was fitted to: name others with --test to know the errors.")
         more += [f"{text}." for text in data["repeated_motions"]]
         before = self.errors_before if names else None
-        lead = verdict(before, self.errors_after, where, "before it was", answer=first, more=more)
+        lead = verdict(before, self.errors_after, where, "before it was", answer=first, more=more, bad=not unseen)
         odds = (
             f"Probability that nothing is missing: {data['probability_nothing_missing']:.2f}; that something is "
             f"missing that no known effect explains: {data['probability_unexplained']:.2f}."
@@ -174,7 +174,7 @@ class DiagnosisPage:
             parts += [paragraph("Structure that no known effect explains:"), items(data["unexplained"])]
         parts += self._formulas()
         if not data["unexplained"]:
-            parts.append(paragraph("No structure that a smooth function of position, speed or time could explain."))
+            parts.append(paragraph("Nothing is left that is large enough to be called an unknown effect."))
         plots: dict[str, Any] = {}
         if data["findings"]:
             parts.append(element("h3", "With the findings"))
@@ -237,9 +237,9 @@ class DiagnosisPage:
             [
                 one["effect"],
                 ", ".join(one["joints"]) or "whole arm",
-                "–" if one["score"] <= -1e6 else f"{one['score']:.0f}",
+                "–" if one["score"] <= -1e6 else f"{one['score']:z.0f}",
                 f"{one['probability']:.2f}",
-                f"{one['error_gained_percent']:.1f} %" if one["error_gained_percent"] else "–",
+                f"{one['error_gained_percent']:z.1f} %" if one["error_gained_percent"] else "–",
                 one["evidence"],
             ]
             for one in shown

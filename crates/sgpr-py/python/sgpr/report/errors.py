@@ -6,7 +6,7 @@ from typing import Any
 
 from .. import Comparison, JointComparison
 from .colours import AFTER, BASELINE, BEFORE, GRID
-from .figures import axis, layout, rounded
+from .figures import TOOLS, axis, layout, rounded
 from .markup import Cell, Html, element, join, legend, paragraph, plot, table
 from .numbers import MISSING, percent, significant
 
@@ -35,7 +35,7 @@ def verdict(
     scored = [joint for joint in after.joints if joint.samples]
     begin = [answer] if answer else []
     if not scored:
-        return _box([*begin, f"{where}, no joint moves: nothing can be said about the model.", *more], bad=True)
+        return box([*begin, f"{where}, no joint moves: nothing can be said about the model.", *more], bad=True)
     worst = max(scored, key=lambda joint: joint.relative_error_percent)
     first = f"{where}, {percent(after.relative_error_percent)} % of the torque remains unexplained"
     if before is not None:
@@ -56,7 +56,7 @@ def verdict(
     still = [joint.joint for joint in after.joints if not joint.samples]
     if still:
         sentences.append(f"Not judged, as they do not move in these logs: {', '.join(still)}.")
-    return _box([*begin, *sentences, *more], bad=bad or bool(worse or useless))
+    return box([*begin, *sentences, *more], bad=bad or bool(worse or useless))
 
 
 def errors_section(models: Mapping[str, Comparison]) -> tuple[Html, dict[str, Any]]:
@@ -86,7 +86,7 @@ def errors_section(models: Mapping[str, Comparison]) -> tuple[Html, dict[str, An
             ),
             table("Errors of each joint", columns, rows, text_columns=(0, 1, 6 + len(models))),
             legend(_keys(models)),
-            plot(PLOT, 90 + ROW_HEIGHT * len(last.joints), "Error of each joint in percent of its torque"),
+            plot(PLOT, 116 + ROW_HEIGHT * len(last.joints), "Error of each joint in percent of its torque"),
         ]
     )
     return body, {PLOT: _figure(models)}
@@ -171,13 +171,14 @@ def _figure(models: Mapping[str, Comparison]) -> dict[str, Any]:
             xaxis=axis("error [% of the joint's torque, root mean square]", type="log", tickvals=ticks),
             yaxis=axis("", range=[len(names) - 0.5, -0.5], type="category", gridcolor=GRID),
             shapes=[{**line, "line": {"color": BASELINE, "dash": "dot", "width": 1.5}, "layer": "below"}],
-            margin={"l": 20, "r": 16, "t": 8, "b": 50},
+            margin={"l": 20, "r": 16, "t": TOOLS, "b": 50},
             showlegend=False,
         ),
     }
 
 
-def _box(sentences: Sequence[str], *, bad: bool) -> Html:
+def box(sentences: Sequence[object], *, bad: bool) -> Html:
+    """The answer of a page, in a colour of its own; the first sentence is the one to be read."""
     first, *others = sentences
     body = join([paragraph(first, "lead"), *map(paragraph, others)])
     return element("div", body, class_="verdict bad" if bad else "verdict")

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .colours import AFTER
-from .figures import axis, layout, log_axis, rounded
+from .figures import TOOLS, axis, layout, log_axis, rounded
 from .markup import Html, element, join, paragraph, plot
 from .numbers import counted, significant
 from .parameters import certainty_plot
@@ -58,7 +58,7 @@ def excitation_section(
             xaxis=axis("number, largest first", **({"dtick": 1} if len(singular_values) <= FEW else {})),
             yaxis=log_axis("singular value [mixed units]"),
             showlegend=False,
-            margin={"l": 60, "r": 16, "t": 10, "b": 48},
+            margin={"l": 60, "r": 16, "t": TOOLS, "b": 48},
         ),
     }
     return body, figures

@@ -12,6 +12,15 @@ from .markup import Html, element, items, join, paragraph, plot, prose
 
 PLOT = "next-motion"
 SHOWN_SAMPLES = 1500
+TELLING = 3.0
+"""A log Bayes factor from which on one of two effects is meant: 20 to 1."""
+
+
+def separation(experiment: Mapping[str, Any]) -> str:
+    """What an experiment is expected to tell: the log of the Bayes factor between its effects."""
+    now, expected = experiment["separation_now"], experiment["separation_expected"]
+    enough = "" if expected >= TELLING else f", too little to tell them apart ({TELLING:.0f} would do)"
+    return f"{now:z.0f} now, {expected:z.0f} expected{enough}"
 
 
 def experiment_section(
@@ -29,8 +38,7 @@ def experiment_section(
     sentences = [
         prose(
             f"`{one['about'][0]}` or {', '.join(f'`{name}`' for name in one['about'][1:])}: {one['experiment']} "
-            f"({one['seconds']:.0f} s). The log of the Bayes factor between them is {one['separation_now']:.0f} now; "
-            f"with the motion {one['separation_expected']:.0f} is to be expected."
+            f"({one['seconds']:.0f} s). Log of the Bayes factor between them: {separation(one)}."
         )
         for one in experiments
     ]

@@ -30,6 +30,9 @@ def log_axis(title: str, **settings: Any) -> dict[str, Any]:
     return axis(title, type="log", dtick=1, exponentformat="power", **settings)
 
 
+TOOLS = 34
+"""Room above a plot without a legend for the tool bar that appears under the pointer, pixels."""
+
 # A row of six names reaches as far as the tool bar: room for the legend below it.
 MANY_NAMES = {"l": 60, "r": 16, "t": 62, "b": 48}
 

@@ -60,6 +60,9 @@ class IdentificationPage:
             report.cutoff_choices, labels, robot.joint_names, robot.position_units, data
         )
         on = "unseen logs" if unseen else "the training logs"
+        told: dict[str, list[dict[str, str]]] = {"look": [], "know": []}
+        for one in data["findings"]:
+            told["know" if one["rank"] == "know" else "look"].append(one)
         sections = [
             Section("errors", f"Errors on {on}", errors),
             Section("torque", f"Measured and predicted torque, {on}", torque),
@@ -77,7 +80,7 @@ class IdentificationPage:
             ),
             Section("excitation", "Excitation", excitation),
             Section("signals", "Signal processing", signals),
-            Section("screening", "Screening", screening_section(data["screening"])),
+            Section("screening", "Screening", screening_section(data["screening"], told["know"])),
             Section("logs", "Data quality", logs_section(data["logs"], data["left_out_of_predictions"])),
             Section("settings", "Settings and provenance", settings_section(self._settings())),
         ]
@@ -92,7 +95,7 @@ class IdentificationPage:
             self._verdict(len(judged), before, unseen=unseen),
             paragraph(facts, "soft"),
         ]
-        notes = [*data["repeated_motions"], *report.warnings]
+        notes = [f"{one['where']}: {one['text']}" if one["where"] else one["text"] for one in told["look"]]
         if notes:
             lead += [element("h2", "Please note"), items(map(prose, notes))]
         payload = {
@@ -111,7 +114,7 @@ class IdentificationPage:
             "know them."
         )
         where = f"On {counted(logs, 'training log')}"
-        return verdict(self.before, self.after, where, f"with {before} it was", more=[caution])
+        return verdict(self.before, self.after, where, f"with {before} it was", more=[caution], bad=True)
 
     def _settings(self) -> dict[str, dict[str, Any]]:
         data = self.data

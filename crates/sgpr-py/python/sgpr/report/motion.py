@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from .. import Excitation, Robot
 from .colours import line_of
+from .errors import box
 from .figures import MANY_NAMES, axis, layout, log_axis, rounded
-from .markup import Html, Section, join, paragraph, plot, table
+from .markup import Html, Section, join, paragraph, plot, prose, table
 from .numbers import counted, significant
 from .page import page
 from .settings import settings_section
@@ -18,6 +19,8 @@ SHOWN_SAMPLES = 500
 # Criteria that are logarithms already.
 LOGARITHMS = ("d_optimality", "hadamard")
 DECADE = 10.0
+# Limits that are met but for rounding.
+WITHIN = 1.0 + 1e-6
 # What holds where a setting was not given; one that is not here does not act then.
 ROBOT = "as in the robot"
 WITHOUT = {"position_range": ROBOT, "max_velocity": ROBOT, "max_torque": ROBOT, "start": "zero or mid-range"}
@@ -62,15 +65,18 @@ class MotionPage:
     def _lead(self) -> Html:
         report = self.found.report
         criterion = self.found.criterion
-        value = "" if criterion == "condition" else f"Criterion {criterion}: {significant(self.found.value)}. "
-        text = (
-            f"{value}{report['rank']} of "
-            f"{counted(report['base_parameters'], kind_of_parameters(report))} are excited, condition number "
-            f"{significant(report['condition'])}. The motion uses {100 * self.found.utilisation:.4g} % of its tightest "
-            f"limit, between samples too: {self.found.tightest}."
-        )
-        stopped = "The search was stopped: this is the best motion that it had found."
-        return join([paragraph(text), *([paragraph(stopped)] if self.found.status == "interrupted" else [])])
+        all_of_them = counted(report["base_parameters"], kind_of_parameters(report))
+        sentences: list[object] = [
+            f"The motion excites {report['rank']} of {all_of_them}; its condition number is "
+            f"{significant(report['condition'])}."
+        ]
+        if criterion != "condition":
+            sentences.append(f"Criterion {criterion}: {significant(self.found.value)}.")
+        tightest = f"It uses {100 * self.found.utilisation:.4g} % of its tightest limit, between samples too: "
+        sentences.append(prose(f"{tightest}{self.found.tightest}."))
+        if self.found.status == "interrupted":
+            sentences.append("The search was stopped: this is the best motion that it had found.")
+        return box(sentences, bad=report["rank"] < report["base_parameters"] or self.found.utilisation > WITHIN)
 
     def _motion(self) -> tuple[Html, dict[str, Any]]:
         trajectory = self.found.trajectory
@@ -106,12 +112,19 @@ class MotionPage:
                     significant,
                     (*peaks["position"][k], peaks["velocity"][k], peaks["acceleration"][k], peaks["torque"][k]),
                 ),
-                f"{self.robot.position_units[k]}, s, {self.robot.torque_units[k]}",
             ]
             for k, name in enumerate(self.robot.joint_names)
         ]
-        columns = ["joint", "lowest position", "highest position", "speed", "acceleration", "torque", "units"]
-        return table("Largest values in continuous time", columns, rows, text_columns=(0, 6))
+        position, torque = (", ".join(dict.fromkeys(u)) for u in (self.robot.position_units, self.robot.torque_units))
+        columns = [
+            "joint",
+            f"lowest position [{position}]",
+            f"highest position [{position}]",
+            f"speed [{position} per s]",
+            f"acceleration [{position} per s²]",
+            f"torque [{torque}]",
+        ]
+        return table("Largest values in continuous time", columns, rows)
 
     def _excitation(self) -> Html:
         report = self.found.report

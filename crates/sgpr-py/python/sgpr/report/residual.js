@@ -52,7 +52,7 @@ function residualPlot(data, config, shades) {
       means.push({ ...common, y: mean, name: model.label, line: { color: model.colour, width: 3 }, hoverinfo: "x+y" });
     });
     const axis = (text) => ({ title: { text: text.replaceAll("&", "&amp;").replaceAll("<", "&lt;"), standoff: 8 }, automargin: true, gridcolor: shades.grid, zerolinecolor: shades.zero });
-    const layout = { xaxis: axis(data.variables[variable]), yaxis: axis(data.joints[joint]), margin: { l: 68, r: 12, t: 8, b: 48 },
+    const layout = { xaxis: axis(data.variables[variable]), yaxis: axis(data.joints[joint]), margin: { l: 68, r: 12, t: 34, b: 48 },
       font: shades.font, paper_bgcolor: shades.paper, plot_bgcolor: shades.paper, hovermode: "closest" };
     Plotly.react(place, [...dots, ...means], layout, config);
   };

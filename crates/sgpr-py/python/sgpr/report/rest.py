@@ -11,7 +11,7 @@ from .colours import AFTER, BASELINE, BEFORE
 from .errors import errors_section, verdict
 from .figures import axis, layout, rounded
 from .logs import logs_section
-from .markup import Html, Section, element, join, paragraph, plot, table
+from .markup import Html, Section, element, items, join, paragraph, plot, table
 from .numbers import counted, percent, significant
 from .page import page
 from .residual import residual_section
@@ -20,6 +20,10 @@ from .torque import torque_section
 
 BEFORE_LABEL, AFTER_LABEL = "physics", "physics and processes"
 COVERAGE = "coverage-plot"
+NARROW = 85.0
+"""Percent of the samples in the interval of 95 %, below which it says too much."""
+WIDE = 85.0
+"""Percent of the samples in the interval of 68 %, above which it says too little."""
 
 INPUTS = {
     "own_velocity": "its own velocity",
@@ -82,7 +86,8 @@ class RestPage:
             more.append("These are the logs that the model was fitted to: name others with --test to know the errors.")
         more += [f"{text}." for text in self.data["repeated_motions"]]
         where = f"On {counted(logs, 'unseen log' if unseen else 'training log')}"
-        return verdict(self.errors_before, self.errors_after, where, "the physics alone leaves", more=more)
+        before, after = self.errors_before, self.errors_after
+        return verdict(before, after, where, "the physics alone leaves", more=more, bad=not unseen)
 
     def _settings(self) -> dict[str, dict[str, Any]]:
         physics = self.model.physics_
@@ -115,7 +120,7 @@ def learned_section(joints: Sequence[Mapping[str, Any]], units: Mapping[str, str
         )
     columns = ["joint", "unit", "physics", "best process", "looks at", "points"]
     tried = [
-        [joint["joint"], *(significant(_tried(joint, name)) for name in INPUTS)]
+        [joint["joint"], units[joint["joint"]], *(significant(_tried(joint, name)) for name in INPUTS)]
         for joint in joints
         if joint["candidates"]
     ]
@@ -124,7 +129,12 @@ def learned_section(joints: Sequence[Mapping[str, Any]], units: Mapping[str, str
     if tried:
         parts += [
             element("h3", "All that was tried"),
-            table("Residual on parts left out, by what the process looks at", ["joint", *INPUTS.values()], tried),
+            table(
+                "Root mean square residual on parts left out, by what the process looks at",
+                ["joint", "unit", *INPUTS.values()],
+                tried,
+                text_columns=(0, 1),
+            ),
         ]
     return join(parts)
 
@@ -151,12 +161,29 @@ def fewer_rows_were_better(joint: Mapping[str, Any]) -> str | None:
     )
 
 
+def too_narrow(coverage: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Joints whose intervals hold far less than they say."""
+    found = [one for one in coverage if one["percent_95"] is not None and one["percent_95"] < NARROW]
+    return [
+        f"the interval of 95 % of {one['joint']} holds {percent(one['percent_95'])} % of the torques: it is too "
+        "narrow; learn from more logs of other motions"
+        for one in found
+    ]
+
+
+def too_wide(coverage: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Joints whose intervals hold far more than they say, in a sentence."""
+    found = [one["joint"] for one in coverage if one["percent_68"] is not None and one["percent_68"] > WIDE]
+    return [f"wider than they would have to be are the intervals of {', '.join(found)}"] if found else []
+
+
 def coverage_section(rows: Sequence[Mapping[str, Any]]) -> tuple[Html, dict[str, Any]]:
     """How many measurements fall within their predicted intervals."""
     names = [row["joint"] for row in rows]
     cells = [
         [row["joint"], str(row["samples"]), percent(row["percent_68"]), percent(row["percent_95"])] for row in rows
     ]
+    said = [*too_narrow(rows), *too_wide(rows)]
     body = join(
         [
             paragraph(
@@ -164,6 +191,7 @@ def coverage_section(rows: Sequence[Mapping[str, Any]]) -> tuple[Html, dict[str,
                 "the joint moves. The intervals rest on the assumption that the motion is like that of the training "
                 "logs."
             ),
+            *([items(said)] if said else []),
             plot(COVERAGE, 320, "Share of the measurements within the intervals of 68 and 95 %, joint by joint"),
             table("Coverage", ["joint", "samples", "within 68 %", "within 95 %"], cells),
         ]

@@ -16,37 +16,55 @@ def steps_section(steps: Sequence[Mapping[str, Any]], units: Mapping[str, str]) 
 
     - `units`: unit of the torque by joint
     """
-    if len(steps) < 2:
+    shown = steps_at_once(steps)
+    if len(shown) < 2:
         return paragraph("No effect was added."), {}
-    names = list(steps[0]["rmse"])
-    labels = ["the model", *(f"+ {step['effect']} {', '.join(step['joints'])}".strip() for step in steps[1:])]
+    labels = [label for label, _ in shown]
+    errors = [found for _, found in shown]
+    names = list(errors[0])
     note = paragraph(
-        "Root mean square error on blocks of time that were left out of the fit, in the training logs. Effects are "
-        "added one after the other and all parameters are refitted each time; an effect that later ones make "
-        "superfluous is taken out again and does not appear."
+        "Root mean square error on blocks of time that were left out of the fit, in the training logs. All "
+        "parameters are refitted after each step; an effect that later ones make superfluous is taken out again and "
+        "does not appear."
     )
-    rows = [[name, units[name], *(significant(step["rmse"][name]) for step in steps)] for name in names]
+    rows = [[name, units[name], *(significant(found[name]) for found in errors)] for name in names]
     body = [
         note,
         plot(PLOT, 380, "Held-out error of each joint after each effect, relative to the model's"),
         table("Held-out error", ["joint", "unit", *labels], rows, text_columns=(0, 1)),
     ]
-    lines = [
+    bars = [
         {
-            "type": "scatter",
-            "mode": "lines+markers",
+            "type": "bar",
             "name": name,
             "x": labels,
-            "y": rounded([100.0 * step["rmse"][name] / max(steps[0]["rmse"][name], 1e-12) for step in steps]),
-            "line": line_of(index),
+            "y": rounded([100.0 * found[name] / max(errors[0][name], 1e-12) for found in errors]),
+            "marker": {"color": line_of(index)["color"]},
+            "hovertemplate": "%{y:.3g} %",
         }
         for index, name in enumerate(names)
     ]
     figure = {
-        "data": lines,
+        "data": bars,
         "layout": layout(
-            xaxis=axis("", range=[-0.3, len(labels) - 0.7]),
+            barmode="group",
+            xaxis=axis("", type="category"),
             yaxis=axis("held-out error [% of before]", rangemode="tozero"),
+            showlegend=True,
         ),
     }
     return join(body), {PLOT: figure}
+
+
+def steps_at_once(steps: Sequence[Mapping[str, Any]]) -> list[tuple[str, Mapping[str, float]]]:
+    """What was added and the error of each joint then; an effect at several joints that came at once is one step."""
+    found: list[tuple[str, Mapping[str, float]]] = []
+    effect = None
+    for number, step in enumerate(steps):
+        joints = ", ".join(step["joints"])
+        if found and step["effect"] == effect and step["rmse"] == found[-1][1]:
+            found[-1] = (f"{found[-1][0]}, {joints}", step["rmse"])
+        else:
+            found.append(("the model" if number == 0 else f"+ {step['effect']} {joints}".strip(), step["rmse"]))
+        effect = step["effect"]
+    return found

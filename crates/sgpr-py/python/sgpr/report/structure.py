@@ -5,7 +5,7 @@ from typing import Any
 
 from .colours import AFTER, BEFORE, MEASURED
 from .figures import axis, layout, rounded
-from .markup import Html, items, join, paragraph, plot, table
+from .markup import Cell, Html, items, join, paragraph, plot, table
 from .numbers import MISSING, percent, significant
 
 ROW_HEIGHT = 28
@@ -27,12 +27,12 @@ def structure_section(
     """
     place = f"{name}-shares"
     note = paragraph(
-        "Whence the variance of what is left comes. A smooth function of position, speed, acceleration and load, or of "
-        "time, counts by what it explains on blocks of time that it was not fitted to. The p of whiteness is the "
-        "probability that noise with the memory of what neither explains is as far from white (Ljung and Box); below "
-        "0.001 there is structure."
+        "Where what is left comes from. Smooth functions of position, speed, acceleration and load, and of time, are "
+        "fitted to some blocks of time and judged on the others: what they explain there is their share of the "
+        "variance. The rest is noise, or depends on something that was not looked at. The p of whiteness tests that "
+        "rest (Ljung and Box): below 0.001 it is not noise alone."
     )
-    rows = []
+    rows: list[list[object]] = []
     for joint in structure:
         change = joint["change"]
         since = f"{change['interval'][0]:.1f} to {change['interval'][1]:.1f} s" if change else MISSING
@@ -40,7 +40,7 @@ def structure_section(
         rows.append(
             [
                 joint["joint"],
-                f"{significant(joint['rmse'])} {units[joint['joint']]}",
+                Cell(f"{significant(joint['rmse'])} {units[joint['joint']]}", "number"),
                 *(percent(100 * joint["shares"][key]) for key, _, _ in SHARES),
                 _probability(joint["whiteness"]),
                 significant(joint["independent_rows"]),

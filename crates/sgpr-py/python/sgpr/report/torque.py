@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .. import LogResidual
 from .colours import AFTER, BEFORE, INTERVAL, MEASURED, NOT_COUNTED
-from .figures import axis, layout
+from .figures import TOOLS, axis, layout
 from .markup import Html, choice, element, join, legend, paragraph, plot
 
 Array = NDArray[np.float64]
@@ -20,7 +20,7 @@ Pieces = Sequence[LogResidual]
 BUDGET = 1_100_000
 LEAST_POINTS = 2000
 MOST_BANDS = 200
-HEIGHT = 430
+HEIGHT = 450
 
 
 def torque_section(
@@ -75,7 +75,7 @@ def _layout(unit: str) -> dict[str, Any]:
         yaxis=axis(f"torque [{unit}]", domain=[0.40, 1.0]),
         yaxis2=axis(f"residual [{unit}]", domain=[0.0, 0.32]),
         hovermode="x",
-        margin={"l": 68, "r": 12, "t": 8, "b": 44},
+        margin={"l": 68, "r": 12, "t": TOOLS, "b": 44},
         showlegend=False,
     )
 
@@ -100,7 +100,7 @@ def _log(models: Sequence[Pieces], budget: int, intervals: Sequence[Array] | Non
                 "measured": packed(measured[keep, k]),
                 "predicted": [packed(p[keep, k]) for p in predicted],
                 "residual": [packed(r[keep, k]) for r in residual],
-                "not_counted": _bands(time, counted[:, k]),
+                "not_counted": uncounted(time, counted[:, k]),
                 **({} if interval is None else {"interval": packed(interval[keep, k])}),
             }
         )
@@ -134,13 +134,15 @@ def _gapped(parts: Sequence[Array]) -> Array:
     return np.concatenate(rows)
 
 
-def _bands(time: Array, counted: NDArray[np.bool_]) -> list[list[float]]:
-    """From when to when samples are not counted; the longest, if there are many."""
+def uncounted(time: Array, counted: NDArray[np.bool_]) -> list[list[float]]:
+    """Times of the first and the last of samples that are not counted; the longest stretches, if there are many.
+
+    The times have four bytes as those of the samples have, so that the page finds them equal.
+    """
     change = np.flatnonzero(np.diff(np.concatenate([[True], counted, [True]]).astype(int)))
-    last = len(time) - 1
-    bands = [[float(time[min(a, last)]), float(time[min(b, last)])] for a, b in change.reshape(-1, 2)]
-    longest = sorted(bands, key=lambda band: band[0] - band[1])[:MOST_BANDS]
-    return [[round(a, 4), round(b, 4)] for a, b in sorted(longest)]
+    shown = time.astype(np.float32).astype(np.float64)
+    bands = [[float(shown[a]), float(shown[b - 1])] for a, b in change.reshape(-1, 2)]
+    return sorted(sorted(bands, key=lambda band: band[0] - band[1])[:MOST_BANDS])
 
 
 def packed(values: Array) -> str:

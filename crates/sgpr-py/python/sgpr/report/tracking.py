@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from .. import Robot, Simulation
 from .colours import line_of
+from .errors import box
 from .figures import MANY_NAMES, axis, layout, rounded
 from .markup import Html, Section, join, paragraph, plot, table
 from .numbers import significant
@@ -48,7 +49,13 @@ class TrackingPage:
             *(Section(name, title, plot(f"{name}-plot", 320, title)) for name, (title, _, _) in shown.items()),
             Section("settings", "Settings and provenance", settings_section(self._settings())),
         ]
-        lead = paragraph(f"{len(run)} samples, {significant(float(run.t[-1]))} s; positions are those of the arm.")
+        worst = int(np.argmax(np.abs(error).max(axis=0)))
+        answer = (
+            f"The largest position error is {significant(float(np.abs(error[:, worst]).max()))} "
+            f"{self.robot.position_units[worst]}, at {self.robot.joint_names[worst]}."
+        )
+        facts = f"{len(run)} samples, {significant(float(run.t[-1]))} s; positions are those of the arm."
+        lead = join([box([answer], bad=False), paragraph(facts, "soft")])
         payload = {"figures": figures, "switches": {}, "torque": None}
         return page(f"Simulation of {self.robot.name}", lead, sections, payload)
 
