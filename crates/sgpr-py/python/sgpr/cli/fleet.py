@@ -49,6 +49,13 @@ def run(
         int | None, typer.Option("--workers", metavar="N", help="Of the cluster here.", show_default="all processors")
     ] = None,
     blocks: Annotated[int, typer.Option("--blocks", help="Parts of a log that keep factors of their own.")] = 5,
+    lags: Annotated[
+        bool,
+        typer.Option(
+            "--lags",
+            help="Keep what standard deviations of several logs together need: records become four times as large.",
+        ),
+    ] = False,
     joints: Joints = None,
     storage: Annotated[
         str | None, typer.Option("--storage", metavar="JSON", help="Options of the object store, as fsspec takes them.")
@@ -83,6 +90,7 @@ def run(
                 reading=how,
                 storage=options,
                 blocks=blocks,
+                lags=lags,
                 progress=progress,
             )
     except KeyboardInterrupt:

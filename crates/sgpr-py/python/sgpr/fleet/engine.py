@@ -94,6 +94,7 @@ def make_records(
     reading: dict[str, Any] | None = None,
     storage: dict[str, Any] | None = None,
     blocks: int = 5,
+    lags: bool = False,
     progress: Callable[[str, int, int], Any] | None = None,
 ) -> Outcome:
     """Makes the records of logs, each in a file of its own below `out`, by the name of its arm.
@@ -107,7 +108,7 @@ def make_records(
         if kind is None:
             aside[log.path] = f"there is no robot of the type `{log.type}`: known are {', '.join(kinds)}"
             continue
-        place = _place(out, log, kind, blocks)
+        place = _place(out, log, kind, (blocks, lags))
         if place.exists():
             kept += 1
         else:
@@ -117,7 +118,8 @@ def make_records(
     if tasks:
         with _cluster(scheduler, workers) as client:
             slim = {name: replace(kind, model=None) for name, kind in kinds.items()}
-            jobs = ((log, slim[log.type], reading or {}, storage or {}, blocks) for log, _ in tasks)
+            parts = {"blocks": blocks, "lags": lags}
+            jobs = ((log, slim[log.type], reading or {}, storage or {}, parts) for log, _ in tasks)
             places = dict(tasks)
             for log, found in _completed(client, jobs, len(places)):
                 if isinstance(found, str):
@@ -131,8 +133,11 @@ def make_records(
     return Outcome(made, kept, aside, copies)
 
 
-def record_one(log: Log, kind: Kind, reading: dict[str, Any], storage: dict[str, Any], blocks: int) -> Any:
-    """The parts of a log's record, or the reason why there is none. Runs on a worker."""
+def record_one(log: Log, kind: Kind, reading: dict[str, Any], storage: dict[str, Any], parts: dict[str, Any]) -> Any:
+    """The parts of a log's record, or the reason why there is none. Runs on a worker.
+
+    - `parts`: what the record holds, `blocks` and `lags` of `sgpr.record`
+    """
     import warnings
 
     try:
@@ -141,7 +146,7 @@ def record_one(log: Log, kind: Kind, reading: dict[str, Any], storage: dict[str,
             recording = _read(path, kind.robot, reading)
             labels = {"robot": log.robot, "type": log.type, "path": log.path, **log.labels}
             made = record(
-                kind.robot, recording, processing=kind.processing, effects=kind.effects, blocks=blocks, labels=labels
+                kind.robot, recording, processing=kind.processing, effects=kind.effects, labels=labels, **parts
             )
         return made.to_parts()
     except (SgprError, OSError, ValueError, TypeError) as error:
@@ -275,9 +280,9 @@ def _chosen(
     return choose_processing(robot, found, **(conditioning or {}))
 
 
-def _place(out: Path, log: Log, kind: Kind, blocks: int) -> Path:
+def _place(out: Path, log: Log, kind: Kind, parts: tuple[int, bool]) -> Path:
     """File of a log's record; another one if the log, or how it is recorded, is another."""
-    about: list[Any] = [log.path, log.robot, log.type, sorted(log.labels.items()), blocks, kind.effects]
+    about: list[Any] = [log.path, log.robot, log.type, sorted(log.labels.items()), parts, kind.effects]
     about += [kind.robot.fingerprint, kind.processing.to_json()]
     if not is_remote(log.path):
         with contextlib.suppress(OSError):
