@@ -102,7 +102,7 @@ def test_a_run_that_is_killed_goes_on(table: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "sgpr", "fleet", "run", str(table), "--robot", "puma560=puma560"]
     command += ["two_link=two_link", "--out", str(tmp_path), "--workers", "1", "--json"]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    limit = time.monotonic() + 60
+    limit = time.monotonic() + 300
     while not list(tmp_path.glob("records/*/*.parquet")) and time.monotonic() < limit:
         time.sleep(0.01)
     process.kill()
@@ -115,6 +115,49 @@ def test_a_run_that_is_killed_goes_on(table: Path, tmp_path: Path) -> None:
     assert told["kept"] == len(there) and told["made"] + told["kept"] == 11
     assert all(path.stat().st_mtime_ns == stamp for path, stamp in there.items())
     assert len(fleet.load_records(tmp_path / "records")) == 11
+
+
+def test_a_scheduler_that_dies_is_told_and_the_run_goes_on_with_another(
+    table: Path, robots: dict[str, Any], tmp_path: Path
+) -> None:
+    _, expected = run(table, robots, tmp_path / "whole", workers=1)
+
+    def started(folder: Path) -> tuple[list[Any], str]:
+        """A scheduler and a worker, each a process of its own."""
+        folder.mkdir()
+        dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
+        dask += ["--no-dashboard", "--scheduler-file", str(folder / "scheduler.json")]
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        processes = [subprocess.Popen(dask, **quiet)]
+        limit = time.monotonic() + 300
+        while not (folder / "scheduler.json").exists() and time.monotonic() < limit:
+            time.sleep(0.1)
+        address = json.loads((folder / "scheduler.json").read_text())["address"]
+        worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard"]
+        worker += ["--local-directory", str(folder), "--death-timeout", "60"]
+        processes.append(subprocess.Popen(worker, **quiet))
+        return processes, address
+
+    processes, address = started(tmp_path / "first")
+
+    def kill_scheduler(stage: str, done: int, total: int) -> None:
+        if done == 3:
+            processes[0].kill()
+
+    try:
+        with pytest.raises(sgpr.SgprError, match="the scheduler is gone"):
+            run(table, robots, tmp_path / "records", scheduler=address, progress=kill_scheduler)
+        there = {path: path.stat().st_mtime_ns for path in tmp_path.glob("records/records/*/*.parquet")}
+        assert 0 < len(there) < len(expected)
+        others, address = started(tmp_path / "second")
+        processes += others
+        outcome, found = run(table, robots, tmp_path / "records", scheduler=address)
+    finally:
+        for process in reversed(processes):
+            process.kill()
+            process.wait()
+    assert outcome.kept == len(there) and found == expected
+    assert all(path.stat().st_mtime_ns == stamp for path, stamp in there.items())
 
 
 def test_logs_in_an_object_store(table: Path, robots: dict[str, Any], cluster: Any, tmp_path: Path) -> None:
