@@ -21,7 +21,7 @@ use crate::robot::Robot;
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
 /// What a log says about the parameters of a robot: triangular factors of its equations with the torque, joint by joint
-/// and part by part, with what the residual remembers and where the log came from. A few hundred kilobytes, whatever the
+/// and part by part, with what the residual remembers and where the log came from. Some hundred kilobytes, whatever the
 /// length of the log; never changes.
 ///
 /// Made by `record`; `sgpr.fleet.save_records` writes many into one Parquet file. Any choice of records is identified
@@ -243,6 +243,9 @@ pub fn choose_processing(
 /// counted : (int, int), optional
 ///     Part of the log that counts, from the first stamp to before the second, ns; the rest only settles filters. For a
 ///     piece of a long log.
+/// lags : bool, default True
+///     Whether products of rows some time apart are kept, three quarters of the record: then several records together have
+///     the standard deviations of their logs. Without, each log's own solution speaks for the memory of its residual.
 /// labels : dict of str to str, optional
 ///     Names that the record keeps: {"robot": "arm 17", "session": "4 March"}.
 ///
@@ -264,7 +267,7 @@ pub fn choose_processing(
 /// >>> model.logs
 /// ['train.csv.gz']
 #[pyfunction]
-#[pyo3(signature = (robot, recording, *, processing=None, effects=None, blocks=5, counted=None, labels=None))]
+#[pyo3(signature = (robot, recording, *, processing=None, effects=None, blocks=5, counted=None, lags=true, labels=None))]
 #[allow(clippy::too_many_arguments)]
 pub fn record(
     py: Python<'_>,
@@ -274,6 +277,7 @@ pub fn record(
     effects: Option<&Bound<'_, PyAny>>,
     blocks: usize,
     counted: Option<(i64, i64)>,
+    lags: bool,
     labels: Option<BTreeMap<String, String>>,
 ) -> PyResult<Record> {
     if !(1..=10_000).contains(&blocks) {
@@ -286,7 +290,7 @@ pub fn record(
         let (recording, finding) = (recording.source().into(), found.message);
         return Err(sgpr_core::recording::RecordingError::Doubtful { recording, finding }.into_py_err());
     }
-    let mut options = RecordOptions { blocks, counted: counted.map(Into::into), ..RecordOptions::default() };
+    let mut options = RecordOptions { blocks, counted: counted.map(Into::into), lags, ..RecordOptions::default() };
     options.labels = labels.unwrap_or_default();
     let model = processing.and_then(|given| given.cast::<Model>().ok());
     match (effects, model) {
@@ -311,8 +315,7 @@ pub fn record(
 /// Identifies the torque model of a robot from records, without the logs: what `identify` finds in the logs, processed
 /// alike, without a prior.
 ///
-/// Standard deviations take the memory of the residual from the solution of each log, not of all. The order of the records
-/// does not matter, not even for the last bit; copies of a log count once.
+/// The order of the records does not matter, not even for the last bit; copies of a log count once.
 ///
 /// Parameters
 /// ----------

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sgpr
+from conftest import outside
 from sgpr import fleet
 from sgpr.fleet import changes, engine
 from sgpr.fleet.evidence import Track, find_jumps
@@ -101,7 +102,7 @@ def test_a_run_that_is_killed_goes_on(table: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "sgpr", "fleet", "run", str(table), "--robot", "puma560=puma560"]
     command += ["two_link=two_link", "--out", str(tmp_path), "--workers", "1", "--json"]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    limit = time.monotonic() + 60
+    limit = time.monotonic() + 300
     while not list(tmp_path.glob("records/*/*.parquet")) and time.monotonic() < limit:
         time.sleep(0.01)
     process.kill()
@@ -114,6 +115,49 @@ def test_a_run_that_is_killed_goes_on(table: Path, tmp_path: Path) -> None:
     assert told["kept"] == len(there) and told["made"] + told["kept"] == 11
     assert all(path.stat().st_mtime_ns == stamp for path, stamp in there.items())
     assert len(fleet.load_records(tmp_path / "records")) == 11
+
+
+def test_a_scheduler_that_dies_is_told_and_the_run_goes_on_with_another(
+    table: Path, robots: dict[str, Any], tmp_path: Path
+) -> None:
+    _, expected = run(table, robots, tmp_path / "whole", workers=1)
+
+    def started(folder: Path) -> tuple[list[Any], str]:
+        """A scheduler and a worker, each a process of its own."""
+        folder.mkdir()
+        dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
+        dask += ["--no-dashboard", "--scheduler-file", str(folder / "scheduler.json")]
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        processes = [subprocess.Popen(dask, **quiet)]
+        limit = time.monotonic() + 300
+        while not (folder / "scheduler.json").exists() and time.monotonic() < limit:
+            time.sleep(0.1)
+        address = json.loads((folder / "scheduler.json").read_text())["address"]
+        worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard"]
+        worker += ["--local-directory", str(folder), "--death-timeout", "60"]
+        processes.append(subprocess.Popen(worker, **quiet))
+        return processes, address
+
+    processes, address = started(tmp_path / "first")
+
+    def kill_scheduler(stage: str, done: int, total: int) -> None:
+        if done == 3:
+            processes[0].kill()
+
+    try:
+        with pytest.raises(sgpr.SgprError, match="the scheduler is gone"):
+            run(table, robots, tmp_path / "records", scheduler=address, progress=kill_scheduler)
+        there = {path: path.stat().st_mtime_ns for path in tmp_path.glob("records/records/*/*.parquet")}
+        assert 0 < len(there) < len(expected)
+        others, address = started(tmp_path / "second")
+        processes += others
+        outcome, found = run(table, robots, tmp_path / "records", scheduler=address)
+    finally:
+        for process in reversed(processes):
+            process.kill()
+            process.wait()
+    assert outcome.kept == len(there) and found == expected
+    assert all(path.stat().st_mtime_ns == stamp for path, stamp in there.items())
 
 
 def test_logs_in_an_object_store(table: Path, robots: dict[str, Any], cluster: Any, tmp_path: Path) -> None:
@@ -253,6 +297,66 @@ def test_jumps_are_found_where_they_are_and_single_sessions_are_none() -> None:
     found = find_jumps(tracks(values, 1e5))
     assert [one.jumps for one in found] == [[50], [20, 60], [], [], [], []]
     assert found[0].told[0] <= 52 and found[1].told[0] <= 23
+
+
+def test_what_is_said_to_be_seen_is_seen_and_little_less_is_not() -> None:
+    rng = np.random.default_rng(2)
+    values = rng.normal(size=(6, 40))
+    shows = np.array([one.shows for one in find_jumps(tracks(values, 1e3))])
+    assert (shows > 3.0).all() and (shows < 12.0).all(), shows
+    for share, seen in ((1.2, True), (0.5, False)):
+        level = values.mean(axis=1, keepdims=True)
+        later = np.concatenate([values, np.repeat(level + share * shows[:, None], 2, axis=1)], axis=1)
+        found = find_jumps(tracks(later, 1e3))
+        assert all((one.jumps == [40]) == seen for one in found), (share, [one.jumps for one in found])
+
+
+@pytest.mark.parametrize("first", [False, True])
+def test_a_log_of_another_robot_is_named_wherever_it_is(
+    first: bool, table: Path, robots: dict[str, Any], cluster: Any, tmp_path: Path
+) -> None:
+    run(table, robots, tmp_path, scheduler=cluster.scheduler_address)
+    records = fleet.load_records(tmp_path / "records")
+    broken = json.loads(table.with_name("truth.json").read_text())["broken"]
+    (path,) = [path for path, what in broken.items() if what.startswith("of another robot")]
+    for k, record in enumerate(records):
+        if record.labels["path"].endswith(path):
+            head, numbers = record.to_parts()
+            data = json.loads(head)
+            # Among the first sessions, of which the reference is made, or after all others.
+            data["labels"].update(session="foreign", start="2020-01-01" if first else "2030-01-01")
+            records[k] = sgpr.Record.from_parts(json.dumps(data), numbers)
+    histories = changes.histories(records, robots)
+    assert [session for history in histories for session in history.foreign] == ["foreign"]
+    assert all(np.nanmax(history.error) < 0.5 for history in histories)
+
+
+@pytest.mark.parametrize("arms", [("baxter", "kuka_lwr")])
+def test_real_arms_as_a_fleet(arms: tuple[str, str], tmp_path: Path) -> None:
+    """Seven logs each of two arms, and one of the other arm in the folder of the second."""
+    folders = [outside(f"real/{arm}") for arm in arms]
+    rows = ["path,robot,type,session,start"]
+    for arm, folder in zip(arms, folders, strict=True):
+        logs = sorted(folder.glob("traj*.csv"))
+        rows += [f"{log},{arm},{arm},{log.stem},2026-03-{k + 1:02d}T08:00:00" for k, log in enumerate(logs)]
+    stranger = folders[0] / "traj01.csv"
+    rows.append(f"{stranger},{arms[1]},{arms[1]},stranger,2026-03-09T08:00:00")
+    (tmp_path / "fleet.csv").write_text("\n".join(rows))
+    robots = [f"{arm}={next(folder.glob('*.urdf'))}" for arm, folder in zip(arms, folders, strict=True)]
+    base = [sys.executable, "-m", "sgpr", "fleet"]
+    command = [*base, "run", str(tmp_path / "fleet.csv"), "--robot", *robots, "--out", str(tmp_path / "records")]
+    ran = subprocess.run([*command, "--accept", "joints_by_order", "--json"], capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr
+    assert json.loads(ran.stdout)["made"] == 15 and not json.loads(ran.stdout)["aside"]
+    command = [*base, "report", str(tmp_path / "records"), "--robot", *robots, "--out", str(tmp_path / "report")]
+    told = subprocess.run([*command, "--json"], capture_output=True, text=True)
+    assert told.returncode == 0, told.stderr
+    for arm in json.loads(told.stdout)["arms"]:
+        assert arm["sessions"] == 7 and not arm["alarms"]
+        assert arm["foreign"] == (["stranger"] if arm["robot"] == arms[1] else [])
+        # Logs of 20 s know most parameters of these arms too roughly, and the others to a third at best.
+        assert 0 < len(arm["watched"]) < len(arm["not_watched"])
+        assert all(one["shows"] > 0.1 for one in arm["watched"])
 
 
 def test_the_report_of_the_command(table: Path, tmp_path: Path) -> None:

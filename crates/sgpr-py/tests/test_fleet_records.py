@@ -11,7 +11,7 @@ import pyarrow as arrow
 import pyarrow.parquet as parquet
 import pytest
 import sgpr
-from conftest import DATA
+from conftest import DATA, outside
 from sgpr import fleet
 
 EXACT = 1e-9
@@ -56,17 +56,26 @@ def test_records_give_the_model_of_the_logs(
     from_logs, from_records = bare(robot, logs, **options), identified(robot, records, **options)
     assert relative(from_records.parameters.values, from_logs.parameters.values) < EXACT
     assert relative(from_records.all_parameters, from_logs.all_parameters) < EXACT
-    for figure in ("noise", "condition", "scaled_condition"):
+    deviations = from_logs.parameters.standard_deviations
+    assert relative(from_records.parameters.standard_deviations, deviations) < EXACT
+    for figure in ("noise", "condition", "scaled_condition", "correlation"):
         assert relative(from_records.fit[figure], from_logs.fit[figure]) < EXACT
     assert np.array_equal(from_records.fit["rows"], from_logs.fit["rows"])
 
 
-def test_one_log_has_the_standard_deviations_of_the_log_and_parts_can_be_left_out(
-    robot: sgpr.Robot, logs: list[sgpr.Recording], records: list[sgpr.Record]
+def test_one_log_has_its_standard_deviations_without_products_of_lags_too(
+    robot: sgpr.Robot, logs: list[sgpr.Recording]
 ) -> None:
-    from_log = bare(robot, logs[:1])
-    own = identified(robot, [sgpr.record(robot, logs[0])])
-    assert relative(own.parameters.standard_deviations, from_log.parameters.standard_deviations) < EXACT
+    from_log, whole = bare(robot, logs[:1]), sgpr.record(robot, logs[0])
+    small = sgpr.record(robot, logs[0], lags=False)
+    assert small.to_parts()[1].size < whole.to_parts()[1].size / 3
+    for record in (whole, small):
+        own = identified(robot, [record])
+        assert relative(own.parameters.standard_deviations, from_log.parameters.standard_deviations) < EXACT
+        assert relative(own.fit["correlation"], from_log.fit["correlation"]) < EXACT
+
+
+def test_parts_can_be_left_out(robot: sgpr.Robot, logs: list[sgpr.Recording], records: list[sgpr.Record]) -> None:
     # Without the second log: the model of the others, whatever was summed before.
     p = records[0].processing
     options = {"cutoff_hz": p.cutoff_hz, "decimation": p.decimation}
@@ -75,6 +84,25 @@ def test_one_log_has_the_standard_deviations_of_the_log_and_parts_can_be_left_ou
     left = identified(robot, two)
     expected = bare(robot, [logs[0], logs[2]], **options)
     assert relative(left.parameters.values, expected.parameters.values) < EXACT
+    assert relative(left.parameters.standard_deviations, expected.parameters.standard_deviations) < EXACT
+
+
+@pytest.mark.parametrize("arm", ["baxter", "kuka_lwr"])
+def test_records_of_real_logs_that_contradict_each_other(arm: str) -> None:
+    folder = outside(f"real/{arm}")
+    robot = sgpr.Robot.from_urdf(next(folder.glob("*.urdf")))
+    logs = [sgpr.read(log, robot.joint_names, accept=["joints_by_order"]) for log in sorted(folder.glob("t*.csv"))]
+    processing = sgpr.choose_processing(robot, logs)
+    from_logs = bare(robot, logs)
+    apart, joined = (
+        identified(robot, [sgpr.record(robot, log, processing=processing, lags=lags) for log in logs])
+        for lags in (False, True)
+    )
+    expected = from_logs.parameters.standard_deviations
+    assert relative(joined.parameters.values, from_logs.parameters.values) < EXACT
+    assert relative(joined.parameters.standard_deviations, expected) < EXACT
+    # What each log alone says of the memory is another thing.
+    assert relative(apart.parameters.standard_deviations, expected) > 0.3
 
 
 def test_order_does_not_change_a_bit_and_copies_count_once(
@@ -148,6 +176,9 @@ def test_pieces_of_a_long_log_are_the_whole_log(robot: sgpr.Robot, logs: list[sg
     found = identified(robot, records)
     assert np.array_equal(found.fit["rows"], expected.fit["rows"])
     assert relative(found.parameters.values, expected.parameters.values) < EXACT
+    # Products across the borders of pieces are missing; of one piece none are.
+    off = relative(found.parameters.standard_deviations, expected.parameters.standard_deviations)
+    assert off < (EXACT if size > len(whole) else 0.5)
 
 
 def test_what_a_record_cannot_serve_is_refused(
@@ -190,13 +221,19 @@ def test_damaged_records_are_named_with_their_fault(records: list[sgpr.Record]) 
         ("samples", 2**60, "more rows than any log"),
         ("processing", {**broken["processing"], "order": 99}, "order"),
         ("surprise", 1, "unknown field"),
+        ("memory", [{**broken["memory"][0], "counts": [1]}], "each group of lags"),
+        ("memory", [{**broken["memory"][0], "width": 20_000}], "a factor of 20000 columns"),
     ]:
         with pytest.raises(sgpr.SgprError, match=fault):
             sgpr.Record.from_parts(json.dumps({**broken, key: value}), numbers)
+    robot = sgpr.Robot.from_urdf(DATA / "demo/robot.urdf")
+    with pytest.raises(sgpr.SgprError, match="its memory is not that"):
+        centre = json.dumps({**broken, "center": broken["center"][1:]})
+        sgpr.identify_records(robot, [sgpr.Record.from_parts(centre, numbers)])
     broken["blocks"][0]["factors"][0]["joint"] = 77
     strange = sgpr.Record.from_parts(json.dumps(broken), numbers)
     with pytest.raises(sgpr.SgprError, match="columns that the equations"):
-        sgpr.identify_records(sgpr.Robot.from_urdf(DATA / "demo/robot.urdf"), [strange])
+        sgpr.identify_records(robot, [strange])
 
 
 def test_damaged_files_are_errors_and_no_half_is_written(records: list[sgpr.Record], tmp_path: Path) -> None:

@@ -52,9 +52,6 @@ pub(super) fn from_start(
 /// Per factor: how many rows carry as much as one independent row, from the autocorrelation of the residual that `base`
 /// leaves.
 ///
-/// Source: G. V. Bayley, J. M. Hammersley, The effective number of independent observations in an autocorrelated time
-/// series, Suppl. J. R. Stat. Soc. 8(2) (1946).
-///
 /// # Errors
 /// As [`Equations::for_each`].
 pub fn residual_correlation(
@@ -63,7 +60,7 @@ pub fn residual_correlation(
     base: &[f64],
 ) -> Result<Vec<f64>, IdentificationError> {
     let memories = memories(equations, factors, base)?;
-    Ok(memories.iter().map(Memory::rows_per_independent_row).collect())
+    Ok(memories.into_iter().map(Memory::rows_per_independent_row).collect())
 }
 
 /// Per factor: the residuals that `base` leaves, in the order of time.

@@ -178,7 +178,7 @@ impl NoiseMemory {
         estimate: &Estimate,
     ) -> Result<Self, IdentificationError> {
         let memory = memories(equations, factors, &estimate.values)?;
-        let memory: Vec<f64> = memory.iter().map(Memory::rows_per_independent_row).collect();
+        let memory: Vec<f64> = memory.into_iter().map(Memory::rows_per_independent_row).collect();
         let moving = factors.iter().zip(&memory).filter(|(factor, _)| !factor.resting);
         let used = factors.iter().zip(&memory).zip(&estimate.weights).filter(|(_, weight)| weight.is_finite());
         // The fit takes one independent row per parameter, and the slowest first.

@@ -34,7 +34,7 @@ mod robust;
 mod screening;
 mod total_least_squares;
 
-pub(crate) use autocorrelation::{Series, correlations_of, lag_products, rows_per_independent_row};
+pub(crate) use autocorrelation::{LagProducts, Memory, lag_groups, rows_per_independent_row};
 pub use base_parameters::{BaseParameters, ParameterClass};
 pub use block_bootstrap::{Bootstrap, block_bootstrap};
 pub use closed_loop::{ClosedLoop, SimulatedMotion};

@@ -99,7 +99,7 @@ pub(super) fn estimate(
         }
     })?;
     let inside = Solution::new(&stack(&with_factors(factors, &slope), unknowns, &ones), nominal);
-    let inflation: Vec<f64> = memory.iter().map(Memory::rows_per_independent_row).collect();
+    let inflation: Vec<f64> = memory.into_iter().map(Memory::rows_per_independent_row).collect();
     let outside = weighted_gram(&with_factors(factors, &square), &used, &inflation, unknowns);
     let covariance = inside.sandwich(&outside);
 

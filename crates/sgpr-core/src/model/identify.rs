@@ -10,10 +10,9 @@ use super::{Term, TorqueModel, held};
 use crate::effects::UnknownEffect;
 use crate::identification::{
     BaseParameters, ClosedLoop, Consistency, Costs, Equations, Essential, Estimate, Finding, Held, IdentificationError,
-    JointFactor, KeptOut, LeastSquares, Method, Observation, ParameterPrior, ParameterSet, PriorWidth, Row, Series,
-    Trajectory, block_bootstrap, essential_parameters, estimate, hac_covariance, residual_norm,
-    rows_per_independent_row, screen_delays, screen_factors, screen_rows, screen_scale, torque_sizes,
-    weakest_good_deviation,
+    JointFactor, KeptOut, LeastSquares, Memory, Method, Observation, ParameterPrior, ParameterSet, PriorWidth, Row,
+    Trajectory, block_bootstrap, essential_parameters, estimate, hac_covariance, residual_norm, screen_delays,
+    screen_factors, screen_rows, screen_scale, torque_sizes, weakest_good_deviation,
 };
 use crate::motion::{Conditioning, Motion, MotionError, Processing};
 use crate::progress::{Interrupted, Progress};
@@ -845,24 +844,22 @@ pub(super) fn correlation(
     factors: &[JointFactor],
 ) -> Result<Vec<f64>, IdentifyError> {
     let n = model.robot.dof();
-    let mut residuals = Vec::with_capacity(motions.len());
-    for motion in motions {
+    let mut memories = vec![Memory::default(); factors.len()];
+    for (index, motion) in motions.iter().enumerate() {
         let mut residual = torque_of(motion)?.to_vec();
         residual.iter_mut().zip(model.predict_motion(motion)).for_each(|(tau, predicted)| *tau -= predicted);
         if let Some(filter) = processing.band_filter(motion.rate_hz)? {
             filter.apply(&mut residual, n)?;
         }
-        residuals.push(residual);
+        for (memory, factor) in memories.iter_mut().zip(factors) {
+            let wanted = if factor.resting { Row::Resting } else { Row::Moving };
+            let rows = (factor.joint..residual.len()).step_by(n * processing.decimation).enumerate();
+            for (time, row) in rows.filter(|(_, row)| motion.use_as[*row] == wanted) {
+                memory.push(index, time, residual[row]);
+            }
+        }
     }
-    let series = |factor: &JointFactor| -> Vec<Series> {
-        let wanted = if factor.resting { Row::Resting } else { Row::Moving };
-        let of_motion = |(motion, residual): (&Motion, &Vec<f64>)| {
-            let rows = (factor.joint..residual.len()).step_by(n * processing.decimation);
-            rows.map(|row| (motion.use_as[row] == wanted).then_some(residual[row])).collect()
-        };
-        motions.iter().zip(&residuals).map(of_motion).collect()
-    };
-    Ok(factors.iter().map(|factor| rows_per_independent_row(&series(factor))).collect())
+    Ok(memories.into_iter().map(Memory::rows_per_independent_row).collect())
 }
 
 fn warn(report: &mut IdentificationReport, model: &TorqueModel) {

@@ -435,6 +435,7 @@ def record(
     effects: Sequence[str] | None = None,  # default: those of the model, else those of identify
     blocks: int = 5,
     counted: tuple[int, int] | None = None,  # ns
+    lags: bool = True,
     labels: Mapping[str, str] | None = None,
 ) -> Record: ...
 def identify_records(

@@ -88,7 +88,7 @@ struct Reference<'a> {
 
 impl Reference<'_> {
     fn deviation(&self, record: &Record, factors: &[JointFactor]) -> Deviation {
-        let memory = correlation(&[record], factors);
+        let memory = correlation(&[record], factors, &record.center);
         let joints: Vec<JointDeviation> =
             factors.iter().zip(memory).map(|(factor, memory)| self.joint(factor, memory)).collect();
         let (tool_mass, tool_mass_deviation, tool_share) = self.tool(factors, &joints);

@@ -2,15 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use super::super::experiment::{Experiment, select_joints, torque_of};
+use super::super::IdentifyError;
+use super::super::experiment::{Experiment, select_joints};
 use super::super::identify::require_torque;
 use super::super::torque_model::nominal_parameters;
 use super::super::variable_projection;
-use super::super::{IdentifyError, TorqueModel};
 use super::{Record, RecordBlock, RecordError, RecordMemory, sum};
 use crate::identification::{
-    BaseParameters, Equations, JointFactor, LeastSquares, Method, ParameterSet, Row, Series, lag_products,
-    screen_factors,
+    BaseParameters, Equations, JointFactor, LagProducts, LeastSquares, Method, ParameterSet, Row, screen_factors,
 };
 use crate::linalg::TriangularFactor;
 use crate::motion::{Conditioning, Motion, Processing};
@@ -26,6 +25,10 @@ pub struct RecordOptions {
     pub blocks: usize,
     /// Part of the log that counts, `[start, end)`, ns: the rest only settles filters. All of it if `None`.
     pub counted: Option<[i64; 2]>,
+    /// Whether products of rows some time apart are kept of all columns: then several records have the standard deviations
+    /// of their logs together. They are three quarters of a record; without them the residual of each log's own solution
+    /// speaks for it.
+    pub lags: bool,
     /// Names that the record keeps.
     pub labels: BTreeMap<String, String>,
 }
@@ -33,7 +36,7 @@ pub struct RecordOptions {
 impl Default for RecordOptions {
     fn default() -> Self {
         let effects = super::super::IdentifyOptions::default().effects;
-        Self { effects, blocks: 5, counted: None, labels: BTreeMap::new() }
+        Self { effects, blocks: 5, counted: None, lags: true, labels: BTreeMap::new() }
     }
 }
 
@@ -87,9 +90,27 @@ pub fn record(
     let blocks = block_factors(&mut equations, &parts, options.blocks)?;
     let all: Vec<&JointFactor> = blocks.iter().flatten().collect();
     let factors = sum::stacked(&all);
-    let mut record = Record {
+    let joints: Vec<String> = robot.joint_names().map(String::from).collect();
+    let mut findings: Vec<String> = inspect(recording).into_iter().map(|issue| issue.message).collect();
+    let nominal = base.combine(&nominal_parameters(robot, &set));
+    // A log may be too short for a solution of its own.
+    let center = match LeastSquares::new(Method::Wls).solve(&factors, &base, &nominal) {
+        Ok(estimate) => {
+            let found = screen_factors(&set, &base, &joints, &factors, &estimate);
+            findings.extend(found.iter().map(ToString::to_string));
+            estimate.values
+        }
+        Err(_) => nominal,
+    };
+    let memory = memory(&mut equations, &factors, &center, options.lags)?;
+    let of_block = |(index, factors): (usize, Vec<JointFactor>)| RecordBlock {
+        time: parts.time(index..index + 1),
+        channels: parts.channels(&experiment.motions, index),
+        factors,
+    };
+    Ok(Record {
         robot: robot.fingerprint(),
-        joints: robot.joint_names().map(String::from).collect(),
+        joints,
         effects,
         processing: processing.clone(),
         source: recording.source().into(),
@@ -97,20 +118,13 @@ pub fn record(
         counted: options.counted,
         time: parts.time(0..options.blocks),
         samples: parts.samples,
-        findings: inspect(recording).into_iter().map(|issue| issue.message).collect(),
+        findings,
         labels: options.labels.clone(),
         library_version: env!("CARGO_PKG_VERSION").into(),
-        memory: Vec::new(),
-        blocks: Vec::new(),
-    };
-    let of_block = |(index, factors): (usize, Vec<JointFactor>)| RecordBlock {
-        time: parts.time(index..index + 1),
-        channels: parts.channels(&experiment.motions, index),
-        factors,
-    };
-    record.blocks = blocks.into_iter().enumerate().map(of_block).collect();
-    remember(&mut record, robot, (&set, &base), &experiment.motions, &factors)?;
-    Ok(record)
+        center,
+        memory,
+        blocks: blocks.into_iter().enumerate().map(of_block).collect(),
+    })
 }
 
 /// Takes the rows outside a part of the log out.
@@ -210,44 +224,29 @@ fn block_factors(
     Ok(growing.into_iter().map(finished).collect())
 }
 
-/// Sets the memory of the residual that the log's own solution leaves, and what the factors make suspicious. A log too short
-/// for a solution has no memory of its own.
-fn remember(
-    record: &mut Record,
-    robot: &Robot,
-    (set, base): (&ParameterSet, &BaseParameters),
-    motions: &[Motion],
+/// What the residual of each factor remembers.
+///
+/// - `lags`: whether the products are those of all columns
+fn memory(
+    equations: &mut Equations<'_>,
     factors: &[JointFactor],
-) -> Result<(), RecordError> {
-    let start = nominal_parameters(robot, set);
-    let solved = LeastSquares::new(Method::Wls).solve(factors, base, &base.combine(&start));
-    let Ok(estimate) = solved else { return Ok(()) };
-    record.findings.extend(screen_factors(set, base, &record.joints, factors, &estimate).iter().map(|f| f.to_string()));
-    let parameters = base.expand(&estimate.values, &start);
-    let model = TorqueModel::from_parameters(robot.clone(), set.clone(), parameters, vec![]);
-    let (n, step) = (robot.dof(), record.processing.decimation);
-    let mut residuals = Vec::with_capacity(motions.len());
-    for motion in motions {
-        let mut residual = torque_of(motion).map_err(IdentifyError::from)?.to_vec();
-        residual.iter_mut().zip(model.predict_motion(motion)).for_each(|(tau, predicted)| *tau -= predicted);
-        let filter = record.processing.band_filter(motion.rate_hz).map_err(IdentifyError::from)?;
-        if let Some(filter) = filter {
-            filter.apply(&mut residual, n).map_err(IdentifyError::from)?;
-        }
-        residuals.push(residual);
-    }
-    for factor in factors {
-        let wanted = if factor.resting { Row::Resting } else { Row::Moving };
-        let series: Vec<Series> = motions
-            .iter()
-            .zip(&residuals)
-            .map(|(motion, residual)| {
-                let rows = (factor.joint..residual.len()).step_by(n * step);
-                rows.map(|row| (motion.use_as[row] == wanted).then_some(residual[row])).collect()
-            })
-            .collect();
-        let (sums, counts) = lag_products(&series).into_iter().unzip();
-        record.memory.push(RecordMemory { joint: factor.joint, resting: factor.resting, sums, counts });
-    }
-    Ok(())
+    center: &[f64],
+    lags: bool,
+) -> Result<Vec<RecordMemory>, IdentifyError> {
+    let columns = |factor: &JointFactor| if lags { factor.columns.len() } else { 0 };
+    let mut products: Vec<LagProducts> = factors.iter().map(|factor| LagProducts::new(columns(factor) + 1)).collect();
+    let steps: Vec<usize> = equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
+    let kinds: BTreeMap<(usize, bool), usize> =
+        factors.iter().enumerate().map(|(index, factor)| ((factor.joint, factor.resting), index)).collect();
+    equations.for_each(|equation| {
+        let index = kinds[&(equation.joint, equation.resting)];
+        let own = equation.row[..columns(&factors[index])].iter().copied();
+        let row = own.chain([equation.residual(center)]);
+        products[index].push(equation.trajectory, equation.sample / steps[equation.trajectory], row);
+    })?;
+    let of_factor = |(factor, products): (&JointFactor, LagProducts)| {
+        let (sums, counts) = products.finish();
+        RecordMemory { joint: factor.joint, resting: factor.resting, sums, counts }
+    };
+    Ok(factors.iter().zip(products).map(of_factor).collect())
 }

@@ -14,7 +14,7 @@ mod sum;
 
 use std::collections::BTreeMap;
 
-use serde::{Deserialize, Serialize};
+use faer::Mat;
 
 pub use deviation::{Deviation, JointDeviation, ParameterDeviation, deviations};
 pub use error::RecordError;
@@ -51,22 +51,25 @@ pub struct Record {
     pub labels: BTreeMap<String, String>,
     /// Version of the library that made it.
     pub library_version: String,
+    /// Base parameters that residuals are counted from: the log's own solution, where it has one.
+    pub center: Vec<f64>,
     /// What the residual of each joint remembers.
     pub memory: Vec<RecordMemory>,
     /// Parts of the log in the order of time.
     pub blocks: Vec<RecordBlock>,
 }
 
-/// Products of a joint's residual with itself some rows later, summed over the log.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// Products of a joint's rows with those some rows later, summed over the log by groups of lags: what any parameters leave
+/// of the torque remembers as these say.
+#[derive(Clone, Debug)]
 pub struct RecordMemory {
     /// Joint.
     pub joint: usize,
     /// Whether these are the rows at which it stands.
     pub resting: bool,
-    /// Sum by lag, from lag zero, (N·m)² (N²).
-    pub sums: Vec<f64>,
+    /// Per group of lags, symmetric: of all columns of the joint's factor, with the residual of [`Record::center`] in the
+    /// place of the torque; of that residual alone if `[1, 1]`.
+    pub sums: Vec<Mat<f64>>,
     /// Number of products in each.
     pub counts: Vec<usize>,
 }

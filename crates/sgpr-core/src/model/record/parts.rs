@@ -6,7 +6,7 @@ use faer::Mat;
 use serde::{Deserialize, Serialize};
 
 use super::{Record, RecordBlock, RecordError, RecordMemory};
-use crate::identification::JointFactor;
+use crate::identification::{JointFactor, lag_groups};
 use crate::motion::Processing;
 
 const FORMAT: &str = "sgpr record";
@@ -15,7 +15,7 @@ const VERSION: u32 = 1;
 /// More columns have no equations of an arm.
 const MOST_COLUMNS: usize = 10_000;
 
-/// Everything but the numbers of the factors.
+/// Everything but the numbers of the factors and products.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Head {
@@ -33,8 +33,19 @@ struct Head {
     samples: usize,
     findings: Vec<String>,
     labels: BTreeMap<String, String>,
-    memory: Vec<RecordMemory>,
+    center: Vec<f64>,
+    memory: Vec<MemoryHead>,
     blocks: Vec<BlockHead>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MemoryHead {
+    joint: usize,
+    resting: bool,
+    /// Columns, that of the residual included.
+    width: usize,
+    counts: Vec<usize>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -55,7 +66,7 @@ struct FactorHead {
 }
 
 impl Record {
-    /// The record as JSON and the upper triangles of its factors, row by row, one after the other.
+    /// The record as JSON and the upper triangles of its factors, then of its products, row by row, one after the other.
     pub fn to_parts(&self) -> (String, Vec<f64>) {
         let factor = |factor: &JointFactor| {
             let JointFactor { joint, resting, columns, rows, .. } = factor.clone();
@@ -65,6 +76,10 @@ impl Record {
             time: block.time,
             channels: block.channels.clone(),
             factors: block.factors.iter().map(factor).collect(),
+        };
+        let memory = |memory: &RecordMemory| {
+            let RecordMemory { joint, resting, ref counts, .. } = *memory;
+            MemoryHead { joint, resting, width: memory.sums.first().map_or(0, Mat::ncols), counts: counts.clone() }
         };
         let record = self.clone();
         let head = Head {
@@ -82,14 +97,13 @@ impl Record {
             samples: record.samples,
             findings: record.findings,
             labels: record.labels,
-            memory: record.memory,
+            center: record.center,
+            memory: self.memory.iter().map(memory).collect(),
             blocks: self.blocks.iter().map(block).collect(),
         };
-        let mut numbers = Vec::new();
-        for factor in self.blocks.iter().flat_map(|block| &block.factors) {
-            let width = factor.factor.ncols();
-            numbers.extend((0..width).flat_map(|i| (i..width).map(move |j| factor.factor[(i, j)])));
-        }
+        let factors = self.blocks.iter().flat_map(|block| &block.factors).map(|factor| &factor.factor);
+        let products = self.memory.iter().flat_map(|memory| &memory.sums);
+        let numbers = factors.chain(products).flat_map(upper_triangle).collect();
         (serde_json::to_string(&head).expect("plain data"), numbers)
     }
 
@@ -117,6 +131,8 @@ impl Record {
                 block.factors.into_iter().map(|factor| factor.with_numbers(&mut rest)).collect::<Result<_, _>>();
             blocks.push(RecordBlock { time: block.time, channels: block.channels, factors: factors.map_err(wrong)? });
         }
+        let memory = head.memory.into_iter().map(|memory| memory.with_numbers(&mut rest)).collect::<Result<_, _>>();
+        let memory = memory.map_err(wrong)?;
         if !rest.is_empty() {
             return Err(wrong(format!("{} numbers are left over", rest.len())));
         }
@@ -133,7 +149,8 @@ impl Record {
             findings: head.findings,
             labels: head.labels,
             library_version: head.library_version,
-            memory: head.memory,
+            center: head.center,
+            memory,
             blocks,
         })
     }
@@ -148,9 +165,11 @@ impl Head {
         if self.blocks.is_empty() {
             return wrong("it has no block");
         }
-        let finite = |memory: &RecordMemory| memory.sums.iter().all(|sum| sum.is_finite());
-        if !self.memory.iter().all(|memory| memory.sums.len() == memory.counts.len() && finite(memory)) {
-            return wrong("its memory has not one finite sum for each number of products");
+        if !self.center.iter().all(|value| value.is_finite()) {
+            return wrong("a base parameter is not finite");
+        }
+        if self.memory.iter().any(|memory| memory.counts.len() != lag_groups().count()) {
+            return wrong("its memory has not one number of products for each group of lags");
         }
         // Sums over many records must not overflow.
         let counts = self.memory.iter().flat_map(|memory| &memory.counts);
@@ -165,23 +184,41 @@ impl Head {
 impl FactorHead {
     fn with_numbers(self, rest: &mut &[f64]) -> Result<JointFactor, String> {
         let Self { joint, resting, columns, rows } = self;
-        let width = columns.len() + 1;
-        if width > MOST_COLUMNS {
-            return Err(format!("a factor of {width} columns"));
-        }
         if !columns.is_sorted_by(|a, b| a < b) {
             return Err("the columns of a factor are not in order".into());
         }
-        let size = width * (width + 1) / 2;
-        let Some((own, others)) = rest.split_at_checked(size) else {
-            return Err(format!("numbers of a factor are missing: {} of {size} are there", rest.len()));
-        };
-        if own.iter().any(|value| !value.is_finite()) {
-            return Err("a number of a factor is not finite".into());
-        }
-        *rest = others;
-        let place = |i: usize, j: usize| i * width - i * (i + 1) / 2 + j;
-        let factor = Mat::from_fn(width, width, |i, j| if i <= j { own[place(i, j)] } else { 0.0 });
+        let own = triangle_of(columns.len() + 1, rest)?;
+        let factor = Mat::from_fn(own.nrows(), own.ncols(), |i, j| if i <= j { own[(i, j)] } else { 0.0 });
         Ok(JointFactor { joint, resting, columns, factor, rows })
     }
+}
+
+impl MemoryHead {
+    fn with_numbers(self, rest: &mut &[f64]) -> Result<RecordMemory, String> {
+        let Self { joint, resting, width, counts } = self;
+        let sums = counts.iter().map(|_| triangle_of(width, rest)).collect::<Result<_, _>>()?;
+        Ok(RecordMemory { joint, resting, sums, counts })
+    }
+}
+
+fn upper_triangle(matrix: &Mat<f64>) -> impl Iterator<Item = f64> {
+    let width = matrix.ncols();
+    (0..width).flat_map(move |i| (i..width).map(move |j| matrix[(i, j)]))
+}
+
+/// The symmetric matrix whose upper triangle comes first in `rest`, which is moved on.
+fn triangle_of(width: usize, rest: &mut &[f64]) -> Result<Mat<f64>, String> {
+    if width > MOST_COLUMNS {
+        return Err(format!("a factor of {width} columns"));
+    }
+    let size = width * (width + 1) / 2;
+    let Some((own, others)) = rest.split_at_checked(size) else {
+        return Err(format!("numbers of a factor are missing: {} of {size} are there", rest.len()));
+    };
+    if own.iter().any(|value| !value.is_finite()) {
+        return Err("a number of a factor is not finite".into());
+    }
+    *rest = others;
+    let place = |i: usize, j: usize| i * width - i * (i + 1) / 2 + j;
+    Ok(Mat::from_fn(width, width, |i, j| own[place(i.min(j), i.max(j))]))
 }

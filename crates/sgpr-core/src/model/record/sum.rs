@@ -6,9 +6,9 @@ use faer::Mat;
 
 use super::super::torque_model::{Fit, HALF_INTERVAL_95, nominal_parameters};
 use super::super::{IdentifyError, TorqueModel};
-use super::{Record, RecordError};
+use super::{Record, RecordError, RecordMemory};
 use crate::identification::{
-    BaseParameters, Estimate, JointFactor, LeastSquares, Method, ParameterSet, correlations_of, residual_norm,
+    BaseParameters, Estimate, JointFactor, LeastSquares, Method, ParameterSet, residual_norm, rows_per_independent_row,
     screen_factors,
 };
 use crate::linalg::triangle;
@@ -17,8 +17,9 @@ use crate::robot::Robot;
 /// Identifies the torque model of `robot` from records: what [`identify`](super::super::identify) finds without a prior in
 /// the logs that they were made of, processed alike.
 ///
-/// Standard deviations take the memory of the residual from the solution of each log, not of all. Records are summed in an
-/// order of their own, so that the model has the same bits in whatever order they come. The warnings come beside the model.
+/// Records without products of all columns ([`RecordOptions::lags`](super::RecordOptions::lags)) speak for the memory of the
+/// residual by that of their own solution. Records are summed in an order of their own, so that the model has the same bits
+/// in whatever order they come. The warnings come beside the model.
 ///
 /// # Errors
 /// If a record is of another robot, the records differ in effects or processing, `method` needs single rows, or the
@@ -36,9 +37,13 @@ pub fn identify_records(
     let all: Vec<&JointFactor> = records.iter().flat_map(|record| factors_of(record)).collect();
     let factors = stacked(&all);
     let start = nominal_parameters(robot, &set);
-    let correlation = correlation(&records, &factors);
-    let solver = LeastSquares { method: method.clone(), correlation: Some(correlation.clone()) };
-    let estimate = solver.solve(&factors, &base, &base.combine(&start)).map_err(IdentifyError::from)?;
+    let nominal = base.combine(&start);
+    // The residual of a first solution tells how much the noise remembers: the estimates stay, their spread grows.
+    let mut solver = LeastSquares::new(method.clone());
+    let first = solver.solve(&factors, &base, &nominal).map_err(IdentifyError::from)?;
+    let correlation = correlation(&records, &factors, &first.values);
+    solver.correlation = Some(correlation.clone());
+    let estimate = solver.solve(&factors, &base, &nominal).map_err(IdentifyError::from)?;
     notes.extend(estimate.notes.iter().cloned());
     notes.extend(screen_factors(&set, &base, &records[0].joints, &factors, &estimate).iter().map(ToString::to_string));
     let rows: usize = factors.iter().map(|factor| factor.rows).sum();
@@ -163,6 +168,15 @@ pub(super) fn check(robot: &Robot, records: &[&Record]) -> Result<(ParameterSet,
             let message = format!("{}: columns that the equations of `{}` do not have", record.source, robot.name());
             return Err(RecordError::Malformed { message });
         }
+        let own_columns = |memory: &RecordMemory| {
+            let width = memory.sums.first().map_or(1, Mat::ncols);
+            let same = |factor: &&JointFactor| (factor.joint, factor.resting) == (memory.joint, memory.resting);
+            width == 1 || factors_of(record).find(same).is_some_and(|factor| factor.columns.len() + 1 == width)
+        };
+        if record.center.len() != base.rank() || !record.memory.iter().all(own_columns) {
+            let message = format!("{}: its memory is not that of the equations of `{}`", record.source, robot.name());
+            return Err(RecordError::Malformed { message });
+        }
     }
     Ok((set, base))
 }
@@ -213,20 +227,30 @@ fn reduced(group: &[&JointFactor]) -> JointFactor {
     JointFactor { factor, rows: group.iter().map(|one| one.rows).sum(), ..group[0].clone() }
 }
 
-/// Per factor: rows that carry as much as one independent row, from the products of all records.
-pub(super) fn correlation(records: &[&Record], factors: &[JointFactor]) -> Vec<f64> {
+/// Per factor: rows that carry as much as one independent row, of the residual that `values` leave in all records.
+pub(super) fn correlation(records: &[&Record], factors: &[JointFactor], values: &[f64]) -> Vec<f64> {
     let of_factor = |factor: &JointFactor| {
         let mut products: Vec<(f64, usize)> = Vec::new();
-        for memory in records.iter().flat_map(|record| &record.memory) {
-            if (memory.joint, memory.resting) != (factor.joint, factor.resting) {
-                continue;
-            }
-            products.resize(products.len().max(memory.sums.len()), (0.0, 0));
-            for (product, own) in products.iter_mut().zip(memory.sums.iter().zip(&memory.counts)) {
-                *product = (product.0 + own.0, product.1 + own.1);
+        for record in records {
+            let same = |memory: &&RecordMemory| (memory.joint, memory.resting) == (factor.joint, factor.resting);
+            for memory in record.memory.iter().filter(same) {
+                products.resize(products.len().max(memory.sums.len()), (0.0, 0));
+                // The residual is that of the centre less the columns times what the values are off from it.
+                let off = factor.columns.iter().map(|&column| record.center[column] - values[column]);
+                let mut residual: Vec<f64> = off.chain([1.0]).collect();
+                for (product, (sum, count)) in products.iter_mut().zip(memory.sums.iter().zip(&memory.counts)) {
+                    residual.drain(..residual.len().saturating_sub(sum.ncols()));
+                    *product = (product.0 + quadratic(sum, &residual), product.1 + count);
+                }
             }
         }
-        1.0 + 2.0 * correlations_of(products).iter().sum::<f64>()
+        rows_per_independent_row(&products)
     };
     factors.iter().map(of_factor).collect()
+}
+
+/// vector' matrix vector.
+fn quadratic(matrix: &Mat<f64>, vector: &[f64]) -> f64 {
+    let column = |j: usize| vector.iter().enumerate().map(|(i, value)| value * matrix[(i, j)]).sum::<f64>();
+    vector.iter().enumerate().map(|(j, value)| value * column(j)).sum()
 }

@@ -49,6 +49,13 @@ def run(
         int | None, typer.Option("--workers", metavar="N", help="Of the cluster here.", show_default="all processors")
     ] = None,
     blocks: Annotated[int, typer.Option("--blocks", help="Parts of a log that keep factors of their own.")] = 5,
+    lags: Annotated[
+        bool,
+        typer.Option(
+            "--lags",
+            help="Keep what standard deviations of several logs together need: records become four times as large.",
+        ),
+    ] = False,
     joints: Joints = None,
     storage: Annotated[
         str | None, typer.Option("--storage", metavar="JSON", help="Options of the object store, as fsspec takes them.")
@@ -83,6 +90,7 @@ def run(
                 reading=how,
                 storage=options,
                 blocks=blocks,
+                lags=lags,
                 progress=progress,
             )
     except KeyboardInterrupt:
@@ -95,7 +103,7 @@ def run(
     if len(outcome.aside) > FEW:
         output.warning(f"set aside: {len(outcome.aside) - FEW} more, see {place / 'aside.json'}")
     for path, other in list(outcome.copies.items())[:FEW]:
-        output.warning(f"{path} is a copy of {other} and counts once")
+        output.warning(f"{path} is {'listed twice' if path == other else f'a copy of {other}'} and counts once")
     output.next("sgpr", "fleet", "report", out, "--robot", *robot, "--out", "report", why="what changed in which arm")
     output.result(
         {
@@ -187,9 +195,15 @@ def report(
         folder.write("alarms.json", to_json(data))
     alarms = [alarm for history in found for alarm in history.alarms]
     changed = len({alarm.robot for alarm in alarms})
-    output.line(f"{counted(changed, 'arm')} of {len(found)} changed:" if alarms else f"no change in {len(found)} arms")
+    every = [one for history in found for one in history.series]
+    watched = f"{sum(one.watched for one in every)} of {counted(len(every), 'parameter')} could be watched"
+    none = f"no change seen in {counted(len(found), 'arm')}; {watched}"
+    output.line(f"{counted(changed, 'arm')} of {len(found)} changed; {watched}:" if alarms else none)
     for alarm in alarms:
         output.line(f"  {alarm.text}")
+    for history in found:
+        for session in history.foreign:
+            output.warning(f"{history.robot}, {session}: the reference explains nothing of its torque; left out")
     output.line(f"report: {Path(out) / 'report.html'}")
     output.line(f"alarms: {Path(out) / 'alarms.json'}")
     output.result(data)

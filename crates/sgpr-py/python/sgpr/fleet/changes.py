@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._sgpr import Model, Record, Robot, SgprError
-from .alarms import find_events, name_changes
+from .alarms import LEAST_EFFECT, find_events, name_changes
 from .evidence import Track, find_jumps
 from .series import ArmHistory, Series, by_arm, history_of
 from .sisters import find_outliers, share_scatter, share_temperature
@@ -82,7 +82,7 @@ def histories(
 
 
 def to_dict(history: ArmHistory) -> dict[str, Any]:
-    """The alarms and events of an arm for machines."""
+    """The alarms and events of an arm for machines, and what could have been seen (`shows`: the smallest change)."""
     return {
         "robot": history.robot,
         "type": history.type,
@@ -92,6 +92,11 @@ def to_dict(history: ArmHistory) -> dict[str, Any]:
         "alarms": [asdict(alarm) for alarm in history.alarms],
         "events": history.events,
         "outliers": history.outliers,
+        "foreign": history.foreign,
+        "watched": [
+            {"joint": one.joint, "parameter": one.name, "shows": one.shows} for one in history.series if one.watched
+        ],
+        "not_watched": [{"joint": one.joint, "parameter": one.name} for one in history.series if not one.watched],
     }
 
 
@@ -104,13 +109,14 @@ def _find_jumps(sisters: Sequence[ArmHistory], false_alarms: float) -> None:
         tracks += [_track(history, one, there, limit) for one, there in own]
         seen += own
         for one in history.series:
-            one.jumps, one.told = [], []
+            one.jumps, one.told, one.shows = [], [], math.inf
     if not tracks:
         return
     for found, (one, there) in zip(find_jumps(tracks), seen, strict=True):
         one.factor = found.factor
         one.jumps += [int(there[k]) for k in found.jumps]
         one.told += [int(there[k]) for k in found.told]
+        one.shows = max(found.shows, LEAST_EFFECT)
 
 
 def _stretches(history: ArmHistory, one: Series) -> list[Sessions]:

@@ -8,6 +8,7 @@ import os
 import signal
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path, PurePosixPath
@@ -23,6 +24,8 @@ LOGS_AHEAD = 4
 """Tasks per worker that wait: enough to keep it busy, few enough that a stop is quick."""
 LOGS_TO_CHOOSE_FROM = 3
 RETRIES = 2
+LOST_AFTER_SECONDS = 5.0
+"""Between looks at whether the scheduler is still there."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,7 @@ def make_records(
     reading: dict[str, Any] | None = None,
     storage: dict[str, Any] | None = None,
     blocks: int = 5,
+    lags: bool = False,
     progress: Callable[[str, int, int], Any] | None = None,
 ) -> Outcome:
     """Makes the records of logs, each in a file of its own below `out`, by the name of its arm.
@@ -107,7 +111,7 @@ def make_records(
         if kind is None:
             aside[log.path] = f"there is no robot of the type `{log.type}`: known are {', '.join(kinds)}"
             continue
-        place = _place(out, log, kind, blocks)
+        place = _place(out, log, kind, (blocks, lags))
         if place.exists():
             kept += 1
         else:
@@ -117,9 +121,10 @@ def make_records(
     if tasks:
         with _cluster(scheduler, workers) as client:
             slim = {name: replace(kind, model=None) for name, kind in kinds.items()}
-            jobs = ((log, slim[log.type], reading or {}, storage or {}, blocks) for log, _ in tasks)
+            parts = {"blocks": blocks, "lags": lags}
+            jobs = ((log, slim[log.type], reading or {}, storage or {}, parts) for log, _ in tasks)
             places = dict(tasks)
-            for log, found in _completed(client, jobs, len(places)):
+            for log, found in _completed(client, jobs):
                 if isinstance(found, str):
                     aside[log.path] = found
                 else:
@@ -131,8 +136,11 @@ def make_records(
     return Outcome(made, kept, aside, copies)
 
 
-def record_one(log: Log, kind: Kind, reading: dict[str, Any], storage: dict[str, Any], blocks: int) -> Any:
-    """The parts of a log's record, or the reason why there is none. Runs on a worker."""
+def record_one(log: Log, kind: Kind, reading: dict[str, Any], storage: dict[str, Any], parts: dict[str, Any]) -> Any:
+    """The parts of a log's record, or the reason why there is none. Runs on a worker.
+
+    - `parts`: what the record holds, `blocks` and `lags` of `sgpr.record`
+    """
     import warnings
 
     try:
@@ -141,7 +149,7 @@ def record_one(log: Log, kind: Kind, reading: dict[str, Any], storage: dict[str,
             recording = _read(path, kind.robot, reading)
             labels = {"robot": log.robot, "type": log.type, "path": log.path, **log.labels}
             made = record(
-                kind.robot, recording, processing=kind.processing, effects=kind.effects, blocks=blocks, labels=labels
+                kind.robot, recording, processing=kind.processing, effects=kind.effects, labels=labels, **parts
             )
         return made.to_parts()
     except (SgprError, OSError, ValueError, TypeError) as error:
@@ -153,34 +161,43 @@ def record_one(log: Log, kind: Kind, reading: dict[str, Any], storage: dict[str,
         return f"this should not happen, please report it: {error}"
 
 
-def _completed(client: Any, jobs: Iterator[tuple[Any, ...]], total: int) -> Iterator[tuple[Log, Any]]:
+def _completed(client: Any, jobs: Iterator[tuple[Any, ...]]) -> Iterator[tuple[Log, Any]]:
     """Results as they come, never more than a few tasks ahead of the workers."""
-    as_completed = import_module("distributed").as_completed
-    with client.as_current():
-        waiting = as_completed()
-    logs: dict[str, Log] = {}
+    waiting: dict[Any, Log] = {}
 
-    def submit() -> bool:
+    def submit() -> None:
         job = next(jobs, None)
-        if job is None:
-            return False
-        future = client.submit(record_one, *job, pure=False, retries=RETRIES)
-        logs[future.key] = job[0]
-        waiting.add(future)
-        return True
+        if job is not None:
+            waiting[client.submit(record_one, *job, pure=False, retries=RETRIES)] = job[0]
 
-    ahead = LOGS_AHEAD * max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
-    while ahead > 0 and submit():
-        ahead -= 1
-    for future in waiting:
-        log = logs.pop(future.key)
-        try:
-            found = future.result()
-        except Exception as error:
-            found = f"its worker failed {RETRIES + 1} times: {type(error).__name__}: {error}"
+    for _ in range(LOGS_AHEAD * max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)):
         submit()
-        yield log, found
-        del future
+    while waiting:
+        for future in _done(client, list(waiting)):
+            log = waiting.pop(future)
+            try:
+                found = future.result()
+            except Exception as error:
+                found = f"its worker failed {RETRIES + 1} times: {type(error).__name__}: {error}"
+            submit()
+            yield log, found
+
+
+def _done(client: Any, futures: list[Any]) -> Any:
+    """Those that are done, as soon as there is one.
+
+    A client that lost its scheduler forgets its tasks, and those that it is given later never end.
+    """
+    dask = import_module("distributed")
+    while client.status == "running":
+        try:
+            with client.as_current():
+                return dask.wait(futures, timeout=LOST_AFTER_SECONDS, return_when="FIRST_COMPLETED").done
+        except TimeoutError:
+            continue
+        except CancelledError:
+            break
+    raise SgprError("the scheduler is gone; the records that are made stay, and the same command goes on")
 
 
 @contextlib.contextmanager
@@ -275,9 +292,9 @@ def _chosen(
     return choose_processing(robot, found, **(conditioning or {}))
 
 
-def _place(out: Path, log: Log, kind: Kind, blocks: int) -> Path:
+def _place(out: Path, log: Log, kind: Kind, parts: tuple[int, bool]) -> Path:
     """File of a log's record; another one if the log, or how it is recorded, is another."""
-    about: list[Any] = [log.path, log.robot, log.type, sorted(log.labels.items()), blocks, kind.effects]
+    about: list[Any] = [log.path, log.robot, log.type, sorted(log.labels.items()), parts, kind.effects]
     about += [kind.robot.fingerprint, kind.processing.to_json()]
     if not is_remote(log.path):
         with contextlib.suppress(OSError):

@@ -40,6 +40,8 @@ FREEDOMS = (4, 8, 30)
 MOST_TO_CHOOSE = 200
 FEWEST_AFTER = 2
 """Sessions after a jump without which it is none: one alone is an event."""
+SHOWN = np.geomspace(0.5, 500.0, 31)
+"""Changes, in deviations of a session, among which the smallest is looked for that two sessions show."""
 MOST_STEPS = 60
 """Steps in which a level wanders from one session to the next, each half of the square of `STEP`."""
 FEWEST_TO_CENTRE = 10
@@ -69,6 +71,7 @@ class Found:
     - `ratio`: of Shiryaev and Roberts, `(sessions,)`; it begins anew after each jump
     - `jumps`: sessions at which the level jumped, and `told`: those after which that was sure
     - `freedom`: degrees of freedom of the tails; `factor`: mean factor on the standard deviations
+    - `shows`: smallest change that two more sessions, such as the median one, would be sure of
     """
 
     ratio: Array
@@ -76,6 +79,7 @@ class Found:
     told: list[int] = field(default_factory=list)
     freedom: int = FREEDOMS[-1]
     factor: float = 1.0
+    shows: float = math.inf
 
 
 def find_jumps(tracks: Sequence[Track]) -> list[Found]:
@@ -121,8 +125,9 @@ class _Trellis:
         shape = len(tracks), max(self.lengths)
         # Behind the end of a track there is nothing to see: deviations without end.
         self.z, self.spread, self.std = np.zeros(shape), np.zeros(shape), np.full(shape, np.inf)
+        self.unit = [float(np.median(track.std)) for track in tracks]
         for k, (track, length) in enumerate(zip(tracks, self.lengths, strict=True)):
-            unit = float(np.median(track.std))
+            unit = self.unit[k]
             centre = float(np.median(track.value[:FEWEST_TO_CENTRE]))
             self.z[k, :length] = (track.value[:length] - centre) / unit
             self.std[k, :length] = track.std[:length] / unit
@@ -165,17 +170,36 @@ class _Trellis:
                     starts[track] = place
                     self._restart(state, track, place, k, freedom)
         final = np.exp(state.log - state.log.max(axis=1, keepdims=True)) * state.quiet.sum(axis=2)
+        shows = self._shows(state, freedom, limits)
         for track, one in enumerate(found):
             one.factor = float(final[track] @ FACTORS / final[track].sum())
+            one.shows = float(shows[track]) * self.unit[track]
         return found
+
+    def _shows(self, state: "_State", freedom: int, limits: Array) -> Array:
+        """The smallest of `SHOWN` that takes the ratio of each track beyond its limit in two sessions."""
+        weight = np.exp(state.log - state.log.max(axis=1, keepdims=True))[:, :, None]
+        quiet = weight * state.quiet
+        jumped = quiet @ self.jump
+        mean = (quiet.sum(axis=1) @ self.level) / quiet.sum(axis=(1, 2))
+        smallest = np.full(len(mean), math.inf)
+        for change in SHOWN[::-1]:
+            both = self._density((mean + change)[:, None, None], FACTORS[None, :, None], freedom) ** FEWEST_AFTER
+            ratio = (jumped * both).sum(axis=(1, 2)) / (quiet * both).sum(axis=(1, 2))
+            smallest[ratio >= limits] = change
+        return smallest
 
     def _likelihood(self, k: int, freedom: int, tracks: slice | int = slice(None)) -> Array:
         """Density of session k for each factor and level, times its unit; one for no session."""
         std = np.atleast_1d(self.std[tracks, k])[:, None, None] * FACTORS[None, :, None]
-        off = (np.atleast_1d(self.z[tracks, k])[:, None, None] - self.level) / std
+        density = self._density(np.atleast_1d(self.z[tracks, k])[:, None, None], std, freedom)
+        return np.where(np.isfinite(std), density, 1.0)
+
+    def _density(self, z: Array, std: Array, freedom: int) -> Array:
+        """Student's, of z around each level."""
+        off = (z - self.level) / std
         share = 1.0 / (1.0 + off * off / freedom)
-        density = _power(share, freedom // 2) * np.sqrt(share)
-        return np.where(np.isfinite(std), _height(freedom) * density / std, 1.0)
+        return np.asarray(_height(freedom) * _power(share, freedom // 2) * np.sqrt(share) / std)
 
     def _advance(self, state: "_State", k: int, freedom: int, track: int | None = None) -> Array:
         """One session more; returns what in `jumped` is of a jump right before it."""

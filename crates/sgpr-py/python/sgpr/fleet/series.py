@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._sgpr import Model, Record, Robot, SgprError, deviations, identify_records
+from .._sgpr import Model, Record, Robot, SgprError, compare_records, deviations, identify_records
 
 if TYPE_CHECKING:
     from .alarms import Alarm
@@ -20,6 +20,9 @@ BASELINE_SHARE, FEWEST_OF_BASELINE, MOST_OF_BASELINE = 0.2, 5, 20
 RIGID = ("Ia",)
 """Parameters of effects that do not change while an arm works."""
 NAMES = {"Fv": "viscous friction", "Fc": "Coulomb friction", "tau0": "torque offset", "gain": "torque gain"}
+NOTHING, SUSPICIOUS = 1.0, 0.5
+"""Error as a share of the torque, of the median joint, at which a model explains nothing of a session, and from which
+on those that a reference is fitted to are looked at one by one."""
 LARGEST_DEVIATION = 0.25
 """Sessions that know a parameter less well than to this share of its scale say nothing of it."""
 
@@ -34,6 +37,8 @@ class Series:
     - `factor`: on both, from all sessions
     - `slope`: per °C, from all arms of the type; 0 where temperature is not logged or explains nothing
     - `jumps`: sessions at which it changed, and `told`: after which of them each was sure
+    - `shows`: smallest change that two more sessions would be sure of; infinite if it is not watched, because sessions
+      know it too roughly or are too few
     """
 
     joint: str
@@ -49,6 +54,12 @@ class Series:
     slope: float = 0.0
     jumps: list[int] = field(default_factory=list)
     told: list[int] = field(default_factory=list)
+    shows: float = math.inf
+
+    @property
+    def watched(self) -> bool:
+        """Whether a change could be seen."""
+        return math.isfinite(self.shows)
 
     @property
     def name(self) -> str:
@@ -70,6 +81,8 @@ class ArmHistory:
     - `tools`: declared tool of each session
     - `baseline`: sessions that the first reference is made of; `borrowed`: whether those of its sisters
     - `referred`: whether a session is one of those that its reference is made of
+    - `foreign`: sessions of whose torque the reference explains nothing: of another robot, or with other columns or
+      units; they are left out of everything else
     """
 
     robot: str
@@ -89,6 +102,7 @@ class ArmHistory:
     alarms: list["Alarm"] = field(default_factory=list)
     events: list[dict[str, Any]] = field(default_factory=list)
     outliers: list[dict[str, Any]] = field(default_factory=list)
+    foreign: list[str] = field(default_factory=list)
 
     def find(self, joint: str, parameter: str) -> Series | None:
         """A parameter over the sessions."""
@@ -128,11 +142,15 @@ def history_of(
 
     Sessions with another declared tool are measured by a reference of their own, of the first ones with that tool.
     """
-    own = arms[kind, name]
+    own = list(arms[kind, name])
     references, borrowed = _references(robot, own, [theirs for (other, _), theirs in arms.items() if other == kind])
     first = references[_tool(own[0])]
     assert first is not None
     joints = first.robot.joint_names
+    foreign = [one for one in own if _is_foreign(references[_tool(one)], one)]
+    own = [one for one in own if one not in foreign]
+    if not own:
+        raise SgprError(f"{foreign[0].source}: the model explains nothing of the torque of any log of {name}")
     found = [_deviation(references[_tool(one)], one) for one in own]
     columns: dict[tuple[str, str], dict[str, Any]] = {}
     error = np.full((len(own), len(joints)), np.nan)
@@ -159,7 +177,7 @@ def history_of(
         type=kind,
         joints=joints,
         units=first.robot.torque_units,
-        sessions=[one.labels.get("session", one.source) for one in own],
+        sessions=[_session(one) for one in own],
         time=[_time(one) for one in own],
         tools=[_tool(one) for one in own],
         hours=sum((one.end_time - one.start_time) / 3600e9 for one in own),
@@ -169,6 +187,7 @@ def history_of(
         temperature=np.array([_temperature(one, temperature) for one in own]),
         error=error,
         series=series,
+        foreign=[_session(one) for one in foreign],
     )
 
 
@@ -190,6 +209,20 @@ def _enter(columns: dict[tuple[str, str], dict[str, Any]], joint: Any, parameter
 
 def _deviation(reference: Model | None, one: Record) -> dict[str, Any] | None:
     return None if reference is None else deviations(reference, one)[0]
+
+
+def _unexplained(model: Model, one: Record) -> float:
+    """Error of a model on a session as a share of the torque, of the median joint that moves."""
+    moved = [joint for joint in compare_records(model, [one]) if joint["torque"] > 0.0]
+    return float(np.median([joint["rmse"] / joint["torque"] for joint in moved])) if moved else 0.0
+
+
+def _is_foreign(reference: Model | None, one: Record) -> bool:
+    return reference is not None and _unexplained(reference, one) >= NOTHING
+
+
+def _session(one: Record) -> str:
+    return one.labels.get("session", one.source)
 
 
 def _tool(one: Record) -> str:
@@ -255,13 +288,28 @@ def _identified(
         few = len(first(own)) < FEWEST_OF_BASELINE and len(sisters) > 1
         if not few:
             try:
-                return identify_records(robot, first(own)), False
+                return _fitted(robot, first(own)), False
             except SgprError:
                 pass
         try:
-            return identify_records(robot, [one for theirs in sisters for one in first(theirs)]), True
+            return _fitted(robot, [one for theirs in sisters for one in first(theirs)]), True
         except SgprError:
             return None, True
+
+
+def _fitted(robot: Robot, records: Sequence[Record]) -> Model:
+    """The model of records, without those of whose torque the model of the others explains nothing."""
+    left = list(records)
+    model = identify_records(robot, left)
+    while 2 < len(left) <= MOST_OF_BASELINE and max(_unexplained(model, one) for one in left) >= SUSPICIOUS:
+        without = [identify_records(robot, left[:k] + left[k + 1 :]) for k in range(len(left))]
+        shares = [_unexplained(other, one) for other, one in zip(without, left, strict=True)]
+        worst = int(np.argmax(shares))
+        if shares[worst] < NOTHING:
+            break
+        del left[worst]
+        model = without[worst]
+    return model
 
 
 def _scale(joint: str, symbol: str, columns: Mapping[tuple[str, str], Mapping[str, Any]]) -> float:

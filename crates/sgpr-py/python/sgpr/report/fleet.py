@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..fleet.alarms import Alarm, date
+from ..fleet.changes import FEWEST_SESSIONS
 from ..fleet.series import ArmHistory, Series
 from .colours import AFTER, BEFORE, INTERVAL, MEASURED
 from .figures import axis, layout, rounded
@@ -19,6 +20,8 @@ from .page import page
 PLOT_HEIGHT = 360
 MOST_PLOTS = 40
 ROW_HEIGHT = 22
+LEAST_HEIGHT = 280
+"""In which the scale of colours is legible."""
 SORT = """
 document.querySelectorAll('table.sortable').forEach(function (table) {
   const body = table.tBodies[0];
@@ -77,16 +80,18 @@ class FleetPage:
             Section("alarms", "What changed", self._alarms(alarms, shown)),
             Section("error", "Error of each arm over time", self._error_section()),
             Section("arms", "Arms", self._arms()),
+            Section("watched", "What could have been seen", self._watched()),
             Section("outliers", "Arms unlike their sisters, and single sessions", self._outliers()),
             Section("aside", "Logs set aside", self._aside()),
             Section("how", "How sure", self._how()),
         ]
         hours = sum(history.hours for history in self.histories)
         sessions = sum(len(history.time) for history in self.histories)
-        changed = len({alarm.robot for alarm in alarms})
+        changed = counted(len({alarm.robot for alarm in alarms}), "arm") if alarms else "No arm"
+        strange = len(self.aside) + sum(len(history.foreign) for history in self.histories)
         text = (
-            f"{counted(changed, 'arm')} of {len(self.histories)} changed, in {counted(sessions, 'session')} and "
-            f"{significant(hours)} h of logs. {counted(len(self.aside), 'log')} set aside."
+            f"{changed} of {len(self.histories)} changed, in {counted(sessions, 'session')} and "
+            f"{significant(hours)} h of logs. {counted(strange, 'log')} set aside. {self._share_watched()}"
         )
         lead = element("p", text, class_="verdict bad" if alarms else "verdict")
         title = f"Fleet of {counted(len(self.histories), 'arm')}"
@@ -97,7 +102,7 @@ class FleetPage:
 
     def _alarms(self, alarms: Sequence[Alarm], shown: Sequence[tuple[ArmHistory, Alarm]]) -> Html:
         if not alarms:
-            return paragraph("No change stands out of chance.")
+            return paragraph(f"No change stands out of chance. {self._share_watched()}")
         rows = [
             [
                 alarm.robot,
@@ -163,7 +168,7 @@ class FleetPage:
         return {"data": [heat], "layout": shape}
 
     def _error_section(self) -> Html:
-        height = 140 + ROW_HEIGHT * min(len(self.histories), 60)
+        height = max(140 + ROW_HEIGHT * min(len(self.histories), 60), LEAST_HEIGHT)
         note = (
             "The joint whose error grew most; white where it is what it was in the first sessions, empty without log."
         )
@@ -202,6 +207,29 @@ class FleetPage:
         columns += ["alarms", "events", "reference"]
         return _sortable(table("Arms", columns, rows, text_columns=(0, 1, 5, 9)))
 
+    def _share_watched(self) -> str:
+        every = [one for history in self.histories for one in history.series]
+        watched = sum(one.watched for one in every)
+        if watched == len(every):
+            return ""
+        why = "the others are known too roughly, or from too few sessions"
+        return f"{watched} of {counted(len(every), 'parameter')} could be watched; {why}."
+
+    def _watched(self) -> Html:
+        parameters = {one.parameter: one.name for history in self.histories for one in history.series}
+        rows: list[list[str | Cell]] = []
+        for history in self.histories:
+            cells = [_smallest(history, parameter) for parameter in parameters]
+            there = sum(one.watched for one in history.series)
+            rows.append([history.robot, Cell(f"{there} of {len(history.series)}", order=there), *cells])
+        names = [name if name != "tool" else "mass of a tool" for name in parameters.values()]
+        note = (
+            "The smallest change that two more sessions would be sure of, for the median of the joints that are "
+            "watched, and how many these are. Not watched is what sessions know to a quarter only, or worse, and what "
+            f"fewer than {FEWEST_SESSIONS} sessions measure; for gain and mass, sessions of the reference do not count."
+        )
+        return join([_sortable(table("Smallest changes", ["arm", "watched", *names], rows)), paragraph(note)])
+
     def _outliers(self) -> Html:
         rows = [
             [
@@ -231,7 +259,10 @@ class FleetPage:
 
     def _aside(self) -> Html:
         lines = [f"{path}: {reason.removeprefix(f'{path}: ')}" for path, reason in sorted(self.aside.items())]
-        lines += [f"{path}: a copy of {other}, counts once" for path, other in sorted(self.copies.items())]
+        for path, other in sorted(self.copies.items()):
+            lines.append(f"{path}: " + ("listed twice" if path == other else f"a copy of {other}") + ", counts once")
+        why = "its reference explains nothing of the torque: of another robot, or with other columns or units"
+        lines += [f"{history.robot}, {session}: {why}" for history in self.histories for session in history.foreign]
         return items(lines) if lines else paragraph("None.")
 
     def _how(self) -> Html:
@@ -250,6 +281,17 @@ class FleetPage:
                 f"Made with {', '.join(f'{name} {version}' for name, version in self.versions.items())}.",
             ]
         )
+
+
+def _smallest(history: ArmHistory, parameter: str) -> Cell:
+    """The smallest change of a parameter that would have been seen."""
+    own = [one for one in history.series if one.parameter == parameter]
+    shown = [one.shows for one in own if one.watched]
+    if not shown:
+        return Cell("not watched", order=1e9)
+    middle = float(np.median(shown))
+    size = f"{significant(middle)} kg" if parameter == "tool" else percent(100 * middle) + " %"
+    return Cell(size if len(own) == 1 else f"{size} ({len(shown)} of {len(own)})", order=middle)
 
 
 def _ratio(history: ArmHistory) -> np.ndarray[Any, np.dtype[np.float64]]:
