@@ -35,8 +35,8 @@ def rows(folder: Path, dataset: Dataset) -> list[str]:
         found = "; ".join(told(finding) for finding in likely) or diagnosis.verdict
         lines.append(f"| {dataset.folder}, {label} logs | {found} | {before:.2f} | {after:.2f} |")
     both, count = named[0] & named[1], len(named[0]) + len(named[1])
-    share = 100 * 2 * len(both) / max(count, 1)
-    lines.append(f"| {dataset.folder} | {len(both)} of {count - len(both)} in both: {share:.0f} % of what is named | | |")
+    share = f"{100 * 2 * len(both) / max(count, 1):.0f} % of what is named"
+    lines.append(f"| {dataset.folder} | {len(both)} of {count - len(both)} in both: {share} | | |")
     return lines
 
 

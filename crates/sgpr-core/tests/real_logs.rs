@@ -118,7 +118,7 @@ fn five_seconds_are_better_than_the_robot_file() {
             let last = log.time()[0] + 5_000_000_000;
             let short = log.slice(0..log.time().partition_point(|time| *time <= last));
             let options = IdentifyOptions { effects: ALL.map(String::from).to_vec(), ..IdentifyOptions::default() };
-            let (model, _) = identify(&case.robot, &[short.clone()], &options, &()).expect("a short log");
+            let (model, _) = identify(&case.robot, std::slice::from_ref(&short), &options, &()).expect("a short log");
             assert_at_most(name, error(&model), limit.min(file));
             // Bodies are held as every estimate is; on their own they reached 50 % (UR10e).
             let consistent = IdentifyOptions { consistency: Some(Consistency::default()), ..options };

@@ -37,6 +37,9 @@ pub(super) struct Fitted {
     parts: Once,
 }
 
+/// A column, and the same whitened if it is independent.
+type AndWhite = (Arc<Column>, Option<Arc<Column>>);
+
 /// Fits that rows were left out of, once they were asked for, and those of the fit that it was made like.
 #[derive(Clone, Default)]
 struct Once {
@@ -83,7 +86,7 @@ impl Fitted {
 
     /// The columns of a term as they are and whitened, if it is in the fit and they are those of any model with the same
     /// transforms.
-    fn columns_of(&self, term: &Term) -> Option<Vec<(Arc<Column>, Option<Arc<Column>>)>> {
+    fn columns_of(&self, term: &Term) -> Option<Vec<AndWhite>> {
         let mut at = self.columns.len() - self.terms().iter().map(|own| own.coefficients.len()).sum::<usize>();
         for own in self.terms() {
             let width = own.coefficients.len();
@@ -152,7 +155,7 @@ fn solve_with(
     let columns_of = |term: &Term| -> Vec<(Arc<Column>, Arc<Column>)> {
         let whitened = |column: &Arc<Column>| Arc::new(noise.whiten(problem, column));
         if let Some(known) = like.and_then(|like| like.columns_of(term)) {
-            let both = |(column, white): (Arc<Column>, Option<Arc<Column>>)| {
+            let both = |(column, white): AndWhite| {
                 let white = white.filter(|_| whitened_alike.is_some()).unwrap_or_else(|| whitened(&column));
                 (column, white)
             };
