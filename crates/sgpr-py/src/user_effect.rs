@@ -266,6 +266,10 @@ impl Effect for UserEffect {
         &self.constants
     }
 
+    fn grids_span_ranges(&self) -> bool {
+        true
+    }
+
     fn follows_torque(&self) -> bool {
         self.channels.iter().any(|name| name == "load")
     }

@@ -63,6 +63,27 @@ def test_the_spring_is_found(diagnosis: sgpr.Diagnosis) -> None:
     assert diagnosis.probability_nothing_missing < 0.1
 
 
+def test_an_own_ripple_is_found_over_a_wide_range_and_is_unexplained_without_it() -> None:
+    def ripple(joint: int, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, n: float) -> np.ndarray:
+        return np.column_stack([np.sin(n * q[:, joint]), np.cos(n * q[:, joint])])
+
+    def rippled(log: sgpr.Recording) -> sgpr.Recording:
+        tau = np.array(log.tau)
+        tau[:, 0] += 0.8 * np.sin(18.0 * log.q[:, 0]) - HIDDEN * log.q[:, 0]
+        return sgpr.Recording(log.time_ns, log.q, None, tau, joint_names=log.joint_names, source=log.source)
+
+    logs = [rippled(spring_log(number)) for number in range(2)]
+    model = sgpr.identify(sgpr.robots.two_link(), logs, effects=["viscous_friction", "coulomb_friction"])
+    effect = sgpr.Effect("my_ripple", ripple, ["a", "b"], constants={"n": (2, 60, "1/rad")})
+    diagnosis = sgpr.diagnose(model, logs, effects=[effect])
+    (finding,) = diagnosis.findings
+    assert (finding.effect, finding.joints) == ("my_ripple", ["joint_1"])
+    assert finding.parameters["joint_1.n"][0] == pytest.approx(18.0, rel=0.01)
+    without = sgpr.diagnose(model, logs, effects=["stribeck_friction"])
+    assert without.verdict == "unexplained_structure"
+    assert "joint_1: torque that depends on position" in " ".join(without.unexplained)
+
+
 def test_what_was_found_can_be_added(
     model: sgpr.Model, diagnosis: sgpr.Diagnosis, logs: list[sgpr.Recording], tmp_path: Path
 ) -> None:

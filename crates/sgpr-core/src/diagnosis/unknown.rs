@@ -59,6 +59,14 @@ impl Group {
         groups
     }
 
+    /// Length scales that are tried.
+    fn length_scales(&self) -> &'static [f64] {
+        match self.of[..] {
+            [Position(_) | Speed(_)] => &LENGTH_SCALES,
+            _ => &LENGTH_SCALES[..2],
+        }
+    }
+
     /// In words: `speed of joint_2 times a function of position`.
     fn describe(&self, joint: usize, names: &[&str]) -> String {
         let word = |variable: &Variable| match variable {
@@ -83,8 +91,9 @@ fn neighbours(joint: usize, n: usize) -> impl Iterator<Item = usize> {
 /// Random features per group (Rahimi and Recht (2007)).
 const FEATURES: usize = 30;
 
-/// Length scales of the processes, in standard deviations of their variables: about as smooth as the motion, and sharper.
-const LENGTH_SCALES: [f64; 2] = [1.0, 0.35];
+/// Length scales of the processes, in standard deviations of their variables: about as smooth as the motion, and sharper;
+/// of one position or speed alone, for which there are enough features, as sharp as a ripple.
+const LENGTH_SCALES: [f64; 3] = [1.0, 0.35, 0.1];
 
 /// Largest standard deviation of a process, in root mean squares of what is left: functions that cancel each other are none.
 const LARGEST: f64 = 3.0;
@@ -202,7 +211,8 @@ impl Processes {
     pub fn new(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: usize) -> Self {
         let empty = |(group, length_scale): (Group, f64)| Process { group, length_scale, ..Default::default() };
         let groups = Group::all(joint, problem.dof()).into_iter();
-        let all = groups.flat_map(|group| LENGTH_SCALES.map(|length_scale| (group.clone(), length_scale))).map(empty);
+        let scaled = |group: Group| group.length_scales().iter().map(move |scale| (group.clone(), *scale));
+        let all = groups.flat_map(scaled).map(empty);
         let none = Arc::new(Column::default());
         let nothing = Self { joint, noise: noise.clone(), target: none, columns: vec![], all: all.collect() };
         let mut own = nothing.beside(problem, fitted, noise);
@@ -368,7 +378,7 @@ pub(super) fn leftover(
         let whole = |errors: &LeftOut| errors.mean_square(joint) + beyond[joint][0].powi(2);
         let share = 1.0 - (whole(&with) / whole(own).max(f64::MIN_POSITIVE)).sqrt();
         // One of so many groups, and none, are as likely before any data.
-        let tried = Group::all(joint, problem.dof()).len() * LENGTH_SCALES.len();
+        let tried = processes[joint].all.len();
         let there = weights(problem, &[own, &with], &[0.0, -(tried as f64).ln()], &[joint])[1];
         let matters = probability_of_fall(problem, [own, &with], joint, MATTERS, beyond[joint][0].powi(2));
         // Asked like an effect: what is not sure on left-out blocks is at most as likely as not.

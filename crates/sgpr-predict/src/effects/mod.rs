@@ -369,6 +369,12 @@ pub trait Effect: Send + Sync + Debug {
         true
     }
 
+    /// Whether the grids of its constants say no more than their ranges: a search then looks between values at which the
+    /// columns have little in common.
+    fn grids_span_ranges(&self) -> bool {
+        false
+    }
+
     /// Whether the columns depend on the torque of the model, and change as it is refitted.
     fn follows_torque(&self) -> bool {
         false

@@ -1,8 +1,11 @@
 //! What is looked for, and its columns.
 
+use std::collections::HashMap;
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
-use super::super::basis::Gain;
+use super::super::basis::{Basis, Gain, dot};
 use super::super::fit::{Fitted, tangent};
 use super::super::problem::Column;
 use super::Search;
@@ -94,8 +97,74 @@ impl Search<'_> {
         sgpr_predict::internal::points_of(&grids)
     }
 
+    /// The grids of effects whose own say no more than ranges.
+    pub(super) fn grids_by_shape(&self, fitted: &Fitted) -> HashMap<(String, Site, usize), Vec<f64>> {
+        let robot = self.problem.nominal.robot();
+        let testable =
+            |e: &&Arc<dyn Effect>| self.wanted(e.as_ref()) && self.not_testable(fitted, e.as_ref()).is_none();
+        let mut grids = HashMap::new();
+        for effect in self.catalogue.iter().filter(|effect| effect.grids_span_ranges()).filter(testable) {
+            for (site, index) in
+                effect.sites(robot).into_iter().flat_map(|s| (0..effect.constants().len()).map(move |k| (s, k)))
+            {
+                let grid = self.grid_by_shape(fitted, effect, (site, index));
+                grids.insert((effect.name().to_string(), site, index), grid);
+            }
+        }
+        grids
+    }
+
+    /// Values of a constant of which neighbours have columns that explain half of each other, others in the middle of their
+    /// ranges: a torque that is periodic in a position needs many over a wide range, one that bends needs few.
+    fn grid_by_shape(&self, fitted: &Fitted, effect: &Arc<dyn Effect>, (site, index): (Site, usize)) -> Vec<f64> {
+        /// Share of the squares.
+        const ALIKE: f64 = 0.5;
+        /// Of all constants together.
+        const MOST: f64 = 200.0;
+        let most = MOST.powf(1.0 / effect.constants().len() as f64) as usize;
+        let middle: Vec<f64> = (0..effect.constants().len())
+            .map(|k| self.grid(effect.as_ref(), site, k))
+            .map(|grid| grid[grid.len() / 2])
+            .collect();
+        let at = |value: f64| {
+            let mut constants = middle.clone();
+            constants[index] = value;
+            let term = Term::new(effect.clone(), site, constants);
+            (value, Basis::new(self.problem.term_columns(&fitted.model, &fitted.rigid, &term)))
+        };
+        let are_alike = |[(a, own), (b, other)]: [&(f64, Basis); 2]| {
+            let squares = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>();
+            let all: f64 = other.independent().iter().map(|column| dot(column, column)).sum();
+            let explained: f64 = other.independent().iter().map(|column| squares(&own.shares_of(column))).sum();
+            explained >= ALIKE * all || (b - a).abs() < 1e-3 * b.abs().max(a.abs())
+        };
+        let constant = &effect.constants()[index];
+        let between = |a: f64, b: f64| match constant.scale {
+            Scale::Logarithmic => (a * b).sqrt(),
+            _ => 0.5 * (a + b),
+        };
+        let coarse = self.grid(effect.as_ref(), site, index);
+        let all = [&[constant.low], &coarse[..], &[constant.high]].concat();
+        let mut rest: Vec<(f64, Basis)> = all[1..].iter().rev().map(|value| at(*value)).collect();
+        let mut last = at(constant.low);
+        let mut grid = vec![last.0];
+        while let Some(next) = rest.pop() {
+            if grid.len() + rest.len() + 1 >= most || are_alike([&last, &next]) {
+                grid.push(next.0);
+                last = next;
+            } else {
+                let middle = at(between(last.0, next.0));
+                rest.extend([next, middle]);
+            }
+        }
+        grid
+    }
+
     /// Values of a constant to start from, in its unit.
     pub(super) fn grid(&self, effect: &dyn Effect, site: Site, index: usize) -> Vec<f64> {
+        if let Some(grid) = self.grids.get(&(effect.name().to_string(), site, index)) {
+            return grid.clone();
+        }
         let joint = site.joint().unwrap_or_default();
         let constant = &effect.constants()[index];
         let mut grid = constant.grid_in(self.problem.ranges(joint));

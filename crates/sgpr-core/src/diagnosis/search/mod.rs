@@ -146,6 +146,8 @@ pub(super) struct Search<'a> {
     pub units: f64,
     pub rows: f64,
     cache: HashMap<(String, Site, Vec<u64>), Vec<Column>>,
+    /// Values to start from, by effect, site and index of the constant, where the effect has none of its own.
+    grids: HashMap<(String, Site, usize), Vec<f64>>,
     progress: &'a dyn Progress,
     /// Hears of the candidates before the search ends.
     ranked: &'a Ranked<'a>,
@@ -165,7 +167,9 @@ impl<'a> Search<'a> {
         let robot = problem.nominal.robot();
         let units: usize = catalogue.iter().map(|effect| effect.sites(robot).len()).sum();
         let rows = problem.rows.iter().map(Vec::len).sum::<usize>() as f64;
-        Self { problem, catalogue, known, noise, units: units as f64, rows, cache: HashMap::new(), progress, ranked }
+        let units = units as f64;
+        let (cache, grids) = (HashMap::new(), HashMap::new());
+        Self { problem, catalogue, known, noise, units, rows, cache, grids, progress, ranked }
     }
 
     /// The accepted terms with their indices in the fit and what the search knows of them, those that refine an effect of
@@ -193,6 +197,7 @@ impl<'a> Search<'a> {
             plain = solve_like(problem, &plain, &given, &self.noise);
         }
         self.progress.step("fit the model", 3, 4)?;
+        self.grids = self.grids_by_shape(&plain);
         self.noise = self.noise_of_largest(&plain)?;
         self.rows = self.noise.rows(&self.problem);
         let fitted = solve_like(&self.problem, &plain, &given, &self.noise);
