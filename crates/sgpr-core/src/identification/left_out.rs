@@ -5,7 +5,7 @@ use faer::{Mat, Par};
 
 use super::least_squares::{residual_norm, weighted_gram};
 use super::prior::PULLS;
-use super::{JointFactor, Judgement, ParameterPrior, widening};
+use super::{JointFactor, Judgement, ParameterPrior};
 use crate::linalg::cholesky;
 
 /// Parts of the data, each of which is predicted from the others.
@@ -57,17 +57,16 @@ impl<'a> LeftOut<'a> {
         solution
     }
 
-    /// By what the halves of intervals of 68 and of 95 % have to be larger so that they hold for other motions, at least by
-    /// one: runs of up to half of the parts are left out in turn, and two thirds of the errors at their joints are to lie
-    /// within one standard deviation. What a model lacks is not noise: it moves the parameters in the same way at every sample of a motion, which only
-    /// other motions show. What it moves the parameters by is known from as few motions as there are parts, so Student's
-    /// quantiles hold for what is above one. One for fewer than two parts.
+    /// By what standard deviations have to be multiplied so that they hold for other motions, at least one: runs of up to
+    /// half of the parts are left out in turn, and two thirds of the errors at their joints are to lie within one standard deviation.
+    /// What a model lacks is not noise: it moves the parameters in the same way at every sample of a motion, which only
+    /// other motions show. One for fewer than two parts.
     ///
     /// - `noise`: of the rows of a factor, N·m (N)
     ///
     /// Source: R. T. Birge, The calculation of errors by the method of least squares, Physical Review 40 (1932), the ratio
     /// of external to internal consistency; here its quantile, for errors that run off.
-    pub fn dispersion(&self, prior: &ParameterPrior, noise: impl Fn(&JointFactor) -> f64) -> [f64; 2] {
+    pub fn dispersion(&self, prior: &ParameterPrior, noise: impl Fn(&JointFactor) -> f64) -> f64 {
         let mut ratios = Vec::new();
         for first in 0..self.parts.len() {
             let run = self.run_from(first);
@@ -91,9 +90,7 @@ impl<'a> LeftOut<'a> {
         }
         ratios.sort_unstable_by(f64::total_cmp);
         let rank = (TWO_THIRDS * ratios.len() as f64) as usize;
-        let lacks = ratios.get(rank).map_or(0.0, |ratio| (ratio - 1.0).max(0.0));
-        let larger = |student: f64| if lacks > 0.0 { (1.0 + lacks * student.powi(2)).sqrt() } else { 1.0 };
-        widening(self.parts.len()).map(larger)
+        ratios.get(rank).map_or(1.0, |ratio| ratio.sqrt().max(1.0))
     }
 
     /// Up to half of the parts, one after the other from `first` on, the first ones after the last.

@@ -14,7 +14,6 @@ mod error;
 mod essential;
 mod estimate;
 mod extended_factor;
-mod few_parts;
 mod formulas;
 mod gautier_khalil;
 mod hac;
@@ -46,7 +45,6 @@ pub use drive_gains::{DriveGains, GainEstimator, GainOptions, KnownPayload, iden
 pub use error::IdentificationError;
 pub use essential::{Dropped, Essential, essential_parameters};
 pub use estimate::{estimate, residual_correlation};
-pub(crate) use few_parts::widening;
 pub use gautier_khalil::{Gain, Regrouping, regroupings};
 pub use hac::hac_covariance;
 pub use judgement::Judgement;

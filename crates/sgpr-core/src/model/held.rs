@@ -29,8 +29,8 @@ pub(super) struct Found {
     pub estimate: Estimate,
     /// None if the logs are rich: the estimate is bare.
     pub held: Option<Held>,
-    /// By what intervals of 68 and 95 % are larger than noise makes them ([`LeftOut::dispersion`]); one for a bare estimate.
-    pub dispersion: [f64; 2],
+    /// By what standard deviations have to be multiplied ([`LeftOut::dispersion`]); one for a bare estimate.
+    pub dispersion: f64,
     pub notes: Vec<String>,
 }
 
@@ -89,7 +89,7 @@ impl Task<'_> {
             if saved.gain - saved.standard_error < LEAST_GAIN || saved.parts < 2 {
                 let bare = self.bare(method, equations, &flat, correlation)?;
                 if let Some(bare) = bare.filter(|bare| self.knows_more_than_file(&bare.covariance, &flat)) {
-                    return Ok(Found { estimate: bare, held: None, dispersion: [1.0; 2], notes });
+                    return Ok(Found { estimate: bare, held: None, dispersion: 1.0, notes });
                 }
                 if saved.is_worse() {
                     let wide = flat.with_relative_deviation(WIDE).with_effect_scale(1.0);
@@ -214,7 +214,7 @@ impl Task<'_> {
         LeftOut::new(self.parts, level, self.base.rank())
     }
 
-    fn dispersion(&self, held: &Held) -> [f64; 2] {
+    fn dispersion(&self, held: &Held) -> f64 {
         let noise = |part: &JointFactor| self.factor_of(part).map_or(0.0, |index| held.estimate.noise[index]);
         self.left_out(held).dispersion(&held.prior, noise)
     }

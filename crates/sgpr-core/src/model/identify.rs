@@ -4,7 +4,7 @@ use faer::Mat;
 
 use super::experiment::{Experiment, select_joints, torque_of};
 use super::limits::beyond_limits;
-use super::torque_model::{Certificate, Fit, HALF_INTERVAL_95, nominal_parameters};
+use super::torque_model::{Certificate, Fit, nominal_parameters};
 use super::variable_projection::{self, Columns, TermFit};
 use super::{Term, TorqueModel, held};
 use crate::effects::UnknownEffect;
@@ -365,7 +365,7 @@ fn fit(
     let correlation = correlation(&model, motions, processing, &factors)?;
     let mut equations = Equations::new(robot, &set, &base, trajectories);
     let mut notes = Vec::new();
-    let mut dispersion = [1.0; 2];
+    let mut dispersion = 1.0;
     let (mut estimate, held) = match prior {
         None => (estimate(&options.method, &mut equations, &factors, &nominal, Some(&correlation))?, None),
         Some((prior, width)) => {
@@ -378,7 +378,6 @@ fn fit(
         }
     };
     set_uncertainty(options, &mut equations, &factors, &mut estimate, held.as_ref())?;
-    let [dispersion, of_95] = dispersion;
     estimate.covariance *= faer::Scale(dispersion * dispersion);
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
     notes.append(&mut estimate.notes);
@@ -463,7 +462,6 @@ fn fit(
         rows: (0..robot.dof()).map(|joint| rows_of(&factors, joint)).collect(),
         correlation: per_joint(&factors, &correlation, robot.dof()),
         dispersion,
-        half_interval_95: HALF_INTERVAL_95 * of_95 / dispersion,
         values: estimate.values[..rank].to_vec(),
         condition: estimate.excitation.condition,
         scaled_condition: estimate.excitation.scaled_condition,

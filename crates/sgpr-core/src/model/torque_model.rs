@@ -60,10 +60,6 @@ pub struct Fit {
     /// determine: parts of the logs predict the others so much worse. Else one.
     #[serde(default = "one")]
     pub dispersion: f64,
-    /// What standard deviations are multiplied by to give half of the interval of 95 %: 1.96, or more where few parts of the
-    /// logs tell the dispersion.
-    #[serde(default = "normal")]
-    pub half_interval_95: f64,
     /// cond(W); infinite where the motion does not excite a direction at all.
     #[serde(with = "infinity_as_null")]
     pub condition: f64,
@@ -79,13 +75,6 @@ pub struct Fit {
 
 fn one() -> f64 {
     1.0
-}
-
-/// In standard deviations of a normal distribution.
-pub(super) const HALF_INTERVAL_95: f64 = 1.96;
-
-fn normal() -> f64 {
-    HALF_INTERVAL_95
 }
 
 /// What physical consistency did to the estimates, and the proof of it.

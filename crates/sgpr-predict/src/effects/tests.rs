@@ -143,7 +143,12 @@ fn a_delay_shifts_and_a_lag_trails() {
 }
 
 #[test]
-fn an_unknown_name_lists_the_known_ones() {
-    let message = by_name("stiction").expect_err("not there").to_string();
-    assert!(message.contains("`stiction`") && message.contains("coulomb_friction"), "{message}");
+fn an_unknown_name_says_where_the_known_ones_are() {
+    let error = by_name("stiction").expect_err("not there");
+    assert!(error.known.iter().any(|name| name == "coulomb_friction"));
+    let message = error.to_string();
+    assert!(message.contains("`stiction`") && message.contains("`sgpr effects`"), "{message}");
+    // A few can be read in the message.
+    let few = UnknownEffect { known: vec!["coulomb_friction".into()], ..error };
+    assert!(few.to_string().contains("coulomb_friction"), "{few}");
 }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use faer::Mat;
 
-use super::super::torque_model::{Fit, HALF_INTERVAL_95, nominal_parameters};
+use super::super::torque_model::{Fit, nominal_parameters};
 use super::super::{IdentifyError, TorqueModel};
 use super::{Record, RecordError, RecordMemory};
 use crate::identification::{
@@ -82,7 +82,6 @@ fn fit(
         rows: (0..joints).map(rows).collect(),
         correlation: per_joint(correlation),
         dispersion: 1.0,
-        half_interval_95: HALF_INTERVAL_95,
         condition: estimate.excitation.condition,
         scaled_condition: estimate.excitation.scaled_condition,
         undetermined: infinite.map(|(name, _)| name.clone()).collect(),

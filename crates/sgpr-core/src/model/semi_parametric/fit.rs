@@ -7,7 +7,7 @@ use faer::Mat;
 use super::super::compare::LogResidual;
 use super::super::experiment::select_joints;
 use super::super::identify::{IdentifyError, motions};
-use super::super::torque_model::{HALF_INTERVAL_95, TorqueModel};
+use super::super::torque_model::TorqueModel;
 use super::basis::{self, Basis};
 use super::left_out::left_out;
 use super::process::{Process, Terms};
@@ -266,7 +266,8 @@ fn keep_what_gains(
         let uncertain = gains.filter(|(_, gain)| !gain.certain);
         let Some((joint, _)) = uncertain.min_by(|(_, a), (_, b)| a.share.total_cmp(&b.share)) else {
             for (joint, rest) in model.joints.iter_mut().enumerate().filter(|(_, rest)| rest.gp.is_some()) {
-                (rest.report.calibration, rest.report.calibration_95) = calibration(&errors[joint], &left_out[joint]);
+                (rest.report.calibration, rest.report.calibration_95) =
+                    calibration(&errors[joint], left_out[joint].len());
             }
             return Ok(lost);
         };
@@ -463,7 +464,6 @@ fn estimate_again(
     if let Some(fit) = &mut model.physics.fit {
         fit.method = "gls".into();
         fit.dispersion = 1.0;
-        fit.half_interval_95 = HALF_INTERVAL_95;
         for k in 0..rank {
             if fit.standard_deviations[k].is_finite() {
                 fit.standard_deviations[k] = covariance[(k, k)].sqrt();
@@ -493,13 +493,12 @@ mod tests {
     fn gain(errors: [f64; 8]) -> Gain {
         let part = |index: usize| LeftOut {
             part: (10 * index..10 * index + 10).collect(),
-            apart: false,
             residual: vec![-1.0; 80],
             variance: vec![0.0; 10],
         };
         let mut left_out: Vec<LeftOut> = (0..8).map(part).collect();
         // A part in which the joint does not move says nothing.
-        left_out.insert(3, LeftOut { part: vec![], apart: false, residual: vec![-1.0; 80], variance: vec![] });
+        left_out.insert(3, LeftOut { part: vec![], residual: vec![-1.0; 80], variance: vec![] });
         let errors: Vec<(f64, f64)> = errors.iter().flat_map(|error| [(*error, 1.0); 10]).collect();
         assert!(!Gain::new(&errors[1..], &left_out).certain);
         Gain::new(&errors, &left_out)

@@ -36,12 +36,10 @@ pub(super) fn left_out(
     mean: Mean,
 ) -> Result<Vec<Vec<LeftOut>>, IdentifyError> {
     let (count, part_of) = divide(logs);
-    let apart = logs.len() >= FEWEST_LOGS;
     let parts: Vec<Vec<Vec<usize>>> = rows.iter().map(|rows| parts(rows, count, &part_of)).collect();
     if mean == Mean::Zero {
         let unchanged = |rows: &Rows, part: &Vec<usize>| LeftOut {
             part: part.clone(),
-            apart,
             residual: rows.residual.clone(),
             variance: vec![0.0; part.len()],
         };
@@ -98,7 +96,7 @@ pub(super) fn left_out(
             let seen = Mat::from_fn(part.len(), unknowns, |i, k| matrix[(part[i], k)]);
             let spread = &seen * &covariance;
             let variance = (0..part.len()).map(|i| (spread.row(i) * seen.row(i).transpose()).max(0.0)).collect();
-            result[joint].push(LeftOut { residual: residual.collect(), variance, part, apart });
+            result[joint].push(LeftOut { residual: residual.collect(), variance, part });
         }
     }
     Ok(result)

@@ -24,7 +24,6 @@ use rest::Rest;
 
 use super::compare::{Comparison, compare_by};
 use super::identify::{IdentifyError, IdentifyOptions};
-use super::torque_model::HALF_INTERVAL_95;
 use super::{TorqueModel, Trajectory, identify};
 use crate::dynamics::Samples;
 use crate::gp::{Compute, GpError, Shape};
@@ -294,8 +293,7 @@ impl SemiParametricModel {
             both.map(half).collect()
         };
         let standard_deviation = half_interval(1.0, |report| report.calibration);
-        let of_parameters_95 = self.physics.fit().map_or(HALF_INTERVAL_95, |fit| fit.half_interval_95);
-        let interval_95 = half_interval(of_parameters_95, |report| report.calibration_95);
+        let interval_95 = half_interval(1.96, |report| report.calibration_95);
         Ok(TorquePrediction { tau, standard_deviation, interval_95, novelty })
     }
 

@@ -10,7 +10,7 @@ use crate::gp::{
     Calibration, Compute, Covariance, Data, GaussianProcess, GpError, Inference, Kernel, SearchOptions, SearchStatus,
     informative_points, search,
 };
-use crate::identification::{Judgement, widening};
+use crate::identification::Judgement;
 use crate::progress::Progress;
 
 /// Residual of a joint at the samples in which it moves.
@@ -37,8 +37,6 @@ impl Rows {
 pub(super) struct LeftOut {
     /// Rows, in order.
     pub part: Vec<usize>,
-    /// Whether they are a log, and no stretches of logs that are seen before and after them.
-    pub apart: bool,
     pub residual: Vec<f64>,
     /// What the uncertain parameters of that physics bring to the torque at the part, N²·m² (N²).
     pub variance: Vec<f64>,
@@ -161,7 +159,7 @@ impl Rest {
         if options.inputs.is_none() && !best.gains(left_out, physics_loss) {
             return Ok(Self::without(report, mean_square));
         }
-        Ok(Self::with(best, report, left_out))
+        Ok(Self::with(best, report, left_out.len()))
     }
 
     /// A joint without a process.
@@ -171,13 +169,13 @@ impl Rest {
 
     /// A joint with a process.
     ///
-    /// - `left_out`: parts that were left out
-    pub fn with(learned: Learned, mut report: JointReport, left_out: &[LeftOut]) -> Self {
+    /// - `parts`: number of parts that were left out
+    pub fn with(learned: Learned, mut report: JointReport, parts: usize) -> Self {
         let Learned { process, points, evidence, errors, candidate } = learned;
         report.chosen = Some(candidate.inputs);
         report.inference = candidate.inference;
         report.points = process.len();
-        (report.calibration, report.calibration_95) = calibration(&errors, left_out);
+        (report.calibration, report.calibration_95) = calibration(&errors, parts);
         let noise_variance = process.covariance().total_noise_variance();
         Self { gp: Some(process), noise_variance, report, points, evidence }
     }
@@ -285,7 +283,7 @@ impl Alone {
         let physics: Vec<(f64, f64)> = errors.map(|(error, variance)| (error, mean_square + variance)).collect();
         let physics_loss = loss_of(&physics);
         let enough = count >= FEWEST && mean_square > 0.0;
-        let (calibration, calibration_95) = if enough { calibration(&physics, left_out) } else { (1.0, 1.96) };
+        let (calibration, calibration_95) = if enough { calibration(&physics, left_out.len()) } else { (1.0, 1.96) };
         let report = JointReport {
             rows: count,
             points: 0,
@@ -455,17 +453,14 @@ fn errors_left_out(
 
 /// What standard deviations have to be multiplied by so that 68 % and 95 % of the errors fall within: the quantiles of the
 /// errors in standard deviations. Errors of a part have much in common, so their quantiles are those of few observations,
-/// and a new log differs from them as they do from each other: by a factor of sqrt(1 + 1 / parts) on their spread. Stretches
-/// of one or two logs show less than whole logs do: their spread is known as from so few observations.
-pub(super) fn calibration(errors: &[(f64, f64)], left_out: &[LeftOut]) -> (f64, f64) {
-    let parts = left_out.len();
-    let student = if left_out.iter().all(|part| part.apart) { [1.0; 2] } else { widening(parts) };
+/// and a new log differs from them as they do from each other: by a factor of sqrt(1 + 1 / parts) on their spread.
+pub(super) fn calibration(errors: &[(f64, f64)], parts: usize) -> (f64, f64) {
     let count = errors.len();
     let rank = |share: f64| ((share * count as f64) as usize).min(count - 1);
     let wider = (1.0 + 1.0 / parts as f64).sqrt();
     let of_errors = || Calibration::of(errors.iter().copied(), rank, wider);
     let Calibration { deviation, half_interval_95 } = if count > 0 { of_errors() } else { Calibration::NORMAL };
-    (student[0] * deviation, student[1] * half_interval_95)
+    (deviation, half_interval_95)
 }
 
 #[cfg(test)]
@@ -505,7 +500,7 @@ mod tests {
         let longest = |parts: Vec<Vec<usize>>| {
             let left_out: Vec<LeftOut> = parts
                 .into_iter()
-                .map(|part| LeftOut { variance: vec![0.0; part.len()], part, apart: false, residual: vec![1.0; count] })
+                .map(|part| LeftOut { variance: vec![0.0; part.len()], part, residual: vec![1.0; count] })
                 .collect();
             longest_memory(&rows, &left_out)
         };

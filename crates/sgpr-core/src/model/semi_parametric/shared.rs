@@ -111,7 +111,7 @@ fn chosen(
         if options.inputs.is_none() && !learned.gains(left_out, physics_loss) {
             return Rest::without(report, mean_square);
         }
-        Rest::with(learned, report, left_out)
+        Rest::with(learned, report, left_out.len())
     });
     joints.collect()
 }
