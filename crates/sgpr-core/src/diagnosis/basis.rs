@@ -239,7 +239,11 @@ impl Basis {
 
     /// Coefficients of the columns that `y` is made of, zero for dependent ones.
     pub fn solve(&self, y: &Column) -> Vec<f64> {
-        let mut along = self.shares_of(y);
+        self.coefficients(self.shares_of(y))
+    }
+
+    /// The same from the shares of y along the basis.
+    pub fn coefficients(&self, mut along: Vec<f64>) -> Vec<f64> {
         self.back_substitute(&mut along);
         let mut coefficients = vec![0.0; self.columns];
         self.kept.iter().zip(along).for_each(|(index, value)| coefficients[*index] = value);

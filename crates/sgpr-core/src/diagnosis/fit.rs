@@ -25,6 +25,8 @@ pub(super) struct Fitted {
     /// Base columns, then those of the terms, in the band; fits with the same transforms share them.
     pub columns: Vec<Arc<Column>>,
     pub basis: Arc<Basis>,
+    /// Shares of the whitened target along the basis.
+    pub along: Vec<f64>,
     /// Noise by which the basis is whitened.
     noise: Noise,
     /// Measured minus predicted, in the band.
@@ -170,7 +172,8 @@ fn solve_with(
         columns.push(column);
     }
     let mut white = noise.whiten(problem, &target);
-    let values = basis.solve(&white);
+    let along = basis.shares_of(&white);
+    let values = basis.coefficients(along.clone());
     let deviations = basis.deviations();
     basis.project_out(&mut white);
     basis.project_out(&mut white);
@@ -202,6 +205,7 @@ fn solve_with(
         target,
         columns,
         basis: basis.into(),
+        along,
         noise: noise.clone(),
         residual,
         white,
@@ -427,10 +431,9 @@ pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) 
     if !fitted.terms().iter().any(is_timed) {
         return fitted.parts.get(fitted, noise, &problem.parts()).errors();
     }
-    let mut known = fitted.clone();
-    let mut target = known.target.to_vec();
+    let mut target = fitted.target.to_vec();
     let mut at = problem.base.rank();
-    let mut columns = known.columns[..at].to_vec();
+    let mut columns = fitted.columns[..at].to_vec();
     for term in fitted.terms() {
         for factor in &term.coefficients {
             if is_timed(term) {
@@ -443,8 +446,7 @@ pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) 
             at += 1;
         }
     }
-    (known.columns, known.target) = (columns, target.into());
-    FoldFits::new(&known.columns, &known.target, noise, (&problem.parts(), None)).errors()
+    FoldFits::new(&columns, &target.into(), noise, (&problem.parts(), None)).errors()
 }
 
 /// Errors in the band on fifths of the positions of a joint, and on fifths of its speeds, that were left out of the fit:

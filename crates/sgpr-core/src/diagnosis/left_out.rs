@@ -170,30 +170,25 @@ impl Products {
         (known, in_known): (Option<(&Self, usize)>, &[Option<usize>]),
     ) -> Self {
         let m = columns.len();
+        let (new, old): (Vec<usize>, Vec<usize>) = (0..m).partition(|k| in_known[*k].is_none());
+        let pick = |some: &[usize]| -> Vec<&Column> { some.iter().map(|k| columns[*k]).collect() };
+        let made = Self::new(&pick(&new), &pick(&old), target, blocks, weights);
         let mut own = Self { gram: vec![0.0; m * m], target: vec![0.0; m], across: vec![] };
+        for (row, &a) in new.iter().enumerate() {
+            own.target[a] = made.target[row];
+            new.iter().enumerate().for_each(|(k, &b)| own.gram[a * m + b] = made.gram[row * new.len() + k]);
+            for (k, &b) in old.iter().enumerate() {
+                let product = made.across[row * old.len() + k];
+                (own.gram[a * m + b], own.gram[b * m + a]) = (product, product);
+            }
+        }
         if let Some((known, size)) = known {
-            for (a, in_a) in in_known.iter().enumerate() {
-                let Some(in_a) = in_a else { continue };
+            for (&a, in_a) in old.iter().zip(in_known.iter().flatten()) {
                 own.target[a] = known.target[*in_a];
-                for (b, in_b) in in_known.iter().enumerate() {
-                    own.gram[a * m + b] = in_b.map_or(0.0, |in_b| known.gram[in_a * size + in_b]);
+                for (&b, in_b) in old.iter().zip(in_known.iter().flatten()) {
+                    own.gram[a * m + b] = known.gram[in_a * size + in_b];
                 }
             }
-        }
-        let is_new = |k: usize| in_known[k].is_none();
-        for (joint, rows) in blocks {
-            let weight = weights[*joint];
-            let present: Vec<usize> = (0..m).filter(|&k| !columns[k][*joint].is_empty()).collect();
-            for &a in present.iter().filter(|a| is_new(**a)) {
-                let x = &columns[a][*joint][rows.clone()];
-                own.target[a] += weight * dot_in_lanes(x, &target[*joint][rows.clone()]);
-                for &b in present.iter().filter(|b| **b <= a || !is_new(**b)) {
-                    own.gram[a * m + b] += weight * dot_in_lanes(x, &columns[b][*joint][rows.clone()]);
-                }
-            }
-        }
-        for a in (0..m).filter(|a| is_new(*a)) {
-            (0..m).filter(|b| *b < a || !is_new(*b)).for_each(|b| own.gram[b * m + a] = own.gram[a * m + b]);
         }
         own
     }
@@ -299,5 +294,10 @@ mod tests {
         close(&fits.errors(), &anew(&model, &target, &folds));
         let with = fits.errors_with(&Extra { columns: &beside, precision: 0.0 }, &[0, 1]);
         close(&with, &anew(&[&model[..], &beside[..]].concat(), &target, &folds));
+        // Made like others, of some of their columns and one more.
+        let another = Arc::new(column([true, true]));
+        let some = [shared[2].clone(), another.clone(), shared[0].clone()];
+        let like = FoldFits::new(&some, &target, &noise, (&folds, Some(&fits)));
+        close(&like.errors(), &anew(&[model[2].clone(), another.to_vec(), model[0].clone()], &target, &folds));
     }
 }

@@ -6,7 +6,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
 use rayon::prelude::*;
 
-use super::basis::{Basis, Noise, mean_square};
+use super::basis::{Noise, mean_square};
 use super::evidence::{EVEN, LeftOut, SURE, probability_of_fall, weights};
 use super::fit::{Fitted, beyond};
 use super::left_out::Extra;
@@ -295,10 +295,9 @@ impl Processes {
         let joint = self.joint;
         let left = mean_square(&fitted.residual[joint]);
         let beside = self.beside(problem, fitted, noise);
-        let along = fitted.basis.shares_of(&noise.whiten(problem, &fitted.target));
         let smooth = |(index, process): (usize, &Process)| {
             let largest = LARGEST * LARGEST * left / process.of_unit_variance.max(f64::MIN_POSITIVE);
-            let (variance, evidence) = process.evidence(&fitted.basis, &along, largest);
+            let (variance, evidence) = process.evidence(fitted, largest);
             Smooth { index, variance, largest, evidence }
         };
         let mut all: Vec<Smooth> = beside.all.par_iter().enumerate().map(smooth).collect();
@@ -319,9 +318,8 @@ impl Processes {
 
     /// Log evidence of a process against none beside another fit.
     pub fn evidence_beside(&self, smooth: &Smooth, problem: &Problem, fitted: &Fitted, noise: &Noise) -> f64 {
-        let along = fitted.basis.shares_of(&noise.whiten(problem, &fitted.target));
         let beside = self.products_beside(problem, fitted, noise, &self.all[smooth.index..=smooth.index]);
-        beside[0].evidence(&fitted.basis, &along, smooth.largest).1
+        beside[0].evidence(fitted, smooth.largest).1
     }
 
     /// What the torque of a process depends on, in words.
@@ -331,22 +329,20 @@ impl Processes {
 }
 
 impl Process {
-    /// Variance of the columns' factors, at most the `largest`, at which their log evidence beside some columns is greatest,
-    /// and that.
-    ///
-    /// - `along`: shares of the target along the basis
-    fn evidence(&self, basis: &Basis, along: &[f64], largest: f64) -> (f64, f64) {
+    /// Variance of the columns' factors, at most the `largest`, at which their log evidence beside the fit is greatest, and
+    /// that.
+    fn evidence(&self, fitted: &Fitted, largest: f64) -> (f64, f64) {
         let k = self.target.len();
         let shares = |across: &Vec<f64>| -> Vec<f64> {
             let mut shares = across.clone();
-            basis.forward_substitute(&mut shares);
+            fitted.basis.forward_substitute(&mut shares);
             shares
         };
         let shares: Vec<Vec<f64>> = self.across.iter().map(shares).collect();
         let gram = |a: usize, b: usize| self.gram[a * k + b] - dot_in_lanes(&shares[a], &shares[b]);
-        let gram = faer::Mat::from_fn(k, k, |a, b| gram(a.max(b), a.min(b)));
+        let gram = Mat::from_fn(k, k, |a, b| gram(a.max(b), a.min(b)));
         let b: Vec<f64> =
-            self.target.iter().zip(&shares).map(|(own, shares)| own - dot_in_lanes(shares, along)).collect();
+            self.target.iter().zip(&shares).map(|(own, shares)| own - dot_in_lanes(shares, &fitted.along)).collect();
         let (values, vectors) = crate::linalg::symmetric_eigen(gram.as_ref());
         let along: Vec<f64> = (0..k).map(|i| (0..k).map(|j| vectors[(j, i)] * b[j]).sum()).collect();
         let at = |variance: f64| {
