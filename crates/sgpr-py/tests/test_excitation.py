@@ -9,6 +9,7 @@ import pytest
 import sgpr
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from sgpr.report.markup import prose
 
 ROBOT = sgpr.robots.two_link()
 LIMITS: dict[str, Any] = {"max_acceleration": [2.0, 2.0]}
@@ -255,7 +256,7 @@ def test_a_page_shows_motion_and_search(tmp_path: Path) -> None:
         "acceleration-plot",
         "search-plot",
         "best sum_of_conditions",
-        found.tightest,
+        prose(found.tightest),
         "Versions",
     ):
         assert text in page

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ._sgpr import Comparison, Diagnosis, Excitation, Finding, Model, Recording, Robot, Simulation, compare
 from .report.colours import AFTER, BEFORE, line_of
 from .report.figures import axis, layout
+from .report.markup import prose
 from .report.numbers import MISSING, significant, with_deviation
 
 Array = NDArray[np.float64]
@@ -33,7 +34,7 @@ def table_html(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]],
     """A table as HTML, every cell escaped."""
     heads = "".join(f"<th>{escape(cell)}</th>" for cell in head)
     body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    below = "".join(f"<p>{escape(text)}</p>" for text in notes)
+    below = "".join(f"<p>{prose(text)}</p>" for text in notes)
     return (
         f"<div><p><b>{escape(caption)}</b></p><table><thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table>"
         f"{below}</div>"
