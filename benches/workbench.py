@@ -49,13 +49,13 @@ def write_arm(folder: Path) -> None:
 
 
 def memory(process: subprocess.Popen[str]) -> dict[str, float]:
-    """Now, and at most so far, GB."""
+    """Now, and at most so far, GB (10⁹ bytes)."""
     lines = dict(
         line.split(":")
         for line in Path(f"/proc/{process.pid}/status").read_text().splitlines()
         if "VmHWM" in line or "VmRSS" in line
     )
-    return {key: round(int(value.split()[0]) / 1e6, 3) for key, value in lines.items()}
+    return {key: round(int(value.split()[0]) * 1024 / 1e9, 3) for key, value in lines.items()}
 
 
 def main() -> None:

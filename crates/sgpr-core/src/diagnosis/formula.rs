@@ -150,26 +150,28 @@ fn dictionary(joint: usize, dof: usize) -> Vec<Product> {
 /// A formula for what `fitted` leaves at `joint`, if one helps on blocks of time that no fit has seen.
 pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: usize) -> Option<Formula> {
     let products = dictionary(joint, problem.dof());
-    // Hundreds of columns: what is not whitened is made again for the few that are chosen.
-    let whitened = |some: &[Product]| -> Vec<Column> {
-        raw(problem, fitted, joint, some).iter().map(|column| noise.whiten(problem, column)).collect()
-    };
-    let white: Vec<Column> = products.chunks(AT_ONCE).flat_map(whitened).collect();
-    let shares = fitted.basis.shares(&white);
-    let white: Vec<&Vec<f64>> = white.iter().map(|column| &column[joint]).collect();
     let y = &fitted.white[joint];
     let fold = &problem.fold[joint];
-    // Products with the residual by block, the last entry their sum; squared lengths after projection.
-    let mut along: Vec<[f64; FOLDS + 1]> = white
-        .iter()
-        .map(|z| {
+    // Hundreds of columns, kept in 32 bits; what is not whitened is made again for the few that are chosen.
+    let mut white: Vec<Vec<f32>> = Vec::with_capacity(products.len());
+    let mut shares: Vec<Vec<f64>> = Vec::with_capacity(products.len());
+    let mut whole: Vec<f64> = Vec::with_capacity(products.len());
+    // Products with the residual by block, the last entry their sum.
+    let mut along: Vec<[f64; FOLDS + 1]> = Vec::with_capacity(products.len());
+    for some in products.chunks(AT_ONCE) {
+        let columns = raw(problem, fitted, joint, some);
+        let columns: Vec<Column> = columns.iter().map(|column| noise.whiten(problem, column)).collect();
+        shares.extend(fitted.basis.shares(&columns));
+        for z in columns.iter().map(|column| &column[joint]) {
             let mut sums = [0.0; FOLDS + 1];
             z.iter().zip(y).zip(fold).for_each(|((z, y), fold)| sums[*fold] += z * y);
             sums[FOLDS] = sums[..FOLDS].iter().sum();
-            sums
-        })
-        .collect();
-    let whole: Vec<f64> = white.iter().map(|z| dot_in_lanes(z, z)).collect();
+            along.push(sums);
+            whole.push(dot_in_lanes(z, z));
+            white.push(z.iter().map(|z| *z as f32).collect());
+        }
+    }
+    // Squared lengths after projection.
     let mut length: Vec<f64> = whole.iter().zip(&shares).map(|(z, s)| z - dot_in_lanes(s, s)).collect();
     let rows = y.len().max(2) as f64;
     let invisible = |k: usize, length: f64| length <= 0.02 * whole[k].max(f64::MIN_POSITIVE);
@@ -200,9 +202,11 @@ pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: 
         error = with;
         let same = (0..FOLDS).filter(|fold| best_without(Some(*fold)) == Some(best)).count();
         stability.push(same as f64 / FOLDS as f64);
+        let chosen_one: Vec<f64> = white[best].iter().map(|z| f64::from(*z)).collect();
         let products_with: Vec<f64> = (0..products.len())
             .map(|k| {
-                let plain = dot_in_lanes(white[k], white[best]) - dot_in_lanes(&shares[k], &shares[best]);
+                let one: Vec<f64> = white[k].iter().map(|z| f64::from(*z)).collect();
+                let plain = dot_in_lanes(&one, &chosen_one) - dot_in_lanes(&shares[k], &shares[best]);
                 plain - before.iter().map(|row| row[k] * row[best]).sum::<f64>()
             })
             .collect();

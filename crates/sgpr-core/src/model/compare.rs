@@ -143,10 +143,13 @@ impl LogResidual {
     /// Measured and predicted torque of a joint in the band of the model.
     pub fn in_band(&self, joint: usize) -> InBand {
         let n = self.dof();
-        let of_joint = |values: &[f64]| values[joint..].iter().step_by(n).copied().collect::<Vec<f64>>();
-        let (measured, predicted) = (of_joint(self.measured()), of_joint(&self.predicted));
-        let Some(filter) = &self.filter else { return InBand { measured, predicted } };
-        let mut both: Vec<f64> = measured.iter().zip(&predicted).flat_map(|(m, p)| [*m, *p]).collect();
+        let torques = self.measured()[joint..].iter().zip(&self.predicted[joint..]).step_by(n);
+        let pairs = torques.map(|(measured, predicted)| (*measured, *predicted));
+        let Some(filter) = &self.filter else {
+            let (measured, predicted) = pairs.unzip();
+            return InBand { measured, predicted };
+        };
+        let mut both: Vec<f64> = pairs.flat_map(|(m, p)| [m, p]).collect();
         filter.apply(&mut both, 2).expect("checked when it was made");
         let (measured, predicted) = both.chunks_exact(2).map(|pair| (pair[0], pair[1])).unzip();
         InBand { measured, predicted }
@@ -220,12 +223,15 @@ pub(super) fn compare_by<E: From<IdentifyError>>(
     Ok(Comparison { joints, relative_error_percent, relative_error_with_rests_percent, logs })
 }
 
-/// Gravity torque of the model, `[samples, n]`.
-fn gravity(model: &TorqueModel, motion: &Motion) -> Vec<f64> {
+/// Gravity torque of the model, `[samples, n]`; a figure to compare with, so 32 bits are enough.
+fn gravity(model: &TorqueModel, motion: &Motion) -> Vec<f32> {
     let robot = model.identified_robot();
     let mut ws = Workspace::new(robot);
     let mut torque = Vec::with_capacity(motion.q.len());
-    motion.q.chunks_exact(robot.dof()).for_each(|q| torque.extend_from_slice(gravity_torque(robot, &mut ws, q)));
+    motion
+        .q
+        .chunks_exact(robot.dof())
+        .for_each(|q| torque.extend(gravity_torque(robot, &mut ws, q).iter().map(|tau| *tau as f32)));
     torque
 }
 
@@ -251,7 +257,7 @@ impl Sums {
     /// The samples of a joint.
     ///
     /// - `gravity`: torque of the model, `[samples, n]`
-    fn add(&mut self, log: &LogResidual, joint: usize, gravity: &[f64]) {
+    fn add(&mut self, log: &LogResidual, joint: usize, gravity: &[f32]) {
         let (n, start) = (log.dof(), log.time()[0]);
         let in_band = log.in_band(joint);
         for sample in (0..log.motion.len()).filter(|sample| log.motion.inner[*sample]) {
@@ -266,7 +272,7 @@ impl Sums {
             self.residual += residual * residual;
             self.measured += measured * measured;
             self.mean += measured;
-            self.against_gravity += (measured - gravity[entry]).powi(2);
+            self.against_gravity += (measured - f64::from(gravity[entry])).powi(2);
             self.full_band += (log.measured()[entry] - log.predicted[entry]).powi(2);
             if residual.abs() > self.largest {
                 self.largest = residual.abs();

@@ -94,18 +94,29 @@ impl TorqueModel {
     pub fn predict_trajectory(&self, trajectory: &Trajectory<'_>) -> Vec<f64> {
         let n = self.robot.dof();
         let rigid = self.rigid(trajectory);
-        let context = self.context(trajectory, &rigid);
-        let mut tau = rigid.torque.clone();
+        // Effects look at the torque without them. Of a long motion only the joints where some act are held twice.
+        let of_joint = |joint: usize| rigid.torque.iter().skip(joint).step_by(n).copied().collect();
+        let mut with_effects: Vec<Option<Vec<f64>>> = vec![None; n];
         for term in &self.terms {
-            for (column, factor) in term.columns(&context).iter().zip(&term.coefficients) {
-                match term.effect.reach() {
-                    Reach::All => tau.iter_mut().zip(column).for_each(|(tau, c)| *tau += factor * c),
-                    Reach::Own => {
-                        let joint = term.site.joint().expect("it reaches its own joint");
-                        tau.iter_mut().skip(joint).step_by(n).zip(column).for_each(|(tau, c)| *tau += factor * c);
-                    }
+            let joints = match term.effect.reach() {
+                Reach::All => 0..n,
+                Reach::Own => {
+                    let joint = term.site.joint().expect("it reaches its own joint");
+                    joint..joint + 1
+                }
+            };
+            let apart = joints.len();
+            let columns = term.columns(&self.context(trajectory, &rigid));
+            for (k, joint) in joints.enumerate() {
+                let tau: &mut Vec<f64> = with_effects[joint].get_or_insert_with(|| of_joint(joint));
+                for (column, factor) in columns.iter().zip(&term.coefficients) {
+                    tau.iter_mut().zip(column[k..].iter().step_by(apart)).for_each(|(tau, c)| *tau += factor * c);
                 }
             }
+        }
+        let mut tau = rigid.torque;
+        for (joint, with) in with_effects.into_iter().enumerate().filter_map(|(joint, with)| Some((joint, with?))) {
+            tau.iter_mut().skip(joint).step_by(n).zip(with).for_each(|(tau, with)| *tau = with);
         }
         for term in self.terms.iter().filter(|term| term.is_transform()) {
             for joint in 0..n {

@@ -5,7 +5,7 @@ import ctypes
 import sys
 
 M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8
-LARGE = 1 << 20
+LARGE = 1 << 17
 """Bytes; from this size on an array has pages of its own, which are returned as soon as it is gone."""
 
 

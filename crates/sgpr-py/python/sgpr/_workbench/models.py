@@ -8,6 +8,7 @@ from typing import Any
 
 from .. import Model, Recording, Robot, SemiParametricModel, SgprError, load
 from ..cli.errors import BadData
+from .memory import give_back
 from .steps import ROBOT_FILE, Known, Ladder, Step, compared, computed, errors_of, figures_of, key_of
 from .tracks import Track, track_of
 from .work import Progress
@@ -67,6 +68,8 @@ class Models:
                 step.model = load(place)
                 return
         model = computed(step, before, data.robot, data.train, progress)
+        # A search leaves hundreds of columns behind, and errors on long logs follow.
+        give_back()
         if isinstance(model, Model):
             model = model.with_reading(data.reading)
         # A cache that cannot be written costs time, nothing else.
