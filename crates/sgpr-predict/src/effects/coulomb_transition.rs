@@ -37,7 +37,7 @@ impl Effect for CoulombTransition {
             class: Class::Nonlinear,
             formula: "tau = Fct (clip(dq/vc, -1, 1) - sgn(dq)), beside Fc sgn(dq)",
             source: "D. Karnopp, Computer simulation of stick-slip friction in mechanical dynamic systems, ASME J. Dyn. Syst. 107 (1985).",
-            signature: "friction that is too small below vc",
+            signature: "friction that is too small at low speed",
             confusable: &["nonlinear_viscous_friction", "presliding_friction"],
             experiment: "constant speeds on a logarithmic grid",
             excitation: "slow motion and reversals",

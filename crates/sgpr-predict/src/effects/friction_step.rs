@@ -31,7 +31,7 @@ impl Effect for FrictionStep {
             class: Class::ChangePoint,
             formula: "tau = (a0 sgn(dq) + a1 dq) for t > t0",
             source: "A. C. Bittencourt, P. Axelsson, Modeling and experiment design for identification of wear in a robot joint, IEEE/ASME Trans. Mechatronics 19(5) (2014), for friction as the sign of wear.",
-            signature: "shaped like friction, from t0 on",
+            signature: "shaped like friction, from one moment on",
             confusable: &["payload_change", "friction_warmup"],
             experiment: "repeat the identical motion before and after",
             excitation: "the joint moves in both directions before and after, on one clock",

@@ -36,7 +36,7 @@ impl Effect for PayloadChange {
             class: Class::ChangePoint,
             formula: "tau = Y_last(q, dq, ddq) (m, mx, ..., Izz) for t > t0",
             source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.5, with a change point.",
-            signature: "shaped like gravity on all joints, from t0 on",
+            signature: "shaped like gravity on all joints, from one moment on",
             confusable: &["torque_offset_drift", "external_contact", "friction_step"],
             experiment: "more poses after the change",
             excitation: "different poses before and after, on one clock",
