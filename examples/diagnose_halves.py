@@ -27,7 +27,7 @@ def rows(folder: Path, dataset: Dataset) -> list[str]:
     robot, train, test = robot_and_logs(folder, dataset)
     lines, named = [], []
     for label, logs in (("odd", train[0::2]), ("even", train[1::2])):
-        model = model_of(robot, dataset, logs)
+        model = model_of(robot, logs)
         diagnosis = sgpr.diagnose(model, logs, test)
         before, after = (sgpr.compare(each, test).relative_error_percent for each in (model, diagnosis.model))
         likely = [finding for finding in diagnosis.findings if finding.probability > 0.5]

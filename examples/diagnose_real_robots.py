@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import sgpr
-from real_robots import DATASETS, EFFECTS, EMPS_SYMMETRIC, Dataset, Log, data_folder, recordings, robot_and_logs
+from real_robots import DATASETS, EFFECTS, Dataset, Log, data_folder, recordings, robot_and_logs
 
 PAUSE_S = 5.0
 
@@ -25,9 +25,9 @@ UNLOADED = [
 LOADED = Log("pair14_load_2p805kg.csv", (308, 5071))
 
 
-def model_of(robot: sgpr.Robot, dataset: Dataset, train: list[sgpr.Recording]) -> sgpr.Model:
+def model_of(robot: sgpr.Robot, train: list[sgpr.Recording]) -> sgpr.Model:
     """The model that the diagnosis starts from."""
-    return sgpr.identify(robot, train, effects=EMPS_SYMMETRIC if dataset.folder == "emps" else EFFECTS)
+    return sgpr.identify(robot, train, effects=EFFECTS)
 
 
 def part(log: sgpr.Recording, first: int, last: int, start_s: float) -> sgpr.Recording:
@@ -84,10 +84,10 @@ def main() -> int:
     for dataset in found:
         folder = data / dataset.folder
         robot, train, test = robot_and_logs(folder, dataset)
-        print(row(dataset.folder, model_of(robot, dataset, train), train, test), flush=True)
+        print(row(dataset.folder, model_of(robot, train), train, test), flush=True)
         if dataset.folder == "ur10e":
             train, test = payload_session(folder, robot, dataset)
-            print(row("ur10e, takes 2.805 kg", model_of(robot, dataset, train), train, test), flush=True)
+            print(row("ur10e, takes 2.805 kg", model_of(robot, train), train, test), flush=True)
     return 0
 
 

@@ -449,6 +449,38 @@ fn it_stops_on_request() {
     assert!(matches!(error, DiagnosisError::Interrupted(_)), "{error}");
 }
 
+/// The weight of a slide that lies level shows nowhere, and its mass is as good a rotor: what the model has twice, or the file
+/// has a placeholder for, must not change what is found.
+#[test]
+fn a_level_slide_with_a_placeholder_mass_has_its_offset_and_its_friction() {
+    let slide = |mass: f64| {
+        let text = format!(
+            r#"<robot name="slide"><link name="base"/><link name="table"><inertial><mass value="{mass}"/>
+            <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+            <joint name="slide" type="prismatic"><parent link="base"/><child link="table"/><axis xyz="1 0 0"/>
+            <limit lower="-2" upper="2" velocity="9" effort="900"/></joint></robot>"#
+        );
+        Robot::from_urdf_text(&text, "slide.urdf", &Default::default()).expect("a slide")
+    };
+    let offset = hidden("torque_offset", 0, &[], &[-3.0]);
+    let asymmetric = hidden("asymmetric_viscous_friction", 0, &[], &[-5.0]);
+    let terms = [offset, asymmetric];
+    let train: Vec<Recording> = (0..2).map(|k| log_of(&slide(95.0), &[200.0, 20.0], 1.0, &terms, (k, 20.0))).collect();
+    let model = |effects: &[&str]| {
+        let effects = effects.iter().map(ToString::to_string).collect();
+        identify(&slide(1.0), &train, &IdentifyOptions { effects, ..Default::default() }, &()).unwrap().0
+    };
+    for rotor in [None, Some("rotor_inertia")] {
+        let effects: Vec<&str> =
+            ["viscous_friction", "coulomb_friction", "torque_offset"].into_iter().chain(rotor).collect();
+        let diagnosis = diagnose(&model(&effects), &train, &[], &DiagnosisOptions::default(), &()).unwrap();
+        let found: Vec<&str> = diagnosis.findings.iter().map(|finding| finding.effect.as_str()).collect();
+        assert_eq!(found, ["asymmetric_viscous_friction"], "{effects:?}");
+        let value = diagnosis.findings[0].parameters.iter().find(|own| own.name.ends_with("Fva")).unwrap();
+        assert!((value.value + 5.0).abs() < 4.0 * value.std.unwrap_or(0.0), "{effects:?}: {value:?}");
+    }
+}
+
 #[test]
 fn what_a_person_adds_is_fitted_and_judged_and_stays() {
     let (train, test) = logs(&[hidden("cable_stiffness", 1, &[], &[1.5, 0.2])]);

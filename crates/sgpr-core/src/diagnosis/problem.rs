@@ -120,13 +120,18 @@ impl Problem {
         let mut nominal = model.clone().with_terms(vec![], clock);
         nominal.processing = Some(processing.clone());
         let file = nominal_parameters(robot, &set);
-        let inertias_known = (0..n).all(|link| file[PARAMETERS_PER_LINK * link] > 0.0);
+        let mut inertias_known = (0..n).all(|link| file[PARAMETERS_PER_LINK * link] > 0.0);
         if inertias_known {
             let split = BaseParameters::with_effects_first(robot, &set);
-            nominal.set_parameters(split.expand(&split.combine(nominal.parameters()), &file));
+            let mut with_file = nominal.clone();
+            with_file.set_parameters(split.expand(&split.combine(nominal.parameters()), &file));
+            inertias_known = are_of_this_arm(&with_file, &nominal, &stretches);
+            if inertias_known {
+                nominal = with_file;
+            }
         }
         let mut problem = Self {
-            base: BaseParameters::new(&generic(robot), &set),
+            base: BaseParameters::new(robot, &set).extended_for(&generic(robot), &set),
             set,
             nominal,
             inertias_known,
@@ -753,6 +758,23 @@ const POSES: usize = 200;
 
 /// Median of the absolute value of a standard normal variable.
 const MEDIAN_OF_NORMAL: f64 = 0.6745;
+
+/// Whether links of the robot file can be those of the arm: at some joint they make a tenth or more of the torque that links
+/// make which take all that rotors need not. If not, the file has placeholders.
+fn are_of_this_arm(with_file: &TorqueModel, with_links: &TorqueModel, stretches: &[Stretch]) -> bool {
+    const PART: f64 = 0.1;
+    let n = with_file.robot().dof();
+    let energies = |model: &TorqueModel| {
+        let mut sums = vec![0.0; n];
+        for stretch in stretches {
+            let torque = model.rigid(&stretch.trajectory()).rigid_torque;
+            torque.iter().enumerate().for_each(|(k, torque)| sums[k % n] += torque * torque);
+        }
+        sums
+    };
+    let (of_file, of_links) = (energies(with_file), energies(with_links));
+    of_file.iter().zip(&of_links).any(|(file, links)| *file >= PART * PART * links)
+}
 
 /// A robot of the same kind without what makes parameters of an arm invisible: axes that are parallel, cross or stand
 /// upright. An arm that leans, or a link that is longer, shows more parameters than the robot file's does.

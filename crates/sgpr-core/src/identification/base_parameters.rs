@@ -65,6 +65,14 @@ impl BaseParameters {
         Self::from_selection(select_columns(&random_columns(robot, set), &order, TOLERANCE), set)
     }
 
+    /// The same for a robot of another geometry: the base parameters of this robot, and what that one shows beside them. They
+    /// span the columns of both.
+    pub(crate) fn extended_for(&self, other: &Robot, set: &ParameterSet) -> Self {
+        let rest = preference(other, set).into_iter().filter(|parameter| !self.independent.contains(parameter));
+        let order: Vec<usize> = self.independent.iter().copied().chain(rest).collect();
+        Self::from_selection(select_columns(&random_columns(other, set), &order, TOLERANCE), set)
+    }
+
     /// The same from the robot's geometry, without a random motion: the subspace by the recursive parameter null space
     /// (Wensing, Niemeyer, Slotine (2024)), the choice of parameters as in [`Self::new`]. The two agree for robots whose
     /// file is exact to 1e-6; where a right angle is written 1.57 this one sees the difference.
