@@ -354,7 +354,7 @@ def test_uploads(server: Workbench, arm: Path, monkeypatch: pytest.MonkeyPatch) 
     assert "more <b>.csv" in [log["name"] for log in json.loads(text)["logs"]]
     ask(server, "/api/upload?name=junk.csv", "POST", os.urandom(2000))
     log = next(log for log in server.bench.to_dict()["logs"] if log["name"] == "junk.csv")
-    assert log["problem"] and "junk.csv" in log["problem"]
+    assert log["problem"] and str(arm) not in log["problem"]
     monkeypatch.setattr(server_module, "LARGEST_UPLOAD", 1000)
     status, text, _ = ask(server, "/api/upload?name=large.csv", "POST", body)
     assert status == 400 and "put it into the folder yourself" in json.loads(text)["error"]
@@ -833,3 +833,18 @@ def test_a_log_without_time_is_read_with_its_rate(tmp_path: Path) -> None:
     assert "sample_rate_hz=100.0" in takeaway.script(bench)
     bench.set_reading("", {"rate": None})
     assert bench.log("test.csv").problem is not None
+
+
+def test_a_log_of_currents_says_what_it_needs_before_the_fit(tmp_path: Path) -> None:
+    folder = write_arm(tmp_path / "arm")
+    for path in folder.glob("t*.csv"):
+        header, rest = path.read_text().split("\n", 1)
+        path.write_text(header.replace("tau_", "current_") + "\n" + rest)
+    bench = opened([str(folder)])
+    for log in bench.logs.values():
+        stops = [issue["text"] for issue in log.issues if issue["rank"] == "stop"]
+        assert len(stops) == 1 and "no torque" in stops[0] and "torque constants" in stops[0]
+    header = (folder / "test.csv").read_text().split("\n", 1)[0]
+    currents = [name for name in header.split(",") if "current_" in name]
+    bench.set_reading("", {"columns": {"torque": currents}, "torque_constants": [2.0] * len(currents)})
+    assert not [issue for log in bench.logs.values() for issue in log.issues if issue["rank"] == "stop"]

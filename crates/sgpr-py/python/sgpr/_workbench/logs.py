@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -35,6 +36,11 @@ BY_HAND = (
     "unwrap",
 )
 """Settings of reading that the page can change."""
+
+WITHOUT_TORQUE = (
+    "there is no torque in this log: name its “columns of torque” under “How … is read”; for motor currents name those "
+    "and give the “torque constants”"
+)
 
 UNREAD = "not read yet: look into the folder again if nothing is being read"
 
@@ -74,6 +80,7 @@ class Log:
 def read(folder: Folder, robot: Robot | None, name: str, role: str) -> Log:
     """The log of that name, as the project file says that it is read."""
     log = Log(name, role)
+    path: Path | None = None
     try:
         path = folder.path(name)
         log.settings = {k: v for k, v in settings_of(str(path))[0].items() if k in KEYS.values()}
@@ -83,8 +90,10 @@ def read(folder: Folder, robot: Robot | None, name: str, role: str) -> Log:
         log.said = [*found.raw.notes, *found.actions]
         log.layout = "" if found.raw.layout is None else found.raw.layout["text"]
         log.issues = [{"rank": i.rank, "text": i.message} for part in log.stretches for i in part.issues]
+        if all(part.tau is None for part in log.stretches):
+            log.issues.insert(0, {"rank": "stop", "text": WITHOUT_TORQUE})
     except CANNOT as error:
-        log.problem = str(error)
+        log.problem = str(error).removeprefix(f"{path}: ")
         log.role = role if role in ROLES else "off"
     return log
 

@@ -19,7 +19,8 @@ function lead(state, app) {
   const broken = state.logs.filter((log) => log.role !== "off" && !(log.unread && state.job) && (log.problem || log.issues.some((issue) => issue.rank === "stop"))).length;
   return h("div", { class: broken ? "verdict bad" : "verdict" },
     h("p", { class: "lead" }, `Robot: ${robot}. Logs: ${counts(state)}.${rest}`),
-    broken ? h("p", {}, `${broken} ${broken === 1 ? "log has" : "logs have"} to be repaired, or read in another way, before the fit.`) : null,
+    broken ? h("p", {}, `${broken} ${broken === 1 ? "log has" : "logs have"} to be repaired, or read in another way, before the fit:`) : null,
+    reasons(state).map((text) => h("p", { class: "soft" }, text)),
     h("div", { class: "bar" },
       button(fitted ? "Compare the models" : "Fit the model", async () => {
         if (fitted) app.go("compare");
@@ -27,6 +28,19 @@ function lead(state, app) {
       }, { class: "main", disabled: !ready(state) || Boolean(state.job) }),
       fitted ? null : h("span", { class: "soft" }, `with ${state.usual_effects.map(words).join(", ")}`)),
     proposals(state, app));
+}
+
+// Why logs cannot be used, each reason once.
+function reasons(state) {
+  const own = (log) => [log.unread ? null : log.problem, ...log.issues.filter((issue) => issue.rank === "stop").map((issue) => issue.text)].filter(Boolean);
+  const found = new Map();
+  for (const log of state.logs.filter((each) => each.role !== "off")) {
+    for (const text of own(log)) {
+      const key = alike(text);
+      found.set(key, { text, names: [...(found.get(key)?.names ?? []), log.name] });
+    }
+  }
+  return [...found.values()].map(({ text, names }) => `${names.length > 1 ? `${names.length} logs` : names[0]}: ${text}`);
 }
 
 export const robotStage = {
@@ -48,7 +62,7 @@ function logTable(state, app) {
     log.name,
     choice("", `role ${log.name}`, ROLES, log.role, (role) => app.act("set_role", { name: log.name, role })),
     String(log.samples), number(log.seconds, 4), log.rate ? number(log.rate, 4) : "–",
-    log.unread && state.job ? "is being read" : log.problem ? h("span", { class: "bad" }, log.problem) : state_of(log),
+    log.unread && state.job ? "is being read" : log.problem ? h("span", { class: "bad", title: log.problem }, log.unread ? log.problem : "cannot be read") : state_of(log),
   ]);
   const shown = table("Logs", ["log", "use", "samples", "length [s]", "rate [Hz]", "state"], rows, [0, 1, 5]);
   shown.querySelectorAll("select").forEach((select, k) => select.setAttribute("aria-label", `Use of ${state.logs[k].name}`));
@@ -118,7 +132,8 @@ function reading(log, app) {
     ...field("findings that are right", "accept", listed(settings.accept), "joints_by_order, position_in_degrees"),
   ];
   const apply = (name) => () => app.act("set_reading", { name, settings: settingsFrom(inputs) });
-  return h("details", { open: Boolean(log.problem) && !log.unread && !app.state.job },
+  const first = app.state.logs.find((other) => other.role !== "off" && other.problem && !other.unread);
+  return h("details", { open: log === first && !app.state.job },
     h("summary", { "data-key": `reading ${log.name}` }, `How ${log.name} is read`),
     h("p", {}, log.layout || (log.problem ?? "By the names in the file.")),
     log.said.map((text) => h("p", { class: "soft" }, text)),
@@ -147,12 +162,14 @@ function settingsFrom(inputs) {
   return found;
 }
 
+const alike = (text) => text.replaceAll(/[\d.]+(e-?\d+)?/g, "#");
+
 // What is said of several logs and differs only in its numbers stands once.
 function sameOnce(logs) {
   const found = new Map();
   for (const log of logs) {
     for (const { rank, text } of log.issues) {
-      const key = `${rank} ${text.replaceAll(/[\d.]+(e-?\d+)?/g, "#")}`;
+      const key = `${rank} ${alike(text)}`;
       if (!found.has(key)) found.set(key, { rank, text, names: [], others: [] });
       found.get(key).names.push(log.name);
       found.get(key).others.push(`${log.name}: ${text}`);
