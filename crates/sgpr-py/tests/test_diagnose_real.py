@@ -30,7 +30,7 @@ def test_the_documented_effect_comes_first(name: str, effect: str, joint: str, r
     robot = sgpr.Robot.from_urdf(folder / dataset.urdf)
     train = recordings(folder, robot, dataset, dataset.train)
     test = recordings(folder, robot, dataset, dataset.test)
-    model = model_of(robot, dataset, train)
+    model = model_of(robot, train)
 
     diagnosis = sgpr.diagnose(model, train, test)
 

@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 from sgpr.report.diagnosis import in_one_line
-from sgpr.report.experiment import separation
 from sgpr.report.markup import Cell, Html, Section, element, paragraph, table
 from sgpr.report.page import page
 from sgpr.report.steps import steps_at_once
@@ -68,12 +67,6 @@ def test_an_effect_that_came_at_several_joints_at_once_is_one_step() -> None:
         {"effect": "payload", "joints": [], "rmse": after},
     ]
     assert steps_at_once(steps) == [("the model", before), ("+ backlash a, b", after), ("+ payload", after)]
-
-
-def test_an_experiment_that_decides_nothing_says_so() -> None:
-    told = separation({"separation_now": -0.2, "separation_expected": 0.4})
-    assert told == "0 now, 0 expected, too little to tell them apart (3 would do)"
-    assert separation({"separation_now": 1.0, "separation_expected": 12.0}) == "1 now, 12 expected"
 
 
 def test_a_finding_that_is_not_certain_says_so_in_the_first_lines() -> None:

@@ -13,7 +13,7 @@ mod plan;
 use std::cmp::Ordering;
 
 use path::JointLimits;
-use plan::{Plan, Room, holds, joined, plans};
+use plan::{Plan, Room, joined, plans};
 
 use super::answer::{Finding, NextExperiment};
 use super::basis::{Basis, INVISIBLE, dot, gain, rms};
@@ -26,11 +26,9 @@ use crate::excitation::TrajectorySamples;
 use crate::model::{Term, TorqueModel, Trajectory};
 use crate::spatial::PARAMETERS_PER_LINK;
 
-/// Log of the Bayes factor below which an imitation is within reach of a finding.
+/// Log of the Bayes factor below which an imitation is within reach of a finding. A motion that does not promise as much
+/// decides nothing, and is not proposed.
 const REACH: f64 = 12.0;
-
-/// A motion is proposed if it promises so much more.
-const WORTH: f64 = 3.0;
 
 /// Two hypotheses of which one is so much likelier are told apart.
 const ENOUGH: f64 = 2.0 * REACH;
@@ -84,24 +82,6 @@ fn of_finding(
         None => (0..robot.dof()).find(|j| finding.rmse_before.contains_key(&robot.joints()[*j].name))?,
     };
     let name = &robot.joints()[joint].name;
-    let experiment = |about: Vec<String>, plan: Plan, [now, then]: [f64; 2]| NextExperiment {
-        about: [vec![finding.effect.clone()], about].concat(),
-        experiment: plan.text,
-        joints: vec![name.clone()],
-        seconds: plan.motion.time.last().copied().unwrap_or_default(),
-        separation_now: now,
-        separation_expected: then,
-        motion: plan.motion,
-    };
-    let aliases: Vec<String> = finding
-        .confusable_with
-        .iter()
-        .filter(|other| {
-            let effect = search.catalogue.iter().find(|effect| effect.name() == other.as_str());
-            effect.is_some_and(|effect| effect.about().alias_of == Some(finding.effect.as_str()))
-        })
-        .cloned()
-        .collect();
     let judge = Judge::new(search, fitted, term, joint);
     let effect = finding.effect.as_str();
     let known = term.effect.about().confusable;
@@ -121,11 +101,7 @@ fn of_finding(
     let mut rivals: Vec<(Rival, f64)> = estimated.filter(|(_, now)| *now < REACH).collect();
     rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
     rivals.truncate(MOST);
-    if rivals.is_empty() {
-        let plan = (!aliases.is_empty()).then(|| holds(room, joint, name))?;
-        return Some(experiment(aliases, plan, [0.0, 0.0]));
-    }
-    let now = rivals[0].1;
+    let now = rivals.first()?.1;
     let imitations: Vec<Rival> = rivals.iter().map(|(rival, _)| rival.clone()).collect();
     // The least certain of the pairs is what counts.
     let judged = plans(room, joint, name).into_iter().map(|plan| (judge.with(&imitations, &plan), plan));
@@ -140,9 +116,17 @@ fn of_finding(
         };
         worth(a, one).partial_cmp(&worth(b, other)).unwrap_or(Ordering::Equal)
     });
-    let (Expected { separation, .. }, plan) = best.filter(|(expected, _)| expected.separation > now + WORTH)?;
-    let about = rivals.iter().map(|(rival, _)| rival.term.effect.name().to_string()).chain(aliases).collect();
-    Some(experiment(about, plan, [now, separation]))
+    let (Expected { separation, .. }, plan) = best.filter(|(expected, _)| expected.separation >= REACH)?;
+    let about = rivals.iter().map(|(rival, _)| rival.term.effect.name());
+    Some(NextExperiment {
+        about: std::iter::once(effect).chain(about).map(String::from).collect(),
+        experiment: plan.text,
+        joints: vec![name.clone()],
+        seconds: plan.motion.time.last().copied().unwrap_or_default(),
+        separation_now: now,
+        separation_expected: separation,
+        motion: plan.motion,
+    })
 }
 
 /// The term of a candidate; a transform with the constants that its tangents promise.

@@ -133,28 +133,6 @@ pub(super) fn plans(room: &Room, joint: usize, name: &str) -> Vec<Plan> {
     plans
 }
 
-/// Poses at which a joint stands still, each approached from both sides.
-pub(super) fn holds(room: &Room, joint: usize, name: &str) -> Plan {
-    let limits = room.limits[joint];
-    let [low, high] = limits.range;
-    let mut path = Path::new(room.home[joint], limits, RATE_HZ);
-    let aside = 0.08 * (high - low);
-    for share in [0.15, 0.38, 0.62, 0.85] {
-        let pose = low + share * (high - low);
-        for side in [-1.0, 1.0] {
-            path.move_to(pose + side * aside, 0.5);
-            path.move_to(pose, 0.3);
-            path.hold(2.0);
-        }
-    }
-    Plan {
-        text: format!("stand still with {name} at four positions, each approached from both sides"),
-        motion: alone(room, joint, &path),
-        loaded: false,
-        later: 0.0,
-    }
-}
-
 /// One joint along a path and home again, the others at rest.
 fn alone(room: &Room, joint: usize, path: &Path) -> TrajectorySamples {
     let mut path = path.clone();
