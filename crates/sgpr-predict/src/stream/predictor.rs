@@ -320,8 +320,35 @@ impl Predictor {
         dq: &[f64],
         ddq: &[f64],
     ) -> Result<(&[f64], &[f64]), StreamError> {
+        self.take_with_deviation(q, dq, ddq, None)
+    }
+
+    /// The same, `step` seconds after the last sample: for irregular calls and pauses.
+    ///
+    /// # Errors
+    /// As [`Self::torque_after`].
+    ///
+    /// # Panics
+    /// As [`Self::torque_and_deviation`].
+    pub fn torque_and_deviation_after(
+        &mut self,
+        step: f64,
+        q: &[f64],
+        dq: &[f64],
+        ddq: &[f64],
+    ) -> Result<(&[f64], &[f64]), StreamError> {
+        self.take_with_deviation(q, dq, ddq, Some(step))
+    }
+
+    fn take_with_deviation(
+        &mut self,
+        q: &[f64],
+        dq: &[f64],
+        ddq: &[f64],
+        step: Option<f64>,
+    ) -> Result<(&[f64], &[f64]), StreamError> {
         assert!(self.rest.as_ref().is_some_and(|rest| rest.with_deviation()), "made with a standard deviation");
-        self.take(q, dq, ddq, None, true)?;
+        self.take(q, dq, ddq, step, true)?;
         Ok((&self.sampler.buffers.tau, self.rest.as_ref().map_or(&[], |rest| rest.deviation())))
     }
 
