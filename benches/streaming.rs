@@ -1,5 +1,6 @@
-//! Time per call of a predictor for seven joints: without findings, and with five of them, two with a memory. The ratio of both in turn,
-//! and the slowest of ten million calls, are what `make soak` prints (`crates/sgpr-predict/tests/endurance.rs`).
+//! Time per call of a predictor for seven joints: without findings, and with five of them, two with a memory. The ratio
+//! of both in turn, and the slowest of ten million calls, are what `make soak` prints
+//! (`crates/sgpr-predict/tests/endurance.rs`).
 #![allow(missing_docs)]
 
 use divan::{Bencher, black_box};

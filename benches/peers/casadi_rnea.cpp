@@ -1,4 +1,5 @@
-// Pinocchio's RNEA of an arm as C that CasADi generates. Usage: casadi_rnea MODEL.txt NAME, as pinocchio_model.hpp says; writes NAME.c.
+// Pinocchio's RNEA of an arm as C that CasADi generates. Usage: casadi_rnea MODEL.txt NAME, as pinocchio_model.hpp
+// says; writes NAME.c.
 #include <casadi/casadi.hpp>
 #include <pinocchio/autodiff/casadi.hpp>
 

@@ -1,6 +1,6 @@
-// Exported models against Pinocchio's RNEA, and against the C that CasADi generates of it if WITH_CASADI is defined, in turn:
-// nanoseconds per call, fastest of many batches. Usage: exported MODEL.txt, as pinocchio_model.hpp says, for the robot of rigid.h,
-// found.h and casadi_rnea.h.
+// Exported models against Pinocchio's RNEA, and against the C that CasADi generates of it if WITH_CASADI is defined, in
+// turn: nanoseconds per call, fastest of many batches. Usage: exported MODEL.txt, as pinocchio_model.hpp says, for the
+// robot of rigid.h, found.h and casadi_rnea.h.
 #include <cmath>
 #include <cstdio>
 #include <vector>

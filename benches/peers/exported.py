@@ -1,10 +1,11 @@
-"""Times models that sgpr exported as C against Pinocchio's RNEA, and against the C that CasADi generates of that RNEA, all in one
-program, on the arm with seven joints.
+"""Times models that sgpr exported as C against Pinocchio's RNEA, and against the C that CasADi generates of that RNEA.
+
+All in one program, on the arm with seven joints.
 
     python benches/peers/exported.py [--venv FOLDER]
 
-Needs cargo, a C++ compiler and pip, as run.py does. CasADi comes from the package index, too; where it does not install, or its
-headers do not fit the compiler, the comparison with its code is skipped, and why is printed.
+Needs cargo, a C++ compiler and pip, as run.py does. CasADi comes from the package index, too; where it does not
+install, or its headers do not fit the compiler, the comparison with its code is skipped, and why is printed.
 """
 
 import argparse

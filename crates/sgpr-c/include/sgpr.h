@@ -1,8 +1,8 @@
 /*
  * Torque models of robot arms in a controller. Made by cbindgen: change the source, not this file.
  *
- * A model is read from a file that `sgpr identify`, `sgpr learn` or Model.save wrote. A predictor gives the torque of one sample
- * after the other and carries the hidden states of friction, lags and delays from call to call.
+ * A model is read from a file that `sgpr identify`, `sgpr learn` or Model.save wrote. A predictor gives the torque of
+ * one sample after the other and carries the hidden states of friction, lags and delays from call to call.
  *
  * Errors: functions return SGPR_OK or what is wrong; sgpr_last_error says it in words. A call that fails changes
  * nothing, but for the torque of a refused sample (sgpr_predictor_set_fallback). No function throws or aborts.
@@ -124,13 +124,13 @@ typedef struct sgpr_options {
      */
     int32_t purpose;
     /*
-     1: every call computes the standard deviation of its torque, too, for which a learned model needs a square of its points in
-     memory, and as much time. 0: none does.
+     1: every call computes the standard deviation of its torque, too, for which a learned model needs a square of
+     its points in memory, and as much time. 0: none does.
      */
     int32_t deviation;
     /*
-     Names of effects that a feed-forward leaves out and that are wanted all the same, as a payload that is carried; UTF-8, may be
-     NULL.
+     Names of effects that a feed-forward leaves out and that are wanted all the same, as a payload that is carried;
+     UTF-8, may be NULL.
      */
     const char *const *keep;
     /*
@@ -199,8 +199,8 @@ size_t sgpr_model_joints(const struct sgpr_model *model);
 const char *sgpr_model_joint_name(const struct sgpr_model *model, size_t joint);
 
 /*
- Whether the model has Gaussian processes of what its physics leaves over, so that its torques have a standard deviation: 1 or 0; 0
- for NULL.
+ Whether the model has Gaussian processes of what its physics leaves over, so that its torques have a standard
+ deviation: 1 or 0; 0 for NULL.
 
  # Safety
  `model` is NULL or was made here.
@@ -211,7 +211,8 @@ int32_t sgpr_model_learned(const struct sgpr_model *model);
  Makes a predictor of a model; hidden states start at rest at the first sample.
 
  rate_hz: calls per second, 0 if not known; effects of time, delays and lags need it.
- purpose: SGPR_FEED_FORWARD leaves out errors of the measurement and what was there for a while, SGPR_EXPECTED_MEASUREMENT nothing.
+ purpose: SGPR_FEED_FORWARD leaves out errors of the measurement and what was there for a while,
+ SGPR_EXPECTED_MEASUREMENT nothing.
 
  # Safety
  `model` is NULL or was made here; `predictor` is NULL or may be written.
@@ -222,11 +223,12 @@ int32_t sgpr_predictor_new(const struct sgpr_model *model,
                            struct sgpr_predictor **predictor);
 
 /*
- Makes a predictor of a model with all options; SGPR_BAD_OPTION if it is to say how sure its torques are and the model has not
- learned that (sgpr_model_learned).
+ Makes a predictor of a model with all options; SGPR_BAD_OPTION if it is to say how sure its torques are and the
+ model has not learned that (sgpr_model_learned).
 
  # Safety
- `model` is NULL or was made here; `options` is NULL or has as many names as it says; `predictor` is NULL or may be written.
+ `model` is NULL or was made here; `options` is NULL or has as many names as it says; `predictor` is NULL or may be
+ written.
  */
 int32_t sgpr_predictor_new_with(const struct sgpr_model *model,
                                 const struct sgpr_options *options,
@@ -292,13 +294,14 @@ int32_t sgpr_predictor_set_time(struct sgpr_predictor *predictor, double time);
  Sets the temperature of each joint, degrees Celsius.
 
  # Safety
- `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL or has `joints` numbers.
+ `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL or has `joints`
+ numbers.
  */
 int32_t sgpr_predictor_set_temperature(struct sgpr_predictor *predictor, const double *celsius, size_t joints);
 
 /*
- Torque at the next sample, one period after the last. If a number is not finite or a temperature is missing, the sample is
- refused and counted, tau is as the fallback says, and hidden states stay as they are.
+ Torque at the next sample, one period after the last. If a number is not finite or a temperature is missing, the
+ sample is refused and counted, tau is as the fallback says, and hidden states stay as they are.
 
  # Safety
  `predictor` is NULL or was made here, and no other thread uses it meanwhile; arrays are NULL or have `joints` numbers.
@@ -339,27 +342,25 @@ int32_t sgpr_predictor_torque_at(struct sgpr_predictor *predictor,
                                  size_t joints);
 
 /*
- Standard deviation of the measured torque about the last good one, `[n]`, N m (N): of the Gaussian processes, of noise, and of what
- uncertain parameters bring. Of a predictor made with `deviation`.
+ Standard deviation of the measured torque about the last good one, `[n]`, N m (N): of the Gaussian processes, of
+ noise, and of what uncertain parameters bring. Of a predictor made with `deviation`.
 
  # Safety
- `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL or has `joints` numbers.
+ `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL or has `joints`
+ numbers.
  */
-int32_t sgpr_predictor_deviation(const struct sgpr_predictor *predictor,
-                                 double *deviation,
-                                 size_t joints);
+int32_t sgpr_predictor_deviation(const struct sgpr_predictor *predictor, double *deviation, size_t joints);
 
 /*
- Share of the variance of each joint's process that its logs have not explained at the last good sample, `[n]`: from 0 at a point of
- the logs to 1 far from all, 0 for a joint without a process. Above 0.95 the torque is that of the physics. Of a predictor made with
- `deviation`.
+ Share of the variance of each joint's process that its logs have not explained at the last good sample, `[n]`: from
+ 0 at a point of the logs to 1 far from all, 0 for a joint without a process. Above 0.95 the torque is that of the
+ physics. Of a predictor made with `deviation`.
 
  # Safety
- `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL or has `joints` numbers.
+ `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL or has `joints`
+ numbers.
  */
-int32_t sgpr_predictor_novelty(const struct sgpr_predictor *predictor,
-                               double *novelty,
-                               size_t joints);
+int32_t sgpr_predictor_novelty(const struct sgpr_predictor *predictor, double *novelty, size_t joints);
 
 #ifdef __cplusplus
 }  // extern "C"

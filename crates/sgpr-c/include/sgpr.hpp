@@ -96,7 +96,8 @@ struct Options {
     std::vector<std::string> keep{};
 };
 
-/// Torque of one sample after the other; belongs to one thread at a time. What begins with `try_` throws nothing: for the loop.
+/// Torque of one sample after the other; belongs to one thread at a time. What begins with `try_` throws nothing: for
+/// the loop.
 class Predictor {
 public:
     Predictor(const Model &model, const Options &options)

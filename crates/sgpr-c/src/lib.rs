@@ -1,4 +1,5 @@
-//! Torque models of robot arms for controllers in C and C++: the functions of `include/sgpr.h`, which is made from this source.
+//! Torque models of robot arms for controllers in C and C++: the functions of `include/sgpr.h`, which is made from this
+//! source.
 
 mod failure;
 mod model;

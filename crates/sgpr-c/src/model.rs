@@ -95,8 +95,8 @@ pub unsafe extern "C" fn sgpr_model_joint_name(model: *const sgpr_model, joint: 
     name.map_or(std::ptr::null(), |name| name.as_ptr())
 }
 
-/// Whether the model has Gaussian processes of what its physics leaves over, so that its torques have a standard deviation: 1 or 0; 0
-/// for NULL.
+/// Whether the model has Gaussian processes of what its physics leaves over, so that its torques have a standard
+/// deviation: 1 or 0; 0 for NULL.
 ///
 /// # Safety
 /// `model` is NULL or was made here.

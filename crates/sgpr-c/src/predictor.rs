@@ -29,11 +29,11 @@ pub struct sgpr_options {
     pub rate_hz: f64,
     /// SGPR_FEED_FORWARD or SGPR_EXPECTED_MEASUREMENT.
     pub purpose: i32,
-    /// 1: every call computes the standard deviation of its torque, too, for which a learned model needs a square of its points in
-    /// memory, and as much time. 0: none does.
+    /// 1: every call computes the standard deviation of its torque, too, for which a learned model needs a square of
+    /// its points in memory, and as much time. 0: none does.
     pub deviation: i32,
-    /// Names of effects that a feed-forward leaves out and that are wanted all the same, as a payload that is carried; UTF-8, may be
-    /// NULL.
+    /// Names of effects that a feed-forward leaves out and that are wanted all the same, as a payload that is carried;
+    /// UTF-8, may be NULL.
     pub keep: *const *const c_char,
     /// How many names there are.
     pub keep_length: usize,
@@ -184,7 +184,8 @@ fn stream_options(rate_hz: f64, purpose: i32, keep: Vec<String>) -> Result<Strea
 /// Makes a predictor of a model; hidden states start at rest at the first sample.
 ///
 /// rate_hz: calls per second, 0 if not known; effects of time, delays and lags need it.
-/// purpose: SGPR_FEED_FORWARD leaves out errors of the measurement and what was there for a while, SGPR_EXPECTED_MEASUREMENT nothing.
+/// purpose: SGPR_FEED_FORWARD leaves out errors of the measurement and what was there for a while,
+/// SGPR_EXPECTED_MEASUREMENT nothing.
 ///
 /// # Safety
 /// `model` is NULL or was made here; `predictor` is NULL or may be written.
@@ -200,11 +201,12 @@ pub unsafe extern "C" fn sgpr_predictor_new(
     unsafe { sgpr_predictor_new_with(model, &raw const options, predictor) }
 }
 
-/// Makes a predictor of a model with all options; SGPR_BAD_OPTION if it is to say how sure its torques are and the model has not
-/// learned that (sgpr_model_learned).
+/// Makes a predictor of a model with all options; SGPR_BAD_OPTION if it is to say how sure its torques are and the
+/// model has not learned that (sgpr_model_learned).
 ///
 /// # Safety
-/// `model` is NULL or was made here; `options` is NULL or has as many names as it says; `predictor` is NULL or may be written.
+/// `model` is NULL or was made here; `options` is NULL or has as many names as it says; `predictor` is NULL or may be
+/// written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sgpr_predictor_new_with(
     model: *const sgpr_model,
@@ -366,7 +368,8 @@ pub unsafe extern "C" fn sgpr_predictor_set_time(predictor: *mut sgpr_predictor,
 /// Sets the temperature of each joint, degrees Celsius.
 ///
 /// # Safety
-/// `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL or has `joints` numbers.
+/// `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL or has `joints`
+/// numbers.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sgpr_predictor_set_temperature(
     predictor: *mut sgpr_predictor,
@@ -423,8 +426,8 @@ unsafe fn torque(
     unsafe { with(predictor, call) }
 }
 
-/// Torque at the next sample, one period after the last. If a number is not finite or a temperature is missing, the sample is
-/// refused and counted, tau is as the fallback says, and hidden states stay as they are.
+/// Torque at the next sample, one period after the last. If a number is not finite or a temperature is missing, the
+/// sample is refused and counted, tau is as the fallback says, and hidden states stay as they are.
 ///
 /// # Safety
 /// `predictor` is NULL or was made here, and no other thread uses it meanwhile; arrays are NULL or have `joints` numbers.
@@ -510,11 +513,12 @@ unsafe fn copy_spread(
     })
 }
 
-/// Standard deviation of the measured torque about the last good one, `[n]`, N m (N): of the Gaussian processes, of noise, and of what
-/// uncertain parameters bring. Of a predictor made with `deviation`.
+/// Standard deviation of the measured torque about the last good one, `[n]`, N m (N): of the Gaussian processes, of
+/// noise, and of what uncertain parameters bring. Of a predictor made with `deviation`.
 ///
 /// # Safety
-/// `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL or has `joints` numbers.
+/// `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL or has `joints`
+/// numbers.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sgpr_predictor_deviation(
     predictor: *const sgpr_predictor,
@@ -525,12 +529,13 @@ pub unsafe extern "C" fn sgpr_predictor_deviation(
     unsafe { copy_spread(predictor, ("deviation", deviation), joints, |spread| &spread.deviation) }
 }
 
-/// Share of the variance of each joint's process that its logs have not explained at the last good sample, `[n]`: from 0 at a point of
-/// the logs to 1 far from all, 0 for a joint without a process. Above 0.95 the torque is that of the physics. Of a predictor made with
-/// `deviation`.
+/// Share of the variance of each joint's process that its logs have not explained at the last good sample, `[n]`: from
+/// 0 at a point of the logs to 1 far from all, 0 for a joint without a process. Above 0.95 the torque is that of the
+/// physics. Of a predictor made with `deviation`.
 ///
 /// # Safety
-/// `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL or has `joints` numbers.
+/// `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL or has `joints`
+/// numbers.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sgpr_predictor_novelty(
     predictor: *const sgpr_predictor,

@@ -315,8 +315,8 @@ fn sanitisers_find_nothing() {
     }
 }
 
-/// Beside declarations of our own where ROS 2 is not installed (`ros2_control/README.md`); it is built with those of ROS 2 by its
-/// `CMakeLists.txt`.
+/// Beside declarations of our own where ROS 2 is not installed (`ros2_control/README.md`); it is built with those of
+/// ROS 2 by its `CMakeLists.txt`.
 #[test]
 fn the_controller_for_ros2_control_gives_effort_of_the_model_and_of_feedback() {
     let example = format!("{HERE}/../../examples/ros2_control");

@@ -1,7 +1,7 @@
 /*
- * After set-up a predictor takes and gives back no memory and calls the system never, whether a sample is good or refused, at the
- * rate or at times of a clock, and whether it is asked how sure its torque is. argv: model, motion, torques to write (not
- * written), number of joints.
+ * After set-up a predictor takes and gives back no memory and calls the system never, whether a sample is good or
+ * refused, at the rate or at times of a clock, and whether it is asked how sure its torque is. argv: model, motion,
+ * torques to write (not written), number of joints.
  */
 #define _GNU_SOURCE
 #include <linux/filter.h>

@@ -1,6 +1,6 @@
 /*
- * Torques of a learned model and how sure they are. argv: model, motion, numbers to write, number of joints. Of each sample the
- * torques, their standard deviations and the novelties are written; every third comes after 8 ms.
+ * Torques of a learned model and how sure they are. argv: model, motion, numbers to write, number of joints. Of each
+ * sample the torques, their standard deviations and the novelties are written; every third comes after 8 ms.
  */
 #include <math.h>
 #include <stdio.h>

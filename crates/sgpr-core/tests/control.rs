@@ -132,8 +132,8 @@ fn thresholds_follow_from_the_rate_of_false_alarms() {
 
 const RATE_HZ: f64 = 100.0;
 
-/// A log of two joints that swing slowly: positions, velocities, torques. Errors of the model last for some seconds, and are of a
-/// standard deviation of `moving`, and of as many times that as `rest` at rest, half of it at 0.05 rad/s.
+/// A log of two joints that swing slowly: positions, velocities, torques. Errors of the model last for some seconds,
+/// and are of a standard deviation of `moving`, and of as many times that as `rest` at rest, half of it at 0.05 rad/s.
 fn swinging(seed: u64, samples: usize, moving: f64, rest: f64) -> [Vec<f64>; 3] {
     let (robot, mut noise) = (two_link(), Noise(seed));
     let mut ws = Workspace::new(&robot);

@@ -422,7 +422,8 @@ fn a_load_of_the_ur10e_is_torque_from_outside() {
         .collect()
     };
     let share = |seen: &[Watched]| -> Vec<f64> { seen.iter().map(|seen| seen.share).collect() };
-    // Errors at rest and at reversals are far from normal with one deviation, so that alarms are more than were accepted.
+    // Errors at rest and at reversals are far from normal with one deviation, so that alarms are more than were
+    // accepted.
     let (quiet, heavy) = (seen(&of_fit, &unloaded), seen(&of_fit, &loaded));
     assert!(share(&quiet).iter().all(|share| *share < 0.2), "{:?}", share(&quiet));
     assert!(share(&heavy).iter().all(|share| *share > 0.9), "{:?}", share(&heavy));

@@ -1,5 +1,5 @@
-//! A predictor of seven joints with five findings, two of them with a memory: nanoseconds per call, beside the model without findings;
-//! how long the slowest of a thousand calls take; and that millions of calls take no memory.
+//! A predictor of seven joints with five findings, two of them with a memory: nanoseconds per call, beside the model
+//! without findings; how long the slowest of a thousand calls take; and that millions of calls take no memory.
 //!
 //! `make soak` makes ten million calls, `make test` a few. It counts for the whole process: no test harness runs beside it.
 //! Times are printed and not asserted: other work on the machine is in them.
@@ -101,8 +101,8 @@ fn motion() -> Vec<Sample> {
     (0..SAMPLES).map(sample).collect()
 }
 
-/// Nanoseconds per call with findings, and the ratio to those without, both in turn so that whatever else the machine does befalls both;
-/// medians of many rounds.
+/// Nanoseconds per call with findings, and the ratio to those without, both in turn so that whatever else the machine
+/// does befalls both; medians of many rounds.
 fn with_and_without(motion: &[Sample], rounds: usize) -> [f64; 2] {
     let mut both = [findings(), vec![]].map(predictor);
     let mut times: Vec<[f64; 2]> = (0..rounds)

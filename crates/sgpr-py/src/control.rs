@@ -51,8 +51,9 @@ fn list(name: &'static str, values: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<f
 /// deviation : array of shape (n,), optional
 ///     Standard deviation of the model's torque per joint, N·m (N); by default that of the fit.
 /// without_contact : list of Recording, optional
-///     Logs at `rate_hz` with velocity and torque, those of the fit or better others, of motions such as it will see. Thresholds then
-///     come from what the observer says along them, and are those of a moving joint or of one that rests.
+///     Logs at `rate_hz` with velocity and torque, those of the fit or better others, of motions such as it will see.
+///     Thresholds then come from what the observer says along them, and are those of a moving joint or of one that
+///     rests.
 ///
 /// Examples
 /// --------
@@ -102,8 +103,8 @@ impl MomentumObserver {
         Ok(Self { inner: Mutex::new(inner), dof })
     }
 
-    /// Standard deviation of the model's error at each joint, (n, 3): while it moves and what rest adds (as a standard deviation), N·m (N),
-    /// and the speed at which half of the variance of rest is left, rad/s (m/s).
+    /// Standard deviation of the model's error at each joint, (n, 3): while it moves and what rest adds, N·m (N), and the
+    /// speed at which half of the variance of rest is left, rad/s (m/s).
     #[getter]
     fn errors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let observer = self.lock();

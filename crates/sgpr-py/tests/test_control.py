@@ -83,7 +83,7 @@ def test_logs_without_contact_tell_rest_from_motion(demo_robot: sgpr.Robot, demo
         alarms += observer.alarm is not None
     assert alarms <= 0.001 * len(log)
     assert np.all(sgpr.MomentumObserver(model, rate_hz=250.0).errors[:, 1] == 0.0)
-    with pytest.raises(sgpr.SgprError, match="log 0: 250.0 samples per second, expected 100"):
+    with pytest.raises(sgpr.SgprError, match=r"log 0: 250\.0 samples per second, expected 100"):
         sgpr.MomentumObserver(model, rate_hz=100.0, without_contact=demo_logs[:1])
     with pytest.raises(sgpr.SgprError, match="got 0 samples"):
         sgpr.MomentumObserver(model, rate_hz=250.0, without_contact=[])

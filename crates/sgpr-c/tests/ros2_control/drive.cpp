@@ -1,4 +1,5 @@
-// Runs the controller of examples/ros2_control as a controller manager does, beside a predictor and a feedback of its own.
+// Runs the controller of examples/ros2_control as a controller manager does, beside a predictor and a feedback of its
+// own.
 // argv: model.
 #include <cmath>
 #include <cstdio>

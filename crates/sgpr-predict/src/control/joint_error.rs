@@ -9,8 +9,8 @@ use crate::math::Float;
 ///
 /// variance = moving² + resting² r, r = 1 / (1 + (dq / speed)²),
 ///
-/// because dry friction of a joint that rests, or turns back, has any value up to that at which the joint breaks away, and no
-/// model of the velocity knows which.
+/// because dry friction of a joint that rests, or turns back, has any value up to that at which the joint breaks away,
+/// and no model of the velocity knows which.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointError {
     /// While the joint moves, N·m (N).
@@ -77,7 +77,8 @@ impl JointError {
     }
 }
 
-/// The variances of largest likelihood by Fisher's scoring, and what is left of the negative logarithm of it per sample, doubled.
+/// The variances of largest likelihood by Fisher's scoring, and what is left of the negative logarithm of it per
+/// sample, doubled.
 fn fit_variances(logs: &[Seen], speed: f64, mean_square: f64, blend: f64) -> (JointError, f64) {
     let shape = JointError { moving: 0.0, resting: 0.0, speed };
     let mut rests = Vec::new();
@@ -116,8 +117,9 @@ fn fit_variances(logs: &[Seen], speed: f64, mean_square: f64, blend: f64) -> (Jo
     (JointError { moving: moving.sqrt(), resting: resting.sqrt(), speed }, costs / rests.len() as f64)
 }
 
-/// Share of rest in what an observer says: as the errors it goes through the observer's lag, and is that of the first sample at first.
-/// The square of a mean of errors is at most the mean of their squares, so that this is at most too much.
+/// Share of rest in what an observer says: as the errors it goes through the observer's lag, and is that of the first
+/// sample at first. The square of a mean of errors is at most the mean of their squares, so that this is at most too
+/// much.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Rest(Option<f64>);
 

@@ -116,9 +116,9 @@ pub struct Alarm {
 /// An alarm is a torque beyond z standard deviations of the model's error. A normal process of bandwidth f crosses ±z 2 f
 /// exp(-z²/2) times per second, so that z follows from the false alarms per hour that are accepted.
 ///
-/// Errors of real models are not those of one normal process: at rest and where a joint turns back they are some times as large,
-/// because dry friction then has any value. [`Self::calibrated`] takes both from logs without contact ([`JointError`]); without it
-/// there are false alarms at reversals.
+/// Errors of real models are not those of one normal process: at rest and where a joint turns back they are some times
+/// as large, because dry friction then has any value. [`Self::calibrated`] takes both from logs without contact
+/// ([`JointError`]); without it there are false alarms at reversals.
 ///
 /// Inertia that depends on single joints' findings (`wrist_coupling`, `kinematic_error`) is not in the momentum.
 ///
@@ -195,12 +195,13 @@ impl MomentumObserver {
         })
     }
 
-    /// The same with thresholds from what it says along logs without contact, those of the fit or better others, of motions such as it
-    /// will see: the standard deviation of each joint's error while it moves and at rest. It forgets all samples.
+    /// The same with thresholds from what it says along logs without contact, those of the fit or better others, of
+    /// motions such as it will see: the standard deviation of each joint's error while it moves and at rest. It forgets
+    /// all samples.
     ///
     /// # Errors
-    /// If a log has another rate than the observer (by more than a hundredth), arrays of different lengths or a number that is not
-    /// finite, or the logs have too few samples.
+    /// If a log has another rate than the observer (by more than a hundredth), arrays of different lengths or a number
+    /// that is not finite, or the logs have too few samples.
     pub fn calibrated(mut self, logs: &[MeasuredMotion<'_>]) -> Result<Self, ObserverError> {
         let n = self.external.len();
         let mut seen: Vec<Vec<Seen>> = (0..n).map(|_| Vec::new()).collect();

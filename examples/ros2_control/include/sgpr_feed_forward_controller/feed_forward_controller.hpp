@@ -19,12 +19,13 @@ namespace sgpr_feed_forward_controller {
 
 /// effort = model(q*, dq*, ddq*) + K (q* - q) + D (dq* - dq), within limits.
 ///
-/// Wanted positions, velocities and accelerations (*) are reference interfaces, which a trajectory controller writes; without one the
-/// arm is held where it was wanted last. Interfaces and arrays are in the order of the model's joints.
+/// Wanted positions, velocities and accelerations (*) are reference interfaces, which a trajectory controller writes;
+/// without one the arm is held where it was wanted last. Interfaces and arrays are in the order of the model's joints.
 ///
-/// An update takes no memory, waits for nothing and writes no log. What goes wrong in it is counted in the state interface
-/// `CONTROLLER/errors/count`: a number that is missing or not finite is replaced by the last good one, a sample that the model refuses
-/// by its last torque or none. After `most_errors` such updates in a row the controller gives up.
+/// An update takes no memory, waits for nothing and writes no log. What goes wrong in it is counted in the state
+/// interface `CONTROLLER/errors/count`: a number that is missing or not finite is replaced by the last good one, a
+/// sample that the model refuses by its last torque or none. After `most_errors` such updates in a row the controller
+/// gives up.
 class FeedForwardController : public controller_interface::ChainableControllerInterface {
 public:
     controller_interface::CallbackReturn on_init() override;
