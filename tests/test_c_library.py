@@ -50,7 +50,7 @@ def robot() -> sgpr.Robot:
 
 
 def torques(library: ctypes.CDLL, path: Path, motion: np.ndarray, *, deviation: bool, keep: str = "") -> np.ndarray:
-    """Torques of a model file over a motion, (samples, 3, n), and if asked for, their deviations and novelties behind."""
+    """Torques of a model file over a motion, (samples, 3, n), and if asked for, deviations and novelties behind."""
 
     def call(function: str, *arguments: object) -> None:
         assert getattr(library, function)(*arguments) == 0, library.sgpr_last_error()

@@ -1,7 +1,7 @@
 """`sgpr export`: a model as a source file for a controller, or as a robot file for other tools."""
 
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 import typer
 
@@ -12,8 +12,6 @@ from .errors import BadData
 from .inputs import load_any_model
 from .options import check_not_input
 from .robot_files import without_place
-
-Code = Literal["c", "rust"]
 
 
 def export(
@@ -59,7 +57,7 @@ def export(
             "its physics (model.physics_.save(...)) and export that"
         )
     of_code = {"--rate": rate, "--purpose": purpose, "--keep": keep, "--name": name}
-    if language not in get_args(Code):
+    if language in ("urdf", "mjcf"):
         if given := [option for option, value in of_code.items() if value is not None]:
             raise BadData(f"{', '.join(given)}: for c and rust; a robot file has no calls")
         left = write_robot_file(loaded, language, out, robot)
