@@ -57,7 +57,7 @@ def export(
             "its physics (model.physics_.save(...)) and export that"
         )
     of_code = {"--rate": rate, "--purpose": purpose, "--keep": keep, "--name": name}
-    if language in ("urdf", "mjcf"):
+    if language == "urdf" or language == "mjcf":
         if given := [option for option, value in of_code.items() if value is not None]:
             raise BadData(f"{', '.join(given)}: for c and rust; a robot file has no calls")
         left = write_robot_file(loaded, language, out, robot)
