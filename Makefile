@@ -8,7 +8,7 @@ SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-predict/src crates/sgp
 	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name '*.js' -o -name '*.css' -o -name '*.html' -o -name Cargo.toml) \
 	crates/sgpr-predict/Cargo.toml crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
 
-.PHONY: docs figures readme first-hour package semver sdist build c-library controller-demo demo workbench fleet-demo fleet-alarms demo-real estimators test test-rust test-python skipped browser lint msrv deny bench \
+.PHONY: docs figures readme first-hour package semver sdist build c-library controller-demo demo workbench fleet-demo fleet-alarms demo-real estimators test test-rust test-python skipped browser compilers lint msrv deny bench \
 	diagnosis-bench notebook diagnosis-mujoco peers fuzz soak clean thesis fuzz-guided
 
 build: $(VENV)/.built
@@ -83,7 +83,7 @@ thesis: build
 
 test: test-rust test-python skipped
 
-test-rust:
+test-rust: compilers
 	cargo test --locked --quiet --package sgpr-predict --package sgpr-core --package sgpr-lapack --package sgpr-c
 
 test-python: build $(VENV)/.test browser
@@ -95,6 +95,14 @@ test-python: build $(VENV)/.test browser
 skipped:
 	@test -n "$$SGPR_DATA" && echo "tests on logs of real robots: in $$SGPR_DATA" || \
 		echo "skipped: tests on logs of real robots, because SGPR_DATA does not name the folder that holds them"
+
+# The C library is tested with what people build with; without one of them those tests say that they skip.
+compilers:
+	@for tool in clang cmake; do \
+		command -v $$tool > /dev/null || \
+			{ [ "$$(id -u)" = 0 ] && apt-get install --yes --quiet $$tool > /dev/null 2>&1; } || \
+			echo "no $$tool: tests of the C library with it will skip (apt install $$tool)"; \
+	done
 
 # The report is tested in a real browser; without one those tests say that they skip.
 browser:

@@ -4,9 +4,12 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "sgpr.h"
@@ -56,6 +59,9 @@ public:
 
     std::size_t joints() const noexcept { return sgpr_model_joints(model_.get()); }
 
+    /// Whether its torques have a standard deviation: that of Gaussian processes.
+    bool learned() const noexcept { return sgpr_model_learned(model_.get()) != 0; }
+
     std::vector<std::string> joint_names() const
     {
         std::vector<std::string> names;
@@ -79,14 +85,37 @@ enum class Purpose : std::int32_t {
     expected_measurement = SGPR_EXPECTED_MEASUREMENT,
 };
 
-/// Torque of one sample after the other; belongs to one thread at a time. `try_torque` throws nothing: for the loop.
+/// How a predictor is made: sgpr_options with owners.
+struct Options {
+    /// Calls per second, 0 if not known; effects of time, delays and lags need it.
+    double rate_hz = 0.0;
+    Purpose purpose = Purpose::feed_forward;
+    /// Whether every call computes the standard deviation of its torque, too; learned models alone have one.
+    bool deviation = false;
+    /// Effects that a feed-forward leaves out and that are wanted all the same, as a payload that is carried.
+    std::vector<std::string> keep{};
+};
+
+/// Torque of one sample after the other; belongs to one thread at a time. What begins with `try_` throws nothing: for
+/// the loop.
 class Predictor {
 public:
-    Predictor(const Model &model, double rate_hz, Purpose purpose = Purpose::feed_forward)
+    Predictor(const Model &model, const Options &options)
     {
+        std::vector<const char *> keep;
+        for (const std::string &name : options.keep) {
+            keep.push_back(name.c_str());
+        }
+        const sgpr_options plain{options.rate_hz, static_cast<std::int32_t>(options.purpose), options.deviation ? 1 : 0,
+                                 keep.data(), keep.size()};
         sgpr_predictor *predictor = nullptr;
-        check(sgpr_predictor_new(model.get(), rate_hz, static_cast<std::int32_t>(purpose), &predictor));
+        check(sgpr_predictor_new_with(model.get(), &plain, &predictor));
         predictor_.reset(predictor);
+    }
+
+    Predictor(const Model &model, double rate_hz, Purpose purpose = Purpose::feed_forward)
+        : Predictor(model, Options{rate_hz, purpose})
+    {
     }
 
     std::size_t joints() const noexcept { return sgpr_predictor_joints(predictor_.get()); }
@@ -106,22 +135,75 @@ public:
         check(sgpr_predictor_set_temperature(predictor_.get(), celsius.data(), celsius.size()));
     }
 
+    /// One period after the last sample.
     void torque(View<const double> q, View<const double> dq, View<const double> ddq, View<double> tau)
     {
         check(try_torque(q, dq, ddq, tau));
     }
 
+    /// `step` seconds after the last sample.
+    void torque_after(double step, View<const double> q, View<const double> dq, View<const double> ddq, View<double> tau)
+    {
+        check(try_torque_after(step, q, dq, ddq, tau));
+    }
+
+    /// At a time of a clock, s.
+    void torque_at(double time, View<const double> q, View<const double> dq, View<const double> ddq, View<double> tau)
+    {
+        check(try_torque_at(time, q, dq, ddq, tau));
+    }
+
     std::int32_t try_torque(View<const double> q, View<const double> dq, View<const double> ddq,
                             View<double> tau) noexcept
     {
-        const std::size_t n = joints();
-        if (dq.size() != n || ddq.size() != n || tau.size() != n) {
-            return sgpr_predictor_torque(predictor_.get(), q.data(), dq.data(), ddq.data(), tau.data(), n + 1);
-        }
-        return sgpr_predictor_torque(predictor_.get(), q.data(), dq.data(), ddq.data(), tau.data(), q.size());
+        return sgpr_predictor_torque(predictor_.get(), q.data(), dq.data(), ddq.data(), tau.data(),
+                                     length(q, dq, ddq, tau));
+    }
+
+    std::int32_t try_torque_after(double step, View<const double> q, View<const double> dq, View<const double> ddq,
+                                  View<double> tau) noexcept
+    {
+        return sgpr_predictor_torque_after(predictor_.get(), step, q.data(), dq.data(), ddq.data(), tau.data(),
+                                           length(q, dq, ddq, tau));
+    }
+
+    std::int32_t try_torque_at(double time, View<const double> q, View<const double> dq, View<const double> ddq,
+                               View<double> tau) noexcept
+    {
+        return sgpr_predictor_torque_at(predictor_.get(), time, q.data(), dq.data(), ddq.data(), tau.data(),
+                                        length(q, dq, ddq, tau));
+    }
+
+    /// Standard deviation of the measured torque about the last good one, N m (N).
+    void deviation(View<double> to) const { check(try_deviation(to)); }
+
+    std::int32_t try_deviation(View<double> to) const noexcept
+    {
+        return sgpr_predictor_deviation(predictor_.get(), to.data(), to.size());
+    }
+
+    /// How far the last good sample is from all that the processes have seen, 0 to 1.
+    void novelty(View<double> to) const { check(try_novelty(to)); }
+
+    std::int32_t try_novelty(View<double> to) const noexcept
+    {
+        return sgpr_predictor_novelty(predictor_.get(), to.data(), to.size());
     }
 
 private:
+    /// That of the first array of another length than the model has joints, which is refused; else that of all.
+    std::size_t length(View<const double> q, View<const double> dq, View<const double> ddq,
+                       View<double> tau) const noexcept
+    {
+        const std::size_t n = joints();
+        for (const std::size_t size : {q.size(), dq.size(), ddq.size(), tau.size()}) {
+            if (size != n) {
+                return size;
+            }
+        }
+        return n;
+    }
+
     static void same(std::size_t a, std::size_t b)
     {
         if (a != b) {

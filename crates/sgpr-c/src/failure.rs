@@ -7,21 +7,43 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use sgpr_predict::stream::StreamError;
 
-pub const OK: i32 = 0;
+/// All went well.
+pub const SGPR_OK: i32 = 0;
+/// A pointer that must not be NULL is.
+pub const SGPR_NULL_POINTER: i32 = 1;
+/// An array of another length than the model has joints.
+pub const SGPR_WRONG_LENGTH: i32 = 2;
+/// A number of a sample that is not finite.
+pub const SGPR_NOT_FINITE: i32 = 3;
+/// A time between samples that is zero, negative or too short, a time that runs backwards.
+pub const SGPR_BAD_TIME: i32 = 4;
+/// An effect needs the temperature of its joint: sgpr_predictor_set_temperature.
+pub const SGPR_NO_TEMPERATURE: i32 = 5;
+/// A file that is not there, is no model, or is that of a newer version.
+pub const SGPR_BAD_MODEL: i32 = 6;
+/// An option that is none, a rate that an effect needs, or a standard deviation of a model or predictor without one.
+pub const SGPR_BAD_OPTION: i32 = 7;
+/// A model with an effect that cannot be advanced sample by sample, or a Gaussian process that cannot be asked.
+pub const SGPR_NOT_STREAMED: i32 = 8;
+/// A mistake in the library: please report it.
+pub const SGPR_INTERNAL: i32 = 9;
+/// No good sample yet, of which something could be said.
+pub const SGPR_NO_SAMPLE: i32 = 10;
 
-/// The codes of the header.
+/// The codes of failures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(i32)]
 pub enum Code {
-    NullPointer = 1,
-    WrongLength = 2,
-    NotFinite = 3,
-    BadTime = 4,
-    NoTemperature = 5,
-    BadModel = 6,
-    BadOption = 7,
-    NotStreamed = 8,
-    Internal = 9,
+    NullPointer = SGPR_NULL_POINTER,
+    WrongLength = SGPR_WRONG_LENGTH,
+    NotFinite = SGPR_NOT_FINITE,
+    BadTime = SGPR_BAD_TIME,
+    NoTemperature = SGPR_NO_TEMPERATURE,
+    BadModel = SGPR_BAD_MODEL,
+    BadOption = SGPR_BAD_OPTION,
+    NotStreamed = SGPR_NOT_STREAMED,
+    Internal = SGPR_INTERNAL,
+    NoSample = SGPR_NO_SAMPLE,
 }
 
 /// A failure; its words are kept in this thread.
@@ -102,7 +124,7 @@ pub fn last() -> *const c_char {
 /// The code of a call.
 pub fn code(call: impl FnOnce() -> Result<(), Failure>) -> i32 {
     match catch_unwind(AssertUnwindSafe(call)) {
-        Ok(Ok(())) => OK,
+        Ok(Ok(())) => SGPR_OK,
         Ok(Err(Failure(code))) => code as i32,
         Err(panic) => {
             let words = panic.downcast_ref::<String>().map(String::as_str);

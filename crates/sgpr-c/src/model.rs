@@ -6,7 +6,7 @@ use sgpr_predict::model::StreamedModel;
 
 use crate::failure::{Code, Failure, code};
 
-/// `sgpr_model` of the header.
+/// A model.
 #[derive(Debug)]
 #[allow(non_camel_case_types, reason = "the name in C")]
 pub struct sgpr_model {
@@ -20,7 +20,7 @@ fn handle(inner: StreamedModel) -> *mut sgpr_model {
     Box::into_raw(Box::new(sgpr_model { inner, names }))
 }
 
-/// Reads a model.
+/// Reads a model. `path` is UTF-8.
 ///
 /// # Safety
 /// `path` is NULL or a C string; `model` is NULL or may be written.
@@ -40,7 +40,7 @@ pub unsafe extern "C" fn sgpr_model_load(path: *const c_char, model: *mut *mut s
     })
 }
 
-/// Reads a model from memory.
+/// Reads a model from the content of a file.
 ///
 /// # Safety
 /// `bytes` is NULL or has `length` bytes; `model` is NULL or may be written.
@@ -62,7 +62,7 @@ pub unsafe extern "C" fn sgpr_model_from_bytes(bytes: *const u8, length: usize, 
     })
 }
 
-/// Frees a model.
+/// Frees a model; predictors of it stay valid.
 ///
 /// # Safety
 /// `model` is NULL or was made here, and is not used again.
@@ -74,7 +74,7 @@ pub unsafe extern "C" fn sgpr_model_free(model: *mut sgpr_model) {
     }
 }
 
-/// Number of joints.
+/// Number of joints; 0 for NULL.
 ///
 /// # Safety
 /// `model` is NULL or was made here.
@@ -84,7 +84,7 @@ pub unsafe extern "C" fn sgpr_model_joints(model: *const sgpr_model) -> usize {
     unsafe { model.as_ref() }.map_or(0, |model| model.names.len())
 }
 
-/// Name of a joint.
+/// Name of a joint, UTF-8, valid as long as the model; NULL if there is none.
 ///
 /// # Safety
 /// `model` is NULL or was made here.
@@ -93,4 +93,15 @@ pub unsafe extern "C" fn sgpr_model_joint_name(model: *const sgpr_model, joint: 
     // SAFETY: NULL or valid, as the caller says.
     let name = unsafe { model.as_ref() }.and_then(|model| model.names.get(joint));
     name.map_or(std::ptr::null(), |name| name.as_ptr())
+}
+
+/// Whether the model has Gaussian processes of what its physics leaves over, so that its torques have a standard
+/// deviation: 1 or 0; 0 for NULL.
+///
+/// # Safety
+/// `model` is NULL or was made here.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sgpr_model_learned(model: *const sgpr_model) -> i32 {
+    // SAFETY: NULL or valid, as the caller says.
+    unsafe { model.as_ref() }.map_or(0, |model| i32::from(model.inner.learned()))
 }

@@ -18,6 +18,42 @@ static void expect(int32_t found, int32_t wanted, const char *words)
     }
 }
 
+static void wrong_options(const sgpr_model *model, size_t n)
+{
+    const char *unknown[] = {"payload"}, *missing[] = {NULL}, *latin[] = {"\xff"}, *lag[] = {"actuator_lag"};
+    sgpr_options options = {0};
+    sgpr_predictor *predictor = NULL;
+    double sure[MOST] = {0.0};
+    expect(sgpr_predictor_new_with(model, NULL, &predictor), SGPR_NULL_POINTER, "options");
+    expect(sgpr_predictor_new_with(NULL, &options, &predictor), SGPR_NULL_POINTER, "model");
+    expect(sgpr_predictor_new_with(model, &options, NULL), SGPR_NULL_POINTER, "predictor");
+    options.rate_hz = 250.0;
+    options.deviation = 1;
+    expect(sgpr_model_learned(model), 0, "");
+    expect(sgpr_predictor_new_with(model, &options, &predictor), SGPR_BAD_OPTION, "no Gaussian processes");
+    options.deviation = 2;
+    expect(sgpr_predictor_new_with(model, &options, &predictor), SGPR_BAD_OPTION, "deviation");
+    options.deviation = 0;
+    options.keep_length = 1;
+    expect(sgpr_predictor_new_with(model, &options, &predictor), SGPR_NULL_POINTER, "keep");
+    options.keep = missing;
+    expect(sgpr_predictor_new_with(model, &options, &predictor), SGPR_NULL_POINTER, "keep");
+    options.keep = latin;
+    expect(sgpr_predictor_new_with(model, &options, &predictor), SGPR_BAD_OPTION, "UTF-8");
+    options.keep = unknown;
+    expect(sgpr_predictor_new_with(model, &options, &predictor), SGPR_BAD_OPTION, "payload");
+    options.keep_length = (size_t)-1;
+    expect(sgpr_predictor_new_with(model, &options, &predictor), SGPR_WRONG_LENGTH, "keep_length");
+    expect(predictor != NULL, 0, "");
+    options.keep = lag;
+    options.keep_length = 1;
+    expect(sgpr_predictor_new_with(model, &options, &predictor), SGPR_OK, "");
+    expect(sgpr_predictor_deviation(predictor, sure, n), SGPR_BAD_OPTION, "without a standard deviation");
+    expect(sgpr_predictor_novelty(predictor, sure, n), SGPR_BAD_OPTION, "without a standard deviation");
+    expect(sgpr_predictor_novelty(NULL, sure, n), SGPR_NULL_POINTER, "predictor");
+    sgpr_predictor_free(predictor);
+}
+
 static void wrong_use(const char *path, size_t n)
 {
     sgpr_model *model = NULL;
@@ -62,6 +98,7 @@ static void wrong_use(const char *path, size_t n)
     expect(sgpr_predictor_reset_at(predictor, bad, good, n), SGPR_NOT_FINITE, "q");
     expect(sgpr_predictor_reset_at(predictor, good, good, n), SGPR_OK, "");
     expect(sgpr_model_joint_name(model, n) != NULL, 0, "");
+    wrong_options(model, n);
     sgpr_predictor_free(predictor);
     sgpr_predictor_free(NULL);
     sgpr_model_free(model);

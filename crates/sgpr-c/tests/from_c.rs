@@ -16,6 +16,8 @@ use sgpr_core::model::{
 };
 use sgpr_core::recording::csv;
 use sgpr_core::robot::{Robot, UrdfOptions, puma560};
+use sgpr_predict::model::StreamedModel;
+use sgpr_predict::stream::RestOptions;
 
 const RATE_HZ: f64 = 250.0;
 const HERE: &str = env!("CARGO_MANIFEST_DIR");
@@ -94,6 +96,24 @@ fn is_here(tool: &str) -> bool {
     here
 }
 
+/// Torques, their standard deviations and novelties, in the calls of `sure.c`.
+fn expected_with_deviation(mut predictor: Predictor, motion: &[f64]) -> Vec<u8> {
+    let n = predictor.dof();
+    let mut numbers = Vec::new();
+    for (k, sample) in motion.chunks_exact(3 * n).enumerate() {
+        let (q, dq, ddq) = (&sample[..n], &sample[n..2 * n], &sample[2 * n..]);
+        let both = match k % 3 {
+            2 => predictor.torque_and_deviation_after(0.008, q, dq, ddq),
+            _ => predictor.torque_and_deviation(q, dq, ddq),
+        };
+        let (tau, deviation) = both.expect("finite");
+        numbers.extend([tau, deviation].concat());
+        numbers.extend_from_slice(predictor.novelty());
+    }
+    assert!(numbers.iter().all(|number| number.is_finite()));
+    numbers.iter().flat_map(|number| number.to_le_bytes()).collect()
+}
+
 /// A model and a motion in files, and what a program should make of them.
 struct Case {
     folder: tempfile::TempDir,
@@ -116,7 +136,21 @@ impl Case {
         Self::of(&model.to_bytes(), model.predictor(means, &options).expect("streams"))
     }
 
+    /// The same, and how sure the torques are.
+    fn sure() -> Self {
+        let file = learned_model().to_bytes();
+        let options = StreamOptions { rate_hz: Some(RATE_HZ), ..StreamOptions::default() };
+        let rest = RestOptions { deviation: true, ..RestOptions::default() };
+        let model = StreamedModel::from_bytes(&file, "file").expect("just written");
+        let predictor = model.predictor_with(&options, &rest).expect("streams");
+        Self::with(&file, predictor, expected_with_deviation)
+    }
+
     fn of(file: &[u8], predictor: Predictor) -> Self {
+        Self::with(file, predictor, expected)
+    }
+
+    fn with(file: &[u8], predictor: Predictor, expected: impl FnOnce(Predictor, &[f64]) -> Vec<u8>) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let joints = predictor.dof();
         let motion = motion(joints);
@@ -146,10 +180,10 @@ impl Case {
 }
 
 /// Compiles a program of this folder with the library, runs it, and compares.
-fn check(compiler: &str, standard: &str, source: &str, more: &[&str]) {
+fn check(case: &Case, compiler: &str, source: &str, more: &[&str]) {
     if is_here(compiler) {
-        let case = Case::new();
-        compile(&case, compiler, standard, source, more);
+        let standard = if source.ends_with(".c") { "-std=c99" } else { "-std=c++17" };
+        compile(case, compiler, standard, source, more);
         case.run(&case.at("program"), case.folder.path());
     }
 }
@@ -165,7 +199,10 @@ fn compile(case: &Case, compiler: &str, standard: &str, source: &str, more: &[&s
         .args(more)
         .args(["-lsgpr", "-lm", "-pthread"]));
     // The name under which the loader looks for it.
-    std::os::unix::fs::symlink(library.join("libsgpr.so"), case.at("libsgpr.so.1")).expect("a link");
+    let link = case.at("libsgpr.so.1");
+    if !link.exists() {
+        std::os::unix::fs::symlink(library.join("libsgpr.so"), link).expect("a link");
+    }
 }
 
 /// The library as it is installed, in a folder that was moved afterwards.
@@ -222,22 +259,31 @@ fn cmake_finds_the_installed_library() {
 
 #[test]
 fn a_c_program_gets_the_same_bits_and_is_told_what_it_does_wrong() {
-    check("gcc", "-std=c99", "controller.c", &[]);
-    check("clang", "-std=c99", "controller.c", &[]);
+    let case = Case::new();
+    check(&case, "gcc", "controller.c", &[]);
+    check(&case, "clang", "controller.c", &[]);
 }
 
 #[test]
 fn a_cpp_program_gets_the_same_bits() {
-    check("g++", "-std=c++17", "controller.cpp", &[]);
-    check("clang++", "-std=c++17", "controller.cpp", &[]);
+    let case = Case::new();
+    check(&case, "g++", "controller.cpp", &[]);
+    check(&case, "clang++", "controller.cpp", &[]);
 }
 
 #[test]
 fn a_learned_model_gives_the_same_bits() {
-    if is_here("g++") {
-        let case = Case::learned();
-        compile(&case, "g++", "-std=c++17", "controller.cpp", &[]);
-        case.run(&case.at("program"), case.folder.path());
+    let case = Case::learned();
+    check(&case, "g++", "controller.cpp", &[]);
+    check(&case, "clang++", "controller.cpp", &[]);
+}
+
+#[test]
+fn a_learned_model_says_how_sure_it_is_in_the_same_bits() {
+    let case = Case::sure();
+    for (compiler, source) in [("gcc", "sure.c"), ("clang", "sure.c"), ("g++", "sure.cpp"), ("clang++", "sure.cpp")] {
+        check(&case, compiler, source, &[]);
+        check(&case, compiler, source, &["-fsanitize=address,undefined"]);
     }
 }
 
@@ -262,34 +308,56 @@ fn nothing_takes_memory_or_calls_the_system_after_set_up() {
 
 #[test]
 fn sanitisers_find_nothing() {
-    check("gcc", "-std=c99", "controller.c", &["-fsanitize=address,undefined"]);
-    check("g++", "-std=c++17", "controller.cpp", &["-fsanitize=thread"]);
+    let case = Case::new();
+    for (c, cpp) in [("gcc", "g++"), ("clang", "clang++")] {
+        check(&case, c, "controller.c", &["-fsanitize=address,undefined"]);
+        check(&case, cpp, "controller.cpp", &["-fsanitize=thread"]);
+    }
 }
 
-/// Names of functions in a text, before their parenthesis.
-fn functions(text: &str, before: &str) -> BTreeSet<String> {
-    let after = text.split(before).skip(1);
-    let name = |rest: &str| rest.chars().take_while(|c| c.is_ascii_alphanumeric() || *c == '_').collect();
-    after.map(name).collect()
+/// Beside declarations of our own where ROS 2 is not installed (`ros2_control/README.md`); it is built with those of
+/// ROS 2 by its `CMakeLists.txt`.
+#[test]
+fn the_controller_for_ros2_control_gives_effort_of_the_model_and_of_feedback() {
+    let example = format!("{HERE}/../../examples/ros2_control");
+    for case in [Case::new(), Case::learned()] {
+        for compiler in ["g++", "clang++"].into_iter().filter(|compiler| is_here(compiler)) {
+            let controller = format!("{example}/src/feed_forward_controller.cpp");
+            let [own, others] = [format!("-I{example}/include"), format!("-I{HERE}/tests/ros2_control/include")];
+            compile(&case, compiler, "-std=c++17", "ros2_control/drive.cpp", &[&controller, &own, &others]);
+            run(Command::new(case.at("program")).env("LD_LIBRARY_PATH", case.folder.path()).arg(case.at("model.sgpr")));
+        }
+    }
+}
+
+#[test]
+fn the_header_is_that_of_the_source() {
+    let options = cbindgen::Config::from_file(format!("{HERE}/cbindgen.toml")).expect("the options");
+    let mut made = Vec::new();
+    cbindgen::Builder::new()
+        .with_src(format!("{HERE}/src/lib.rs"))
+        .with_config(options)
+        .generate()
+        .expect("C")
+        .write(&mut made);
+    let path = format!("{HERE}/include/sgpr.h");
+    if std::env::var_os("SGPR_WRITE_HEADER").is_some() {
+        fs::write(&path, &made).expect("writable");
+    }
+    let made = String::from_utf8(made).expect("UTF-8");
+    assert!(
+        fs::read_to_string(&path).expect("the header") == made,
+        "the header is not that of the source: SGPR_WRITE_HEADER=1 cargo test --package sgpr-c --test from_c header"
+    );
 }
 
 #[test]
 fn the_library_shows_what_the_header_declares_and_nothing_else() {
     let header = fs::read_to_string(format!("{HERE}/include/sgpr.h")).expect("the header");
-    let declared: BTreeSet<String> = header
-        .lines()
-        .filter(|line| line.contains('(') && line.contains("sgpr_") && !line.starts_with([' ', '/', '#']))
-        .map(|line| {
-            let name = line.split('(').next().expect("a part").rsplit([' ', '*']).next();
-            name.expect("a name").to_string()
-        })
-        .collect();
-    let mut written = BTreeSet::new();
-    for file in ["lib.rs", "model.rs", "predictor.rs"] {
-        let source = fs::read_to_string(format!("{HERE}/src/{file}")).expect("a source");
-        written.append(&mut functions(&source, "extern \"C\" fn "));
-    }
-    assert_eq!(declared, written);
+    let named = |line: &str| line.split_once('(')?.0.rsplit([' ', '*']).next().map(ToString::to_string);
+    let outside = header.lines().filter(|line| !line.starts_with([' ', '/', '#']));
+    let declared: BTreeSet<String> = outside.filter_map(named).filter(|name| name.starts_with("sgpr_")).collect();
+    assert!(declared.len() > 10, "{declared:?}");
     let output = run(Command::new("nm").args(["-D", "--defined-only"]).arg(library().join("libsgpr.so")));
     let text = String::from_utf8(output.stdout).expect("names");
     let shown: BTreeSet<String> =

@@ -1,8 +1,14 @@
 //! What controllers make of a model: compensation without chatter, and torque from outside.
 #![allow(missing_docs)]
 
-use sgpr_core::control::{Compensation, CompensationOptions, MomentumObserver, ObserverError, ObserverOptions};
-use sgpr_core::dynamics::{Workspace, forward_dynamics, gravity_torque};
+#[path = "common/noise.rs"]
+mod noise;
+
+use noise::Noise;
+use sgpr_core::control::{
+    Compensation, CompensationOptions, MeasuredMotion, MomentumObserver, ObserverError, ObserverOptions,
+};
+use sgpr_core::dynamics::{Workspace, forward_dynamics, gravity_torque, rnea};
 use sgpr_core::effects::{Site, by_name};
 use sgpr_core::model::{Term, TorqueModel};
 use sgpr_core::robot::{Robot, puma560, two_link};
@@ -122,4 +128,101 @@ fn thresholds_follow_from_the_rate_of_false_alarms() {
     assert!(matches!(MomentumObserver::new(&model, &fast), Err(ObserverError::TooFast { .. })));
     let none = ObserverOptions { false_alarms_per_hour: 0.0, ..options };
     assert!(MomentumObserver::new(&model, &none).expect_err("none").to_string().contains("false_alarms_per_hour"));
+}
+
+const RATE_HZ: f64 = 100.0;
+
+/// A log of two joints that swing slowly: positions, velocities, torques. Errors of the model last for some seconds,
+/// and are of a standard deviation of `moving`, and of as many times that as `rest` at rest, half of it at 0.05 rad/s.
+fn swinging(seed: u64, samples: usize, moving: f64, rest: f64) -> [Vec<f64>; 3] {
+    let (robot, mut noise) = (two_link(), Noise(seed));
+    let mut ws = Workspace::new(&robot);
+    let [mut all_q, mut all_dq, mut all_tau] = [vec![], vec![], vec![]];
+    let (mut error, keep) = ([0.0; 2], 0.99_f64);
+    for k in 0..samples {
+        let t = k as f64 / RATE_HZ;
+        let swing = |w: f64| [0.6 * (w * t).sin(), 0.6 * w * (w * t).cos(), -0.6 * w * w * (w * t).sin()];
+        let [[q0, dq0, ddq0], [q1, dq1, ddq1]] = [swing(0.7), swing(1.1)];
+        let (q, dq) = ([q0, q1], [dq0, dq1]);
+        let tau = rnea(&robot, &mut ws, &q, &dq, &[ddq0, ddq1]);
+        for joint in 0..2 {
+            error[joint] = keep * error[joint] + (1.0 - keep * keep).sqrt() * noise.normal();
+            let deviation = moving * (1.0 + rest * rest / (1.0 + (dq[joint] / 0.05).powi(2))).sqrt();
+            all_tau.push(tau[joint] + deviation * error[joint]);
+        }
+        all_q.extend(q);
+        all_dq.extend(dq);
+    }
+    [all_q, all_dq, all_tau]
+}
+
+fn measured([q, dq, tau]: &[Vec<f64>; 3]) -> MeasuredMotion<'_> {
+    MeasuredMotion { rate_hz: RATE_HZ, q, dq, tau }
+}
+
+/// Share of the time with an alarm while joints move, and while one of them rests.
+fn alarms(observer: &mut MomentumObserver, [q, dq, tau]: &[Vec<f64>; 3]) -> [f64; 2] {
+    let (mut alarmed, mut all) = ([0.0; 2], [0.0; 2]);
+    observer.reset();
+    for ((q, dq), tau) in q.chunks(2).zip(dq.chunks(2)).zip(tau.chunks(2)) {
+        observer.update(q, dq, tau).expect("finite");
+        let rests = usize::from(dq.iter().any(|dq| dq.abs() < 0.05));
+        all[rests] += 1.0;
+        alarmed[rests] += f64::from(u8::from(observer.alarm().is_some()));
+    }
+    [alarmed[0] / all[0], alarmed[1] / all[1]]
+}
+
+#[test]
+fn logs_without_contact_tell_the_errors_of_joints_that_move_and_that_rest() {
+    let model = TorqueModel::nominal(&two_link());
+    let options = ObserverOptions {
+        rate_hz: RATE_HZ,
+        false_alarms_per_hour: 100.0,
+        deviation: vec![0.3; 2],
+        ..ObserverOptions::default()
+    };
+    let even = || MomentumObserver::new(&model, &options).expect("options");
+    let logs = [swinging(1, 60_000, 0.2, 8.0), swinging(2, 60_000, 0.2, 8.0)];
+    let known: Vec<MeasuredMotion<'_>> = logs.iter().map(measured).collect();
+    let mut observer = even().calibrated(&known).expect("good logs");
+    for error in observer.errors() {
+        assert!((error.moving / 0.2 - 1.0).abs() < 0.15, "{error:?}");
+        assert!((error.resting / 1.6 - 1.0).abs() < 0.3, "{error:?}");
+        assert!((error.speed / 0.05).ln().abs() < 0.7, "{error:?}");
+    }
+    // With one deviation alarms are those of rest; with both there are few.
+    let unseen = swinging(3, 120_000, 0.2, 8.0);
+    let [moving, resting] = alarms(&mut even(), &unseen);
+    assert!(resting > 0.2 && resting > 5.0 * moving, "{moving} {resting}");
+    let [moving, resting] = alarms(&mut observer, &unseen);
+    assert!(moving < 2e-3 && resting < 2e-3, "{moving} {resting}");
+    // Of errors that rest has no part in.
+    let plain = swinging(4, 60_000, 0.2, 0.0);
+    let observer = even().calibrated(&[measured(&plain)]).expect("a good log");
+    for error in observer.errors() {
+        assert!((error.moving / 0.2 - 1.0).abs() < 0.1 && error.resting < 0.1, "{error:?}");
+    }
+}
+
+#[test]
+fn logs_that_tell_nothing_are_refused() {
+    let model = TorqueModel::nominal(&two_link());
+    let options = ObserverOptions { deviation: vec![0.3; 2], ..ObserverOptions::default() };
+    let refused = |logs: &[MeasuredMotion<'_>]| {
+        let observer = MomentumObserver::new(&model, &options).expect("options");
+        observer.calibrated(logs).expect_err("refused").to_string()
+    };
+    let log = swinging(1, 200, 0.2, 1.0);
+    let good = measured(&log);
+    assert!(refused(&[]).contains("got 0 samples"));
+    assert!(refused(&[MeasuredMotion { rate_hz: 94.0, ..good }]).contains("log 0: 94.0 samples per second"));
+    assert!(refused(&[MeasuredMotion { dq: &log[1][2..], ..good }]).contains("dq"));
+    let bad = [&log[2][..399], &[f64::NAN]].concat();
+    assert!(refused(&[MeasuredMotion { tau: &bad, ..good }]).contains("tau"));
+    let zeros = vec![0.0; 400];
+    let flat = TorqueModel::nominal(&two_link().with_gravity(sgpr_core::spatial::Vector3::ZERO));
+    let observer = MomentumObserver::new(&flat, &options).expect("options");
+    let still = MeasuredMotion { q: &zeros, dq: &zeros, tau: &zeros, ..good };
+    assert!(matches!(observer.calibrated(&[still]), Err(ObserverError::FewSamples { found: 200, .. })));
 }

@@ -8,7 +8,7 @@
 
 use std::path::{Path, PathBuf};
 
-use sgpr_core::control::{MomentumObserver, ObserverOptions};
+use sgpr_core::control::{MeasuredMotion, MomentumObserver, ObserverOptions};
 use sgpr_core::identification::{Consistency, Distance, GainEstimator, GainOptions, PayloadOptions, Prior};
 use sgpr_core::model::{
     Comparison, IdentifyOptions, TorqueModel, compare, identify, identify_drive_gains, identify_payload,
@@ -363,9 +363,8 @@ struct Watched {
     rms: Vec<f64>,
 }
 
-fn watch(model: &TorqueModel, options: &ObserverOptions, log: &Recording) -> Watched {
-    let n = model.robot().dof();
-    let mut observer = MomentumObserver::new(model, options).expect("options");
+fn watch(mut observer: MomentumObserver, rate_hz: f64, log: &Recording) -> Watched {
+    let n = observer.thresholds().len();
     let (q, dq) = (log.position(), log.velocity().expect("logged"));
     let tau = log.torque().expect("logged");
     let (mut events, mut alarmed, mut on, mut first, mut squares) = (0, 0, false, None, vec![0.0; n]);
@@ -378,12 +377,12 @@ fn watch(model: &TorqueModel, options: &ObserverOptions, log: &Recording) -> Wat
         events += usize::from(alarm && !on);
         alarmed += usize::from(alarm);
         if alarm && first.is_none() {
-            first = Some(k as f64 / options.rate_hz);
+            first = Some(k as f64 / rate_hz);
         }
         on = alarm;
     }
     Watched {
-        minutes: samples as f64 / options.rate_hz / 60.0,
+        minutes: samples as f64 / rate_hz / 60.0,
         events,
         share: alarmed as f64 / samples as f64,
         first,
@@ -401,31 +400,37 @@ fn a_load_of_the_ur10e_is_torque_from_outside() {
     let logs = |names: &[&str]| -> Vec<Recording> { names.iter().flat_map(|name| read(name)).collect() };
     let unloaded = logs(&["pair14_unloaded.csv", "validation_ptp_10_points.csv", "pair_jan31_unloaded.csv"]);
     let loaded = logs(&["pair14_load_2p805kg.csv", "pair_jan31_loaded.csv"]);
-    let of_fit = ObserverOptions::default();
-    // From the logs of the fit, whose errors have longer tails than normal ones: the largest torque over z.
-    let mut measured = of_fit.clone();
-    for log in &case.train {
-        let seen = watch(&model, &of_fit, log);
-        measured.deviation.resize(seen.rms.len(), 0.0);
-        measured.deviation.iter_mut().zip(seen.rms).for_each(|(largest, rms)| *largest = largest.max(rms));
-    }
-    for options in [&of_fit, &measured] {
-        println!("thresholds {:.1?} N·m", MomentumObserver::new(&model, options).expect("options").thresholds());
-        let shares = |logs: &[Recording]| -> Vec<f64> {
-            let seen = logs.iter().map(|log| (log, watch(&model, options, log)));
-            let share = |(log, seen): (&Recording, Watched)| {
-                let Watched { minutes, events, share, first, rms } = seen;
-                let name = log.source().rsplit('/').next().unwrap_or_default();
-                println!(
-                    "{name}: {minutes:.2} min, {events} alarms, {share:.3} of the time, first after {first:.2?} s, {rms:.1?}"
-                );
-                share
-            };
-            seen.map(share).collect()
-        };
-        // Errors at reversals are far from normal, so that alarms are more than were accepted.
-        let (quiet, heavy) = (shares(&unloaded), shares(&loaded));
-        assert!(quiet.iter().all(|share| *share < 0.2), "{quiet:?}");
-        assert!(heavy.iter().all(|share| *share > 0.9), "{heavy:?}");
-    }
+    let options = ObserverOptions::default();
+    let of_fit = || MomentumObserver::new(&model, &options).expect("options");
+    let motion = |log| -> MeasuredMotion<'_> {
+        let log: &Recording = log;
+        let [dq, tau] = [log.velocity(), log.torque()].map(|values| values.expect("logged"));
+        MeasuredMotion { rate_hz: log.sample_rate_hz().expect("uniform"), q: log.position(), dq, tau }
+    };
+    let known: Vec<MeasuredMotion<'_>> = case.train.iter().map(motion).collect();
+    let measured = || of_fit().calibrated(&known).expect("logs of the fit");
+    println!("{:.2?}", measured().errors());
+    let seen = |observer: &dyn Fn() -> MomentumObserver, logs: &[Recording]| -> Vec<Watched> {
+        let seen = logs.iter().map(|log| (log, watch(observer(), options.rate_hz, log)));
+        seen.inspect(|(log, Watched { minutes, events, share, first, rms })| {
+            let name = log.source().rsplit('/').next().unwrap_or_default();
+            println!(
+                "{name}: {minutes:.2} min, {events} alarms, {share:.4} of the time, first after {first:.2?} s, {rms:.1?}"
+            );
+        })
+        .map(|(_, seen)| seen)
+        .collect()
+    };
+    let share = |seen: &[Watched]| -> Vec<f64> { seen.iter().map(|seen| seen.share).collect() };
+    // Errors at rest and at reversals are far from normal with one deviation, so that alarms are more than were
+    // accepted.
+    let (quiet, heavy) = (seen(&of_fit, &unloaded), seen(&of_fit, &loaded));
+    assert!(share(&quiet).iter().all(|share| *share < 0.2), "{:?}", share(&quiet));
+    assert!(share(&heavy).iter().all(|share| *share > 0.9), "{:?}", share(&heavy));
+    // With those of the logs of the fit.
+    let (quiet, heavy) = (seen(&measured, &unloaded), seen(&measured, &loaded));
+    assert!(share(&quiet).iter().all(|share| *share < 0.002), "{:?}", share(&quiet));
+    assert!(share(&heavy).iter().all(|share| *share > 0.7), "{:?}", share(&heavy));
+    assert!(quiet.iter().map(|seen| seen.events).sum::<usize>() <= 3);
+    assert!(heavy.iter().all(|seen| seen.first.is_some_and(|first| first < 5.0)));
 }

@@ -2,16 +2,30 @@
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use numpy::PyArray1;
+use numpy::{PyArray1, PyArrayDyn};
 use pyo3::prelude::*;
 use sgpr_core::control as core;
+use sgpr_core::recording::Recording;
 
-use crate::convert::Numbers;
+use crate::convert::{Numbers, array};
 use crate::detached::detached;
-use crate::errors::IntoPyErr;
+use crate::errors::{IntoPyErr, SgprError};
+use crate::identification::recordings;
 use crate::model::{Model, stream_options};
 
 type Array<'py> = Bound<'py, PyArray1<f64>>;
+
+/// A log as the observer takes it.
+fn motion(log: &Recording, dof: usize) -> PyResult<core::MeasuredMotion<'_>> {
+    let wrong = |what: String| SgprError::new_err(format!("without_contact: {}: {what}", log.source()));
+    if log.dof() != dof {
+        return Err(wrong(format!("got {} joints, expected {dof}", log.dof())));
+    }
+    let dq = log.velocity().ok_or_else(|| wrong("it has no velocity".into()))?;
+    let tau = log.torque().ok_or_else(|| wrong("it has no torque".into()))?;
+    let rate_hz = log.sample_rate_hz().unwrap_or_default();
+    Ok(core::MeasuredMotion { rate_hz, q: log.position(), dq, tau })
+}
 
 fn list(name: &'static str, values: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<f64>> {
     values.map_or(Ok(Vec::new()), |values| Ok(Numbers::new(name, values)?.finite()?.values().to_vec()))
@@ -22,8 +36,8 @@ fn list(name: &'static str, values: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<f
 ///
 /// It follows torque from outside with a first-order lag of its bandwidth. An alarm is a torque that the model's errors
 /// do not explain: beyond as many standard deviations as normal errors cross by `false_alarms_per_hour`. Errors of real
-/// models have longer tails, at reversals above all: measure the false alarms on a log without contact
-/// (docs/controllers.md).
+/// models are some times as large at rest and where a joint turns back, because dry friction then has any value: give logs
+/// without contact, which tell both (docs/controllers.md).
 ///
 /// Parameters
 /// ----------
@@ -36,6 +50,10 @@ fn list(name: &'static str, values: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<f
 ///     Of the whole arm.
 /// deviation : array of shape (n,), optional
 ///     Standard deviation of the model's torque per joint, N·m (N); by default that of the fit.
+/// without_contact : list of Recording, optional
+///     Logs at `rate_hz` with velocity and torque, those of the fit or better others, of motions such as it will see.
+///     Thresholds then come from what the observer says along them, and are those of a moving joint or of one that
+///     rests.
 ///
 /// Examples
 /// --------
@@ -57,7 +75,8 @@ pub struct MomentumObserver {
 #[pymethods]
 impl MomentumObserver {
     #[new]
-    #[pyo3(signature = (model, *, rate_hz, bandwidth_hz=2.0, false_alarms_per_hour=1.0, deviation=None))]
+    #[pyo3(signature = (model, *, rate_hz, bandwidth_hz=2.0, false_alarms_per_hour=1.0, deviation=None,
+        without_contact=None))]
     fn new(
         py: Python<'_>,
         model: &Model,
@@ -65,15 +84,35 @@ impl MomentumObserver {
         bandwidth_hz: f64,
         false_alarms_per_hour: f64,
         deviation: Option<&Bound<'_, PyAny>>,
+        without_contact: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let deviation = list("deviation", deviation)?;
-        let options = core::ObserverOptions { rate_hz, bandwidth_hz, false_alarms_per_hour, deviation };
-        let inner = detached(py, || core::MomentumObserver::new(&*model.inner, &options));
-        let inner = inner.map_err(IntoPyErr::into_py_err)?;
-        Ok(Self { inner: Mutex::new(inner), dof: model.inner.robot().dof() })
+        let dof = model.inner.robot().dof();
+        let mut options = core::ObserverOptions { rate_hz, bandwidth_hz, false_alarms_per_hour, deviation };
+        let logs = without_contact.map(recordings).transpose()?;
+        if logs.is_some() && options.deviation.is_empty() {
+            // Whatever the fit says, the logs say it better.
+            options.deviation = vec![1.0; dof];
+        }
+        let inner = detached(py, || -> PyResult<core::MomentumObserver> {
+            let observer = core::MomentumObserver::new(&*model.inner, &options).map_err(IntoPyErr::into_py_err)?;
+            let Some(logs) = &logs else { return Ok(observer) };
+            let logs = logs.iter().map(|log| motion(log, dof)).collect::<PyResult<Vec<_>>>()?;
+            observer.calibrated(&logs).map_err(IntoPyErr::into_py_err)
+        })?;
+        Ok(Self { inner: Mutex::new(inner), dof })
     }
 
-    /// Torque beyond which there is an alarm, (n,), N·m (N).
+    /// Standard deviation of the model's error at each joint, (n, 3): while it moves and what rest adds, N·m (N), and the
+    /// speed at which half of the variance of rest is left, rad/s (m/s).
+    #[getter]
+    fn errors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let observer = self.lock();
+        let rows = observer.errors().iter().flat_map(|error| [error.moving, error.resting, error.speed]);
+        array(py, &[self.dof, 3], rows.collect())
+    }
+
+    /// Torque beyond which there is an alarm at the last sample, (n,), N·m (N).
     #[getter]
     fn thresholds<'py>(&self, py: Python<'py>) -> Array<'py> {
         PyArray1::from_slice(py, self.lock().thresholds())

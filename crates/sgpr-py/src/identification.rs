@@ -7,7 +7,7 @@ use numpy::PyArrayDyn;
 use pyo3::exceptions::{PyTypeError, PyUserWarning};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
-use sgpr_core::effects::registry;
+use sgpr_core::effects::{Origin, registry};
 use sgpr_core::identification::{Essential, Method};
 use sgpr_core::model::{self as core, Controller, IdentifyOptions, Start};
 use sgpr_core::motion::TorqueBand;
@@ -470,7 +470,9 @@ pub fn cutoff_influence(
 /// list of dict
 ///     "name", "summary", "parameters" of a joint as (symbol, unit, unit at a prismatic joint), "constants" as (symbol,
 ///     unit, lowest, highest), and in words "class", "formula", "source", "signature", "confusable_with", "experiment" (that
-///     tells it apart), "excitation" (that it needs), "alias_of".
+///     tells it apart), "excitation" (that it needs), "alias_of"; what it is a property of ("origin": "the arm", "the
+///     measurement", "a time of the logs"), whether a feed-forward torque holds it ("fed_forward"), and why
+///     ("origin_reason").
 ///
 /// Examples
 /// --------
@@ -501,6 +503,9 @@ pub fn effects(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
         }
         dict.set_item("confusable_with", about.confusable.to_vec())?;
         dict.set_item("alias_of", about.alias_of)?;
+        dict.set_item("origin", about.origin.to_string())?;
+        dict.set_item("fed_forward", about.origin == Origin::Arm)?;
+        dict.set_item("origin_reason", about.origin_reason)?;
         Ok(dict)
     };
     registry().into_iter().map(describe).collect()

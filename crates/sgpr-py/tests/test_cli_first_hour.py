@@ -339,6 +339,9 @@ def test_effects_are_listed_and_explained() -> None:
     assert all(effect["name"] in listed.out for effect in sgpr.effects())
     explained = run("effects", "coulomb_friction")
     assert "tau = Fc sgn(dq)" in explained.out and "parameter Fc: N·m" in explained.out
+    assert "it is of the arm, and a feed-forward torque holds it: the drive" in " ".join(explained.out.split())
+    delay = " ".join(run("effects", "torque_delay").out.split())
+    assert "of the measurement, and a feed-forward torque leaves it out" in delay and "not in the arm" in delay
     [data] = json.loads(run("effects", "coulomb_friction", "--json").out)
     assert data["formula"] == "tau = Fc sgn(dq)"
     mistaken = run("effects", "viscous_frition")

@@ -64,6 +64,36 @@ def test_the_fit_says_how_good_its_model_is(demo_robot: sgpr.Robot, demo_logs: l
     assert np.all(own > 0.0) and np.all(own / unit < 1.0), "the noise of the demo is below 1 N·m"
 
 
+def test_logs_without_contact_tell_rest_from_motion(demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording]) -> None:
+    model = sgpr.identify(demo_robot, demo_logs[:2], effects=EFFECTS)
+    options = {"rate_hz": 250.0, "bandwidth_hz": 5.0, "false_alarms_per_hour": 1.0}
+    observer = sgpr.MomentumObserver(model, without_contact=demo_logs[:2], **options)
+    moving, resting, speed = observer.errors.T
+    assert observer.errors.shape == (6, 3) and np.all(moving > 0.0) and np.all(resting >= 0.0) and np.all(speed > 0.0)
+    # Before the first sample the thresholds are those of a moving arm; at rest they are larger by what rest adds.
+    z = observer.thresholds / moving
+    np.testing.assert_allclose(z, z[0])
+    log = demo_logs[2]
+    observer.update(log.q[0], np.zeros(6), log.tau[0])
+    np.testing.assert_allclose(observer.thresholds, z * np.hypot(moving, resting))
+    alarms = 0
+    observer.reset()
+    for q, dq, tau in zip(log.q, log.dq, log.tau, strict=True):
+        observer.update(q, dq, tau)
+        alarms += observer.alarm is not None
+    assert alarms <= 0.001 * len(log)
+    assert np.all(sgpr.MomentumObserver(model, rate_hz=250.0).errors[:, 1] == 0.0)
+    with pytest.raises(sgpr.SgprError, match=r"log 0: 250\.0 samples per second, expected 100"):
+        sgpr.MomentumObserver(model, rate_hz=100.0, without_contact=demo_logs[:1])
+    with pytest.raises(sgpr.SgprError, match="got 0 samples"):
+        sgpr.MomentumObserver(model, rate_hz=250.0, without_contact=[])
+    still = sgpr.Recording(log.t, log.q, None, log.tau, source="still")
+    with pytest.raises(sgpr.SgprError, match="still: it has no velocity"):
+        sgpr.MomentumObserver(model, rate_hz=250.0, without_contact=[still])
+    with pytest.raises(TypeError, match="a list of Recording"):
+        sgpr.MomentumObserver(model, rate_hz=250.0, without_contact=demo_logs[0])  # type: ignore[arg-type]
+
+
 def test_what_is_wrong_is_said(model: sgpr.Model) -> None:
     with pytest.raises(sgpr.SgprError, match="bandwidth_hz: got 60 Hz, expected at most a tenth"):
         sgpr.MomentumObserver(model, rate_hz=100.0, bandwidth_hz=60.0, deviation=[1.0, 1.0])

@@ -1,6 +1,7 @@
 """Models as source files: compiled, and run over a recorded motion."""
 
 import ctypes
+import json
 import shutil
 import subprocess
 from pathlib import Path
@@ -89,3 +90,40 @@ def test_the_command_writes_the_same_file(model: sgpr.Model, tmp_path: Path) -> 
     assert (tmp_path / "arm.h").read_text() == (tmp_path / "wanted.h").read_text()
     missing = run("export", tmp_path / "none.sgpr", "--language", "c", "--out", tmp_path / "x.h")
     assert missing.code != 0 and "none.sgpr" in missing.err and not (tmp_path / "x.h").exists()
+
+
+def test_robot_files_hold_bodies_and_friction_and_say_what_they_leave_out(
+    demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording], data: Path, tmp_path: Path
+) -> None:
+    model = sgpr.identify(demo_robot, demo_logs[:1], effects=EFFECTS, consistent=True)
+    model.save(tmp_path / "arm.sgpr")
+    source, urdf, mjcf = data / "demo" / "robot.urdf", tmp_path / "arm.urdf", tmp_path / "arm.xml"
+    done = run("export", tmp_path / "arm.sgpr", "--language", "urdf", "--robot", source, "--out", urdf)
+    assert done.code == 0, done.err
+    assert "urdf has no place for rotor_inertia, presliding_friction, torque_delay" in done.out + done.err
+    again = sgpr.Robot.from_urdf(urdf)
+    np.testing.assert_allclose(
+        again.standard_parameters, model.identified_robot.standard_parameters, rtol=1e-6, atol=1e-9
+    )
+    done = run("export", tmp_path / "arm.sgpr", "--language", "mjcf", "--out", mjcf, "--json")
+    assert json.loads(done.out)["left_out"] == ["presliding_friction", "torque_delay"]
+    assert mjcf.read_text() == model.to_mjcf()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--language", "urdf"], "--robot: a URDF is written from the one"),
+        (["--language", "mjcf", "--robot", "robot.urdf"], "--robot: for urdf"),
+        (["--language", "mjcf", "--rate", "100"], "--rate: for c and rust"),
+        (["--language", "c", "--robot", "robot.urdf"], "--robot: for urdf"),
+        (["--language", "mjcf"], "is no body: identify with physical consistency"),
+    ],
+)
+def test_robot_files_that_are_none_are_refused(
+    model: sgpr.Model, tmp_path: Path, arguments: list[str], words: str
+) -> None:
+    model.save(tmp_path / "arm.sgpr")
+    done = run("export", tmp_path / "arm.sgpr", "--out", tmp_path / "out" / "arm", *arguments)
+    assert done.code != 0 and words in " ".join(done.err.split()), done.err
+    assert not (tmp_path / "out").exists()

@@ -19,6 +19,12 @@ def test_effects_are_listed() -> None:
     assert {"viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"} <= set(effects)
     assert effects["viscous_friction"]["parameters"] == [("Fv", "N·m·s/rad", "N·s/m")]
     assert all(effect["summary"].endswith(".") for effect in effects.values())
+    # What a controller makes of each, and why.
+    kinds = {effect["origin"] for effect in effects.values()}
+    assert kinds == {"the arm", "the measurement", "a time of the logs"}
+    assert all(effect["fed_forward"] == (effect["origin"] == "the arm") for effect in effects.values())
+    assert all(len(effect["origin_reason"]) > 10 for effect in effects.values())
+    assert effects["torque_delay"]["origin"] == "the measurement" and effects["coulomb_friction"]["fed_forward"]
 
 
 def test_parameters_that_made_the_log_are_found() -> None:

@@ -4,8 +4,10 @@
 
 mod compensation;
 mod inverse_dynamics;
+mod joint_error;
 mod momentum_observer;
 
 pub use compensation::{Compensation, CompensationOptions};
 pub use inverse_dynamics::InverseDynamics;
-pub use momentum_observer::{Alarm, MomentumObserver, ObserverError, ObserverOptions};
+pub use joint_error::JointError;
+pub use momentum_observer::{Alarm, MeasuredMotion, MomentumObserver, ObserverError, ObserverOptions};

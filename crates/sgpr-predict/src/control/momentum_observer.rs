@@ -1,6 +1,8 @@
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
+use super::JointError;
+use super::joint_error::{Rest, Seen};
 use crate::dynamics::{Workspace, rnea};
 use crate::effects::Role;
 #[cfg(not(feature = "std"))]
@@ -53,10 +55,44 @@ pub enum ObserverError {
     /// A model of which nobody knows how good it is.
     #[error("the model was not identified from logs: give the standard deviation of its torque (`deviation`)")]
     NoDeviation,
+    /// A log of another rate than the observer.
+    #[error("log {log}: {found:.1} samples per second, expected {rate_hz} as the observer: resample it")]
+    LogRate {
+        /// Index of the log.
+        log: usize,
+        /// Its rate, Hz.
+        found: f64,
+        /// That of the observer, Hz.
+        rate_hz: f64,
+    },
+    /// Logs that say too little of the model's errors.
+    #[error("logs without contact: got {found} samples, expected at least {expected} with an error at every joint")]
+    FewSamples {
+        /// How many samples there are.
+        found: usize,
+        /// How many are needed.
+        expected: usize,
+    },
     /// A sample or a model that a predictor refuses.
     #[error(transparent)]
     Stream(#[from] StreamError),
 }
+
+/// A log without contact, for [`MomentumObserver::calibrated`].
+#[derive(Clone, Copy, Debug)]
+pub struct MeasuredMotion<'a> {
+    /// Samples per second.
+    pub rate_hz: f64,
+    /// Positions, `[samples, n]`, rad (m).
+    pub q: &'a [f64],
+    /// Velocities, `[samples, n]`, rad/s (m/s).
+    pub dq: &'a [f64],
+    /// Torques of the drives, `[samples, n]`, N·m (N).
+    pub tau: &'a [f64],
+}
+
+/// Least number of samples of logs without contact.
+const FEWEST: usize = 100;
 
 /// Torque from outside that is larger than the model's errors explain.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,8 +114,11 @@ pub struct Alarm {
 /// r follows the torque from outside with a first-order lag 1/K.
 ///
 /// An alarm is a torque beyond z standard deviations of the model's error. A normal process of bandwidth f crosses ±z 2 f
-/// exp(-z²/2) times per second, so that z follows from the false alarms per hour that are accepted. Errors of real models
-/// have longer tails than normal ones, at reversals above all: measure the false alarms on a log without contact.
+/// exp(-z²/2) times per second, so that z follows from the false alarms per hour that are accepted.
+///
+/// Errors of real models are not those of one normal process: at rest and where a joint turns back they are some times
+/// as large, because dry friction then has any value. [`Self::calibrated`] takes both from logs without contact
+/// ([`JointError`]); without it there are false alarms at reversals.
 ///
 /// Inertia that depends on single joints' findings (`wrist_coupling`, `kinematic_error`) is not in the momentum.
 ///
@@ -94,6 +133,10 @@ pub struct MomentumObserver {
     ws: Workspace,
     gain: f64,
     step: f64,
+    z: f64,
+    errors: Vec<JointError>,
+    rests: Vec<Rest>,
+    /// At the last sample.
     thresholds: Vec<f64>,
     integral: Vec<f64>,
     external: Vec<f64>,
@@ -141,6 +184,9 @@ impl MomentumObserver {
             ws: Workspace::new(model.robot()),
             gain: TAU * bandwidth_hz,
             step: 1.0 / rate_hz,
+            z,
+            errors: deviation.iter().map(|deviation| JointError::even(*deviation)).collect(),
+            rests: vec![Rest::default(); n],
             thresholds: deviation.iter().map(|deviation| z * deviation).collect(),
             integral: zeros(),
             external: zeros(),
@@ -149,7 +195,60 @@ impl MomentumObserver {
         })
     }
 
-    /// Torque beyond which there is an alarm, `[n]`, N·m (N).
+    /// The same with thresholds from what it says along logs without contact, those of the fit or better others, of
+    /// motions such as it will see: the standard deviation of each joint's error while it moves and at rest. It forgets
+    /// all samples.
+    ///
+    /// # Errors
+    /// If a log has another rate than the observer (by more than a hundredth), arrays of different lengths or a number
+    /// that is not finite, or the logs have too few samples.
+    pub fn calibrated(mut self, logs: &[MeasuredMotion<'_>]) -> Result<Self, ObserverError> {
+        let n = self.external.len();
+        let mut seen: Vec<Vec<Seen>> = (0..n).map(|_| Vec::new()).collect();
+        let rate_hz = 1.0 / self.step;
+        for (index, log) in logs.iter().enumerate() {
+            let same_rate = (log.rate_hz / rate_hz - 1.0).abs() < 0.01;
+            if !same_rate {
+                return Err(ObserverError::LogRate { log: index, found: log.rate_hz, rate_hz });
+            }
+            for (name, values) in [("dq", log.dq), ("tau", log.tau)] {
+                if values.len() != log.q.len() {
+                    return Err(StreamError::Length { name, found: values.len(), expected: log.q.len() }.into());
+                }
+            }
+            self.reset();
+            seen.iter_mut().for_each(|joint| joint.push(Seen { error: Vec::new(), speed: Vec::new() }));
+            for ((q, dq), tau) in log.q.chunks(n).zip(log.dq.chunks(n)).zip(log.tau.chunks(n)) {
+                let external = self.update(q, dq, tau)?;
+                for ((joint, external), dq) in seen.iter_mut().zip(external).zip(dq) {
+                    joint[index].error.push(*external);
+                    joint[index].speed.push(*dq);
+                }
+            }
+        }
+        let found: usize = logs.iter().map(|log| log.q.len() / n).sum();
+        let few = ObserverError::FewSamples { found, expected: FEWEST };
+        if found < FEWEST {
+            return Err(few);
+        }
+        let blend = self.blend();
+        let fit = |joint: &Vec<Seen>| JointError::fit(joint, blend).ok_or_else(|| few.clone());
+        self.errors = seen.iter().map(fit).collect::<Result<_, _>>()?;
+        self.reset();
+        Ok(self)
+    }
+
+    /// The standard deviations of the model's error, one per joint.
+    pub fn errors(&self) -> &[JointError] {
+        &self.errors
+    }
+
+    /// Share of a new sample in what the observer says.
+    fn blend(&self) -> f64 {
+        self.gain * self.step / (1.0 + self.gain * self.step)
+    }
+
+    /// Torque beyond which there is an alarm at the last sample, that of a moving arm before the first, `[n]`, N·m (N).
     pub fn thresholds(&self) -> &[f64] {
         &self.thresholds
     }
@@ -172,6 +271,8 @@ impl MomentumObserver {
         self.predictor.reset();
         self.integral.fill(0.0);
         self.external.fill(0.0);
+        self.rests.fill(Rest::default());
+        self.thresholds.iter_mut().zip(&self.errors).for_each(|(own, error)| *own = self.z * error.moving);
         self.started = false;
     }
 
@@ -208,6 +309,12 @@ impl MomentumObserver {
             }
         }
         self.started = true;
+        let blend = self.blend();
+        for (((threshold, error), rest), dq) in
+            self.thresholds.iter_mut().zip(&self.errors).zip(&mut self.rests).zip(dq)
+        {
+            *threshold = self.z * error.deviation(rest.next(error, *dq, blend));
+        }
         Ok(&self.external)
     }
 }

@@ -373,8 +373,8 @@ impl Robot {
     }
 
     /// Blocks `joint * n + link` of the regressor where the joint does not carry the link.
-    #[doc(hidden)]
-    pub fn zero_blocks(&self) -> &[usize] {
+    #[cfg(feature = "simd")]
+    pub(crate) fn zero_blocks(&self) -> &[usize] {
         &self.zero_blocks
     }
 

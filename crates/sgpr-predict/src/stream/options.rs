@@ -89,8 +89,7 @@ impl StreamOptions {
     }
 
     /// The model's parameters, those of effects zero that the torque does not hold.
-    #[doc(hidden)]
-    pub fn parameters(&self, model: &StreamedModel) -> Vec<f64> {
+    pub(crate) fn parameters(&self, model: &StreamedModel) -> Vec<f64> {
         let set = model.parameter_set();
         let mut parameters = model.parameters().to_vec();
         for (column, value) in set.effect_columns().iter().zip(&mut parameters[set.inertial()..]) {

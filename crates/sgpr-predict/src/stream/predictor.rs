@@ -320,8 +320,35 @@ impl Predictor {
         dq: &[f64],
         ddq: &[f64],
     ) -> Result<(&[f64], &[f64]), StreamError> {
+        self.take_with_deviation(q, dq, ddq, None)
+    }
+
+    /// The same, `step` seconds after the last sample: for irregular calls and pauses.
+    ///
+    /// # Errors
+    /// As [`Self::torque_after`].
+    ///
+    /// # Panics
+    /// As [`Self::torque_and_deviation`].
+    pub fn torque_and_deviation_after(
+        &mut self,
+        step: f64,
+        q: &[f64],
+        dq: &[f64],
+        ddq: &[f64],
+    ) -> Result<(&[f64], &[f64]), StreamError> {
+        self.take_with_deviation(q, dq, ddq, Some(step))
+    }
+
+    fn take_with_deviation(
+        &mut self,
+        q: &[f64],
+        dq: &[f64],
+        ddq: &[f64],
+        step: Option<f64>,
+    ) -> Result<(&[f64], &[f64]), StreamError> {
         assert!(self.rest.as_ref().is_some_and(|rest| rest.with_deviation()), "made with a standard deviation");
-        self.take(q, dq, ddq, None, true)?;
+        self.take(q, dq, ddq, step, true)?;
         Ok((&self.sampler.buffers.tau, self.rest.as_ref().map_or(&[], |rest| rest.deviation())))
     }
 
@@ -389,24 +416,21 @@ impl Predictor {
     }
 
     /// The robot as transforms make it, and at the last sample the motion of its links and of its joints: q, dq, ddq.
-    #[doc(hidden)]
-    pub fn links(&self) -> (&Robot, &[Vec<f64>; 3], &[Vec<f64>; 3]) {
+    pub(super) fn links(&self) -> (&Robot, &[Vec<f64>; 3], &[Vec<f64>; 3]) {
         let Sampler { robot, transforms, buffers: Buffers { motion, links, .. }, .. } = &self.sampler;
         (robot, if transforms.move_links() { links } else { motion }, motion)
     }
 
     /// Derivatives of a joint's torque by the coefficients of all terms of the model at the last sample, as the drive makes
     /// it; zero for terms that are not held.
-    #[doc(hidden)]
-    pub fn term_columns(&self, joint: usize, out: &mut [f64]) {
+    pub(super) fn term_columns(&self, joint: usize, out: &mut [f64]) {
         out.fill(0.0);
         let first = &self.first_coefficients;
         self.sampler.terms.for_each_column(joint, self.dof(), |term, index, value| out[first[term] + index] = value);
     }
 
     /// What the log shows of a small torque more at a joint at the last sample, delays and lags aside.
-    #[doc(hidden)]
-    pub fn gain(&self, joint: usize) -> f64 {
+    pub(super) fn gain(&self, joint: usize) -> f64 {
         let [gain, largest] = self.gains[joint];
         if self.sampler.buffers.tau[joint].abs() >= largest { 0.0 } else { gain }
     }

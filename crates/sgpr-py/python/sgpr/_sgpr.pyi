@@ -560,7 +560,10 @@ class MomentumObserver:
         bandwidth_hz: float = 2.0,
         false_alarms_per_hour: float = 1.0,
         deviation: ArrayLike | None = None,
+        without_contact: Sequence[Recording] | None = None,
     ) -> MomentumObserver: ...
+    @property
+    def errors(self) -> _Array: ...  # (n, 3): moving, resting, N·m; speed, rad/s
     @property
     def thresholds(self) -> _Array: ...  # (n,), N·m
     @property

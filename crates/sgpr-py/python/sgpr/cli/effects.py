@@ -61,6 +61,8 @@ def show_effect(effect: dict[str, Any], output: Output) -> None:
         "told apart by": effect["experiment"],
         "the same as": effect["alias_of"] or "",
         "source": effect["source"],
+        "in a controller": f"it is of {effect['origin']}, and a feed-forward torque "
+        f"{'holds it' if effect['fed_forward'] else 'leaves it out (--keep, keep=)'}: {effect['origin_reason']}",
     }
     for what, text in said.items():
         if text:

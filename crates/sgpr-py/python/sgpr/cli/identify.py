@@ -43,14 +43,12 @@ from .predictions import (
 )
 from .project import RobotAndLogs
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
+from .robot_files import without_place
 from .robots import load_robot, tell_locked
 from .screening import excitation, repeated
 
-IN_ROBOT_FILES = {
-    "robot.xml": ("rotor_inertia", "viscous_friction", "coulomb_friction"),
-    "robot.urdf": ("viscous_friction", "coulomb_friction"),
-}
-"""Effects that the formats of robots have a place for."""
+ROBOT_FILES = {"robot.xml": "mjcf", "robot.urdf": "urdf"}
+"""The formats of the robot files in the folder of results."""
 
 
 def identify(
@@ -125,7 +123,7 @@ def identify(
     tell_layouts([*train_logs, *test_logs], output)
     show(result, data, output)
     for name in robot_files:
-        if left := without_place(name, result.model):
+        if left := without_place(ROBOT_FILES[name], result.model):
             output.note(f"{name} has bodies and friction, but no place for {', '.join(left)}")
     output.line(f"results: {folder.path}")
     if not no_report and open_report:
@@ -284,12 +282,6 @@ def _findings(model: Model, training: Sequence[Recording]) -> list[str]:
     """What is suspicious in the training logs and not said yet."""
     said = [] if model.report is None else model.report.warnings
     return [text for text in screen_with(model, training) if text not in said]
-
-
-def without_place(name: str, model: Model) -> list[str]:
-    """Effects of the model that a robot file does not tell of."""
-    effects = [*model.effects, *(term["effect"] for term in model.terms)]
-    return [effect for effect in dict.fromkeys(effects) if effect not in IN_ROBOT_FILES[name]]
 
 
 def show(result: Result, data: dict[str, Any], output: Output) -> None:

@@ -1,0 +1,6 @@
+// Not ROS 2: see README.md.
+#pragma once
+
+namespace rclcpp_lifecycle {
+class State {};
+}  // namespace rclcpp_lifecycle
