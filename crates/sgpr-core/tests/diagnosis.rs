@@ -146,6 +146,12 @@ fn a_delay_of_less_than_a_sample_is_said_where_it_matters() {
     // Seen, but next to nothing of the error.
     let silent = diagnosed(0.02 / RATE);
     assert_eq!(silent.verdict, Verdict::NothingMissing, "{:?}", silent.findings);
+    // A person who adds it has it.
+    let (train, _) = logs(&[Term::new(by_name("torque_delay").unwrap(), Site::Arm, vec![0.02 / RATE])]);
+    let options = DiagnosisOptions { by_hand: vec!["torque_delay".into()], ..DiagnosisOptions::default() };
+    let added = diagnose(&identified(&train), &train, &[], &options, &()).unwrap();
+    assert_eq!(added.findings.iter().map(|f| f.effect.as_str()).collect::<Vec<_>>(), ["torque_delay"]);
+    assert!(added.after.terms().iter().any(|term| term.effect.name() == "torque_delay"));
 }
 
 #[test]

@@ -78,7 +78,8 @@ impl Search<'_> {
             let refined = self.refine(&fitted, (&basis, &white), candidate);
             let next = self.polish(self.with_term(&fitted, refined.term.clone()));
             let errors = [&fitted, &next].map(|fit| self.errors(fit));
-            accepted.push(Accepted::new(&refined.term, refined.score, [&fitted, &next], (&errors[0], &errors[1])));
+            let step = Accepted::new(&refined.term, refined.score, [&fitted, &next], (&errors[0], &errors[1]));
+            accepted.push(Accepted { wanted: true, ..step });
             fitted = next;
             if ranking.is_empty() {
                 ranking = candidates;

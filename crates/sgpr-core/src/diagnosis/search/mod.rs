@@ -46,6 +46,8 @@ pub(super) struct Accepted {
     pub rivals: Vec<(Term, f64)>,
     /// Where else the same effect explained as much.
     pub twins: Vec<Site>,
+    /// Whether a person asked for it: then it is never silent.
+    pub wanted: bool,
     /// Held-out error per joint right after it was added, N·m (N).
     pub with: Vec<f64>,
     /// Held-out error per joint of the whole model without it, N·m (N).
@@ -64,6 +66,7 @@ impl Accepted {
             effect_size: without.largest_fall_to(with, term),
             rivals: vec![],
             twins: vec![],
+            wanted: false,
             with: with.total(),
             without: without.total(),
         }
@@ -113,11 +116,11 @@ pub(super) fn others(mut accepted: Vec<Accepted>, fitted: &Fitted, out: &[usize]
 }
 
 /// Whether a term refines what the model has already and does not matter, or is shorter than the time between two samples
-/// and of little effect.
+/// and of little effect, and nobody asked for it.
 fn is_silent(term: &Term, step: &Accepted, period: f64) -> bool {
     let times = term.is_transform() && term.effect.constants().iter().all(|c| c.unit == "s");
     let within = || term.constants.iter().all(|c| c.abs() < WITHIN_A_SAMPLE * period) && step.effect_size < LITTLE;
-    (term.effect.refines().is_some() && step.effect_size < MATERIAL) || (times && within())
+    !step.wanted && ((term.effect.refines().is_some() && step.effect_size < MATERIAL) || (times && within()))
 }
 
 /// Torque and position of one row may be taken at moments that are this share of a period apart ...
