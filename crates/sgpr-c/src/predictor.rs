@@ -154,7 +154,7 @@ unsafe fn with(predictor: *mut sgpr_predictor, call: impl FnOnce(&mut sgpr_predi
     code(|| call(unsafe { predictor.as_mut() }.ok_or_else(|| Failure::null("predictor"))?))
 }
 
-/// Makes a predictor.
+/// The predictor of a model, with hidden states at rest at the first sample.
 fn made(model: &sgpr_model, stream: &StreamOptions, deviation: bool) -> Result<Box<sgpr_predictor>, Failure> {
     let inner = model.inner.predictor_with(stream, &RestOptions { deviation, ..RestOptions::default() })?;
     let zeros = || vec![0.0; inner.dof()];

@@ -4,19 +4,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "expect.h"
 #include "sgpr.h"
 
 #define MOST 16
-
-static int failures;
-
-static void expect(int32_t found, int32_t wanted, const char *words)
-{
-    if (found != wanted || (wanted != SGPR_OK && strstr(sgpr_last_error(), words) == NULL)) {
-        fprintf(stderr, "got %d, wanted %d with \"%s\": %s\n", (int)found, (int)wanted, words, sgpr_last_error());
-        failures++;
-    }
-}
 
 static void wrong_options(const sgpr_model *model, size_t n)
 {

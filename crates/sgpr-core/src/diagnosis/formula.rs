@@ -147,33 +147,46 @@ fn dictionary(joint: usize, dof: usize) -> Vec<Product> {
     products
 }
 
+/// Products on the rows of a joint, whitened.
+struct Whitened {
+    /// Hundreds of columns, kept in 32 bits; what is not whitened is made again for the few that are chosen.
+    columns: Vec<Vec<f32>>,
+    /// Along the columns of the model.
+    shares: Vec<Vec<f64>>,
+    /// Squared lengths.
+    whole: Vec<f64>,
+    /// Products with the residual by block, the last entry their sum.
+    along: Vec<[f64; FOLDS + 1]>,
+}
+
+impl Whitened {
+    fn new(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: usize, products: &[Product]) -> Self {
+        let (y, fold) = (&fitted.white[joint], &problem.fold[joint]);
+        let mut all = Self { columns: vec![], shares: vec![], whole: vec![], along: vec![] };
+        for some in products.chunks(AT_ONCE) {
+            let columns = raw(problem, fitted, joint, some);
+            let columns: Vec<Column> = columns.iter().map(|column| noise.whiten(problem, column)).collect();
+            all.shares.extend(fitted.basis.shares(&columns));
+            for z in columns.iter().map(|column| &column[joint]) {
+                let mut sums = [0.0; FOLDS + 1];
+                z.iter().zip(y).zip(fold).for_each(|((z, y), fold)| sums[*fold] += z * y);
+                sums[FOLDS] = sums[..FOLDS].iter().sum();
+                all.along.push(sums);
+                all.whole.push(dot_in_lanes(z, z));
+                all.columns.push(z.iter().map(|z| *z as f32).collect());
+            }
+        }
+        all
+    }
+}
+
 /// A formula for what `fitted` leaves at `joint`, if one helps on blocks of time that no fit has seen.
 pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: usize) -> Option<Formula> {
     let products = dictionary(joint, problem.dof());
-    let y = &fitted.white[joint];
-    let fold = &problem.fold[joint];
-    // Hundreds of columns, kept in 32 bits; what is not whitened is made again for the few that are chosen.
-    let mut white: Vec<Vec<f32>> = Vec::with_capacity(products.len());
-    let mut shares: Vec<Vec<f64>> = Vec::with_capacity(products.len());
-    let mut whole: Vec<f64> = Vec::with_capacity(products.len());
-    // Products with the residual by block, the last entry their sum.
-    let mut along: Vec<[f64; FOLDS + 1]> = Vec::with_capacity(products.len());
-    for some in products.chunks(AT_ONCE) {
-        let columns = raw(problem, fitted, joint, some);
-        let columns: Vec<Column> = columns.iter().map(|column| noise.whiten(problem, column)).collect();
-        shares.extend(fitted.basis.shares(&columns));
-        for z in columns.iter().map(|column| &column[joint]) {
-            let mut sums = [0.0; FOLDS + 1];
-            z.iter().zip(y).zip(fold).for_each(|((z, y), fold)| sums[*fold] += z * y);
-            sums[FOLDS] = sums[..FOLDS].iter().sum();
-            along.push(sums);
-            whole.push(dot_in_lanes(z, z));
-            white.push(z.iter().map(|z| *z as f32).collect());
-        }
-    }
+    let Whitened { columns: white, shares, whole, mut along } = Whitened::new(problem, fitted, noise, joint, &products);
     // Squared lengths after projection.
     let mut length: Vec<f64> = whole.iter().zip(&shares).map(|(z, s)| z - dot_in_lanes(s, s)).collect();
-    let rows = y.len().max(2) as f64;
+    let rows = fitted.white[joint].len().max(2) as f64;
     let invisible = |k: usize, length: f64| length <= 0.02 * whole[k].max(f64::MIN_POSITIVE);
     let mut chosen: Vec<usize> = Vec::new();
     let mut columns: Vec<Column> = Vec::new();
@@ -202,11 +215,11 @@ pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: 
         error = with;
         let same = (0..FOLDS).filter(|fold| best_without(Some(*fold)) == Some(best)).count();
         stability.push(same as f64 / FOLDS as f64);
-        let chosen_one: Vec<f64> = white[best].iter().map(|z| f64::from(*z)).collect();
+        let wide = |k: usize| -> Vec<f64> { white[k].iter().map(|z| f64::from(*z)).collect() };
+        let own_column = wide(best);
         let products_with: Vec<f64> = (0..products.len())
             .map(|k| {
-                let one: Vec<f64> = white[k].iter().map(|z| f64::from(*z)).collect();
-                let plain = dot_in_lanes(&one, &chosen_one) - dot_in_lanes(&shares[k], &shares[best]);
+                let plain = dot_in_lanes(&wide(k), &own_column) - dot_in_lanes(&shares[k], &shares[best]);
                 plain - before.iter().map(|row| row[k] * row[best]).sum::<f64>()
             })
             .collect();

@@ -16,7 +16,7 @@ function lead(state, app) {
   const robot = state.robot.joints.length ? `${state.robot.name}, ${state.robot.joints.length} joints` : "no robot yet";
   const fitted = state.steps.length > 1;
   const rest = state.logs.some((log) => log.role === "test") ? "" : " No log tests: errors are then those on logs that the fit has seen.";
-  const broken = state.logs.filter((log) => log.role !== "off" && !(log.unread && state.job) && (log.problem || log.issues.some((issue) => issue.rank === "stop"))).length;
+  const broken = state.logs.filter((log) => stopped(log, state).length).length;
   return h("div", { class: broken ? "verdict bad" : "verdict" },
     h("p", { class: "lead" }, `Robot: ${robot}. Logs: ${counts(state)}.${rest}`),
     broken ? h("p", {}, `${broken} ${broken === 1 ? "log has" : "logs have"} to be repaired, or read in another way, before the fit:`) : null,
@@ -30,12 +30,17 @@ function lead(state, app) {
     proposals(state, app));
 }
 
+// Why a log cannot be used.
+function stopped(log, state) {
+  if (log.role === "off" || (log.unread && state.job)) return [];
+  return [log.problem, ...log.issues.filter((issue) => issue.rank === "stop").map((issue) => issue.text)].filter(Boolean);
+}
+
 // Why logs cannot be used, each reason once.
 function reasons(state) {
-  const own = (log) => [log.unread ? null : log.problem, ...log.issues.filter((issue) => issue.rank === "stop").map((issue) => issue.text)].filter(Boolean);
   const found = new Map();
-  for (const log of state.logs.filter((each) => each.role !== "off")) {
-    for (const text of own(log)) {
+  for (const log of state.logs) {
+    for (const text of stopped(log, state)) {
       const key = alike(text);
       found.set(key, { text, names: [...(found.get(key)?.names ?? []), log.name] });
     }
