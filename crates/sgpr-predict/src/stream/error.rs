@@ -55,7 +55,7 @@ pub enum StreamError {
     },
     /// A time between samples that is too short for the memory of a delay.
     #[error(
-        "step: got {found} s, but a delay keeps samples that are {shortest} s apart or more: give a higher rate_hz"
+        "step: got {found} s, but a delay needs samples that are {shortest} s apart or more: give a higher rate_hz"
     )]
     StepTooShort {
         /// The time, s.

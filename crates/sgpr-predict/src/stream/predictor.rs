@@ -55,7 +55,7 @@ pub struct Predictor {
     clock: Clock,
     /// Effect and joint that need a temperature.
     warm: Option<(String, usize)>,
-    /// Whether steps must not be shorter than half of what the rate says.
+    /// Whether steps must not be shorter than half of what the rate says: of a torque that is late or early.
     delays: bool,
     /// Whether an effect may fail.
     fallible: bool,
@@ -127,9 +127,11 @@ impl StreamedModel {
         check(&terms, rate_hz, self.robot())?;
         let n = self.robot().dof();
         let warm = terms.iter().find(|term| term.effect.needs().temperature);
-        // A memory that grows with the rate is one of samples.
-        let held =
-            |t: &Term| t.effect.state_len(&t.constants, rate_hz) != t.effect.state_len(&t.constants, 2.0 * rate_hz);
+        // A memory that grows with the rate is one of samples; a torque that is early takes the jerk from two of them.
+        let held = |t: &Term| {
+            t.effect.lead(&t.constants) > 0.0
+                || t.effect.state_len(&t.constants, rate_hz) != t.effect.state_len(&t.constants, 2.0 * rate_hz)
+        };
         let sampler = Sampler::new(self, options, &terms, rate_hz);
         Ok(Predictor {
             fallible: sampler.terms.may_fail(),
