@@ -212,7 +212,7 @@ pub trait Effect: Send + Sync + Debug {
         robot
     }
 
-    /// Whether [`Self::link_motion`] does anything.
+    /// Whether `link_motion` does anything.
     fn moves_links(&self) -> bool {
         false
     }
@@ -223,7 +223,7 @@ pub trait Effect: Send + Sync + Debug {
         let _ = (site, constants, context, motion);
     }
 
-    /// The links' motion at the next sample as [`Self::link_motion`] makes it along a trajectory; moves the hidden state on.
+    /// The links' motion at the next sample as `link_motion` makes it along a trajectory; moves the hidden state on.
     fn advance_links(
         &self,
         site: Site,
