@@ -411,6 +411,19 @@ fn gains_that_are_the_same_torque_share_their_probability() {
 }
 
 #[test]
+fn forms_of_one_law_that_logs_cannot_tell_apart_share_one_probability() {
+    // Coulomb friction, and its forms that are smooth at standstill.
+    let Some((robot, train, test)) = hidden_case("dev02") else { return };
+    let effects = ["viscous_friction", "rotor_inertia"].map(String::from).to_vec();
+    let (model, _) = identify(&robot, &train, &IdentifyOptions { effects, ..Default::default() }, &()).unwrap();
+    let diagnosis = diagnose(&model, &train, &test, &DiagnosisOptions::default(), &()).unwrap();
+    let [finding] = &diagnosis.findings[..] else { panic!("{:?}", diagnosis.findings) };
+    assert_eq!((finding.effect.as_str(), finding.joints[0].as_str()), ("coulomb_friction", "joint_1"));
+    assert!(finding.probability > 0.9, "{finding:?}");
+    assert!(finding.evidence.contains("these logs cannot tell which it is"), "{}", finding.evidence);
+}
+
+#[test]
 fn what_no_effect_explains_is_said_and_is_found_once_the_catalogue_has_it() {
     let (train, test) = logs(&[EVEN_DRAG.at(0, 0.3)]);
     let model = identified(&train);

@@ -47,7 +47,7 @@ pub struct Finding {
     pub effect: String,
     /// Names of its joints; none for an effect of the whole arm.
     pub joints: Vec<String>,
-    /// Probability that it is there.
+    /// Probability that it is there, or a form of it that these logs cannot tell from it; [`Self::evidence`] names those.
     pub probability: f64,
     /// Log of the Bayes factor against the same model without it.
     pub score: f64,

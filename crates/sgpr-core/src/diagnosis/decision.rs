@@ -49,12 +49,14 @@ impl Decision {
 }
 
 /// A term that was found.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Judged {
     /// Of the term in the fit.
     pub index: usize,
-    /// Probability that it is there.
+    /// Probability that it is there, or a form of it that these logs cannot tell from it.
     pub probability: f64,
+    /// Names of such forms that are not improbable.
+    pub forms: Vec<String>,
     /// Probability that it or a rival is there.
     pub something: f64,
 }
@@ -371,7 +373,8 @@ fn judge_one(
     let own_errors = &beside.errors;
     let term = &fitted.terms()[index];
     if is_limit(term) {
-        return Judged { index, probability: 1.0 - 1.0 / search.units, something: 1.0 - 1.0 / search.units };
+        let probability = 1.0 - 1.0 / search.units;
+        return Judged { index, probability, forms: vec![], something: probability };
     }
     let bare = search.refit(fitted, without(fitted.terms(), &[index]));
     let rivals = step.rivals.iter().filter(|(rival, score)| {
@@ -383,8 +386,9 @@ fn judge_one(
         terms[index] = rival.clone();
         search.refit(fitted, terms)
     };
+    let rivals: Vec<&Term> = rivals.take(RIVALS).map(|(rival, _)| rival).collect();
     let mut models = vec![search.errors(&bare).left_out, own_errors.clone()];
-    models.extend(rivals.take(RIVALS).map(|(rival, _)| search.errors(&in_its_place(rival)).left_out));
+    models.extend(rivals.iter().map(|rival| search.errors(&in_its_place(rival)).left_out));
     for twin in &step.twins {
         let elsewhere = Term { site: *twin, ..term.clone() };
         models.push(search.errors(&in_its_place(&elsewhere)).left_out);
@@ -401,13 +405,27 @@ fn judge_one(
     let joints = search.joints_of(term);
     let with_process = weights(&search.problem, &models, &prior, &joints);
     let weights = weights(&search.problem, &models[..effects], &prior[..effects], &joints);
+    let is_form = |k: &usize| rivals[k - 2].site == term.site && says_the_same(models[1], models[*k], &joints);
+    let forms: Vec<usize> = (2..twins.start).filter(is_form).collect();
     // Where the same effect explains as much elsewhere, it is as likely there.
-    let own = weights[1] + weights[twins].iter().sum::<f64>();
+    let own = weights[1] + forms.iter().map(|k| weights[*k]).sum::<f64>() + weights[twins].iter().sum::<f64>();
     let probability = own / (1 + step.twins.len()) as f64;
     // A process that is about as good says the same with more freedom. One that is better for certain, and could explain
     // much beside the effect, says something else.
     let of_process: f64 = with_process[effects..].iter().sum();
     let explained = term.site.joint().map_or(0.0, |joint| explained_share(joint, models[0], own_errors));
     let something = if of_process > CERTAIN && is_much(left, explained) { 1.0 - of_process } else { 1.0 - weights[0] };
-    Judged { index, probability, something }
+    let likely = forms.iter().filter(|k| weights[**k] > 1.0 - CERTAIN);
+    let forms = likely.map(|k| rivals[k - 2].effect.name().to_string()).collect();
+    Judged { index, probability, forms, something }
+}
+
+/// Whether the errors of two models on left-out blocks differ at no joint by a share that matters: forms of one law, which
+/// these logs cannot tell apart.
+fn says_the_same(own: &LeftOut, other: &LeftOut, joints: &[usize]) -> bool {
+    let least = (1.0 + MATERIAL).powi(2).recip();
+    joints.iter().all(|&joint| {
+        let [own, other] = [own, other].map(|errors| errors.mean_square(joint));
+        own >= least * other && other >= least * own
+    })
 }

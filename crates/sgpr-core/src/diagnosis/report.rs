@@ -159,9 +159,10 @@ fn findings(search: &Search<'_>, outcome: &Outcome, terms: &[Term], judged: &[Ju
     let robot = search.problem.nominal.robot();
     let mut findings: Vec<Finding> = Vec::new();
     for (index, accepted) in outcome.news(search) {
-        let probability = judged.iter().find(|own| own.index == index).map_or(0.0, |own| own.probability);
+        let own = judged.iter().find(|own| own.index == index);
+        let (probability, forms) = own.map_or((0.0, &[][..]), |own| (own.probability, &own.forms));
         let mut finding = finding(search, terms[index].clone(), accepted, &outcome.held_out, probability);
-        finding.evidence = evidence(&finding, robot);
+        finding.evidence = evidence(&finding, robot, forms);
         findings.push(finding);
     }
     findings.sort_by(|a, b| b.score.total_cmp(&a.score).then_with(|| a.effect.cmp(&b.effect)));
@@ -203,7 +204,8 @@ fn finding(search: &Search<'_>, term: Term, accepted: &Accepted, after: &[f64], 
     }
 }
 
-fn evidence(finding: &Finding, robot: &Robot) -> String {
+/// - `forms`: effects that these logs cannot tell from it at its place
+fn evidence(finding: &Finding, robot: &Robot, forms: &[String]) -> String {
     let about = finding.terms[0].effect.about();
     let signature = if about.signature.is_empty() { String::new() } else { format!(" ({})", about.signature) };
     let summary = finding.terms[0].effect.summary().trim_end_matches('.');
@@ -212,11 +214,14 @@ fn evidence(finding: &Finding, robot: &Robot) -> String {
         if usual { "" } else { "; its sign is the opposite of what such a part has: look for what else acts so" };
     let prefix = format!("{}@", finding.effect);
     let elsewhere: Vec<&str> = finding.confusable_with.iter().filter_map(|c| c.strip_prefix(&prefix)).collect();
-    let undecided = if elsewhere.is_empty() {
-        String::new()
-    } else {
-        format!("; at {} it would explain as much: these logs cannot tell where it is", elsewhere.join(" or "))
-    };
+    let mut undecided = String::new();
+    if !forms.is_empty() {
+        undecided += &format!("; {} would explain as much: these logs cannot tell which it is", forms.join(" or "));
+    }
+    if !elsewhere.is_empty() {
+        undecided +=
+            &format!("; at {} it would explain as much: these logs cannot tell where it is", elsewhere.join(" or "));
+    }
     match largest_fall(&finding.rmse_before, &finding.rmse_after) {
         Some((joint, before, after)) => {
             let of_name = robot.joints().iter().find(|one| one.name == joint);
