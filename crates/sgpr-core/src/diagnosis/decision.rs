@@ -34,6 +34,15 @@ pub(super) struct Decision {
 }
 
 impl Decision {
+    /// What was found.
+    ///
+    /// - `named`: findings, or else effects that stand in the fit for whichever of several it is
+    pub fn news(&self, search: &Search<'_>, named: bool) -> Vec<(&Judged, &Accepted)> {
+        let of = |(index, step)| Some((self.judged.iter().find(|own| own.index == index)?, step));
+        let all = self.outcome.news(search).filter_map(of);
+        all.filter(|(judged, step)| judged.is_finding(step) == named).collect()
+    }
+
     /// Probability that nothing that matters is missing: neither a finding or a rival in its place, nor any of the effects
     /// that were not found, nor what no known effect explains.
     pub fn nothing_missing(&self) -> f64 {
@@ -59,6 +68,13 @@ pub(super) struct Judged {
     pub forms: Vec<String>,
     /// Probability that it or a rival is there.
     pub something: f64,
+}
+
+impl Judged {
+    /// Whether it is worth its name: more probable than not, or the same elsewhere is as probable, or somebody asked for it.
+    pub fn is_finding(&self, step: &Accepted) -> bool {
+        self.probability >= EVEN || !step.twins.is_empty() || step.wanted
+    }
 }
 
 /// Rivals with less than this share of an effect's score are not tried in its place.

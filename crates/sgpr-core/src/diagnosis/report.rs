@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use super::answer::{ByJoint, Diagnosis, Finding, FoundParameter, JointErrors, NotTestable, Step, Verdict};
-use super::decision::{Decision, Judged};
+use super::decision::Decision;
 use super::fit::{Fitted, with_deviations};
 use super::formula::Formula;
-use super::search::{Accepted, Candidate, Outcome, Search};
+use super::search::{Accepted, Candidate, Search};
 use super::structure::JointStructure;
 use super::unknown::Leftover;
 use super::{DiagnosisError, detectability, experiment, formula, structure, whereabouts};
@@ -30,12 +30,13 @@ pub(super) fn report(
     decision: &Decision,
     [train, test]: [&[Recording]; 2],
 ) -> Result<Diagnosis, DiagnosisError> {
-    let Decision { outcome, judged, left, rejected, .. } = decision;
+    let Decision { outcome, left, .. } = decision;
     let start = &outcome.start;
-    let unexplained = left.iter().any(Leftover::is_material);
+    let unnamed = decision.news(search, false);
+    let unexplained = left.iter().any(Leftover::is_material) || !unnamed.is_empty();
     let terms = with_deviations(&search.problem, &outcome.fitted, &search.noise);
-    let mut findings = findings(search, outcome, &terms, judged);
-    let candidates = candidates(search, &findings, outcome, rejected);
+    let mut findings = findings(search, decision, &terms);
+    let candidates = candidates(search, &findings, decision);
     let not_testable = not_testable(search, start, &outcome.ranking);
     let after = with_findings(search, model, decision, &mut findings, train)?;
     let last = if findings.is_empty() { start } else { &outcome.fitted };
@@ -55,6 +56,14 @@ pub(super) fn report(
             100.0 * l.share
         )
     };
+    let unnamed = unnamed.into_iter().map(|(judged, _)| &outcome.fitted.terms()[judged.index]);
+    let in_words = |term: &Term| {
+        let at = term.site.joint().map_or("the whole arm", |joint| names[joint]);
+        let name = term.effect.name();
+        format!(
+            "{at}: {name} would explain part of the error, others would as well, and none is more probable than not"
+        )
+    };
     let verdict = match (unexplained, findings.is_empty()) {
         (_, false) => Verdict::EffectsFound,
         (true, true) => Verdict::UnexplainedStructure,
@@ -71,11 +80,11 @@ pub(super) fn report(
         not_testable,
         detectable,
         joints: joint_errors(search, &outcome.fitted, model, &after, test)?,
-        steps: steps(search, outcome),
+        steps: steps(search, decision),
         whereabouts: whereabouts::locate(&search.problem, start),
         structure,
         left: of_last,
-        unexplained: left.iter().filter(|l| l.is_material()).map(words).collect(),
+        unexplained: left.iter().filter(|l| l.is_material()).map(words).chain(unnamed.map(in_words)).collect(),
         formulas,
         before: model.clone(),
         after,
@@ -137,7 +146,7 @@ pub(super) fn refitted(
 fn beside_findings(term: &Term, robot: &Robot) -> String {
     let values: Vec<String> =
         parameters_of(term, robot).iter().map(|p| format!("{} = {:.3e} {}", p.name, p.value, p.unit)).collect();
-    format!("added {} beside the findings, too small for one: {}", term.effect.name(), values.join(", "))
+    format!("added {} beside the findings, too small or too unsure for one: {}", term.effect.name(), values.join(", "))
 }
 
 /// One line of a model's history.
@@ -155,14 +164,13 @@ fn largest_fall(before: &ByJoint, after: &ByJoint) -> Option<(String, f64, f64)>
     falls.max_by(|x, y| (x.2 / x.1).total_cmp(&(y.2 / y.1)).reverse())
 }
 
-fn findings(search: &Search<'_>, outcome: &Outcome, terms: &[Term], judged: &[Judged]) -> Vec<Finding> {
+fn findings(search: &Search<'_>, decision: &Decision, terms: &[Term]) -> Vec<Finding> {
     let robot = search.problem.nominal.robot();
     let mut findings: Vec<Finding> = Vec::new();
-    for (index, accepted) in outcome.news(search) {
-        let own = judged.iter().find(|own| own.index == index);
-        let (probability, forms) = own.map_or((0.0, &[][..]), |own| (own.probability, &own.forms));
-        let mut finding = finding(search, terms[index].clone(), accepted, &outcome.held_out, probability);
-        finding.evidence = evidence(&finding, robot, forms);
+    for (judged, accepted) in decision.news(search, true) {
+        let term = terms[judged.index].clone();
+        let mut finding = finding(search, term, accepted, &decision.outcome.held_out, judged.probability);
+        finding.evidence = evidence(&finding, robot, &judged.forms);
         findings.push(finding);
     }
     findings.sort_by(|a, b| b.score.total_cmp(&a.score).then_with(|| a.effect.cmp(&b.effect)));
@@ -235,12 +243,11 @@ fn evidence(finding: &Finding, robot: &Robot, forms: &[String]) -> String {
     }
 }
 
-fn candidates(
-    search: &Search<'_>,
-    findings: &[Finding],
-    outcome: &Outcome,
-    rejected: &[(String, Site, f64)],
-) -> Vec<Finding> {
+fn candidates(search: &Search<'_>, findings: &[Finding], decision: &Decision) -> Vec<Finding> {
+    let outcome = &decision.outcome;
+    let unnamed = decision.news(search, false).into_iter();
+    let unnamed = unnamed.map(|(judged, step)| (step.effect.clone(), step.site, judged.probability));
+    let unsure: Vec<(String, Site, f64)> = unnamed.chain(decision.rejected.iter().cloned()).collect();
     let mut candidates: Vec<Finding> = findings.to_vec();
     for candidate in outcome.ranking.iter().filter(|c| c.term.effect.refines().is_none()) {
         let mut one = as_finding(search, candidate, &outcome.held_out_before);
@@ -248,7 +255,7 @@ fn candidates(
         if candidates.iter().any(listed) {
             continue;
         }
-        let own = rejected.iter().find(|(own, site, _)| *own == one.effect && *site == candidate.term.site);
+        let own = unsure.iter().find(|(own, site, _)| *own == one.effect && *site == candidate.term.site);
         one.probability = own.map_or(0.0, |(_, _, probability)| *probability);
         candidates.push(one);
     }
@@ -344,11 +351,11 @@ fn not_testable(search: &Search<'_>, start: &Fitted, ranking: &[Candidate]) -> V
     list
 }
 
-fn steps(search: &Search<'_>, outcome: &Outcome) -> Vec<Step> {
+fn steps(search: &Search<'_>, decision: &Decision) -> Vec<Step> {
     let names: Vec<&str> = search.problem.nominal.robot().joint_names().collect();
     let by_joint = |errors: &[f64]| names.iter().map(|name| (*name).to_string()).zip(errors.iter().copied()).collect();
-    let mut steps = vec![Step { effect: None, joints: vec![], rmse: by_joint(&outcome.held_out_before) }];
-    for (_, accepted) in outcome.news(search) {
+    let mut steps = vec![Step { effect: None, joints: vec![], rmse: by_joint(&decision.outcome.held_out_before) }];
+    for (_, accepted) in decision.news(search, true) {
         let joints = match accepted.site {
             Site::Joint(joint) | Site::Pair(joint, _) => vec![names[joint].to_string()],
             Site::Arm => vec![],
