@@ -319,8 +319,9 @@ mod tests {
             (0..count).for_each(|i| factor.push(&row(i)));
             assert_eq!(factor.rows(), count);
             let error = relative_error(&factor.factor(), &householder(0..count));
-            // With no more rows than columns the factor rests on the shift, a 1e-7 of the columns.
-            let tolerance = if count <= 5 { 1e-9 } else { 1e-12 };
+            // With no more rows than columns the factor rests on the shift, a 1e-7 of the columns. Else rounding, 2.2e-16, is
+            // enlarged by the condition number, 1e5, and by the square root of five columns.
+            let tolerance = if count <= 5 { 1e-9 } else { 5e-11 };
             assert!(error < tolerance, "{count} rows: {error:e}");
         }
     }
