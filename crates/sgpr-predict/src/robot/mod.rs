@@ -1,8 +1,8 @@
 //! The robot: joints, links, limits. Immutable; computations keep their state in a
 //! [`Workspace`](crate::dynamics::Workspace).
 //!
-//! A [`Robot`] comes from a URDF file (`Robot::from_urdf`, with the feature `files`), from a Denavit-Hartenberg table ([`Robot::from_dh`]) or
-//! ready-made ([`puma560`], [`two_link`]). Conventions are in `docs/conventions.md`.
+//! A [`Robot`] comes from a URDF file (`Robot::from_urdf`, with the feature `files`), from a Denavit-Hartenberg table
+//! ([`Robot::from_dh`]) or ready-made ([`puma560`], [`two_link`]). Conventions are in `docs/conventions.md`.
 
 mod description;
 mod dh;
