@@ -412,7 +412,7 @@ fn gains_that_are_the_same_torque_share_their_probability() {
 
 #[test]
 fn forms_of_one_law_that_logs_cannot_tell_apart_share_one_probability() {
-    // Coulomb friction, and its forms that are smooth at standstill.
+    // Coulomb friction, and forms of it with more freedom: that change with time or position.
     let Some((robot, train, test)) = hidden_case("dev02") else { return };
     let effects = ["viscous_friction", "rotor_inertia"].map(String::from).to_vec();
     let (model, _) = identify(&robot, &train, &IdentifyOptions { effects, ..Default::default() }, &()).unwrap();

@@ -1,7 +1,9 @@
 """Real robots whose logs lack an effect that is documented."""
 
+import importlib
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 import sgpr
@@ -10,17 +12,20 @@ from conftest import outside
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
-def robot_and_logs(name: str) -> tuple[sgpr.Robot, list[sgpr.Recording], list[sgpr.Recording]]:
-    """Of a real set: training logs, then test logs."""
-    folder = outside(f"real/{name}")
+def example(name: str) -> ModuleType:
+    """One of the examples, which import each other."""
     sys.path.insert(0, str(EXAMPLES))
     try:
-        from diagnose_real_robots import DATASETS, recordings
+        return importlib.import_module(name)
     finally:
         sys.path.remove(str(EXAMPLES))
-    dataset = next(dataset for dataset in DATASETS if dataset.folder == name)
-    robot = sgpr.Robot.from_urdf(folder / dataset.urdf)
-    return robot, recordings(folder, robot, dataset, dataset.train), recordings(folder, robot, dataset, dataset.test)
+
+
+def robot_and_logs(name: str) -> tuple[sgpr.Robot, list[sgpr.Recording], list[sgpr.Recording]]:
+    """Of a real set: the robot, training logs, test logs."""
+    folder = outside(f"real/{name}")
+    real = example("real_robots")
+    return real.robot_and_logs(folder, next(dataset for dataset in real.DATASETS if dataset.folder == name))
 
 
 @pytest.mark.parametrize(
@@ -34,12 +39,7 @@ def robot_and_logs(name: str) -> tuple[sgpr.Robot, list[sgpr.Recording], list[sg
 )
 def test_the_documented_effect_comes_first(name: str, effect: str, joint: str, reference: float) -> None:
     robot, train, test = robot_and_logs(name)
-    sys.path.insert(0, str(EXAMPLES))
-    try:
-        from diagnose_real_robots import model_of
-    finally:
-        sys.path.remove(str(EXAMPLES))
-    model = model_of(robot, train)
+    model = example("diagnose_real_robots").model_of(robot, train)
 
     diagnosis = sgpr.diagnose(model, train, test)
 
