@@ -397,11 +397,7 @@ fn judge_one(
         let there = fitted.terms().iter().any(|term| term.is_like(rival));
         *score > CLOSE * step.first_score && !there
     });
-    let in_its_place = |rival: &Term| {
-        let mut terms = fitted.terms().to_vec();
-        terms[index] = rival.clone();
-        search.refit(fitted, terms)
-    };
+    let in_its_place = |rival: &Term| search.with_instead(fitted, index, rival.clone());
     let rivals: Vec<&Term> = rivals.take(RIVALS).map(|(rival, _)| rival).collect();
     let mut models = vec![search.errors(&bare).left_out, own_errors.clone()];
     models.extend(rivals.iter().map(|rival| search.errors(&in_its_place(rival)).left_out));

@@ -75,7 +75,7 @@ impl Search<'_> {
     }
 
     /// The fit with another term in the place of the one at `index`.
-    fn with_instead(&self, fitted: &Fitted, index: usize, term: Term) -> Fitted {
+    pub(in super::super) fn with_instead(&self, fitted: &Fitted, index: usize, term: Term) -> Fitted {
         let mut terms = fitted.terms().to_vec();
         terms[index] = term;
         self.refit(fitted, terms)
