@@ -7,7 +7,7 @@ pub(crate) use libm::{
 
 /// Those of numbers of 32 bits.
 pub(crate) mod single {
-    pub(crate) use libm::sqrtf as sqrt;
+    pub(crate) use libm::{expf as exp, powf, sincosf as sin_cos, sqrtf as sqrt, tanhf as tanh};
 }
 
 /// The methods of `f64` by the names that they have with the standard library.

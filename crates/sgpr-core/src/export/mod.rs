@@ -158,7 +158,7 @@ impl TorqueModel {
 }
 
 fn check(effect: &dyn Effect) -> Result<(), ExportError> {
-    if effect.is_recorded() {
+    if effect.is_generic() {
         return Ok(());
     }
     let reason = "it is an effect of a user, given as a function and not as a formula".into();

@@ -13,8 +13,7 @@ mod forward_dynamics;
 mod kinematics;
 mod machine;
 mod mass_matrix;
-#[cfg(feature = "expressions")]
-mod recorded;
+mod number_workspace;
 mod regressor;
 mod rnea;
 mod workspace;
@@ -25,8 +24,7 @@ pub use energy::{kinetic_energy, potential_energy};
 pub use forward_dynamics::{forward_dynamics, forward_dynamics_with_rotors};
 pub use kinematics::{forward_kinematics, frame_pose, jacobian};
 pub use mass_matrix::mass_matrix;
-#[cfg(feature = "expressions")]
-pub use recorded::RecordedWorkspace;
+pub use number_workspace::NumberWorkspace;
 pub use regressor::regressor;
 pub use rnea::{bias_forces, gravity_torque, rnea};
 pub use workspace::Workspace;

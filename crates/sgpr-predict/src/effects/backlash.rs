@@ -5,6 +5,7 @@ use super::{
 };
 #[cfg(feature = "trajectories")]
 use super::{Context, LinkMotion};
+use crate::model::parts::SMALLEST_TORQUE;
 
 /// Play b between the flanks of the gear: the link lies half of it to either side of the encoder, depending on the
 /// sign of the torque, with a soft transition of a twentieth of the joint's torque.
@@ -62,7 +63,7 @@ impl Effect for Backlash {
     #[cfg(feature = "trajectories")]
     fn link_motion(&self, site: Site, constants: &[f64], context: &Context<'_>, motion: &mut LinkMotion) {
         let joint = site.joint().expect("at a joint");
-        let scale = (0.05 * context.rms(context.rigid_torque, joint)).max(f64::MIN_POSITIVE);
+        let scale = (0.05 * context.rms(context.rigid_torque, joint)).max(SMALLEST_TORQUE);
         let side = |torque: f64| -0.5 * constants[0] * (torque / scale).tanh();
         let play: Vec<f64> = context.of_joint(context.rigid_torque, joint).map(side).collect();
         motion.deflect(joint, &play, context.rate_hz);
@@ -94,11 +95,12 @@ fn links<S: Stepped>(
     links: &mut LinkSample<'_, S>,
 ) {
     let joint = site.joint().expect("at a joint");
-    let (sums, derivatives) = state.hidden.split_at_mut(2);
+    let (seen, derivatives) = state.hidden.split_at_mut(2);
     let torque = input.rigid_torque[joint];
-    sums[0] += torque * torque;
-    sums[1] = sums[1] + 1.0;
-    let scale = ((sums[0] / sums[1]).sqrt() * 0.05).max(S::constant(f64::MIN_POSITIVE));
+    let [mean_square, count] = seen else { unreachable!("two numbers") };
+    *count = *count + 1.0;
+    *mean_square += (torque * torque - *mean_square) / *count;
+    let scale = (mean_square.sqrt() * 0.05).max(S::constant(SMALLEST_TORQUE));
     let side = (torque / scale).tanh();
     links.q[joint] -= side * (0.5 * constants[0]);
     if !input.rate_hz.is_finite() {

@@ -60,7 +60,7 @@ impl Effect for BaseTilt {
         vec![Site::Arm]
     }
 
-    fn is_recorded(&self) -> bool {
+    fn is_generic(&self) -> bool {
         true
     }
 

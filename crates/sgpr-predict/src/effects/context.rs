@@ -132,12 +132,12 @@ pub(super) fn harmonic<S: Stepped>(input: &SampleInput<'_, S>, site: Site, order
 /// One after the time `edge`, zero before it and where the time is not known; the sample in whose period the edge falls
 /// gets its share.
 #[inline]
-pub(super) fn after<S: Number>(time: S, edge: f64, rate_hz: f64) -> S {
+pub(super) fn after<S: Stepped>(time: S::Time, edge: f64, rate_hz: f64) -> S {
     let [zero, one] = [0.0, 1.0].map(S::constant);
-    if !time.is_known() {
+    let since = S::since(time, edge);
+    if !since.is_known() {
         return zero;
     }
-    let since = time - edge;
     if rate_hz.is_finite() { (since * rate_hz + 0.5).clamp(zero, one) } else { since.where_positive(one, zero) }
 }
 

@@ -85,7 +85,7 @@ fn law<S: Stepped>(
     columns: &mut [S],
 ) {
     let n = input.robot.dof();
-    let inside = |edge: f64| after(input.time, edge, input.rate_hz);
+    let inside = |edge: f64| after::<S>(input.time, edge, input.rate_hz);
     let on = inside(constants[0]) * (-inside(constants[1]) + 1.0);
     columns.fill(S::zero(()));
     if on.is_surely_zero() {

@@ -65,7 +65,7 @@ fn law<S: Stepped>(
     columns: &mut [S],
 ) {
     let dq = input.dq[site.joint().expect("at a joint")];
-    let on = after(input.time, constants[0], input.rate_hz);
+    let on = after::<S>(input.time, constants[0], input.rate_hz);
     columns[0] = on * dq.sgn();
     columns[1] = on * dq;
 }

@@ -63,11 +63,12 @@ fn law<S: Stepped>(
     _: &mut StepState<'_, S>,
     columns: &mut [S],
 ) {
-    if !input.time.is_known() {
+    let time = S::since(input.time, 0.0);
+    if !time.is_known() {
         return columns.fill(S::zero(()));
     }
     let dq = input.dq[site.joint().expect("at a joint")];
-    let cold = (-input.time / constants[0]).exp();
+    let cold = (-time / constants[0]).exp();
     columns[0] = cold * dq;
     columns[1] = cold * dq.sgn();
 }

@@ -62,7 +62,7 @@ impl Effect for LinkLengthError {
         (1..robot.dof()).map(Site::Joint).collect()
     }
 
-    fn is_recorded(&self) -> bool {
+    fn is_generic(&self) -> bool {
         true
     }
 

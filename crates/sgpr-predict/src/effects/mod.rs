@@ -85,7 +85,77 @@ pub use stepping::{LinkSample, Needs, SampleInput, StepState, Stepped, Streamed}
 use crate::expression::Expr;
 use crate::names::suggestion;
 use crate::robot::{JointKind, Robot};
-use crate::simd::Number;
+use crate::simd::{Number, Single};
+
+/// The methods of [`Effect`] that advance it, over other numbers than `f64`: they do nothing of their own.
+macro_rules! methods_over {
+    ($number:ident: $columns:ident, $start:ident, $advance:ident, $links:ident, $start_transmitted:ident,
+     $transmitted:ident) => {
+        /// As [`Self::columns`].
+        fn $columns(&self, joint: usize, state: &JointState<'_, $number>, out: &mut [$number]) {
+            let _ = (joint, state);
+            out.fill($number::constant(0.0));
+        }
+
+        /// As [`Self::start`].
+        fn $start(
+            &self,
+            site: Site,
+            constants: &[f64],
+            input: &SampleInput<'_, $number>,
+            state: &mut StepState<'_, $number>,
+        ) {
+            let _ = (site, constants, input);
+            state.hidden.fill($number::constant(0.0));
+        }
+
+        /// As [`Self::advance`].
+        fn $advance(
+            &self,
+            site: Site,
+            constants: &[f64],
+            input: &SampleInput<'_, $number>,
+            state: &mut StepState<'_, $number>,
+            columns: &mut [$number],
+        ) {
+            let _ = (constants, state);
+            let motion = JointState { q: input.q, dq: input.dq, ddq: input.ddq };
+            self.$columns(site.joint().unwrap_or_default(), &motion, columns);
+        }
+
+        /// As [`Self::advance_links`].
+        fn $links(
+            &self,
+            site: Site,
+            constants: &[f64],
+            input: &SampleInput<'_, $number>,
+            state: &mut StepState<'_, $number>,
+            links: &mut LinkSample<'_, $number>,
+        ) {
+            let _ = (site, constants, input, state, links);
+        }
+
+        /// As [`Self::start_transmitted`].
+        fn $start_transmitted(&self, torque: $number, hidden: &mut [$number]) {
+            let _ = torque;
+            hidden.fill($number::constant(0.0));
+        }
+
+        /// As [`Self::advance_transmitted`].
+        fn $transmitted(
+            &self,
+            site: Site,
+            constants: &[f64],
+            joint: usize,
+            rate_hz: f64,
+            hidden: &mut [$number],
+            torque: $number,
+        ) -> $number {
+            let _ = (site, constants, joint, rate_hz, hidden);
+            torque
+        }
+    };
+}
 
 /// A physical effect.
 ///
@@ -265,81 +335,20 @@ pub trait Effect: Send + Sync + Debug {
         torque
     }
 
-    /// Whether the methods below that begin with `record` are those without it, over expressions: the effect can be
-    /// exported as code.
-    fn is_recorded(&self) -> bool {
+    /// Whether the methods that begin with `single` and `record` are those without it, over numbers of 32 bits and over
+    /// expressions: the effect runs in both, and can be exported as code.
+    fn is_generic(&self) -> bool {
         false
     }
 
-    /// As [`Self::columns`].
-    #[cfg(feature = "expressions")]
-    fn record_columns(&self, joint: usize, state: &JointState<'_, Expr>, out: &mut [Expr]) {
-        let _ = (joint, state);
-        out.fill(Expr::constant(0.0));
-    }
+    methods_over!(
+        Single: single_columns, single_start, single_advance, single_links, single_start_transmitted, single_transmitted
+    );
 
-    /// As [`Self::start`].
     #[cfg(feature = "expressions")]
-    fn record_start(
-        &self,
-        site: Site,
-        constants: &[f64],
-        input: &SampleInput<'_, Expr>,
-        state: &mut StepState<'_, Expr>,
-    ) {
-        let _ = (site, constants, input);
-        state.hidden.fill(Expr::constant(0.0));
-    }
-
-    /// As [`Self::advance`].
-    #[cfg(feature = "expressions")]
-    fn record(
-        &self,
-        site: Site,
-        constants: &[f64],
-        input: &SampleInput<'_, Expr>,
-        state: &mut StepState<'_, Expr>,
-        columns: &mut [Expr],
-    ) {
-        let _ = (constants, state);
-        let motion = JointState { q: input.q, dq: input.dq, ddq: input.ddq };
-        self.record_columns(site.joint().unwrap_or_default(), &motion, columns);
-    }
-
-    /// As [`Self::advance_links`].
-    #[cfg(feature = "expressions")]
-    fn record_links(
-        &self,
-        site: Site,
-        constants: &[f64],
-        input: &SampleInput<'_, Expr>,
-        state: &mut StepState<'_, Expr>,
-        links: &mut LinkSample<'_, Expr>,
-    ) {
-        let _ = (site, constants, input, state, links);
-    }
-
-    /// As [`Self::start_transmitted`].
-    #[cfg(feature = "expressions")]
-    fn record_start_transmitted(&self, torque: Expr, hidden: &mut [Expr]) {
-        let _ = torque;
-        hidden.fill(Expr::constant(0.0));
-    }
-
-    /// As [`Self::advance_transmitted`].
-    #[cfg(feature = "expressions")]
-    fn record_transmitted(
-        &self,
-        site: Site,
-        constants: &[f64],
-        joint: usize,
-        rate_hz: f64,
-        hidden: &mut [Expr],
-        torque: Expr,
-    ) -> Expr {
-        let _ = (site, constants, joint, rate_hz, hidden);
-        torque
-    }
+    methods_over!(
+        Expr: record_columns, record_start, record, record_links, record_start_transmitted, record_transmitted
+    );
 
     /// What went wrong in the calls since this was last asked, if an effect can fail; its columns are zero then.
     fn failure(&self) -> Option<String> {

@@ -89,7 +89,7 @@ fn law<S: Stepped>(
     state: &mut StepState<'_, S>,
     columns: &mut [S],
 ) {
-    let on = after(input.time, constants[0], input.rate_hz);
+    let on = after::<S>(input.time, constants[0], input.rate_hz);
     link_columns(input, input.robot.dof() - 1, on, state, columns);
 }
 

@@ -5,28 +5,26 @@ use alloc::string::String;
 use alloc::vec::Vec;
 
 use super::{Context, Effect, JointState, Reach, Site};
-#[cfg(feature = "expressions")]
-use crate::dynamics::RecordedWorkspace;
-use crate::dynamics::{Workspace, forward_kinematics, regressor, rnea};
+use crate::dynamics::{NumberWorkspace, Workspace, forward_kinematics, regressor, rnea};
 #[cfg(feature = "expressions")]
 use crate::expression::Expr;
 #[cfg(not(feature = "std"))]
 use crate::math::Float;
 use crate::robot::Robot;
-use crate::simd::Number;
+use crate::simd::{Number, Single};
 use crate::spatial::Pose;
 
 /// One sample of a motion and what a model says of it: everything that a stepped effect may depend on.
 ///
 /// Arrays are `[n]`, SI.
 #[derive(Clone, Copy, Debug)]
-pub struct SampleInput<'a, S = f64> {
+pub struct SampleInput<'a, S: Stepped = f64> {
     /// The robot with the inertias of the model.
     pub robot: &'a Robot,
     /// One over the time since the sample before, Hz; NaN if it is not known.
     pub rate_hz: f64,
     /// Time of the session, s; NaN if it is not known.
-    pub time: S,
+    pub time: S::Time,
     /// Positions, rad (m).
     pub q: &'a [S],
     /// Velocities, rad/s (m/s).
@@ -76,6 +74,12 @@ pub struct Needs {
 
 /// A number that effects are advanced over: of a sample, or an expression from which code is made.
 pub trait Stepped: Number {
+    /// A time of the session. It has 64 bits where the number has 32: after an hour those would tell no milliseconds apart.
+    type Time: Number;
+
+    /// The time since `origin`, s.
+    fn since(time: Self::Time, origin: f64) -> Self;
+
     /// Buffers of the dynamics.
     type Workspace: core::fmt::Debug + Send;
 
@@ -190,9 +194,15 @@ macro_rules! methods_of_effects {
 }
 
 impl Stepped for f64 {
+    type Time = Self;
     type Workspace = Workspace;
 
     methods_of_effects!(columns, start, advance, advance_links, start_transmitted, advance_transmitted);
+
+    #[inline]
+    fn since(time: Self, origin: f64) -> Self {
+        time - origin
+    }
 
     fn workspace(robot: &Robot) -> Workspace {
         Workspace::new(robot)
@@ -219,9 +229,66 @@ impl Stepped for f64 {
     }
 }
 
+/// The dynamics of a number whose buffers are a [`NumberWorkspace`].
+macro_rules! dynamics_of_numbers {
+    () => {
+        type Workspace = NumberWorkspace<Self>;
+
+        fn workspace(robot: &Robot) -> Self::Workspace {
+            NumberWorkspace::new(robot)
+        }
+
+        fn rnea(robot: &Robot, workspace: &mut Self::Workspace, motion: [&[Self]; 3], tau: &mut [Self]) {
+            workspace.rnea(robot, motion, tau);
+        }
+
+        fn regressor<'ws>(robot: &Robot, workspace: &'ws mut Self::Workspace, motion: [&[Self]; 3]) -> &'ws [Self] {
+            workspace.regressor(robot, motion)
+        }
+
+        fn forward_kinematics<'ws>(
+            robot: &Robot,
+            workspace: &'ws mut Self::Workspace,
+            q: &[Self],
+        ) -> &'ws [Pose<Self>] {
+            workspace.forward_kinematics(robot, q)
+        }
+    };
+}
+
+impl Stepped for Single {
+    type Time = f64;
+
+    dynamics_of_numbers!();
+
+    methods_of_effects!(
+        single_columns,
+        single_start,
+        single_advance,
+        single_links,
+        single_start_transmitted,
+        single_transmitted
+    );
+
+    #[inline]
+    fn since(time: f64, origin: f64) -> Self {
+        Self::constant(time - origin)
+    }
+
+    fn delayed(hidden: &mut [Self], value: Self, delay: f64, step: f64) -> Self {
+        Delay(hidden).advance(value, delay, step)
+    }
+
+    fn start_delay(hidden: &mut [Self], value: Self) {
+        Delay(hidden).start(value);
+    }
+}
+
 #[cfg(feature = "expressions")]
 impl Stepped for Expr {
-    type Workspace = RecordedWorkspace;
+    type Time = Self;
+
+    dynamics_of_numbers!();
 
     methods_of_effects!(
         record_columns,
@@ -232,20 +299,8 @@ impl Stepped for Expr {
         record_transmitted
     );
 
-    fn workspace(robot: &Robot) -> RecordedWorkspace {
-        RecordedWorkspace::new(robot)
-    }
-
-    fn rnea(robot: &Robot, workspace: &mut RecordedWorkspace, motion: [&[Self]; 3], tau: &mut [Self]) {
-        workspace.rnea(robot, motion, tau);
-    }
-
-    fn regressor<'ws>(robot: &Robot, workspace: &'ws mut RecordedWorkspace, motion: [&[Self]; 3]) -> &'ws [Self] {
-        workspace.regressor(robot, motion)
-    }
-
-    fn forward_kinematics<'ws>(robot: &Robot, workspace: &'ws mut RecordedWorkspace, q: &[Self]) -> &'ws [Pose<Self>] {
-        workspace.forward_kinematics(robot, q)
+    fn since(time: Self, origin: f64) -> Self {
+        time - origin
     }
 
     /// Steps of one length need no ring: the values move up by one place, and the weights are constants.
@@ -261,45 +316,36 @@ impl Stepped for Expr {
     }
 }
 
-/// An effect's method, and the same over expressions, by one function that is written over [`Stepped`] numbers.
+/// An effect's method, and the same over the other numbers, by one function that is written over [`Stepped`] numbers.
 macro_rules! written_once {
     (columns: $law:ident) => {
-        fn columns(&self, joint: usize, state: &super::JointState<'_>, out: &mut [f64]) {
-            $law(joint, state, out);
-        }
-
-        fn is_recorded(&self) -> bool {
+        fn is_generic(&self) -> bool {
             true
         }
 
+        written_once!(@columns columns, f64, $law);
+        written_once!(@columns single_columns, crate::simd::Single, $law);
         #[cfg(feature = "expressions")]
-        fn record_columns(
-            &self,
-            joint: usize,
-            state: &super::JointState<'_, crate::expression::Expr>,
-            out: &mut [crate::expression::Expr],
-        ) {
+        written_once!(@columns record_columns, crate::expression::Expr, $law);
+    };
+    (@columns $name:ident, $number:ty, $law:ident) => {
+        fn $name(&self, joint: usize, state: &super::JointState<'_, $number>, out: &mut [$number]) {
             $law(joint, state, out);
         }
     };
     (start: $law:ident) => {
-        fn start(
-            &self,
-            site: super::Site,
-            constants: &[f64],
-            input: &super::SampleInput<'_>,
-            state: &mut super::StepState<'_>,
-        ) {
-            $law(site, constants, input, state);
-        }
-
+        written_once!(@start start, f64, $law);
+        written_once!(@start single_start, crate::simd::Single, $law);
         #[cfg(feature = "expressions")]
-        fn record_start(
+        written_once!(@start record_start, crate::expression::Expr, $law);
+    };
+    (@start $name:ident, $number:ty, $law:ident) => {
+        fn $name(
             &self,
             site: super::Site,
             constants: &[f64],
-            input: &super::SampleInput<'_, crate::expression::Expr>,
-            state: &mut super::StepState<'_, crate::expression::Expr>,
+            input: &super::SampleInput<'_, $number>,
+            state: &mut super::StepState<'_, $number>,
         ) {
             $law(site, constants, input, state);
         }
@@ -309,98 +355,80 @@ macro_rules! written_once {
             true
         }
 
-        fn advance(
-            &self,
-            site: super::Site,
-            constants: &[f64],
-            input: &super::SampleInput<'_>,
-            state: &mut super::StepState<'_>,
-            columns: &mut [f64],
-        ) {
-            $law(site, constants, input, state, columns);
-        }
-
-        fn is_recorded(&self) -> bool {
+        fn is_generic(&self) -> bool {
             true
         }
 
+        written_once!(@advance advance, f64, $law);
+        written_once!(@advance single_advance, crate::simd::Single, $law);
         #[cfg(feature = "expressions")]
-        fn record(
+        written_once!(@advance record, crate::expression::Expr, $law);
+    };
+    (@advance $name:ident, $number:ty, $law:ident) => {
+        fn $name(
             &self,
             site: super::Site,
             constants: &[f64],
-            input: &super::SampleInput<'_, crate::expression::Expr>,
-            state: &mut super::StepState<'_, crate::expression::Expr>,
-            columns: &mut [crate::expression::Expr],
+            input: &super::SampleInput<'_, $number>,
+            state: &mut super::StepState<'_, $number>,
+            columns: &mut [$number],
         ) {
             $law(site, constants, input, state, columns);
         }
     };
     (advance_links: $law:ident) => {
-        fn advance_links(
-            &self,
-            site: super::Site,
-            constants: &[f64],
-            input: &super::SampleInput<'_>,
-            state: &mut super::StepState<'_>,
-            links: &mut super::LinkSample<'_>,
-        ) {
-            $law(site, constants, input, state, links);
-        }
-
-        fn is_recorded(&self) -> bool {
+        fn is_generic(&self) -> bool {
             true
         }
 
+        written_once!(@advance_links advance_links, f64, $law);
+        written_once!(@advance_links single_links, crate::simd::Single, $law);
         #[cfg(feature = "expressions")]
-        fn record_links(
+        written_once!(@advance_links record_links, crate::expression::Expr, $law);
+    };
+    (@advance_links $name:ident, $number:ty, $law:ident) => {
+        fn $name(
             &self,
             site: super::Site,
             constants: &[f64],
-            input: &super::SampleInput<'_, crate::expression::Expr>,
-            state: &mut super::StepState<'_, crate::expression::Expr>,
-            links: &mut super::LinkSample<'_, crate::expression::Expr>,
+            input: &super::SampleInput<'_, $number>,
+            state: &mut super::StepState<'_, $number>,
+            links: &mut super::LinkSample<'_, $number>,
         ) {
             $law(site, constants, input, state, links);
         }
     };
     (start_transmitted: $law:ident) => {
-        fn start_transmitted(&self, torque: f64, hidden: &mut [f64]) {
-            $law(torque, hidden);
-        }
-
+        written_once!(@start_transmitted start_transmitted, f64, $law);
+        written_once!(@start_transmitted single_start_transmitted, crate::simd::Single, $law);
         #[cfg(feature = "expressions")]
-        fn record_start_transmitted(&self, torque: crate::expression::Expr, hidden: &mut [crate::expression::Expr]) {
+        written_once!(@start_transmitted record_start_transmitted, crate::expression::Expr, $law);
+    };
+    (@start_transmitted $name:ident, $number:ty, $law:ident) => {
+        fn $name(&self, torque: $number, hidden: &mut [$number]) {
             $law(torque, hidden);
         }
     };
     (advance_transmitted: $law:ident) => {
-        fn advance_transmitted(
-            &self,
-            site: super::Site,
-            constants: &[f64],
-            joint: usize,
-            rate_hz: f64,
-            hidden: &mut [f64],
-            torque: f64,
-        ) -> f64 {
-            $law(site, constants, joint, rate_hz, hidden, torque)
-        }
-
-        fn is_recorded(&self) -> bool {
+        fn is_generic(&self) -> bool {
             true
         }
 
+        written_once!(@advance_transmitted advance_transmitted, f64, $law);
+        written_once!(@advance_transmitted single_transmitted, crate::simd::Single, $law);
         #[cfg(feature = "expressions")]
-        fn record_transmitted(
+        written_once!(@advance_transmitted record_transmitted, crate::expression::Expr, $law);
+    };
+    (@advance_transmitted $name:ident, $number:ty, $law:ident) => {
+        fn $name(
             &self,
             site: super::Site,
             constants: &[f64],
             joint: usize,
             rate_hz: f64,
-            hidden: &mut [crate::expression::Expr],
-            torque: crate::expression::Expr,
-        ) -> crate::expression::Expr {
+            hidden: &mut [$number],
+            torque: $number,
+        ) -> $number {
             $law(site, constants, joint, rate_hz, hidden, torque)
         }
     };
@@ -632,12 +660,12 @@ const SMOOTH_HEAD: usize = 3;
 /// The cut-off of the lags is [`ABOVE`] times the bandwidth of the motion so far: that of a normal spectrum with the same
 /// second moment, of whose power 99.5 % lie below 2.81 times the root mean square frequency.
 ///
-/// State: whether it has begun, sums of squared speeds and accelerations, and the three lags. It begins at rest.
+/// State: number of samples, means of squared speeds and accelerations, and the three lags. It begins at rest.
 ///
 /// Source: S. O. Rice, Mathematical analysis of random noise, Bell Syst. Tech. J. 23 (1944), for that frequency.
 pub(super) struct SmoothDerivatives<'a, S>(pub &'a mut [S]);
 
-impl<S: Number> SmoothDerivatives<'_, S> {
+impl<S: Stepped> SmoothDerivatives<'_, S> {
     /// Derivatives at the next value, that of a sample.
     pub fn advance(self, x: S, input: &SampleInput<'_, S>) -> [S; 2] {
         const BAND: f64 = 2.81;
@@ -645,10 +673,12 @@ impl<S: Number> SmoothDerivatives<'_, S> {
         let sum_of_squares = |values: &[S]| values.iter().fold(S::zero(()), |sum, x| sum + x.squared());
         let (head, lags) = self.0.split_at_mut(SMOOTH_HEAD);
         lags.iter_mut().for_each(|lag| *lag = head[0].where_positive(*lag, x));
-        head[0] = S::constant(1.0);
-        head[1] += sum_of_squares(input.dq);
-        head[2] += sum_of_squares(input.ddq);
-        let moment = head[1].where_positive((head[2] / head[1]).sqrt(), S::constant(f64::INFINITY));
+        let [count, speed, acceleration] = head else { unreachable!("three numbers") };
+        // Means, and not sums: one sample more still counts among many.
+        *count = *count + 1.0;
+        *speed += (sum_of_squares(input.dq) - *speed) / *count;
+        *acceleration += (sum_of_squares(input.ddq) - *acceleration) / *count;
+        let moment = speed.where_positive((*acceleration / *speed).sqrt(), S::constant(f64::INFINITY));
         let [low, high] = [1.0 / WINDOW_S, 0.5 * input.rate_hz].map(S::constant);
         let bandwidth = (moment * BAND / TAU).clamp(low, high);
         let time = (bandwidth * (TAU * ABOVE)).recip();
@@ -665,15 +695,15 @@ impl<S: Number> SmoothDerivatives<'_, S> {
 /// Nodes of the interpolation of [`Delay`].
 const NODES: usize = 4;
 
-/// Numbers of a [`Delay`] beside its values and their times.
-const DELAY_HEAD: usize = 4;
+/// Numbers of a [`Delay`] beside its values and the times between them.
+const DELAY_HEAD: usize = 3;
 
 /// A value some time ago, by cubic interpolation between the samples around that time, or the four newest where the time
 /// is younger than the last but one. Before the start the value was what it was there.
 ///
-/// State: place of the newest value, its time, the time between samples, for how many values that did not change; then
-/// the values and their times in a ring.
-pub(super) struct Delay<'a>(pub &'a mut [f64]);
+/// State: place of the newest value, the time between samples, for how many values that did not change; then the values
+/// and the time before each in a ring.
+pub(super) struct Delay<'a, S = f64>(pub &'a mut [S]);
 
 impl Delay<'_> {
     /// Numbers for a delay at a rate, if the time between samples is never less than half of what the rate says.
@@ -681,42 +711,48 @@ impl Delay<'_> {
         let samples = if rate_hz.is_finite() { (delay.max(0.0) * rate_hz).ceil() as usize } else { 0 };
         DELAY_HEAD + 2 * (2 * samples + NODES + 1)
     }
+}
 
+impl<S: Number + Into<f64>> Delay<'_, S> {
     /// It has always been this value.
-    pub fn start(self, value: f64) {
+    pub fn start(self, value: S) {
         let capacity = (self.0.len() - DELAY_HEAD) / 2;
-        self.0.fill(0.0);
+        self.0.fill(S::zero(()));
         self.0[DELAY_HEAD..DELAY_HEAD + capacity].fill(value);
     }
 
     /// The value `delay` seconds before this one, which comes `step` seconds after the last one.
-    pub fn advance(self, value: f64, delay: f64, step: f64) -> f64 {
+    pub fn advance(self, value: S, delay: f64, step: f64) -> S {
         let (head, ring) = self.0.split_at_mut(DELAY_HEAD);
+        let [place, last_step, even] = head else { unreachable!("three numbers") };
         let capacity = ring.len() / 2;
-        let (values, times) = ring.split_at_mut(capacity);
-        let newest = (head[0] as usize + 1) % capacity;
-        let even = step == head[2];
-        head[0] = newest as f64;
-        head[1] += step;
-        head[3] = if even { (head[3] + 1.0).min(capacity as f64) } else { 1.0 };
-        if head[2] == 0.0 {
+        let (values, steps) = ring.split_at_mut(capacity);
+        let newest = ((*place).into() as usize + 1) % capacity;
+        let this_step = S::constant(step);
+        if last_step.is_surely_zero() {
             // What was before the start is evenly spaced.
-            head[3] = capacity as f64;
-            (0..capacity).for_each(|back| times[(newest + capacity - back) % capacity] = head[1] - back as f64 * step);
+            steps.fill(this_step);
+            (*last_step, *even) = (this_step, S::constant(capacity as f64));
         }
-        head[2] = step;
+        let changed = !(*last_step - this_step).is_surely_zero();
+        *even = if changed { S::constant(1.0) } else { (*even + 1.0).clamp(S::zero(()), S::constant(capacity as f64)) };
+        *place = S::constant(newest as f64);
+        *last_step = this_step;
         values[newest] = value;
-        times[newest] = head[1];
+        steps[newest] = this_step;
         let at = |back: usize| (newest + capacity - back.min(capacity - 1)) % capacity;
-        if head[3] >= capacity as f64 {
+        if (*even).into() >= capacity as f64 {
             let (first, weights) = delay_weights(delay / step);
-            return (0..NODES).map(|node| weights[node] * values[at(first - node)]).sum();
+            return (0..NODES).fold(S::zero(()), |sum, node| sum + values[at(first - node)] * weights[node]);
         }
-        let wanted = head[1] - delay;
-        let older = (1..capacity).find(|back| times[at(*back)] <= wanted).unwrap_or(capacity - 1);
-        let (old, new) = (at(older), at(older - 1));
-        let share = ((wanted - times[old]) / (times[new] - times[old])).clamp(0.0, 1.0);
-        values[old] + share * (values[new] - values[old])
+        let (mut older, mut age) = (1, steps[newest].into());
+        while older + 1 < capacity && age < delay {
+            age += steps[at(older)].into();
+            older += 1;
+        }
+        let (old, new) = (values[at(older)], values[at(older - 1)]);
+        let between: f64 = steps[at(older - 1)].into();
+        old + (new - old) * ((age - delay) / between).clamp(0.0, 1.0)
     }
 }
 

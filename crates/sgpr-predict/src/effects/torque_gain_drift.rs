@@ -50,5 +50,6 @@ impl Effect for TorqueGainDrift {
 
 fn law<S: Stepped>(site: Site, _: &[f64], input: &SampleInput<'_, S>, _: &mut StepState<'_, S>, columns: &mut [S]) {
     let torque = input.torque[site.joint().expect("at a joint")];
-    columns[0] = if input.time.is_known() { input.time / 100.0 * torque } else { S::zero(()) };
+    let time = S::since(input.time, 0.0);
+    columns[0] = if time.is_known() { time / 100.0 * torque } else { S::zero(()) };
 }

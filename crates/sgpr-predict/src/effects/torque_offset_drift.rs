@@ -46,9 +46,10 @@ impl Effect for TorqueOffsetDrift {
 }
 
 fn law<S: Stepped>(_: Site, _: &[f64], input: &SampleInput<'_, S>, _: &mut StepState<'_, S>, columns: &mut [S]) {
-    if !input.time.is_known() {
+    let time = S::since(input.time, 0.0);
+    if !time.is_known() {
         return columns.fill(S::zero(()));
     }
-    columns[0] = input.time / 100.0;
-    columns[1] = (input.time / 100.0).squared();
+    columns[0] = time / 100.0;
+    columns[1] = columns[0].squared();
 }

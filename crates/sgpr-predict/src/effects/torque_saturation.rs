@@ -45,7 +45,7 @@ impl Effect for TorqueSaturation {
         Entry::Transform
     }
 
-    fn is_recorded(&self) -> bool {
+    fn is_generic(&self) -> bool {
         true
     }
 

@@ -16,6 +16,7 @@ mod real;
 mod registers;
 #[cfg(not(feature = "simd"))]
 mod scalar;
+mod single;
 #[cfg(feature = "simd")]
 mod transpose;
 #[cfg(feature = "simd")]
@@ -33,6 +34,7 @@ pub(crate) use pair_products::{pair, pair_products};
 pub(crate) use power_of_two::{power_of_two_f32, power_of_two_f64};
 pub use real::Real;
 pub(crate) use registers::{Arch, Simd, WithSimd, lanes_f32, lanes_f64};
+pub use single::Single;
 #[cfg(feature = "simd")]
 pub(crate) use transpose::Transpose;
 #[cfg(feature = "simd")]

@@ -2,6 +2,7 @@
 
 mod error;
 mod options;
+mod plain;
 mod predictor;
 mod rest;
 mod sampler;
@@ -9,6 +10,7 @@ mod steps;
 
 pub use error::StreamError;
 pub use options::{Purpose, StreamOptions, UnknownPurpose};
+pub use plain::Plain;
 pub use predictor::{Predictor, SavedStates};
 pub use rest::RestOptions;
 use steps::TermSteps;

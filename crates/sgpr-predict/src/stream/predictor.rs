@@ -4,10 +4,12 @@ use alloc::vec::Vec;
 
 use super::rest::{RestOptions, RestPredictor, identified};
 use super::sampler::{Buffers, Sampler, StreamStart};
-use super::{Purpose, StreamError, StreamOptions};
-use crate::effects::{Needs, Streamed, knows_one_row};
+use super::steps::TransformSteps;
+use super::{Plain, Purpose, StreamError, StreamOptions};
+use crate::effects::{Effect, Needs, Streamed, knows_one_row};
 use crate::model::{StreamedModel, Term};
 use crate::robot::Robot;
+use crate::simd::{Number, Real};
 
 /// Torque of one sample after the other, for a controller: owns its buffers, allocates nothing after it is made, takes no
 /// lock, and can move to another thread.
@@ -45,8 +47,8 @@ use crate::robot::Robot;
 /// assert!((back - (at_rest - 2.0)).abs() < 1e-12 && moved != back);
 /// ```
 #[derive(Debug)]
-pub struct Predictor {
-    sampler: Sampler,
+pub struct Predictor<F: Plain = f64> {
+    sampler: Sampler<F::Number>,
     /// Index of the first coefficient of each of the terms among those of all terms of the model.
     first_coefficients: Vec<usize>,
     /// What a constant torque becomes at each joint, and its largest value.
@@ -59,10 +61,10 @@ pub struct Predictor {
     delays: bool,
     /// Whether an effect may fail.
     fallible: bool,
-    start: StreamStart,
+    start: StreamStart<F::Number>,
     /// Of a learned model.
-    rest: Option<Box<RestPredictor>>,
-    tau_with_rest: Vec<f64>,
+    rest: Option<Box<RestPredictor<F>>>,
+    tau: Vec<F>,
 }
 
 /// The time of the session.
@@ -108,6 +110,33 @@ impl StreamedModel {
     /// # Errors
     /// As [`Self::predictor`]; if a standard deviation is asked for and the model has no processes, or too many points for it.
     pub fn predictor_with(&self, options: &StreamOptions, rest: &RestOptions) -> Result<Predictor, StreamError> {
+        self.predictor_of(options, rest)
+    }
+
+    /// The same in 32 bits, for processors that compute with no other numbers: of the motion, the hidden states and the
+    /// torque; times and the gaps between them stay in 64. It has no standard deviation.
+    ///
+    /// # Errors
+    /// As [`Self::predictor`]; if an effect is not written over numbers of 32 bits, as one of a user may be.
+    ///
+    /// # Examples
+    /// ```
+    /// use sgpr_predict::{model::StreamedModel, robot::puma560, stream::StreamOptions};
+    /// let model = StreamedModel::nominal(&puma560());
+    /// let mut predictor = model.single_predictor(&StreamOptions::default()).unwrap();
+    /// let tau: &[f32] = predictor.torque(&[0.1; 6], &[0.0; 6], &[0.0; 6]);
+    /// let in_64_bits = model.predictor(&StreamOptions::default()).unwrap().torque(&[0.1; 6], &[0.0; 6], &[0.0; 6])[1];
+    /// assert!((f64::from(tau[1]) - in_64_bits).abs() < 1e-4);
+    /// ```
+    pub fn single_predictor(&self, options: &StreamOptions) -> Result<Predictor<f32>, StreamError> {
+        self.predictor_of(options, &RestOptions { precision: f32::PRECISION, deviation: false })
+    }
+
+    pub(super) fn predictor_of<F: Plain>(
+        &self,
+        options: &StreamOptions,
+        rest: &RestOptions,
+    ) -> Result<Predictor<F>, StreamError> {
         let physics = self.physics_predictor(options)?;
         match &self.rest {
             Some(learned) => Ok(physics.with_rest(RestPredictor::of_file(self, learned, options, rest)?)),
@@ -117,7 +146,7 @@ impl StreamedModel {
     }
 
     /// The physics alone.
-    pub(super) fn physics_predictor(&self, options: &StreamOptions) -> Result<Predictor, StreamError> {
+    fn physics_predictor<F: Plain>(&self, options: &StreamOptions) -> Result<Predictor<F>, StreamError> {
         let rate_hz = match options.rate_hz {
             Some(found) if !(found.is_finite() && found > 0.0) => return Err(StreamError::Rate { found }),
             given => given.unwrap_or(f64::NAN),
@@ -125,6 +154,8 @@ impl StreamedModel {
         self.check_kept(options)?;
         let terms = options.terms(self);
         check(&terms, rate_hz, self.robot())?;
+        let effects = self.parameter_set().effects().iter().chain(terms.iter().map(|term| &term.effect));
+        check_numbers::<F>(effects.map(AsRef::as_ref))?;
         let n = self.robot().dof();
         let warm = terms.iter().find(|term| term.effect.needs().temperature);
         // A memory that grows with the rate is one of samples; a torque that is early takes the jerk from two of them.
@@ -136,14 +167,14 @@ impl StreamedModel {
         Ok(Predictor {
             fallible: sampler.terms.may_fail(),
             first_coefficients: first_coefficients(self, options),
-            gains: sampler.transforms.static_gains(n),
+            gains: TransformSteps::new(&terms, n, rate_hz).static_gains(n),
             warm: warm.map(|term| (term.effect.name().into(), term.site.joint().unwrap_or_default())),
             delays: terms.iter().any(held),
             options: options.clone(),
             clock: Clock { rate_hz, origin: 0.0, steps: 0, at_start: true },
             start: StreamStart::AtRest,
             rest: None,
-            tau_with_rest: vec![0.0; n],
+            tau: vec![F::default(); n],
             sampler,
         })
     }
@@ -169,6 +200,14 @@ fn first_coefficients(model: &StreamedModel, options: &StreamOptions) -> Vec<usi
         first += term.coefficients.len();
     }
     all
+}
+
+/// Whether effects are written over a number.
+fn check_numbers<'a, F: Plain>(mut effects: impl Iterator<Item = &'a dyn Effect>) -> Result<(), StreamError> {
+    effects.find(|effect| !F::has(*effect)).map_or(Ok(()), |effect| {
+        let reason = "it is written over numbers of 64 bits alone".into();
+        Err(StreamError::NotStreamed { effect: effect.name().into(), reason })
+    })
 }
 
 /// Whether terms can be streamed.
@@ -208,18 +247,20 @@ impl Predictor {
             Err(error) => panic!("{error} (`predictor` of the model takes a rate and returns this as an error)"),
         }
     }
+}
 
+impl<F: Plain> Predictor<F> {
     /// The same with the processes of a learned model.
     #[doc(hidden)]
     #[must_use]
-    pub fn with_rest(mut self, rest: RestPredictor) -> Self {
+    pub fn with_rest(mut self, rest: RestPredictor<F>) -> Self {
         self.rest = Some(Box::new(rest));
         self
     }
 
     /// Number of joints.
     pub fn dof(&self) -> usize {
-        self.sampler.buffers.tau.len()
+        self.tau.len()
     }
 
     /// What the torque is for.
@@ -255,7 +296,8 @@ impl Predictor {
     /// If there is not one finite value per joint.
     pub fn set_temperature(&mut self, celsius: &[f64]) -> Result<(), StreamError> {
         self.check_array("temperature", celsius)?;
-        self.sampler.buffers.temperature.copy_from_slice(celsius);
+        let own = self.sampler.buffers.temperature.iter_mut();
+        own.zip(celsius).for_each(|(own, given)| *own = F::Number::constant(*given));
         identified(&mut self.rest).map_or(Ok(()), |other| other.set_temperature(celsius))
     }
 
@@ -277,14 +319,12 @@ impl Predictor {
     ///
     /// # Errors
     /// If there is not one finite value per joint; then nothing is forgotten.
-    pub fn reset_at(&mut self, q: &[f64], dq: &[f64]) -> Result<(), StreamError> {
+    pub fn reset_at(&mut self, q: &[F], dq: &[F]) -> Result<(), StreamError> {
         self.check_array("q", q)?;
         self.check_array("dq", dq)?;
         self.reset();
-        for (own, given) in self.sampler.buffers.motion.iter_mut().zip([q, dq]) {
-            own.copy_from_slice(given);
-        }
-        self.sampler.buffers.motion[2].fill(0.0);
+        self.set_motion(&[q, dq]);
+        self.sampler.buffers.motion[2].fill(F::Number::zero(()));
         self.start = StreamStart::Moving;
         self.sample(self.clock.rate_hz);
         self.sampler.forget();
@@ -299,15 +339,153 @@ impl Predictor {
     ///
     /// # Panics
     /// If a slice is not of length n.
-    pub fn torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> &[f64] {
+    pub fn torque(&mut self, q: &[F], dq: &[F], ddq: &[F]) -> &[F] {
         let n = self.dof();
         assert!([q, dq, ddq].iter().all(|values| values.len() == n), "one value per joint");
-        if self.take(q, dq, ddq, None, false).is_err() {
-            self.sampler.buffers.tau.fill(f64::NAN);
+        if self.take([q, dq, ddq], None, RestPredictor::add_means).is_err() {
+            self.tau.fill(F::of_f64(f64::NAN));
         }
-        &self.sampler.buffers.tau
+        &self.tau
     }
 
+    /// As [`Self::torque`], with what is wrong with a sample as an error.
+    ///
+    /// # Errors
+    /// If a slice is not of length n or holds a number that is not finite, or a temperature is missing; the hidden states
+    /// stay as they are.
+    pub fn try_torque(&mut self, q: &[F], dq: &[F], ddq: &[F]) -> Result<&[F], StreamError> {
+        self.take([q, dq, ddq], None, RestPredictor::add_means)?;
+        Ok(&self.tau)
+    }
+
+    pub(super) fn last_torque(&self) -> &[F] {
+        &self.tau
+    }
+
+    /// As [`Self::try_torque`], `step` seconds after the last sample: for irregular calls and pauses.
+    ///
+    /// # Errors
+    /// As [`Self::try_torque`]; if the step is no finite number above zero, or shorter than half a period where the model has
+    /// a delay.
+    pub fn torque_after(&mut self, step: f64, q: &[F], dq: &[F], ddq: &[F]) -> Result<&[F], StreamError> {
+        self.take([q, dq, ddq], Some(step), RestPredictor::add_means)?;
+        Ok(&self.tau)
+    }
+
+    /// Everything that is carried from call to call, to come back to it by [`Self::restore`].
+    pub fn save(&self, into: &mut SavedStates<F>) {
+        into.terms.clear();
+        into.terms.extend_from_slice(self.sampler.terms.hidden());
+        into.transforms.clear();
+        into.transforms.extend_from_slice(self.sampler.transforms.hidden());
+        into.last_ddq.clear();
+        into.last_ddq.extend_from_slice(&self.sampler.buffers.last_ddq);
+        into.run = Some((self.clock, self.start, self.sampler.buffers.has_last));
+        if let Some(other) = self.rest.as_ref().and_then(|rest| rest.identified.as_ref()) {
+            other.save(into.other.get_or_insert_default());
+        }
+    }
+
+    /// Back to what was saved.
+    ///
+    /// # Panics
+    /// If it was saved by another predictor.
+    pub fn restore(&mut self, from: &SavedStates<F>) {
+        let (clock, start, has_last) = from.run.expect("something was saved");
+        self.sampler.terms.set_hidden(&from.terms);
+        self.sampler.transforms.set_hidden(&from.transforms);
+        self.sampler.buffers.last_ddq.copy_from_slice(&from.last_ddq);
+        self.sampler.buffers.has_last = has_last;
+        (self.clock, self.start) = (clock, start);
+        if let (Some(other), Some(from)) = (identified(&mut self.rest), &from.other) {
+            other.restore(from);
+        }
+    }
+
+    /// - `add_rest`: how what the processes say is added to the torque
+    fn take(
+        &mut self,
+        motion: [&[F]; 3],
+        step: Option<f64>,
+        add_rest: impl FnOnce(&mut RestPredictor<F>, &Self, &mut [F]),
+    ) -> Result<(), StreamError> {
+        for (name, values) in ["q", "dq", "ddq"].into_iter().zip(motion) {
+            self.check_array(name, values)?;
+        }
+        if let Some((effect, joint)) = &self.warm
+            && !self.sampler.buffers.temperature[*joint].is_known()
+        {
+            let joint = self.sampler.robot.joints()[*joint].name.clone();
+            return Err(StreamError::TemperatureNeeded { effect: effect.clone(), joint });
+        }
+        if let Some(found) = step {
+            if !(found.is_finite() && found > 0.0) {
+                return Err(StreamError::Step { found });
+            }
+            let shortest = 0.5 / self.clock.rate_hz;
+            if self.delays && found < shortest {
+                return Err(StreamError::StepTooShort { found, shortest });
+            }
+        }
+        let mut before = self.fallible.then(SavedStates::default);
+        if let Some(before) = &mut before {
+            self.save(before);
+        }
+        self.set_motion(&motion);
+        self.clock.advance(step);
+        let rate_hz = step.map_or(self.clock.rate_hz, |step| 1.0 / step);
+        self.sample(rate_hz);
+        if let Some(before) = &before
+            && let Some((effect, reason)) = self.sampler.terms.failure()
+        {
+            self.restore(before);
+            return Err(StreamError::EffectFailed { effect, reason });
+        }
+        if let Some(mut rest) = self.rest.take() {
+            let other = rest.identified.as_mut();
+            let other = other.map_or(Ok(()), |other| other.take(motion, step, RestPredictor::add_means));
+            if other.is_ok() {
+                let mut tau = core::mem::take(&mut self.tau);
+                rest.set_motion(motion);
+                rest.replace(&mut tau);
+                add_rest(&mut rest, self, &mut tau);
+                self.tau = tau;
+            }
+            self.rest = Some(rest);
+            if let (Err(_), Some(before)) = (&other, &before) {
+                self.restore(before);
+            }
+            return other;
+        }
+        Ok(())
+    }
+
+    fn set_motion(&mut self, motion: &[&[F]]) {
+        for (own, given) in self.sampler.buffers.motion.iter_mut().zip(motion) {
+            own.iter_mut().zip(*given).for_each(|(own, given)| *own = given.number());
+        }
+    }
+
+    fn check_array<V: Copy + Into<f64>>(&self, name: &'static str, values: &[V]) -> Result<(), StreamError> {
+        let expected = self.dof();
+        if values.len() != expected {
+            return Err(StreamError::Length { name, found: values.len(), expected });
+        }
+        match values.iter().position(|value| !(*value).into().is_finite()) {
+            Some(joint) => Err(StreamError::NotFinite { name, joint, value: values[joint].into() }),
+            None => Ok(()),
+        }
+    }
+
+    /// Torque of the motion in the buffers.
+    fn sample(&mut self, rate_hz: f64) {
+        self.sampler.sample(rate_hz, self.clock.time(), &self.start);
+        self.tau.iter_mut().zip(&self.sampler.buffers.tau).for_each(|(tau, own)| *tau = F::of(*own));
+        self.start = StreamStart::Done;
+    }
+}
+
+impl Predictor {
     /// The same, and the standard deviation of its measurement, `[n]` each, N·m (N): of the processes, of noise, and what
     /// uncertain parameters bring, beside a process as far as that does not know.
     ///
@@ -350,8 +528,8 @@ impl Predictor {
         step: Option<f64>,
     ) -> Result<(&[f64], &[f64]), StreamError> {
         assert!(self.rest.as_ref().is_some_and(|rest| rest.with_deviation()), "made with a standard deviation");
-        self.take(q, dq, ddq, step, true)?;
-        Ok((&self.sampler.buffers.tau, self.rest.as_ref().map_or(&[], |rest| rest.deviation())))
+        self.take([q, dq, ddq], step, RestPredictor::add_means_and_spread)?;
+        Ok((&self.tau, self.rest.as_ref().map_or(&[], |rest| rest.deviation())))
     }
 
     /// Share of the variance of each joint's process that the logs have not explained, `[n]`, at the last sample
@@ -360,61 +538,6 @@ impl Predictor {
     /// the torque is that of the physics. Empty for a model without processes.
     pub fn novelty(&self) -> &[f64] {
         self.rest.as_ref().map_or(&[], |rest| rest.novelty())
-    }
-
-    /// As [`Self::torque`], with what is wrong with a sample as an error.
-    ///
-    /// # Errors
-    /// If a slice is not of length n or holds a number that is not finite, or a temperature is missing; the hidden states
-    /// stay as they are.
-    pub fn try_torque(&mut self, q: &[f64], dq: &[f64], ddq: &[f64]) -> Result<&[f64], StreamError> {
-        self.take(q, dq, ddq, None, false)?;
-        Ok(&self.sampler.buffers.tau)
-    }
-
-    pub(super) fn last_torque(&self) -> &[f64] {
-        &self.sampler.buffers.tau
-    }
-
-    /// As [`Self::try_torque`], `step` seconds after the last sample: for irregular calls and pauses.
-    ///
-    /// # Errors
-    /// As [`Self::try_torque`]; if the step is no finite number above zero, or shorter than half a period where the model has
-    /// a delay.
-    pub fn torque_after(&mut self, step: f64, q: &[f64], dq: &[f64], ddq: &[f64]) -> Result<&[f64], StreamError> {
-        self.take(q, dq, ddq, Some(step), false)?;
-        Ok(&self.sampler.buffers.tau)
-    }
-
-    /// Everything that is carried from call to call, to come back to it by [`Self::restore`].
-    pub fn save(&self, into: &mut SavedStates) {
-        into.terms.clear();
-        into.terms.extend_from_slice(self.sampler.terms.hidden());
-        into.transforms.clear();
-        into.transforms.extend_from_slice(self.sampler.transforms.hidden());
-        into.last_ddq.clear();
-        into.last_ddq.extend_from_slice(&self.sampler.buffers.last_ddq);
-        into.has_last = self.sampler.buffers.has_last;
-        into.run = Some((self.clock, self.start));
-        if let Some(other) = self.rest.as_ref().and_then(|rest| rest.identified.as_ref()) {
-            other.save(into.other.get_or_insert_default());
-        }
-    }
-
-    /// Back to what was saved.
-    ///
-    /// # Panics
-    /// If it was saved by another predictor.
-    pub fn restore(&mut self, from: &SavedStates) {
-        let (clock, start) = from.run.expect("something was saved");
-        self.sampler.terms.set_hidden(&from.terms);
-        self.sampler.transforms.set_hidden(&from.transforms);
-        self.sampler.buffers.last_ddq.copy_from_slice(&from.last_ddq);
-        self.sampler.buffers.has_last = from.has_last;
-        (self.clock, self.start) = (clock, start);
-        if let (Some(other), Some(from)) = (identified(&mut self.rest), &from.other) {
-            other.restore(from);
-        }
     }
 
     /// The robot as transforms make it, and at the last sample the motion of its links and of its joints: q, dq, ddq.
@@ -436,98 +559,16 @@ impl Predictor {
         let [gain, largest] = self.gains[joint];
         if self.sampler.buffers.tau[joint].abs() >= largest { 0.0 } else { gain }
     }
-
-    /// - `spread`: whether it is asked how sure the torque is
-    fn take(&mut self, q: &[f64], dq: &[f64], ddq: &[f64], step: Option<f64>, spread: bool) -> Result<(), StreamError> {
-        for (name, values) in [("q", q), ("dq", dq), ("ddq", ddq)] {
-            self.check_array(name, values)?;
-        }
-        if let Some((effect, joint)) = &self.warm
-            && self.sampler.buffers.temperature[*joint].is_nan()
-        {
-            let joint = self.sampler.robot.joints()[*joint].name.clone();
-            return Err(StreamError::TemperatureNeeded { effect: effect.clone(), joint });
-        }
-        if let Some(found) = step {
-            if !(found.is_finite() && found > 0.0) {
-                return Err(StreamError::Step { found });
-            }
-            let shortest = 0.5 / self.clock.rate_hz;
-            if self.delays && found < shortest {
-                return Err(StreamError::StepTooShort { found, shortest });
-            }
-        }
-        let mut before = self.fallible.then(SavedStates::default);
-        if let Some(before) = &mut before {
-            self.save(before);
-        }
-        for (own, given) in self.sampler.buffers.motion.iter_mut().zip([q, dq, ddq]) {
-            own.copy_from_slice(given);
-        }
-        self.clock.advance(step);
-        let rate_hz = step.map_or(self.clock.rate_hz, |step| 1.0 / step);
-        self.sample(rate_hz);
-        if let Some(before) = &before
-            && let Some((effect, reason)) = self.sampler.terms.failure()
-        {
-            self.restore(before);
-            return Err(StreamError::EffectFailed { effect, reason });
-        }
-        if let Some(mut rest) = self.rest.take() {
-            let other = rest.identified.as_mut().map_or(Ok(()), |other| other.take(q, dq, ddq, step, false));
-            if other.is_ok() {
-                self.add_rest(&mut rest, [q, dq, ddq], spread);
-            }
-            self.rest = Some(rest);
-            if let (Err(_), Some(before)) = (&other, &before) {
-                self.restore(before);
-            }
-            return other;
-        }
-        Ok(())
-    }
-
-    fn add_rest(&mut self, rest: &mut RestPredictor, motion: [&[f64]; 3], spread: bool) {
-        rest.set_motion(motion);
-        // The spread needs the torque of the physics as it is.
-        let mut tau = core::mem::take(&mut self.tau_with_rest);
-        tau.copy_from_slice(&self.sampler.buffers.tau);
-        rest.replace(&mut tau);
-        if spread {
-            rest.add_means_and_spread(self, &mut tau);
-        } else {
-            rest.add_means(&mut tau);
-        }
-        self.sampler.buffers.tau.copy_from_slice(&tau);
-        self.tau_with_rest = tau;
-    }
-
-    fn check_array(&self, name: &'static str, values: &[f64]) -> Result<(), StreamError> {
-        let expected = self.dof();
-        if values.len() != expected {
-            return Err(StreamError::Length { name, found: values.len(), expected });
-        }
-        match values.iter().position(|value| !value.is_finite()) {
-            Some(joint) => Err(StreamError::NotFinite { name, joint, value: values[joint] }),
-            None => Ok(()),
-        }
-    }
-
-    /// Torque of the motion in the buffers.
-    fn sample(&mut self, rate_hz: f64) {
-        self.sampler.sample(rate_hz, self.clock.time(), &self.start);
-        self.start = StreamStart::Done;
-    }
 }
 
 /// What a [`Predictor`] carries from call to call.
 #[derive(Clone, Debug, Default)]
-pub struct SavedStates {
-    terms: Vec<f64>,
-    transforms: Vec<f64>,
-    last_ddq: Vec<f64>,
-    has_last: f64,
-    run: Option<(Clock, StreamStart)>,
+pub struct SavedStates<F: Plain = f64> {
+    terms: Vec<F::Number>,
+    transforms: Vec<F::Number>,
+    last_ddq: Vec<F::Number>,
+    /// Clock, start, and whether there is an acceleration before.
+    run: Option<(Clock, StreamStart<F::Number>, F::Number)>,
     /// Of the model of joints without a process, if it is another.
-    other: Option<Box<SavedStates>>,
+    other: Option<Box<SavedStates<F>>>,
 }

@@ -4,7 +4,7 @@ use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
 
-use super::{Predictor, StreamError, StreamOptions};
+use super::{Plain, Predictor, StreamError, StreamOptions};
 use crate::dynamics::{Workspace, regressor};
 use crate::effects::JointState;
 use crate::gp::{GpPredictor, LearnedProcess, Precision, SharedPredictor, WeightedKernel};
@@ -24,12 +24,12 @@ pub struct RestOptions {
 
 /// The processes of the joints.
 #[derive(Debug)]
-pub struct RestPredictor {
+pub struct RestPredictor<F: Plain = f64> {
     joints: Vec<RestJoint>,
     /// Joints of the same points, and their means.
     together: Vec<(Vec<usize>, SharedPredictor)>,
     /// For the joints without a process, where it differs from the physics.
-    pub(super) identified: Option<Predictor>,
+    pub(super) identified: Option<Predictor<F>>,
     parameters: Option<BasisPredictor>,
     /// q, dq, ddq, and a time that nothing looks at.
     x: Vec<f64>,
@@ -65,7 +65,7 @@ pub struct BasisParts {
     pub explained: Vec<Option<GpPredictor>>,
 }
 
-impl RestPredictor {
+impl<F: Plain> RestPredictor<F> {
     /// The only place that allocates.
     ///
     /// - `joints`: one per joint
@@ -76,7 +76,7 @@ impl RestPredictor {
         model: &StreamedModel,
         joints: Vec<RestJoint>,
         together: Vec<(Vec<usize>, SharedPredictor)>,
-        identified: Option<Predictor>,
+        identified: Option<Predictor<F>>,
         basis: Option<BasisParts>,
         with_deviation: bool,
     ) -> Self {
@@ -136,7 +136,8 @@ impl RestPredictor {
             covariance: basis.covariance.clone(),
             explained,
         });
-        let identified = rest.identified.as_ref().map(|identified| identified.predictor(stream)).transpose()?;
+        let other = |model: &StreamedModel| model.predictor_of(stream, &RestOptions { precision, deviation: false });
+        let identified = rest.identified.as_ref().map(other).transpose()?;
         Ok(Self::new(model, joints, together, identified, basis, deviation))
     }
 
@@ -153,35 +154,38 @@ impl RestPredictor {
     }
 
     /// The torque of another model at the joints without a process.
-    pub(super) fn replace(&mut self, tau: &mut [f64]) {
+    pub(super) fn replace(&mut self, tau: &mut [F]) {
         let Some(identified) = &self.identified else { return };
         let own = identified.last_torque();
         let without = self.joints.iter().zip(tau).zip(own).filter(|((joint, _), _)| !joint.learned);
         without.for_each(|((_, tau), own)| *tau = *own);
     }
 
-    pub(super) fn set_motion(&mut self, motion: [&[f64]; 3]) {
+    pub(super) fn set_motion(&mut self, motion: [&[F]; 3]) {
         let n = self.deviation.len();
         for (part, x) in motion.into_iter().zip(self.x.chunks_exact_mut(n)) {
-            x.copy_from_slice(part);
+            x.iter_mut().zip(part).for_each(|(x, value)| *x = (*value).into());
         }
     }
 
     /// Adds the means.
-    pub(super) fn add_means(&mut self, tau: &mut [f64]) {
+    pub(super) fn add_means(&mut self, _: &Predictor<F>, tau: &mut [F]) {
+        let add = |tau: &mut F, mean: f64| *tau = F::of(tau.number() + mean);
         for (index, joint) in self.joints.iter_mut().enumerate() {
             let together = self.together.iter().any(|(members, _)| members.contains(&index));
             if let (Some(process), false) = (&mut joint.process, together) {
-                tau[index] += process.mean(&self.x)[0];
+                add(&mut tau[index], process.mean(&self.x)[0]);
             }
         }
         for (members, predictor) in &mut self.together {
             for (joint, mean) in members.iter().zip(predictor.means(&self.x)) {
-                tau[*joint] += mean;
+                add(&mut tau[*joint], *mean);
             }
         }
     }
+}
 
+impl RestPredictor {
     /// Adds the means, and computes how sure the torque is.
     ///
     /// - `physics`: at this sample
@@ -298,6 +302,6 @@ pub fn base_value(set: &ParameterSet, own: &[usize], of_links: &[f64], effects: 
 }
 
 /// The other predictor, if there is one.
-pub(super) fn identified(rest: &mut Option<Box<RestPredictor>>) -> Option<&mut Predictor> {
+pub(super) fn identified<F: Plain>(rest: &mut Option<Box<RestPredictor<F>>>) -> Option<&mut Predictor<F>> {
     rest.as_mut()?.identified.as_mut()
 }

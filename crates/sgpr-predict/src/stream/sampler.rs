@@ -146,7 +146,7 @@ impl<S: Stepped> Sampler<S> {
     /// Torque of the motion in the buffers.
     ///
     /// - `time`: of the session, s
-    pub fn sample(&mut self, rate_hz: f64, time: S, start: &StreamStart<S>) {
+    pub fn sample(&mut self, rate_hz: f64, time: S::Time, start: &StreamStart<S>) {
         if self.lead > 0.0 {
             self.buffers.look_ahead(self.lead, rate_hz);
         }

@@ -1,6 +1,8 @@
 //! A model one sample after the other is the model along a trajectory.
 #![allow(missing_docs)]
 
+mod single;
+
 use std::sync::Arc;
 
 use sgpr_core::dynamics::Samples;

@@ -1,41 +1,42 @@
-//! The recursions over expressions: what code for one robot is made from.
+//! The recursions over any number: of 32 bits, or an expression from which code for one robot is made.
+
+use alloc::vec::Vec;
 
 use super::body::{Body, forward_pass};
 use super::regressor::regressor_kernel;
 use super::rnea::rnea_kernel;
 use super::workspace::Scratch;
-use crate::expression::Expr;
 use crate::robot::Robot;
-use crate::simd::{Number, Real};
+use crate::simd::Number;
 use crate::spatial::{PARAMETERS_PER_LINK, Pose};
 
-/// As [`super::Workspace`], for expressions.
+/// As [`super::Workspace`], for other numbers.
 #[derive(Debug)]
-pub struct RecordedWorkspace {
-    scratch: Scratch<Expr>,
-    regressor: Vec<Expr>,
-    poses: Vec<Pose<Expr>>,
+pub struct NumberWorkspace<T: Number> {
+    scratch: Scratch<T>,
+    regressor: Vec<T>,
+    poses: Vec<Pose<T>>,
 }
 
-impl RecordedWorkspace {
+impl<T: Number> NumberWorkspace<T> {
     pub(crate) fn new(robot: &Robot) -> Self {
         let n = robot.dof();
         Self {
             scratch: Scratch::new((), n),
-            regressor: vec![Expr::zero(()); n * n * PARAMETERS_PER_LINK],
+            regressor: vec![T::zero(()); n * n * PARAMETERS_PER_LINK],
             poses: Vec::with_capacity(n),
         }
     }
 
     /// As [`super::rnea`].
-    pub(crate) fn rnea(&mut self, robot: &Robot, motion: [&[Expr]; 3], tau: &mut [Expr]) {
+    pub(crate) fn rnea(&mut self, robot: &Robot, motion: [&[T]; 3], tau: &mut [T]) {
         self.set(motion);
         rnea_kernel((), robot, &mut self.scratch.bodies);
         tau.iter_mut().zip(&self.scratch.bodies).for_each(|(tau, body)| *tau = body.tau);
     }
 
     /// As [`super::regressor`].
-    pub(crate) fn regressor(&mut self, robot: &Robot, motion: [&[Expr]; 3]) -> &[Expr] {
+    pub(crate) fn regressor(&mut self, robot: &Robot, motion: [&[T]; 3]) -> &[T] {
         self.set(motion);
         let (n, matrix) = (robot.dof(), &mut self.regressor);
         let Scratch { bodies, axes, .. } = &mut self.scratch;
@@ -46,7 +47,7 @@ impl RecordedWorkspace {
     }
 
     /// As [`super::forward_kinematics`].
-    pub(crate) fn forward_kinematics(&mut self, robot: &Robot, q: &[Expr]) -> &[Pose<Expr>] {
+    pub(crate) fn forward_kinematics(&mut self, robot: &Robot, q: &[T]) -> &[Pose<T>] {
         self.set([q; 3]);
         forward_pass((), robot, &mut self.scratch.bodies);
         self.poses.clear();
@@ -57,7 +58,7 @@ impl RecordedWorkspace {
         &self.poses
     }
 
-    fn set(&mut self, [q, dq, ddq]: [&[Expr]; 3]) {
+    fn set(&mut self, [q, dq, ddq]: [&[T]; 3]) {
         for (k, body) in self.scratch.bodies.iter_mut().enumerate() {
             (body.q, body.dq, body.ddq) = (q[k], dq[k], ddq[k]);
             (body.sin, body.cos) = q[k].sin_cos();
