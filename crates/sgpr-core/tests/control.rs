@@ -226,3 +226,49 @@ fn logs_that_tell_nothing_are_refused() {
     let still = MeasuredMotion { q: &zeros, dq: &zeros, tau: &zeros, ..good };
     assert!(matches!(observer.calibrated(&[still]), Err(ObserverError::FewSamples { found: 200, .. })));
 }
+
+#[test]
+fn in_32_bits_compensation_and_observer_say_the_same() {
+    let robot = puma560();
+    let mut bristles = Term::new(by_name("presliding_friction").expect("of the library"), Site::Joint(1), vec![0.01]);
+    bristles.coefficients = vec![3.0];
+    let model = model(&robot).with_terms(vec![bristles], Some(0));
+    let options = CompensationOptions { limits: vec![30.0; 6], ..CompensationOptions::default() };
+    let mut compensation = Compensation::new(&model, &options).expect("streams");
+    let mut single_compensation = Compensation::single(&model, &options).expect("streams");
+    let options = ObserverOptions { deviation: vec![0.5; 6], ..ObserverOptions::default() };
+    let mut observer = MomentumObserver::new(&model, &options).expect("options");
+    let mut single_observer = MomentumObserver::single(&model, &options).expect("options");
+    let mut ws = Workspace::new(&robot);
+    let mut alarms = 0;
+    for k in 0..3000 {
+        let t = 0.01 * f64::from(k);
+        let of = |f: fn(f64) -> f64, factor: f64| -> [f64; 6] {
+            std::array::from_fn(|joint| factor * f((0.9 + 0.2 * joint as f64) * t + joint as f64))
+        };
+        let single = |all: &[f64]| all.iter().map(|x| *x as f32).collect::<Vec<_>>();
+        // A motion that 32 bits hold, so that what differs is the arithmetic.
+        let double = |all: [f64; 6]| all.map(|x| f64::from(x as f32));
+        let (q, dq) = (double(of(f64::sin, 0.7)), double(of(f64::cos, 0.8)));
+        let mut tau: [f64; 6] = rnea(&robot, &mut ws, &q, &dq, &[0.0; 6]).try_into().expect("six");
+        if k > 2000 {
+            tau[2] += 40.0;
+        }
+        let tau = double(tau);
+        let near = |own: &[f32], expected: &[f64]| {
+            let largest = expected.iter().fold(1.0f64, |largest, x| largest.max(x.abs()));
+            own.iter().zip(expected).all(|(own, expected)| (f64::from(*own) - expected).abs() < 2e-5 * largest)
+        };
+        let expected = compensation.torque(&q, &dq).expect("finite");
+        let own = single_compensation.torque(&single(&q), &single(&dq)).expect("finite");
+        assert!(near(own, expected), "sample {k}: {own:?} {expected:?}");
+        let expected = observer.update(&q, &dq, &tau).expect("finite");
+        let own = single_observer.update(&single(&q), &single(&dq), &single(&tau)).expect("finite");
+        assert!(near(own, expected), "sample {k}: {own:?} {expected:?}");
+        assert!(near(single_observer.thresholds(), observer.thresholds()));
+        let joint = observer.alarm().map(|alarm| alarm.joint);
+        assert_eq!(single_observer.alarm().map(|alarm| alarm.joint), joint);
+        alarms += usize::from(joint.is_some());
+    }
+    assert!(alarms > 500, "{alarms}");
+}

@@ -4,7 +4,6 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par};
 
 use super::criterion::SINGULAR;
-use super::dual::{DIRECTIONS, Dual};
 use super::{ExcitationError, NominalEffects, TrajectorySamples};
 use sgpr_predict::internal::{Body, regressor_kernel};
 
@@ -13,7 +12,13 @@ use crate::effects::{JointState, Role};
 use crate::identification::{BaseParameters, ParameterSet};
 use crate::linalg::{Svd, TriangularFactor};
 use crate::robot::Robot;
+use crate::simd;
 use crate::spatial::{PARAMETERS_PER_LINK, Vector3};
+
+/// Directions that one number carries: two AVX2 registers, one of AVX-512.
+const DIRECTIONS: usize = 8;
+
+type Dual = simd::Dual<f64, DIRECTIONS>;
 
 /// Observation matrix of base parameters along a motion.
 #[derive(Debug)]
@@ -233,13 +238,19 @@ impl<'a> Information<'a> {
         for first in (0..3 * n).step_by(DIRECTIONS) {
             set_motion(&mut self.bodies, motion, first);
             let mut sum = [0.0; DIRECTIONS];
-            regressor_kernel((), self.robot, &mut self.bodies, &mut self.axes, |joint, link, block: [Dual; 10]| {
-                for (entry, factor) in block.iter().zip(&factors[joint * n + link]) {
-                    for k in 0..DIRECTIONS {
-                        sum[k] += factor * entry.slope[k];
+            regressor_kernel(
+                (),
+                self.robot.chain(),
+                &mut self.bodies,
+                &mut self.axes,
+                |joint, link, block: [Dual; 10]| {
+                    for (entry, factor) in block.iter().zip(&factors[joint * n + link]) {
+                        for k in 0..DIRECTIONS {
+                            sum[k] += factor * entry.slope[k];
+                        }
                     }
-                }
-            });
+                },
+            );
             for (k, slope) in sum.iter().enumerate() {
                 let variable = first + k;
                 if variable < 3 * n {

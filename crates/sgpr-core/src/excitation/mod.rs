@@ -7,7 +7,6 @@
 mod basis;
 mod collision_shapes;
 mod criterion;
-mod dual;
 mod error;
 mod information;
 mod limits;

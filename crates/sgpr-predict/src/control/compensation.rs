@@ -2,7 +2,8 @@ use alloc::string::String;
 use alloc::vec::Vec;
 
 use crate::model::StreamedModel;
-use crate::stream::{Predictor, Purpose, StreamError, StreamOptions};
+use crate::simd::Number;
+use crate::stream::{Plain, Predictor, Purpose, RestOptions, StreamError, StreamOptions};
 
 /// How gravity and friction are compensated.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,24 +42,39 @@ impl Default for CompensationOptions {
 /// assert!((tau[0] - 19.62).abs() < 1e-12);
 /// ```
 #[derive(Debug)]
-pub struct Compensation {
+pub struct Compensation<F: Plain = f64> {
     /// With the wanted velocity.
-    moving: Predictor,
+    moving: Predictor<F>,
     /// With the wanted velocity reversed: half the difference to the above is friction.
-    reversed: Predictor,
+    reversed: Predictor<F>,
     options: CompensationOptions,
     /// Since the start, for effects of time.
     samples: u64,
-    minus_dq: Vec<f64>,
-    zeros: Vec<f64>,
-    tau: Vec<f64>,
+    minus_dq: Vec<F>,
+    zeros: Vec<F>,
+    tau: Vec<F>,
 }
 
 impl Compensation {
     /// # Errors
     /// If the model cannot be streamed; if a share, a speed or a limit is none.
     pub fn new(model: impl Into<StreamedModel>, options: &CompensationOptions) -> Result<Self, StreamError> {
-        let model = model.into();
+        Self::of(&model.into(), options)
+    }
+}
+
+impl Compensation<f32> {
+    /// The same in 32 bits ([`StreamedModel::single_predictor`]).
+    ///
+    /// # Errors
+    /// As [`Compensation::new`]; if an effect is not written over numbers of 32 bits.
+    pub fn single(model: impl Into<StreamedModel>, options: &CompensationOptions) -> Result<Self, StreamError> {
+        Self::of(&model.into(), options)
+    }
+}
+
+impl<F: Plain> Compensation<F> {
+    fn of(model: &StreamedModel, options: &CompensationOptions) -> Result<Self, StreamError> {
         let mut options = options.clone();
         options.stream.purpose = Purpose::FeedForward;
         let n = model.robot().dof();
@@ -75,14 +91,15 @@ impl Compensation {
             let name = format!("limits of {}", model.joint_name(joint));
             check(name, *limit, limit.is_finite() && *limit >= 0.0, "a torque that is not below zero")?;
         }
+        let rest = RestOptions { precision: F::PRECISION, deviation: false };
         Ok(Self {
-            moving: model.predictor(&options.stream)?,
-            reversed: model.predictor(&options.stream)?,
+            moving: model.predictor_of(&options.stream, &rest)?,
+            reversed: model.predictor_of(&options.stream, &rest)?,
             options,
             samples: 0,
-            minus_dq: vec![0.0; n],
-            zeros: vec![0.0; n],
-            tau: vec![0.0; n],
+            minus_dq: vec![F::default(); n],
+            zeros: vec![F::default(); n],
+            tau: vec![F::default(); n],
         })
     }
 
@@ -93,10 +110,10 @@ impl Compensation {
     ///
     /// # Errors
     /// If there is not one finite number per joint.
-    pub fn torque(&mut self, q: &[f64], wanted_dq: &[f64]) -> Result<&[f64], StreamError> {
+    pub fn torque(&mut self, q: &[F], wanted_dq: &[F]) -> Result<&[F], StreamError> {
         let Self { moving, reversed, options, samples, minus_dq, zeros, tau } = self;
         if minus_dq.len() == wanted_dq.len() {
-            minus_dq.iter_mut().zip(wanted_dq).for_each(|(minus, dq)| *minus = -dq);
+            minus_dq.iter_mut().zip(wanted_dq).for_each(|(minus, dq)| *minus = F::of(-dq.number()));
         }
         let time = options.stream.rate_hz.map_or(0.0, |rate_hz| *samples as f64 / rate_hz);
         let there = built_up(moving, time, [q, wanted_dq, zeros])?;
@@ -104,20 +121,27 @@ impl Compensation {
         *samples += 1;
         for (joint, tau) in tau.iter_mut().enumerate() {
             // What does not change with the direction: gravity, and centripetal torque.
-            let even = 0.5 * (there[joint] + back[joint]);
-            let friction = 0.5 * (there[joint] - back[joint]);
-            let share = options.friction * (wanted_dq[joint].abs() / options.transition_speed).min(1.0);
-            *tau = even + share * friction;
+            let (there, back) = (there[joint].number(), back[joint].number());
+            let (even, friction) = ((there + back) * 0.5, (there - back) * 0.5);
+            let [zero, one] = [0.0, 1.0].map(F::Number::constant);
+            let share =
+                (wanted_dq[joint].number().abs() / options.transition_speed).clamp(zero, one) * options.friction;
+            let mut own = even + share * friction;
             if let Some(limit) = options.limits.get(joint) {
-                *tau = tau.clamp(-limit, *limit);
+                own = own.clamp(F::Number::constant(-limit), F::Number::constant(*limit));
             }
+            *tau = F::of(own);
         }
         Ok(tau)
     }
 }
 
 /// Torque after a long motion at a speed.
-fn built_up<'p>(predictor: &'p mut Predictor, time: f64, [q, dq, ddq]: [&[f64]; 3]) -> Result<&'p [f64], StreamError> {
+fn built_up<'p, F: Plain>(
+    predictor: &'p mut Predictor<F>,
+    time: f64,
+    [q, dq, ddq]: [&[F]; 3],
+) -> Result<&'p [F], StreamError> {
     predictor.reset_at(q, dq)?;
     predictor.set_time(time)?;
     predictor.try_torque(q, dq, ddq)

@@ -4,6 +4,7 @@ use alloc::vec::Vec;
 
 #[cfg(not(feature = "std"))]
 use crate::math::Float;
+use crate::simd;
 
 /// Standard deviation of a model's torque at one joint:
 ///
@@ -43,14 +44,13 @@ impl JointError {
     }
 
     /// How much a joint rests: 1 at rest, 0 when it moves fast.
-    pub(super) fn rest(&self, dq: f64) -> f64 {
-        let ratio = dq / self.speed;
-        1.0 / (1.0 + ratio * ratio)
+    pub(super) fn rest<S: simd::Number>(&self, dq: S) -> S {
+        ((dq / self.speed).squared() + 1.0).recip()
     }
 
     /// Of a torque with this share of rest in it.
-    pub(super) fn deviation(&self, rest: f64) -> f64 {
-        (self.moving * self.moving + self.resting * self.resting * rest).sqrt()
+    pub(super) fn deviation<S: simd::Number>(&self, rest: S) -> S {
+        (rest * (self.resting * self.resting) + self.moving * self.moving).sqrt()
     }
 
     /// Of largest likelihood under normal errors, of the speeds that are tried and all variances.
@@ -121,13 +121,13 @@ fn fit_variances(logs: &[Seen], speed: f64, mean_square: f64, blend: f64) -> (Jo
 /// sample at first. The square of a mean of errors is at most the mean of their squares, so that this is at most too
 /// much.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Rest(Option<f64>);
+pub(super) struct Rest<S = f64>(Option<S>);
 
-impl Rest {
-    pub(super) fn next(&mut self, of: &JointError, dq: f64, blend: f64) -> f64 {
+impl<S: simd::Number> Rest<S> {
+    pub(super) fn next(&mut self, of: &JointError, dq: S, blend: f64) -> S {
         let now = of.rest(dq);
         let last = self.0.unwrap_or(now);
-        let rest = last + blend * (now - last);
+        let rest = last + (now - last) * blend;
         self.0 = Some(rest);
         rest
     }

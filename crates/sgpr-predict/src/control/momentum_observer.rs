@@ -3,14 +3,13 @@ use core::f64::consts::TAU;
 
 use super::JointError;
 use super::joint_error::{Rest, Seen};
-use crate::dynamics::{Workspace, rnea};
+use crate::dynamics::Momentum;
 use crate::effects::Role;
 #[cfg(not(feature = "std"))]
 use crate::math::Float;
 use crate::model::StreamedModel;
-use crate::robot::Robot;
-use crate::spatial::Vector3;
-use crate::stream::{Predictor, StreamError, StreamOptions};
+use crate::simd::Real;
+use crate::stream::{Plain, Predictor, RestOptions, StreamError, StreamOptions};
 
 /// How torque from outside is observed.
 #[derive(Clone, Debug, PartialEq)]
@@ -96,13 +95,13 @@ const FEWEST: usize = 100;
 
 /// Torque from outside that is larger than the model's errors explain.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Alarm {
+pub struct Alarm<F = f64> {
     /// Index of the joint whose torque is farthest beyond its threshold.
     pub joint: usize,
     /// That torque, N·m (N).
-    pub torque: f64,
+    pub torque: F,
     /// Its threshold, N·m (N).
-    pub threshold: f64,
+    pub threshold: F,
 }
 
 /// Torque from outside from positions, velocities and the torque of the drives, without accelerations: what changes the
@@ -125,41 +124,55 @@ pub struct Alarm {
 /// Source: A. De Luca, R. Mattone, Actuator failure detection and isolation using generalized momenta, ICRA (2003);
 /// S. O. Rice, Mathematical analysis of random noise, Bell Syst. Tech. J. 23 (1944), for the crossings.
 #[derive(Debug)]
-pub struct MomentumObserver {
-    predictor: Predictor,
-    /// Without gravity, so that its torque of an acceleration at rest is M(q) times it.
-    weightless: Robot,
+pub struct MomentumObserver<F: Plain = f64> {
+    predictor: Predictor<F>,
+    momentum: Momentum<F::Number>,
     rotor_inertia: Vec<f64>,
-    ws: Workspace,
     gain: f64,
     step: f64,
     z: f64,
     errors: Vec<JointError>,
-    rests: Vec<Rest>,
+    rests: Vec<Rest<F::Number>>,
     /// At the last sample.
-    thresholds: Vec<f64>,
-    integral: Vec<f64>,
-    external: Vec<f64>,
+    thresholds: Vec<F>,
+    integral: Vec<F::Number>,
+    zeros: Vec<F>,
+    external: Vec<F>,
     /// Before the first sample there is no momentum to start from.
     started: bool,
-    room: Room,
+    room: Room<F::Number>,
 }
 
 /// Arrays of `[n]`.
 #[derive(Debug)]
-struct Room {
-    zeros: Vec<f64>,
-    q: Vec<f64>,
-    momentum: Vec<f64>,
+struct Room<S> {
+    q: Vec<S>,
+    dq: Vec<S>,
+    momentum: Vec<S>,
     /// dM/dt dq.
-    change: Vec<f64>,
+    change: Vec<S>,
 }
 
 impl MomentumObserver {
     /// # Errors
     /// If an option is none, the model cannot be streamed, or nobody knows how good it is.
     pub fn new(model: impl Into<StreamedModel>, options: &ObserverOptions) -> Result<Self, ObserverError> {
-        let model = &model.into();
+        Self::of(&model.into(), options)
+    }
+}
+
+impl MomentumObserver<f32> {
+    /// The same in 32 bits ([`StreamedModel::single_predictor`]).
+    ///
+    /// # Errors
+    /// As [`MomentumObserver::new`]; if an effect is not written over numbers of 32 bits.
+    pub fn single(model: impl Into<StreamedModel>, options: &ObserverOptions) -> Result<Self, ObserverError> {
+        Self::of(&model.into(), options)
+    }
+}
+
+impl<F: Plain> MomentumObserver<F> {
+    fn of(model: &StreamedModel, options: &ObserverOptions) -> Result<Self, ObserverError> {
         let ObserverOptions { rate_hz, bandwidth_hz, false_alarms_per_hour, .. } = *options;
         let numbers =
             [("rate_hz", rate_hz), ("bandwidth_hz", bandwidth_hz), ("false_alarms_per_hour", false_alarms_per_hour)];
@@ -176,22 +189,23 @@ impl MomentumObserver {
         let crossings_per_hour = 3600.0 * 2.0 * n as f64 * bandwidth_hz;
         let z = f64::sqrt(2.0 * f64::ln((crossings_per_hour / false_alarms_per_hour).max(1.0)));
         let stream = StreamOptions { rate_hz: Some(rate_hz), ..StreamOptions::default() };
-        let zeros = || vec![0.0; n];
+        let numbers = || vec![F::Number::zero(()); n];
+        let rest = RestOptions { precision: F::PRECISION, deviation: false };
         Ok(Self {
-            predictor: model.predictor(&stream)?,
-            weightless: model.robot().clone().with_gravity(Vector3::ZERO),
+            predictor: model.predictor_of(&stream, &rest)?,
+            momentum: Momentum::new(model.robot()),
             rotor_inertia: rotor_inertia(model),
-            ws: Workspace::new(model.robot()),
             gain: TAU * bandwidth_hz,
             step: 1.0 / rate_hz,
             z,
             errors: deviation.iter().map(|deviation| JointError::even(*deviation)).collect(),
             rests: vec![Rest::default(); n],
-            thresholds: deviation.iter().map(|deviation| z * deviation).collect(),
-            integral: zeros(),
-            external: zeros(),
+            thresholds: deviation.iter().map(|deviation| F::of_f64(z * deviation)).collect(),
+            integral: numbers(),
+            zeros: vec![F::default(); n],
+            external: vec![F::default(); n],
             started: false,
-            room: Room { zeros: zeros(), q: zeros(), momentum: zeros(), change: zeros() },
+            room: Room { q: numbers(), dq: numbers(), momentum: numbers(), change: numbers() },
         })
     }
 
@@ -218,11 +232,16 @@ impl MomentumObserver {
             }
             self.reset();
             seen.iter_mut().for_each(|joint| joint.push(Seen { error: Vec::new(), speed: Vec::new() }));
-            for ((q, dq), tau) in log.q.chunks(n).zip(log.dq.chunks(n)).zip(log.tau.chunks(n)) {
-                let external = self.update(q, dq, tau)?;
-                for ((joint, external), dq) in seen.iter_mut().zip(external).zip(dq) {
-                    joint[index].error.push(*external);
-                    joint[index].speed.push(*dq);
+            let [mut q, mut dq, mut tau] = [const { Vec::new() }; 3];
+            for k in (0..log.q.len()).step_by(n) {
+                for (own, given) in [&mut q, &mut dq, &mut tau].into_iter().zip([log.q, log.dq, log.tau]) {
+                    own.clear();
+                    own.extend(given[k..(k + n).min(given.len())].iter().map(|value| F::of_f64(*value)));
+                }
+                let external = self.update(&q, &dq, &tau)?;
+                for ((joint, external), dq) in seen.iter_mut().zip(external).zip(&dq) {
+                    joint[index].error.push((*external).into());
+                    joint[index].speed.push((*dq).into());
                 }
             }
         }
@@ -249,30 +268,32 @@ impl MomentumObserver {
     }
 
     /// Torque beyond which there is an alarm at the last sample, that of a moving arm before the first, `[n]`, N·m (N).
-    pub fn thresholds(&self) -> &[f64] {
+    pub fn thresholds(&self) -> &[F] {
         &self.thresholds
     }
 
     /// Torque from outside at the last sample, `[n]`, N·m (N): positive along the joint's axis.
-    pub fn external_torque(&self) -> &[f64] {
+    pub fn external_torque(&self) -> &[F] {
         &self.external
     }
 
     /// The joint that is farthest beyond its threshold at the last sample, if one is.
-    pub fn alarm(&self) -> Option<Alarm> {
+    pub fn alarm(&self) -> Option<Alarm<F>> {
         let all = self.external.iter().zip(&self.thresholds).enumerate();
-        let beyond = all.filter(|(_, (torque, threshold))| torque.abs() > **threshold);
-        let worst = beyond.max_by(|(_, a), (_, b)| (a.0.abs() / a.1).total_cmp(&(b.0.abs() / b.1)));
-        worst.map(|(joint, (torque, threshold))| Alarm { joint, torque: *torque, threshold: *threshold })
+        let ratio = |torque: F, threshold: F| torque.into().abs() / threshold.into();
+        let ratios = all.map(|(joint, (torque, threshold))| (ratio(*torque, *threshold), joint));
+        let beyond = ratios.filter(|(ratio, _)| *ratio > 1.0);
+        let (_, joint) = beyond.max_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(Alarm { joint, torque: self.external[joint], threshold: self.thresholds[joint] })
     }
 
     /// Forgets all samples.
     pub fn reset(&mut self) {
         self.predictor.reset();
-        self.integral.fill(0.0);
-        self.external.fill(0.0);
+        self.integral.fill(F::Number::zero(()));
+        self.external.fill(F::default());
         self.rests.fill(Rest::default());
-        self.thresholds.iter_mut().zip(&self.errors).for_each(|(own, error)| *own = self.z * error.moving);
+        self.thresholds.iter_mut().zip(&self.errors).for_each(|(own, error)| *own = F::of_f64(self.z * error.moving));
         self.started = false;
     }
 
@@ -283,51 +304,41 @@ impl MomentumObserver {
     ///
     /// # Errors
     /// If there is not one finite number per joint; then nothing changes.
-    pub fn update(&mut self, q: &[f64], dq: &[f64], tau: &[f64]) -> Result<&[f64], StreamError> {
+    pub fn update(&mut self, q: &[F], dq: &[F], tau: &[F]) -> Result<&[F], StreamError> {
         let n = self.external.len();
         if tau.len() != n {
             return Err(StreamError::Length { name: "tau", found: tau.len(), expected: n });
         }
-        if let Some(joint) = tau.iter().position(|value| !value.is_finite()) {
-            return Err(StreamError::NotFinite { name: "tau", joint, value: tau[joint] });
+        if let Some(joint) = tau.iter().position(|value| !(*value).into().is_finite()) {
+            return Err(StreamError::NotFinite { name: "tau", joint, value: tau[joint].into() });
         }
-        let needed = self.predictor.try_torque(q, dq, &self.room.zeros)?;
+        let blend = self.blend();
+        let needed = self.predictor.try_torque(q, dq, &self.zeros)?;
         let room = &mut self.room;
-        momentum_change(&self.weightless, &mut self.ws, q, dq, room);
-        room.momentum.copy_from_slice(rnea(&self.weightless, &mut self.ws, q, &room.zeros, dq));
+        room.q.iter_mut().zip(q).for_each(|(own, q)| *own = q.number());
+        room.dq.iter_mut().zip(dq).for_each(|(own, dq)| *own = dq.number());
+        self.momentum.run(&room.q, &room.dq, &mut room.momentum, &mut room.change);
         for joint in 0..n {
-            let momentum = room.momentum[joint] + self.rotor_inertia[joint] * dq[joint];
+            let momentum = room.momentum[joint] + room.dq[joint] * self.rotor_inertia[joint];
             if !self.started {
                 self.integral[joint] = momentum;
             } else {
                 // The torque from outside enters at this sample, so that the lag is stable at any gain.
-                let known = (tau[joint] - needed[joint] + room.change[joint]) * self.step;
+                let known = (tau[joint].number() - needed[joint].number() + room.change[joint]) * self.step;
                 self.integral[joint] += known;
                 let error = momentum - self.integral[joint];
-                self.external[joint] = self.gain * error / (1.0 + self.gain * self.step);
-                self.integral[joint] += self.external[joint] * self.step;
+                let external = error * (self.gain / (1.0 + self.gain * self.step));
+                self.external[joint] = F::of(external);
+                self.integral[joint] += external * self.step;
             }
         }
         self.started = true;
-        let blend = self.blend();
         for (((threshold, error), rest), dq) in
-            self.thresholds.iter_mut().zip(&self.errors).zip(&mut self.rests).zip(dq)
+            self.thresholds.iter_mut().zip(&self.errors).zip(&mut self.rests).zip(&room.dq)
         {
-            *threshold = self.z * error.deviation(rest.next(error, *dq, blend));
+            *threshold = F::of(error.deviation(rest.next(error, *dq, blend)) * self.z);
         }
         Ok(&self.external)
-    }
-}
-
-/// dM/dt dq, from the momentum of this velocity a little before and after along the motion.
-fn momentum_change(robot: &Robot, ws: &mut Workspace, q: &[f64], dq: &[f64], room: &mut Room) {
-    /// s. The error is of the order of its square times three derivatives of the momentum: some 1e-9 N·m.
-    const STEP: f64 = 1e-5;
-    room.change.fill(0.0);
-    for side in [1.0, -1.0] {
-        room.q.iter_mut().zip(q.iter().zip(dq)).for_each(|(at, (q, dq))| *at = q + side * STEP * dq);
-        let momentum = rnea(robot, ws, &room.q, &room.zeros, dq);
-        room.change.iter_mut().zip(momentum).for_each(|(change, p)| *change += side * p / (2.0 * STEP));
     }
 }
 

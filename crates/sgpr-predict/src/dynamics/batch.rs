@@ -115,7 +115,7 @@ impl OnLanes for InverseDynamics<'_> {
     #[inline(always)]
     fn run<S: Simd>(&mut self, simd: S, robot: &Robot, scratch: &mut Scratch<Lanes<S>>, first: usize, count: usize) {
         let n = robot.dof();
-        rnea_kernel(simd, robot, &mut scratch.bodies);
+        rnea_kernel(simd, robot.chain(), &mut scratch.bodies);
         for (joint, body) in scratch.bodies.iter().enumerate() {
             let mut lanes = [0.0; MAX_LANES];
             body.tau.store(&mut lanes[..S::F64_LANES]);
@@ -144,7 +144,7 @@ impl OnLanes for Regressor<'_> {
         }
         regressor_kernel(
             simd,
-            robot,
+            robot.chain(),
             bodies,
             axes,
             #[inline(always)]
@@ -166,7 +166,7 @@ impl<F: FnMut(usize, usize, usize, usize, &[[f64; MAX_LANES]; PARAMETERS_PER_LIN
         let Scratch { bodies, axes, .. } = scratch;
         regressor_kernel(
             simd,
-            robot,
+            robot.chain(),
             bodies,
             axes,
             #[inline(always)]

@@ -1,9 +1,9 @@
 //! State of one link in the recursions, and the outward recursion that they share.
 #![allow(missing_docs, reason = "shared with the rooms that run the recursion, and hidden")]
 
-use crate::robot::{Joint, Robot, Turn};
+use crate::robot::{Chain, Member};
 use crate::simd::Real;
-use crate::spatial::{LinkInertia, Matrix3, Vector3};
+use crate::spatial::{Matrix3, Vector3};
 
 /// Everything the recursions keep of a link; vectors in the link's own frame.
 #[derive(Clone, Copy, Debug)]
@@ -32,7 +32,7 @@ impl<T: Real> Body<T> {
     pub fn zero(token: T::Token) -> Self {
         let scalar = T::zero(token);
         let vector = Vector3::zero(token);
-        let matrix = Matrix3::splat(token, &Matrix3::ZERO);
+        let matrix = Matrix3::zero(token);
         Self {
             q: scalar,
             sin: scalar,
@@ -52,34 +52,40 @@ impl<T: Real> Body<T> {
 
     /// Pose from the joint position.
     #[inline(always)]
-    pub fn place(&mut self, token: T::Token, joint: &Joint, turn: &Turn) {
-        let translation = Vector3::splat(token, joint.placement.translation);
-        if turn.about_z {
+    pub(crate) fn place(&mut self, token: T::Token, member: &Member<T::Constant>) {
+        let translation = Vector3::splat(token, member.translation);
+        if member.about_z {
             // constant = [0 0 z], sine = [y -x 0], cosine = [x y 0]: most joints, and half of the arithmetic.
-            let [x, y, _] = turn.cosine.columns.map(
+            let [x, y, _] = member.cosine.columns.map(
                 #[inline(always)]
                 |column| Vector3::splat(token, column),
             );
-            let z = Vector3::splat(token, turn.constant.columns[2]);
+            let z = Vector3::splat(token, member.constant.columns[2]);
             self.rotation =
                 Matrix3::from_columns(x.scale_add(self.cos, y * self.sin), y.scale_add(self.cos, x * -self.sin), z);
             self.position = translation;
-        } else if joint.kind.is_rotation() {
-            let constant = Matrix3::splat(token, &turn.constant);
-            let sine = Matrix3::splat(token, &turn.sine);
-            let cosine = Matrix3::splat(token, &turn.cosine);
+        } else if member.is_rotation {
+            let constant = Matrix3::splat(token, &member.constant);
+            let sine = Matrix3::splat(token, &member.sine);
+            let cosine = Matrix3::splat(token, &member.cosine);
             self.rotation = cosine.scale_add(self.cos, sine.scale_add(self.sin, constant));
             self.position = translation;
         } else {
-            self.rotation = Matrix3::splat(token, &turn.constant);
-            self.position = Vector3::splat(token, turn.slide).scale_add(self.q, translation);
+            self.rotation = Matrix3::splat(token, &member.constant);
+            self.position = Vector3::splat(token, member.slide).scale_add(self.q, translation);
         }
     }
 
     /// Pose and motion from the joint and the parent's motion (Luh, Walker, Paul (1980), outward iteration).
     #[inline(always)]
-    pub fn advance(&mut self, token: T::Token, joint: &Joint, turn: &Turn, parent: Option<&Self>, minus_g: Vector3<T>) {
-        self.place(token, joint, turn);
+    pub(crate) fn advance(
+        &mut self,
+        token: T::Token,
+        member: &Member<T::Constant>,
+        parent: Option<&Self>,
+        minus_g: Vector3<T>,
+    ) {
+        self.place(token, member);
         let (w, dw, a) = match parent {
             None => {
                 let zero = Vector3::zero(token);
@@ -96,9 +102,9 @@ impl<T: Real> Body<T> {
                 )
             }
         };
-        let axis = Vector3::splat(token, joint.axis);
+        let axis = Vector3::splat(token, member.axis);
         let speed = axis * self.dq;
-        if joint.kind.is_rotation() {
+        if member.is_rotation {
             self.w = w + speed;
             self.dw = w.cross_add(speed, axis.scale_add(self.ddq, dw));
             self.a = a;
@@ -109,9 +115,10 @@ impl<T: Real> Body<T> {
         }
     }
 
-    /// Force and moment about the origin that move `link` as the body moves.
+    /// Force and moment about the origin that move the link as the body moves.
     #[inline(always)]
-    pub fn inertial_wrench(&self, token: T::Token, link: &LinkInertia) -> (Vector3<T>, Vector3<T>) {
+    pub(crate) fn inertial_wrench(&self, token: T::Token, member: &Member<T::Constant>) -> (Vector3<T>, Vector3<T>) {
+        let link = &member.link;
         let h = Vector3::splat(token, link.first_moment);
         let inertia = Matrix3::splat(token, &link.inertia);
         let force = self.w.cross_add(self.w.cross(h), self.a * T::splat(token, link.mass));
@@ -126,25 +133,24 @@ impl<T: Real> Body<T> {
 #[inline(always)]
 pub(crate) fn along_axis<T: Real>(
     token: T::Token,
-    joint: &Joint,
-    turn: &Turn,
+    member: &Member<T::Constant>,
     force: Vector3<T>,
     moment: Vector3<T>,
 ) -> T {
-    if turn.about_z {
+    if member.about_z {
         return moment.z;
     }
-    let axis = Vector3::splat(token, joint.axis);
-    axis.dot(if joint.kind.is_rotation() { moment } else { force })
+    let axis = Vector3::splat(token, member.axis);
+    axis.dot(if member.is_rotation { moment } else { force })
 }
 
 /// Outward iteration over all links.
 #[inline(always)]
-pub(crate) fn forward_pass<T: Real>(token: T::Token, robot: &Robot, bodies: &mut [Body<T>]) {
-    let minus_g = Vector3::splat(token, -robot.gravity());
-    for (index, (joint, turn)) in robot.joints().iter().zip(robot.turns()).enumerate() {
+pub(crate) fn forward_pass<T: Real>(token: T::Token, chain: &Chain<T::Constant>, bodies: &mut [Body<T>]) {
+    let minus_g = Vector3::splat(token, chain.minus_g);
+    for (index, member) in chain.members.iter().enumerate() {
         let (before, rest) = bodies.split_at_mut(index);
-        let parent = joint.parent.map(|parent| &before[parent]);
-        rest[0].advance(token, joint, turn, parent, minus_g);
+        let parent = member.parent.map(|parent| &before[parent]);
+        rest[0].advance(token, member, parent, minus_g);
     }
 }

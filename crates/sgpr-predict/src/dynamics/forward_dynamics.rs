@@ -2,7 +2,7 @@
 
 use super::body::Body;
 use super::workspace::{OnOneSample, Scalar, Scratch, Workspace};
-use crate::robot::Robot;
+use crate::robot::{Member, Robot};
 use crate::simd::Real;
 use crate::spatial::{LinkInertia, Matrix3, Vector3};
 
@@ -74,7 +74,7 @@ pub(crate) struct Articulated<T> {
 impl<T: Real> Articulated<T> {
     pub fn zero(token: T::Token) -> Self {
         let vector = Vector3::zero(token);
-        let matrix = Matrix3::splat(token, &Matrix3::ZERO);
+        let matrix = Matrix3::zero(token);
         Self {
             a: matrix,
             b: matrix,
@@ -87,7 +87,9 @@ impl<T: Real> Articulated<T> {
             torque: T::zero(token),
         }
     }
+}
 
+impl<T: Real<Constant = f64>> Articulated<T> {
     /// A single body in its present motion, joint acceleration aside.
     #[inline(always)]
     fn rigid(token: T::Token, link: &LinkInertia, w: Vector3<T>) -> Self {
@@ -120,16 +122,17 @@ impl OnOneSample for ArticulatedBody<'_> {
             body.ddq = T::zero(());
         }
         // Without gravity and joint accelerations the outward pass leaves, per joint, what the parent's velocity adds.
-        forward_velocity(robot, bodies);
-        for ((own, body), link) in articulated.iter_mut().zip(bodies.iter()).zip(robot.links()) {
-            *own = Articulated::rigid((), link, body.w);
+        let members = &robot.chain().members;
+        forward_velocity(members, bodies);
+        for ((own, body), member) in articulated.iter_mut().zip(bodies.iter()).zip(members) {
+            *own = Articulated::rigid((), &member.link, body.w);
         }
-        for (index, joint) in robot.joints().iter().enumerate().rev() {
-            let axis = Vector3::splat((), joint.axis);
+        for (index, member) in members.iter().enumerate().rev() {
+            let axis = Vector3::splat((), member.axis);
             let (before, rest) = articulated.split_at_mut(index);
             let own = &mut rest[0];
             let (along, load);
-            if joint.kind.is_rotation() {
+            if member.is_rotation {
                 own.unit_force = own.b * axis;
                 own.unit_moment = own.d * axis;
                 along = axis.dot(own.unit_moment);
@@ -143,17 +146,17 @@ impl OnOneSample for ArticulatedBody<'_> {
             let rotor = T::splat((), self.rotor_inertia.map_or(0.0, |rotor| rotor[index]));
             own.inverse = (along + rotor).recip();
             own.torque = T::splat((), self.tau[index]) - load;
-            if let Some(parent) = joint.parent {
+            if let Some(parent) = member.parent {
                 let body = &bodies[index];
                 before[parent].add_behind_joint(own, body);
             }
         }
-        let minus_g = Vector3::splat((), -robot.gravity());
-        for (index, joint) in robot.joints().iter().enumerate() {
+        let minus_g = Vector3::splat((), robot.chain().minus_g);
+        for (index, member) in members.iter().enumerate() {
             let (before, rest) = bodies.split_at_mut(index);
             let body = &mut rest[0];
             // `a` and `dw` hold the velocity terms; the accelerations are added to them.
-            let (a, dw) = match joint.parent {
+            let (a, dw) = match member.parent {
                 None => (body.rotation.transpose_mul(minus_g), Vector3::zero(())),
                 Some(parent) => {
                     let parent = &before[parent];
@@ -166,8 +169,8 @@ impl OnOneSample for ArticulatedBody<'_> {
             body.dw = body.dw + dw;
             let needed = own.unit_force.dot(body.a) + own.unit_moment.dot(body.dw);
             let ddq = (own.torque - needed) * own.inverse;
-            let axis = Vector3::splat((), joint.axis);
-            if joint.kind.is_rotation() {
+            let axis = Vector3::splat((), member.axis);
+            if member.is_rotation {
                 body.dw = axis.scale_add(ddq, body.dw);
             } else {
                 body.a = axis.scale_add(ddq, body.a);
@@ -179,14 +182,14 @@ impl OnOneSample for ArticulatedBody<'_> {
 
 /// Poses, angular velocities, and in `a`, `dw` the acceleration that each link would have if its parent had none.
 #[inline(always)]
-fn forward_velocity<T: Scalar>(robot: &Robot, bodies: &mut [Body<T>]) {
-    for (index, (joint, turn)) in robot.joints().iter().zip(robot.turns()).enumerate() {
+fn forward_velocity<T: Scalar>(members: &[Member], bodies: &mut [Body<T>]) {
+    for (index, member) in members.iter().enumerate() {
         let (before, rest) = bodies.split_at_mut(index);
         let body = &mut rest[0];
-        body.place((), joint, turn);
-        let axis = Vector3::splat((), joint.axis);
+        body.place((), member);
+        let axis = Vector3::splat((), member.axis);
         let speed = axis * body.dq;
-        let (w, a) = match joint.parent {
+        let (w, a) = match member.parent {
             None => (Vector3::zero(()), Vector3::zero(())),
             Some(parent) => {
                 let w = before[parent].w;
@@ -194,7 +197,7 @@ fn forward_velocity<T: Scalar>(robot: &Robot, bodies: &mut [Body<T>]) {
                 (body.rotation.transpose_mul(w), body.rotation.transpose_mul(centripetal))
             }
         };
-        if joint.kind.is_rotation() {
+        if member.is_rotation {
             body.w = w + speed;
             body.dw = w.cross(speed);
             body.a = a;

@@ -1,10 +1,10 @@
 //! Joint-space mass matrix by the composite-rigid-body algorithm.
 
 use super::body::along_axis;
-use super::workspace::{LinkInertiaOf, OnOneSample, Scalar, Scratch, Workspace};
+use super::workspace::{OnOneSample, Scalar, Scratch, Workspace};
 use crate::robot::Robot;
 use crate::simd::Real;
-use crate::spatial::{Matrix3, Vector3};
+use crate::spatial::{LinkInertia, Matrix3, Vector3};
 
 /// Mass matrix M(q), rigid body only.
 ///
@@ -32,15 +32,16 @@ impl OnOneSample for CompositeRigidBody<'_> {
     fn run<T: Scalar>(self, robot: &Robot, scratch: &mut Scratch<T>) {
         let n = robot.dof();
         let Scratch { bodies, composite, .. } = scratch;
-        for (index, (joint, turn)) in robot.joints().iter().zip(robot.turns()).enumerate() {
-            bodies[index].place((), joint, turn);
-            composite[index] = LinkInertiaOf::splat((), &robot.links()[index]);
+        let members = &robot.chain().members;
+        for (index, member) in members.iter().enumerate() {
+            bodies[index].place((), member);
+            composite[index] = LinkInertia::splat((), &member.link);
         }
         let mut carried = composite[n - 1];
-        for (index, joint) in robot.joints().iter().enumerate().rev() {
+        for (index, member) in members.iter().enumerate().rev() {
             // In registers from link to link along a chain; through memory only where branches meet.
             let own = carried;
-            if let Some(parent) = joint.parent {
+            if let Some(parent) = member.parent {
                 let body = &bodies[index];
                 let sum = composite[parent].plus_moved(&own, body.rotation, body.position);
                 carried = if parent + 1 == index { sum } else { composite[index - 1] };
@@ -52,23 +53,22 @@ impl OnOneSample for CompositeRigidBody<'_> {
             }
             let carried = own;
             // Wrench of a unit acceleration of this joint, handed down to the base.
-            let turn = &robot.turns()[index];
-            let axis = Vector3::splat((), joint.axis);
-            let (mut force, mut moment) = if turn.about_z {
+            let axis = Vector3::splat((), member.axis);
+            let (mut force, mut moment) = if member.about_z {
                 let h = carried.first_moment;
                 (Vector3::new(-h.y, h.x, T::zero(())), carried.inertia.columns[2])
-            } else if joint.kind.is_rotation() {
+            } else if member.is_rotation {
                 (axis.cross(carried.first_moment), carried.inertia * axis)
             } else {
                 (axis * carried.mass, carried.first_moment.cross(axis))
             };
             let mut carrier = index;
             loop {
-                let joint = &robot.joints()[carrier];
-                let entry = along_axis((), joint, &robot.turns()[carrier], force, moment).value();
+                let member = &members[carrier];
+                let entry = along_axis((), member, force, moment).value();
                 self.matrix[index * n + carrier] = entry;
                 self.matrix[carrier * n + index] = entry;
-                let Some(parent) = joint.parent else { break };
+                let Some(parent) = member.parent else { break };
                 let body = &bodies[carrier];
                 force = body.rotation * force;
                 moment = body.position.cross_add(force, body.rotation * moment);
@@ -78,7 +78,7 @@ impl OnOneSample for CompositeRigidBody<'_> {
     }
 }
 
-impl<T: Real> LinkInertiaOf<T> {
+impl<T: Real> LinkInertia<T> {
     /// With a body added that is given in a frame at `position` with axes `rotation`.
     #[inline(always)]
     fn plus_moved(&self, other: &Self, rotation: Matrix3<T>, position: Vector3<T>) -> Self {

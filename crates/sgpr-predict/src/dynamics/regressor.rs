@@ -2,7 +2,7 @@
 
 use super::body::{Body, forward_pass};
 use super::workspace::{OnOneSample, Scalar, Scratch, Workspace};
-use crate::robot::Robot;
+use crate::robot::{Chain, Robot};
 use crate::simd::Real;
 use crate::spatial::{PARAMETERS_PER_LINK, Vector3};
 
@@ -45,7 +45,7 @@ impl OnOneSample for Regressor<'_> {
         let matrix = self.matrix;
         regressor_kernel(
             (),
-            robot,
+            robot.chain(),
             &mut scratch.bodies,
             &mut scratch.axes,
             #[inline(always)]
@@ -64,20 +64,20 @@ impl OnOneSample for Regressor<'_> {
 #[inline(always)]
 pub fn regressor_kernel<T: Real>(
     token: T::Token,
-    robot: &Robot,
+    chain: &Chain<T::Constant>,
     bodies: &mut [Body<T>],
     axes: &mut [[Vector3<T>; 2]],
     mut emit: impl FnMut(usize, usize, [T; PARAMETERS_PER_LINK]),
 ) {
-    let n = robot.dof();
-    forward_pass(token, robot, bodies);
-    for (link, joint) in robot.joints().iter().enumerate() {
+    let n = chain.members.len();
+    forward_pass(token, chain, bodies);
+    for (link, member) in chain.members.iter().enumerate() {
         let body = &bodies[link];
         let wrench = LinkWrench::of(body);
         let (before, own) = axes.split_at_mut(link * n);
-        if let Some(parent) = joint.parent {
+        if let Some(parent) = member.parent {
             // The axes seen by the parent link, carried over to this link's origin and frame.
-            for &carrier in robot.path(parent) {
+            for &carrier in chain.path(parent) {
                 let [turning, sliding] = before[parent * n + carrier];
                 let sliding = turning.cross_add(body.position, sliding);
                 let axis = [body.rotation.transpose_mul(turning), body.rotation.transpose_mul(sliding)];
@@ -85,9 +85,9 @@ pub fn regressor_kernel<T: Real>(
                 emit(carrier, link, wrench.project(axis));
             }
         }
-        let axis = Vector3::splat(token, joint.axis);
+        let axis = Vector3::splat(token, member.axis);
         let zero = Vector3::zero(token);
-        if joint.kind.is_rotation() {
+        if member.is_rotation {
             own[link] = [axis, zero];
             emit(link, link, wrench.project_turning(T::zero(token), axis));
         } else {

@@ -2,7 +2,7 @@
 
 use super::body::{Body, along_axis, forward_pass};
 use super::workspace::{OnOneSample, Scalar, Scratch, Workspace};
-use crate::robot::Robot;
+use crate::robot::{Chain, Robot};
 use crate::simd::Real;
 
 /// Inverse dynamics tau = M(q) ddq + C(q, dq) dq + g(q), rigid body only.
@@ -80,7 +80,7 @@ impl OnOneSample for InverseDynamics<'_> {
             body.dq = T::splat((), self.dq.map_or(0.0, |dq| dq[k]));
             body.ddq = T::splat((), self.ddq.map_or(0.0, |ddq| ddq[k]));
         }
-        rnea_kernel((), robot, &mut scratch.bodies);
+        rnea_kernel((), robot.chain(), &mut scratch.bodies);
         for (tau, body) in self.tau.iter_mut().zip(&scratch.bodies) {
             *tau = body.tau.value();
         }
@@ -89,16 +89,16 @@ impl OnOneSample for InverseDynamics<'_> {
 
 /// Joint torques from joint motions, both in `bodies`.
 #[inline(always)]
-pub(crate) fn rnea_kernel<T: Real>(token: T::Token, robot: &Robot, bodies: &mut [Body<T>]) {
-    forward_pass(token, robot, bodies);
-    for (body, link) in bodies.iter_mut().zip(robot.links()) {
-        (body.force, body.moment) = body.inertial_wrench(token, link);
+pub(crate) fn rnea_kernel<T: Real>(token: T::Token, chain: &Chain<T::Constant>, bodies: &mut [Body<T>]) {
+    forward_pass(token, chain, bodies);
+    for (body, member) in bodies.iter_mut().zip(&chain.members) {
+        (body.force, body.moment) = body.inertial_wrench(token, member);
     }
-    for (index, (joint, turn)) in robot.joints().iter().zip(robot.turns()).enumerate().rev() {
+    for (index, member) in chain.members.iter().enumerate().rev() {
         let (before, rest) = bodies.split_at_mut(index);
         let body = &mut rest[0];
-        body.tau = along_axis(token, joint, turn, body.force, body.moment);
-        if let Some(parent) = joint.parent {
+        body.tau = along_axis(token, member, body.force, body.moment);
+        if let Some(parent) = member.parent {
             let parent = &mut before[parent];
             let force = body.rotation * body.force;
             parent.force = parent.force + force;

@@ -7,7 +7,7 @@ use crate::robot::Robot;
 #[cfg(feature = "simd")]
 use crate::simd::Fused;
 use crate::simd::Real;
-use crate::spatial::{LinkInertia, PARAMETERS_PER_LINK, Pose, Vector3};
+use crate::spatial::{LinkInertia, Matrix3, PARAMETERS_PER_LINK, Pose, Vector3};
 
 /// Every buffer that dynamics of one sample needs; made once for a robot, reused for every call.
 ///
@@ -62,43 +62,25 @@ pub(crate) struct Scratch<T: Real> {
     /// `[i * n + j]`: axis of joint j as angular and linear motion of link i's origin, in link i's frame.
     pub axes: Vec<[Vector3<T>; 2]>,
     /// Inertia of everything that a joint carries.
-    pub composite: Vec<LinkInertiaOf<T>>,
+    pub composite: Vec<LinkInertia<T>>,
     pub articulated: Vec<Articulated<T>>,
 }
 
 impl<T: Real> Scratch<T> {
     pub fn new(token: T::Token, dof: usize) -> Self {
         let zero = Vector3::zero(token);
+        let massless = LinkInertia { mass: T::zero(token), first_moment: zero, inertia: Matrix3::zero(token) };
         Self {
             bodies: vec![Body::zero(token); dof],
             axes: vec![[zero, zero]; dof * dof],
-            composite: vec![LinkInertiaOf::splat(token, &LinkInertia::ZERO); dof],
+            composite: vec![massless; dof],
             articulated: vec![Articulated::zero(token); dof],
         }
     }
 }
 
-/// [`LinkInertia`] over other numbers.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct LinkInertiaOf<T> {
-    pub mass: T,
-    pub first_moment: Vector3<T>,
-    pub inertia: crate::spatial::Matrix3<T>,
-}
-
-impl<T: Real> LinkInertiaOf<T> {
-    #[inline(always)]
-    pub fn splat(token: T::Token, link: &LinkInertia) -> Self {
-        Self {
-            mass: T::splat(token, link.mass),
-            first_moment: Vector3::splat(token, link.first_moment),
-            inertia: crate::spatial::Matrix3::splat(token, &link.inertia),
-        }
-    }
-}
-
 /// A number that stands for itself.
-pub(super) trait Scalar: Real<Token = ()> {
+pub(super) trait Scalar: Real<Token = (), Constant = f64> {
     fn value(self) -> f64;
 }
 

@@ -85,7 +85,7 @@ impl Effect for BaseCompliance {
 fn law<S: Stepped>(_: Site, _: &[f64], input: &SampleInput<'_, S>, state: &mut StepState<'_, S>, columns: &mut [S]) {
     let (robot, n, g) = (input.robot, input.robot.dof(), input.robot.gravity());
     let poses = S::forward_kinematics(robot, state.workspace, input.q);
-    let splat = |v: Vector3<f64>| Vector3::splat((), v);
+    let splat = |v: Vector3<f64>| Vector3::constant(v);
     let first = |link: usize| {
         let (pose, link) = (&poses[link], &robot.links()[link]);
         pose.rotation * splat(link.first_moment) + pose.translation * S::constant(link.mass)

@@ -220,7 +220,7 @@ pub(super) fn tip_levers<S: Stepped>(
     let poses = S::forward_kinematics(robot, state.workspace, input.q);
     for &carrier in robot.path(tip) {
         let (joint, pose) = (&robot.joints()[carrier], &poses[carrier]);
-        let axis = pose.rotation * Vector3::splat((), joint.axis);
+        let axis = pose.rotation * Vector3::constant(joint.axis);
         let rotates = joint.kind.is_rotation();
         each(carrier, if rotates { axis.cross(poses[tip].translation - pose.translation) } else { axis });
     }

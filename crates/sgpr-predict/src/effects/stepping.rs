@@ -238,20 +238,16 @@ macro_rules! dynamics_of_numbers {
             NumberWorkspace::new(robot)
         }
 
-        fn rnea(robot: &Robot, workspace: &mut Self::Workspace, motion: [&[Self]; 3], tau: &mut [Self]) {
-            workspace.rnea(robot, motion, tau);
+        fn rnea(_: &Robot, workspace: &mut Self::Workspace, motion: [&[Self]; 3], tau: &mut [Self]) {
+            workspace.rnea(motion, tau);
         }
 
-        fn regressor<'ws>(robot: &Robot, workspace: &'ws mut Self::Workspace, motion: [&[Self]; 3]) -> &'ws [Self] {
-            workspace.regressor(robot, motion)
+        fn regressor<'ws>(_: &Robot, workspace: &'ws mut Self::Workspace, motion: [&[Self]; 3]) -> &'ws [Self] {
+            workspace.regressor(motion)
         }
 
-        fn forward_kinematics<'ws>(
-            robot: &Robot,
-            workspace: &'ws mut Self::Workspace,
-            q: &[Self],
-        ) -> &'ws [Pose<Self>] {
-            workspace.forward_kinematics(robot, q)
+        fn forward_kinematics<'ws>(_: &Robot, workspace: &'ws mut Self::Workspace, q: &[Self]) -> &'ws [Pose<Self>] {
+            workspace.forward_kinematics(q)
         }
     };
 }

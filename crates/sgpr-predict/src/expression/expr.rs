@@ -187,6 +187,12 @@ impl Div<f64> for Expr {
 
 impl Real for Expr {
     type Token = ();
+    type Constant = f64;
+
+    #[inline(always)]
+    fn rounded(value: f64) -> f64 {
+        value
+    }
 
     fn splat((): (), value: f64) -> Self {
         // One zero is enough.

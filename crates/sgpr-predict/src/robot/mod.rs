@@ -4,6 +4,7 @@
 //! A [`Robot`] comes from a URDF file (`Robot::from_urdf`, with the feature `files`), from a Denavit-Hartenberg table
 //! ([`Robot::from_dh`]) or ready-made ([`puma560`], [`two_link`]). Conventions are in `docs/conventions.md`.
 
+mod chain;
 mod description;
 mod dh;
 mod error;
@@ -21,6 +22,9 @@ use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
+#[doc(hidden)]
+pub use chain::Chain;
+pub(crate) use chain::Member;
 pub use dh::{DhConvention, DhRow};
 pub use error::RobotError;
 pub use ready_made::{puma560, two_link};
@@ -140,48 +144,10 @@ pub struct Robot {
     gravity: Vector3<f64>,
     /// What was assumed when the robot was read.
     notes: Vec<String>,
-    /// For each joint the joints between base and it, itself last.
-    paths: Vec<Vec<usize>>,
+    /// Joints, links and gravity as the recursions need them.
+    chain: Chain,
     /// Blocks `joint * n + link` of the regressor that are always zero.
     zero_blocks: Vec<usize>,
-    turns: Vec<Turn>,
-}
-
-/// R(q) = constant + sin(q) sine + cos(q) cosine: a joint's rotation, with the placement multiplied in.
-#[derive(Clone, Debug, PartialEq)]
-#[doc(hidden)]
-pub struct Turn {
-    pub constant: Matrix3<f64>,
-    pub sine: Matrix3<f64>,
-    pub cosine: Matrix3<f64>,
-    /// Axis of a prismatic joint in the parent's frame; zero for a rotation.
-    pub slide: Vector3<f64>,
-    /// Whether the joint turns about the z axis of its frame.
-    pub about_z: bool,
-}
-
-impl Turn {
-    /// Rodrigues' formula R = a aᵀ + sin(q) [a]x + cos(q) (1 - a aᵀ).
-    fn of(joint: &Joint) -> Self {
-        let placement = joint.placement.rotation;
-        if !joint.kind.is_rotation() {
-            return Self {
-                constant: placement,
-                sine: Matrix3::ZERO,
-                cosine: Matrix3::ZERO,
-                slide: placement * joint.axis,
-                about_z: false,
-            };
-        }
-        let along = Matrix3::outer(joint.axis, joint.axis);
-        Self {
-            constant: placement * along,
-            sine: placement * Matrix3::skew(joint.axis),
-            cosine: placement * (Matrix3::IDENTITY + along.scaled(-1.0)),
-            slide: Vector3::ZERO,
-            about_z: joint.axis == Vector3::new(0.0, 0.0, 1.0),
-        }
-    }
 }
 
 impl Robot {
@@ -249,10 +215,11 @@ impl Robot {
         if gravity.to_array().iter().any(|g| !g.is_finite()) {
             return Err(RobotError::NotFinite { element: "gravity".into() });
         }
-        let turns = joints.iter().map(Turn::of).collect();
         let n = joints.len();
         let zero_blocks = (0..n * n).filter(|block| !paths[block % n].contains(&(block / n))).collect();
-        Ok(Self { name, joints, links, frames, gravity, notes: Vec::new(), paths, zero_blocks, turns })
+        let members = joints.iter().zip(&links).map(|(joint, link)| Member::new(joint, *link)).collect();
+        let chain = Chain { members, minus_g: -gravity, paths };
+        Ok(Self { name, joints, links, frames, gravity, notes: Vec::new(), chain, zero_blocks })
     }
 
     /// Name of the robot.
@@ -310,6 +277,7 @@ impl Robot {
     #[must_use]
     pub fn with_gravity(mut self, gravity: Vector3<f64>) -> Self {
         self.gravity = gravity;
+        self.chain.minus_g = -gravity;
         self
     }
 
@@ -321,6 +289,7 @@ impl Robot {
     pub fn with_placement_moved(mut self, joint: usize, shift: Vector3<f64>) -> Self {
         let placement = &mut self.joints[joint].placement;
         placement.translation = placement.translation + shift;
+        self.chain.members[joint].translation = placement.translation;
         self
     }
 
@@ -350,8 +319,10 @@ impl Robot {
     #[must_use]
     pub fn with_standard_parameters(mut self, parameters: &[f64]) -> Self {
         assert_eq!(parameters.len(), PARAMETERS_PER_LINK * self.dof(), "ten parameters per joint");
-        for (link, values) in self.links.iter_mut().zip(parameters.as_chunks().0) {
+        let members = self.chain.members.iter_mut();
+        for ((link, member), values) in self.links.iter_mut().zip(members).zip(parameters.as_chunks().0) {
             *link = LinkInertia::from_standard_parameters(values);
+            member.link = *link;
         }
         self
     }
@@ -364,12 +335,12 @@ impl Robot {
 
     /// Joints from the base to `joint`, itself last.
     pub fn path(&self, joint: usize) -> &[usize] {
-        &self.paths[joint]
+        self.chain.path(joint)
     }
 
     /// Whether the torque of `joint` depends on the inertia of the link carried by `other`.
     pub fn carries(&self, joint: usize, other: usize) -> bool {
-        self.paths[other].contains(&joint)
+        self.chain.path(other).contains(&joint)
     }
 
     /// Blocks `joint * n + link` of the regressor where the joint does not carry the link.
@@ -387,12 +358,16 @@ impl Robot {
             let rows = joint.placement.rotation.to_rows();
             joint.placement.rotation = Matrix3::from_rows(rows.map(|row| row.map(exact)));
         }
-        self.turns = self.joints.iter().map(Turn::of).collect();
+        for ((member, joint), link) in self.chain.members.iter_mut().zip(&self.joints).zip(&self.links) {
+            *member = Member::new(joint, *link);
+        }
         self
     }
 
-    pub(crate) fn turns(&self) -> &[Turn] {
-        &self.turns
+    /// What the recursions need of the robot.
+    #[doc(hidden)]
+    pub fn chain(&self) -> &Chain {
+        &self.chain
     }
 
     #[cfg(feature = "files")]

@@ -41,6 +41,12 @@ impl Neg for Fused {
 
 impl Real for Fused {
     type Token = ();
+    type Constant = f64;
+
+    #[inline(always)]
+    fn rounded(value: f64) -> f64 {
+        value
+    }
 
     #[inline(always)]
     fn splat((): (), value: f64) -> Self {

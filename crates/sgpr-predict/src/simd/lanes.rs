@@ -83,6 +83,12 @@ impl<S: Simd> Neg for Lanes<S> {
 
 impl<S: Simd> Real for Lanes<S> {
     type Token = S;
+    type Constant = f64;
+
+    #[inline(always)]
+    fn rounded(value: f64) -> f64 {
+        value
+    }
 
     #[inline(always)]
     fn splat(simd: S, value: f64) -> Self {

@@ -4,6 +4,7 @@
 //! (`Lanes`) and on any further type that brings the same operations (dual numbers). The instruction set is chosen
 //! when the program runs, by `pulp::Arch`, so one binary serves every machine.
 
+mod dual;
 #[cfg(feature = "simd")]
 mod fused;
 #[cfg(feature = "simd")]
@@ -22,6 +23,7 @@ mod transpose;
 #[cfg(feature = "simd")]
 mod trigonometry;
 
+pub use dual::Dual;
 #[cfg(feature = "simd")]
 pub use fused::Fused;
 #[cfg(feature = "simd")]

@@ -24,7 +24,7 @@ pub trait Number:
     /// The constant `value`.
     #[inline(always)]
     fn constant(value: f64) -> Self {
-        Self::splat((), value)
+        Self::splat((), Self::rounded(value))
     }
 
     /// Square root.

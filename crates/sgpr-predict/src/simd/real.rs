@@ -11,8 +11,14 @@ pub trait Real:
     /// What is needed to make a value out of nothing.
     type Token: Copy;
 
+    /// Numbers that a robot is kept in for recursions over this one, so that none is converted in them.
+    type Constant: Copy + Debug + Send + Sync;
+
+    /// `value` as such a number.
+    fn rounded(value: f64) -> Self::Constant;
+
     /// The constant `value`.
-    fn splat(token: Self::Token, value: f64) -> Self;
+    fn splat(token: Self::Token, value: Self::Constant) -> Self;
 
     /// `self * b + c`, with one rounding where the machine has it.
     fn mul_add(self, b: Self, c: Self) -> Self;
@@ -35,12 +41,18 @@ pub trait Real:
     /// Zero.
     #[inline(always)]
     fn zero(token: Self::Token) -> Self {
-        Self::splat(token, 0.0)
+        Self::splat(token, Self::rounded(0.0))
     }
 }
 
 impl Real for f64 {
     type Token = ();
+    type Constant = Self;
+
+    #[inline(always)]
+    fn rounded(value: f64) -> Self {
+        value
+    }
 
     #[inline(always)]
     fn splat((): (), value: f64) -> Self {

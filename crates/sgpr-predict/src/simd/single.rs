@@ -73,10 +73,16 @@ impl SubAssign for Single {
 
 impl Real for Single {
     type Token = ();
+    type Constant = f32;
 
     #[inline(always)]
-    fn splat((): (), value: f64) -> Self {
-        Self(value as f32)
+    fn rounded(value: f64) -> f32 {
+        value as f32
+    }
+
+    #[inline(always)]
+    fn splat((): (), value: f32) -> Self {
+        Self(value)
     }
 
     // Two roundings, as for `f64`.

@@ -1,6 +1,7 @@
 use core::ops::Add;
 
 use super::{Matrix3, Pose, Vector3};
+use crate::simd::Real;
 
 /// Standard parameters per link.
 pub const PARAMETERS_PER_LINK: usize = 10;
@@ -15,13 +16,25 @@ pub const STANDARD_PARAMETER_UNITS: [&str; PARAMETERS_PER_LINK] =
 
 /// Inertia of one link as it enters the torque linearly: about the origin of the link frame, in its axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LinkInertia {
+pub struct LinkInertia<T = f64> {
     /// Mass, kg.
-    pub mass: f64,
+    pub mass: T,
     /// Mass times centre of mass, kg·m.
-    pub first_moment: Vector3<f64>,
+    pub first_moment: Vector3<T>,
     /// Rotational inertia about the frame origin, kg·m²; symmetric.
-    pub inertia: Matrix3<f64>,
+    pub inertia: Matrix3<T>,
+}
+
+impl<T: Real> LinkInertia<T> {
+    /// A constant inertia.
+    #[inline(always)]
+    pub(crate) fn splat(token: T::Token, link: &LinkInertia<T::Constant>) -> Self {
+        Self {
+            mass: T::splat(token, link.mass),
+            first_moment: Vector3::splat(token, link.first_moment),
+            inertia: Matrix3::splat(token, &link.inertia),
+        }
+    }
 }
 
 impl LinkInertia {

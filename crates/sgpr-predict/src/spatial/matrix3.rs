@@ -18,6 +18,14 @@ impl<T> Matrix3<T> {
     pub const fn from_columns(x: Vector3<T>, y: Vector3<T>, z: Vector3<T>) -> Self {
         Self { columns: [x, y, z] }
     }
+
+    /// The matrix of a function of each entry.
+    pub(crate) fn map<U>(&self, f: impl Fn(T) -> U) -> Matrix3<U>
+    where
+        T: Copy,
+    {
+        Matrix3 { columns: self.columns.map(|column| column.map(&f)) }
+    }
 }
 
 impl Matrix3<f64> {
@@ -86,9 +94,16 @@ impl Matrix3<f64> {
 impl<T: Real> Matrix3<T> {
     /// A constant matrix.
     #[inline(always)]
-    pub fn splat(token: T::Token, m: &Matrix3<f64>) -> Self {
+    pub fn splat(token: T::Token, m: &Matrix3<T::Constant>) -> Self {
         let [x, y, z] = m.columns;
         Self::from_columns(Vector3::splat(token, x), Vector3::splat(token, y), Vector3::splat(token, z))
+    }
+
+    /// The zero matrix.
+    #[inline(always)]
+    pub fn zero(token: T::Token) -> Self {
+        let zero = Vector3::zero(token);
+        Self::from_columns(zero, zero, zero)
     }
 
     /// The transpose.

@@ -21,6 +21,18 @@ impl<T> Vector3<T> {
     pub const fn new(x: T, y: T, z: T) -> Self {
         Self { x, y, z }
     }
+
+    /// The vector of a function of each component.
+    pub(crate) fn map<U>(self, f: impl Fn(T) -> U) -> Vector3<U> {
+        Vector3::new(f(self.x), f(self.y), f(self.z))
+    }
+}
+
+impl<T: Real<Token = ()>> Vector3<T> {
+    /// A vector of constants of 64 bits.
+    pub(crate) fn constant(v: Vector3<f64>) -> Self {
+        v.map(|x| T::splat((), T::rounded(x)))
+    }
 }
 
 impl Vector3<f64> {
@@ -47,7 +59,7 @@ impl From<[f64; 3]> for Vector3<f64> {
 impl<T: Real> Vector3<T> {
     /// A constant vector.
     #[inline(always)]
-    pub fn splat(token: T::Token, v: Vector3<f64>) -> Self {
+    pub fn splat(token: T::Token, v: Vector3<T::Constant>) -> Self {
         Self::new(T::splat(token, v.x), T::splat(token, v.y), T::splat(token, v.z))
     }
 

@@ -132,7 +132,7 @@ impl StreamedModel {
         self.predictor_of(options, &RestOptions { precision: f32::PRECISION, deviation: false })
     }
 
-    pub(super) fn predictor_of<F: Plain>(
+    pub(crate) fn predictor_of<F: Plain>(
         &self,
         options: &StreamOptions,
         rest: &RestOptions,

@@ -1,7 +1,8 @@
 //! A controller without the standard library, with an allocator and a panic handler of its own.
 //!
 //! Standard input: bytes of the model (`u64` length, then the bytes), rate in Hz (`f64`), then samples of q, dq, ddq, `[n]`
-//! each. Standard output: for each sample the torque and the compensation, `[n]` each. It ends with 3 if anything allocates
+//! each. Standard output: for each sample the torque and the compensation, `[n]` each, and both once more as they are in 32
+//! bits. It ends with 3 if anything allocates
 //! after set-up.
 #![no_std]
 #![no_main]
@@ -90,8 +91,9 @@ fn fill(to: &mut [u8]) -> usize {
     done
 }
 
-fn put(values: &[f64]) {
+fn put<F: Into<f64> + Copy>(values: &[F]) {
     for value in values {
+        let value: f64 = (*value).into();
         let bytes = value.to_le_bytes();
         // SAFETY: eight bytes.
         unsafe { write(1, bytes.as_ptr().cast(), bytes.len()) };
@@ -110,20 +112,28 @@ fn run() -> Option<c_int> {
     let rate_hz = Some(f64::from_le_bytes(number()?));
     let stream = StreamOptions { rate_hz, purpose: Purpose::ExpectedMeasurement, ..StreamOptions::default() };
     let mut predictor = model.predictor(&stream).ok()?;
-    let mut compensation =
-        Compensation::new(&model, &CompensationOptions { stream, ..CompensationOptions::default() }).ok()?;
+    let mut single_predictor = model.single_predictor(&stream).ok()?;
+    let options = CompensationOptions { stream, ..CompensationOptions::default() };
+    let mut compensation = Compensation::new(&model, &options).ok()?;
+    let mut single_compensation = Compensation::single(&model, &options).ok()?;
     let n = model.dof();
     let mut sample: Vec<f64> = vec![0.0; 3 * n];
+    let mut single: Vec<f32> = vec![0.0; 3 * n];
     let set_up = ALLOCATOR.count.load(Ordering::Relaxed);
     loop {
-        for value in &mut sample {
+        for (value, single) in sample.iter_mut().zip(&mut single) {
             let Some(bytes) = number() else { return Some(0) };
             *value = f64::from_le_bytes(bytes);
+            *single = *value as f32;
         }
         let (q, rest) = sample.split_at(n);
         let (dq, ddq) = rest.split_at(n);
         put(predictor.try_torque(q, dq, ddq).ok()?);
         put(compensation.torque(q, dq).ok()?);
+        let (q, rest) = single.split_at(n);
+        let (dq, ddq) = rest.split_at(n);
+        put(single_predictor.try_torque(q, dq, ddq).ok()?);
+        put(single_compensation.torque(q, dq).ok()?);
         if ALLOCATOR.count.load(Ordering::Relaxed) != set_up {
             return Some(3);
         }
