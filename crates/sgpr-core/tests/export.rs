@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use sgpr_core::effects::{Effect, EffectParameter, Entry, JointState, Scale, Site, by_name, registry};
 use sgpr_core::export::{ExportError, ExportOptions, Language};
+use sgpr_core::gp::Precision;
 use sgpr_core::model::{Purpose, StreamOptions, Term, TorqueModel};
 use sgpr_core::robot::{Robot, puma560, two_link};
 
@@ -69,9 +70,9 @@ fn plain(robot: &Robot) -> TorqueModel {
     TorqueModel::with_parameters(robot, &effects, parameters).expect("known effects")
 }
 
-fn options(language: Language, name: &str, purpose: Purpose) -> ExportOptions {
+fn options((language, precision): (Language, Precision), name: &str, purpose: Purpose) -> ExportOptions {
     let stream = StreamOptions { rate_hz: Some(RATE_HZ), purpose, ..StreamOptions::default() };
-    ExportOptions { language, name: Some(name.into()), stream }
+    ExportOptions { language, precision, name: Some(name.into()), stream }
 }
 
 /// Models with every effect of the library, each alone, a joint of the wrist for those that have one; and with many.
@@ -144,13 +145,14 @@ fn exists(program: &str) -> bool {
 }
 
 /// A program that runs every model over the motion in `motion.bin` and writes the torques to `tau.bin`.
-fn c_main(models: &[(String, TorqueModel, Purpose)], n: usize) -> String {
+fn c_main(models: &[(String, TorqueModel, Purpose)], n: usize, precision: Precision) -> String {
+    let number = if precision == Precision::Single { "float" } else { "double" };
     let mut out = String::from("#include <stdio.h>\n#include <math.h>\n");
     models.iter().for_each(|(name, ..)| writeln!(out, "#include \"{name}.h\"").expect("a string"));
     let width = 3 * n;
-    writeln!(out, "static double motion[{SAMPLES}][{width}];").expect("a string");
+    writeln!(out, "static {number} motion[{SAMPLES}][{width}];").expect("a string");
     for (name, model, purpose) in models {
-        let code = model.export(&options(Language::C, name, *purpose)).expect("exports");
+        let code = model.export(&options((Language::C, precision), name, *purpose)).expect("exports");
         let has = |function: &str| code.contains(&format!("sgpr_{name}_{function}("));
         let temperature = if has("set_temperature") {
             format!("sgpr_{name}_set_temperature(&state, celsius);")
@@ -163,15 +165,15 @@ fn c_main(models: &[(String, TorqueModel, Purpose)], n: usize) -> String {
             "static int run_{name}(FILE *file)
 {{
     static sgpr_{name}_state state;
-    double tau[{n}], bad[{n}], celsius[{n}];
+    {number} tau[{n}], bad[{n}], celsius[{n}];
     int k, failed = 0;
-    for (k = 0; k < {n}; ++k) {{ celsius[k] = {CELSIUS:?}; bad[k] = motion[0][k]; }}
+    for (k = 0; k < {n}; ++k) {{ celsius[k] = ({number}){CELSIUS:?}; bad[k] = motion[0][k]; }}
     bad[1] = NAN;
     sgpr_{name}_reset(&state);
     {temperature}
     {time}
     for (k = 0; k < {SAMPLES}; ++k) {{
-        const double *q = motion[k];
+        const {number} *q = motion[k];
         if (k == {half}) {{ failed |= sgpr_{name}_reset_at(&state, q, q + {n}) != 0; }}
         failed |= sgpr_{name}_torque(&state, bad, q + {n}, q + 2 * {n}, tau) != 1;
         failed |= sgpr_{name}_torque(&state, q, q + {n}, q + 2 * {n}, tau) != 0;
@@ -196,15 +198,17 @@ fn c_main(models: &[(String, TorqueModel, Purpose)], n: usize) -> String {
     out
 }
 
-fn rust_main(models: &[(String, TorqueModel, Purpose)], n: usize) -> String {
+fn rust_main(models: &[(String, TorqueModel, Purpose)], n: usize, precision: Precision) -> String {
+    let (number, bytes) = if precision == Precision::Single { ("f32", 4) } else { ("f64", 8) };
     let mut out = String::from("use std::io::Write;\n");
     models.iter().for_each(|(name, ..)| writeln!(out, "mod {name};").expect("a string"));
     write!(
         out,
-        "fn part(sample: &[f64], k: usize) -> [f64; {n}] {{ sample[k * {n}..(k + 1) * {n}].try_into().unwrap() }}
+        "fn part(sample: &[{number}], k: usize) -> [{number}; {n}] {{ sample[k * {n}..(k + 1) * {n}].try_into().unwrap() }}
 fn main() {{
     let bytes = std::fs::read(\"motion.bin\").unwrap();
-    let motion: Vec<f64> = bytes.chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().unwrap())).collect();
+    let motion: Vec<{number}> =
+        bytes.chunks_exact({bytes}).map(|b| {number}::from_le_bytes(b.try_into().unwrap())).collect();
     let mut file = std::io::BufWriter::new(std::fs::File::create(\"tau.bin\").unwrap());
 "
     )
@@ -218,7 +222,7 @@ fn main() {{
     for (k, sample) in motion.chunks_exact(3 * {n}).enumerate() {{
         let [q, dq, ddq] = [part(sample, 0), part(sample, 1), part(sample, 2)];
         if k == {half} {{ state.reset_at(&q, &dq).unwrap(); }}
-        assert_eq!(state.torque(&[f64::INFINITY; {n}], &dq, &ddq), Err({name}::Fault::NotFinite));
+        assert_eq!(state.torque(&[{number}::INFINITY; {n}], &dq, &ddq), Err({name}::Fault::NotFinite));
         for tau in state.torque(&q, &dq, &ddq).unwrap() {{ file.write_all(&tau.to_le_bytes()).unwrap(); }}
     }}
 ",
@@ -230,27 +234,39 @@ fn main() {{
     out
 }
 
-fn write_all(folder: &Path, models: &[(String, TorqueModel, Purpose)], language: Language, motion: &[f64]) {
-    let bytes: Vec<u8> = motion.iter().flat_map(|value| value.to_le_bytes()).collect();
+fn write_all(
+    folder: &Path,
+    models: &[(String, TorqueModel, Purpose)],
+    (language, precision): (Language, Precision),
+    motion: &[f64],
+) {
+    let bytes = |value: &f64| match precision {
+        Precision::Single => (*value as f32).to_le_bytes().to_vec(),
+        Precision::Double => value.to_le_bytes().to_vec(),
+    };
+    let bytes: Vec<u8> = motion.iter().flat_map(bytes).collect();
     fs::write(folder.join("motion.bin"), bytes).expect("writable");
     let ending = if language == Language::C { "h" } else { "rs" };
     for (name, model, purpose) in models {
         let path = folder.join(format!("{name}.{ending}"));
-        model.export_to(path, &options(language, name, *purpose)).expect("exports");
+        model.export_to(path, &options((language, precision), name, *purpose)).expect("exports");
     }
     let n = models[0].1.robot().dof();
     let (main, code) = match language {
-        Language::C => ("main.c", c_main(models, n)),
-        Language::Rust => ("main.rs", rust_main(models, n)),
+        Language::C => ("main.c", c_main(models, n, precision)),
+        Language::Rust => ("main.rs", rust_main(models, n, precision)),
     };
     fs::write(folder.join(main), code).expect("writable");
 }
 
 /// Runs the program that was built and compares its torques with those of the predictors.
-fn compare(folder: &Path, models: &[(String, TorqueModel, Purpose)], motion: &[f64]) {
+fn compare(folder: &Path, models: &[(String, TorqueModel, Purpose)], motion: &[f64], precision: Precision) {
     run(Command::new(folder.join("program")).current_dir(folder));
     let bytes = fs::read(folder.join("tau.bin")).expect("written");
-    let tau: Vec<f64> = bytes.chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().expect("eight"))).collect();
+    let tau: Vec<f64> = match precision {
+        Precision::Single => bytes.as_chunks().0.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect(),
+        Precision::Double => bytes.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)).collect(),
+    };
     let rows = SAMPLES * models[0].1.robot().dof();
     assert_eq!(tau.len(), models.len() * rows);
     for ((name, model, purpose), found) in models.iter().zip(tau.chunks_exact(rows)) {
@@ -260,7 +276,8 @@ fn compare(folder: &Path, models: &[(String, TorqueModel, Purpose)], motion: &[f
         let without = self::expected(&plain(model.robot()), *purpose, motion);
         let in_it = !["viscous_friction", "arm"].contains(&name.as_str());
         assert!(!in_it || expected != without, "{name} does nothing");
-        assert!(apart <= 1e-12 * largest, "{name}: {:e} of the largest torque", apart / largest);
+        let bound = if precision == Precision::Single { 2e-6 } else { 1e-12 };
+        assert!(apart <= bound * largest, "{name}: {:e} of the largest torque", apart / largest);
         if std::env::var_os("SGPR_PRINT_EXPORT").is_some() {
             println!("{name}: {:e}", apart / largest);
         }
@@ -268,7 +285,7 @@ fn compare(folder: &Path, models: &[(String, TorqueModel, Purpose)], motion: &[f
 }
 
 fn build_c(folder: &Path, compiler: &str, standard: &str, language: &str) {
-    let strict = ["-Wall", "-Wextra", "-Wpedantic", "-Werror", "-o", "program", "-O1"];
+    let strict = ["-Wall", "-Wextra", "-Wpedantic", "-Wdouble-promotion", "-Werror", "-o", "program", "-O1"];
     let mut command = Command::new(compiler);
     command.current_dir(folder).arg(standard).args(strict).args(["-x", language, "main.c", "-lm"]);
     run(&mut command);
@@ -282,25 +299,69 @@ fn build_rust(folder: &Path) {
 
 #[test]
 fn every_effect_in_c_gives_the_torque_of_the_predictor() {
-    let (models, motion) = (models(), motion(6));
+    in_c(&motion(6), Precision::Double);
+}
+
+fn in_c(motion: &[f64], precision: Precision) {
+    let models = models();
     let folder = tempfile::tempdir().expect("a folder");
-    write_all(folder.path(), &models, Language::C, &motion);
+    write_all(folder.path(), &models, (Language::C, precision), motion);
     let builds = [("gcc", "-std=c99", "c"), ("g++", "-std=c++17", "c++"), ("clang", "-std=c99", "c")];
     for (compiler, standard, language) in builds {
         if exists(compiler) {
             build_c(folder.path(), compiler, standard, language);
-            compare(folder.path(), &models, &motion);
+            compare(folder.path(), &models, motion, precision);
         }
     }
 }
 
 #[test]
 fn every_effect_in_rust_gives_the_torque_of_the_predictor() {
-    let (models, motion) = (models(), motion(6));
+    in_rust(&motion(6), Precision::Double);
+}
+
+fn in_rust(motion: &[f64], precision: Precision) {
+    let models = models();
     let folder = tempfile::tempdir().expect("a folder");
-    write_all(folder.path(), &models, Language::Rust, &motion);
+    write_all(folder.path(), &models, (Language::Rust, precision), motion);
     build_rust(folder.path());
-    compare(folder.path(), &models, &motion);
+    compare(folder.path(), &models, motion, precision);
+}
+
+/// So that what differs is the arithmetic.
+fn as_32_bits_hold_it(motion: Vec<f64>) -> Vec<f64> {
+    motion.into_iter().map(|value| f64::from(value as f32)).collect()
+}
+
+#[test]
+fn every_effect_in_c_in_32_bits_gives_the_torque_of_the_predictor() {
+    in_c(&as_32_bits_hold_it(motion(6)), Precision::Single);
+}
+
+#[test]
+fn every_effect_in_rust_in_32_bits_gives_the_torque_of_the_predictor() {
+    in_rust(&as_32_bits_hold_it(motion(6)), Precision::Single);
+}
+
+#[test]
+fn code_in_32_bits_computes_with_no_other_numbers_but_times() {
+    let terms = vec![term(&by_name("friction_step").expect("of the library"), Site::Joint(1))];
+    let model = plain(&puma560()).with_terms(terms, Some(0));
+    let code = model.export(&options((Language::C, Precision::Single), "arm", Purpose::ExpectedMeasurement));
+    let code = code.expect("exports");
+    let lines: Vec<&str> = code.lines().skip_while(|line| !line.starts_with("#ifndef")).collect();
+    for line in lines.iter().filter(|line| line.contains("double")) {
+        let of_time = ["origin", "steps", "time"].iter().any(|word| line.contains(word));
+        assert!(of_time, "{line}");
+    }
+    // Constants without their suffix are of 64 bits, and so is what is computed with them.
+    let statements = lines.iter().filter(|line| line.contains("const float t") || line.contains("tau["));
+    let wide = |word: &&str| word.contains('.') && word.parse::<f64>().is_ok();
+    for line in statements.filter(|line| !line.contains("time")) {
+        let words = line.split(|c: char| "()*+-/;,= ".contains(c));
+        assert_eq!(words.filter(wide).count(), 0, "{line}");
+    }
+    assert!(code.contains("(float)(time - 1.3)") && code.contains("sinf(q[1])"), "{code}");
 }
 
 #[test]
@@ -324,21 +385,23 @@ fn names_from_strangers_stay_in_their_comment() {
     let robot = Robot::new("*/ arm", joints, table.links().to_vec(), vec![], table.gravity()).expect("a robot");
     let model = plain(&robot);
     for language in Language::ALL {
-        let code = model.export(&options(language, "arm", Purpose::FeedForward)).expect("exports");
+        let code = model.export(&options((language, Precision::Double), "arm", Purpose::FeedForward)).expect("exports");
         assert!(!code.contains("*/ int x") && !code.contains("#error") && !code.contains('\u{202e}'), "{code}");
         assert!(!code.contains('\\') && !code.contains("??/"), "{code}");
         let folder = tempfile::tempdir().expect("a folder");
         let one = [("arm".to_string(), model.clone(), Purpose::FeedForward)];
         let motion = motion(2);
-        write_all(folder.path(), &one, language, &motion);
+        write_all(folder.path(), &one, (language, Precision::Double), &motion);
         match language {
             Language::C => build_c(folder.path(), "gcc", "-std=c99", "c"),
             Language::Rust => build_rust(folder.path()),
         }
-        compare(folder.path(), &one, &motion);
+        compare(folder.path(), &one, &motion, Precision::Double);
     }
     for name in ["", "a b", "x;", "ä", &"x".repeat(41)] {
-        let error = model.export(&options(Language::C, name, Purpose::FeedForward)).expect_err("no identifier");
+        let error = model
+            .export(&options((Language::C, Precision::Double), name, Purpose::FeedForward))
+            .expect_err("no identifier");
         assert!(matches!(error, ExportError::Name { .. }), "{error}");
     }
 }

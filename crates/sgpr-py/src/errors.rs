@@ -134,7 +134,9 @@ impl IntoPyErr for ObserverError {
 impl IntoPyErr for ExportError {
     fn into_py_err(self) -> PyErr {
         match self {
-            Self::Language { .. } | Self::Name { .. } => PyValueError::new_err(self.to_string()),
+            Self::Language { .. } | Self::Precision { .. } | Self::Name { .. } => {
+                PyValueError::new_err(self.to_string())
+            }
             Self::Write { .. } => PyOSError::new_err(self.to_string()),
             _ => SgprError::new_err(self.to_string()),
         }

@@ -8,7 +8,7 @@ use pyo3::exceptions::{PyIndexError, PyKeyError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyBytes, PyDict};
 use sgpr_core::diagnosis::parameters_of;
-use sgpr_core::export::ExportOptions;
+use sgpr_core::export::{self, ExportOptions};
 use sgpr_core::identification::{KeptOut, ParameterSet};
 use sgpr_core::model::{self as core, BaseParameter, StreamOptions, Term, TorqueModel};
 use sgpr_core::motion::Processing as CoreProcessing;
@@ -514,6 +514,9 @@ impl Model {
     ///     C99 to include in C or C++ (needs `math.h` alone), or a Rust module.
     /// path : str or Path
     ///     The file; its folder is made if need be.
+    /// precision : {"double", "single"}
+    ///     Width of its numbers: 64 bits, or 32 for processors that compute with no others (to 2e-6 of the largest torque,
+    ///     motion and torque in 32 bits). Times of the session have 64 bits in both.
     /// name : str, optional
     ///     What names in a C file begin with, after `sgpr_`; by default the robot's name.
     /// rate_hz, purpose, keep
@@ -531,20 +534,22 @@ impl Model {
     /// >>> from pathlib import Path
     /// >>> "int sgpr_arm_torque(" in Path("arm.h").read_text()
     /// True
-    #[pyo3(signature = (language, path, *, name=None, rate_hz=None, purpose="feed_forward", keep=None))]
+    #[pyo3(signature = (language, path, *, precision="double", name=None, rate_hz=None, purpose="feed_forward", keep=None))]
     #[expect(clippy::too_many_arguments, reason = "the keywords of Python")]
     fn export(
         &self,
         py: Python<'_>,
         language: &str,
         path: PathBuf,
+        precision: &str,
         name: Option<String>,
         rate_hz: Option<f64>,
         purpose: &str,
         keep: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
         let language = language.parse().map_err(IntoPyErr::into_py_err)?;
-        let options = ExportOptions { language, name, stream: stream_options(rate_hz, purpose, keep)? };
+        let precision = export::precision(precision).map_err(IntoPyErr::into_py_err)?;
+        let options = ExportOptions { language, precision, name, stream: stream_options(rate_hz, purpose, keep)? };
         py.import("sgpr._files")?.call_method1("make_folder_of", (&path,))?;
         detached(py, || self.inner.export_to(path, &options)).map_err(IntoPyErr::into_py_err)
     }

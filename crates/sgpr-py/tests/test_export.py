@@ -64,6 +64,25 @@ def test_c_over_a_recorded_motion_is_the_predictor(
         np.testing.assert_allclose(tau[k], expected, rtol=0, atol=1e-12 * np.abs(part.predicted).max())
 
 
+def test_c_in_32_bits_is_the_predictor_but_for_rounding(
+    model: sgpr.Model, demo_test: sgpr.Recording, tmp_path: Path
+) -> None:
+    rate = demo_test.sample_rate_hz
+    model.export("c", tmp_path / "arm.h", name="arm", precision="single", rate_hz=rate)
+    assert "double tau" not in (tmp_path / "arm.h").read_text()
+    arm = library(tmp_path)
+    part = sgpr.compare(model, [demo_test]).logs[0]
+    predictor = model.predictor(rate_hz=rate, purpose="feed_forward")
+    arm.reset()
+    tau = np.zeros(part.q.shape, np.float32)
+    expected = np.zeros(part.q.shape)
+    for k, rows in enumerate(zip(part.q, part.dq, part.ddq, strict=True)):
+        q, dq, ddq = (np.ascontiguousarray(row, np.float32) for row in rows)
+        assert arm.torque(pointer(q), pointer(dq), pointer(ddq), pointer(tau[k])) == 0
+        expected[k] = predictor.torque(*(row.astype(float) for row in (q, dq, ddq)))
+    np.testing.assert_allclose(tau, expected, rtol=0, atol=2e-6 * np.abs(expected).max())
+
+
 def test_the_head_says_what_the_file_is(model: sgpr.Model, tmp_path: Path) -> None:
     model.export("rust", tmp_path / "new" / "arm.rs", rate_hz=500.0, purpose="expected_measurement")
     code = (tmp_path / "new" / "arm.rs").read_text()
@@ -77,6 +96,8 @@ def test_what_cannot_be_exported_is_refused(model: sgpr.Model, tmp_path: Path) -
         model.export("fortran", tmp_path / "arm.f")
     with pytest.raises(ValueError, match="left arm"):
         model.export("c", tmp_path / "arm.h", name="left arm")
+    with pytest.raises(ValueError, match="half"):
+        model.export("c", tmp_path / "arm.h", precision="half")
     with pytest.raises(sgpr.SgprError, match=r"torque_delay.*rate_hz"):
         model.export("c", tmp_path / "arm.h", purpose="expected_measurement")
     assert not list(tmp_path.iterdir())
@@ -87,6 +108,10 @@ def test_the_command_writes_the_same_file(model: sgpr.Model, tmp_path: Path) -> 
     model.export("c", tmp_path / "wanted.h", name="arm")
     done = run("export", tmp_path / "arm.sgpr", "--language", "c", "--out", tmp_path / "arm.h", "--name", "arm")
     assert done.code == 0, done.err
+    assert (tmp_path / "arm.h").read_text() == (tmp_path / "wanted.h").read_text()
+    model.export("c", tmp_path / "wanted.h", name="arm", precision="single")
+    done = run("export", tmp_path / "arm.sgpr", *"--language c --precision single --name arm --out".split(), tmp_path / "arm.h")
+    assert done.code == 0 and "32 bits" in done.out, done.err
     assert (tmp_path / "arm.h").read_text() == (tmp_path / "wanted.h").read_text()
     missing = run("export", tmp_path / "none.sgpr", "--language", "c", "--out", tmp_path / "x.h")
     assert missing.code != 0 and "none.sgpr" in missing.err and not (tmp_path / "x.h").exists()

@@ -6,26 +6,57 @@ use super::printer::{Dialect, body, head, owners, uses};
 use super::program::{Input, Program};
 use sgpr_predict::internal::Node;
 
+use crate::gp::Precision;
+
 /// `prefix`: what the names of the file begin with.
 struct C<'a> {
     prefix: &'a str,
+    precision: Precision,
+}
+
+/// How numbers of a width are written.
+struct Width {
+    /// The type.
+    number: &'static str,
+    /// Of constants and functions.
+    suffix: &'static str,
+    largest: &'static str,
+    infinity: &'static str,
+}
+
+fn of_width(precision: Precision) -> Width {
+    match precision {
+        Precision::Double => {
+            Width { number: "double", suffix: "", largest: "1.7976931348623157e308", infinity: "HUGE_VAL" }
+        }
+        Precision::Single => Width { number: "float", suffix: "f", largest: "3.4028235e38f", infinity: "INFINITY" },
+    }
 }
 
 impl Dialect for C<'_> {
-    fn infinity(&self) -> &'static str {
-        "INFINITY"
+    fn precision(&self) -> Precision {
+        self.precision
+    }
+
+    fn constant(&self, precision: Precision, digits: Option<String>) -> String {
+        let width = of_width(precision);
+        digits.map_or_else(|| width.infinity.into(), |digits| digits + width.suffix)
+    }
+
+    fn narrowed(&self, time: &str) -> String {
+        format!("({})({time})", of_width(self.precision).number)
     }
 
     fn function(&self, name: &str, of: &str) -> String {
-        format!("{name}({of})")
+        format!("{name}{}({of})", of_width(self.precision).suffix)
     }
 
     fn power(&self, of: &str, exponent: &str) -> String {
-        format!("pow({of}, {exponent})")
+        self.function("pow", &format!("{of}, {exponent}"))
     }
 
     fn select(&self, number: &str, yes: &str, no: &str) -> String {
-        format!("{number} > 0.0 ? {yes} : {no}")
+        format!("{number} > 0.0{} ? {yes} : {no}", of_width(self.precision).suffix)
     }
 
     fn clamp(&self, number: &str, low: &str, high: &str) -> String {
@@ -50,13 +81,14 @@ impl Dialect for C<'_> {
         }
     }
 
-    fn declare(&self, name: &str, value: &str) -> String {
-        format!("const double {name} = {value};")
+    fn declare(&self, precision: Precision, name: &str, value: &str) -> String {
+        format!("const {} {name} = {value};", of_width(precision).number)
     }
 }
 
 /// The file of a program.
-pub(super) fn file(name: &str, program: &Program) -> String {
+pub(super) fn file(name: &str, program: &Program, precision: Precision) -> String {
+    let width = of_width(precision);
     let prefix = format!("sgpr_{name}");
     let capital = prefix.to_uppercase();
     let mut out = String::from("/*\n");
@@ -76,11 +108,11 @@ pub(super) fn file(name: &str, program: &Program) -> String {
         "\n/* What functions return. */\n#define {capital}_OK 0\n#define {capital}_NOT_FINITE 1\n\
          #define {capital}_NO_TEMPERATURE 2\n"
     );
-    out.push_str(&state(program, &prefix));
-    out.push_str(&helpers(program, &prefix));
-    out.push_str(&set_up(program, &prefix, &capital));
-    out.push_str(&torque(program, &prefix, &capital));
-    out.push_str(&reset_at(program, &prefix, &capital));
+    out.push_str(&state(program, &prefix, &width));
+    out.push_str(&helpers(program, &prefix, &width));
+    out.push_str(&set_up(program, &prefix, &capital, &width));
+    out.push_str(&torque(program, &prefix, &capital, precision));
+    out.push_str(&reset_at(program, &prefix, &capital, &width));
     let _ = writeln!(out, "#endif /* {capital}_H */");
     out
 }
@@ -93,7 +125,8 @@ const USAGE: &str = " *
  */
 ";
 
-fn state(program: &Program, prefix: &str) -> String {
+fn state(program: &Program, prefix: &str, width: &Width) -> String {
+    let Width { number, .. } = width;
     let n = program.dof();
     let mut out = String::from("typedef struct {\n");
     let owners = owners(program);
@@ -102,10 +135,10 @@ fn state(program: &Program, prefix: &str) -> String {
         owners.iter().for_each(|line| {
             let _ = writeln!(out, "     *   {line}");
         });
-        let _ = writeln!(out, "     */\n    double hidden[{}];", program.hidden.len());
+        let _ = writeln!(out, "     */\n    {number} hidden[{}];", program.hidden.len());
     }
     if program.needs_temperature {
-        let _ = writeln!(out, "    /* Of each joint, degrees Celsius. */\n    double temperature[{n}];");
+        let _ = writeln!(out, "    /* Of each joint, degrees Celsius. */\n    {number} temperature[{n}];");
         out.push_str("    int has_temperature;\n");
     }
     if program.starts_from(Input::Time) {
@@ -115,41 +148,44 @@ fn state(program: &Program, prefix: &str) -> String {
         out.push_str("    int runs;\n");
     }
     if program.starts_from(Input::HasLast) {
-        out.push_str("    double has_last;\n");
+        let _ = writeln!(out, "    {number} has_last;");
     }
     let _ = writeln!(
         out,
-        "    /* One if there was a sample; one if hidden states start in a motion. */\n    double begun;\n    \
-         double moving;\n}} {prefix}_state;\n"
+        "    /* One if there was a sample; one if hidden states start in a motion. */\n    {number} begun;\n    \
+         {number} moving;\n}} {prefix}_state;\n"
     );
     out
 }
 
-fn helpers(program: &Program, prefix: &str) -> String {
+fn helpers(program: &Program, prefix: &str, width: &Width) -> String {
+    let Width { number, suffix, largest, .. } = width;
     let mut out = format!(
-        "static inline int {prefix}_finite(const double *values)\n{{\n    int joint, finite = 1;\n    \
+        "static inline int {prefix}_finite(const {number} *values)\n{{\n    int joint, finite = 1;\n    \
          for (joint = 0; joint < {n}; ++joint) {{\n        \
-         if (!(fabs(values[joint]) <= 1.7976931348623157e308)) {{\n            finite = 0;\n        }}\n    }}\n    \
+         if (!(fabs{suffix}(values[joint]) <= {largest})) {{\n            finite = 0;\n        }}\n    }}\n    \
          return finite;\n}}\n\n",
         n = program.dof()
     );
     if uses(program, |node| matches!(node, Node::Sgn(_))) {
         let _ = writeln!(
             out,
-            "static inline double {prefix}_sgn(double x)\n{{\n    return (double)((x > 0.0) - (x < 0.0));\n}}\n"
+            "static inline {number} {prefix}_sgn({number} x)\n{{\n    \
+             return ({number})((x > 0.0{suffix}) - (x < 0.0{suffix}));\n}}\n"
         );
     }
     if uses(program, |node| matches!(node, Node::Clamp(..))) {
         let _ = writeln!(
             out,
-            "static inline double {prefix}_clamp(double x, double low, double high)\n{{\n    \
+            "static inline {number} {prefix}_clamp({number} x, {number} low, {number} high)\n{{\n    \
              return x < low ? low : (x > high ? high : x);\n}}\n"
         );
     }
     out
 }
 
-fn set_up(program: &Program, prefix: &str, capital: &str) -> String {
+fn set_up(program: &Program, prefix: &str, capital: &str, width: &Width) -> String {
+    let Width { number, suffix, .. } = width;
     let n = program.dof();
     let timed = program.starts_from(Input::Time);
     let mut out = format!(
@@ -159,7 +195,7 @@ fn set_up(program: &Program, prefix: &str, capital: &str) -> String {
     if !program.hidden.is_empty() {
         let _ = writeln!(
             out,
-            "    int index;\n    for (index = 0; index < {}; ++index) {{\n        state->hidden[index] = 0.0;\n    }}",
+            "    int index;\n    for (index = 0; index < {}; ++index) {{\n        state->hidden[index] = 0.0{suffix};\n    }}",
             program.hidden.len()
         );
     }
@@ -170,9 +206,9 @@ fn set_up(program: &Program, prefix: &str, capital: &str) -> String {
         out.push_str("    state->has_temperature = 0;\n");
     }
     if program.starts_from(Input::HasLast) {
-        out.push_str("    state->has_last = 0.0;\n");
+        let _ = writeln!(out, "    state->has_last = 0.0{suffix};");
     }
-    out.push_str("    state->begun = 0.0;\n    state->moving = 0.0;\n}\n\n");
+    let _ = writeln!(out, "    state->begun = 0.0{suffix};\n    state->moving = 0.0{suffix};\n}}\n");
     if timed {
         let _ = writeln!(
             out,
@@ -186,7 +222,7 @@ fn set_up(program: &Program, prefix: &str, capital: &str) -> String {
         let _ = writeln!(
             out,
             "/* Sets the temperature of each joint, degrees Celsius. */\n\
-             static inline int {prefix}_set_temperature({prefix}_state *state, const double celsius[{n}])\n{{\n    \
+             static inline int {prefix}_set_temperature({prefix}_state *state, const {number} celsius[{n}])\n{{\n    \
              int joint;\n    if (!{prefix}_finite(celsius)) {{\n        return {capital}_NOT_FINITE;\n    }}\n    \
              for (joint = 0; joint < {n}; ++joint) {{\n        state->temperature[joint] = celsius[joint];\n    }}\n    \
              state->has_temperature = 1;\n    return {capital}_OK;\n}}\n"
@@ -195,13 +231,14 @@ fn set_up(program: &Program, prefix: &str, capital: &str) -> String {
     out
 }
 
-fn torque(program: &Program, prefix: &str, capital: &str) -> String {
+fn torque(program: &Program, prefix: &str, capital: &str, precision: Precision) -> String {
+    let Width { number, suffix, .. } = of_width(precision);
     let n = program.dof();
-    let body = body(program, &C { prefix });
+    let body = body(program, &C { prefix, precision });
     let mut out = format!(
         "/* Torque at the next sample from position, velocity and acceleration of each joint. */\n\
-         static inline int {prefix}_torque({prefix}_state *state, const double q[{n}], const double dq[{n}],\n    \
-         const double ddq[{n}], double tau[{n}])\n{{\n"
+         static inline int {prefix}_torque({prefix}_state *state, const {number} q[{n}], const {number} dq[{n}],\n    \
+         const {number} ddq[{n}], {number} tau[{n}])\n{{\n"
     );
     let times = if program.starts_from(Input::Time) { "    double time;\n" } else { "" };
     let _ = writeln!(
@@ -220,8 +257,8 @@ fn torque(program: &Program, prefix: &str, capital: &str) -> String {
         );
     }
     out.push_str("    {\n");
-    for (index, (number, _)) in program.hidden.iter().enumerate() {
-        let _ = writeln!(out, "    const double h{number} = state->hidden[{index}];");
+    for (index, (place, _)) in program.hidden.iter().enumerate() {
+        let _ = writeln!(out, "    const {number} h{place} = state->hidden[{index}];");
     }
     body.statements.iter().for_each(|line| {
         let _ = writeln!(out, "    {line}");
@@ -234,18 +271,19 @@ fn torque(program: &Program, prefix: &str, capital: &str) -> String {
     });
     out.push_str("    }\n");
     if program.starts_from(Input::HasLast) {
-        out.push_str("    state->has_last = 1.0;\n");
+        let _ = writeln!(out, "    state->has_last = 1.0{suffix};");
     }
-    let _ = writeln!(out, "    state->begun = 1.0;\n    return {capital}_OK;\n}}\n");
+    let _ = writeln!(out, "    state->begun = 1.0{suffix};\n    return {capital}_OK;\n}}\n");
     out
 }
 
-fn reset_at(program: &Program, prefix: &str, capital: &str) -> String {
+fn reset_at(program: &Program, prefix: &str, capital: &str, width: &Width) -> String {
+    let Width { number, suffix, .. } = width;
     let n = program.dof();
     let mut out = format!(
         "/* Forgets all samples: hidden states are those after a long motion at this speed to this position. */\n\
-         static inline int {prefix}_reset_at({prefix}_state *state, const double q[{n}], const double dq[{n}])\n{{\n    \
-         const {prefix}_state before = *state;\n    const double at_rest[{n}] = {{ 0.0 }};\n    double tau[{n}];\n    \
+         static inline int {prefix}_reset_at({prefix}_state *state, const {number} q[{n}], const {number} dq[{n}])\n{{\n    \
+         const {prefix}_state before = *state;\n    const {number} at_rest[{n}] = {{ 0.0{suffix} }};\n    {number} tau[{n}];\n    \
          int code;\n    {prefix}_reset(state);\n"
     );
     if program.needs_temperature {
@@ -257,15 +295,15 @@ fn reset_at(program: &Program, prefix: &str, capital: &str) -> String {
     }
     let _ = writeln!(
         out,
-        "    state->moving = 1.0;\n    code = {prefix}_torque(state, q, dq, at_rest, tau);\n    \
+        "    state->moving = 1.0{suffix};\n    code = {prefix}_torque(state, q, dq, at_rest, tau);\n    \
          if (code != {capital}_OK) {{\n        *state = before;\n        return code;\n    }}"
     );
     if program.starts_from(Input::Time) {
         out.push_str("    state->steps = 0.0;\n    state->runs = 0;\n");
     }
     if program.starts_from(Input::HasLast) {
-        out.push_str("    state->has_last = 0.0;\n");
+        let _ = writeln!(out, "    state->has_last = 0.0{suffix};");
     }
-    let _ = writeln!(out, "    state->moving = 0.0;\n    return {capital}_OK;\n}}\n");
+    let _ = writeln!(out, "    state->moving = 0.0{suffix};\n    return {capital}_OK;\n}}\n");
     out
 }

@@ -18,6 +18,7 @@ use std::str::FromStr;
 use self::program::Program;
 use crate::atomic_file;
 use crate::effects::Effect;
+use crate::gp::Precision;
 use crate::model::{Purpose, StreamError, StreamOptions, TorqueModel};
 
 /// The language of an exported model.
@@ -42,6 +43,18 @@ impl Language {
     }
 }
 
+/// The width of numbers by its name: `double`, `single`.
+///
+/// # Errors
+/// If it is none.
+pub fn precision(name: &str) -> Result<Precision, ExportError> {
+    match name {
+        "double" => Ok(Precision::Double),
+        "single" => Ok(Precision::Single),
+        _ => Err(ExportError::Precision { name: name.into() }),
+    }
+}
+
 impl FromStr for Language {
     type Err = ExportError;
 
@@ -56,6 +69,8 @@ impl FromStr for Language {
 pub struct ExportOptions {
     /// Language of the file.
     pub language: Language,
+    /// Width of its numbers; times have 64 bits in both.
+    pub precision: Precision,
     /// What names in the file begin with, after `sgpr_`; by default the name of the robot.
     pub name: Option<String>,
     /// Rate of the calls, purpose, and effects to keep, as for a predictor.
@@ -66,7 +81,7 @@ impl ExportOptions {
     /// Code for a controller: the torque that the arm needs.
     pub fn new(language: Language) -> Self {
         let stream = StreamOptions { purpose: Purpose::FeedForward, ..StreamOptions::default() };
-        Self { language, name: None, stream }
+        Self { language, precision: Precision::Double, name: None, stream }
     }
 }
 
@@ -77,6 +92,12 @@ pub enum ExportError {
     /// A language that is none.
     #[error("language: got `{name}`, expected `c` or `rust`")]
     Language {
+        /// What was asked for.
+        name: String,
+    },
+    /// A width of numbers that is none.
+    #[error("precision: got `{name}`, expected `double` or `single`")]
+    Precision {
         /// What was asked for.
         name: String,
     },
@@ -141,8 +162,8 @@ impl TorqueModel {
         }
         let program = Program::record(self, &options.stream);
         Ok(match options.language {
-            Language::C => c::file(&name, &program),
-            Language::Rust => rust::file(&name, &program),
+            Language::C => c::file(&name, &program, options.precision),
+            Language::Rust => rust::file(&name, &program, options.precision),
         })
     }
 

@@ -4,14 +4,21 @@ use super::program::{Input, Program};
 use sgpr_predict::internal::Node;
 
 use crate::expression::Expr;
+use crate::gp::Precision;
 
 /// Longest formula that stands where it is used.
 const INLINE: usize = 56;
 
 /// What languages write in ways of their own.
 pub(super) trait Dialect {
-    /// A number that is infinite.
-    fn infinity(&self) -> &'static str;
+    /// Width of the numbers, times aside.
+    fn precision(&self) -> Precision;
+
+    /// A number of this width from its digits, or one that is infinite without.
+    fn constant(&self, precision: Precision, digits: Option<String>) -> String;
+
+    /// A time as a number of the file's width.
+    fn narrowed(&self, time: &str) -> String;
 
     /// A function of one number, by its name in C.
     fn function(&self, name: &str, of: &str) -> String;
@@ -31,8 +38,8 @@ pub(super) trait Dialect {
     /// A number that a formula starts from.
     fn input(&self, input: Input) -> String;
 
-    /// A statement that gives a value a name.
-    fn declare(&self, name: &str, value: &str) -> String;
+    /// A statement that gives a value of this width a name.
+    fn declare(&self, precision: Precision, name: &str, value: &str) -> String;
 }
 
 /// A formula, and whether it must stand in parentheses when another is made of it.
@@ -67,17 +74,19 @@ pub(super) struct Body {
 /// Writes the formulas of a program.
 pub(super) fn body(program: &Program, dialect: &dyn Dialect) -> Body {
     let tape = &program.tape;
+    let times = times(program, dialect.precision());
     let mut texts = vec![Text::default(); tape.len()];
     let mut statements = Vec::new();
     for index in (0..tape.len()).filter(|index| program.uses[*index] > 0) {
         let node = tape.at(index);
-        let text = written(node, &texts, program, dialect);
+        let text = Writer { texts: &texts, times: &times, program, dialect }.written(index);
         let plain = matches!(node, Node::Constant(_) | Node::Input(_));
         texts[index] = if plain || (program.uses[index] == 1 && text.text.len() <= INLINE) {
             text
         } else {
             let name = format!("t{}", statements.len());
-            statements.push(dialect.declare(&name, &text.text));
+            let precision = if times[index] { Precision::Double } else { dialect.precision() };
+            statements.push(dialect.declare(precision, &name, &text.text));
             Text::simple(name)
         };
     }
@@ -85,7 +94,7 @@ pub(super) fn body(program: &Program, dialect: &dyn Dialect) -> Body {
     let mut named = |prefix: &str, outputs: &mut dyn Iterator<Item = Expr>| -> Vec<String> {
         let named = outputs.enumerate().map(|(k, output)| {
             let name = format!("{prefix}{k}");
-            statements.push(dialect.declare(&name, &texts[output.index()].text));
+            statements.push(dialect.declare(dialect.precision(), &name, &texts[output.index()].text));
             name
         });
         named.collect()
@@ -95,35 +104,84 @@ pub(super) fn body(program: &Program, dialect: &dyn Dialect) -> Body {
     Body { statements, tau, hidden }
 }
 
-fn written(node: Node, texts: &[Text], program: &Program, dialect: &dyn Dialect) -> Text {
-    let operand = |expr: Expr| texts[expr.index()].operand();
-    let whole = |expr: Expr| &texts[expr.index()].text;
-    let pair = |a: Expr, sign: &str, b: Expr| Text::compound(format!("{} {sign} {}", operand(a), operand(b)));
-    let function = |name: &str, of: Expr| Text::simple(dialect.function(name, whole(of)));
-    match node {
-        Node::Constant(value) => constant(value, dialect),
-        Node::Input(index) => Text::simple(dialect.input(program.inputs[index])),
-        Node::Add(a, b) => pair(a, "+", b),
-        Node::Sub(a, b) => pair(a, "-", b),
-        Node::Mul(a, b) => pair(a, "*", b),
-        Node::Div(a, b) => pair(a, "/", b),
-        Node::Neg(a) => Text::compound(format!("-{}", operand(a))),
-        Node::Sin(a) => function("sin", a),
-        Node::Cos(a) => function("cos", a),
-        Node::Exp(a) => function("exp", a),
-        Node::Tanh(a) => function("tanh", a),
-        Node::Sqrt(a) => function("sqrt", a),
-        Node::Abs(a) => function("fabs", a),
-        Node::Sgn(a) => Text::simple(dialect.sgn(whole(a))),
-        Node::Power(a, exponent) => Text::simple(dialect.power(whole(a), &constant(exponent, dialect).text)),
-        Node::Select(a, yes, no) => Text::compound(dialect.select(&operand(a), &operand(yes), &operand(no))),
-        Node::Clamp(a, low, high) => Text::simple(dialect.clamp(whole(a), whole(low), whole(high))),
+/// Which operations make times of others, and keep 64 bits where numbers have 32.
+fn times(program: &Program, precision: Precision) -> Vec<bool> {
+    let mut times = vec![false; program.tape.len()];
+    for index in (0..times.len()).filter(|_| precision == Precision::Single) {
+        let is_constant = |expr: Expr| matches!(program.tape.node(expr), Node::Constant(_));
+        times[index] = match program.tape.at(index) {
+            Node::Input(input) => program.inputs[input] == Input::Time,
+            Node::Add(a, b) | Node::Sub(a, b) => {
+                let time = |expr: Expr| times[expr.index()];
+                (time(a) && (time(b) || is_constant(b))) || (is_constant(a) && time(b))
+            }
+            _ => false,
+        };
+    }
+    times
+}
+
+/// Writes operations whose operands are written.
+struct Writer<'a> {
+    texts: &'a [Text],
+    times: &'a [bool],
+    program: &'a Program,
+    dialect: &'a dyn Dialect,
+}
+
+impl Writer<'_> {
+    fn written(&self, index: usize) -> Text {
+        let dialect = self.dialect;
+        let part = |expr: Expr| self.part(expr, self.times[index]);
+        let operand = |expr: Expr| part(expr).operand();
+        let whole = |expr: Expr| part(expr).text;
+        let pair = |a: Expr, sign: &str, b: Expr| Text::compound(format!("{} {sign} {}", operand(a), operand(b)));
+        let function = |name: &str, of: Expr| Text::simple(dialect.function(name, &whole(of)));
+        match self.program.tape.at(index) {
+            Node::Constant(value) => constant(value, dialect.precision(), dialect),
+            Node::Input(index) => Text::simple(dialect.input(self.program.inputs[index])),
+            Node::Add(a, b) => pair(a, "+", b),
+            Node::Sub(a, b) => pair(a, "-", b),
+            Node::Mul(a, b) => pair(a, "*", b),
+            Node::Div(a, b) => pair(a, "/", b),
+            Node::Neg(a) => Text::compound(format!("-{}", operand(a))),
+            Node::Sin(a) => function("sin", a),
+            Node::Cos(a) => function("cos", a),
+            Node::Exp(a) => function("exp", a),
+            Node::Tanh(a) => function("tanh", a),
+            Node::Sqrt(a) => function("sqrt", a),
+            Node::Abs(a) => function("fabs", a),
+            Node::Sgn(a) => Text::simple(dialect.sgn(&whole(a))),
+            Node::Power(a, exponent) => {
+                let exponent = constant(exponent, dialect.precision(), dialect);
+                Text::simple(dialect.power(&whole(a), &exponent.text))
+            }
+            Node::Select(a, yes, no) => Text::compound(dialect.select(&operand(a), &operand(yes), &operand(no))),
+            Node::Clamp(a, low, high) => Text::simple(dialect.clamp(&whole(a), &whole(low), &whole(high))),
+        }
+    }
+
+    /// An operand of an operation that makes a time, or of another.
+    fn part(&self, expr: Expr, of_time: bool) -> Text {
+        let text = &self.texts[expr.index()];
+        match self.program.tape.node(expr) {
+            Node::Constant(value) if of_time => constant(value, Precision::Double, self.dialect),
+            _ if self.times[expr.index()] && !of_time => Text::simple(self.dialect.narrowed(&text.text)),
+            _ => text.clone(),
+        }
     }
 }
 
 /// The shortest decimal number that is read back to the bit.
-fn constant(value: f64, dialect: &dyn Dialect) -> Text {
-    let size = if value.is_infinite() { dialect.infinity().to_string() } else { format!("{:?}", value.abs()) };
+fn constant(value: f64, precision: Precision, dialect: &dyn Dialect) -> Text {
+    let digits = match precision {
+        Precision::Single => {
+            let size = value.abs() as f32;
+            size.is_finite().then(|| format!("{size:?}"))
+        }
+        Precision::Double => value.is_finite().then(|| format!("{:?}", value.abs())),
+    };
+    let size = dialect.constant(precision, digits);
     if value.is_sign_negative() { Text::compound(format!("-{size}")) } else { Text::simple(size) }
 }
 

@@ -6,7 +6,19 @@ use super::printer::{Dialect, body, head, owners, uses};
 use super::program::{Input, Program};
 use sgpr_predict::internal::Node;
 
-struct Rust;
+use crate::gp::Precision;
+
+struct Rust {
+    precision: Precision,
+}
+
+/// The type of numbers.
+fn of_width(precision: Precision) -> &'static str {
+    match precision {
+        Precision::Double => "f64",
+        Precision::Single => "f32",
+    }
+}
 
 /// A formula that a method is called on.
 fn receiver(of: &str) -> String {
@@ -15,8 +27,16 @@ fn receiver(of: &str) -> String {
 }
 
 impl Dialect for Rust {
-    fn infinity(&self) -> &'static str {
-        "f64::INFINITY"
+    fn precision(&self) -> Precision {
+        self.precision
+    }
+
+    fn constant(&self, precision: Precision, digits: Option<String>) -> String {
+        digits.unwrap_or_else(|| format!("{}::INFINITY", of_width(precision)))
+    }
+
+    fn narrowed(&self, time: &str) -> String {
+        format!("(({time}) as {})", of_width(self.precision))
     }
 
     fn function(&self, name: &str, of: &str) -> String {
@@ -54,13 +74,14 @@ impl Dialect for Rust {
         }
     }
 
-    fn declare(&self, name: &str, value: &str) -> String {
+    fn declare(&self, _: Precision, name: &str, value: &str) -> String {
         format!("let {name} = {value};")
     }
 }
 
 /// The file of a program.
-pub(super) fn file(name: &str, program: &Program) -> String {
+pub(super) fn file(name: &str, program: &Program, precision: Precision) -> String {
+    let number = of_width(precision);
     let mut out = String::new();
     for line in head(program) {
         out.push_str(format!("// {line}").trim_end());
@@ -74,16 +95,19 @@ pub(super) fn file(name: &str, program: &Program) -> String {
         let _ = writeln!(out, "/// Calls per second.\n#[allow(dead_code)]\npub const RATE_HZ: f64 = {rate_hz:?};\n");
     }
     out.push_str(FAULT);
-    out.push_str(&state(program));
+    out.push_str(&state(program, number));
     let _ = writeln!(out, "#[allow(dead_code, clippy::all)]\nimpl State {{");
-    out.push_str(&set_up(program));
-    out.push_str(&torque(program));
+    out.push_str(&set_up(program, number));
+    out.push_str(&torque(program, precision));
     out.push_str("}\n");
     if uses(program, |node| matches!(node, Node::Sgn(_))) {
-        out.push_str("\nfn sgn(x: f64) -> f64 {\n    f64::from(i8::from(x > 0.0) - i8::from(x < 0.0))\n}\n");
+        let _ = writeln!(
+            out,
+            "\nfn sgn(x: {number}) -> {number} {{\n    {number}::from(i8::from(x > 0.0) - i8::from(x < 0.0))\n}}"
+        );
     }
     if uses(program, |node| matches!(node, Node::Clamp(..))) {
-        out.push_str("\nfn clamp(x: f64, low: f64, high: f64) -> f64 {\n");
+        let _ = writeln!(out, "\nfn clamp(x: {number}, low: {number}, high: {number}) -> {number} {{");
         out.push_str("    if x < low { low } else if x > high { high } else { x }\n}\n");
     }
     out
@@ -107,7 +131,7 @@ pub enum Fault {
 
 ";
 
-fn state(program: &Program) -> String {
+fn state(program: &Program, number: &str) -> String {
     let n = program.dof();
     let mut out = String::from(
         "/// What is carried from sample to sample.\n#[allow(dead_code)]\n#[derive(Clone, Debug)]\npub struct State {\n",
@@ -115,18 +139,18 @@ fn state(program: &Program) -> String {
     owners(program).iter().for_each(|line| {
         let _ = writeln!(out, "    // {line}");
     });
-    let _ = writeln!(out, "    hidden: [f64; {}],", program.hidden.len());
-    let _ = writeln!(out, "    temperature: Option<[f64; {n}]>,");
+    let _ = writeln!(out, "    hidden: [{number}; {}],", program.hidden.len());
+    let _ = writeln!(out, "    temperature: Option<[{number}; {n}]>,");
     out.push_str(
         "    // Time of the session: seconds, and samples since.\n    origin: f64,\n    steps: f64,\n    runs: bool,\n",
     );
     out.push_str("    // One if there was a sample; one if hidden states start in a motion.\n");
-    out.push_str("    begun: f64,\n    moving: f64,\n    has_last: f64,\n}\n\n");
+    let _ = writeln!(out, "    begun: {number},\n    moving: {number},\n    has_last: {number},\n}}\n");
     out.push_str("impl Default for State {\n    fn default() -> Self {\n        Self::new()\n    }\n}\n\n");
     out
 }
 
-fn set_up(program: &Program) -> String {
+fn set_up(program: &Program, number: &str) -> String {
     format!(
         "    /// Hidden states start at rest at the next sample.
     pub fn new() -> Self {{
@@ -148,7 +172,7 @@ fn set_up(program: &Program) -> String {
     }}
 
     /// Forgets all samples: hidden states are those after a long motion at this speed to this position.
-    pub fn reset_at(&mut self, q: &[f64; JOINTS], dq: &[f64; JOINTS]) -> Result<(), Fault> {{
+    pub fn reset_at(&mut self, q: &[{number}; JOINTS], dq: &[{number}; JOINTS]) -> Result<(), Fault> {{
         let mut next = Self {{ temperature: self.temperature, moving: 1.0, ..Self::new() }};
         next.torque(q, dq, &[0.0; JOINTS])?;
         *self = Self {{ steps: 0.0, runs: false, moving: 0.0, has_last: 0.0, ..next }};
@@ -165,7 +189,7 @@ fn set_up(program: &Program) -> String {
     }}
 
     /// Sets the temperature of each joint, degrees Celsius.
-    pub fn set_temperature(&mut self, celsius: &[f64; JOINTS]) -> Result<(), Fault> {{
+    pub fn set_temperature(&mut self, celsius: &[{number}; JOINTS]) -> Result<(), Fault> {{
         if celsius.iter().any(|value| !value.is_finite()) {{
             return Err(Fault::NotFinite);
         }}
@@ -178,20 +202,21 @@ fn set_up(program: &Program) -> String {
     )
 }
 
-fn torque(program: &Program) -> String {
-    let body = body(program, &Rust);
-    let mut out = String::from(
+fn torque(program: &Program, precision: Precision) -> String {
+    let body = body(program, &Rust { precision });
+    let number = of_width(precision);
+    let mut out = format!(
         "    /// Torque at the next sample from position, velocity and acceleration of each joint.
     #[allow(unused_parens)]
     pub fn torque(
         &mut self,
-        q: &[f64; JOINTS],
-        dq: &[f64; JOINTS],
-        ddq: &[f64; JOINTS],
-    ) -> Result<[f64; JOINTS], Fault> {
-        if [q, dq, ddq].into_iter().flatten().any(|value| !value.is_finite()) {
+        q: &[{number}; JOINTS],
+        dq: &[{number}; JOINTS],
+        ddq: &[{number}; JOINTS],
+    ) -> Result<[{number}; JOINTS], Fault> {{
+        if [q, dq, ddq].into_iter().flatten().any(|value| !value.is_finite()) {{
             return Err(Fault::NotFinite);
-        }
+        }}
 ",
     );
     if program.needs_temperature {

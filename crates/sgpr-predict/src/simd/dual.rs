@@ -54,6 +54,8 @@ impl<T: Real<Token = ()>, const N: usize> Sub for Dual<T, N> {
 impl<T: Real<Token = ()>, const N: usize> Mul for Dual<T, N> {
     type Output = Self;
 
+    // The rule of products is a sum.
+    #[allow(clippy::suspicious_arithmetic_impl)]
     #[inline(always)]
     fn mul(self, b: Self) -> Self {
         self.combine(b, self.value * b.value, |da, db| da * b.value + self.value * db)

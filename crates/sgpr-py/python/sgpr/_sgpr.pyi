@@ -516,6 +516,7 @@ class Model:
         language: Literal["c", "rust"],
         path: _Path,
         *,
+        precision: Literal["double", "single"] = "double",
         name: str | None = None,
         rate_hz: float | None = None,
         purpose: _Purpose = "feed_forward",

@@ -26,7 +26,7 @@ PEAKS = ("velocity", "acceleration", "torque")
 VERDICTS = {
     "effects_found": "Effects are missing from the model.",
     "nothing_missing": "Nothing is missing at this noise.",
-    "unexplained_structure": "Something is missing that no known effect explains.",
+    "unexplained_structure": "Something is missing, and no known effect is likely to be it.",
 }
 
 

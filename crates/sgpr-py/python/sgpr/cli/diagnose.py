@@ -46,7 +46,7 @@ NEXT_EXPERIMENT = "next_experiment.csv"
 VERDICTS = {
     "effects_found": "Effects are missing from the model.",
     "nothing_missing": "Nothing is missing: what is left is noise as far as these logs can tell.",
-    "unexplained_structure": "Something is missing that no known effect explains.",
+    "unexplained_structure": "Something is missing, and no known effect is likely to be it.",
 }
 
 

@@ -25,6 +25,12 @@ def export(
         float | None,
         typer.Option("--rate", metavar="HZ", help="Rate of the calls; effects of time, delays and lags need it."),
     ] = None,
+    precision: Annotated[
+        Literal["double", "single"] | None,
+        typer.Option(
+            "--precision", help="Numbers of 64 bits, or of 32 for processors without others.", show_default="double"
+        ),
+    ] = None,
     purpose: Annotated[
         Literal["feed_forward", "expected_measurement"] | None,
         typer.Option("--purpose", help="What the arm needs, or what its log would show.", show_default="feed_forward"),
@@ -56,7 +62,7 @@ def export(
             f"{model}: the Gaussian process of a learned model is not exported: run it with its predictor, or save "
             "its physics (model.physics_.save(...)) and export that"
         )
-    of_code = {"--rate": rate, "--purpose": purpose, "--keep": keep, "--name": name}
+    of_code = {"--rate": rate, "--precision": precision, "--purpose": purpose, "--keep": keep, "--name": name}
     if language == "urdf" or language == "mjcf":
         if given := [option for option, value in of_code.items() if value is not None]:
             raise BadData(f"{', '.join(given)}: for c and rust; a robot file has no calls")
@@ -68,11 +74,13 @@ def export(
         return
     if robot is not None:
         raise BadData("--robot: for urdf; code holds the robot of the model")
-    purpose = purpose or "feed_forward"
-    loaded.export(language, out, name=name, rate_hz=rate, purpose=purpose, keep=keep)
+    purpose, precision = purpose or "feed_forward", precision or "double"
+    loaded.export(language, out, precision=precision, name=name, rate_hz=rate, purpose=purpose, keep=keep)
     size = Path(out).stat().st_size
-    output.result({"file": out, "language": language, "purpose": purpose, "rate_hz": rate, "bytes": size})
-    output.line(f"{out}: {len(loaded.robot.joint_names)} joints, {purpose}, {size / 1000:.0f} kB of {language}")
+    settings = {"purpose": purpose, "precision": precision, "rate_hz": rate}
+    output.result({"file": out, "language": language, **settings, "bytes": size})
+    bits = ", numbers of 32 bits" if precision == "single" else ""
+    output.line(f"{out}: {len(loaded.robot.joint_names)} joints, {purpose}{bits}, {size / 1000:.0f} kB of {language}")
 
 
 def write_robot_file(model: Model, language: str, out: str, robot: str | None) -> list[str]:

@@ -29,7 +29,7 @@ SHARES = ("share", "samples")
 VERDICTS = {
     "effects_found": "The model lacks",
     "nothing_missing": "Nothing is missing at this noise.",
-    "unexplained_structure": "Something is missing that no known effect explains.",
+    "unexplained_structure": "Something is missing, and no known effect is likely to be it.",
 }
 
 

@@ -6,7 +6,7 @@ import { button, choice, fill, h, number, table, words } from "./dom.js";
 const VERDICTS = {
   effects_found: "The model lacks",
   nothing_missing: "Nothing is missing: what is left is noise as far as these logs can tell.",
-  unexplained_structure: "Something is missing that no known effect explains.",
+  unexplained_structure: "Something is missing, and no known effect is likely to be it.",
 };
 const SHOWN = 15;
 const hand = { effect: "coulomb_transition", joint: "" };
