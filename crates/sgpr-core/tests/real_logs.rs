@@ -128,6 +128,53 @@ fn five_seconds_are_better_than_the_robot_file() {
     }
 }
 
+/// What a short log says of its model's torque is what that lacks of a model of all logs, on other motion; and what it says of
+/// twice or four times as long a log is what that lacks.
+#[test]
+fn short_logs_know_how_much_more_is_needed() {
+    let mut all = vec![];
+    for name in ["ur10e", "kuka_lwr", "baxter"] {
+        let Some(folder) = folder(name) else { return };
+        let resample = (name == "ur10e").then_some(Resample::Hz(100.0));
+        let case = Case::read(&folder, &Repair { resample, ..Repair::default() });
+        let whole = case.identify(&ALL, Conditioning::default());
+        let predicted = |model: &TorqueModel| -> Vec<f64> {
+            let logs = compare(model, &case.test, whole.processing()).expect("good logs").logs;
+            logs.into_iter().flat_map(|log| log.predicted).collect()
+        };
+        let expected = predicted(&whole);
+        let n = case.robot.dof();
+        let log = case.train.iter().max_by_key(|log| log.time()[log.len() - 1] - log.time()[0]).expect("logs");
+        let seconds = (log.time()[log.len() - 1] - log.time()[0]) as f64 * 1e-9;
+        let mut forecasts: Vec<sgpr_core::model::Forecast> = vec![];
+        for length in [5.0, 10.0, 20.0, 40.0].into_iter().filter(|length| *length < seconds) {
+            let last = log.time()[0] + (length * 1e9) as i64;
+            let short = log.slice(0..log.time().partition_point(|time| *time <= last));
+            let effects = ALL.map(String::from).to_vec();
+            let options = IdentifyOptions { effects, forecast: true, ..IdentifyOptions::default() };
+            let (model, report) = identify(&case.robot, &[short], &options, &()).expect("a short log");
+            let found = predicted(&model);
+            let actual = |joint: usize| {
+                let squares = found.iter().zip(&expected).skip(joint).step_by(n).map(|(a, b)| (a - b).powi(2));
+                (squares.sum::<f64>() / (expected.len() / n) as f64).sqrt()
+            };
+            forecasts.push(report.forecast.expect("asked for"));
+            for (doublings, forecast) in forecasts.iter().rev().enumerate() {
+                let ratios: Vec<f64> =
+                    (0..n).map(|joint| actual(joint) / forecast.deviation[doublings][joint]).collect();
+                all.extend(ratios.into_iter().map(|ratio| (doublings, ratio)));
+            }
+        }
+    }
+    for doublings in 0..3 {
+        let mut of: Vec<f64> = all.iter().filter(|(k, _)| *k == doublings).map(|(_, ratio)| *ratio).collect();
+        of.sort_by(f64::total_cmp);
+        let [low, middle, high] = [0.1, 0.5, 0.9].map(|share| of[(share * (of.len() - 1) as f64) as usize]);
+        println!("{doublings} doublings: {low:.2} {middle:.2} {high:.2} times what was said, {} joints", of.len());
+        assert!((0.5..2.0).contains(&middle) && low > 0.1 && high < 6.0, "{doublings}: {low} {middle} {high}");
+    }
+}
+
 /// The widths that make these logs most probable cost 3 % of the error: what the model lacks is no
 /// noise.
 #[test]

@@ -1,11 +1,12 @@
 """`sgpr info`."""
 
+import gzip
 import json
 from pathlib import Path
 
 import numpy as np
 import sgpr
-from cli_support import DEMO_ROBOT, DEMO_TEST, JOINTS, RECORDINGS, run, write_log
+from cli_support import DEMO_ROBOT, DEMO_TEST, DEMO_TRAIN, JOINTS, RECORDINGS, run, write_log
 
 
 def test_robot_with_effects() -> None:
@@ -65,6 +66,37 @@ def test_screening_against_the_robot(tmp_path: Path) -> None:
 
     [data] = json.loads(run("info", write_log(tmp_path / "short.csv", 1, too_short), *arguments).out)
     assert data["screening"]["refused"]
+
+
+def test_whether_a_log_is_enough_is_said(tmp_path: Path) -> None:
+    effects = ("viscous_friction", "coulomb_friction", "torque_offset")
+    enough = run("info", write_log(tmp_path / "log.csv", 1), "--robot", "two_link", "--effects", *effects)
+    assert enough.code == 0 and "enough data" in enough.out, enough.out
+    found = run("info", DEMO_ROBOT, DEMO_TRAIN[0])
+    assert found.code == 0 and "s of motion like this: until then" in found.out, found.out
+    with gzip.open(DEMO_TRAIN[0], "rt") as file:
+        table = file.read().splitlines(keepends=True)
+    (tmp_path / "short.csv").write_text("".join(table[: len(table) * 3 // 20]))
+    [_, data] = json.loads(run("info", DEMO_ROBOT, tmp_path / "short.csv", "--json").out)
+    said = data["screening"]["how_much_data"]
+    assert said["seconds_to_go"] is None or said["seconds_to_go"] > 1.0
+    assert "record another" in said["answer"]
+    assert [len(joint["deviation"]) for joint in said["joints"]] == [len(said["seconds"])] * 6
+
+    def one_way(table: np.ndarray) -> np.ndarray:
+        # The second joint turns one way only, and the first one both ways.
+        t = table[:, 0]
+        q = np.column_stack([0.6 * np.sin(2.0 * t), 0.5 * t + 0.1 * np.sin(t)])
+        dq = np.column_stack([1.2 * np.cos(2.0 * t), 0.5 + 0.1 * np.cos(t)])
+        ddq = np.column_stack([-2.4 * np.sin(2.0 * t), -0.1 * np.sin(t)])
+        noise = 0.01 * np.random.default_rng(1).standard_normal(q.shape)
+        tau = sgpr.robots.two_link().inverse_dynamics(q, dq, ddq) + 0.3 * dq + 0.4 * np.sign(dq) + noise
+        return np.column_stack([t, q, tau])
+
+    path = write_log(tmp_path / "one_way.csv", 1, one_way)
+    [data] = json.loads(run("info", path, "--robot", "two_link", "--effects", *effects, "--json").out)
+    said = data["screening"]["how_much_data"]
+    assert said["seconds_to_go"] is None and "`joint_2` must reverse" in said["answer"], said["answer"]
 
 
 def test_saturated_torques_and_impossible_positions_are_named(tmp_path: Path) -> None:

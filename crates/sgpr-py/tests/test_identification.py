@@ -333,3 +333,46 @@ def test_the_prior_can_be_left_out(demo_robot: sgpr.Robot, demo_logs: list[sgpr.
     assert errors[0] < errors[1], errors
     with pytest.raises(ValueError, match="prior_deviation"):
         sgpr.identify(demo_robot, demo_logs, prior=None, prior_deviation=1.0)
+
+
+def test_a_forecast_is_the_scatter_of_what_is_identified() -> None:
+    """The same motion with other noise, and four times as long: the torques of the models scatter as was said."""
+    robot, rate, noise = sgpr.robots.two_link(), 200.0, 0.2
+    waves = np.array([(0.21, 0.5, 0.3), (0.37, 0.4, 1.1), (0.83, 0.2, 2.0)])
+
+    def motion(seconds: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        t = np.arange(0.0, seconds, 1.0 / rate)[:, None, None]
+        rates = 2.0 * np.pi * waves[:, 0] * np.array([[1.0], [1.31]])
+        angles = rates * t + waves[:, 2]
+        sizes = waves[:, 1]
+        q, dq, ddq = sizes * np.sin(angles), sizes * rates * np.cos(angles), -sizes * rates**2 * np.sin(angles)
+        return q.sum(-1), dq.sum(-1), ddq.sum(-1)
+
+    def models(seconds: float, count: int) -> list[sgpr.Model]:
+        q, dq, ddq = motion(seconds)
+        exact = robot.inverse_dynamics(q, dq, ddq) + 0.5 * dq
+        t = np.arange(len(q)) / rate
+        found = []
+        for seed in range(count):
+            tau = exact + noise * np.random.default_rng(seed).standard_normal(exact.shape)
+            log = sgpr.Recording(t, q, tau=tau)
+            found.append(sgpr.identify(robot, [log], effects=["viscous_friction"], cutoff_hz=20.0, forecast=True))
+        return found
+
+    # States of which each joint is at another time, or on the way back.
+    random = np.random.default_rng(7)
+    rows = random.integers(0, int(8.0 * rate), (400, 2))
+    q, dq, ddq = (np.column_stack([part[rows[:, 0], 0], part[rows[:, 1], 1]]) for part in motion(8.0))
+    dq = dq * random.choice([-1.0, 1.0], dq.shape)
+    short, long = models(8.0, 40), models(32.0, 40)
+    for known, several in ((0, short), (2, long)):
+        torques = np.array([model.predict(q, dq, ddq) for model in several])
+        scatter = np.sqrt(torques.var(axis=0, ddof=1).mean(axis=0))
+        reports = [model.report for model in short]
+        said = np.mean(
+            [report.forecast["deviation"][known] for report in reports if report and report.forecast], axis=0
+        )
+        np.testing.assert_allclose(said, scatter, rtol=0.35)
+    report = short[0].report
+    assert report is not None and report.forecast is not None
+    np.testing.assert_allclose(report.forecast["seconds"], 8.0 * np.array([1, 2, 4, 8, 16]), rtol=0.02)

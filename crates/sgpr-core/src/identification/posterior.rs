@@ -33,6 +33,14 @@ pub struct Held {
     pub levels: Vec<f64>,
 }
 
+impl Held {
+    /// Covariance of the parameters after `longer` times as much data of the same kind, `[rank, rank]`.
+    pub(crate) fn covariance_with(&self, longer: f64) -> Mat<f64> {
+        let root = self.prior.posterior(&(faer::Scale(longer.sqrt()) * &self.data)).root;
+        &root * root.transpose()
+    }
+}
+
 /// A factor with fewer rows than this many per column is followed by its parameters too closely to start from.
 const ROWS_PER_COLUMN: usize = 2;
 

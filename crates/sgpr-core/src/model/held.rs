@@ -3,10 +3,12 @@
 
 use faer::Mat;
 
+use super::forecast::variances;
 use crate::dynamics::Samples;
+pub(super) use crate::identification::Held;
 use crate::identification::{
-    BaseParameters, Equations, Estimate, Held, IdentificationError, JointFactor, Judgement, LeftOut, Method,
-    Observation, ParameterPrior, ParameterSet, PriorWidth, Row, Trajectory, estimate, estimate_with_prior,
+    BaseParameters, Equations, Estimate, IdentificationError, JointFactor, Judgement, LeftOut, Method, Observation,
+    ParameterPrior, ParameterSet, PriorWidth, Row, Trajectory, estimate, estimate_with_prior,
 };
 use crate::motion::Motion;
 use crate::random::Random;
@@ -143,11 +145,7 @@ impl Task<'_> {
         }
         let Ok(factors) = self.other_motions() else { return false };
         let certain = |factor: &JointFactor| {
-            let count = factor.columns.len();
-            let own = Mat::from_fn(count, count, |i, j| covariance[(factor.columns[i], factor.columns[j])]);
-            let rows = factor.factor.as_ref().submatrix(0, 0, count, count);
-            let variance = (rows * own * rows.transpose()).diagonal().column_vector().sum() / factor.rows as f64;
-            variance.sqrt() <= CLEARLY * prior.left_by_file()[factor.joint]
+            (variances(covariance, factor) / factor.rows as f64).sqrt() <= CLEARLY * prior.left_by_file()[factor.joint]
         };
         factors.iter().all(certain)
     }
@@ -272,7 +270,7 @@ impl Task<'_> {
             return None;
         }
         let names: Vec<&str> = parameters.iter().map(|&k| self.base.names()[k].as_str()).collect();
-        let advice: Vec<String> = (0..self.robot.dof()).filter_map(|joint| self.advice(joint, &parameters)).collect();
+        let advice = self.all_advice(held);
         let advice = if advice.is_empty() { String::new() } else { format!(". To free them: {}", advice.join("; ")) };
         Some(format!(
             "the motion does not excite {} of {} base parameters enough: {}; they stay near the robot file{advice}",
@@ -280,6 +278,12 @@ impl Task<'_> {
             self.base.rank(),
             names.join(", ")
         ))
+    }
+
+    /// The motion that would free parameters that the prior holds, for each joint that has some.
+    pub fn all_advice(&self, held: &Held) -> Vec<String> {
+        let parameters = held.prior.undecided(&held.data);
+        (0..self.robot.dof()).filter_map(|joint| self.advice(joint, &parameters)).collect()
     }
 
     /// The motion that would free parameters of a joint; none if none of them is held.

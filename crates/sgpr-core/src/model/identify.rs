@@ -3,6 +3,7 @@
 use faer::Mat;
 
 use super::experiment::{Experiment, select_joints, torque_of};
+use super::forecast::Forecast;
 use super::limits::beyond_limits;
 use super::torque_model::{Certificate, Fit, nominal_parameters};
 use super::variable_projection::{self, Columns, TermFit};
@@ -49,6 +50,8 @@ pub struct IdentifyOptions {
     /// prior; the bare estimate if `None`. With it a joint that the robot file predicts better on parts of the logs that
     /// were left out keeps the file.
     pub prior: Option<PriorWidth>,
+    /// Whether the report says how much data is enough ([`Forecast`]).
+    pub forecast: bool,
 }
 
 impl Default for IdentifyOptions {
@@ -66,6 +69,7 @@ impl Default for IdentifyOptions {
             conditioning: Conditioning::default(),
             start: Start::RobotFile,
             prior: Some(PriorWidth::Chosen),
+            forecast: false,
         }
     }
 }
@@ -216,6 +220,8 @@ pub struct IdentificationReport {
     pub samples: usize,
     /// Which base parameters the data support, if that was asked for.
     pub essential: Option<Essential>,
+    /// How much data is enough, if that was asked for.
+    pub forecast: Option<Forecast>,
 }
 
 /// Identifies the torque model of `robot` from recordings.
@@ -239,7 +245,7 @@ pub fn identify(
     let recordings = select_joints(robot, recordings)?;
     require_torque(robot, &recordings)?;
     let (processing, cutoff_choices) = Processing::choose(&recordings, &options.conditioning)?;
-    let (model, Outcome { estimate, essential, notes, mut findings }) =
+    let (model, Outcome { estimate, essential, forecast, notes, mut findings }) =
         fit(robot, &recordings, options, &processing, Given::default(), progress)?;
     findings.extend(beyond_limits(robot, &recordings));
     let found = findings.iter().map(ToString::to_string);
@@ -250,6 +256,7 @@ pub fn identify(
         findings,
         samples: recordings.iter().map(Recording::len).sum(),
         essential,
+        forecast,
     };
     warn(&mut report, &model);
     Ok((model, report))
@@ -292,6 +299,7 @@ pub(crate) struct Given {
 struct Outcome {
     estimate: Estimate,
     essential: Option<Essential>,
+    forecast: Option<Forecast>,
     notes: Vec<String>,
     findings: Vec<Finding>,
 }
@@ -379,6 +387,12 @@ fn fit(
     };
     set_uncertainty(options, &mut equations, &factors, &mut estimate, held.as_ref())?;
     estimate.covariance *= faer::Scale(dispersion * dispersion);
+    let mut forecast = None;
+    if options.forecast {
+        let task = held::Task { robot, set: &set, base: &base, factors: &factors, parts: &parts, motions };
+        let noise = per_joint(&factors, &estimate.noise, robot.dof());
+        forecast = Some(task.forecast(&estimate, held.as_ref(), dispersion, noise)?);
+    }
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
     notes.append(&mut estimate.notes);
     let mut findings = screen_factors(&set, &base, &joints, &factors, &estimate);
@@ -474,7 +488,7 @@ fn fit(
     });
     model.processing = Some(processing.clone());
     model.provenance.logs = recordings.iter().map(|recording| recording.source().to_string()).collect();
-    Ok((model, Outcome { estimate, essential, notes, findings }))
+    Ok((model, Outcome { estimate, essential, forecast, notes, findings }))
 }
 
 /// Indices of motions in an order in which that of the logs does not show: by the torque that a log

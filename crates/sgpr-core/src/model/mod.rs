@@ -3,6 +3,7 @@
 mod compare;
 mod experiment;
 mod file;
+mod forecast;
 mod held;
 mod identify;
 mod limits;
@@ -21,6 +22,7 @@ pub(crate) use identify::{Given, identify_again, motions};
 
 pub use compare::{Comparison, InBand, JointComparison, LogResidual, compare};
 pub use file::ModelFileError;
+pub use forecast::Forecast;
 pub use identify::{
     Controller, CutoffInfluence, IdentificationReport, IdentifyError, IdentifyOptions, Start, Uncertainty,
     cutoff_influence, identify, screen,

@@ -615,6 +615,8 @@ class IdentificationReport:
     def cutoff_choices(self) -> list[CutoffChoice]: ...  # one per log
     @property
     def essential(self) -> dict[str, Any] | None: ...  # kept, dropped, rise, limit, validation
+    @property
+    def forecast(self) -> dict[str, Any] | None: ...  # seconds, deviation, noise, enough_at, seconds_to_go, advice
 
 @final
 class CutoffInfluence:
@@ -648,6 +650,7 @@ def identify(
     prior_deviation: float | Literal["auto"] | None = None,
     bounds: Mapping[str, Any] | None = None,
     essential: bool = False,
+    forecast: bool = False,
     uncertainty: str = "memory",  # "hac", "bootstrap:500"
     instruments: Sequence[Recording] = (),
     kp: ArrayLike | None = None,

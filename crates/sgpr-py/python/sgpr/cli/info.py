@@ -318,10 +318,23 @@ def show_screening(found: dict[str, Any], output: Output) -> None:
         output.line(f"stop: {of_command_line(found['refused'])}", STYLES["stop"])
         return
     output.line(found["excitation"])
+    show_how_much_data(found["how_much_data"], output)
     for one in of_texts(found["findings"]):
         output.line(one.line(), STYLES[one.rank])
     if not found["findings"]:
         output.line("nothing suspicious found, by the physics of the robot neither")
+
+
+def show_how_much_data(found: dict[str, Any], output: Output) -> None:
+    """What uncertain parameters bring to the torque of other motion, and whether that is little enough."""
+    output.line(of_command_line(found["answer"]))
+    rows = [
+        [joint["name"], significant(joint["noise"], 2), *(significant(value, 2) for value in joint["deviation"])]
+        for joint in found["joints"]
+    ]
+    after = [f"{significant(seconds, 2)} s" for seconds in found["seconds"]]
+    output.line("noise, and what uncertain parameters add to it after so many seconds, N·m (N):")
+    output.table(["joint", "noise", *after], rows)
 
 
 def show_model(data: dict[str, Any], output: Output) -> None:

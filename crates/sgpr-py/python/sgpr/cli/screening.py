@@ -26,8 +26,9 @@ def screened(
     """What the physics of a robot says of a log: how well it excites the parameters, and what is suspicious."""
     wanted = fitted_effects(effects)
     found: dict[str, Any] = {"refused": None, "excitation": None, "condition": None, "findings": []}
+    found["how_much_data"] = None
     try:
-        model = identify_from(robot, log.stretches, effects=wanted, progress=progress)
+        model = identify_from(robot, log.stretches, effects=wanted, forecast=True, progress=progress)
     except SgprError as error:
         return {**found, "refused": str(error)}
     assert model.fit is not None and model.report is not None, "just identified"
@@ -39,7 +40,45 @@ def screened(
         "condition": condition if np.isfinite(condition) else None,
         "excitation": excitation(condition, len(model.parameters), model.fit["undetermined"]),
         "findings": [*said, *more],
+        "how_much_data": how_much_data(robot, model.report.forecast or {}),
     }
+
+
+def how_much_data(robot: Robot, forecast: dict[str, Any]) -> dict[str, Any]:
+    """Whether a log is enough, in words, and what uncertain parameters bring to the torque of each joint."""
+    seconds, deviation, noise = (forecast[key] for key in ("seconds", "deviation", "noise"))
+    to_go, advice = forecast["seconds_to_go"], forecast["advice"]
+    names = robot.joint_names
+    if to_go == 0.0:
+        answer = "enough data: at every joint uncertain parameters add less than a third of the noise to the torque"
+    elif to_go is not None:
+        worst = int(np.argmax(deviation[0] / np.where(noise > 0.0, noise, np.inf)))
+        times = deviation[0][worst] / noise[worst]
+        answer = (
+            f"record another {_rounded_up(to_go)} s of motion like this: until then uncertain parameters add up to "
+            f"{significant(times, 2)} times the noise to the torque ({names[worst]})"
+        )
+    else:
+        short = [name for name, at in zip(names, forecast["enough_at"], strict=True) if at is None]
+        answer = (
+            f"more of this motion is not enough: after {significant(seconds[-1], 2)} s of it uncertain parameters would "
+            f"still add more than a third of the noise to the torque of {', '.join(short)}; record another motion"
+        ) + (f": {'; '.join(advice)}" if advice else "")
+    return {
+        "answer": answer,
+        "seconds_to_go": to_go,
+        "seconds": seconds.tolist(),
+        "joints": [
+            {"name": name, "noise": float(left), "deviation": own.tolist(), "enough_at_s": at}
+            for name, left, own, at in zip(names, noise, deviation.T, forecast["enough_at"], strict=True)
+        ],
+    }
+
+
+def _rounded_up(seconds: float) -> str:
+    """Seconds with two digits, not fewer than there are."""
+    step = 10.0 ** (np.floor(np.log10(max(seconds, 1.0))) - 1.0)
+    return significant(float(np.ceil(seconds / step) * step), 2)
 
 
 def excitation(condition: float, count: int, undetermined: Sequence[str]) -> str:
