@@ -373,6 +373,44 @@ fn gravity_is_the_callers() {
     assert_eq!(read(&planar("fixed")).gravity(), STANDARD_GRAVITY);
     let options = UrdfOptions { gravity: Vector3::new(0.0, 0.0, f64::INFINITY), ..UrdfOptions::default() };
     assert_says(&read_with(&planar("fixed"), &options).expect_err("infinite").to_string(), &["`gravity`", "finite"]);
+    let options = UrdfOptions { gravity: Vector3::new(0.0, 0.0, 1e160), ..UrdfOptions::default() };
+    let text = read_with(&planar("fixed"), &options).expect_err("its square is infinite").to_string();
+    assert_says(&text, &["`gravity`", "1e160", "check the units"]);
+}
+
+#[test]
+fn friction_that_no_arm_has_is_refused() {
+    for dynamics in ["damping=\"1e160\"", "friction=\"-1e160\""] {
+        let turns = format!("<axis xyz=\"0 0 1\"/><dynamics {dynamics}/>");
+        let text = [BASE, "<link name=\"a\"/>", &joint("continuous", "base", "a", &turns)].concat();
+        assert_says(&message(&text), &["arm.urdf", "`to_a`", "1e160", "check the units"]);
+    }
+}
+
+#[test]
+fn tags_with_more_attributes_than_any_element_has_are_refused() {
+    // The XML reader compares each attribute with all before it (RUSTSEC-2026-0194): 80,000 took it six seconds.
+    let tag = |count: usize| (0..count).map(|k| format!(" a{k}=\"\"")).collect::<String>();
+    let body = |count| [BASE, "\n<link name=\"a\"", &tag(count), "/>", &joint("continuous", "base", "a", "")].concat();
+    assert_eq!(read(&body(50)).dof(), 1);
+    assert_says(&message(&body(80_000)), &["arm.urdf", "line 2", "<link>", "more than 100 attributes"]);
+}
+
+#[test]
+fn the_fault_of_a_long_file_is_found_at_once() {
+    let links: String = (0..200_000).map(|k| format!("<link name=\"l{k}\"/>\n")).collect();
+    let start = std::time::Instant::now();
+    let text = message(&(links + "<link name=\"last\"><inertial><mass value=\"heavy\"/></inertial></link>"));
+    assert_says(&text, &["arm.urdf", "line 200001", "link `last`", "heavy", "expected a number"]);
+    // Lines counted anew for each element took minutes.
+    assert!(start.elapsed() < std::time::Duration::from_secs(20), "{:?}", start.elapsed());
+}
+
+#[test]
+fn numbers_that_stand_for_infinity_are_no_limits() {
+    let limit = "<axis xyz=\"0 0 1\"/><limit lower=\"-1e16\" upper=\"1e16\" velocity=\"1e308\" effort=\"1e10\"/>";
+    let arm = read(&[BASE, "<link name=\"a\"/>", &joint("revolute", "base", "a", limit)].concat());
+    assert_eq!(arm.joints()[0].limits, Limits::default());
 }
 
 #[test]

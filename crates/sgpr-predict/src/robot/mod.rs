@@ -40,7 +40,8 @@ use crate::spatial::{LinkInertia, Matrix3, PARAMETERS_PER_LINK, Pose, STANDARD_P
 /// Gravity that a robot has unless told otherwise, m/s², base axes.
 pub const STANDARD_GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 
-/// Largest length, mass or inertia in SI units: no arm comes near, and products of such numbers stay finite.
+/// Largest length, mass, inertia, friction, gravity or limit in SI units: no arm comes near, and products of such numbers
+/// stay finite.
 const LARGEST_VALUE: f64 = 1e9;
 
 /// Most movable joints of a robot: several arms with hands have fewer.
@@ -87,9 +88,10 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// The same limits, with those that limit nothing left out: infinite ones, and none.
+    /// The same limits, with those that limit nothing left out: infinite ones, those that stand for them (1e10, 1e308), and
+    /// none.
     fn finite(self) -> Self {
-        let finite = |value: &f64| value.is_finite();
+        let finite = |value: &f64| value.abs() <= LARGEST_VALUE;
         Self {
             position: self.position.filter(|range| range.iter().all(finite)),
             velocity: self.velocity.filter(finite),
@@ -185,9 +187,7 @@ impl Robot {
             joint.axis = unit_axis(&joint.name, joint.axis)?;
             joint.limits = joint.limits.finite();
             require_finite_pose(&joint.name, &joint.placement)?;
-            if !(joint.damping.is_finite() && joint.friction.is_finite()) {
-                return Err(RobotError::NotFinite { element: joint.name.clone() });
-            }
+            require_plausible(&joint.name, &[joint.damping, joint.friction])?;
             let mut path = match joint.parent {
                 None => Vec::new(),
                 Some(parent) if parent < index => paths[parent].clone(),
@@ -212,9 +212,7 @@ impl Robot {
             // Turning an inertia leaves its two triangles different by rounding; ten numbers describe a link.
             *link = LinkInertia::from_standard_parameters(&link.standard_parameters());
         }
-        if gravity.to_array().iter().any(|g| !g.is_finite()) {
-            return Err(RobotError::NotFinite { element: "gravity".into() });
-        }
+        require_plausible("gravity", &gravity.to_array())?;
         let n = joints.len();
         let zero_blocks = (0..n * n).filter(|block| !paths[block % n].contains(&(block / n))).collect();
         let members = joints.iter().zip(&links).map(|(joint, link)| Member::new(joint, *link)).collect();

@@ -15,6 +15,9 @@ const LARGEST_FILE: u64 = 64 << 20;
 /// Elements inside of elements; a URDF has some ten. The parser calls itself for each and would use up the stack.
 const DEEPEST_ELEMENT: usize = 100;
 
+/// Most attributes of an element: the XML reader compares each with all before it.
+const MOST_ATTRIBUTES: usize = 100;
+
 /// What to make of a URDF.
 #[derive(Clone, Debug)]
 pub struct UrdfOptions {
@@ -106,19 +109,20 @@ pub(super) fn inertias_at_urdf_links(
     let tree = Tree::new(&urdf)?;
     let mut bodies: HashMap<String, Option<LinkInertia>> = HashMap::new();
     let mut carried = robot.links().to_vec();
-    let mut behind_locked: Vec<&str> = Vec::new();
+    let mut behind_locked: HashSet<&str> = HashSet::new();
+    let inertials: HashMap<&str, &urdf_rs::Inertial> =
+        urdf.links.iter().map(|link| (link.name.as_str(), &link.inertial)).collect();
     for joint in tree.joints() {
         let child = joint.child.link.as_str();
         if robot.joint_index(&joint.name).is_some() {
             continue;
         }
-        let locked = joint.joint_type != JointType::Fixed || behind_locked.contains(&joint.parent.link.as_str());
+        let locked = joint.joint_type != JointType::Fixed || behind_locked.contains(joint.parent.link.as_str());
         let frame = read.frame(child)?;
         let Some(body) = frame.joint else { continue };
         if locked {
-            behind_locked.push(child);
-            let inertial = &urdf.links.iter().find(|link| link.name == child).expect("a tree").inertial;
-            carried[body] = carried[body].minus(link_inertia(child, inertial)?.expressed_in(&frame.pose));
+            behind_locked.insert(child);
+            carried[body] = carried[body].minus(link_inertia(child, inertials[child])?.expressed_in(&frame.pose));
         } else {
             bodies.insert(child.into(), None);
         }
@@ -296,7 +300,8 @@ impl<'a> Tree<'a> {
     }
 }
 
-/// Refuses what is no XML, begins with another element than a robot, or is nested deeper than [`DEEPEST_ELEMENT`].
+/// Refuses what is no XML, begins with another element than a robot, is nested deeper than [`DEEPEST_ELEMENT`], or has tags
+/// of more than [`MOST_ATTRIBUTES`].
 fn require_robot(text: &str) -> Result<(), String> {
     use quick_xml::events::Event;
     let mut reader = quick_xml::Reader::from_str(text);
@@ -307,6 +312,14 @@ fn require_robot(text: &str) -> Result<(), String> {
             Ok(Event::Start(element) | Event::Empty(element)) if depth == 0 && element.name().as_ref() != b"robot" => {
                 let found = String::from_utf8_lossy(element.name().as_ref()).into_owned();
                 return Err(format!("the outermost element is <{found}>, expected <robot>"));
+            }
+            Ok(Event::Start(element) | Event::Empty(element)) if attributes(&element) > MOST_ATTRIBUTES => {
+                let name = String::from_utf8_lossy(element.name().as_ref()).into_owned();
+                let line = line(reader.buffer_position());
+                return Err(format!(
+                    "line {line}: <{name}> has more than {MOST_ATTRIBUTES} attributes: no element of a URDF has a tenth of \
+                     that"
+                ));
             }
             Ok(Event::Start(_)) => depth += 1,
             Ok(Event::End(_)) => depth -= 1,
@@ -319,6 +332,11 @@ fn require_robot(text: &str) -> Result<(), String> {
             return Err(format!("line {line}: elements are nested more than {DEEPEST_ELEMENT} deep"));
         }
     }
+}
+
+/// At least as many as the tag has: signs of equality.
+fn attributes(tag: &[u8]) -> usize {
+    tag.iter().filter(|byte| **byte == b'=').count()
 }
 
 fn require_unique<'a>(names: impl Iterator<Item = &'a str>) -> Result<(), RobotError> {

@@ -24,12 +24,14 @@ pub(super) fn first_fault(text: &str) -> Option<String> {
     let mut lacking = vec![];
     loop {
         let event = reader.read_event().ok()?;
-        let line = line_at(text, reader.buffer_position());
+        let position = reader.buffer_position();
+        // Counted where it is told alone: a file may have a million elements.
+        let line = || line_at(text, position);
         if let Event::Start(element) | Event::Empty(element) = &event {
             let tag = String::from_utf8_lossy(element.name().as_ref()).into_owned();
             if depth == 1 && matches!(tag.as_str(), "link" | "joint") {
                 let Some(name) = attribute(element, "name") else {
-                    return Some(format!("line {line}: a {tag} has no name"));
+                    return Some(format!("line {}: a {tag} has no name", line()));
                 };
                 owner = format!("{tag} `{name}`");
             }
@@ -38,13 +40,13 @@ pub(super) fn first_fault(text: &str) -> Option<String> {
             }
             lacking.retain(|wanted| *wanted != tag);
             if let Some(fault) = number_fault(element, &tag) {
-                return Some(format!("line {line}, {owner}: {fault}"));
+                return Some(format!("line {}, {owner}: {fault}", line()));
             }
         }
         match event {
             Event::Start(_) => depth += 1,
             Event::End(element) if element.name().as_ref() == b"inertial" && !lacking.is_empty() => {
-                return Some(format!("line {line}, {owner}: the inertial lacks its {}", lacking.join(" and ")));
+                return Some(format!("line {}, {owner}: the inertial lacks its {}", line(), lacking.join(" and ")));
             }
             Event::End(_) => depth -= 1,
             Event::Eof => return None,

@@ -37,6 +37,8 @@ impl Robot {
     /// If `text` is not the URDF of this robot, or a link is no body: URDF has no place for a first moment without mass.
     pub fn write_into_urdf(&self, text: &str, origin: &str, options: &UrdfOptions) -> Result<String, RobotError> {
         let malformed = |message| RobotError::Malformed { path: origin.into(), message };
+        // Before its tags are looked at: it refuses those that take for ever.
+        let read = Robot::from_urdf_text(text, origin, options)?;
         let mut elements = Vec::new();
         let mut links = spans(text, "link", "inertial").map_err(malformed)?;
         for (link, body) in inertias_at_urdf_links(self, text, origin, options)? {
@@ -44,7 +46,6 @@ impl Robot {
             elements.extend(links.remove(&link).map(|span| (span, element)));
         }
         let mut joints = spans(text, "joint", "dynamics").map_err(malformed)?;
-        let read = Robot::from_urdf_text(text, origin, options)?;
         for (new, old) in self.joints().iter().zip(read.joints()) {
             if (new.damping, new.friction) != (old.damping, old.friction) {
                 let element = format!("<dynamics damping=\"{}\" friction=\"{}\"/>", new.damping, new.friction);

@@ -61,7 +61,7 @@ def how_much_data(robot: Robot, forecast: dict[str, Any]) -> dict[str, Any]:
     else:
         short = [name for name, at in zip(names, forecast["enough_at"], strict=True) if at is None]
         answer = (
-            f"more of this motion is not enough: after {significant(seconds[-1], 2)} s of it uncertain parameters would "
+            f"more of this motion is not enough: after {significant(seconds[-1], 2)} s uncertain parameters would "
             f"still add more than a third of the noise to the torque of {', '.join(short)}; record another motion"
         ) + (f": {'; '.join(advice)}" if advice else "")
     return {
