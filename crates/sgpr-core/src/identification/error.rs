@@ -28,6 +28,20 @@ pub enum IdentificationError {
         /// The value.
         value: f64,
     },
+    /// A number whose square overflows.
+    #[error(
+        "sample {sample}: the equation of joint {} has {value:e} in it, which no arm makes: check gravity and lengths of the \
+         robot file, and the channels of the log that effects ask for",
+        joint + 1
+    )]
+    TooLarge {
+        /// Sample, counted from zero.
+        sample: usize,
+        /// Joint, counted from zero.
+        joint: usize,
+        /// The value.
+        value: f64,
+    },
     /// A filter does not fit the data.
     #[error(transparent)]
     Signal(#[from] crate::signal::SignalError),

@@ -10,7 +10,7 @@ use sgpr_predict::internal::for_each_regressor_block;
 
 use crate::dynamics::{BatchWorkspace, Samples};
 use crate::effects::JointState;
-use crate::linalg::{TriangularFactor, triangle};
+use crate::linalg::{TriangularFactor, dot, triangle};
 use crate::robot::Robot;
 use crate::signal::LowPass;
 use crate::spatial::PARAMETERS_PER_LINK;
@@ -538,6 +538,7 @@ impl<'a> RowSource<'a> {
                 rows.try_for_each(|(rows, layout)| filter.apply(rows, layout.width()))?;
             }
             let (layouts, buffers) = (&self.layouts[..], &self.rows[..]);
+            require_squares(buffers, layouts, reach.start)?;
             take(Piece { samples: start..end, before: start - reach.start, layouts, buffers });
             start = end;
         }
@@ -612,6 +613,27 @@ fn fill_rows(
             row[width - 1] = tau[sample * n + joint];
         }
     }
+}
+
+/// Largest sum of squares over a piece: with it no product of sums over any log overflows.
+const LARGEST_SQUARES: f64 = 1e200;
+
+/// Refuses rows whose squares overflow: robot and channels have numbers that no arm has.
+///
+/// - `rows`: of each joint, from the sample `first` on
+fn require_squares(rows: &[Vec<f64>], layouts: &[Layout], first: usize) -> Result<(), IdentificationError> {
+    for (joint, (rows, layout)) in rows.iter().zip(layouts).enumerate() {
+        // Not a number where a product was none.
+        if dot(rows, rows) <= LARGEST_SQUARES {
+            continue;
+        }
+        let size = |value: f64| if value.is_nan() { f64::INFINITY } else { value.abs() };
+        let most = rows.iter().copied().enumerate().max_by(|a, b| size(a.1).total_cmp(&size(b.1)));
+        if let Some((index, value)) = most {
+            return Err(IdentificationError::TooLarge { sample: first + index / layout.width(), joint, value });
+        }
+    }
+    Ok(())
 }
 
 fn require_finite(arrays: &[(&'static str, &[f64])], n: usize) -> Result<(), IdentificationError> {
