@@ -221,9 +221,13 @@ fuzz-guided:
 	@cargo fuzz --version > /dev/null 2>&1 || cargo install --locked --quiet cargo-fuzz
 	@mkdir -p $(foreach target,$(FUZZ_TARGETS),fuzz/found/$(target))
 	for target in $(FUZZ_TARGETS); do \
+		log=fuzz/found/$$target.log; \
 		cargo +nightly fuzz run --sanitizer none $$target fuzz/found/$$target fuzz/corpus/$$target -- \
-			-max_len=16384 -timeout=20 -rss_limit_mb=3000 -max_total_time=$(FUZZ_SECONDS) -print_final_stats=1 || exit 1; \
+			-max_len=16384 -timeout=20 -rss_limit_mb=3000 -max_total_time=$(FUZZ_SECONDS) -print_final_stats=1 > $$log 2>&1 \
+			|| { tail -40 $$log; exit 1; }; \
+		sed -n "s/^stat::number_of_executed_units: */$$target /p" $$log | tee -a fuzz/found/executions; \
 	done
+	@awk '{ sum[$$1] += $$2 } END { for (target in sum) print target, sum[target], "in all" }' fuzz/found/executions
 
 ## Millions of calls of a predictor and a thousand identifications, in which memory must not grow; how long the slowest calls take.
 SOAK_CALLS ?= 10000000

@@ -100,10 +100,11 @@ fn framed(bytes: &[u8]) -> Vec<u8> {
     [&(end as u64).to_le_bytes()[..], &bytes[..end], arrays].concat()
 }
 
-/// The bytes as a file, the same one each time.
+/// The bytes as a file, the same one each time, in memory where the system has a folder for that.
 fn on_disk(bytes: &[u8]) -> PathBuf {
     static FILE: LazyLock<Mutex<(File, tempfile::TempPath)>> = LazyLock::new(|| {
-        Mutex::new(tempfile::NamedTempFile::new().expect("a writable folder for temporary files").into_parts())
+        let file = tempfile::NamedTempFile::new_in("/dev/shm").or_else(|_| tempfile::NamedTempFile::new());
+        Mutex::new(file.expect("a writable folder for temporary files").into_parts())
     });
     let mut file = FILE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     file.0.set_len(0).and_then(|()| file.0.rewind()).and_then(|()| file.0.write_all(bytes)).expect("a writable folder");
