@@ -8,7 +8,9 @@ use faer::Mat;
 use faer::linalg::solvers::SolveLstsq;
 use sgpr_core::dynamics::{BatchWorkspace, Samples, Workspace, regressor, rnea_batch};
 use sgpr_core::effects::JointState;
-use sgpr_core::identification::{BaseParameters, LeastSquares, Method, Observation, ParameterClass, ParameterSet};
+use sgpr_core::identification::{
+    BaseParameters, IdentificationError, LeastSquares, Method, Observation, ParameterClass, ParameterSet, Trajectory,
+};
 use sgpr_core::robot::{Robot, puma560, two_link};
 use sgpr_core::signal::LowPass;
 use sgpr_core::spatial::Vector3;
@@ -466,4 +468,20 @@ fn the_recursion_counts_as_the_thesis_does() {
     let arm = two_link();
     assert_eq!(rank(&arm), 6);
     assert_eq!(rank(&arm.with_gravity(Vector3::ZERO)), 4);
+}
+
+#[test]
+fn equations_whose_squares_overflow_are_refused_with_their_place() {
+    let robot = two_link();
+    let effects: [&str; 0] = [];
+    let set = ParameterSet::new(&robot, &effects).expect("no effect is unknown");
+    let base = BaseParameters::new(&robot, &set);
+    let [q, dq, ddq] = [0.3, 0.7, 1.1].map(|size| (0..40).map(|k| size * f64::from(k).sin()).collect::<Vec<f64>>());
+    let samples = Samples { q: &q, dq: &dq, ddq: &ddq };
+    let mut tau = vec![1.0; 40];
+    tau[15] = 1e160;
+    let mut observation = Observation::new(&robot, &set, &base);
+    let error = observation.add(&Trajectory::new(samples, &tau)).expect_err("its square is infinite");
+    assert_eq!(error, IdentificationError::TooLarge { sample: 7, joint: 1, value: 1e160 });
+    assert!(error.to_string().contains("1e160"), "{error}");
 }

@@ -59,3 +59,18 @@ def test_no_finding_is_less_probable_than_not() -> None:
     assert all(finding.probability >= 0.5 for finding in diagnosis.findings)
     assert diagnosis.verdict == "unexplained_structure"
     assert any("none is more probable than not" in words for words in diagnosis.unexplained)
+
+
+def test_an_effect_that_is_unsure_stays_in_the_model_beside_findings() -> None:
+    # With rotors, friction is found for sure, and a tilted base stands for whichever offset there is.
+    robot, train, test = robot_and_logs("kuka_lwr")
+    model = sgpr.identify(robot, train, effects=["viscous_friction", "coulomb_friction", "rotor_inertia"])
+
+    diagnosis = sgpr.diagnose(model, train, test)
+
+    assert diagnosis.verdict == "effects_found"
+    found = {finding.effect for finding in diagnosis.findings}
+    unsure = [words for words in diagnosis.unexplained if "none is more probable than not" in words]
+    kept = {term["effect"] for term in diagnosis.model.terms} - found
+    assert unsure and any(effect in words for effect in kept for words in unsure), (found, kept, unsure)
+    assert any(effect in line for effect in kept for line in diagnosis.model.history), diagnosis.model.history

@@ -10,7 +10,7 @@ use sgpr_predict::internal::for_each_regressor_block;
 
 use crate::dynamics::{BatchWorkspace, Samples};
 use crate::effects::JointState;
-use crate::linalg::{TriangularFactor, dot, triangle};
+use crate::linalg::{TriangularFactor, dot_in_lanes, triangle};
 use crate::robot::Robot;
 use crate::signal::LowPass;
 use crate::spatial::PARAMETERS_PER_LINK;
@@ -624,7 +624,7 @@ const LARGEST_SQUARES: f64 = 1e200;
 fn require_squares(rows: &[Vec<f64>], layouts: &[Layout], first: usize) -> Result<(), IdentificationError> {
     for (joint, (rows, layout)) in rows.iter().zip(layouts).enumerate() {
         // Not a number where a product was none.
-        if dot(rows, rows) <= LARGEST_SQUARES {
+        if dot_in_lanes(rows, rows) <= LARGEST_SQUARES {
             continue;
         }
         let size = |value: f64| if value.is_nan() { f64::INFINITY } else { value.abs() };
