@@ -3,7 +3,7 @@ use alloc::vec::Vec;
 
 use crate::model::StreamedModel;
 use crate::simd::Number;
-use crate::stream::{Plain, Predictor, Purpose, RestOptions, StreamError, StreamOptions};
+use crate::stream::{Plain, Predictor, Purpose, StreamError, StreamOptions};
 
 /// How gravity and friction are compensated.
 #[derive(Clone, Debug, PartialEq)]
@@ -91,10 +91,9 @@ impl<F: Plain> Compensation<F> {
             let name = format!("limits of {}", model.joint_name(joint));
             check(name, *limit, limit.is_finite() && *limit >= 0.0, "a torque that is not below zero")?;
         }
-        let rest = RestOptions { precision: F::PRECISION, deviation: false };
         Ok(Self {
-            moving: model.predictor_of(&options.stream, &rest)?,
-            reversed: model.predictor_of(&options.stream, &rest)?,
+            moving: model.predictor_in(&options.stream)?,
+            reversed: model.predictor_in(&options.stream)?,
             options,
             samples: 0,
             minus_dq: vec![F::default(); n],

@@ -9,7 +9,7 @@ use crate::effects::Role;
 use crate::math::Float;
 use crate::model::StreamedModel;
 use crate::simd::Real;
-use crate::stream::{Plain, Predictor, RestOptions, StreamError, StreamOptions};
+use crate::stream::{Plain, Predictor, StreamError, StreamOptions};
 
 /// How torque from outside is observed.
 #[derive(Clone, Debug, PartialEq)]
@@ -190,9 +190,8 @@ impl<F: Plain> MomentumObserver<F> {
         let z = f64::sqrt(2.0 * f64::ln((crossings_per_hour / false_alarms_per_hour).max(1.0)));
         let stream = StreamOptions { rate_hz: Some(rate_hz), ..StreamOptions::default() };
         let numbers = || vec![F::Number::zero(()); n];
-        let rest = RestOptions { precision: F::PRECISION, deviation: false };
         Ok(Self {
-            predictor: model.predictor_of(&stream, &rest)?,
+            predictor: model.predictor_in(&stream)?,
             momentum: Momentum::new(model.robot()),
             rotor_inertia: rotor_inertia(model),
             gain: TAU * bandwidth_hz,

@@ -129,10 +129,15 @@ impl StreamedModel {
     /// assert!((f64::from(tau[1]) - in_64_bits).abs() < 1e-4);
     /// ```
     pub fn single_predictor(&self, options: &StreamOptions) -> Result<Predictor<f32>, StreamError> {
-        self.predictor_of(options, &RestOptions { precision: f32::PRECISION, deviation: false })
+        self.predictor_in(options)
     }
 
-    pub(crate) fn predictor_of<F: Plain>(
+    /// The torque alone, in the arithmetic of a number.
+    pub(crate) fn predictor_in<F: Plain>(&self, options: &StreamOptions) -> Result<Predictor<F>, StreamError> {
+        self.predictor_of(options, &RestOptions { precision: F::PRECISION, deviation: false })
+    }
+
+    pub(super) fn predictor_of<F: Plain>(
         &self,
         options: &StreamOptions,
         rest: &RestOptions,
