@@ -168,7 +168,7 @@ fn c_main(models: &[(String, TorqueModel, Purpose)], n: usize, precision: Precis
     {number} tau[{n}], bad[{n}], celsius[{n}];
     int k, failed = 0;
     for (k = 0; k < {n}; ++k) {{ celsius[k] = ({number}){CELSIUS:?}; bad[k] = motion[0][k]; }}
-    bad[1] = NAN;
+    bad[1] = ({number})NAN;
     sgpr_{name}_reset(&state);
     {temperature}
     {time}
