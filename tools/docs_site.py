@@ -45,7 +45,16 @@ PYTHON = {
         "effects",
         "register_effect",
     ],
-    "Comparison and diagnosis": ["compare", "compare_streaming", "Comparison", "diagnose", "Diagnosis", "Finding"],
+    "Comparison and diagnosis": [
+        "compare",
+        "compare_streaming",
+        "Comparison",
+        "compare_sessions",
+        "SessionComparison",
+        "diagnose",
+        "Diagnosis",
+        "Finding",
+    ],
     "What physics leaves over": ["SemiParametricModel", "GaussianProcess", "Kernel"],
     "In a control loop": [
         "Predictor",

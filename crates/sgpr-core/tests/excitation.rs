@@ -1,11 +1,18 @@
 //! Excitation trajectories against the published ones, and against their limits.
 #![allow(missing_docs)]
 
+#[path = "common/noise.rs"]
+mod noise;
+
 use std::time::Instant;
 
-use sgpr_core::dynamics::{Workspace, forward_kinematics, jacobian, regressor};
+use noise::Noise;
+use sgpr_core::dynamics::{Samples, Workspace, forward_kinematics, jacobian, regressor};
 use sgpr_core::excitation::*;
-use sgpr_core::identification::{BaseParameters, ParameterSet};
+use sgpr_core::identification::{
+    BaseParameters, LeastSquares, Method, Observation, ParameterSet, Trajectory as Equations,
+};
+use sgpr_core::model::TorqueModel;
 use sgpr_core::progress::{Interrupted, Progress};
 use sgpr_core::robot::{Robot, puma560, two_link};
 use sgpr_core::simulation::Reference;
@@ -364,6 +371,60 @@ fn an_interrupted_search_gives_its_best_so_far() {
     let found = optimise(&case.robot, &case.set, &case.base, &options, &Stop).expect("a motion");
     assert_eq!(found.status, Status::Interrupted);
     assert!(found.value.is_finite() && found.utilisation <= 1.0);
+}
+
+/// The forecast against the scatter of identifications from noisy samples, two a second.
+#[test]
+fn the_forecast_is_what_identifications_scatter_by() {
+    let case = Case::new(two_link(), &FRICTION, 6.0, TWO_LINK.each_ref().map(|values| &values[..]));
+    let noise = [0.4, 0.1];
+    let mut parameters = case.robot.standard_parameters();
+    parameters.extend([0.3, 0.2, 0.5, 0.4]);
+    let forecast =
+        forecast(&case.robot, &case.set, &case.base, &case.published, &parameters, Some(&noise)).expect("fits");
+    assert_eq!(forecast.noise, noise);
+    assert_eq!(forecast.seconds, [10.0, 20.0, 40.0, 80.0, 160.0]);
+    // Sixteen repetitions, sampled where the last one was not.
+    let recorded = case.published.samples(2.0 * 160.0 / 159.0, 160.0);
+    let true_model = TorqueModel::with_parameters(&case.robot, &FRICTION, parameters).expect("known effects");
+    let motion = Samples { q: &recorded.q, dq: &recorded.dq, ddq: &recorded.ddq };
+    let exact = true_model.predict(motion);
+    let mut random = Noise(5);
+    let states: Vec<[Vec<f64>; 3]> = (0..300)
+        .map(|_| {
+            let mut state = [vec![], vec![], vec![]];
+            for joint in 0..2 {
+                let at = ((random.uniform() * recorded.len() as f64) as usize) * 2 + joint;
+                let direction = if random.uniform() < 0.5 { 1.0 } else { -1.0 };
+                let values = [recorded.q[at], direction * recorded.dq[at], recorded.ddq[at]];
+                state.iter_mut().zip(values).for_each(|(all, value)| all.push(value));
+            }
+            state
+        })
+        .collect();
+    let mut squares = [0.0; 2];
+    const TRIALS: usize = 60;
+    for _ in 0..TRIALS {
+        let tau: Vec<f64> = exact.iter().enumerate().map(|(k, tau)| tau + noise[k % 2] * random.normal()).collect();
+        let mut observation = Observation::new(&case.robot, &case.set, &case.base);
+        observation.add(&Equations::new(motion, &tau)).expect("a motion");
+        let solver = LeastSquares::new(Method::WlsKnown(noise.to_vec()));
+        let nominal = vec![0.0; case.base.rank()];
+        let found = solver.solve(&observation.factors(), &case.base, &nominal).expect("excited");
+        let all = case.base.expand(&found.values, true_model.parameters());
+        let model = TorqueModel::with_parameters(&case.robot, &FRICTION, all).expect("known effects");
+        for [q, dq, ddq] in &states {
+            let at = Samples { q, dq, ddq };
+            for (square, (a, b)) in squares.iter_mut().zip(model.predict(at).iter().zip(true_model.predict(at))) {
+                *square += (a - b).powi(2);
+            }
+        }
+    }
+    for (joint, square) in squares.iter().enumerate() {
+        let scatter = (square / (TRIALS * states.len()) as f64).sqrt();
+        let said = forecast.deviation[4][joint];
+        assert!((scatter / said - 1.0).abs() < 0.2, "joint {joint}: {scatter} {said}");
+    }
 }
 
 #[test]

@@ -597,22 +597,26 @@ impl IdentificationReport {
     /// real arms eight of ten joints were off by 0.3 to 3 times what was said.
     #[getter]
     fn forecast<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(found) = &self.forecast else { return Ok(None) };
-        let (dict, n) = (PyDict::new(py), found.noise.len());
-        let enough: Vec<Option<f64>> = (0..n).map(|joint| found.enough_at(joint)).collect();
-        dict.set_item("seconds", array(py, &[found.seconds.len()], found.seconds.clone())?)?;
-        dict.set_item("deviation", array(py, &[found.seconds.len(), n], found.deviation.concat())?)?;
-        dict.set_item("noise", array(py, &[n], found.noise.clone())?)?;
-        dict.set_item("enough_at", enough)?;
-        dict.set_item("seconds_to_go", found.seconds_to_go())?;
-        dict.set_item("advice", found.advice.clone())?;
-        Ok(Some(dict))
+        self.forecast.as_ref().map(|found| forecast_dict(py, found)).transpose()
     }
 
     fn __repr__(&self) -> String {
         let warnings: Vec<String> = self.warnings.iter().map(|warning| format!("\n  {warning}")).collect();
         format!("IdentificationReport, {} samples, {} warnings{}", self.samples, warnings.len(), warnings.concat())
     }
+}
+
+/// A forecast of how surely torque is predicted after more logs.
+pub fn forecast_dict<'py>(py: Python<'py>, found: &core::Forecast) -> PyResult<Bound<'py, PyDict>> {
+    let (dict, n) = (PyDict::new(py), found.noise.len());
+    let enough: Vec<Option<f64>> = (0..n).map(|joint| found.enough_at(joint)).collect();
+    dict.set_item("seconds", array(py, &[found.seconds.len()], found.seconds.clone())?)?;
+    dict.set_item("deviation", array(py, &[found.seconds.len(), n], found.deviation.concat())?)?;
+    dict.set_item("noise", array(py, &[n], found.noise.clone())?)?;
+    dict.set_item("enough_at", enough)?;
+    dict.set_item("seconds_to_go", found.seconds_to_go())?;
+    dict.set_item("advice", found.advice.clone())?;
+    Ok(dict)
 }
 
 /// The cut-off that the spectra of a log suggest.

@@ -19,6 +19,7 @@ mod record;
 mod recording;
 mod robot;
 mod semi_parametric;
+mod sessions;
 mod simulation;
 mod user_effect;
 
@@ -59,6 +60,8 @@ mod _sgpr {
     use crate::robot::{BaseParameters, Robot, puma560, regroupings, two_link};
     #[pymodule_export]
     use crate::semi_parametric::{FittedSemiParametric, SemiParametricPredictor, fit_semi_parametric};
+    #[pymodule_export]
+    use crate::sessions::{SessionComparison, compare_sessions};
     #[pymodule_export]
     use crate::simulation::{Drive, Simulation, puma560_drives, simulate, two_link_drives};
     #[pymodule_export]

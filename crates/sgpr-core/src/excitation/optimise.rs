@@ -15,10 +15,10 @@ use super::problem::{Grid, Problem, SIGN_WIDTH, Sharpness, TorqueLimits, traject
 use super::surroundings::Checker;
 use super::{
     Basis, Criterion, ExcitationError, ExcitationReport, MotionLimits, NominalEffects, Peaks, Surroundings, Trajectory,
-    evaluate, peaks,
+    evaluate, forecast, peaks,
 };
 use crate::dynamics::{Workspace, gravity_torque};
-use crate::identification::{BaseParameters, ParameterSet};
+use crate::identification::{BaseParameters, Forecast, ParameterSet};
 use crate::progress::{Interrupted, Progress};
 use crate::robot::Robot;
 use crate::simulation::{Noise, Reference};
@@ -103,6 +103,8 @@ pub struct Excitation {
     pub report: ExcitationReport,
     /// Largest values of the motion.
     pub peaks: Peaks,
+    /// How much of it to record ([`forecast`]); without the effects at nominal values.
+    pub forecast: Forecast,
     /// The largest share of a limit that is used, one or less.
     pub utilisation: f64,
     /// That limit: what would have to be relaxed for a larger motion.
@@ -569,6 +571,7 @@ impl<'a> Search<'a> {
         }
         let peaks = peaks(self.robot, self.set, &self.parameters, &best.trajectory);
         Ok(Excitation {
+            forecast: forecast(self.robot, self.set, self.base, &best.trajectory, &self.parameters, noise)?,
             utilisation: self.utilisation(&best.trajectory),
             tightest: self.tightest(&best.trajectory, &peaks),
             value: best.value,

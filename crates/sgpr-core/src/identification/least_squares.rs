@@ -1,6 +1,7 @@
 //! Least squares on the factors of an [`Observation`](super::Observation).
 
-use faer::Mat;
+use faer::linalg::matmul::matmul;
+use faer::{Accum, Mat, Par};
 
 use super::{BaseParameters, IdentificationError, JointFactor};
 use crate::linalg::{Svd, triangle};
@@ -202,7 +203,7 @@ impl LeastSquares {
     }
 
     /// [`Self::solve`] for factors whose columns are any unknowns.
-    pub(super) fn solve_unknowns(
+    pub(crate) fn solve_unknowns(
         &self,
         factors: &[JointFactor],
         nominal: &[f64],
@@ -456,18 +457,15 @@ impl Solution {
         let rhs: Vec<f64> = (0..unknowns)
             .map(|i| triangle[(i, unknowns)] - (i..unknowns).map(|j| triangle[(i, j)] * nominal[j]).sum::<f64>())
             .collect();
+        // Zero for a column without content.
+        let basis = Mat::from_fn(unknowns, determined, |i, k| v[(i, k)] / (norms[i] * singular[k]));
         let mut values = nominal.to_vec();
-        let mut inverse = Mat::zeros(unknowns, unknowns);
         for k in 0..determined {
-            let along = (0..unknowns).map(|i| u[(i, k)] * rhs[i]).sum::<f64>() / singular[k];
-            for i in 0..unknowns {
-                let component = v[(i, k)] / norms[i]; // zero for a column without content
-                values[i] += component * along;
-                for j in 0..unknowns {
-                    inverse[(i, j)] += component * v[(j, k)] / (norms[j] * singular[k].powi(2));
-                }
-            }
+            let along: f64 = (0..unknowns).map(|i| u[(i, k)] * rhs[i]).sum();
+            values.iter_mut().zip(basis.col(k).iter()).for_each(|(value, component)| *value += component * along);
         }
+        let mut inverse = Mat::zeros(unknowns, unknowns);
+        matmul(inverse.as_mut(), Accum::Replace, &basis, basis.transpose(), 1.0, Par::Seq);
         let in_the_dark = |i: usize| norms[i].is_infinite() || (determined..unknowns).any(|k| v[(i, k)].abs() > 1e-6);
         let undetermined = (0..unknowns).map(in_the_dark).collect();
         Self { values, inverse, undetermined }

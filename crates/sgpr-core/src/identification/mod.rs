@@ -14,6 +14,7 @@ mod error;
 mod essential;
 mod estimate;
 mod extended_factor;
+mod forecast;
 mod formulas;
 mod gautier_khalil;
 mod hac;
@@ -45,6 +46,8 @@ pub use drive_gains::{DriveGains, GainEstimator, GainOptions, KnownPayload, iden
 pub use error::IdentificationError;
 pub use essential::{Dropped, Essential, essential_parameters};
 pub use estimate::{estimate, residual_correlation};
+pub use forecast::Forecast;
+pub(crate) use forecast::{LONGER, STATES, deviation_of, variances};
 pub use gautier_khalil::{Gain, Regrouping, regroupings};
 pub use hac::hac_covariance;
 pub use judgement::Judgement;

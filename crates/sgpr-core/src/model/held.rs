@@ -3,12 +3,11 @@
 
 use faer::Mat;
 
-use super::forecast::variances;
 use crate::dynamics::Samples;
 pub(super) use crate::identification::Held;
 use crate::identification::{
     BaseParameters, Equations, Estimate, IdentificationError, JointFactor, Judgement, LeftOut, Method, Observation,
-    ParameterPrior, ParameterSet, PriorWidth, Row, Trajectory, estimate, estimate_with_prior,
+    ParameterPrior, ParameterSet, PriorWidth, Row, Trajectory, estimate, estimate_with_prior, variances,
 };
 use crate::motion::Motion;
 use crate::random::Random;

@@ -3,17 +3,16 @@
 use faer::Mat;
 
 use super::experiment::{Experiment, select_joints, torque_of};
-use super::forecast::Forecast;
 use super::limits::beyond_limits;
 use super::torque_model::{Certificate, Fit, nominal_parameters};
 use super::variable_projection::{self, Columns, TermFit};
 use super::{Term, TorqueModel, held};
 use crate::effects::UnknownEffect;
 use crate::identification::{
-    BaseParameters, ClosedLoop, Consistency, Costs, Equations, Essential, Estimate, Finding, Held, IdentificationError,
-    JointFactor, KeptOut, LeastSquares, Memory, Method, Observation, ParameterPrior, ParameterSet, PriorWidth, Row,
-    Trajectory, block_bootstrap, essential_parameters, estimate, hac_covariance, residual_norm, screen_delays,
-    screen_factors, screen_rows, screen_scale, torque_sizes, weakest_good_deviation,
+    BaseParameters, ClosedLoop, Consistency, Costs, Equations, Essential, Estimate, Finding, Forecast, Held,
+    IdentificationError, JointFactor, KeptOut, LeastSquares, Memory, Method, Observation, ParameterPrior, ParameterSet,
+    PriorWidth, Row, Trajectory, block_bootstrap, essential_parameters, estimate, hac_covariance, residual_norm,
+    screen_delays, screen_factors, screen_rows, screen_scale, torque_sizes, weakest_good_deviation,
 };
 use crate::motion::{Conditioning, Motion, MotionError, Processing};
 use crate::progress::{Interrupted, Progress};

@@ -20,9 +20,9 @@ mod variable_projection;
 pub(crate) use experiment::{select_joints, torque_of};
 pub(crate) use identify::{Given, identify_again, motions};
 
+pub use crate::identification::Forecast;
 pub use compare::{Comparison, InBand, JointComparison, LogResidual, compare};
 pub use file::ModelFileError;
-pub use forecast::Forecast;
 pub use identify::{
     Controller, CutoffInfluence, IdentificationReport, IdentifyError, IdentifyOptions, Start, Uncertainty,
     cutoff_influence, identify, screen,
@@ -30,7 +30,8 @@ pub use identify::{
 pub use payload::{identify_drive_gains, identify_payload};
 pub use record::{
     Deviation, JointDeviation, ParameterDeviation, Record, RecordBlock, RecordError, RecordMemory, RecordOptions,
-    RecordedError, choose_processing, compare_records, deviations, identify_records, record,
+    RecordedError, SessionCause, SessionComparison, SessionTest, choose_processing, compare_records, compare_sessions,
+    deviations, identify_records, record,
 };
 pub use semi_parametric::{
     Candidate, Coverage, FollowingIntervals, Inputs, JointReport, Mean, SemiParametricError, SemiParametricModel,

@@ -31,6 +31,8 @@ use super::Recording;
 #[derive(Clone, Debug)]
 pub struct LogSet {
     logs: Vec<Recording>,
+    /// Of each log: which of those that were looked at it is of.
+    origins: Vec<usize>,
     notes: Vec<String>,
 }
 
@@ -44,9 +46,9 @@ const BETWEEN: usize = 32;
 impl LogSet {
     /// The logs in the order given.
     pub fn new(recordings: &[Recording]) -> Self {
-        let mut set = Self { logs: Vec::with_capacity(recordings.len()), notes: vec![] };
+        let mut set = Self { logs: Vec::with_capacity(recordings.len()), origins: vec![], notes: vec![] };
         let mut known = Known::default();
-        for log in recordings {
+        for (origin, log) in recordings.iter().enumerate() {
             let shared = known.runs_of(log);
             let own = rest(log.len(), shared.iter().map(|(run, _)| run));
             set.notes.extend(note(log, &shared, &own, &known));
@@ -55,6 +57,7 @@ impl LogSet {
             } else {
                 set.logs.extend(own.into_iter().map(|range| log.slice(range)));
             }
+            set.origins.resize(set.logs.len(), origin);
             known.add(log);
         }
         set
@@ -71,6 +74,11 @@ impl LogSet {
     /// The logs, and of overlapping ones the stretches that are their own.
     pub fn logs(&self) -> &[Recording] {
         &self.logs
+    }
+
+    /// For each of [`Self::logs`] the index of the log it is of, among those that [`Self::new`] was given.
+    pub fn origins(&self) -> &[usize] {
+        &self.origins
     }
 
     /// What was left out, in sentences.
@@ -233,7 +241,9 @@ mod tests {
         assert_eq!(lengths(&[log("a", 0..400), log("b", 0..400)]), [400]);
         // A part of it, after it and before it; overlaps at either end; one in the middle.
         assert_eq!(lengths(&[log("a", 0..400), log("b", 101..317)]), [400]);
-        assert_eq!(lengths(&[log("b", 101..317), log("a", 0..400)]), [216, 101, 83]);
+        let parts = [log("b", 101..317), log("a", 0..400)];
+        assert_eq!(lengths(&parts), [216, 101, 83]);
+        assert_eq!(LogSet::new(&parts).origins(), [0, 1, 1]);
         assert_eq!(lengths(&[log("a", 100..400), log("b", 0..211)]), [300, 100]);
         assert_eq!(lengths(&[log("a", 0..400), log("b", 300..500), log("c", 430..600)]), [400, 100, 100]);
         // Fewer samples than could be no chance.

@@ -55,6 +55,7 @@ __all__ = [
     "Robot",
     "RobotError",
     "SemiParametricPredictor",
+    "SessionComparison",
     "SgprError",
     "Simulation",
     "SimulationError",
@@ -63,6 +64,7 @@ __all__ = [
     "choose_processing",
     "compare",
     "compare_records",
+    "compare_sessions",
     "compare_streaming",
     "cutoff_influence",
     "deviations",
@@ -443,6 +445,21 @@ def identify_records(
 ) -> Model: ...
 def compare_records(model: Model, records: Sequence[Record]) -> list[dict[str, Any]]: ...  # joint, rows, rmse, torque
 def deviations(model: Model, record: Record, *, by_block: bool = False) -> list[dict[str, Any]]: ...
+
+@final
+class SessionComparison:
+    @property
+    def names(self) -> list[str]: ...
+    @property
+    def sentences(self) -> list[str]: ...
+    # Keys: cause joint unit values std chance saved_percent saved_percent_std changed
+    @property
+    def tests(self) -> list[dict[str, Any]]: ...
+    def model(self, name: str) -> Model: ...
+
+def compare_sessions(
+    robot: Robot, sessions: Mapping[str, Sequence[Recording]], **options: Any
+) -> SessionComparison: ...
 
 @final
 class Model:
@@ -1123,6 +1140,8 @@ class Excitation:
     def report(self) -> dict[str, Any]: ...
     @property
     def peaks(self) -> dict[str, _Array]: ...
+    @property
+    def forecast(self) -> dict[str, Any]: ...  # seconds, deviation, noise, enough_at, seconds_to_go, advice
     @property
     def utilisation(self) -> float: ...
     @property

@@ -62,6 +62,12 @@ pub enum RecordError {
         /// Effect.
         effect: String,
     },
+    /// Sessions that cannot be compared.
+    #[error("{message}")]
+    Sessions {
+        /// Why, and what to do.
+        message: String,
+    },
     /// Nothing counts.
     #[error("no sample of {source_name} lies in the part that counts")]
     NothingCounts {

@@ -6,7 +6,7 @@ use super::super::IdentifyError;
 use super::super::experiment::{Experiment, select_joints};
 use super::super::identify::require_torque;
 use super::super::torque_model::nominal_parameters;
-use super::super::variable_projection;
+use super::super::variable_projection::{self, Columns};
 use super::{Record, RecordBlock, RecordError, RecordMemory, sum};
 use crate::identification::{
     BaseParameters, Equations, JointFactor, LagProducts, LeastSquares, Method, ParameterSet, Row, screen_factors,
@@ -69,34 +69,62 @@ pub fn record(
     options: &RecordOptions,
 ) -> Result<Record, RecordError> {
     assert!(options.blocks > 0, "at least one block");
-    let (effects, others) = variable_projection::split(robot, &options.effects)?;
-    if let Some((effect, _)) = others.first() {
-        return Err(RecordError::NotRecorded { effect: effect.name().into() });
-    }
-    let recordings = select_joints(robot, std::slice::from_ref(recording)).map_err(IdentifyError::from)?;
-    require_torque(robot, &recordings)?;
-    let set = ParameterSet::new(robot, &effects).map_err(IdentifyError::from)?;
-    let base = BaseParameters::new(robot, &set);
-    let mut experiment = Experiment::new(&recordings, processing)?;
+    let effects = recorded_effects(robot, &options.effects)?;
+    let mut experiment = experiment(robot, recording, processing)?;
     if let Some(counted) = options.counted {
         experiment.motions.iter_mut().for_each(|motion| count_only(motion, counted));
     }
+    let set = ParameterSet::new(robot, &effects).map_err(IdentifyError::from)?;
+    let base = BaseParameters::new(robot, &set);
+    let record = record_of(robot, recording, (&experiment, None), (&set, &base), processing, options)?;
+    Ok(Record { effects, ..record })
+}
+
+/// Names of effects that are linear in the present motion, and at every joint.
+pub(super) fn recorded_effects(robot: &Robot, names: &[String]) -> Result<Vec<String>, RecordError> {
+    let (effects, others) = variable_projection::split(robot, names)?;
+    match others.first() {
+        Some((effect, _)) => Err(RecordError::NotRecorded { effect: effect.name().into() }),
+        None => Ok(effects),
+    }
+}
+
+/// A log made ready.
+pub(super) fn experiment(
+    robot: &Robot,
+    recording: &Recording,
+    processing: &Processing,
+) -> Result<Experiment, RecordError> {
+    let recordings = select_joints(robot, std::slice::from_ref(recording)).map_err(IdentifyError::from)?;
+    require_torque(robot, &recordings)?;
+    Ok(Experiment::new(&recordings, processing)?)
+}
+
+/// The record of a log that is ready, its equations with further columns where the set has such.
+pub(super) fn record_of(
+    robot: &Robot,
+    recording: &Recording,
+    (experiment, columns): (&Experiment, Option<&Columns>),
+    (set, base): (&ParameterSet, &BaseParameters),
+    processing: &Processing,
+    options: &RecordOptions,
+) -> Result<Record, RecordError> {
     let parts = Parts::new(&experiment.motions, options);
     if parts.samples == 0 {
         return Err(RecordError::NothingCounts { source_name: recording.source().into() });
     }
-    let trajectories = experiment.trajectories(&[], &[]).map_err(IdentifyError::from)?;
-    let mut equations = Equations::new(robot, &set, &base, trajectories);
+    let trajectories = experiment.trajectories_with(&[], &[], columns).map_err(IdentifyError::from)?;
+    let mut equations = Equations::new(robot, set, base, trajectories);
     let blocks = block_factors(&mut equations, &parts, options.blocks)?;
     let all: Vec<&JointFactor> = blocks.iter().flatten().collect();
     let factors = sum::stacked(&all);
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
     let mut findings: Vec<String> = inspect(recording).into_iter().map(|issue| issue.message).collect();
-    let nominal = base.combine(&nominal_parameters(robot, &set));
+    let nominal = base.combine(&nominal_parameters(robot, set));
     // A log may be too short for a solution of its own.
-    let center = match LeastSquares::new(Method::Wls).solve(&factors, &base, &nominal) {
+    let center = match LeastSquares::new(Method::Wls).solve(&factors, base, &nominal) {
         Ok(estimate) => {
-            let found = screen_factors(&set, &base, &joints, &factors, &estimate);
+            let found = screen_factors(set, base, &joints, &factors, &estimate);
             findings.extend(found.iter().map(ToString::to_string));
             estimate.values
         }
@@ -111,7 +139,7 @@ pub fn record(
     Ok(Record {
         robot: robot.fingerprint(),
         joints,
-        effects,
+        effects: set.effects().iter().map(|effect| effect.name().to_string()).collect(),
         processing: processing.clone(),
         source: recording.source().into(),
         content_hash: format!("{:032x}", recording.content_hash()),

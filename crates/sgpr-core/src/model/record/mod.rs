@@ -3,13 +3,14 @@
 //! Least squares knows of a log only the triangular factors of its equations with the torque. A [`Record`] keeps them,
 //! joint by joint and part by part, with what the residual remembers and where the log came from. Any choice of records is
 //! identified ([`identify_records`]), compared with a model ([`compare_records`]) and looked through for changes
-//! ([`deviations`]) without the logs: factors of several logs below each other, reduced again, are the factor of all their
+//! ([`deviations`], [`compare_sessions`]) without the logs: factors of several logs below each other, reduced again, are the factor of all their
 //! rows. Adding a log is adding its record to the list, removing it is leaving it out.
 
 mod deviation;
 mod error;
 mod make;
 mod parts;
+mod sessions;
 mod sum;
 
 use std::collections::BTreeMap;
@@ -19,6 +20,7 @@ use faer::Mat;
 pub use deviation::{Deviation, JointDeviation, ParameterDeviation, deviations};
 pub use error::RecordError;
 pub use make::{RecordOptions, choose_processing, record};
+pub use sessions::{SessionCause, SessionComparison, SessionTest, compare_sessions};
 pub use sum::{RecordedError, compare_records, identify_records};
 
 use crate::identification::JointFactor;

@@ -58,7 +58,7 @@ pub fn identify_records(
     Ok((model, notes))
 }
 
-fn fit(
+pub(super) fn fit(
     estimate: &Estimate,
     base: &BaseParameters,
     factors: &[JointFactor],
@@ -185,7 +185,7 @@ fn factors_of(record: &Record) -> impl Iterator<Item = &JointFactor> {
 }
 
 /// The records in the order of time, each once, and what is to be said of the copies.
-fn ordered<'a>(records: &[&'a Record]) -> (Vec<&'a Record>, Vec<String>) {
+pub(super) fn ordered<'a>(records: &[&'a Record]) -> (Vec<&'a Record>, Vec<String>) {
     let mut sorted = records.to_vec();
     sorted.sort_by(|a, b| (a.time, a.identity(), &a.source).cmp(&(b.time, b.identity(), &b.source)));
     let (mut seen, mut notes) = (BTreeSet::new(), Vec::new());

@@ -26,6 +26,7 @@ from .options import with_option_groups
 from .payload import payload
 from .predict import predict
 from .reproduce import reproduce
+from .sessions import sessions
 from .simulate import simulate
 from .workbench import workbench
 
@@ -60,6 +61,7 @@ for each in (
     predict,
     effects,
     payload,
+    sessions,
     excite,
     simulate,
     export,

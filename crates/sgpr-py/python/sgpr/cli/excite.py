@@ -17,6 +17,7 @@ from .inputs import load_model
 from .options import Gravity, OutFolder
 from .output_folder import OutputFolder
 from .robots import is_urdf, load_robot
+from .screening import how_much_to_record
 
 DEFAULT_EFFECTS = ("viscous_friction", "coulomb_friction")
 CRITERIA = (
@@ -190,7 +191,7 @@ def excite(
     }
     with output.progress() as progress:
         found = excite_robot(loaded, chosen, model=known, progress=progress, **options)
-    data = to_dict(found, {"robot": robot, "model": model, "effects": chosen, "rate_hz": rate, **options})
+    data = to_dict(found, loaded, {"robot": robot, "model": model, "effects": chosen, "rate_hz": rate, **options})
     with folder:
         found.trajectory.save_csv(folder.file("trajectory.csv"), rate)
         found.trajectory.save_mcap(folder.file("trajectory.mcap"), rate)
@@ -242,7 +243,7 @@ def corners(values: list[float] | None) -> list[tuple[list[float], list[float]]]
     return [(values[k : k + 3], values[k + 3 : k + 6]) for k in range(0, len(values), 6)]
 
 
-def to_dict(found: Excitation, settings: dict[str, Any]) -> dict[str, Any]:
+def to_dict(found: Excitation, robot: Robot, settings: dict[str, Any]) -> dict[str, Any]:
     """All figures."""
     trajectory = found.trajectory
     return {
@@ -252,6 +253,7 @@ def to_dict(found: Excitation, settings: dict[str, Any]) -> dict[str, Any]:
         "criterion": found.criterion,
         "value": found.value,
         "values": found.values,
+        "how_much_data": how_much_to_record(robot, found.forecast),
         "report": found.report,
         "peaks": found.peaks,
         "utilisation": found.utilisation,
@@ -281,4 +283,5 @@ def show(found: Excitation, robot: Robot, data: dict[str, Any], output: Output) 
     output.table(["joint", "lowest", "highest", "speed", "acceleration", "unit"], rows, text_columns=(0, 5))
     if hidden := report.get("hidden"):
         output.warning(f"no motion tells these from other parameters: {', '.join(hidden)}")
+    output.line(data["how_much_data"]["answer"])
     output.line(f"largest share of a limit, between samples too: {100 * found.utilisation:.4f} % ({found.tightest})")

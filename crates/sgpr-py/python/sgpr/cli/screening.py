@@ -1,5 +1,6 @@
 """Logs against the physics of their robot, before anyone believes an estimate from them."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -64,13 +65,37 @@ def how_much_data(robot: Robot, forecast: dict[str, Any]) -> dict[str, Any]:
             f"more of this motion is not enough: after {significant(seconds[-1], 2)} s uncertain parameters would "
             f"still add more than a third of the noise to the torque of {', '.join(short)}; record another motion"
         ) + (f": {'; '.join(advice)}" if advice else "")
+    return _amounts(robot, forecast, answer)
+
+
+def how_much_to_record(robot: Robot, forecast: dict[str, Any]) -> dict[str, Any]:
+    """How much of a motion to record, in words, and what uncertain parameters bring to the torque of each joint."""
+    once, last = forecast["seconds"][0], forecast["seconds"][-1]
+    enough = [at for at in forecast["enough_at"] if at is not None]
+    if len(enough) < robot.dof:
+        short = [name for name, at in zip(robot.joint_names, forecast["enough_at"], strict=True) if at is None]
+        answer = (
+            f"{significant(last, 2)} s of this motion would not be enough for {', '.join(short)}: uncertain parameters "
+            "would still add more than a third of what the model leaves to the torque of other motion of its kind"
+        )
+    else:
+        times = math.ceil(max(enough) / once - 1e-6)
+        answer = (
+            f"record {_rounded_up(max(enough))} s, {counted(times, 'repetition')} of the motion: then uncertain "
+            "parameters add less than a third of what the model leaves to the torque of other motion of its kind"
+        )
+    return _amounts(robot, forecast, answer)
+
+
+def _amounts(robot: Robot, forecast: dict[str, Any], answer: str) -> dict[str, Any]:
+    joints = zip(robot.joint_names, forecast["noise"], forecast["deviation"].T, forecast["enough_at"], strict=True)
     return {
         "answer": answer,
-        "seconds_to_go": to_go,
-        "seconds": seconds.tolist(),
+        "seconds_to_go": forecast["seconds_to_go"],
+        "seconds": forecast["seconds"].tolist(),
         "joints": [
             {"name": name, "noise": float(left), "deviation": own.tolist(), "enough_at_s": at}
-            for name, left, own, at in zip(names, noise, deviation.T, forecast["enough_at"], strict=True)
+            for name, left, own, at in joints
         ],
     }
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import Excitation, Robot
-from .colours import line_of
+from .colours import BASELINE, line_of
 from .errors import box
 from .figures import MANY_NAMES, axis, layout, log_axis, rounded
 from .markup import Html, Section, join, paragraph, plot, prose, table
@@ -42,16 +42,18 @@ class MotionPage:
         """The file."""
         motion, plots = self._motion()
         search, more = self._search()
+        amount, curves = self._amount()
         asked = {"Asked for": self._asked_for()} if "settings" in self.data else {}
         settings = {**asked, "Versions": self.data["versions"]}
         sections = [
             Section("motion", "Motion", motion),
             Section("limits", "Largest values", self._limits()),
             Section("excitation", "What it reveals", self._excitation()),
+            Section("amount", "How long to record", amount),
             Section("search", "Search", search),
             Section("settings", "Settings and provenance", settings_section(settings)),
         ]
-        payload = {"figures": plots | more, "switches": {}, "torque": None}
+        payload = {"figures": plots | curves | more, "switches": {}, "torque": None}
         return page(f"Excitation trajectory for {self.robot.name}", self._lead(), sections, payload)
 
     def _asked_for(self) -> dict[str, Any]:
@@ -143,6 +145,55 @@ class MotionPage:
         if hidden := report.get("hidden"):
             parts.append(paragraph(f"No motion tells these from other parameters: {', '.join(hidden)}."))
         return join(parts)
+
+    def _amount(self) -> tuple[Html, dict[str, Any]]:
+        """What uncertain parameters add to the torque, over seconds."""
+        forecast = self.found.forecast
+        seconds = forecast["seconds"]
+        lines = [
+            {
+                "type": "scatter",
+                "mode": "lines+markers",
+                "name": joint,
+                "x": rounded(seconds),
+                "y": rounded(deviation / noise),
+                "line": line_of(k) | {"width": 1.5},
+                "hovertemplate": "%{x:.3g} s: %{y:.2g}<extra>%{fullData.name}</extra>",
+            }
+            for k, (joint, deviation, noise) in enumerate(
+                zip(self.robot.joint_names, forecast["deviation"].T, forecast["noise"], strict=True)
+            )
+        ]
+        enough = {
+            "type": "scatter",
+            "mode": "lines",
+            "name": "enough",
+            "x": rounded([seconds[0], seconds[-1]]),
+            "y": rounded([1.0 / 3.0, 1.0 / 3.0]),
+            "line": {"color": BASELINE, "width": 1, "dash": "dot"},
+            "hoverinfo": "skip",
+        }
+        label = "uncertain torque / noise"
+        shown = np.concatenate([rounded_line["y"] for rounded_line in [*lines, enough]]).astype(float)
+        shown = shown[np.isfinite(shown) & (shown > 0.0)]
+        figure = {
+            "data": [*lines, enough],
+            "layout": layout(
+                xaxis=axis("seconds recorded", type="log", tickvals=rounded(seconds, 3)),
+                yaxis=axis(label, type="log", **even_ticks(shown.min(), shown.max())),
+                margin=MANY_NAMES,
+            ),
+        }
+        note = (
+            "What parameters that are identified from this motion, repeated, add to the torque of other motion of its "
+            "kind (standard deviation), as a share of what the model leaves of it, the noise. A third makes the error "
+            "a twentieth larger. Half a second counts as one independent equation of each joint, as on five real robots."
+        )
+        said = []
+        if known := self.data.get("how_much_data"):
+            answer = known["answer"]
+            said.append(paragraph(f"{answer[0].upper()}{answer[1:]}."))
+        return join([*said, plot("amount-plot", 320, label, note)]), {"amount-plot": figure}
 
     def _search(self) -> tuple[Html, dict[str, Any]]:
         history = self.found.history

@@ -60,6 +60,11 @@ def with_deviation(value: float, deviation: float | None) -> tuple[str, str]:
     return f"{value:z.{max(0, place)}f}", f"{deviation:.{max(0, place)}f}"
 
 
+def chance(value: float) -> str:
+    """The probability that chance does as much: 0.12, 0.004, < 0.001."""
+    return "< 0.001" if value < 0.001 else f"{value:.3f}" if value < 0.01 else f"{value:.2f}"
+
+
 def seconds(value: float) -> str:
     """A duration or a moment: 0.512 s, 12.34 s, 1234 s."""
     return f"{significant(value, 4)} s"

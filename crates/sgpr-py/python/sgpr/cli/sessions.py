@@ -1,0 +1,147 @@
+"""`sgpr sessions`: what changed between sessions of one arm."""
+
+from typing import Annotated, Any
+
+import typer
+
+from .. import __version__, compare_sessions
+from ..report.numbers import chance, percent, with_deviation
+from ..report.sessions import SessionsPage
+from ..report.versions import versions
+from .console import Output, to_json
+from .errors import wrong_use
+from .fit_options import EquationOptions
+from .options import Gravity, Joints, Open, open_page
+from .output_folder import OutputFolder
+from .reading import ReadingOptions, read_logs, stretches, tell_layouts
+from .robots import load_robot
+
+
+def sessions(
+    robot: Annotated[
+        str, typer.Option("--robot", metavar="ROBOT", help="URDF, DH table (.toml, .json), puma560 or two_link.")
+    ],
+    logs: Annotated[
+        list[str],
+        typer.Option(
+            "--logs",
+            metavar="SESSION=FILE...",
+            help="The logs of each session: monday=a.csv monday=b.csv tuesday=c.csv. Changes are told against the "
+            "first one.",
+        ),
+    ],
+    equations: EquationOptions,
+    reading: ReadingOptions,
+    output: Output,
+    joints: Joints = None,
+    gravity: Gravity = None,
+    out: Annotated[
+        str | None,
+        typer.Option("--out", metavar="DIR", help="Folder for report.html, sessions.json and a model of each session."),
+    ] = None,
+    open_report: Open = False,
+) -> None:
+    """Tells what changed between sessions of one arm: friction, offset and gain of each joint, and the tool.
+
+    All other parameters are common to the sessions. Effects are those that are linear in the present motion.
+    """
+    files = _by_session(logs)
+    options = equations.arguments()
+    arm = load_robot(robot, joints, gravity)
+    folder = OutputFolder(out) if out else None
+    read = {name: read_logs(paths, reading, arm.joint_names, output) for name, paths in files.items()}
+    with output.progress() as progress:
+        logs_of = {name: stretches(own) for name, own in read.items()}
+        found = compare_sessions(arm, logs_of, progress=progress, **options)
+    data: dict[str, Any] = {
+        "command": "sessions",
+        "robot": {"name": arm.name, "joints": arm.joint_names},
+        "logs": files,
+        "settings": {**options, "reading": reading.to_dict()},
+        "sessions": found.names,
+        "sentences": found.sentences,
+        "tests": found.tests,
+        "versions": versions(),
+        "library_version": __version__,
+    }
+    if folder:
+        with folder:
+            folder.write("sessions.json", to_json(data))
+            folder.write("report.html", SessionsPage(found, data).html())
+            for place, name in enumerate(found.names):
+                found.model(name).save(folder.file(model_file(place, name)))
+    tell_layouts([log for own in read.values() for log in own], output)
+    show(data, output)
+    if folder:
+        output.line(f"report: {folder.path / 'report.html'}")
+    output.result(data)
+    if folder and open_report:
+        open_page(folder.path / "report.html")
+    last = found.names[-1]
+    if folder:
+        path = folder.path / model_file(len(found.names) - 1, last)
+        output.next("sgpr", "compare", str(path), files[last][-1], why=f"the model of {last}")
+    else:
+        output.next(
+            "sgpr",
+            "sessions",
+            "--robot",
+            robot,
+            "--logs",
+            *logs,
+            "--out",
+            "sessions",
+            why="a page, and a model of each",
+        )
+
+
+def model_file(place: int, name: str) -> str:
+    """The file of a session's model."""
+    safe = "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in name)
+    return f"model_{place + 1}_{safe[:40]}.sgpr"
+
+
+def _by_session(pairs: list[str]) -> dict[str, list[str]]:
+    files: dict[str, list[str]] = {}
+    for pair in pairs:
+        name, equals, path = pair.partition("=")
+        if not (name and equals and path):
+            raise wrong_use(f"`{pair}`: expected SESSION=FILE, as monday=log.csv", "--logs")
+        files.setdefault(name, []).append(path)
+    if len(files) < 2:
+        raise wrong_use(f"one session, {next(iter(files))}: two or more make a comparison", "--logs")
+    return files
+
+
+def show(data: dict[str, Any], output: Output) -> None:
+    """The result for people."""
+    changed = [test for test in data["tests"] if test["changed"]]
+    count = "nothing" if not changed else "one thing" if len(changed) == 1 else f"{len(changed)} things"
+    output.heading(f"{count} changed between {', '.join(data['sessions'])}")
+    for sentence in data["sentences"] if changed else []:
+        output.line(sentence)
+    shown = changed or sorted(data["tests"], key=lambda test: test["chance"])[:5]
+    if not changed:
+        output.line("the least alike, all of them within chance or too small to matter:")
+    rows = []
+    for test in shown:
+        for name, value, deviation in zip(data["sessions"], test["values"], test["std"], strict=True):
+            written, spread = with_deviation(float(value), float(deviation))
+            rows.append(
+                [
+                    test["joint"] or "last link",
+                    "mass" if test["cause"] == "tool" else test["cause"],
+                    name,
+                    written,
+                    spread,
+                    test["unit"],
+                    chance(test["chance"]),
+                    percent(test["saved_percent"]),
+                ]
+            )
+    output.table(
+        ["joint", "what", "session", "value", "std", "unit", "chance", "saved, %"],
+        rows,
+        text_columns=(0, 1, 2, 5),
+        spare=("saved, %", "unit"),
+    )
