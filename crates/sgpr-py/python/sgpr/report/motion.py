@@ -186,8 +186,9 @@ class MotionPage:
         }
         note = (
             "What parameters that are identified from this motion, repeated, add to the torque of other motion of its "
-            "kind (standard deviation), as a share of what the model leaves of it, the noise. A third makes the error "
-            "a twentieth larger. Half a second counts as one independent equation of each joint, as on five real robots."
+            "kind (standard deviation), as a share of what the model leaves of it, the noise. A third makes the "
+            "error larger by a twentieth. Half a second counts as one independent equation of each joint, as on five "
+            "real robots."
         )
         said = []
         if known := self.data.get("how_much_data"):
