@@ -86,3 +86,20 @@ def test_sessions_that_cannot_be_compared(logs: list[sgpr.Recording]) -> None:
         sgpr.compare_sessions(robot, {"a": logs[:1], "b": logs[1:2]}, effects=["stribeck_friction"])
     with pytest.raises(TypeError, match="prior"):
         sgpr.compare_sessions(robot, {"a": logs[:1], "b": logs[1:2]}, prior=None)
+
+
+def test_identify_tells_that_logs_are_of_several_days(logs: list[sgpr.Recording], tmp_path: Path) -> None:
+    march = 1_772_600_000 * 10**9
+    starts = [march, march + 600 * 10**9, march + 3 * 86_400 * 10**9]
+    paths = []
+    for k, (log, start) in enumerate(zip(logs, starts, strict=True)):
+        time = log.time_ns - log.time_ns[0] + start
+        paths.append(tmp_path / f"log_{k}.mcap")
+        sgpr.Recording(time, log.q, log.dq, log.tau, joint_names=log.joint_names).save(paths[-1])
+    found = run("identify", "--robot", DEMO_ROBOT, "--train", *paths, "--out", tmp_path / "out", "--no-report")
+    assert found.code == 0, found.err
+    said = " ".join(found.err.split())
+    assert "the training logs are of 2 sessions over 3.0 days" in said
+    assert f"--logs session_1={paths[0]} session_1={paths[1]} session_2={paths[2]}" in said
+    found = run("identify", "--robot", DEMO_ROBOT, "--train", *paths[:2], "--out", tmp_path / "one", "--no-report")
+    assert "sessions" not in found.err

@@ -46,6 +46,7 @@ from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .robot_files import without_place
 from .robots import load_robot, tell_locked
 from .screening import excitation, repeated
+from .sessions import tell_sessions
 
 ROBOT_FILES = {"robot.xml": "mjcf", "robot.urdf": "urdf"}
 """The formats of the robot files in the folder of results."""
@@ -121,6 +122,7 @@ def identify(
             folder.write("report.html", result.page(data).html())
         folder.write("identification.json", to_json(data))
     tell_layouts([*train_logs, *test_logs], output)
+    tell_sessions(robot, train_logs, output)
     show(result, data, output)
     for name in robot_files:
         if left := without_place(ROBOT_FILES[name], result.model):

@@ -1,11 +1,13 @@
 """`sgpr sessions`: what changed between sessions of one arm."""
 
+import shlex
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 import typer
 
 from .. import __version__, compare_sessions
-from ..report.numbers import chance, percent, with_deviation
+from ..report.numbers import chance, percent, significant, with_deviation
 from ..report.sessions import SessionsPage
 from ..report.versions import versions
 from .console import Output, to_json
@@ -13,8 +15,13 @@ from .errors import wrong_use
 from .fit_options import EquationOptions
 from .options import Gravity, Joints, Open, open_page
 from .output_folder import OutputFolder
-from .reading import ReadingOptions, read_logs, stretches, tell_layouts
+from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .robots import load_robot
+
+HOUR = 3600 * 10**9
+NANOSECONDS_PER_DAY = 24 * HOUR
+FIRST_DATE = 946_684_800 * 10**9
+"""Of stamps that are dates: the year 2000, ns. Others count from the start of a log or a machine."""
 
 
 def sessions(
@@ -93,6 +100,38 @@ def sessions(
             "sessions",
             why="a page, and a model of each",
         )
+
+
+def tell_sessions(robot: str, logs: Sequence[Log], output: Output) -> None:
+    """Says how to ask what changed if logs were recorded in several sessions."""
+    apart = by_time(logs)
+    if len(apart) < 2:
+        return
+    days = (_start(apart[-1][0]) - _start(apart[0][0])) / NANOSECONDS_PER_DAY
+    pairs = [f"session_{k + 1}={log.path}" for k, own in enumerate(apart) for log in own]
+    command = shlex.join(["sgpr", "sessions", "--robot", robot, "--logs", *pairs])
+    output.note(
+        f"the training logs are of {len(apart)} sessions over {significant(days, 2)} days, and one model is of all of "
+        f"them; what changed between them: {command}"
+    )
+
+
+def by_time(logs: Sequence[Log]) -> list[list[Log]]:
+    """Logs in the order of time, those within an hour of each other together; none if their stamps are no dates."""
+    dated = sorted((log for log in logs if log.stretches), key=_start)
+    if not dated or _start(dated[0]) < FIRST_DATE:
+        return []
+    sessions = [[dated[0]]]
+    for log in dated[1:]:
+        end = max(int(one.stretches[-1].time_ns[-1]) for one in sessions[-1])
+        if _start(log) - end > HOUR:
+            sessions.append([])
+        sessions[-1].append(log)
+    return sessions
+
+
+def _start(log: Log) -> int:
+    return int(log.stretches[0].time_ns[0])
 
 
 def model_file(place: int, name: str) -> str:
