@@ -1,16 +1,20 @@
 //! Exported models are the models: compiled and run beside the predictor.
 #![allow(missing_docs)]
 
+#[path = "common/every_effect.rs"]
+mod every_effect;
+
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
 
-use sgpr_core::effects::{Effect, EffectParameter, Entry, JointState, Scale, Site, by_name, registry};
+use every_effect::{plain, term};
+use sgpr_core::effects::{Effect, EffectParameter, Entry, JointState, Site, by_name, registry};
 use sgpr_core::export::{ExportError, ExportOptions, Language};
 use sgpr_core::gp::Precision;
-use sgpr_core::model::{Purpose, StreamOptions, Term, TorqueModel};
+use sgpr_core::model::{Purpose, StreamOptions, TorqueModel};
 use sgpr_core::robot::{Robot, puma560, two_link};
 
 const RATE_HZ: f64 = 250.0;
@@ -39,35 +43,6 @@ fn motion(n: usize) -> Vec<f64> {
         values.extend(parts(|x, _| -x.sin(), 2));
     }
     values
-}
-
-/// A value of each constant at which the effect does something in the motion.
-fn some_constants(effect: &dyn Effect) -> Vec<f64> {
-    let value = |constant: &sgpr_core::effects::Constant| match constant.scale {
-        Scale::Time if constant.symbol == "t1" => 2.603,
-        Scale::Time => 1.3,
-        Scale::Order => 12.0,
-        Scale::Neutral { step } => 40.0 * step,
-        Scale::Torque => 8.0,
-        Scale::Position | Scale::PositionWidth => 0.3,
-        _ => constant.grid[0],
-    };
-    effect.constants().iter().map(value).collect()
-}
-
-fn term(effect: &Arc<dyn Effect>, site: Site) -> Term {
-    let mut term = Term::new(Arc::clone(effect), site, some_constants(effect.as_ref()));
-    for (k, coefficient) in term.coefficients.iter_mut().enumerate() {
-        *coefficient = 0.7 - 0.11 * k as f64;
-    }
-    term
-}
-
-fn plain(robot: &Robot) -> TorqueModel {
-    let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"];
-    let mut parameters = robot.standard_parameters();
-    parameters.extend((0..4 * robot.dof()).map(|k| 0.3 + 0.05 * k as f64));
-    TorqueModel::with_parameters(robot, &effects, parameters).expect("known effects")
 }
 
 fn options((language, precision): (Language, Precision), name: &str, purpose: Purpose) -> ExportOptions {

@@ -92,7 +92,7 @@ pub(super) fn file(name: &str, program: &Program, precision: Precision) -> Strin
     let prefix = format!("sgpr_{name}");
     let capital = prefix.to_uppercase();
     let mut out = String::from("/*\n");
-    for line in head(program) {
+    for line in head(program, precision) {
         out.push_str(format!(" * {line}").trim_end());
         out.push('\n');
     }

@@ -191,7 +191,7 @@ pub(super) fn uses(program: &Program, kind: impl Fn(&Node) -> bool) -> bool {
 }
 
 /// What a reader of a file wants to know, one line each.
-pub(super) fn head(program: &Program) -> Vec<String> {
+pub(super) fn head(program: &Program, precision: Precision) -> Vec<String> {
     let clean = super::text::comment;
     let mut lines = vec![
         format!(
@@ -209,6 +209,10 @@ pub(super) fn head(program: &Program) -> Vec<String> {
             clean(&program.provenance.library_version)
         ),
     ];
+    lines.push(match precision {
+        Precision::Double => "Numbers of 64 bits.".into(),
+        Precision::Single => "Numbers of 32 bits, times of 64.".into(),
+    });
     lines.extend(program.provenance.logs.iter().take(20).map(|log| format!("Identified from {}", clean(log))));
     lines.extend([String::new(), "Joints, in the order of all arrays, with units of position and torque:".into()]);
     for (index, (name, rotates)) in program.joints.iter().enumerate() {

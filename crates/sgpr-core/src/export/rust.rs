@@ -83,7 +83,7 @@ impl Dialect for Rust {
 pub(super) fn file(name: &str, program: &Program, precision: Precision) -> String {
     let number = of_width(precision);
     let mut out = String::new();
-    for line in head(program) {
+    for line in head(program, precision) {
         out.push_str(format!("// {line}").trim_end());
         out.push('\n');
     }

@@ -56,6 +56,7 @@ pub(crate) use least_squares::{residual_norm, stack, torque_sizes, triangular_so
 pub use left_out::LeftOut;
 pub use observation::{Equation, Equations, JointFactor, Observation, Row, Trajectory};
 pub use payload::{Payload, PayloadOptions, identify_payload};
+pub(crate) use posterior::without_negative;
 pub use posterior::{Held, PriorWidth, estimate_with_prior};
 pub use prior::ParameterPrior;
 pub use recursive::RecursiveLeastSquares;

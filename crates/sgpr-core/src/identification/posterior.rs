@@ -6,7 +6,7 @@ use super::least_squares::{
     Excitation, MOST_ITERATIONS, SAME_WEIGHTS, floored, least_noise, residual_noise, stack, triangular_solution,
     unit_noise,
 };
-use super::prior::{ParameterPrior, Posterior};
+use super::prior::{ParameterPrior, Posterior, non_negative, refused};
 use super::{Equations, Estimate, IdentificationError, JointFactor, LeastSquares, Method, estimate};
 
 /// How wide the prior on bodies is.
@@ -31,6 +31,8 @@ pub struct Held {
     pub data: Mat<f64>,
     /// Those units by factor, N·m (N); infinite for factors that are left out.
     pub levels: Vec<f64>,
+    /// Parameters that the data make negative beyond chance although physics forbids it, and what the data make them.
+    pub refused: Vec<(usize, f64)>,
 }
 
 impl Held {
@@ -96,7 +98,7 @@ pub fn estimate_with_prior(
     let posterior = prior.posterior(&data);
     found.covariance = posterior.covariance(&of_estimate(&data, &found.covariance));
     found.values = posterior.values;
-    Ok(Held { estimate: found, prior, data, levels: held.levels })
+    Ok(Held { estimate: found, prior, data, levels: held.levels, refused: posterior.refused })
 }
 
 /// Triangle [R | R t] of data that know as much of the parameters as R and put them at `values` t.
@@ -108,6 +110,17 @@ fn informed(data: &Mat<f64>, values: &[f64]) -> Mat<f64> {
         (true, false) => along(i),
         _ => 0.0,
     })
+}
+
+/// The estimate with some parameters not negative, as far from it as its rows allow, and those that it makes negative beyond
+/// chance. Its covariance stays.
+pub(crate) fn without_negative(mut estimate: Estimate, constrained: &[usize]) -> (Estimate, Vec<(usize, f64)>) {
+    let deviations = estimate.standard_deviations();
+    let refused = refused(&estimate.values, |k| deviations[k], constrained);
+    if constrained.iter().any(|k| estimate.values[*k] < 0.0) {
+        estimate.values = non_negative(&informed(&estimate.whitened, &estimate.values), constrained, &[]);
+    }
+    (estimate, refused)
 }
 
 /// Covariance of RᵀR t for an estimate t of this covariance; RᵀR itself where that is not finite.
@@ -176,7 +189,7 @@ impl LeastSquares {
                     iterations,
                     notes: vec![],
                 };
-                return Ok(Held { estimate, prior, data, levels });
+                return Ok(Held { estimate, prior, data, levels, refused: posterior.refused });
             }
         }
         unreachable!("the last iteration returns")

@@ -17,7 +17,7 @@ use faer::Mat;
 use super::consistency::parameter_scales;
 use super::least_squares::{residual_norm, torque_sizes};
 use super::{BaseParameters, JointFactor, ParameterSet};
-use crate::effects::JointState;
+use crate::effects::{JointState, Role};
 use crate::linalg::{cholesky, triangle};
 use crate::robot::Robot;
 
@@ -43,6 +43,8 @@ pub struct ParameterPrior {
     /// What the deviations of effects are multiplied by.
     effect_scale: f64,
     non_negative: Vec<usize>,
+    /// Those of them that are friction.
+    friction: Vec<usize>,
     /// Base parameters that stay as the robot file has them.
     kept: Vec<usize>,
 }
@@ -64,9 +66,9 @@ const OFFSET_SHARE: f64 = 0.316;
 /// Times that the prior pulls.
 pub(super) const PULLS: usize = 2;
 
-/// Friction that is negative by more standard deviations than this is what the data say: something that the model lacks
-/// imitates it. Of a normal law one in 44 lies below.
-const INSISTED: f64 = 2.0;
+/// Friction that would be negative by more standard deviations than this is no chance: something that the model lacks imitates
+/// it. Of a normal law one in 44 lies below.
+const NO_CHANCE: f64 = 2.0;
 
 impl ParameterPrior {
     /// The prior of a robot with effects, its bodies with a relative deviation of one.
@@ -102,6 +104,11 @@ impl ParameterPrior {
             let parameter = base.independent()[k];
             parameter >= set.inertial() && base.combination(k).is_empty() && set.is_non_negative(parameter)
         };
+        let is_friction = |k: usize| {
+            let effect = base.independent()[k].checked_sub(set.inertial());
+            let column = effect.and_then(|effect| set.effect_columns().get(effect));
+            column.is_some_and(|column| set.effects()[column.effect].role() != Some(Role::RotorInertia))
+        };
         Self {
             of_file,
             left_by_file: left,
@@ -109,6 +116,7 @@ impl ParameterPrior {
             effects: root(set.inertial()..width),
             relative_deviation: 1.0,
             effect_scale: 1.0,
+            friction: (0..rank).filter(|k| stands_alone(*k) && is_friction(*k)).collect(),
             non_negative: (0..rank).filter(|k| stands_alone(*k)).collect(),
             kept: Vec::new(),
         }
@@ -118,6 +126,14 @@ impl ParameterPrior {
     #[must_use]
     pub fn keeping(mut self, parameters: Vec<usize>) -> Self {
         self.kept = parameters;
+        self
+    }
+
+    /// The same for the error of a model, in which friction may be less than in the model.
+    #[must_use]
+    pub fn of_an_error(mut self) -> Self {
+        self.non_negative.clear();
+        self.friction.clear();
         self
     }
 
@@ -190,6 +206,11 @@ impl ParameterPrior {
     /// Base parameters that physics forbids to be negative, each of which is one parameter of an effect.
     pub fn non_negative(&self) -> &[usize] {
         &self.non_negative
+    }
+
+    /// Those of [`Self::non_negative`] that are friction.
+    pub fn friction(&self) -> &[usize] {
+        &self.friction
     }
 
     /// Covariance of the base parameters, `[rank, rank]`.
@@ -283,7 +304,8 @@ impl ParameterPrior {
         triangle(all.as_ref())
     }
 
-    /// Base parameters by data and prior, those that physics forbids to be negative not negative, unless the data insist.
+    /// Base parameters by data and prior, those that physics forbids to be negative not negative: friction whatever the data say,
+    /// rotor inertia unless they insist.
     ///
     /// The prior pulls [`PULLS`] times, each time toward what the pull before has found (iterated Tikhonov regularisation):
     /// of what the data say in a direction of which they know `k` times what the prior knows, in information, the share
@@ -318,9 +340,11 @@ impl ParameterPrior {
         }
         let kept: Vec<(usize, f64)> = self.kept.iter().map(|k| (*k, self.of_file[*k])).collect();
         let free = solve_with(&system, &[], &kept);
-        let insisted = |k: usize| free[k] < -INSISTED * root.row(k).norm_l2();
-        let constrained: Vec<usize> = self.non_negative.iter().copied().filter(|k| !insisted(*k)).collect();
-        Posterior { values: non_negative(&system, &constrained, &kept), root, rows }
+        let refused = refused(&free, |k| root.row(k).norm_l2(), &self.non_negative);
+        // Friction would drive the arm; an inertia beside others only looks odd.
+        let insisted = |k: &usize| !self.friction.contains(k) && refused.iter().any(|(refused, _)| refused == k);
+        let constrained: Vec<usize> = self.non_negative.iter().copied().filter(|k| !insisted(k)).collect();
+        Posterior { values: non_negative(&system, &constrained, &kept), root, rows, refused }
     }
 }
 
@@ -332,6 +356,8 @@ pub(super) struct Posterior {
     pub root: Mat<f64>,
     /// [`ParameterPrior::rows`], as they pulled last.
     rows: Mat<f64>,
+    /// Parameters that the data make negative beyond chance although physics forbids it, and what the data make them.
+    pub refused: Vec<(usize, f64)>,
 }
 
 impl Posterior {
@@ -354,13 +380,19 @@ fn log_evidence(root: &Mat<f64>, left: &Mat<f64>) -> f64 {
     -logarithm - 0.5 * scaled.col(0).squared_norm_l2()
 }
 
+/// Parameters of `constrained` whose values are negative beyond chance.
+pub(super) fn refused(values: &[f64], deviation: impl Fn(usize) -> f64, constrained: &[usize]) -> Vec<(usize, f64)> {
+    let negative = constrained.iter().filter(|k| values[**k] < -NO_CHANCE * deviation(**k));
+    negative.map(|k| (*k, values[*k])).collect()
+}
+
 /// Least squares of a triangular system with some unknowns not negative: those that would be are held at zero, the most
 /// negative first, as long as none pulls away from it.
 ///
 /// - `kept`: unknowns that have these values
 ///
 /// Source: C. L. Lawson, R. J. Hanson, Solving Least Squares Problems (1974), chapter 23.
-fn non_negative(system: &Mat<f64>, constrained: &[usize], kept: &[(usize, f64)]) -> Vec<f64> {
+pub(super) fn non_negative(system: &Mat<f64>, constrained: &[usize], kept: &[(usize, f64)]) -> Vec<f64> {
     let rank = system.ncols() - 1;
     let is_kept = |k: usize| kept.iter().any(|(kept, _)| *kept == k);
     let constrained: Vec<usize> = constrained.iter().copied().filter(|k| !is_kept(*k)).collect();

@@ -8,6 +8,7 @@ pub(super) use crate::identification::Held;
 use crate::identification::{
     BaseParameters, Equations, Estimate, IdentificationError, JointFactor, Judgement, LeftOut, Method, Observation,
     ParameterPrior, ParameterSet, PriorWidth, Row, Trajectory, estimate, estimate_with_prior, variances,
+    without_negative,
 };
 use crate::motion::Motion;
 use crate::random::Random;
@@ -90,6 +91,8 @@ impl Task<'_> {
             if saved.gain - saved.standard_error < LEAST_GAIN || saved.parts < 2 {
                 let bare = self.bare(method, equations, &flat, correlation)?;
                 if let Some(bare) = bare.filter(|bare| self.knows_more_than_file(&bare.covariance, &flat)) {
+                    let (bare, refused) = without_negative(bare, flat.friction());
+                    notes.extend(self.refused_note(&refused));
                     return Ok(Found { estimate: bare, held: None, dispersion: 1.0, notes });
                 }
                 if saved.is_worse() {
@@ -115,7 +118,7 @@ impl Task<'_> {
                 }
             }
         }
-        notes.extend(self.negative_notes(&held));
+        notes.extend(self.refused_note(&held.refused));
         notes.extend(self.held_note(&held));
         let dispersion = self.dispersion(&held);
         Ok(Found { estimate: held.estimate.clone(), held: Some(held), dispersion, notes })
@@ -245,21 +248,18 @@ impl Task<'_> {
         kept.iter().map(note).collect()
     }
 
-    /// Friction that comes out negative for certain.
-    fn negative_notes(&self, held: &Held) -> Vec<String> {
-        let deviations = held.estimate.standard_deviations();
-        let negative = held.prior.non_negative().iter().filter(|k| held.estimate.values[**k] < 0.0);
-        let note = |&k: &usize| {
+    /// Friction and rotors that the data make negative.
+    fn refused_note(&self, refused: &[(usize, f64)]) -> Option<String> {
+        let of =
+            |(k, value): &(usize, f64)| format!("`{}` ({value:.3} {})", self.base.names()[*k], self.base.units()[*k]);
+        let all: Vec<String> = refused.iter().map(of).collect();
+        (!all.is_empty()).then(|| {
             format!(
-                "`{}` comes out negative ({:.3} ± {:.3} {}), which no friction or rotor is: something that the model lacks \
-                 imitates it. `sgpr diagnose` looks for it; `--consistent` forbids it",
-                self.base.names()[k],
-                held.estimate.values[k],
-                deviations[k],
-                self.base.units()[k]
+                "{} would come out negative, which no friction or rotor is: something that the model lacks imitates it. \
+                 Friction is held at zero. `sgpr diagnose` looks for what is missing",
+                all.join(", ")
             )
-        };
-        negative.map(note).collect()
+        })
     }
 
     /// What the prior holds, and which motion would free it.

@@ -359,7 +359,10 @@ fn fit(
     if options.prior.is_some() {
         held::leave_out_joints_at_rest(&mut factors);
     }
-    let prior = options.prior.map(|width| (ParameterPrior::new(robot, &set, &base, &start, &factors), width));
+    let prior = options.prior.map(|width| {
+        let prior = ParameterPrior::new(robot, &set, &base, &start, &factors);
+        (if options.start == Start::Zero { prior.of_an_error() } else { prior }, width)
+    });
     // The residual of a first solution tells how much the noise remembers: the estimates stay, their spread grows.
     let first = LeastSquares::new(options.method.clone());
     let first = match &prior {

@@ -1,12 +1,13 @@
 //! A model one sample after the other is the model along a trajectory.
 #![allow(missing_docs)]
 
+#[path = "../common/every_effect.rs"]
+mod every_effect;
 mod single;
 
-use std::sync::Arc;
-
+use every_effect::{plain, term};
 use sgpr_core::dynamics::Samples;
-use sgpr_core::effects::{Effect, Entry, Origin, Scale, Site, Streamed, by_name, registry};
+use sgpr_core::effects::{Entry, Origin, Site, Streamed, by_name, registry};
 use sgpr_core::model::{Predictor, Purpose, SavedStates, StreamError, StreamOptions, Term, TorqueModel, Trajectory};
 use sgpr_core::recording::Channel;
 use sgpr_core::robot::{Robot, puma560, two_link};
@@ -64,35 +65,6 @@ impl Motion {
         };
         (0..self.time.len()).flat_map(one).collect()
     }
-}
-
-/// A value of each constant at which the effect does something in the motion.
-fn some_constants(effect: &dyn Effect) -> Vec<f64> {
-    let value = |constant: &sgpr_core::effects::Constant| match constant.scale {
-        Scale::Time if constant.symbol == "t1" => 2.603,
-        Scale::Time => 1.3,
-        Scale::Order => 12.0,
-        Scale::Neutral { step } => 40.0 * step,
-        Scale::Torque => 8.0,
-        Scale::Position | Scale::PositionWidth => 0.3,
-        _ => constant.grid[0],
-    };
-    effect.constants().iter().map(value).collect()
-}
-
-fn term(effect: &Arc<dyn Effect>, site: Site) -> Term {
-    let mut term = Term::new(Arc::clone(effect), site, some_constants(effect.as_ref()));
-    for (k, coefficient) in term.coefficients.iter_mut().enumerate() {
-        *coefficient = 0.7 - 0.11 * k as f64;
-    }
-    term
-}
-
-fn plain(robot: &Robot) -> TorqueModel {
-    let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"];
-    let mut parameters = robot.standard_parameters();
-    parameters.extend((0..4 * robot.dof()).map(|k| 0.3 + 0.05 * k as f64));
-    TorqueModel::with_parameters(robot, &effects, parameters).expect("known effects")
 }
 
 fn options() -> StreamOptions {

@@ -181,7 +181,7 @@ fn torque(factor: &JointFactor) -> Vec<f64> {
 }
 
 /// The rows of a factor times base parameters.
-fn predicted(factor: &JointFactor, base: &[f64]) -> Vec<f64> {
+pub(super) fn predicted(factor: &JointFactor, base: &[f64]) -> Vec<f64> {
     let row = |i: usize| {
         let columns = factor.columns.iter().enumerate();
         columns.map(|(k, &column)| factor.factor[(i, k)] * base[column]).sum()
