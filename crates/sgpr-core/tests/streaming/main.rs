@@ -7,10 +7,10 @@ mod single;
 
 use every_effect::{plain, term};
 use sgpr_core::dynamics::Samples;
-use sgpr_core::effects::{Entry, Origin, Site, Streamed, by_name, registry};
+use sgpr_core::effects::{Entry, Origin, Scale, Site, Streamed, by_name, registry};
 use sgpr_core::model::{Predictor, Purpose, SavedStates, StreamError, StreamOptions, Term, TorqueModel, Trajectory};
 use sgpr_core::recording::Channel;
-use sgpr_core::robot::{Robot, puma560, two_link};
+use sgpr_core::robot::{puma560, two_link};
 
 const RATE_HZ: f64 = 250.0;
 
