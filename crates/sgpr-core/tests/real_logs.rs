@@ -384,7 +384,8 @@ fn consistent_models_are_as_good_as_free_ones() {
         ("ur10e", &ur10e, &ALL[..], 1.02),
         ("baxter", &uniform, &ALL, 1.02),
         ("emps", &uniform, &ALL, 1.02),
-        ("kuka_lwr", &uniform, &AT_THE_LINK, 1.021),
+        // The free model, whose friction is not negative either, leaves 1.215 %.
+        ("kuka_lwr", &uniform, &AT_THE_LINK, 1.022),
         ("kuka_lwr", &uniform, &SPRINGS, 1.02),
         ("panda", &panda, &AT_THE_LINK, 1.11),
         ("panda", &panda, &SPRINGS, 1.05),
