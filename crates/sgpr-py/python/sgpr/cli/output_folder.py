@@ -21,8 +21,11 @@ class OutputFolder:
         self.path.mkdir(parents=True, exist_ok=True)
         self._waiting: dict[Path, Path] = {}
         probe = self._beside(self.path / "probe")
-        probe.touch()
-        probe.unlink()
+        try:
+            probe.touch()
+        finally:
+            # Ctrl-C can come in between.
+            probe.unlink(missing_ok=True)
 
     def file(self, name: str) -> Path:
         """Where to write the file that shall be called `name`; anywhere else if `name` is a path of its own."""
