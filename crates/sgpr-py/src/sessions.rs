@@ -33,7 +33,6 @@ const OPTIONS: [&str; 9] = [
 #[pyclass(module = "sgpr", frozen)]
 pub struct SessionComparison {
     inner: core::SessionComparison,
-    joints: Vec<String>,
 }
 
 #[pymethods]
@@ -56,6 +55,7 @@ impl SessionComparison {
     /// were left out, squared), "changed".
     #[getter]
     fn tests<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let robot = self.inner.models[0].robot();
         let of = |test: &SessionTest| {
             let (cause, joint) = match test.cause {
                 SessionCause::Tool => ("tool", None),
@@ -66,7 +66,7 @@ impl SessionComparison {
             let count = test.values.len();
             let dict = PyDict::new(py);
             dict.set_item("cause", cause)?;
-            dict.set_item("joint", joint.map(|joint| &self.joints[joint]))?;
+            dict.set_item("joint", joint.map(|joint| &robot.joints()[joint].name))?;
             dict.set_item("unit", test.unit)?;
             dict.set_item("values", array(py, &[count], test.values.clone())?)?;
             dict.set_item("std", array(py, &[count], test.deviations.clone())?)?;
@@ -150,5 +150,5 @@ pub fn compare_sessions(
         core::compare_sessions(robot, &given, &options.effects, &options.conditioning, progress)
     })?;
     warn(py, &inner.notes)?;
-    Ok(SessionComparison { inner, joints: robot.joint_names().map(String::from).collect() })
+    Ok(SessionComparison { inner })
 }

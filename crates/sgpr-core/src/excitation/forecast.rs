@@ -1,14 +1,10 @@
 //! How much of a motion to record, before it is recorded.
 
-use faer::Mat;
-
-use super::{ExcitationError, Trajectory, TrajectorySamples};
-use crate::dynamics::{BatchWorkspace, Samples, rnea_batch};
+use super::{ExcitationError, Trajectory, TrajectorySamples, peaks};
+use crate::dynamics::Samples;
 use crate::identification::{
-    self as estimation, BaseParameters, Forecast, JointFactor, LONGER, Observation, ParameterSet, STATES, deviation_of,
-    stack,
+    BaseParameters, Forecast, LONGER, ParameterSet, STATES, deviation_of, equations_of, stack, unit_covariance,
 };
-use crate::linalg::Svd;
 use crate::random::Random;
 use crate::robot::Robot;
 
@@ -48,14 +44,14 @@ pub fn forecast(
     let n = robot.dof();
     let recorded = trajectory.samples(RATE_HZ, trajectory.duration());
     let motion = Samples { q: &recorded.q, dq: &recorded.dq, ddq: &recorded.ddq };
-    let noise = noise.map_or_else(|| usual_noise(robot, set, parameters, motion), <[f64]>::to_vec);
+    let noise = noise.map_or_else(|| usual_noise(&peaks(robot, set, parameters, trajectory).torque), <[f64]>::to_vec);
     let once = || {
-        let factors = equations(robot, set, base, motion)?;
+        let factors = equations_of(robot, set, base, motion).ok()?;
         let own_noise: Vec<f64> = factors.iter().map(|factor| noise[factor.joint]).collect();
         let per_row = recorded.len() as f64 / (INDEPENDENT_HZ * trajectory.duration());
-        let covariance = covariance(&stack(&factors, base.rank(), &own_noise), per_row.max(1.0))?;
+        let covariance = faer::Scale(per_row.max(1.0)) * &unit_covariance(&stack(&factors, base.rank(), &own_noise))?;
         let [q, dq, ddq] = states(&recorded, n);
-        let states = equations(robot, set, base, Samples { q: &q, dq: &dq, ddq: &ddq })?;
+        let states = equations_of(robot, set, base, Samples { q: &q, dq: &dq, ddq: &ddq }).ok()?;
         Some(deviation_of(&covariance, &states, n))
     };
     let once = once().unwrap_or_else(|| vec![f64::INFINITY; n]);
@@ -67,53 +63,11 @@ pub fn forecast(
     })
 }
 
-/// None if they are too large for numbers.
-fn equations(
-    robot: &Robot,
-    set: &ParameterSet,
-    base: &BaseParameters,
-    motion: Samples<'_>,
-) -> Option<Vec<JointFactor>> {
-    let zeros = vec![0.0; motion.q.len()];
-    let mut observation = Observation::new(robot, set, base);
-    observation.add(&estimation::Trajectory::new(motion, &zeros)).ok()?;
-    Some(observation.factors())
-}
-
-/// A share of the largest torque in motion.
-fn usual_noise(robot: &Robot, set: &ParameterSet, parameters: &[f64], motion: Samples<'_>) -> Vec<f64> {
-    let n = robot.dof();
-    let body = robot.clone().with_standard_parameters(&parameters[..set.inertial()]);
-    let mut torque = vec![0.0; motion.q.len()];
-    rnea_batch(&body, &mut BatchWorkspace::new(&body), motion, &mut torque);
-    for (sample, tau) in torque.chunks_exact_mut(n).enumerate() {
-        let of = sample * n..(sample + 1) * n;
-        let state =
-            crate::effects::JointState { q: &motion.q[of.clone()], dq: &motion.dq[of.clone()], ddq: &motion.ddq[of] };
-        set.add_effect_torque(parameters, &state, tau);
-    }
-    let size = |joint: usize| torque.iter().skip(joint).step_by(n).fold(0.0, |most: f64, tau| most.max(tau.abs()));
-    let sizes: Vec<f64> = (0..n).map(size).collect();
+/// A share of each joint's largest torque, N·m (N).
+fn usual_noise(sizes: &[f64]) -> Vec<f64> {
     let largest = sizes.iter().copied().fold(0.0, f64::max);
     let least = if largest > 0.0 { LEAST * largest } else { 1.0 };
     sizes.iter().map(|size| LEFT * size.max(least)).collect()
-}
-
-/// (WᵀΣ⁻¹W)⁻¹ times a factor; none if the motion does not determine all parameters.
-fn covariance(system: &Mat<f64>, factor: f64) -> Option<Mat<f64>> {
-    let count = system.ncols() - 1;
-    let length = |column: usize| system.col(column).norm_l2();
-    let scale: Vec<f64> = (0..count).map(|k| if length(k) > 0.0 { length(k).recip() } else { 0.0 }).collect();
-    let scaled = Mat::from_fn(count, count, |i, j| system[(i, j)] * scale[j]);
-    let Svd { values, v, .. } = Svd::new(scaled.as_ref());
-    if values.last().is_none_or(|least| *least <= 1e-9 * values[0]) {
-        return None;
-    }
-    let entry = |i: usize, j: usize| {
-        let sum: f64 = values.iter().enumerate().map(|(k, value)| v[(i, k)] * v[(j, k)] / (value * value)).sum();
-        factor * sum * scale[i] * scale[j]
-    };
-    Some(Mat::from_fn(count, count, entry))
 }
 
 /// States in which every joint has a position, speed and acceleration of the motion, each joint at another time, and half of

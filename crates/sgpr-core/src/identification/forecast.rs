@@ -2,7 +2,9 @@
 
 use faer::Mat;
 
-use super::JointFactor;
+use super::{BaseParameters, IdentificationError, JointFactor, Observation, ParameterSet, Trajectory};
+use crate::dynamics::Samples;
+use crate::robot::Robot;
 
 /// How surely a model of logs predicts the torque of other motion, and a model of more such logs.
 ///
@@ -63,6 +65,23 @@ pub(crate) fn deviation_of(covariance: &Mat<f64>, states: &[JointFactor], joints
         (sum / rows.max(1) as f64).sqrt()
     };
     (0..joints).map(of).collect()
+}
+
+/// Equations of single states, without torque.
+///
+/// # Errors
+/// If they are too large for numbers.
+pub(crate) fn equations_of(
+    robot: &Robot,
+    set: &ParameterSet,
+    base: &BaseParameters,
+    states: Samples<'_>,
+) -> Result<Vec<JointFactor>, IdentificationError> {
+    let zeros = vec![0.0; states.q.len()];
+    let columns = vec![zeros.clone(); set.trajectory_columns().len()];
+    let mut observation = Observation::new(robot, set, base);
+    observation.add(&Trajectory { columns: &columns, ..Trajectory::new(states, &zeros) })?;
+    Ok(observation.factors())
 }
 
 /// Sum over the rows of a factor of the variance that parameters of a covariance bring to them.

@@ -404,6 +404,13 @@ pub(crate) fn triangular_solution(triangle: &Mat<f64>, nominal: &[f64]) -> Vec<f
     back_substitute(triangle).unwrap_or_else(|| Solution::new(triangle, nominal).values)
 }
 
+/// Covariance of the unknowns of a triangular system whose rows are in units of their noise; none if it does not determine all
+/// of them.
+pub(crate) fn unit_covariance(triangle: &Mat<f64>) -> Option<Mat<f64>> {
+    let solution = Solution::new(triangle, &vec![0.0; triangle.ncols() - 1]);
+    solution.undetermined.iter().all(|dark| !dark).then_some(solution.inverse)
+}
+
 /// Number of singular values that count.
 pub(super) fn determined(descending: &[f64]) -> usize {
     let smallest = RANK_TOLERANCE * descending.first().copied().unwrap_or(0.0);

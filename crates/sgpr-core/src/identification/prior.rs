@@ -105,9 +105,8 @@ impl ParameterPrior {
             parameter >= set.inertial() && base.combination(k).is_empty() && set.is_non_negative(parameter)
         };
         let is_friction = |k: usize| {
-            let effect = base.independent()[k].checked_sub(set.inertial());
-            let column = effect.and_then(|effect| set.effect_columns().get(effect));
-            column.is_some_and(|column| set.effects()[column.effect].role() != Some(Role::RotorInertia))
+            let parameter = base.independent()[k];
+            parameter < set.of_state() && role_of(set, parameter) != Some(Role::RotorInertia)
         };
         Self {
             of_file,
@@ -378,6 +377,12 @@ fn log_evidence(root: &Mat<f64>, left: &Mat<f64>) -> f64 {
     faer::linalg::triangular_solve::solve_lower_triangular_in_place(root.transpose(), scaled.as_mut(), faer::Par::Seq);
     let logarithm: f64 = (0..root.nrows()).map(|k| root[(k, k)].ln()).sum();
     -logarithm - 0.5 * scaled.col(0).squared_norm_l2()
+}
+
+/// Role of the effect that a parameter is of; none for those of links, of trajectories, and of effects without one.
+pub(crate) fn role_of(set: &ParameterSet, parameter: usize) -> Option<Role> {
+    let column = set.effect_columns().get(parameter.checked_sub(set.inertial())?)?;
+    set.effects()[column.effect].role()
 }
 
 /// Parameters of `constrained` whose values are negative beyond chance.

@@ -4,7 +4,7 @@
 use super::held::{Held, Task};
 use crate::dynamics::Samples;
 use crate::identification::{
-    Estimate, Forecast, IdentificationError, JointFactor, LONGER, Observation, Row, STATES, Trajectory, deviation_of,
+    Estimate, Forecast, IdentificationError, JointFactor, LONGER, Row, STATES, deviation_of, equations_of,
 };
 use crate::random::Random;
 
@@ -63,12 +63,7 @@ impl Task<'_> {
                 motion.iter_mut().zip(values).for_each(|(all, value)| all[state * n + joint] = value);
             }
         }
-        let zeros = vec![0.0; STATES * n];
-        let columns = vec![zeros.clone(); self.set.trajectory_columns().len()];
-        let mut observation = Observation::new(self.robot, self.set, self.base);
         let [q, dq, ddq] = &motion;
-        let samples = Samples { q, dq, ddq };
-        observation.add(&Trajectory { columns: &columns, ..Trajectory::new(samples, &zeros) })?;
-        Ok(observation.factors())
+        equations_of(self.robot, self.set, self.base, Samples { q, dq, ddq })
     }
 }

@@ -6,9 +6,8 @@ use faer::Mat;
 use crate::dynamics::Samples;
 pub(super) use crate::identification::Held;
 use crate::identification::{
-    BaseParameters, Equations, Estimate, IdentificationError, JointFactor, Judgement, LeftOut, Method, Observation,
-    ParameterPrior, ParameterSet, PriorWidth, Row, Trajectory, estimate, estimate_with_prior, variances,
-    without_negative,
+    BaseParameters, Equations, Estimate, IdentificationError, JointFactor, Judgement, LeftOut, Method, ParameterPrior,
+    ParameterSet, PriorWidth, Row, equations_of, estimate, estimate_with_prior, variances, without_negative,
 };
 use crate::motion::Motion;
 use crate::random::Random;
@@ -162,12 +161,7 @@ impl Task<'_> {
             (0..OTHER_MOTIONS * n).map(|k| of_joint(ranges[k % n][quantity], random.uniform())).collect()
         };
         let [q, dq, ddq] = [0, 1, 2].map(&mut draw);
-        let zeros = vec![0.0; OTHER_MOTIONS * n];
-        let columns = vec![zeros.clone(); self.set.trajectory_columns().len()];
-        let mut observation = Observation::new(self.robot, self.set, self.base);
-        let samples = Samples { q: &q, dq: &dq, ddq: &ddq };
-        observation.add(&Trajectory { columns: &columns, ..Trajectory::new(samples, &zeros) })?;
-        Ok(observation.factors())
+        equations_of(self.robot, self.set, self.base, Samples { q: &q, dq: &dq, ddq: &ddq })
     }
 
     /// Ranges of position, speed and acceleration of a joint: of position the limits, a whole turn where there are none; of

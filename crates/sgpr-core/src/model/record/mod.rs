@@ -3,8 +3,9 @@
 //! Least squares knows of a log only the triangular factors of its equations with the torque. A [`Record`] keeps them,
 //! joint by joint and part by part, with what the residual remembers and where the log came from. Any choice of records is
 //! identified ([`identify_records`]), compared with a model ([`compare_records`]) and looked through for changes
-//! ([`deviations`], [`compare_sessions`]) without the logs: factors of several logs below each other, reduced again, are the factor of all their
-//! rows. Adding a log is adding its record to the list, removing it is leaving it out.
+//! ([`deviations`]) without the logs: factors of several logs below each other, reduced again, are the factor of all their
+//! rows. Adding a log is adding its record to the list, removing it is leaving it out. Sessions of one arm are compared
+//! ([`compare_sessions`]) from their logs, as sums with more columns than records keep.
 
 mod deviation;
 mod error;

@@ -185,7 +185,7 @@ fn factors_of(record: &Record) -> impl Iterator<Item = &JointFactor> {
 }
 
 /// The records in the order of time, each once, and what is to be said of the copies.
-pub(super) fn ordered<'a>(records: &[&'a Record]) -> (Vec<&'a Record>, Vec<String>) {
+fn ordered<'a>(records: &[&'a Record]) -> (Vec<&'a Record>, Vec<String>) {
     let mut sorted = records.to_vec();
     sorted.sort_by(|a, b| (a.time, a.identity(), &a.source).cmp(&(b.time, b.identity(), &b.source)));
     let (mut seen, mut notes) = (BTreeSet::new(), Vec::new());

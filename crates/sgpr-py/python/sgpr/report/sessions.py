@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from .. import SessionComparison
-from .colours import AFTER, BASELINE, BEFORE
+from .colours import line_of
 from .figures import axis, layout, plain, rounded
 from .markup import Html, Section, element, items, join, paragraph, plot, table
 from .numbers import chance, percent, with_deviation
@@ -57,7 +57,6 @@ class SessionsPage:
         relative = cause in ("friction", "gain")
         labels = [plain(test["joint"] or "last link") for test in tests]
         traces = []
-        colours = (BASELINE, AFTER, BEFORE)
         for k, name in enumerate(self.found.names):
             change, deviation = zip(*(_change(test, k, relative) for test in tests), strict=True)
             traces.append(
@@ -68,7 +67,7 @@ class SessionsPage:
                     "x": rounded(change),
                     "y": labels,
                     "error_x": {"array": rounded(2.0 * np.asarray(deviation)), "thickness": 1.2, "width": 4},
-                    "marker": {"size": 8, "symbol": k, "color": colours[k] if k < len(colours) else None},
+                    "marker": {"size": 8, "symbol": k, "color": line_of(k)["color"]},
                     "hovertemplate": "%{y}, %{x}<extra>%{fullData.name}</extra>",
                 }
             )

@@ -12,7 +12,7 @@ use super::super::{Record, RecordError};
 use super::SessionCause;
 use super::shapes::Shapes;
 use crate::effects::Role;
-use crate::identification::{BaseParameters, Estimate, JointFactor, LeastSquares, Method, ParameterSet};
+use crate::identification::{BaseParameters, Estimate, JointFactor, LeastSquares, Method, ParameterSet, role_of};
 use crate::linalg::triangle;
 use crate::robot::Robot;
 use crate::spatial::PARAMETERS_PER_LINK;
@@ -65,11 +65,8 @@ impl<'a> Arm<'a> {
             stacked(&all)
         };
         let of_role = |joint: usize, wanted: fn(Option<Role>) -> bool| {
-            let of_effects = set.effect_parameters_of(joint).into_iter().filter(move |parameter| {
-                let column = set.effect_columns()[parameter - set.inertial()];
-                wanted(set.effects()[column.effect].role())
-            });
-            of_effects.collect::<Vec<usize>>()
+            let own = set.effect_parameters_of(joint).into_iter();
+            own.filter(|parameter| wanted(role_of(set, *parameter))).collect::<Vec<usize>>()
         };
         let in_base = |own: Vec<usize>| (0..base.rank()).filter(|k| own.contains(&base.independent()[*k])).collect();
         let is_friction = |role| !matches!(role, Some(Role::Offset | Role::RotorInertia));

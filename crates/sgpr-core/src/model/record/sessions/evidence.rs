@@ -7,7 +7,7 @@ use super::super::deviation::predicted;
 use super::arm::{Arm, State, residual};
 use super::{SessionCause, SessionTest};
 use crate::effects::Role;
-use crate::identification::{JointFactor, Judgement};
+use crate::identification::{JointFactor, Judgement, role_of};
 use crate::linalg::symmetric_eigen;
 
 /// What is told of a cause: a combination of its numbers, and what comes to it.
@@ -97,7 +97,7 @@ impl Arm<'_> {
         }
         // Friction is the mean of its torque times the direction of motion, which is the column of dry friction, or the shape
         // that comes next to it.
-        let dry = |k: &&usize| self.role(**k) == Some(Role::DryFriction);
+        let dry = |k: &&usize| role_of(self.set, self.base.independent()[**k]) == Some(Role::DryFriction);
         let direction = self.friction[joint].iter().find(dry).or(self.shapes[joint].first());
         let mut means = vec![0.0; self.base.rank()];
         let mut length = 0.0;
@@ -114,11 +114,6 @@ impl Arm<'_> {
         let rest = self.shapes[joint].iter().map(|k| mean(k) * state.values[0][*k]).sum();
         let own = &self.friction[joint];
         Told { unit, share: Col::from_fn(count, |k| mean(&own[k])), rest }
-    }
-
-    fn role(&self, column: usize) -> Option<Role> {
-        let effect = self.base.independent()[column].checked_sub(self.set.inertial())?;
-        self.set.effects()[self.set.effect_columns().get(effect)?.effect].role()
     }
 
     /// The equations of each part of the sessions for the numbers of a cause, everything else as fitted.

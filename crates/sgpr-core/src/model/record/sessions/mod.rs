@@ -77,7 +77,6 @@ pub struct SessionComparison {
     pub models: Vec<TorqueModel>,
     /// What is to be said of copies.
     pub notes: Vec<String>,
-    joints: Vec<String>,
 }
 
 /// Probability that anything at all is called changed if nothing is.
@@ -170,7 +169,6 @@ pub fn compare_sessions(
         names: sessions.iter().map(|(name, _)| name.clone()).collect(),
         tests,
         notes: logs.notes().to_vec(),
-        joints: robot.joint_names().map(String::from).collect(),
     })
 }
 
@@ -271,6 +269,10 @@ impl SessionComparison {
         }
     }
 
+    fn joint(&self, joint: usize) -> &str {
+        &self.models[0].robot().joints()[joint].name
+    }
+
     fn sentence(&self, test: &SessionTest) -> String {
         // The first session that says anything.
         let known: Vec<usize> = (0..self.names.len()).filter(|k| test.deviations[*k].is_finite()).collect();
@@ -278,9 +280,9 @@ impl SessionComparison {
         let (first, of_first) = (test.values[reference], test.deviations[reference]);
         let (what, relative) = match test.cause {
             SessionCause::Tool => ("the last link carries".to_string(), false),
-            SessionCause::Friction { joint } => (format!("friction of {} is", self.joints[joint]), true),
-            SessionCause::Offset { joint } => (format!("the torque offset of {} is", self.joints[joint]), false),
-            SessionCause::Gain { joint } => (format!("the torque gain of {} is", self.joints[joint]), true),
+            SessionCause::Friction { joint } => (format!("friction of {} is", self.joint(joint)), true),
+            SessionCause::Offset { joint } => (format!("the torque offset of {} is", self.joint(joint)), false),
+            SessionCause::Gain { joint } => (format!("the torque gain of {} is", self.joint(joint)), true),
         };
         let of_session = |session: usize| {
             let change = test.values[session] - first;
