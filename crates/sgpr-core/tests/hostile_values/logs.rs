@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use proptest::test_runner::Config;
 use sgpr_core::diagnosis::{DiagnosisOptions, diagnose};
 use sgpr_core::dynamics::{BatchWorkspace, Samples, rnea_batch};
-use sgpr_core::identification::Method;
+use sgpr_core::identification::{Consistency, Method};
 use sgpr_core::model::{
     IdentifyOptions, SemiParametricOptions, TorqueModel, compare, fit_semi_parametric, identify, screen,
 };
@@ -17,7 +17,7 @@ const SAMPLES: usize = 1000;
 
 /// A log of the two-link arm with viscous and Coulomb friction; logs of another `phase` move
 /// otherwise.
-fn log(phase: f64) -> Recording {
+pub(crate) fn log(phase: f64) -> Recording {
     let robot = two_link();
     let n = robot.dof();
     let (mut q, mut dq, mut ddq) = (vec![], vec![], vec![]);
@@ -109,22 +109,41 @@ fn methods() -> Vec<Method> {
     ]
 }
 
-fn options(method: Method) -> IdentifyOptions {
+pub(crate) fn options(method: Method) -> IdentifyOptions {
     let effects = ["viscous_friction", "coulomb_friction"].map(String::from).to_vec();
     IdentifyOptions { effects, method, ..IdentifyOptions::default() }
 }
 
+/// Ways to identify.
+pub(crate) fn requests() -> Vec<IdentifyOptions> {
+    let consistent = |cross_validated_prior| IdentifyOptions {
+        consistency: Some(Consistency::default()),
+        cross_validated_prior,
+        ..options(Method::Wls)
+    };
+    let mut all: Vec<IdentifyOptions> = methods().into_iter().map(options).collect();
+    all.push(IdentifyOptions { prior: None, ..options(Method::Wls) });
+    all.push(IdentifyOptions { essential: true, ..options(Method::Wls) });
+    all.push(IdentifyOptions { forecast: true, ..options(Method::Wls) });
+    all.extend([consistent(false), consistent(true)]);
+    all
+}
+
 /// An error tells the log, or the option, and what to do.
-fn understandable(error: &impl std::fmt::Display) -> String {
+pub(crate) fn understandable(error: &impl std::fmt::Display) -> String {
     let text = error.to_string();
     assert!(text.len() > 30 && !text.contains("should not happen"), "{text}");
     text
 }
 
 /// Identification, its screening and comparison; a model has numbers for parameters.
-fn through_identification(robot: &Robot, logs: &[Recording], method: Method) -> Result<TorqueModel, String> {
+pub(crate) fn through_identification(
+    robot: &Robot,
+    logs: &[Recording],
+    options: &IdentifyOptions,
+) -> Result<TorqueModel, String> {
     logs.iter().for_each(|log| drop(inspect(log)));
-    let (model, _) = identify(robot, logs, &options(method), &()).map_err(|error| understandable(&error))?;
+    let (model, _) = identify(robot, logs, options, &()).map_err(|error| understandable(&error))?;
     assert!(model.parameters().iter().all(|value| value.is_finite()), "{:?}", model.parameters());
     let compared = compare(&model, logs, None).map_err(|error| understandable(&error))?;
     assert!(compared.joints.iter().all(|joint| !joint.rmse.is_infinite()), "{:?}", compared.joints);
@@ -177,14 +196,14 @@ fn identification_answers_or_says_what_is_wrong() {
     let robot = two_link();
     for change in found_before().iter().chain(&odd()) {
         let logs = [change.apply(&log(0.0)), change.apply(&log(1.0))];
-        println!("{change:?}: {:?}", through_identification(&robot, &logs, Method::Wls).err());
+        println!("{change:?}: {:?}", through_identification(&robot, &logs, &options(Method::Wls)).err());
     }
 }
 
 #[test]
 fn values_that_no_arm_makes_are_named() {
     let robot = two_link();
-    let error = |change: &Change| through_identification(&robot, &[change.apply(&log(0.0))], Method::Wls);
+    let error = |change: &Change| through_identification(&robot, &[change.apply(&log(0.0))], &options(Method::Wls));
     for (change, named) in [
         (Change::ScaleTorque(1e300), ["the torque of `joint_1` is", "give the unit of the torque"]),
         (Change::ScalePosition(1e150), ["the position of `joint_2` is", "give the unit of the position"]),
@@ -202,10 +221,10 @@ fn values_that_no_arm_makes_are_named() {
 #[test]
 fn every_estimator_answers_or_says_what_is_wrong() {
     let robot = two_link();
-    for method in methods() {
+    for options in requests() {
         for change in found_before().iter().chain(&odd()) {
             let logs = [change.apply(&log(0.0))];
-            println!("{method:?} {change:?}: {:?}", through_identification(&robot, &logs, method.clone()).err());
+            println!("{:?} {change:?}: {:?}", options.method, through_identification(&robot, &logs, &options).err());
         }
     }
 }
@@ -214,7 +233,7 @@ fn every_estimator_answers_or_says_what_is_wrong() {
 fn a_diagnosis_answers_or_says_what_is_wrong() {
     let robot = two_link();
     let (train, test) = ([log(0.0), log(1.0)], [log(2.0)]);
-    let model = through_identification(&robot, &train, Method::Wls).expect("a good log");
+    let model = through_identification(&robot, &train, &options(Method::Wls)).expect("a good log");
     for change in found_before().iter().chain(&odd()) {
         let logs = [change.apply(&train[0]), change.apply(&train[1])];
         let found = diagnose(&model, &logs, &test, &DiagnosisOptions::default(), &());
@@ -260,12 +279,12 @@ proptest! {
     #[test]
     fn any_values_are_answered_or_refused(
         changes in prop::collection::vec(any_change(), 1..3),
-        method in prop::sample::select(methods()),
+        options in prop::sample::select(requests()),
     ) {
         let robot = two_link();
         let changed = changes.iter().fold(log(0.0), |log, change| change.apply(&log));
         let request = Repair { sort: true, drop_duplicates: true, drop_not_finite: true, ..Repair::default() };
         let logs = repair(&changed, &request).map_or_else(|_| vec![changed.clone()], |(parts, _)| parts);
-        let _ = through_identification(&robot, &logs, method);
+        let _ = through_identification(&robot, &logs, &options);
     }
 }

@@ -5,6 +5,7 @@
 
 mod logs;
 mod models;
+mod robots;
 
 use std::alloc::System;
 
