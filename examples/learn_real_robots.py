@@ -1,8 +1,10 @@
 """Learn what physics leaves over on the logs of real robots, and judge it by logs that no fit has seen.
 
     python examples/learn_real_robots.py --out out/learned
+    python examples/learn_real_robots.py --out out/learned --seconds 5 10 20
 
-Robots, logs and their processing are those of `real_robots.py`; settings are as they come.
+Robots, logs and their processing are those of `real_robots.py`; settings are as they come. With `--seconds` the first
+seconds of the training logs are learned, with each log first in turn.
 """
 
 import argparse
@@ -11,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import sgpr
-from real_robots import DATASETS, find_dataset, robot_and_logs
+from how_much_data import duration, first_seconds
+from real_robots import DATASETS, EFFECTS, find_dataset, robot_and_logs
 
 CHOICES = {"chosen": None, "subset": False, "sparse": True}
 
@@ -25,18 +28,24 @@ COLUMNS = [
     "rows are seen by",
 ]
 
+SHORT_COLUMNS = [
+    "robot",
+    "training, s",
+    "starts",
+    "semi-parametric over physics, median",
+    "worst",
+    "within 68 %, mean (starts)",
+    "within 95 %, mean (starts)",
+]
+
 
 def learn(name: str, sparse: bool | None) -> list[str]:
     """Cells of the table for one robot."""
     folder, dataset = find_dataset(name)
     robot, train, test = robot_and_logs(folder, dataset)
     start = time.perf_counter()
-    options = dataset.variants[0].options
-    model = sgpr.SemiParametricModel(
-        robot,
-        effects=options.get("effects", ["viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"]),
-        sparse=sparse,
-    ).fit(train)
+    effects = dataset.variants[0].options.get("effects", EFFECTS)
+    model = sgpr.SemiParametricModel(robot, effects=effects, sparse=sparse).fit(train)
     wall = time.perf_counter() - start
     physics, both = sgpr.compare(model.physics_, test), model.compare(test)
     ratios = [after.rmse / before.rmse for before, after in zip(physics.joints, both.joints, strict=True)]
@@ -61,19 +70,58 @@ def learn(name: str, sparse: bool | None) -> list[str]:
     ]
 
 
+def learn_short(name: str, seconds: float) -> list[str] | None:
+    """Cells of the table of short logs for one robot; none if it has no more seconds than that."""
+    folder, dataset = find_dataset(name)
+    robot, train, test = robot_and_logs(folder, dataset)
+    if seconds >= duration(train):
+        return None
+    effects = dataset.variants[0].options.get("effects", EFFECTS)
+    ratios, within = [], []
+    for first in range(len(train)):
+        logs = first_seconds(train[first:] + train[:first], seconds)
+        model = sgpr.SemiParametricModel(robot, effects=effects).fit(logs)
+        physics, both = sgpr.compare(model.physics_, test), model.compare(test)
+        ratios.append(both.relative_error_percent / physics.relative_error_percent)
+        rows = model.coverage(test)
+        within.append([float(np.mean([row[key] for row in rows])) for key in ("percent_68", "percent_95")])
+    print(f"{name}, {seconds:g} s", flush=True)
+
+    def shares(column: int) -> str:
+        own = [row[column] for row in within]
+        return f"{np.mean(own):.0f} ({min(own):.0f} to {max(own):.0f})"
+
+    return [
+        name,
+        f"{seconds:g}",
+        f"{len(train)}",
+        f"{np.median(ratios):.3f}",
+        f"{max(ratios):.3f}",
+        shares(0),
+        shares(1),
+    ]
+
+
 def main() -> None:
     """Learn all robots and write a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("out/learned"))
     parser.add_argument("--robots", nargs="+", default=[dataset.folder for dataset in DATASETS])
     parser.add_argument("--rows", choices=CHOICES, default="chosen", help="how more rows than points are seen")
+    parser.add_argument("--seconds", nargs="+", type=float, help="of training, in place of whole logs")
     arguments = parser.parse_args()
-    lines = ["| " + " | ".join(COLUMNS) + " |", "|" + "---|" * len(COLUMNS)]
-    for name in arguments.robots:
-        lines.append("| " + " | ".join(learn(name, CHOICES[arguments.rows])) + " |")
-        print(lines[-1], flush=True)
+    if arguments.seconds:
+        columns, file = SHORT_COLUMNS, "learned_short.md"
+        found = [learn_short(name, seconds) for name in arguments.robots for seconds in arguments.seconds]
+        cells = [row for row in found if row is not None]
+    else:
+        columns, file = COLUMNS, f"learned_{arguments.rows}.md"
+        cells = [learn(name, CHOICES[arguments.rows]) for name in arguments.robots]
+    lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
+    lines += ["| " + " | ".join(row) + " |" for row in cells]
+    print("\n".join(lines))
     arguments.out.mkdir(parents=True, exist_ok=True)
-    (arguments.out / f"learned_{arguments.rows}.md").write_text("\n".join(lines) + "\n")
+    (arguments.out / file).write_text("\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":

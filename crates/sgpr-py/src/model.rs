@@ -195,7 +195,8 @@ impl Model {
     }
 
     /// What the identification says, or None: "method"; per joint "noise" (N·m), "rows" and "correlation" (rows that
-    /// carry as much as one); "dispersion", by what standard deviations are larger than noise makes them; "condition",
+    /// carry as much as one); "dispersion", by what standard deviations are larger than noise makes them; "half_interval_95", half
+    /// the interval of 95 % of what uncertain parameters make, in their standard deviations; "condition",
     /// "scaled_condition"; "undetermined" base parameters.
     #[getter]
     fn fit<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
@@ -207,6 +208,7 @@ impl Model {
         dict.set_item("rows", array::<i64>(py, &[fit.rows.len()], rows)?)?;
         dict.set_item("correlation", array(py, &[fit.correlation.len()], fit.correlation.clone())?)?;
         dict.set_item("dispersion", fit.dispersion)?;
+        dict.set_item("half_interval_95", fit.half_interval_95)?;
         dict.set_item("condition", fit.condition)?;
         dict.set_item("scaled_condition", fit.scaled_condition)?;
         dict.set_item("undetermined", &fit.undetermined)?;

@@ -35,6 +35,12 @@ impl Judgement {
         }
     }
 
+    /// The same of parts that overlap, of which only so many are independent.
+    #[must_use]
+    pub fn of_independent(self, count: f64) -> Self {
+        Self { standard_error: self.standard_error * (self.parts as f64 / count).max(1.0).sqrt(), ..self }
+    }
+
     /// Whether the second model is better by more than the standard error.
     pub fn is_better(&self) -> bool {
         self.gain > self.standard_error
@@ -61,6 +67,10 @@ mod tests {
         assert!((one.gain - 0.15).abs() < 1e-12 && (one.standard_error - 0.25).abs() < 1e-12);
         assert!(!one.is_better() && !one.is_worse());
         assert!(of([1.2; 4]).is_worse());
+        // Four halves of which two overlap with the other two are two: the standard error is that of two.
+        let halves = of([0.1, 0.1, 0.7, 0.7]);
+        assert!((halves.of_independent(2.0).standard_error / halves.standard_error - 2.0f64.sqrt()).abs() < 1e-12);
+        assert_eq!(halves.of_independent(8.0), halves);
     }
 
     #[test]

@@ -57,16 +57,16 @@ impl<'a> LeftOut<'a> {
         solution
     }
 
-    /// By what standard deviations have to be multiplied so that they hold for other motions, at least one: runs of up to
-    /// half of the parts are left out in turn, and two thirds of the errors at their joints are to lie within one standard deviation.
+    /// How wide intervals have to be for other motions. Runs of up to half of the parts are left out in turn, and what
+    /// uncertain parameters bring to their errors is compared with what is expected of them, run by run and joint by joint.
     /// What a model lacks is not noise: it moves the parameters in the same way at every sample of a motion, which only
-    /// other motions show. One for fewer than two parts.
+    /// other motions show. That of the noise for fewer than two parts.
     ///
     /// - `noise`: of the rows of a factor, N·m (N)
     ///
     /// Source: R. T. Birge, The calculation of errors by the method of least squares, Physical Review 40 (1932), the ratio
-    /// of external to internal consistency; here its quantile, for errors that run off.
-    pub fn dispersion(&self, prior: &ParameterPrior, noise: impl Fn(&JointFactor) -> f64) -> f64 {
+    /// of external to internal consistency; here its distribution, for errors that run off at some joints.
+    pub fn dispersion(&self, prior: &ParameterPrior, noise: impl Fn(&JointFactor) -> f64) -> Dispersion {
         let mut ratios = Vec::new();
         for first in 0..self.parts.len() {
             let run = self.run_from(first);
@@ -88,9 +88,7 @@ impl<'a> LeftOut<'a> {
             }
             ratios.extend(joints.iter().map(|(_, missed)| missed.ratio()).filter(|ratio| ratio.is_finite()));
         }
-        ratios.sort_unstable_by(f64::total_cmp);
-        let rank = (TWO_THIRDS * ratios.len() as f64) as usize;
-        ratios.get(rank).map_or(1.0, |ratio| ratio.sqrt().max(1.0))
+        Dispersion::of(ratios)
     }
 
     /// Up to half of the parts, one after the other from `first` on, the first ones after the last.
@@ -144,8 +142,45 @@ impl<'a> LeftOut<'a> {
     }
 }
 
+/// How wide intervals of what uncertain parameters bring are for motions that were not seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dispersion {
+    /// By what standard deviations have to be multiplied, at least one: those of two thirds of the joints then suffice.
+    pub deviation: f64,
+    /// Half the interval of 95 %, in these standard deviations: such that it suffices at 95 % of the joints.
+    pub half_interval_95: f64,
+}
+
+/// Variance between a motion and two others, in what these two differ by: half of it is that of the mean of the two.
+const TWO_OTHERS: f64 = 1.5;
+
+impl Dispersion {
+    /// Of errors that are as large as noise makes them.
+    pub const NONE: Self = Self { deviation: 1.0, half_interval_95: HALF_INTERVAL_95 };
+
+    /// The excess over noise grows from halves of the logs to other motions: two halves are independent, and another motion
+    /// differs from them as they do from each other.
+    ///
+    /// - `ratios`: of squared errors to what was expected of them, each of a joint in a run
+    fn of(mut ratios: Vec<f64>) -> Self {
+        if ratios.is_empty() {
+            return Self::NONE;
+        }
+        ratios.sort_unstable_by(f64::total_cmp);
+        let of_share = |share: f64| {
+            let ratio = ratios[((share * ratios.len() as f64) as usize).min(ratios.len() - 1)];
+            (1.0 + TWO_OTHERS * (ratio - 1.0).max(0.0)).sqrt()
+        };
+        let (deviation, tail) = (of_share(TWO_THIRDS), of_share(0.95));
+        Self { deviation, half_interval_95: HALF_INTERVAL_95 * tail / deviation }
+    }
+}
+
 /// Share of a normal distribution within one standard deviation.
 const TWO_THIRDS: f64 = 0.682_689;
+
+/// Half the interval of 95 % of a normal distribution, in standard deviations.
+pub const HALF_INTERVAL_95: f64 = 1.96;
 
 /// Squares at a joint that were not seen, summed over rows, N²·m² (N²).
 struct Missed {
@@ -241,5 +276,24 @@ impl Normal {
         solve_upper_triangular_in_place(root.as_ref(), values.as_mut(), Par::Seq);
         let values = (0..rank).map(|k| values[(k, 0)] * scale[k]).collect();
         Some(Solution { values, root, scale })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn intervals_hold_for_the_joints_that_run_off() {
+        let share = |count: usize, ratio: f64| vec![ratio; count];
+        // As noise makes them, or by chance less: nothing is added.
+        assert_eq!(Dispersion::of(share(20, 0.7)), Dispersion::NONE);
+        assert_eq!(Dispersion::of(vec![]), Dispersion::NONE);
+        // All alike: three times the variance on halves, four times on another motion; tails of normal errors.
+        let alike = Dispersion::of(share(20, 3.0));
+        assert!((alike.deviation - 2.0).abs() < 1e-12 && (alike.half_interval_95 - 1.96).abs() < 1e-12);
+        // One joint in ten runs off: it is in the interval of 95 %, not in the standard deviation.
+        let one = Dispersion::of([share(18, 1.0), share(2, 17.0)].concat());
+        assert!(one.deviation == 1.0 && (one.half_interval_95 - 5.0 * 1.96).abs() < 1e-12, "{one:?}");
     }
 }

@@ -53,7 +53,7 @@ pub use hac::hac_covariance;
 pub use judgement::Judgement;
 pub use least_squares::{Estimate, Excitation, LeastSquares, Method, SingularDirection};
 pub(crate) use least_squares::{residual_norm, stack, torque_sizes, triangular_solution, unit_covariance};
-pub use left_out::LeftOut;
+pub use left_out::{Dispersion, HALF_INTERVAL_95, LeftOut};
 pub use observation::{Equation, Equations, JointFactor, Observation, Row, Trajectory};
 pub use payload::{Payload, PayloadOptions, identify_payload};
 pub(crate) use posterior::without_negative;

@@ -6,8 +6,9 @@ use faer::Mat;
 use crate::dynamics::Samples;
 pub(super) use crate::identification::Held;
 use crate::identification::{
-    BaseParameters, Equations, Estimate, IdentificationError, JointFactor, Judgement, LeftOut, Method, ParameterPrior,
-    ParameterSet, PriorWidth, Row, equations_of, estimate, estimate_with_prior, variances, without_negative,
+    BaseParameters, Dispersion, Equations, Estimate, IdentificationError, JointFactor, Judgement, LeftOut, Method,
+    ParameterPrior, ParameterSet, PriorWidth, Row, equations_of, estimate, estimate_with_prior, variances,
+    without_negative,
 };
 use crate::motion::Motion;
 use crate::random::Random;
@@ -30,8 +31,8 @@ pub(super) struct Found {
     pub estimate: Estimate,
     /// None if the logs are rich: the estimate is bare.
     pub held: Option<Held>,
-    /// By what standard deviations have to be multiplied ([`LeftOut::dispersion`]); one for a bare estimate.
-    pub dispersion: f64,
+    /// How wide intervals have to be ([`LeftOut::dispersion`]); that of noise for a bare estimate.
+    pub dispersion: Dispersion,
     pub notes: Vec<String>,
 }
 
@@ -92,7 +93,7 @@ impl Task<'_> {
                 if let Some(bare) = bare.filter(|bare| self.knows_more_than_file(&bare.covariance, &flat)) {
                     let (bare, refused) = without_negative(bare, flat.friction());
                     notes.extend(self.refused_note(&refused));
-                    return Ok(Found { estimate: bare, held: None, dispersion: 1.0, notes });
+                    return Ok(Found { estimate: bare, held: None, dispersion: Dispersion::NONE, notes });
                 }
                 if saved.is_worse() {
                     let wide = flat.with_relative_deviation(WIDE).with_effect_scale(1.0);
@@ -208,7 +209,7 @@ impl Task<'_> {
         LeftOut::new(self.parts, level, self.base.rank())
     }
 
-    fn dispersion(&self, held: &Held) -> f64 {
+    fn dispersion(&self, held: &Held) -> Dispersion {
         let noise = |part: &JointFactor| self.factor_of(part).map_or(0.0, |index| held.estimate.noise[index]);
         self.left_out(held).dispersion(&held.prior, noise)
     }

@@ -9,10 +9,10 @@ use super::variable_projection::{self, Columns, TermFit};
 use super::{Term, TorqueModel, held};
 use crate::effects::UnknownEffect;
 use crate::identification::{
-    BaseParameters, ClosedLoop, Consistency, Costs, Equations, Essential, Estimate, Finding, Forecast, Held,
-    IdentificationError, JointFactor, KeptOut, LeastSquares, Memory, Method, Observation, ParameterPrior, ParameterSet,
-    PriorWidth, Row, Trajectory, block_bootstrap, essential_parameters, estimate, hac_covariance, residual_norm,
-    screen_delays, screen_factors, screen_rows, screen_scale, torque_sizes, weakest_good_deviation,
+    BaseParameters, ClosedLoop, Consistency, Costs, Dispersion, Equations, Essential, Estimate, Finding, Forecast,
+    Held, IdentificationError, JointFactor, KeptOut, LeastSquares, Memory, Method, Observation, ParameterPrior,
+    ParameterSet, PriorWidth, Row, Trajectory, block_bootstrap, essential_parameters, estimate, hac_covariance,
+    residual_norm, screen_delays, screen_factors, screen_rows, screen_scale, torque_sizes, weakest_good_deviation,
 };
 use crate::motion::{Conditioning, Motion, MotionError, Processing};
 use crate::progress::{Interrupted, Progress};
@@ -375,7 +375,7 @@ fn fit(
     let correlation = correlation(&model, motions, processing, &factors)?;
     let mut equations = Equations::new(robot, &set, &base, trajectories);
     let mut notes = Vec::new();
-    let mut dispersion = 1.0;
+    let mut dispersion = Dispersion::NONE;
     let (mut estimate, held) = match prior {
         None => (estimate(&options.method, &mut equations, &factors, &nominal, Some(&correlation))?, None),
         Some((prior, width)) => {
@@ -388,12 +388,12 @@ fn fit(
         }
     };
     set_uncertainty(options, &mut equations, &factors, &mut estimate, held.as_ref())?;
-    estimate.covariance *= faer::Scale(dispersion * dispersion);
+    estimate.covariance *= faer::Scale(dispersion.deviation.powi(2));
     let mut forecast = None;
     if options.forecast {
         let task = held::Task { robot, set: &set, base: &base, factors: &factors, parts: &parts, motions };
         let noise = per_joint(&factors, &estimate.noise, robot.dof());
-        forecast = Some(task.forecast(&estimate, held.as_ref(), dispersion, noise)?);
+        forecast = Some(task.forecast(&estimate, held.as_ref(), dispersion.deviation, noise)?);
     }
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
     notes.append(&mut estimate.notes);
@@ -418,9 +418,11 @@ fn fit(
                 let folds = folds(robot, &set, &base, equations.trajectories())?;
                 let noise = noise_of(&factors, &estimate);
                 let scores = consistency.cross_validate(robot, &set, &base, &folds, noise, &start, &torque)?;
-                let deviation = weakest_good_deviation(&scores).expect("several candidates");
-                consistency.prior.relative_deviation = deviation;
-                notes.push(cross_validation_note(deviation, &scores));
+                // None is best where the logs leave no error to count in.
+                if let Some(deviation) = weakest_good_deviation(&scores) {
+                    consistency.prior.relative_deviation = deviation;
+                    notes.push(cross_validation_note(deviation, &scores));
+                }
             }
             let solve = |whitened: &Mat<f64>| consistency.solve(robot, &set, &base, whitened, &start, &torque);
             // What the prior holds it holds here, too.
@@ -469,7 +471,7 @@ fn fit(
     let names = model.base.names();
     let undecided = held.as_ref().map_or(vec![], |held| held.prior.undecided(&held.data));
     let prior = held.as_ref().map(|held| &held.prior);
-    model.provenance.history = vec![describe(options, processing, &factors, prior) + &dispersed(dispersion)];
+    model.provenance.history = vec![describe(options, processing, &factors, prior) + &dispersed(dispersion.deviation)];
     model.fit = Some(Fit {
         method: options.method.name().into(),
         covariance: row_major(&covariance),
@@ -477,7 +479,8 @@ fn fit(
         noise: per_joint(&factors, &estimate.noise, robot.dof()),
         rows: (0..robot.dof()).map(|joint| rows_of(&factors, joint)).collect(),
         correlation: per_joint(&factors, &correlation, robot.dof()),
-        dispersion,
+        dispersion: dispersion.deviation,
+        half_interval_95: dispersion.half_interval_95,
         values: estimate.values[..rank].to_vec(),
         condition: estimate.excitation.condition,
         scaled_condition: estimate.excitation.scaled_condition,

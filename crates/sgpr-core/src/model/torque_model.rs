@@ -60,6 +60,10 @@ pub struct Fit {
     /// determine: parts of the logs predict the others so much worse. Else one.
     #[serde(default = "one")]
     pub dispersion: f64,
+    /// Half the interval into which 95 % of the errors fall that uncertain parameters make, in their standard deviations: 1.96;
+    /// more where errors of parts of the logs that were left out have heavier tails.
+    #[serde(default = "of_normal_errors")]
+    pub half_interval_95: f64,
     /// cond(W); infinite where the motion does not excite a direction at all.
     #[serde(with = "infinity_as_null")]
     pub condition: f64,
@@ -75,6 +79,10 @@ pub struct Fit {
 
 fn one() -> f64 {
     1.0
+}
+
+fn of_normal_errors() -> f64 {
+    crate::identification::HALF_INTERVAL_95
 }
 
 /// What physical consistency did to the estimates, and the proof of it.

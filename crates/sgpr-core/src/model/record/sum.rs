@@ -8,8 +8,8 @@ use super::super::torque_model::{Fit, nominal_parameters};
 use super::super::{IdentifyError, TorqueModel};
 use super::{Record, RecordError, RecordMemory};
 use crate::identification::{
-    BaseParameters, Estimate, JointFactor, LeastSquares, Method, ParameterSet, residual_norm, rows_per_independent_row,
-    screen_factors,
+    BaseParameters, Dispersion, Estimate, JointFactor, LeastSquares, Method, ParameterSet, residual_norm,
+    rows_per_independent_row, screen_factors,
 };
 use crate::linalg::triangle;
 use crate::robot::Robot;
@@ -81,7 +81,8 @@ pub(super) fn fit(
         noise: per_joint(&estimate.noise),
         rows: (0..joints).map(rows).collect(),
         correlation: per_joint(correlation),
-        dispersion: 1.0,
+        dispersion: Dispersion::NONE.deviation,
+        half_interval_95: Dispersion::NONE.half_interval_95,
         condition: estimate.excitation.condition,
         scaled_condition: estimate.excitation.scaled_condition,
         undetermined: infinite.map(|(name, _)| name.clone()).collect(),

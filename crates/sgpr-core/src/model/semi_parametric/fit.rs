@@ -11,11 +11,11 @@ use super::super::torque_model::TorqueModel;
 use super::basis::{self, Basis};
 use super::left_out::left_out;
 use super::process::{Process, Terms};
-use super::rest::{Alone, GAIN, JointReport, LeftOut, Rest, Rows, calibration};
+use super::rest::{Alone, GAIN, JointReport, LeftOut, Rest, Rows, Unseen, calibration};
 use super::shared::{SELECTIONS, fit_shared};
 use super::{Inputs, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions, identify};
 use crate::gp::{Compute, GaussianProcess, GpError};
-use crate::identification::Judgement;
+use crate::identification::{Dispersion, Judgement};
 use crate::motion::Processing;
 use crate::progress::{Interrupted, Progress};
 use crate::recording::{LogSet, Recording};
@@ -111,11 +111,11 @@ fn learn(
             rows.terms = Some(basis::matrix(&physics, &logs, joint, rows, &processing)?);
         }
     }
-    let left_out = left_out(&physics, &logs, &rows, &processing, options.mean)?;
-    let (joints, stopped) = fit_joints(&rows, &left_out, options, progress)?;
+    let unseen = left_out(&physics, &logs, &rows, &processing, options.mean)?;
+    let (joints, stopped) = fit_joints(&rows, &unseen, options, progress)?;
     let mut model = SemiParametricModel { physics, mean: options.mean, joints, basis: None, identified: None, stopped };
     if options.mean == Mean::Joint {
-        let lost = keep_what_gains(&mut model, &rows, &left_out, &options.compute)?;
+        let lost = keep_what_gains(&mut model, &rows, &unseen, &options.compute)?;
         let terms = basis::terms(&model.joints, &rows);
         let identified = model.physics.clone();
         estimate_again(&mut model, &rows, terms)?;
@@ -193,7 +193,7 @@ impl Progress for Relay<'_> {
 /// The processes, and whether the listener stopped them. Only the calling thread talks to the listener.
 fn fit_joints(
     rows: &[Rows],
-    left_out: &[Vec<LeftOut>],
+    unseen: &[Unseen],
     options: &SemiParametricOptions,
     progress: &dyn Progress,
 ) -> Result<(Vec<Rest>, bool), GpError> {
@@ -210,7 +210,7 @@ fn fit_joints(
         let relay = Relay { stopped: &stopped, done: &done };
         let mut found = Vec::new();
         if options.shared {
-            return match fit_shared(rows, left_out, options, &compute, &relay) {
+            return match fit_shared(rows, unseen, options, &compute, &relay) {
                 Ok(rests) => rests.into_iter().enumerate().map(|(joint, rest)| (joint, Ok(rest))).collect(),
                 Err(error) => vec![(0, Err(error))],
             };
@@ -220,7 +220,7 @@ fn fit_joints(
             if joint >= n {
                 return found;
             }
-            found.push((joint, Rest::fit(joint, n, &rows[joint], &left_out[joint], options, &compute, &relay)));
+            found.push((joint, Rest::fit(joint, n, &rows[joint], &unseen[joint], options, &compute, &relay)));
         }
     };
     let selections = if options.shared { SELECTIONS.len() } else { Inputs::EVERY.len() };
@@ -255,24 +255,24 @@ fn fit_joints(
 fn keep_what_gains(
     model: &mut SemiParametricModel,
     rows: &[Rows],
-    left_out: &[Vec<LeftOut>],
+    unseen: &[Unseen],
     compute: &Compute,
 ) -> Result<bool, SemiParametricError> {
     let mut lost = false;
     loop {
-        let errors = errors_of_parts(model, rows, left_out, compute)?;
+        let errors = errors_of_parts(model, rows, unseen, compute)?;
         let joints = model.joints.iter().enumerate().filter(|(_, rest)| rest.gp.is_some());
-        let gains = joints.map(|(joint, _)| (joint, Gain::new(&errors[joint], &left_out[joint])));
+        let gains = joints.map(|(joint, _)| (joint, Gain::new(&errors[joint], &unseen[joint].parts)));
         let uncertain = gains.filter(|(_, gain)| !gain.certain);
         let Some((joint, _)) = uncertain.min_by(|(_, a), (_, b)| a.share.total_cmp(&b.share)) else {
             for (joint, rest) in model.joints.iter_mut().enumerate().filter(|(_, rest)| rest.gp.is_some()) {
                 (rest.report.calibration, rest.report.calibration_95) =
-                    calibration(&errors[joint], left_out[joint].len());
+                    calibration(&errors[joint], unseen[joint].parts.len());
             }
             return Ok(lost);
         };
         lost = true;
-        let Alone { report, mean_square, .. } = Alone::new(&rows[joint], &left_out[joint]);
+        let Alone { report, mean_square, .. } = Alone::new(&rows[joint], &unseen[joint].parts);
         let candidates = std::mem::take(&mut model.joints[joint].report.candidates);
         model.joints[joint] = Rest::without(JointReport { candidates, ..report }, mean_square);
     }
@@ -309,12 +309,12 @@ impl Gain {
 fn errors_of_parts(
     model: &SemiParametricModel,
     rows: &[Rows],
-    left_out: &[Vec<LeftOut>],
+    unseen: &[Unseen],
     compute: &Compute,
 ) -> Result<Vec<Vec<(f64, f64)>>, SemiParametricError> {
     let mut errors = vec![Vec::new(); rows.len()];
-    for index in 0..left_out[0].len() {
-        let part = |joint: usize| &left_out[joint][index].part;
+    for index in 0..unseen[0].parts.len() {
+        let part = |joint: usize| &unseen[joint].parts[index].part;
         let is_in = |joint: usize, row: usize| part(joint).binary_search(&row).is_ok();
         let mut together = Equations::new(model);
         let mut processes = Vec::with_capacity(rows.len());
@@ -463,7 +463,8 @@ fn estimate_again(
     }
     if let Some(fit) = &mut model.physics.fit {
         fit.method = "gls".into();
-        fit.dispersion = 1.0;
+        fit.dispersion = Dispersion::NONE.deviation;
+        fit.half_interval_95 = Dispersion::NONE.half_interval_95;
         for k in 0..rank {
             if fit.standard_deviations[k].is_finite() {
                 fit.standard_deviations[k] = covariance[(k, k)].sqrt();

@@ -8,7 +8,7 @@ use faer::linalg::solvers::Solve;
 use super::super::compare::LogResidual;
 use super::super::identify::IdentifyError;
 use super::basis::{self, Basis};
-use super::rest::{LeftOut, Rows};
+use super::rest::{LeftOut, Rows, Unseen};
 use super::{Mean, TorqueModel};
 use crate::motion::Processing;
 
@@ -34,17 +34,25 @@ pub(super) fn left_out(
     rows: &[Rows],
     processing: &Processing,
     mean: Mean,
-) -> Result<Vec<Vec<LeftOut>>, IdentifyError> {
+) -> Result<Vec<Unseen>, IdentifyError> {
     let (count, part_of) = divide(logs);
     let parts: Vec<Vec<Vec<usize>>> = rows.iter().map(|rows| parts(rows, count, &part_of)).collect();
+    let together = together(count);
+    let rows_of = |joint: usize, group: &Group| -> Vec<usize> {
+        let mut rows: Vec<usize> = group.parts().flat_map(|part| parts[joint][part].iter().copied()).collect();
+        rows.sort_unstable();
+        rows
+    };
+    let mut result: Vec<Unseen> = rows.iter().map(|_| Unseen::default()).collect();
     if mean == Mean::Zero {
-        let unchanged = |rows: &Rows, part: &Vec<usize>| LeftOut {
-            part: part.clone(),
-            residual: rows.residual.clone(),
-            variance: vec![0.0; part.len()],
-        };
-        let joints = rows.iter().zip(&parts);
-        return Ok(joints.map(|(rows, parts)| parts.iter().map(|part| unchanged(rows, part)).collect()).collect());
+        for group in &together {
+            for (joint, rows) in rows.iter().enumerate() {
+                let part = rows_of(joint, group);
+                let variance = vec![0.0; part.len()];
+                group.of(&mut result[joint]).push(LeftOut { residual: rows.residual.clone(), variance, part });
+            }
+        }
+        return Ok(result);
     }
     let unknowns = basis::unknowns(physics);
     let mut matrices = Vec::with_capacity(rows.len());
@@ -77,13 +85,16 @@ pub(super) fn left_out(
         all.projection.fill(0.0);
     }
     let (with_all, _) = basis::solve(&all.information, &all.projection);
-    let mut result: Vec<Vec<LeftOut>> = rows.iter().map(|_| Vec::with_capacity(count)).collect();
-    for (index, of_part) in of_parts.into_iter().enumerate() {
+    for group in &together {
         let (change, covariance) = match &whole {
             Some(whole) => (vec![0.0; unknowns], faer::Scale(dispersion.powi(-2)) * &whole.covariance),
             None => {
-                let information = &all.information - of_part.information;
-                let (without, covariance) = basis::solve(&information, &(&all.projection - of_part.projection));
+                let (mut information, mut projection) = (all.information.clone(), all.projection.clone());
+                for part in group.parts() {
+                    information -= &of_parts[part].information;
+                    projection -= &of_parts[part].projection;
+                }
+                let (without, covariance) = basis::solve(&information, &projection);
                 let change = without.iter().zip(&with_all).map(|(without, with)| without - with).collect();
                 (change, faer::Scale(memory) * covariance)
             }
@@ -92,14 +103,48 @@ pub(super) fn left_out(
             let change = Mat::from_fn(unknowns, 1, |k, _| change[k]);
             let explained = &**matrix * &change;
             let residual = rows[joint].residual.iter().enumerate().map(|(i, residual)| residual - explained[(i, 0)]);
-            let part = parts[joint][index].clone();
+            let part = rows_of(joint, group);
             let seen = Mat::from_fn(part.len(), unknowns, |i, k| matrix[(part[i], k)]);
             let spread = &seen * &covariance;
             let variance = (0..part.len()).map(|i| (spread.row(i) * seen.row(i).transpose()).max(0.0)).collect();
-            result[joint].push(LeftOut { residual: residual.collect(), variance, part });
+            group.of(&mut result[joint]).push(LeftOut { residual: residual.collect(), variance, part });
         }
     }
     Ok(result)
+}
+
+/// Parts that are left out together.
+enum Group {
+    Part(usize),
+    /// Half of them, one after the other from the first on, the first ones after the last.
+    Run {
+        first: usize,
+        count: usize,
+    },
+}
+
+impl Group {
+    fn parts(&self) -> impl Iterator<Item = usize> {
+        let (first, length, count) = match *self {
+            Self::Part(part) => (part, 1, usize::MAX),
+            Self::Run { first, count } => (first, count / 2, count),
+        };
+        (first..first + length).map(move |part| part % count)
+    }
+
+    /// Where it belongs.
+    fn of<'a>(&self, unseen: &'a mut Unseen) -> &'a mut Vec<LeftOut> {
+        match self {
+            Self::Part(_) => &mut unseen.parts,
+            Self::Run { .. } => &mut unseen.runs,
+        }
+    }
+}
+
+/// What is left out in turn of so many parts.
+fn together(count: usize) -> Vec<Group> {
+    let runs = (0..count).map(|first| Group::Run { first, count });
+    (0..count).map(Group::Part).chain(runs).collect()
 }
 
 /// What the identification knows of the base parameters beside the rows, where these leave some undetermined: the part of

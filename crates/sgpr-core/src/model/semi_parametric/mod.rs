@@ -27,6 +27,7 @@ use super::identify::{IdentifyError, IdentifyOptions};
 use super::{TorqueModel, Trajectory, identify};
 use crate::dynamics::Samples;
 use crate::gp::{Compute, GpError, Shape};
+use crate::identification::HALF_INTERVAL_95;
 use crate::motion::Motion;
 use crate::recording::Recording;
 
@@ -283,17 +284,18 @@ impl SemiParametricModel {
         if let Some(basis) = self.basis.as_ref().filter(|_| with_deviation) {
             basis.add_variance(&self.physics, &self.joints, trajectory, &x, &novelty, &mut of_parameters);
         }
-        let half_interval = |normal: f64, factor: fn(&JointReport) -> f64| -> Vec<f64> {
+        let half_interval = |of_parameters_alone: f64, factor: fn(&JointReport) -> f64| -> Vec<f64> {
             let both = variance.iter().zip(&of_parameters).enumerate();
             let half = |(k, (variance, of_parameters)): (usize, (&f64, &f64))| {
                 let rest = &self.joints[k % n];
                 let scaled = factor(&rest.report).powi(2) * (variance + rest.noise_variance);
-                (scaled + normal.powi(2) * of_parameters).sqrt()
+                (scaled + of_parameters_alone.powi(2) * of_parameters).sqrt()
             };
             both.map(half).collect()
         };
         let standard_deviation = half_interval(1.0, |report| report.calibration);
-        let interval_95 = half_interval(1.96, |report| report.calibration_95);
+        let of_parameters_95 = self.physics.fit.as_ref().map_or(HALF_INTERVAL_95, |fit| fit.half_interval_95);
+        let interval_95 = half_interval(of_parameters_95, |report| report.calibration_95);
         Ok(TorquePrediction { tau, standard_deviation, interval_95, novelty })
     }
 

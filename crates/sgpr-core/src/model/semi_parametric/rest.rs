@@ -49,6 +49,22 @@ impl LeftOut {
     }
 }
 
+/// What is left out of a joint's rows in turn: parts, which lie among the others, and runs of half of all parts, which are
+/// as far from the rest in time and motion as the logs allow.
+#[derive(Default)]
+pub(super) struct Unseen {
+    pub parts: Vec<LeftOut>,
+    pub runs: Vec<LeftOut>,
+}
+
+impl Unseen {
+    /// How many runs have no part in common.
+    fn independent_runs(&self) -> f64 {
+        let count = self.runs.len();
+        count as f64 / (count / 2).max(1) as f64
+    }
+}
+
 /// How one selection of inputs did.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Candidate {
@@ -121,11 +137,12 @@ impl Rest {
         joint: usize,
         n: usize,
         rows: &Rows,
-        left_out: &[LeftOut],
+        unseen: &Unseen,
         options: &SemiParametricOptions,
         compute: &Compute,
         progress: &dyn Progress,
     ) -> Result<Self, GpError> {
+        let left_out = &unseen.parts[..];
         let Alone { mut report, mean_square, physics_loss } = Alone::new(rows, left_out);
         if report.rows < FEWEST || mean_square == 0.0 {
             return Ok(Self::without(report, mean_square));
@@ -143,9 +160,10 @@ impl Rest {
             let columns = inputs.columns(joint, n);
             let Found { gp, points, status } =
                 process(columns, &data, rows.terms.as_ref(), longest_memory, options, compute, progress)?;
-            let learned = Learned::new(gp, points, rows, left_out, (inputs, status), compute)?;
+            let learned = Learned::new(gp, points, rows, unseen, (inputs, status), compute)?;
             report.candidates.push(learned.candidate.clone());
-            if best.as_ref().is_none_or(|best| learned.loss() < best.loss()) {
+            let share = |learned: &Learned| learned.loss() / physics_loss - learned.elsewhere.gain;
+            if best.as_ref().is_none_or(|best| share(&learned) < share(best)) {
                 best = Some(learned);
             }
         }
@@ -171,7 +189,7 @@ impl Rest {
     ///
     /// - `parts`: number of parts that were left out
     pub fn with(learned: Learned, mut report: JointReport, parts: usize) -> Self {
-        let Learned { process, points, evidence, errors, candidate } = learned;
+        let Learned { process, points, evidence, errors, candidate, .. } = learned;
         report.chosen = Some(candidate.inputs);
         report.inference = candidate.inference;
         report.points = process.len();
@@ -190,6 +208,8 @@ pub(super) struct Learned {
     /// Error and variance of every row, part by part.
     pub errors: Vec<(f64, f64)>,
     pub candidate: Candidate,
+    /// Runs of half of the parts, against the physics alone.
+    pub elsewhere: Judgement,
 }
 
 impl Learned {
@@ -198,11 +218,13 @@ impl Learned {
         gp: GaussianProcess,
         points: Vec<usize>,
         rows: &Rows,
-        left_out: &[LeftOut],
+        unseen: &Unseen,
         found: (Inputs, SearchStatus),
         compute: &Compute,
     ) -> Result<Self, GpError> {
-        let errors = errors_left_out(&gp, &points, rows, left_out, compute)?;
+        let errors = errors_left_out(&gp, &points, rows, &unseen.parts, compute)?;
+        let elsewhere = judge(&errors_left_out(&gp, &points, rows, &unseen.runs, compute)?, &unseen.runs);
+        let elsewhere = elsewhere.of_independent(unseen.independent_runs());
         let all = points.len() == rows.residual.len();
         let candidate = Candidate {
             inputs: found.0,
@@ -211,7 +233,7 @@ impl Learned {
             log_marginal_likelihood: gp.log_marginal_likelihood(),
             status: found.1,
         };
-        Ok(Self { process: Process::Exact(gp), points, evidence: Parts::default(), errors, candidate })
+        Ok(Self { process: Process::Exact(gp), points, evidence: Parts::default(), errors, candidate, elsewhere })
     }
 
     /// Mean square error of parts left out.
@@ -219,16 +241,12 @@ impl Learned {
         loss_of(&self.errors)
     }
 
-    /// Whether parts left out are predicted better than by the physics alone: by [`GAIN`] of the mean square, and by more
-    /// than the standard error over the parts.
+    /// Whether what was left out is predicted better than by the physics alone: parts by [`GAIN`] of the mean square, parts
+    /// and runs by more than the standard error.
     pub fn gains(&self, left_out: &[LeftOut], physics_loss: f64) -> bool {
-        let mut errors = self.errors.iter().map(|(error, _)| error * error);
-        let of_part = |part: &LeftOut| {
-            let alone = part.measured().map(|error| error * error).sum::<f64>();
-            (alone, errors.by_ref().take(part.part.len()).sum::<f64>())
-        };
-        let parts: Vec<(f64, f64)> = left_out.iter().map(of_part).collect();
-        self.loss() < (1.0 - GAIN) * physics_loss && Judgement::of(&parts).is_better()
+        self.loss() < (1.0 - GAIN) * physics_loss
+            && judge(&self.errors, left_out).is_better()
+            && self.elsewhere.is_better()
     }
 
     /// This process, or one that has seen all rows through inducing points if that gains as much on parts left out as a process
@@ -255,7 +273,7 @@ impl Learned {
         let inference = Inference::Sparse { inducing: process.len() };
         let candidate = Candidate { inference, rmse: loss_of(&errors).sqrt(), ..self.candidate.clone() };
         report.candidates.push(candidate.clone());
-        let other = Self { process, points: vec![], evidence, errors, candidate };
+        let other = Self { process, points: vec![], evidence, errors, candidate, elsewhere: self.elsewhere };
         Ok(if options.sparse == Some(true) || other.loss() < (1.0 - GAIN) * self.loss() { other } else { self })
     }
 }
@@ -415,6 +433,18 @@ fn thin(kernel: &Kernel, data: &Data, count: usize) -> Vec<usize> {
     chosen.extend((0..missing).map(|k| free[k * free.len() / missing]));
     chosen.sort_unstable();
     chosen
+}
+
+/// Squared errors at parts that were left out, of the physics alone and of physics and process.
+///
+/// - `errors`: of the latter, part by part
+fn judge(errors: &[(f64, f64)], left_out: &[LeftOut]) -> Judgement {
+    let mut errors = errors.iter().map(|(error, _)| error * error);
+    let of_part = |part: &LeftOut| {
+        let alone = part.measured().map(|error| error * error).sum::<f64>();
+        (alone, errors.by_ref().take(part.part.len()).sum::<f64>())
+    };
+    Judgement::of(&left_out.iter().map(of_part).collect::<Vec<_>>())
 }
 
 fn loss_of(errors: &[(f64, f64)]) -> f64 {

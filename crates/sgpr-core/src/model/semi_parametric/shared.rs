@@ -2,7 +2,7 @@
 
 use std::cell::OnceCell;
 
-use super::rest::{Alone, FEWEST, Found, Learned, LeftOut, Rest, Rows, inducing_points, longest_memory, process};
+use super::rest::{Alone, FEWEST, Found, Learned, Rest, Rows, Unseen, inducing_points, longest_memory, process};
 use super::{Inputs, SemiParametricOptions};
 use crate::gp::{Compute, Data, GaussianProcess, GpError, Kernel};
 use crate::progress::Progress;
@@ -16,14 +16,14 @@ pub(super) const SELECTIONS: [Inputs; 4] =
 /// kernel in its own units, if that predicts parts left out better than the physics alone.
 pub(super) fn fit_shared(
     rows: &[Rows],
-    left_out: &[Vec<LeftOut>],
+    unseen: &[Unseen],
     options: &SemiParametricOptions,
     compute: &Compute,
     progress: &dyn Progress,
 ) -> Result<Vec<Rest>, GpError> {
     let n = rows.len();
     let width = 3 * n + 1;
-    let mut alone: Vec<Alone> = rows.iter().zip(left_out).map(|(rows, left_out)| Alone::new(rows, left_out)).collect();
+    let mut alone: Vec<Alone> = rows.iter().zip(unseen).map(|(rows, unseen)| Alone::new(rows, &unseen.parts)).collect();
     let places = common(rows);
     let scales: Vec<f64> = alone.iter().map(|alone| alone.mean_square.sqrt()).collect();
     if places.len() < FEWEST || scales.contains(&0.0) {
@@ -37,18 +37,18 @@ pub(super) fn fit_shared(
     let data = Data::new(x, width, places.iter().flat_map(in_units).collect(), n)?;
 
     let longest_memory =
-        rows.iter().zip(left_out).map(|(rows, left_out)| longest_memory(rows, left_out)).fold(f64::INFINITY, f64::min);
+        rows.iter().zip(unseen).map(|(rows, unseen)| longest_memory(rows, &unseen.parts)).fold(f64::INFINITY, f64::min);
     let mut best: Option<(f64, Vec<Learned>)> = None;
     let selections = options.inputs.map_or_else(|| SELECTIONS.to_vec(), |inputs| vec![inputs]);
     for inputs in selections {
         // A selection is tried for all joints at once.
         for _ in 0..n {
             if progress.step("rest", alone[0].report.candidates.len(), SELECTIONS.len()).is_err() {
-                return Ok(chosen(alone, best, left_out, options));
+                return Ok(chosen(alone, best, unseen, options));
             }
         }
         let found = process(inputs.columns(0, n), &data, None, longest_memory, options, compute, progress)?;
-        let learned = of_joints(&found, inputs, &places, &scales, rows, left_out, compute)?;
+        let learned = of_joints(&found, inputs, &places, &scales, rows, unseen, compute)?;
         let mut sum = 0.0;
         for (alone, learned) in alone.iter_mut().zip(&learned) {
             sum += (learned.loss() / alone.physics_loss).min(1.0);
@@ -66,12 +66,12 @@ pub(super) fn fit_shared(
         };
         let mut of_all = Vec::with_capacity(n);
         for (joint, own) in std::mem::take(learned).into_iter().enumerate() {
-            let (rows, left_out, report) = (&rows[joint], &left_out[joint], &mut alone[joint].report);
+            let (rows, left_out, report) = (&rows[joint], &unseen[joint].parts, &mut alone[joint].report);
             of_all.push(own.or_of_all_rows(inducing, rows, left_out, options, report, compute)?);
         }
         *learned = of_all;
     }
-    Ok(chosen(alone, best, left_out, options))
+    Ok(chosen(alone, best, unseen, options))
 }
 
 /// The process of every joint.
@@ -81,7 +81,7 @@ fn of_joints(
     places: &[Vec<usize>],
     scales: &[f64],
     rows: &[Rows],
-    left_out: &[Vec<LeftOut>],
+    unseen: &[Unseen],
     compute: &Compute,
 ) -> Result<Vec<Learned>, GpError> {
     let of_joint = |joint: usize| {
@@ -90,7 +90,7 @@ fn of_joints(
         let data = Data::new(found.gp.data().x().to_vec(), found.gp.data().inputs(), y, 1)?;
         let covariance = found.gp.covariance().clone().in_units_of(scales[joint]);
         let gp = GaussianProcess::fit(data, covariance, compute)?;
-        Learned::new(gp, points, &rows[joint], &left_out[joint], (inputs, found.status), compute)
+        Learned::new(gp, points, &rows[joint], &unseen[joint], (inputs, found.status), compute)
     };
     (0..rows.len()).map(of_joint).collect()
 }
@@ -99,19 +99,19 @@ fn of_joints(
 fn chosen(
     alone: Vec<Alone>,
     best: Option<(f64, Vec<Learned>)>,
-    left_out: &[Vec<LeftOut>],
+    unseen: &[Unseen],
     options: &SemiParametricOptions,
 ) -> Vec<Rest> {
     let Some((_, learned)) = best else {
         return alone.into_iter().map(|alone| Rest::without(alone.report, alone.mean_square)).collect();
     };
-    let joints = alone.into_iter().zip(learned).zip(left_out);
-    let joints = joints.map(|((alone, learned), left_out)| {
+    let joints = alone.into_iter().zip(learned).zip(unseen);
+    let joints = joints.map(|((alone, learned), unseen)| {
         let Alone { report, mean_square, physics_loss } = alone;
-        if options.inputs.is_none() && !learned.gains(left_out, physics_loss) {
+        if options.inputs.is_none() && !learned.gains(&unseen.parts, physics_loss) {
             return Rest::without(report, mean_square);
         }
-        Rest::with(learned, report, left_out.len())
+        Rest::with(learned, report, unseen.parts.len())
     });
     joints.collect()
 }
