@@ -158,9 +158,9 @@ first-hour: build
 	rm -rf $(OUT)/first_hour
 	$(PYTHON) tools/first_hour.py $$(ls $(VENV)/wheels/*.whl) $(OUT)/first_hour
 
-## The crates as they would be published; a warning fails.
+## The crates as they would be published, built from what is in them; a warning fails.
 package:
-	@cargo package --locked --allow-dirty --no-verify --package sgpr-lapack --package sgpr-predict --package sgpr-core 2> $(OUT)-package.log; \
+	@cargo package --locked --allow-dirty --package sgpr-lapack --package sgpr-predict --package sgpr-core 2> $(OUT)-package.log; \
 		status=$$?; cat $(OUT)-package.log; grep -q '^warning' $(OUT)-package.log && status=1; rm -f $(OUT)-package.log; exit $$status
 
 ## The public interface beside that of the last published version.
