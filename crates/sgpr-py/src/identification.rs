@@ -135,6 +135,19 @@ pub fn shared_samples(known: &Bound<'_, PyAny>, new: &Bound<'_, Recording>) -> P
     Ok(runs.into_iter().map(|(run, log)| (log, run.start, run.end)).collect())
 }
 
+/// Options that say how logs become equations.
+const OF_EQUATIONS: [&str; 9] = [
+    "effects",
+    "cutoff_hz",
+    "filter_order",
+    "differentiation",
+    "torque_band",
+    "decimation",
+    "standstill_speed",
+    "turn_margin",
+    "progress",
+];
+
 const OPTIONS: [&str; 22] = [
     "effects",
     "method",
@@ -171,6 +184,15 @@ pub struct Arguments {
 impl Arguments {
     /// Reads them.
     pub fn new(robot: &Robot, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        Self::among(&OPTIONS, robot, given)
+    }
+
+    /// Reads those that say how logs become equations; no others are taken.
+    pub fn of_equations(robot: &Robot, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        Self::among(&OF_EQUATIONS, robot, given)
+    }
+
+    fn among(known: &[&str], robot: &Robot, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let mut options = IdentifyOptions::default();
         let (mut progress, mut noise) = (None, None);
         let mut consistency = ConsistencyArguments::default();
@@ -180,8 +202,13 @@ impl Arguments {
         let (mut kp, mut kd) = (None, None);
         for (key, value) in given.into_iter().flatten() {
             let key: String = key.extract()?;
+            if !known.contains(&key.as_str()) {
+                let known = known.join(", ");
+                let message = format!("got an unexpected keyword argument '{key}'; options are {known}");
+                return Err(PyTypeError::new_err(message));
+            }
             // None stands for the default, whatever it is, but for the prior, which can be left out.
-            if value.is_none() && key != "prior" && OPTIONS.contains(&key.as_str()) {
+            if value.is_none() && key != "prior" {
                 continue;
             }
             let conditioning = &mut options.conditioning;
@@ -211,12 +238,7 @@ impl Arguments {
                 "standstill_speed" => conditioning.standstill_speed = Some(positive(&key, number(&key, &value)?)?),
                 "turn_margin" => conditioning.turn_margin = not_negative(&key, number(&key, &value)?)?,
                 "progress" => progress = Some(value.unbind()),
-                _ => {
-                    let known = OPTIONS.join(", ");
-                    return Err(PyTypeError::new_err(format!(
-                        "got an unexpected keyword argument '{key}'; options are {known}"
-                    )));
-                }
+                _ => unreachable!("an option of the list"),
             }
         }
         if let Some(noise) = noise {

@@ -218,7 +218,7 @@ pub fn choose_processing(
     recordings: &Bound<'_, PyAny>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Processing> {
-    let Arguments { options, .. } = Arguments::new(robot.get(), options)?;
+    let Arguments { options, .. } = Arguments::of_equations(robot.get(), options)?;
     let robot = &robot.get().inner;
     let recordings = self::recordings(recordings)?;
     let chosen = detached(py, || core::choose_processing(robot, &recordings, &options.conditioning));

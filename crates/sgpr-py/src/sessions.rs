@@ -14,19 +14,6 @@ use crate::model::Model;
 use crate::progress::listen;
 use crate::robot::Robot;
 
-/// Options of `identify` that say how logs become equations.
-const OPTIONS: [&str; 9] = [
-    "effects",
-    "cutoff_hz",
-    "filter_order",
-    "differentiation",
-    "torque_band",
-    "decimation",
-    "standstill_speed",
-    "turn_margin",
-    "progress",
-];
-
 /// What sessions of one arm have in common, and what changed between them.
 ///
 /// Made by `compare_sessions`; never changes.
@@ -132,15 +119,7 @@ pub fn compare_sessions(
     sessions: &Bound<'_, PyDict>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<SessionComparison> {
-    for key in options.into_iter().flatten().map(|(key, _)| key.extract::<String>()) {
-        let key = key?;
-        if !OPTIONS.contains(&key.as_str()) {
-            let known = OPTIONS.join(", ");
-            let message = format!("got an unexpected keyword argument '{key}'; options are {known}");
-            return Err(pyo3::exceptions::PyTypeError::new_err(message));
-        }
-    }
-    let Arguments { options, progress } = Arguments::new(robot.get(), options)?;
+    let Arguments { options, progress } = Arguments::of_equations(robot.get(), options)?;
     let given: Vec<(String, Vec<Recording>)> = sessions
         .iter()
         .map(|(name, logs)| Ok((name.extract::<String>()?, recordings(&logs)?)))

@@ -80,6 +80,8 @@ def test_parts_can_be_left_out(robot: sgpr.Robot, logs: list[sgpr.Recording], re
     p = records[0].processing
     options = {"cutoff_hz": p.cutoff_hz, "decimation": p.decimation}
     other_processing = sgpr.choose_processing(robot, [logs[0], logs[2]], **options)
+    with pytest.raises(TypeError, match="argument 'method'; options are effects, cutoff_hz"):
+        sgpr.choose_processing(robot, logs, method="ols")
     two = [sgpr.record(robot, log, processing=other_processing) for log in (logs[0], logs[2])]
     left = identified(robot, two)
     expected = bare(robot, [logs[0], logs[2]], **options)

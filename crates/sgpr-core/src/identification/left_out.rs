@@ -144,6 +144,7 @@ impl<'a> LeftOut<'a> {
 
 /// How wide intervals of what uncertain parameters bring are for motions that were not seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Dispersion {
     /// By what standard deviations have to be multiplied, at least one: those of two thirds of the joints then suffice.
     pub deviation: f64,

@@ -191,6 +191,7 @@ impl TorqueModel {
             if fit.values.len() != rank {
                 return Err(format!("{} base parameters where the robot has {rank}", fit.values.len()));
             }
+            check_figures(&fit, model.robot.dof())?;
             fit.standard_deviations = array(tensors, "standard_deviations", rank)?;
             fit.covariance = array(tensors, "covariance", rank * rank)?;
             // Not in files of versions that did not keep it.
@@ -203,6 +204,25 @@ impl TorqueModel {
         }
         Ok(model)
     }
+}
+
+/// Largest factor on a standard deviation.
+const MOST_TIMES: f64 = 1e9;
+
+/// Figures of a fit are there for each joint, and within range.
+fn check_figures(fit: &Fit, joints: usize) -> Result<(), String> {
+    for (name, count) in [("noise", fit.noise.len()), ("rows", fit.rows.len()), ("correlation", fit.correlation.len())]
+    {
+        if count != joints {
+            return Err(format!("its fit: {name} is of {count} joints where the robot has {joints}"));
+        }
+    }
+    for (name, value) in [("dispersion", fit.dispersion), ("half_interval_95", fit.half_interval_95)] {
+        if !(0.0..=MOST_TIMES).contains(&value) {
+            return Err(format!("its fit: {name} is {value}; expected a number from 0 to {MOST_TIMES:e}"));
+        }
+    }
+    Ok(())
 }
 
 /// What the head of a file says, in the order in which a person reads it.

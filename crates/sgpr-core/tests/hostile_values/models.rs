@@ -131,6 +131,24 @@ fn processing_that_cannot_be_done_is_refused() {
 }
 
 #[test]
+fn figures_of_a_fit_are_of_its_joints_and_within_range() {
+    let model = identified();
+    let refused = |field: &str, value: serde_json::Value| {
+        let bytes = with_head(&model, |head| head["fit"][field] = value.clone());
+        TorqueModel::from_bytes(&bytes, "odd.sgpr").expect_err("no fit says it").to_string()
+    };
+    for field in ["noise", "rows", "correlation"] {
+        let text = refused(field, serde_json::json!([1, 2]));
+        assert!(text.contains("odd.sgpr") && text.contains(&format!("{field} is of 2 joints")), "{text}");
+    }
+    for field in ["dispersion", "half_interval_95"] {
+        for value in [-1.0, 1e300] {
+            assert!(refused(field, value.into()).contains(&format!("its fit: {field} is")));
+        }
+    }
+}
+
+#[test]
 fn a_cutoff_that_no_log_can_have_is_an_error() {
     for cutoff in [1e-300, 1e300] {
         let bytes = with_head(&identified(), |head| head["processing"]["cutoff_hz"] = cutoff.into());
