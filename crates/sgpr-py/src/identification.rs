@@ -135,42 +135,30 @@ pub fn shared_samples(known: &Bound<'_, PyAny>, new: &Bound<'_, Recording>) -> P
     Ok(runs.into_iter().map(|(run, log)| (log, run.start, run.end)).collect())
 }
 
-/// Options that say how logs become equations.
-const OF_EQUATIONS: [&str; 9] = [
-    "effects",
-    "cutoff_hz",
-    "filter_order",
-    "differentiation",
-    "torque_band",
-    "decimation",
-    "standstill_speed",
-    "turn_margin",
-    "progress",
-];
-
-const OPTIONS: [&str; 22] = [
-    "effects",
-    "method",
-    "noise",
-    "start",
-    "cutoff_hz",
-    "filter_order",
-    "differentiation",
-    "torque_band",
-    "decimation",
-    "standstill_speed",
-    "turn_margin",
-    "progress",
-    "consistent",
-    "prior",
-    "prior_deviation",
-    "bounds",
-    "essential",
-    "forecast",
-    "uncertainty",
-    "instruments",
-    "kp",
-    "kd",
+/// Options of `identify`, and whether they say how logs become equations.
+const OPTIONS: [(&str, bool); 22] = [
+    ("effects", true),
+    ("method", false),
+    ("noise", false),
+    ("start", false),
+    ("cutoff_hz", true),
+    ("filter_order", true),
+    ("differentiation", true),
+    ("torque_band", true),
+    ("decimation", true),
+    ("standstill_speed", true),
+    ("turn_margin", true),
+    ("progress", true),
+    ("consistent", false),
+    ("prior", false),
+    ("prior_deviation", false),
+    ("bounds", false),
+    ("essential", false),
+    ("forecast", false),
+    ("uncertainty", false),
+    ("instruments", false),
+    ("kp", false),
+    ("kd", false),
 ];
 
 /// Keyword arguments of `identify` and its like.
@@ -184,12 +172,14 @@ pub struct Arguments {
 impl Arguments {
     /// Reads them.
     pub fn new(robot: &Robot, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        Self::among(&OPTIONS, robot, given)
+        Self::among(&OPTIONS.map(|(name, _)| name), robot, given)
     }
 
     /// Reads those that say how logs become equations; no others are taken.
     pub fn of_equations(robot: &Robot, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        Self::among(&OF_EQUATIONS, robot, given)
+        let known: Vec<&str> =
+            OPTIONS.iter().filter(|(_, of_equations)| *of_equations).map(|(name, _)| *name).collect();
+        Self::among(&known, robot, given)
     }
 
     fn among(known: &[&str], robot: &Robot, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {

@@ -69,7 +69,7 @@ impl<'a> LeftOut<'a> {
     pub fn dispersion(&self, prior: &ParameterPrior, noise: impl Fn(&JointFactor) -> f64) -> Dispersion {
         let mut ratios = Vec::new();
         for first in 0..self.parts.len() {
-            let run = self.run_from(first);
+            let run = half_run(first, self.parts.len());
             let Some(solution) = self.without_parts(prior, |part| run.contains(&part)) else { continue };
             let mut joints: Vec<(usize, Missed)> = Vec::new();
             for &part in &run {
@@ -89,12 +89,6 @@ impl<'a> LeftOut<'a> {
             ratios.extend(joints.iter().map(|(_, missed)| missed.ratio()).filter(|ratio| ratio.is_finite()));
         }
         Dispersion::of(ratios)
-    }
-
-    /// Up to half of the parts, one after the other from `first` on, the first ones after the last.
-    fn run_from(&self, first: usize) -> Vec<usize> {
-        let count = self.parts.len();
-        (first..first + count / 2).map(|part| part % count).collect()
     }
 
     /// Whether parts are predicted better from the others with the prior `after` than with
@@ -140,6 +134,11 @@ impl<'a> LeftOut<'a> {
         }
         errors.iter().map(|errors| Judgement::of(errors)).collect()
     }
+}
+
+/// Up to half of so many parts, one after the other from `first` on, the first ones after the last.
+pub(crate) fn half_run(first: usize, count: usize) -> Vec<usize> {
+    (first..first + count / 2).map(|part| part % count).collect()
 }
 
 /// How wide intervals of what uncertain parameters bring are for motions that were not seen.

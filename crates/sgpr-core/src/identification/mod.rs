@@ -53,6 +53,7 @@ pub use hac::hac_covariance;
 pub use judgement::Judgement;
 pub use least_squares::{Estimate, Excitation, LeastSquares, Method, SingularDirection};
 pub(crate) use least_squares::{residual_norm, stack, torque_sizes, triangular_solution, unit_covariance};
+pub(crate) use left_out::half_run;
 pub use left_out::{Dispersion, HALF_INTERVAL_95, LeftOut};
 pub use observation::{Equation, Equations, JointFactor, Observation, Row, Trajectory};
 pub use payload::{Payload, PayloadOptions, identify_payload};

@@ -9,7 +9,7 @@ use sgpr_core::spatial::Vector3;
 
 use crate::logs::{log, options, requests, through_identification, understandable};
 
-/// What one link's body has, in the order of [`body`].
+/// Mass, centre of mass, and inertia xx, yy, zz, xy, xz, yz of a link.
 type Body = [f64; 10];
 
 /// The link of the arm that made the logs: 1 kg in its middle, a point.

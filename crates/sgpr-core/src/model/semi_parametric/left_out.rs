@@ -10,6 +10,7 @@ use super::super::identify::IdentifyError;
 use super::basis::{self, Basis};
 use super::rest::{LeftOut, Rows, Unseen};
 use super::{Mean, TorqueModel};
+use crate::identification::half_run;
 use crate::motion::Processing;
 
 /// Parts that are left out in turn ...
@@ -39,7 +40,7 @@ pub(super) fn left_out(
     let parts: Vec<Vec<Vec<usize>>> = rows.iter().map(|rows| parts(rows, count, &part_of)).collect();
     let together = together(count);
     let rows_of = |joint: usize, group: &Group| -> Vec<usize> {
-        let mut rows: Vec<usize> = group.parts().flat_map(|part| parts[joint][part].iter().copied()).collect();
+        let mut rows: Vec<usize> = group.parts.iter().flat_map(|part| parts[joint][*part].iter().copied()).collect();
         rows.sort_unstable();
         rows
     };
@@ -90,9 +91,9 @@ pub(super) fn left_out(
             Some(whole) => (vec![0.0; unknowns], faer::Scale(dispersion.powi(-2)) * &whole.covariance),
             None => {
                 let (mut information, mut projection) = (all.information.clone(), all.projection.clone());
-                for part in group.parts() {
-                    information -= &of_parts[part].information;
-                    projection -= &of_parts[part].projection;
+                for part in &group.parts {
+                    information -= &of_parts[*part].information;
+                    projection -= &of_parts[*part].projection;
                 }
                 let (without, covariance) = basis::solve(&information, &projection);
                 let change = without.iter().zip(&with_all).map(|(without, with)| without - with).collect();
@@ -114,37 +115,23 @@ pub(super) fn left_out(
 }
 
 /// Parts that are left out together.
-enum Group {
-    Part(usize),
-    /// Half of them, one after the other from the first on, the first ones after the last.
-    Run {
-        first: usize,
-        count: usize,
-    },
+struct Group {
+    parts: Vec<usize>,
+    /// Half of all parts, rather than one.
+    is_run: bool,
 }
 
 impl Group {
-    fn parts(&self) -> impl Iterator<Item = usize> {
-        let (first, length, count) = match *self {
-            Self::Part(part) => (part, 1, usize::MAX),
-            Self::Run { first, count } => (first, count / 2, count),
-        };
-        (first..first + length).map(move |part| part % count)
-    }
-
     /// Where it belongs.
     fn of<'a>(&self, unseen: &'a mut Unseen) -> &'a mut Vec<LeftOut> {
-        match self {
-            Self::Part(_) => &mut unseen.parts,
-            Self::Run { .. } => &mut unseen.runs,
-        }
+        if self.is_run { &mut unseen.runs } else { &mut unseen.parts }
     }
 }
 
 /// What is left out in turn of so many parts.
 fn together(count: usize) -> Vec<Group> {
-    let runs = (0..count).map(|first| Group::Run { first, count });
-    (0..count).map(Group::Part).chain(runs).collect()
+    let parts = (0..count).map(|part| Group { parts: vec![part], is_run: false });
+    parts.chain((0..count).map(|first| Group { parts: half_run(first, count), is_run: true })).collect()
 }
 
 /// What the identification knows of the base parameters beside the rows, where these leave some undetermined: the part of
