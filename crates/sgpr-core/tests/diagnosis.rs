@@ -445,7 +445,7 @@ fn what_no_effect_explains_is_said_and_is_found_once_the_catalogue_has_it() {
 fn too_little_data_is_said() {
     let (train, test) = logs(&[]);
     let model = identified(&train);
-    let short = [log(&[], 0, 5.0)];
+    let short = [log(&[], 0, 1.5)];
     let error = diagnose(&model, &short, &test, &DiagnosisOptions::default(), &()).unwrap_err();
     assert!(matches!(error, DiagnosisError::TooShort { .. }), "{error}");
 }

@@ -9,6 +9,7 @@
 use std::path::{Path, PathBuf};
 
 use sgpr_core::control::{MeasuredMotion, MomentumObserver, ObserverOptions};
+use sgpr_core::diagnosis::{DiagnosisOptions, diagnose};
 use sgpr_core::identification::{Consistency, Distance, GainEstimator, GainOptions, PayloadOptions, Prior};
 use sgpr_core::model::{
     Comparison, IdentifyOptions, SemiParametricOptions, TorqueModel, compare, fit_semi_parametric, identify,
@@ -251,6 +252,46 @@ fn panda() {
     // Published on the whole trajectory, in sample: 1.41 %.
     let comparison = case.compare(&case.identify(&ALL, Conditioning::default()));
     assert_at_most("by itself", comparison.relative_error_percent, 1.0);
+}
+
+#[test]
+fn effects_added_to_a_short_log_are_named() {
+    let Some(folder) = folder("panda") else { return };
+    let request = Repair {
+        drop_repeated: true,
+        split_gaps: Some(0.1),
+        resample: Some(Resample::Hz(1000.0)),
+        ..Repair::default()
+    };
+    // One motion of 14 s. Twice the error that the model without it has at the joint, and about as much.
+    let added: [(&[&str], usize, fn(f64) -> f64); 2] = [
+        (&["cable_stiffness", "spring_balancer"], 2, |q| 0.45 * q),
+        (&["torque_ripple", "cogging_torque"], 3, |q| 0.21 * (16.0 * q).sin()),
+    ];
+    for (names, joint, torque) in added {
+        let mut case = Case::read(&folder, &request);
+        for log in case.train.iter_mut().chain(&mut case.test) {
+            let n = log.dof();
+            let mut tau = log.torque().expect("torque").to_vec();
+            let rows = tau.chunks_exact_mut(n).zip(log.position().chunks_exact(n));
+            rows.for_each(|(tau, q)| tau[joint] += torque(q[joint]));
+            let velocity = log.velocity().map(<[f64]>::to_vec);
+            let (time, q) = (log.time().to_vec(), log.position().to_vec());
+            let names = log.joint_names().to_vec();
+            *log = Recording::new(log.source(), names, time, q, velocity, Some(tau), vec![]).expect("as long");
+        }
+        let model = case.identify(&ALL, Conditioning::default());
+        let diagnosis =
+            diagnose(&model, &case.train, &case.test, &DiagnosisOptions::default(), &()).expect("good logs");
+        let name = case.robot.joint_names().nth(joint).expect("a joint");
+        let own = diagnosis.findings.iter().filter(|finding| finding.joints == [name]);
+        let own: Vec<(&str, f64)> = own.map(|finding| (&*finding.effect, finding.probability)).collect();
+        println!("{}: at {name} {own:?}", names[0]);
+        assert!(own.iter().any(|(effect, probability)| names.contains(effect) && *probability > 0.5), "{own:?}");
+        // The untouched log's model with its findings leaves 0.64 %.
+        let after = case.compare(&diagnosis.after).relative_error_percent;
+        assert_at_most(names[0], after, 0.72);
+    }
 }
 
 #[test]

@@ -58,8 +58,8 @@ fn deviate_of_mean(values: &[f64]) -> f64 {
     deviate.copysign(t)
 }
 
-/// Longest memory that is believed, in rows of a block: with more, a block says next to nothing.
-const LONGEST_MEMORY: f64 = 0.5;
+/// Longest memory of errors that is believed, s.
+const LONGEST_MEMORY_S: f64 = 1.0;
 
 impl LeftOut {
     /// Mean square error of a joint, (N·m)² (N²).
@@ -67,7 +67,7 @@ impl LeftOut {
         mean_square(&self.rows[joint])
     }
 
-    /// Correlation of neighbouring rows of a joint, at most that with which half a block says as much as one row.
+    /// Correlation of neighbouring rows of a joint, at most that with which a second says as much as one row.
     fn correlation(&self, problem: &Problem, joint: usize) -> f64 {
         let (rows, run) = (&self.rows[joint], &problem.run[joint]);
         let (mut products, mut squares) = (0.0, 0.0);
@@ -77,7 +77,7 @@ impl LeftOut {
         }
         let r = if squares > 0.0 { (products / squares).clamp(0.0, 0.999) } else { 0.0 };
         let block = problem.blocks(joint).next().map_or(1, |block| block.len());
-        let longest = (LONGEST_MEMORY * block as f64).max(1.0);
+        let longest = (LONGEST_MEMORY_S * block as f64 / problem.block_s).max(1.0);
         r.min((longest - 1.0) / (longest + 1.0))
     }
 

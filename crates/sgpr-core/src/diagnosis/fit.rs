@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::DiagnosisError;
 use super::basis::{Basis, INVISIBLE, INVISIBLE_TANGENT, Noise, gain};
 use super::evidence::LeftOut;
-use super::left_out::FoldFits;
+use super::left_out::{FoldFits, Prior};
 use super::problem::{Column, Problem};
 use crate::effects::{Scale, Site};
 use crate::linalg::dot_in_lanes;
@@ -54,8 +54,9 @@ impl Once {
         Self { own: OnceLock::new(), like: other.own.get().or(other.like.as_ref()).cloned() }
     }
 
-    fn get(&self, fitted: &Fitted, noise: &Noise, folds: &[Vec<usize>]) -> Arc<FoldFits> {
-        let make = || FoldFits::new(&fitted.columns, &fitted.target, noise, (folds, self.like.as_deref())).into();
+    fn get(&self, fitted: &Fitted, by: (&Noise, &[Prior]), folds: &[Vec<usize>]) -> Arc<FoldFits> {
+        let (noise, _) = by;
+        let make = || FoldFits::new(&fitted.columns, &fitted.target, by, (folds, self.like.as_deref())).into();
         if fitted.noise == *noise { self.own.get_or_init(make).clone() } else { make() }
     }
 }
@@ -83,7 +84,7 @@ impl Fitted {
 
     /// The fits that blocks of time were left out of.
     pub fn folds(&self, problem: &Problem, noise: &Noise) -> Arc<FoldFits> {
-        self.blocks.get(self, noise, &problem.fold)
+        self.blocks.get(self, (noise, &problem.priors), &problem.fold)
     }
 
     /// The columns of a term as they are and whitened, if it is in the fit and they are those of any model with the same
@@ -429,7 +430,7 @@ pub(super) fn by_log(problem: &Problem, errors: &LeftOut) -> Vec<ByLog> {
 pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) -> LeftOut {
     let is_timed = |term: &Term| term.times().next().is_some();
     if !fitted.terms().iter().any(is_timed) {
-        return fitted.parts.get(fitted, noise, &problem.parts()).errors();
+        return fitted.parts.get(fitted, (noise, &problem.priors), &problem.parts()).errors();
     }
     let mut target = fitted.target.to_vec();
     let mut at = problem.base.rank();
@@ -446,7 +447,7 @@ pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) 
             at += 1;
         }
     }
-    FoldFits::new(&columns, &target.into(), noise, (&problem.parts(), None)).errors()
+    FoldFits::new(&columns, &target.into(), (noise, &problem.priors), (&problem.parts(), None)).errors()
 }
 
 /// Errors in the band on fifths of the positions of a joint, and on fifths of its speeds, that were left out of the fit:
@@ -461,7 +462,7 @@ pub(super) fn left_out_states(problem: &Problem, fitted: &Fitted, noise: &Noise,
         let cuts: Vec<f64> = (1..FIFTHS).filter_map(|k| values.get(k * values.len() / FIFTHS)).copied().collect();
         let fold = |row: &(usize, usize)| cuts.iter().filter(|cut| value(row) > **cut).count();
         let folds: Vec<Vec<usize>> = problem.rows.iter().map(|rows| rows.iter().map(fold).collect()).collect();
-        FoldFits::new(&fitted.columns, &fitted.target, noise, (&folds, None)).errors()
+        FoldFits::new(&fitted.columns, &fitted.target, (noise, &problem.priors), (&folds, None)).errors()
     };
     [errors(|motion| &motion.q), errors(|motion| &motion.dq)]
 }

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use super::basis::{Factor, Noise};
 use super::evidence::LeftOut;
 use super::problem::Column;
+use crate::identification::ParameterPrior;
 use crate::linalg::dot_in_lanes;
 
 /// A column that less than this share of its length is left of is in the others.
@@ -25,7 +26,46 @@ pub(super) struct Extra<'a> {
     pub precision: f64,
 }
 
-/// Fits to all folds but one, for each of them.
+/// What the robot file says of the first columns' factors, at one width: their precision, and its product with what is
+/// expected of them.
+#[derive(Clone, Debug)]
+pub(super) struct Prior {
+    precision: Vec<f64>,
+    pull: Vec<f64>,
+}
+
+impl Prior {
+    /// Of changes from a model's base parameters.
+    pub fn new(of_file: &ParameterPrior, from: &[f64]) -> Self {
+        let rows = of_file.rows();
+        let rank = rows.nrows();
+        let rest = |i: usize| rows[(i, rank)] - (0..rank).map(|k| rows[(i, k)] * from[k]).sum::<f64>();
+        let rest: Vec<f64> = (0..rank).map(rest).collect();
+        let precision = |at: usize| (0..rank).map(|i| rows[(i, at / rank)] * rows[(i, at % rank)]).sum();
+        let pull = |k: usize| (0..rank).map(|i| rows[(i, k)] * rest[i]).sum();
+        Self { precision: (0..rank * rank).map(precision).collect(), pull: (0..rank).map(pull).collect() }
+    }
+}
+
+/// Index of the last of some models that predicts left-out folds as well as the best, up to the standard error of the
+/// difference; each with its squares of every fold.
+///
+/// Source: L. Breiman and others, Classification and Regression Trees (1984), section 3.4.3.
+fn weakest_as_good(squares: &[&[f64]]) -> usize {
+    let sum = |squares: &[f64]| squares.iter().sum::<f64>();
+    let best = squares.iter().copied().min_by(|a, b| sum(a).total_cmp(&sum(b))).unwrap_or_default();
+    let is_as_good = |own: &[f64]| {
+        let count = best.len() as f64;
+        let more: Vec<f64> = own.iter().zip(best).map(|(own, best)| own - best).collect();
+        let mean = sum(&more) / count;
+        let scatter: f64 = more.iter().map(|x| (x - mean).powi(2)).sum();
+        sum(&more) <= (count / (count - 1.0).max(1.0) * scatter).sqrt()
+    };
+    squares.iter().rposition(|own| is_as_good(own)).unwrap_or_default()
+}
+
+/// Fits to all folds but one, for each of them, held by the robot file as weakly as predicts what was left out as well as any
+/// other width: where the other folds do not determine a parameter its error would hide what a model lacks.
 pub(super) struct FoldFits {
     columns: Vec<Arc<Column>>,
     target: Arc<Column>,
@@ -50,10 +90,12 @@ struct FoldFit {
 impl FoldFits {
     /// The fits of `columns` to a target, each joint weighted by its noise; `folds` per joint and row. Products of columns
     /// that are in fits `like` it are taken from there.
+    ///
+    /// - `priors`: the robot file at several widths, among which left-out rows choose
     pub fn new(
         columns: &[Arc<Column>],
         target: &Arc<Column>,
-        noise: &Noise,
+        (noise, priors): (&Noise, &[Prior]),
         (folds, like): (&[Vec<usize>], Option<&Self>),
     ) -> Self {
         let weights: Vec<f64> = noise.level.iter().map(|level| 1.0 / (level * level)).collect();
@@ -68,14 +110,30 @@ impl FoldFits {
             Products::symmetric(&all, target, (blocks, &weights), (known, &in_like))
         };
         let products: Vec<Products> = blocks.par_iter().enumerate().map(of_fold).collect();
-        let without = |left_out: usize| {
-            let sum = Products::without(&products, left_out, m, 0);
+        let without = |left_out: usize, prior: Option<&Prior>| {
+            let mut sum = Products::without(&products, left_out, m, 0);
+            if let Some(Prior { precision, pull }) = prior {
+                let rank = pull.len();
+                for (i, pull) in pull.iter().enumerate() {
+                    sum.target[i] += pull;
+                    let row = &mut sum.gram[i * m..i * m + rank];
+                    row.iter_mut().zip(&precision[i * rank..]).for_each(|(sum, x)| *sum += x);
+                }
+            }
             let lengths: Vec<f64> = (0..m).map(|i| sum.gram[i * m + i]).collect();
             let factor = Factor::new(&sum.gram, &lengths, INVISIBLE);
             let forward = factor.forward(&sum.target);
             FoldFit { factor, forward }
         };
-        let folds: Vec<FoldFit> = (0..blocks.len()).into_par_iter().map(without).collect();
+        let with = |prior: Option<&Prior>| {
+            let folds: Vec<FoldFit> = (0..blocks.len()).into_par_iter().map(|fold| without(fold, prior)).collect();
+            let squares =
+                |(fold, products): (&FoldFit, &Products)| products.change(&fold.factor.backward(&fold.forward));
+            (folds.iter().zip(&products).map(squares).collect::<Vec<f64>>(), folds)
+        };
+        let mut widths: Vec<_> = priors.iter().map(Some).chain([None]).map(with).collect();
+        let weakest = weakest_as_good(&widths.iter().map(|(squares, _)| &squares[..]).collect::<Vec<_>>());
+        let (_, folds) = widths.swap_remove(weakest);
         let mut errors: Column = target.iter().map(|target| target.iter().map(|target| -target).collect()).collect();
         for (blocks, fold) in blocks.iter().zip(&folds) {
             let solution = fold.factor.backward(&fold.forward);
@@ -225,6 +283,13 @@ impl Products {
         own
     }
 
+    /// By how much the weighted squares of what is left of the target grow with factors of the columns.
+    fn change(&self, factors: &[f64]) -> f64 {
+        let m = factors.len();
+        let along = |i: usize| dot_in_lanes(&self.gram[i * m..(i + 1) * m], factors) - 2.0 * self.target[i];
+        (0..m).map(|i| factors[i] * along(i)).sum()
+    }
+
     /// The sum of all folds but one, for `k` columns and `m` others.
     fn without(all: &[Self], left_out: usize, k: usize, m: usize) -> Self {
         let mut sum = Self { gram: vec![0.0; k * k], target: vec![0.0; k], across: vec![0.0; k * m] };
@@ -248,8 +313,9 @@ mod tests {
     use super::*;
     use crate::random::Random;
 
-    /// Fits anew to what is left, by another way than the products: QR of all rows of the other folds.
-    fn anew(columns: &[Column], target: &Column, folds: &[Vec<usize>]) -> Column {
+    /// Fits anew to what is left, by another way than the products: QR of all rows of the other folds, and of one for each
+    /// factor that is expected to be near to a value.
+    fn anew(columns: &[Column], target: &Column, folds: &[Vec<usize>], expected: &[(f64, f64)]) -> Column {
         let count = 1 + *folds.iter().flatten().max().expect("rows");
         let mut errors: Column = target.iter().map(|t| vec![0.0; t.len()]).collect();
         for fold in 0..count {
@@ -258,8 +324,14 @@ mod tests {
                 .filter(|(joint, row)| folds[*joint][*row] != fold)
                 .collect();
             let value = |c: &Column, (joint, row): (usize, usize)| c[joint].get(row).copied().unwrap_or_default();
-            let x = nalgebra::DMatrix::from_fn(rows.len(), columns.len(), |i, j| value(&columns[j], rows[i]));
-            let y = nalgebra::DVector::from_fn(rows.len(), |i, _| value(target, rows[i]));
+            let x = nalgebra::DMatrix::from_fn(rows.len() + expected.len(), columns.len(), |i, j| {
+                let of_prior = |k: usize| if k == j { 1.0 / expected[k].1 } else { 0.0 };
+                rows.get(i).map_or_else(|| of_prior(i - rows.len()), |row| value(&columns[j], *row))
+            });
+            let y = nalgebra::DVector::from_fn(rows.len() + expected.len(), |i, _| {
+                let of_prior = |k: usize| expected[k].0 / expected[k].1;
+                rows.get(i).map_or_else(|| of_prior(i - rows.len()), |row| value(target, *row))
+            });
             let factors = x.svd(true, true).solve(&y, 1e-12).expect("both sides were asked for");
             for joint in 0..target.len() {
                 for row in (0..target[joint].len()).filter(|&row| folds[joint][row] == fold) {
@@ -285,19 +357,40 @@ mod tests {
             vec![(0..40).map(|k| (k / 4) % 5).collect(), (0..40).map(|k| (k / 3) % 5).collect()];
         let noise = Noise::white(&vec![vec![1.0; 40]; 2]);
         let shared: Vec<Arc<Column>> = model.iter().cloned().map(Arc::new).collect();
-        let fits = FoldFits::new(&shared, &target, &noise, (&folds, None));
+        let fits = FoldFits::new(&shared, &target, (&noise, &[]), (&folds, None));
         let close = |own: &LeftOut, other: &Column| {
             for (own, other) in own.rows.iter().flatten().zip(other.iter().flatten()) {
                 assert!((own - other).abs() < 1e-9, "{own} {other}");
             }
         };
-        close(&fits.errors(), &anew(&model, &target, &folds));
+        close(&fits.errors(), &anew(&model, &target, &folds, &[]));
         let with = fits.errors_with(&Extra { columns: &beside, precision: 0.0 }, &[0, 1]);
-        close(&with, &anew(&[&model[..], &beside[..]].concat(), &target, &folds));
+        close(&with, &anew(&[&model[..], &beside[..]].concat(), &target, &folds, &[]));
         // Made like others, of some of their columns and one more.
         let another = Arc::new(column([true, true]));
         let some = [shared[2].clone(), another.clone(), shared[0].clone()];
-        let like = FoldFits::new(&some, &target, &noise, (&folds, Some(&fits)));
-        close(&like.errors(), &anew(&[model[2].clone(), another.to_vec(), model[0].clone()], &target, &folds));
+        let like = FoldFits::new(&some, &target, (&noise, &[]), (&folds, Some(&fits)));
+        let some = [model[2].clone(), another.to_vec(), model[0].clone()];
+        close(&like.errors(), &anew(&some, &target, &folds, &[]));
+        // Each column shows in one fold alone, without which its factor is noise: what expects factors of zero predicts the
+        // target best, which has nothing to do with them.
+        let shows = |fold: usize| {
+            let mut column = column([true, false]);
+            let rows = column[0].iter_mut().zip(&folds[0]).filter(|(_, own)| **own != fold);
+            rows.for_each(|(x, _)| *x *= 1e-3);
+            column
+        };
+        let model: Vec<Column> = (0..5).map(shows).collect();
+        let prior = |mean: f64, deviation: f64| {
+            let precision = |at: usize| if at / 5 == at % 5 { deviation.powi(-2) } else { 0.0 };
+            Prior { precision: (0..25).map(precision).collect(), pull: vec![mean * deviation.powi(-2); 5] }
+        };
+        let priors = [prior(5.0, 0.1), prior(0.0, 0.1), prior(0.0, 100.0)];
+        let shared: Vec<Arc<Column>> = model.iter().cloned().map(Arc::new).collect();
+        let held = FoldFits::new(&shared, &target, (&noise, &priors), (&folds, None));
+        close(&held.errors(), &anew(&model, &target, &folds, &[(0.0, 0.1); 5]));
+        let with = held.errors_with(&Extra { columns: &beside, precision: 0.0 }, &[0, 1]);
+        close(&with, &anew(&[&model[..], &beside[..]].concat(), &target, &folds, &[(0.0, 0.1); 5]));
+        assert_eq!(weakest_as_good(&[&[1.0, 2.0, 1.0], &[1.1, 1.9, 1.1], &[1.0, 9.0, 1.0], &[3.0, 4.0, 3.0]]), 2);
     }
 }

@@ -184,8 +184,9 @@ fn problem(model: &TorqueModel, train: &[Recording]) -> Result<Problem, Diagnosi
     };
     let problem = Problem::new(model, train, &processing)?;
     let seconds: f64 = problem.stretches.iter().map(|s| s.motion.len() as f64 / s.motion.rate_hz).sum();
-    if seconds < problem::LEAST_S {
-        return Err(DiagnosisError::TooShort { seconds, needed: problem::LEAST_S });
+    let needed = problem.least_seconds();
+    if seconds < needed {
+        return Err(DiagnosisError::TooShort { seconds, needed });
     }
     let parameters = problem.base.rank();
     let rows = problem.rows.iter().map(Vec::len).sum();

@@ -1,15 +1,20 @@
 //! The logs as equations: rows of every joint, columns of the model and of candidates, all through one filter.
 
+use std::sync::Arc;
+
+use faer::Mat;
 use rayon::prelude::*;
 
 use super::DiagnosisError;
 use super::basis::rms;
 use super::fit::{ByLog, LogSums};
+use super::left_out::Prior;
 use sgpr_predict::internal::{JointRanges, for_each_regressor_block};
 
 use crate::dynamics::{BatchWorkspace, Samples, Workspace, mass_matrix};
 use crate::effects::{Context, Reach, sgn};
-use crate::identification::{BaseParameters, ParameterSet, Row};
+use crate::identification::{BaseParameters, EFFECT_SCALES, JointFactor, ParameterPrior, ParameterSet, Row, WIDTHS};
+use crate::linalg::triangle;
 use crate::model::{
     Rigid, Term, TorqueModel, Trajectory, common_clock, motions, nominal_parameters, seconds_since, select_joints,
     torque_of,
@@ -25,12 +30,12 @@ const BAND_HZ: f64 = 25.0;
 /// Rows per second, in cut-offs.
 const ROWS_PER_CUTOFF: f64 = 2.5;
 
-/// Folds of the held-out error, and the length of their blocks, s.
+/// Folds of the held-out error.
 pub(super) const FOLDS: usize = 5;
-pub(super) const BLOCK_S: f64 = 2.0;
 
-/// Every fold needs a block, s.
-pub(super) const LEAST_S: f64 = FOLDS as f64 * BLOCK_S;
+/// Longest block of a fold, s. Short logs are cut into so many blocks a fold, of which each has as many periods of the band.
+const LONGEST_BLOCK_S: f64 = 2.0;
+const BLOCKS: f64 = 10.0;
 
 /// One processed stretch of a log.
 #[derive(Debug)]
@@ -63,6 +68,8 @@ pub(super) struct Problem {
     pub run: Vec<Vec<usize>>,
     /// Per joint and row: block of the held-out error.
     pub fold: Vec<Vec<usize>>,
+    /// Length of a block of a fold, s.
+    pub block_s: f64,
     /// Per joint: largest torque of the logs, if the torque stays at it.
     pub limits: Vec<Option<f64>>,
     /// How long after a rest the logged torque may still be that of the rest, s; rows there are left out.
@@ -83,6 +90,8 @@ pub(super) struct Problem {
     ranges: Vec<JointRanges>,
     /// Per joint: median change of speed over the sample in which it reverses, rad/s (m/s).
     pub speed_steps: Vec<f64>,
+    /// The robot file at several widths, for fits that rows are left out of; none before [`Self::believe_file`].
+    pub priors: Vec<Prior>,
 }
 
 impl Problem {
@@ -139,6 +148,11 @@ impl Problem {
             rows: vec![vec![]; n],
             run: vec![vec![]; n],
             fold: vec![vec![]; n],
+            block_s: {
+                let all: f64 = stretches.iter().map(|s| s.motion.len() as f64 / s.motion.rate_hz).sum();
+                let band = quiet.unwrap_or(BAND_HZ);
+                (all / (BLOCKS * FOLDS as f64)).max(BLOCKS / band).min(LONGEST_BLOCK_S)
+            },
             limits: (0..n).map(|joint| flat_top(&stretches, joint)).collect(),
             after_rest: 0.0,
             holds: vec![0.0; n],
@@ -150,10 +164,42 @@ impl Problem {
             band_hz: quiet.unwrap_or(BAND_HZ),
             ranges: vec![],
             speed_steps: vec![],
+            priors: vec![],
         };
         problem.lay_out_rows();
         problem.fill_torque()?;
         Ok(problem)
+    }
+
+    /// Lets the robot file hold parameters in fits that rows are left out of: bodies with a relative deviation that left-out
+    /// rows choose, friction and offsets by no more than that their torques are of the size of the joint's own.
+    ///
+    /// - `columns`: of the base parameters
+    pub fn believe_file(&mut self, columns: &[Arc<Column>]) {
+        /// Rows of a joint that say how large its torques are.
+        const ROWS: usize = 2000;
+        let factor = |joint: usize| {
+            let of_joint: Vec<usize> = (0..columns.len()).filter(|&k| !columns[k][joint].is_empty()).collect();
+            let step = self.y[joint].len() / ROWS + 1;
+            let rows = self.y[joint].len() / step;
+            let value = |row: usize, k: usize| match of_joint.get(k) {
+                Some(&column) => columns[column][joint][row * step],
+                None => self.y[joint][row * step],
+            };
+            let factor = triangle(Mat::from_fn(rows, of_joint.len() + 1, value).as_ref());
+            JointFactor { joint, resting: false, columns: of_joint, factor, rows }
+        };
+        let factors: Vec<JointFactor> = (0..self.dof()).map(factor).collect();
+        let robot = self.nominal.robot();
+        let file = nominal_parameters(robot, &self.set);
+        let of_file = ParameterPrior::new(robot, &self.set, &self.base, &file, &factors);
+        let from = self.base.combine(self.nominal.parameters());
+        let [.., widest] = EFFECT_SCALES;
+        let prior = |width: &f64| {
+            let of_file = of_file.clone().with_relative_deviation(*width).with_effect_scale(widest);
+            Prior::new(&of_file, &from)
+        };
+        self.priors = WIDTHS.iter().map(prior).collect();
     }
 
     /// Rows of the blocks of time of a joint, in order: contiguous, each in one log and one fold.
@@ -183,6 +229,11 @@ impl Problem {
         self.rows.iter().map(|rows| rows.iter().map(part).collect()).collect()
     }
 
+    /// Shortest logs with two of the shortest blocks for every fold, or one of the longest, s.
+    pub fn least_seconds(&self) -> f64 {
+        FOLDS as f64 * LONGEST_BLOCK_S.min(2.0 * BLOCKS / self.band_hz)
+    }
+
     pub fn dof(&self) -> usize {
         self.rows.len()
     }
@@ -195,7 +246,7 @@ impl Problem {
         self.fold.iter_mut().for_each(Vec::clear);
         for (index, stretch) in self.stretches.iter().enumerate() {
             let motion = &stretch.motion;
-            let block = (BLOCK_S * motion.rate_hz).max(1.0) as usize;
+            let block = (self.block_s * motion.rate_hz).max(1.0) as usize;
             let settled = stretch.motion.settled(&stretch.filter);
             for joint in (0..n).filter(|joint| !self.closed[*joint]) {
                 let mut run = 0;

@@ -50,10 +50,10 @@ pub struct ParameterPrior {
 }
 
 /// Relative deviations of the robot file among which the data choose.
-const WIDTHS: [f64; 8] = [0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0];
+pub(crate) const WIDTHS: [f64; 8] = [0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0];
 
 /// Torques of friction, offsets and gains as shares of what the robot file leaves, among which the data choose.
-const EFFECT_SCALES: [f64; 4] = [0.1, 0.3, 1.0, 3.0];
+pub(crate) const EFFECT_SCALES: [f64; 4] = [0.1, 0.3, 1.0, 3.0];
 
 /// Torques that count in the evidence: of at most so many standard deviations, all rows together; the noise of data
 /// without noise could not be told from rounding.

@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::super::fit::Fitted;
-use super::forward::{NEARLY, asked_of, is_limit, is_plainer};
+use super::super::fit::{Fitted, without as without_term};
+use super::forward::{NEARLY, asked_of, freedom, is_limit, is_plainer};
 use super::held_out::HeldOut;
 use super::{Accepted, EVIDENCE, MATERIAL, Search, without};
-use crate::effects::{Effect, Entry};
+use crate::effects::{Effect, Entry, Reach};
 use crate::model::Term;
 use crate::progress::Interrupted;
 
@@ -72,6 +72,52 @@ impl Search<'_> {
         let effects = self.catalogue.iter().filter(|effect| effect.constants().is_empty() && close(effect.name()));
         let terms_of = effects.map(|effect| Term::new(effect.clone(), own.site, vec![]));
         terms_of.filter(|term| is_plainer(term, own) && !terms.iter().any(|other| other.is_like(term))).collect()
+    }
+
+    /// The fit with a finer form of what the model has in the place of an effect at the same joint with as much freedom, where
+    /// chi-squared and left-out blocks both say so, beyond the standard error: what came first hides the other, which it is
+    /// like.
+    pub(super) fn with_finer_instead(&self, mut fitted: Fitted, accepted: &mut [Accepted]) -> Fitted {
+        let given = fitted.terms().len() - accepted.len();
+        for (k, step) in accepted.iter_mut().enumerate() {
+            let own = fitted.terms()[given + k].clone();
+            for finer in self.finer_at(&fitted, &own) {
+                let bare = without_term(&self.problem, &fitted, given + k, &self.noise);
+                let residual = (bare.basis.as_ref(), &bare.white);
+                let at = |point: Vec<f64>| {
+                    self.with_constants(&bare, residual, &Term::new(finer.clone(), own.site, vec![]), &point)
+                };
+                let points = self.points(finer.as_ref(), own.site).into_iter().map(at).filter(|c| !c.impossible);
+                let Some(best) = points.max_by(|a, b| a.score.total_cmp(&b.score)) else { continue };
+                let term = self.refine(&bare, residual, &best).term;
+                let other = self.with_instead(&fitted, given + k, term);
+                let better = self.comparison(&self.errors(&fitted), &self.errors(&other), &own).significance() > 1.0;
+                if better && other.chi2 < fitted.chi2 && freedom(&other.terms()[given + k]) <= freedom(&own) {
+                    *step = self.exchanged(step, [&bare, &fitted, &other], given + k);
+                    fitted = other;
+                    break;
+                }
+            }
+        }
+        fitted
+    }
+
+    /// Finer forms of what the model has at the joint of a torque, which are not in the fit.
+    fn finer_at(&self, fitted: &Fitted, own: &Term) -> Vec<Arc<dyn Effect>> {
+        let at_site = |name: &str| fitted.terms().iter().any(|t| t.effect.name() == name && t.site == own.site);
+        let refines = |effect: &dyn Effect| {
+            effect.refines().is_some_and(|name| self.known.iter().any(|known| known == name) || at_site(name))
+        };
+        let robot = self.problem.nominal.robot();
+        let finer = |effect: &&Arc<dyn Effect>| {
+            refines(effect.as_ref())
+                && self.wanted(effect.as_ref())
+                && effect.sites(robot).contains(&own.site)
+                && !at_site(effect.name())
+        };
+        let is_asked = own.site.joint().is_some() && own.effect.reach() == Reach::Own && own.effect.refines().is_none();
+        let is_asked = is_asked && !own.is_transform();
+        self.catalogue.iter().filter(|_| is_asked).filter(finer).cloned().collect()
     }
 
     /// The fit with another term in the place of the one at `index`.

@@ -99,7 +99,7 @@ fn may_explain_most(candidate: &Candidate, white: &Column, with: &Column) -> boo
 }
 
 /// Numbers that a term has to be fitted with.
-fn freedom(term: &Term) -> usize {
+pub(super) fn freedom(term: &Term) -> usize {
     term.constants.len() + term.coefficients.len()
 }
 

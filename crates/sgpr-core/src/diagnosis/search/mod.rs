@@ -200,6 +200,7 @@ impl<'a> Search<'a> {
             plain = solve_like(problem, &plain, &given, &self.noise);
         }
         self.progress.step("fit the model", 3, 4)?;
+        self.problem.believe_file(&plain.columns[..self.problem.base.rank()]);
         self.grids = self.grids_by_shape(&plain);
         self.noise = self.noise_of_largest(&plain)?;
         self.rows = self.noise.rows(&self.problem);
@@ -269,6 +270,7 @@ impl<'a> Search<'a> {
         }
         fitted = self.with_likelier_transforms(fitted, &mut accepted);
         fitted = self.with_plainer_forms(fitted, &mut accepted);
+        fitted = self.with_finer_instead(fitted, &mut accepted);
         let (mut fitted, accepted) = self.backward(fitted, accepted, &|_| true)?;
         if closed.contains(&true) {
             let on_all_rows = self.on_rows_without(&vec![false; closed.len()], &fitted);

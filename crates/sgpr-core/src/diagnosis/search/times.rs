@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::super::basis::{Basis, Gain, gain_of};
 use super::super::fit::Fitted;
-use super::super::problem::{BLOCK_S, Column, Stretch};
+use super::super::problem::{Column, Stretch};
 use super::Search;
 use super::candidates::Candidate;
 use crate::effects::{Effect, Reach, Scale};
@@ -36,7 +36,7 @@ impl Search<'_> {
         let (Some(time), None, Reach::Own) = (times.next(), times.next(), term.effect.reach()) else {
             return false;
         };
-        let margin = 2.0 * BLOCK_S;
+        let margin = 2.0 * self.problem.block_s;
         let shows = |stretch: &Stretch| match (stretch.time.first(), stretch.time.last()) {
             (Some(first), Some(last)) => (first + margin..=last - margin).contains(&time),
             _ => true,

@@ -1,7 +1,7 @@
 //! What a model leaves of one joint's torque, row by row, with what it may depend on.
 
 use super::super::fit::Fitted;
-use super::super::problem::{FOLDS, Problem};
+use super::super::problem::{FOLDS, Problem, Stretch};
 use crate::model::LogResidual;
 
 /// Length of the blocks that are left out, s.
@@ -46,6 +46,9 @@ impl JointRows {
         let n = problem.dof();
         let mut rows = Self::new(joint, n);
         let every = problem.rows[joint].len().div_ceil(MOST_ROWS).max(1);
+        let block = |stretch: &Stretch| (BLOCK_S * stretch.motion.rate_hz).max(1.0) as usize;
+        let blocks = problem.stretches.iter().map(|stretch| stretch.motion.len() / block(stretch) + 1);
+        let offsets: Vec<usize> = blocks.scan(0, |sum, blocks| Some(std::mem::replace(sum, *sum + blocks))).collect();
         for (k, &(index, sample)) in problem.rows[joint].iter().enumerate() {
             let run = problem.run[joint][k] / every;
             if !problem.run[joint][k].is_multiple_of(every) {
@@ -53,7 +56,7 @@ impl JointRows {
             }
             let motion = &problem.stretches[index].motion;
             rows.run.push(run);
-            rows.fold.push(problem.fold[joint][k]);
+            rows.fold.push((offsets[index] + sample / block(&problem.stretches[index])) % FOLDS);
             if problem.clock.is_some() {
                 rows.time.push(problem.time_of((index, sample)));
             }
