@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sgpr
-from cli_support import DEMO_ROBOT, DEMO_TEST, DEMO_TRAIN, run
+from cli_support import DEMO, DEMO_ROBOT, DEMO_TEST, DEMO_TRAIN, run
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 QUIET = [
@@ -39,6 +39,23 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
+def pages(results: Path) -> Path:
+    """Folders with a report each: those of `results`, and what the other commands write."""
+    hidden = DEMO.parent / "hidden"
+    logs = ("--train", hidden / "train_1.csv.gz", hidden / "train_3.csv.gz", "--test", hidden / "test.csv.gz")
+    model = ("--effects", "viscous_friction", "coulomb_friction", "rotor_inertia")
+    found = run("diagnose", "--robot", hidden / "robot.urdf", *logs, *model, "--out", results / "diagnose", "--quiet")
+    assert found.code == 0, found.err
+    sessions = [f"{name}={log}" for name, log in zip(("monday", "tuesday"), DEMO_TRAIN, strict=False)]
+    found = run("sessions", "--robot", DEMO_ROBOT, "--logs", *sessions, "--out", results / "sessions", "--quiet")
+    assert found.code == 0, found.err
+    limits = ("--max-acceleration", 4, "--max-velocity", 2, "--max-torque", 100, "--position-range", -1, 1)
+    search = ("--starts", 1, "--evaluations", 20, "--quiet")
+    assert run("excite", "--robot", "puma560", *limits, *search, "--out", results / "excite").code == 0
+    return results
+
+
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     if CHROMIUM is None:
@@ -47,6 +64,53 @@ def browser() -> Iterator[Any]:
         browser = program.chromium.launch(executable_path=CHROMIUM, args=QUIET)
         yield browser
         browser.close()
+
+
+# Of each plot: text that leaves it, text on text, and no room for the plot beside its labels. Of each table: figures
+# that are broken over lines, and a first column that hides the rest.
+FAULTS = """() => {
+  const found = [];
+  const size = (element) => element.getBoundingClientRect();
+  for (const plot of document.querySelectorAll(".js-plotly-plot")) {
+    const box = size(plot);
+    const texts = [...plot.querySelectorAll(".main-svg text")]
+      .filter((text) => text.textContent.trim() && size(text).width > 0)
+      .map((text) => [size(text), text.textContent]);
+    for (const [at, text] of texts) {
+      if (at.left < box.left - 1 || at.right > box.right + 1 || at.top < box.top - 1 || at.bottom > box.bottom + 1)
+        found.push(`${plot.id}: cut: ${text}`);
+    }
+    texts.forEach(([a, one], k) => texts.slice(k + 1).forEach(([b, other]) => {
+      const wide = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+      const high = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+      if (wide > 2 && high > 3) found.push(`${plot.id}: ${one} covers ${other}`);
+    }));
+    const inner = plot.querySelector(".nsewdrag");
+    if (!inner || size(inner).width < 150) found.push(`${plot.id}: no room`);
+  }
+  for (const cell of document.querySelectorAll("td:not(.text), dd")) {
+    const written = document.createRange();
+    written.selectNodeContents(cell);
+    if (/^[^ ]{1,12}$/.test(cell.textContent) && size(written).height > 30) found.push(`broken: ${cell.textContent}`);
+  }
+  for (const table of document.querySelectorAll(".wide")) {
+    const name = table.querySelector("tbody th");
+    if (name && table.clientWidth < table.scrollWidth && size(name).width > 0.75 * table.clientWidth)
+      found.push(`only names: ${name.textContent}`);
+  }
+  const over = document.documentElement.scrollWidth - document.documentElement.clientWidth;
+  if (over > 0) found.push(`the page is ${over} px too wide`);
+  return found;
+}"""
+
+
+@pytest.mark.parametrize("command", ["identify", "compare", "learn", "diagnose", "sessions", "excite"])
+@pytest.mark.parametrize("width", [400, 1280])
+def test_nothing_is_cut_or_covered(pages: Path, browser: Any, command: str, width: int) -> None:
+    page = browser.new_page(viewport={"width": width, "height": 900})
+    page.goto((pages / command / "report.html").as_uri())
+    assert page.evaluate(FAULTS) == []
+    page.close()
 
 
 @pytest.mark.parametrize("command", ["identify", "compare", "learn"])

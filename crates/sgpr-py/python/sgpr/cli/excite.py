@@ -199,6 +199,9 @@ def excite(
         folder.write("excitation.json", to_json(data))
     show(found, loaded, data, output)
     output.line(f"results: {Path(out)}")
+    output.next(
+        "sgpr", "identify", "--robot", robot, "--train", "LOG.csv", "--out", "result", why="the log of this motion"
+    )
     output.result(data)
 
 
@@ -272,16 +275,22 @@ def show(found: Excitation, robot: Robot, data: dict[str, Any], output: Output) 
     report, peaks = found.report, found.peaks
     if found.status == "interrupted":
         output.warning("stopped: this is the best motion so far")
+    criterion = "" if data["criterion"] == "condition" else f"{data['criterion']} {significant(found.value)}; "
     output.heading(
-        f"{data['criterion']} {significant(found.value)}; condition number {significant(report['condition'])}, "
+        f"{criterion}condition number {significant(report['condition'])}, "
         f"{report['rank']} of {report['base_parameters']} {kind_of_parameters(report)}s excited"
     )
     rows = [
-        [name, *map(significant, (*peaks["position"][k], peaks["velocity"][k], peaks["acceleration"][k])), unit]
+        [
+            name,
+            *map(significant, (*peaks["position"][k], peaks["velocity"][k], peaks["acceleration"][k])),
+            f"{unit}, {unit}/s, {unit}/s²",
+        ]
         for k, (name, unit) in enumerate(zip(robot.joint_names, robot.position_units, strict=True))
     ]
-    output.table(["joint", "lowest", "highest", "speed", "acceleration", "unit"], rows, text_columns=(0, 5))
+    output.table(["joint", "lowest", "highest", "speed", "acceleration", "units"], rows, text_columns=(0, 5))
     if hidden := report.get("hidden"):
         output.warning(f"no motion tells these from other parameters: {', '.join(hidden)}")
     output.line(data["how_much_data"]["answer"])
-    output.line(f"largest share of a limit, between samples too: {100 * found.utilisation:.4f} % ({found.tightest})")
+    tightest = found.tightest.replace("`", "")
+    output.line(f"largest share of a limit, between samples too: {100 * found.utilisation:.4g} % ({tightest})")

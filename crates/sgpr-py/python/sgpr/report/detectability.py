@@ -4,9 +4,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .markup import Html, element, items, join, paragraph, prose, table
-from .numbers import significant
+from .numbers import MISSING, significant
 
 ARM = "whole arm"
+BEYOND = 1e5
+"""No arm has so much of any effect, in any of their units."""
 
 
 def detectability_section(entries: Sequence[Mapping[str, Any]], joints: Sequence[str]) -> Html:
@@ -25,13 +27,13 @@ def detectability_section(entries: Sequence[Mapping[str, Any]], joints: Sequence
     for effect, own in by_effect.items():
         first = next(iter(own.values()))
         symbol = first["parameter"].split(".")[-1]
-        cells = [significant(own[place]["seen_from"], 2) if place in own else "" for place in columns]
+        cells = [_size(own[place]["seen_from"]) if place in own else "" for place in columns]
         rows.append([effect, f"{symbol}, {first['unit']}", *cells])
         doubts += [_doubt(effect, place, entry) for place, entry in own.items() if entry["mistaken_for"]]
     note = paragraph(
         "Silence has a size: an effect as large as this, with this motion and this noise, would have been found. "
         "Constants are in the middle of their range; other parameters of the effect are zero. An empty cell: the model "
-        "has it there, or its parameters take it up."
+        "has it there, or its parameters take it up; a dash: no size shows."
     )
     parts = [
         element("h3", "What these logs could have shown"),
@@ -41,6 +43,10 @@ def detectability_section(entries: Sequence[Mapping[str, Any]], joints: Sequence
     if doubts:
         parts += [paragraph("Not told apart so soon:"), items(doubts)]
     return join(parts)
+
+
+def _size(value: float | None) -> str:
+    return MISSING if value is None or value > BEYOND else significant(value, 2)
 
 
 def _doubt(effect: str, place: str, entry: Mapping[str, Any]) -> Html:

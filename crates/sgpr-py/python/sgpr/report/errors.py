@@ -168,7 +168,7 @@ def _figure(models: Mapping[str, Comparison]) -> dict[str, Any]:
     return {
         "data": data,
         "layout": layout(
-            xaxis=axis("error [% of the joint's torque, root mean square]", type="log", tickvals=ticks),
+            xaxis=axis("RMSE [% of the joint's torque]", type="log", tickvals=ticks),
             yaxis=axis("", range=[len(names) - 0.5, -0.5], type="category", gridcolor=GRID),
             shapes=[{**line, "line": {"color": BASELINE, "dash": "dot", "width": 1.5}, "layer": "below"}],
             margin={"l": 20, "r": 16, "t": TOOLS, "b": 50},

@@ -13,15 +13,15 @@ from ..fleet.changes import FEWEST_SESSIONS
 from ..fleet.series import ArmHistory, Series
 from .colours import AFTER, BEFORE, INTERVAL, MEASURED
 from .figures import axis, layout, rounded
-from .markup import Cell, Html, Section, choice, element, items, join, paragraph, plot, table
+from .markup import Cell, Html, Section, choice, element, items, join, paragraph, plot, prose, table
 from .numbers import MISSING, counted, percent, significant
 from .page import page
 
 PLOT_HEIGHT = 360
 MOST_PLOTS = 40
 ROW_HEIGHT = 22
-LEAST_HEIGHT = 280
-"""In which the scale of colours is legible."""
+FRAME = 200
+"""Above the arms the scale of colours, below them the days."""
 SORT = """
 document.querySelectorAll('table.sortable').forEach(function (table) {
   const body = table.tBodies[0];
@@ -155,7 +155,15 @@ class FleetPage:
             "zmax": 3,
             "colorscale": [[0, "#0072b2"], [0.25, "#f4f4f4"], [1, "#d55e00"]],
             "colorbar": {
-                "title": {"text": "times the error<br>before any change"},
+                "title": {"text": "times the error before any change", "side": "top"},
+                "orientation": "h",
+                "x": 0,
+                "xanchor": "left",
+                "y": 1.02,
+                "yanchor": "bottom",
+                "lenmode": "pixels",
+                "len": 240,
+                "thickness": 12,
                 "tickvals": [-1, 0, 1, 2, 3],
                 "ticktext": ["½", "1", "2", "4", "8"],
             },
@@ -164,11 +172,11 @@ class FleetPage:
             "ygap": 1,
         }
         y = axis("", type="category", autorange="reversed", dtick=max(1, len(self.histories) // 60))
-        shape = layout(xaxis=axis("day", type="date" if first > 0 else "category"), yaxis=y)
+        shape = layout(xaxis=axis("", type="date") if first > 0 else axis("day", type="category"), yaxis=y)
         return {"data": [heat], "layout": shape}
 
     def _error_section(self) -> Html:
-        height = max(140 + ROW_HEIGHT * min(len(self.histories), 60), LEAST_HEIGHT)
+        height = FRAME + ROW_HEIGHT * min(len(self.histories), 60)
         note = (
             "The joint whose error grew most; white where it is what it was in the first sessions, empty without log."
         )
@@ -263,7 +271,7 @@ class FleetPage:
             lines.append(f"{path}: " + ("listed twice" if path == other else f"a copy of {other}") + ", counts once")
         why = "its reference explains nothing of the torque: of another robot, or with other columns or units"
         lines += [f"{history.robot}, {session}: {why}" for history in self.histories for session in history.foreign]
-        return items(lines) if lines else paragraph("None.")
+        return items(map(prose, lines)) if lines else paragraph("None.")
 
     def _how(self) -> Html:
         return items(

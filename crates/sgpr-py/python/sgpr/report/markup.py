@@ -81,7 +81,9 @@ def table(
             classes = " ".join(filter(None, ["text" if k in text_columns else "", style]))
             tag, scope = ("th", "row") if k == 0 else ("td", "")
             number = "" if order is None else f"{order:.9g}"
-            cells.append(element(tag, content, scope=scope, class_=classes, data_order=number))
+            # In a box of its own, so that a path of any length leaves room for the figures.
+            shown = element("span", content) if k == 0 and content else content
+            cells.append(element(tag, shown, scope=scope, class_=classes, data_order=number))
         lines.append(element("tr", Html("".join(cells))))
     inner = join([element("caption", caption), element("thead", element("tr", head)), element("tbody", join(lines))])
     return element("div", element("table", inner), class_="wide", tabindex="0", role="region", aria_label=caption)

@@ -122,8 +122,8 @@ class MotionPage:
             "joint",
             f"lowest position [{position}]",
             f"highest position [{position}]",
-            f"speed [{position} per s]",
-            f"acceleration [{position} per s²]",
+            f"speed [{position}/s]",
+            f"acceleration [{position}/s²]",
             f"torque [{torque}]",
         ]
         return table("Largest values in continuous time", columns, rows)

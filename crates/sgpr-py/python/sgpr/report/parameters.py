@@ -76,7 +76,7 @@ def certainty_plot(parameters: Sequence[dict[str, Any]]) -> tuple[Html, dict[str
     figure = {
         "data": [data],
         "layout": layout(
-            xaxis=axis("standard deviation [% of the value]", type="log", dtick=1, side="top"),
+            xaxis=axis("std. deviation [% of value]", type="log", dtick=1, side="top"),
             yaxis=axis("", range=[len(known) - 0.4, -0.6], type="category", dtick=1, tickfont={"size": 12}),
             shapes=[{**line, "x0": x, "x1": x, "line": style} for x in (GOOD, POOR)],
             margin={"l": 20, "r": 16, "t": 56, "b": 12},

@@ -174,7 +174,8 @@ def too_narrow(coverage: Sequence[Mapping[str, Any]]) -> list[str]:
 def too_wide(coverage: Sequence[Mapping[str, Any]]) -> list[str]:
     """Joints whose intervals hold far more than they say, in a sentence."""
     found = [one["joint"] for one in coverage if one["percent_68"] is not None and one["percent_68"] > WIDE]
-    return [f"wider than they would have to be are the intervals of {', '.join(found)}"] if found else []
+    why = "more torques lie within than they say"
+    return [f"the intervals of {', '.join(found)} are wider than they need be: {why}"] if found else []
 
 
 def coverage_section(rows: Sequence[Mapping[str, Any]]) -> tuple[Html, dict[str, Any]]:

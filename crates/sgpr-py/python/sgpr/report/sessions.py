@@ -72,8 +72,7 @@ class SessionsPage:
                 }
             )
         unit = "%" if relative else tests[0]["unit"]
-        first = self.found.names[0]
-        x = axis(f"{CAUSES[cause]}, change from {plain(first)}, {unit}", zeroline=True)
+        x = axis(f"change of {CAUSES[cause]} [{unit}]", zeroline=True)
         return {
             "data": traces,
             "layout": layout(xaxis=x, yaxis=axis("", type="category", autorange="reversed"), showlegend=True),
@@ -82,7 +81,8 @@ class SessionsPage:
     def _plot(self, name: str) -> Html:
         cause = name.removeprefix("of_")
         rows = sum(test["cause"] == cause for test in self.data["tests"])
-        note = "Bars: two standard deviations, from what parts of two seconds of one session differ by."
+        note = f"Change from {self.found.names[0]}. "
+        note += "Bars: two standard deviations, from what parts of two seconds of one session differ by."
         return plot(name, FRAME + ROW_HEIGHT * max(rows, 2), f"{CAUSES[cause]} of each session, joint by joint", note)
 
     def _tests(self) -> Html:

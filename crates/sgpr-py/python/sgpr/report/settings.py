@@ -65,5 +65,7 @@ def _text(value: Any) -> str:
     if isinstance(value, Mapping):
         return ", ".join(f"{key} {_text(entry)}" for key, entry in value.items()) or "as found"
     if isinstance(value, np.ndarray | Iterable):
-        return ", ".join(_text(float(entry) if isinstance(entry, np.floating) else entry) for entry in value) or "none"
+        texts = [_text(float(entry) if isinstance(entry, np.floating) else entry) for entry in value]
+        # Sentences have commas of their own.
+        return ("; " if any(", " in text for text in texts) else ", ").join(texts) or "none"
     return str(value)

@@ -9,6 +9,9 @@ from .markup import Cell, Html, items, join, paragraph, plot, table
 from .numbers import MISSING, percent, significant
 
 ROW_HEIGHT = 28
+FRAME = 90
+LEAST_HEIGHT = 200
+"""In which a legend of three lines, as on a telephone, leaves the bars their place."""
 SHARES = (
     ("state", "position, speed, acceleration, load", BEFORE),
     ("time", "time", AFTER),
@@ -30,7 +33,8 @@ def structure_section(
         "Where what is left comes from. Smooth functions of position, speed, acceleration and load, and of time, are "
         "fitted to some blocks of time and judged on the others: what they explain there is their share of the "
         "variance. The rest is noise, or depends on something that was not looked at. The p of whiteness tests that "
-        "rest (Ljung and Box): below 0.001 it is not noise alone."
+        "rest (Ljung and Box): below 0.001 it is not noise alone. Times count from the first sample of the earliest "
+        "log."
     )
     rows: list[list[object]] = []
     for joint in structure:
@@ -62,7 +66,11 @@ def structure_section(
     body = [
         note,
         items(joint["summary"] for joint in structure),
-        plot(place, 90 + ROW_HEIGHT * len(structure), "Shares of the variance of what is left, joint by joint"),
+        plot(
+            place,
+            max(FRAME + ROW_HEIGHT * len(structure), LEAST_HEIGHT),
+            "Shares of the variance of what is left, joint by joint",
+        ),
         table("What is left, joint by joint", columns, rows, text_columns=(0, 7)),
     ]
     return join(body), {place: _figure(structure)}
