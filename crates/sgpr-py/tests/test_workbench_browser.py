@@ -146,6 +146,14 @@ def test_six_clicks(browser: Any, tmp_path: Path) -> None:
     running.stop()
 
 
+def test_steps_on_a_telephone(browser: Any, arm: Workbench) -> None:
+    tab = Tab(browser, arm.url, 400)
+    tab.stage("Add, watch, take back")
+    name = tab.page.get_by_label("Name of robot file")
+    assert name.bounding_box()["width"] < 200, "no room for the error beside it"
+    tab.close()
+
+
 @pytest.mark.parametrize("width", [1400, 800])
 def test_every_stage(browser: Any, arm: Workbench, width: int) -> None:
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
@@ -156,6 +164,7 @@ def test_every_stage(browser: Any, arm: Workbench, width: int) -> None:
         tab.settled()
         overflow = tab.page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
         assert overflow <= 0, f"{name} is wider than {width} px"
+        assert "`" not in tab.page.inner_text("main"), name
         answer = axe.Axe().run(tab.page).response
         assert len(answer["passes"]) > 10
         found = answer["violations"]

@@ -1,7 +1,7 @@
 // Robot, logs, check, split, fit.
 
 import { upload } from "./api.js";
-import { button, choice, fill, h, number, table, words } from "./dom.js";
+import { button, choice, fill, h, number, prose, table, words } from "./dom.js";
 
 const ROLES = [["train", "train"], ["test", "test"], ["off", "not used"]];
 
@@ -183,7 +183,7 @@ function sameOnce(logs) {
   const order = { stop: 0, look: 1, know: 2 };
   return [...found.values()].sort((a, b) => order[a.rank] - order[b.rank]).map(({ rank, text, names, others }) => [
     rank, names.length > 1 ? `${names[0]} and ${names.length - 1} more` : names[0],
-    names.length > 1 ? [text, h("details", {}, h("summary", { "data-key": `all ${rank} ${text}` }, `In all ${names.length}`), others.map((each) => h("p", {}, each)))] : text,
+    names.length > 1 ? [prose(text), h("details", {}, h("summary", { "data-key": `all ${rank} ${text}` }, `In all ${names.length}`), others.map((each) => h("p", {}, prose(each))))] : prose(text),
   ]);
 }
 
@@ -197,7 +197,7 @@ export const checkStage = {
       issues.length ? table("Findings in the logs", ["rank", "log", "finding"], issues, [0, 1, 2]) : h("p", {}, "Nothing is wrong with the logs."),
       h("h3", {}, "What the physics says"),
       state.checks.excitation ? h("p", {}, `In the training logs ${state.checks.excitation}.`) : h("p", { class: "soft" }, "After the first fit: how well the motion excites the parameters, and what is suspicious."),
-      (state.checks.texts ?? []).map((text) => h("p", {}, text)));
+      (state.checks.texts ?? []).map((text) => h("p", {}, prose(text))));
   },
 };
 

@@ -51,6 +51,9 @@ export function number(value, digits = 3) {
 
 export const percent = (value) => (value === null || value === undefined ? "–" : `${number(value, 3)} %`);
 
+/** A sentence in which `names` are set as code. */
+export const prose = (text) => text.split("`").map((part, k) => (k % 2 ? h("code", {}, part) : part));
+
 export const words = (name) => name.replaceAll("_", " ");
 
 // Plotly takes some of a text for markup.

@@ -50,7 +50,7 @@ function ordered(state) {
 function ladder(state, app, busy) {
   const steps = ordered(state);
   const rows = steps.map((step) => {
-    const name = h("input", { type: "text", value: step.name, "aria-label": `Name of ${step.name}`, "data-key": `name ${step.id}`, disabled: step.id === "robot", style: { width: "26rem" }, title: step.name,
+    const name = h("input", { type: "text", value: step.name, "aria-label": `Name of ${step.name}`, "data-key": `name ${step.id}`, disabled: step.id === "robot", style: { width: "min(26rem, 38vw)" }, title: step.name,
       onchange: (event) => app.act("rename", { name: step.id, to: event.target.value }), onkeydown: (event) => { if (event.key === "Enter") event.target.blur(); } });
     const before = state.steps.find((each) => each.id === step.after);
     const on = judged(step);
