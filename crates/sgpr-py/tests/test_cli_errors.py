@@ -47,6 +47,9 @@ WRONG_USE = {
         "two each",
     ),
     "not a rate": (["compare", "two_link", "LOG", "--resample", "fast"], "median"),
+    "a log before the model": (["compare", "LOG", DEMO_ROBOT], "first the model, then the logs"),
+    "a file without its option": (["identify", DEMO_ROBOT, "LOG", "--out", "OUT"], "--robot, --train, --test, --out"),
+    "sessions without names": (["sessions", "--robot", "two_link", "--logs", "LOG", "LOG"], "SESSION=FILE"),
     "mcap alone": (["identify", "--robot", "two_link", "--train", "LOG", "--out", "OUT", "--mcap", "x.mcap"], "--test"),
 }
 
@@ -279,3 +282,33 @@ def test_interrupt(tmp_path: Path) -> None:
     assert "stopped" in err
     assert "Traceback" not in err
     assert not list((tmp_path / "o").iterdir())
+
+
+def test_a_log_in_the_place_of_a_robot_and_a_robot_in_that_of_a_log(log: str, tmp_path: Path) -> None:
+    found = run("identify", "--robot", log, "--train", DEMO_ROBOT, "--out", tmp_path / "out")
+    assert found.code == 1 and "this is a log; a robot is a URDF" in found.err
+    found = run("identify", "--robot", DEMO_ROBOT, "--train", DEMO_ROBOT, "--out", tmp_path / "out")
+    assert found.code == 1 and "a robot or a model, not a log" in found.err
+
+
+def test_a_folder_that_cannot_be_made_is_told_before_the_work(log: str, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for out in (tmp_path / "file" / "deeper", Path("/proc/no_such_place")):
+        found = run("identify", "--robot", "two_link", "--train", log, "--out", out)
+        assert found.code == 1 and "cannot be made" in found.err and "name another one" in found.err
+
+
+def test_the_folder_of_a_report_is_made(log: str, tmp_path: Path) -> None:
+    report = tmp_path / "new" / "report.html"
+    found = run("simulate", "two_link", log, "--out", tmp_path / "run.csv", "--report", report)
+    assert found.code == 0 and report.is_file(), found.err
+
+
+def test_a_log_of_more_joints_than_the_robot_has_is_no_silent_fit(tmp_path: Path) -> None:
+    small = DEMO_ROBOT.replace("demo", "hidden")
+    found = run("identify", "--robot", small, "--train", DEMO_TRAIN[0], "--out", tmp_path / "out", "--no-report")
+    assert found.code == 0
+    assert "4 more joints (q_3, q_4, q_5, q_6) are not used, as the robot has only joint_1, joint_2" in found.err
+    chosen = ("--joints", "joint_1", "joint_2")
+    found = run("identify", "--robot", DEMO_ROBOT, *chosen, "--train", DEMO_TRAIN[0], "--out", tmp_path / "out")
+    assert found.code == 0 and "more joints" not in found.err

@@ -1,5 +1,5 @@
 """`python -m sgpr`."""
 
-from .cli import main
+from sgpr_command import main
 
 main()

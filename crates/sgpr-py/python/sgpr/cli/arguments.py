@@ -8,6 +8,7 @@ from typer.core import TyperCommand
 
 from .errors import wrong_use
 
+FILES = ("--robot", "--train", "--test")
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
@@ -24,7 +25,22 @@ class Command(TyperCommand):
             if param.param_type_name == "option" and not getattr(param, "is_flag", False)
             for name in param.opts
         }
-        return super().parse_args(ctx, expand(args, names, takes_value))
+        words = expand(args, names, takes_value)
+        if not any(param.param_type_name == "argument" for param in self.params):
+            self._no_bare_words(words, takes_value)
+        return super().parse_args(ctx, words)
+
+    def _no_bare_words(self, words: list[str], takes_value: dict[str, int]) -> None:
+        """A file without its option is told which options take files; the parser would call it extra."""
+        rest = list(words)
+        while rest:
+            word = rest.pop(0)
+            if word in takes_value:
+                del rest[: takes_value[word]]
+            elif not word.startswith("-"):
+                required = [param.opts[0] for param in self.params if param.required]
+                options = dict.fromkeys([*(name for name in FILES if name in takes_value), *required])
+                raise wrong_use(f"needs its option before it: {', '.join(options)}", word)
 
 
 def is_pair(metavar: str | None) -> bool:
@@ -51,11 +67,14 @@ def expand(args: Iterable[str], several: dict[str, bool], takes_value: dict[str,
                 result += rest[: takes_value[name]]
                 del rest[: takes_value[name]]
             continue
+        pair = several[name]
         if not attached and rest:
             if not is_value(rest[0], pair=False):
                 raise wrong_use(f"needs a value before {rest[0]}", name)
+            # Where already the first is no pair, all that follows belongs to the same mistake.
+            pair = pair and "=" in rest[0]
             result.append(rest.pop(0))
-        while rest and is_value(rest[0], pair=several[name]):
+        while rest and is_value(rest[0], pair=pair):
             result += [name, rest.pop(0)]
     return result
 

@@ -134,7 +134,7 @@ def diagnose(
         if not no_report:
             folder.write("report.html", result.page(data).html())
         folder.write("diagnosis.json", to_json(data))
-    tell_layouts([*train_logs, *test_logs], output)
+    tell_layouts([*train_logs, *test_logs], output, of_all=joints is None and not given)
     show(result, data, output)
     found = [*of_texts(data["repeated_motions"]), *of_logs([*train_logs, *test_logs])]
     show_ranked(found, output, "see the report, or sgpr info")

@@ -121,7 +121,7 @@ def identify(
         if not no_report:
             folder.write("report.html", result.page(data).html())
         folder.write("identification.json", to_json(data))
-    tell_layouts([*train_logs, *test_logs], output)
+    tell_layouts([*train_logs, *test_logs], output, of_all=joints is None)
     tell_sessions(robot, train_logs, output)
     show(result, data, output)
     for name in robot_files:

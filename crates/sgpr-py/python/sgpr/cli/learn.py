@@ -148,7 +148,7 @@ def learn(
         if not no_report:
             folder.write("report.html", result.page(data).html())
         folder.write("learned.json", to_json(data))
-    tell_layouts([*train_logs, *test_logs], output)
+    tell_layouts([*train_logs, *test_logs], output, of_all=joints is None and not given)
     show(result, data, output)
     fewer = filter(None, map(fewer_rows_were_better, data["joints"]))
     texts = [*fewer, *data["repeated_motions"], *too_narrow(data["coverage"])]

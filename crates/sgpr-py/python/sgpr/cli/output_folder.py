@@ -18,11 +18,18 @@ class OutputFolder:
         self.path = Path(path)
         if self.path.exists() and not self.path.is_dir():
             raise NotADirectoryError(errno.ENOTDIR, "this is no folder, and results need one", path)
-        self.path.mkdir(parents=True, exist_ok=True)
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            why = f"this folder cannot be made ({error.strerror}); name another one"
+            raise OSError(error.errno, why, path) from error
         self._waiting: dict[Path, Path] = {}
         probe = self._beside(self.path / "probe")
         try:
             probe.touch()
+        except OSError as error:
+            why = f"nothing can be written to this folder ({error.strerror}); name another one"
+            raise OSError(error.errno, why, path) from error
         finally:
             # Ctrl-C can come in between.
             probe.unlink(missing_ok=True)

@@ -129,11 +129,13 @@ def payload(
     if folder:
         with folder:
             folder.write("payload.json", to_json(data))
-    tell_layouts([*unloaded_logs, *loaded_logs], output)
+    tell_layouts([*unloaded_logs, *loaded_logs], output, of_all=joints is None)
     if payload_of:
         show_gains(data, output)
     else:
         show_payload(data, output)
+    if folder:
+        output.line(f"results: {folder.path}")
     output.result(data)
 
 

@@ -167,6 +167,10 @@ def model_and_logs(model: str | None, files: Sequence[str] | None) -> tuple[str,
         files = [model, *files]
         model = None
     data = _project() if model is None or not files else {}
+    if model is None and not data.get("robot") and files:
+        others = [name for name in files if Path(name).exists() and kind_of(name) != "log"]
+        if others:
+            raise wrong_use(f"`{files[0]}` is a log; first the model, then the logs: {others[0]} {files[0]}", "MODEL")
     robot = _robot(model, data, "MODEL")
     files = files or _names(data, "test") or _names(data, "train")
     if not files:

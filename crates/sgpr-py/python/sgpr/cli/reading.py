@@ -1,6 +1,7 @@
 """How logs are read and repaired: the options that all commands with logs share."""
 
 import glob
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -11,11 +12,13 @@ import typer
 from .. import Recording, read
 from ..loading import load as load_either
 from ..reading import options_of
+from ..report.numbers import counted
 from . import project
 from .console import Output
 from .errors import BadData, of_command_line, one_of, wrong_use
 
 READING = "Reading logs"
+NO_LOGS = (".urdf", ".xacro", ".sgpr")
 REPAIR = "Repairing logs (nothing is changed unless asked for)"
 REPAIRS = ("trim", "sort", "drop_duplicates", "drop_not_finite", "drop_repeated", "unwrap", "split_gaps", "resample")
 """What `Recording.repair` takes."""
@@ -253,6 +256,8 @@ def read_log(
 
     - `like`: how the logs of the command's model were read
     """
+    if Path(path).is_file() and path.lower().endswith(NO_LOGS):
+        raise BadData(f"{path}: this is a robot or a model, not a log")
     raw = options.read(path, joints, like)
     repairs = {key: value for key, value in options.settings(path, like).items() if key in REPAIRS}
     if not repairs:
@@ -303,15 +308,42 @@ def _without_copies(logs: Sequence[Log], output: Output) -> list[Log]:
     return kept
 
 
-def tell_layouts(logs: Sequence[Log], output: Output) -> None:
-    """Says in one line which column became which joint in which unit; logs of one layout share it."""
-    groups: dict[str, list[str]] = {}
+def tell_layouts(logs: Sequence[Log], output: Output, *, of_all: bool = False) -> None:
+    """Says in one line which column became which joint in which unit; logs of one layout share it.
+
+    - `of_all`: whether the joints are all that the robot has, so that a log of more joints may be one of another robot
+    """
+    groups: dict[str, list[Log]] = {}
     for log in logs:
         if log.raw.layout is not None:
-            groups.setdefault(log.raw.layout["text"], []).append(log.path)
-    for text, paths in groups.items():
-        more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
-        output.line(f"columns of {paths[0]}{more}: {text}")
+            groups.setdefault(log.raw.layout["text"], []).append(log)
+    for text, alike in groups.items():
+        more = f" and {len(alike) - 1} more" if len(alike) > 1 else ""
+        output.line(f"columns of {alike[0].path}{more}: {text}")
+        if of_all and (others := other_joints(alike[0].raw)):
+            output.warning(
+                f"{alike[0].path}{more}: position and torque of {counted(len(others), 'more joint')} "
+                f"({', '.join(others)}) are not used, as the robot has only {', '.join(alike[0].raw.joint_names)}: "
+                "if this is not a log of this robot, the model means nothing"
+            )
+
+
+def other_joints(log: Recording) -> list[str]:
+    """Columns of position, numbered as those of the joints are, that a column of torque belongs to, and no joint."""
+    layout = log.layout
+    if layout is None:
+        return []
+    numbers: dict[str, dict[str, str]] = {}
+    for what in ("position", "torque"):
+        used = [joint[what]["column"] for joint in layout["joints"] if joint.get(what)]
+        parts = [re.fullmatch(r"(.*?)(\d+)(\D*)", column) for column in used]
+        forms = {(part[1], part[3]) for part in parts if part}
+        found = numbers.setdefault(what, {})
+        for channel in log.channels:
+            part = re.fullmatch(r"(.*?)(\d+)(\D*)", channel)
+            if part and (part[1], part[3]) in forms:
+                found[part[2]] = channel
+    return [column for number, column in numbers["position"].items() if number in numbers["torque"]]
 
 
 def stretches(logs: Sequence[Log]) -> list[Recording]:

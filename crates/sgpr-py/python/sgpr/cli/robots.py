@@ -12,6 +12,8 @@ from .console import Output
 from .errors import BadData, wrong_use
 
 READY_MADE = {"puma560": puma560, "two_link": two_link}
+LOGS = (".csv", ".csv.gz", ".tsv", ".txt", ".mcap", ".bag", ".db3", ".npz", ".parquet", ".mat", ".h5", ".hdf5")
+"""Ends of names that no file of a robot has."""
 DH_TABLE_KEYS = {"name", "convention", "joints", "gravity", "rows"}
 
 
@@ -28,6 +30,8 @@ def load_robot(name: str, joints: Sequence[str] | None = None, gravity: Sequence
         robot = _from_table(name)
         _only_urdf_picks(joints, robot)
     else:
+        if Path(name).is_file() and Path(name).name.lower().endswith(LOGS):
+            raise BadData(f"{name}: this is a log; a robot is a URDF, a table of DH parameters, puma560 or two_link")
         robot = Robot.from_urdf(name, joints)
     return robot if gravity is None else robot.with_gravity(gravity)
 

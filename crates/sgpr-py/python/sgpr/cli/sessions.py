@@ -77,7 +77,7 @@ def sessions(
             folder.write("report.html", SessionsPage(found, data).html())
             for place, name in enumerate(found.names):
                 found.model(name).save(folder.file(model_file(place, name)))
-    tell_layouts([log for own in read.values() for log in own], output)
+    tell_layouts([log for own in read.values() for log in own], output, of_all=joints is None)
     show(data, output)
     if folder:
         output.line(f"report: {folder.path / 'report.html'}")

@@ -104,6 +104,9 @@ def simulate(
         "random_state": seed,
     }
     place = Path(out).absolute()
+    if report is not None:
+        # Made now, and not missed after the simulation.
+        OutputFolder(str(Path(report).absolute().parent))
     with OutputFolder(str(place.parent)) as folder, output.progress() as progress:
         run = simulate_arm(truth, reference, model=known, drives=drives, progress=progress, **options)
         recording = run.recording(f"simulation of {robot.name}")

@@ -35,7 +35,7 @@ def workbench(
 ) -> None:
     """Opens a page on this machine: robot, logs, fit, compare, where it fails, what is missing, add and take back.
 
-    What is done there is kept in sgpr.toml beside the logs; Ctrl-C ends it. Needs pip install sgpr[workbench].
+    What is done there is kept in sgpr.toml beside the logs; Ctrl-C ends it. Needs the extra `workbench` of the package.
     """
     missing = [name for name in NEEDED if find_spec(name) is None]
     if missing:
