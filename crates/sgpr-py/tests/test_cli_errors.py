@@ -312,3 +312,9 @@ def test_a_log_of_more_joints_than_the_robot_has_is_no_silent_fit(tmp_path: Path
     chosen = ("--joints", "joint_1", "joint_2")
     found = run("identify", "--robot", DEMO_ROBOT, *chosen, "--train", DEMO_TRAIN[0], "--out", tmp_path / "out")
     assert found.code == 0 and "more joints" not in found.err
+
+
+def test_too_few_torque_constants_are_told_by_the_name_of_the_option(log: str, tmp_path: Path) -> None:
+    few = ("--torque-constants", 1.0)
+    found = run("identify", "--robot", "two_link", "--train", log, *few, "--out", tmp_path / "out")
+    assert found.code == 1 and "--torque-constants has 1 entries for 2 joints" in found.err, found.err

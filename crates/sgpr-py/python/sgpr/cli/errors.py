@@ -39,6 +39,7 @@ OPTIONS = {
     r"`topics`": "`--topics`",
     r"`recover`": "`--recover`",
     r"`torque_constants`": "`--torque-constants`",
+    r"\btorque_constants has\b": "--torque-constants has",
     r"`logged_names`": "`--logged-joints`",
     r"`rows`": "`--rows`",
     r"`clock`": "`--clock`",
