@@ -264,10 +264,10 @@ fn effects_added_to_a_short_log_are_named() {
         ..Repair::default()
     };
     // One motion of 14 s. Twice the error that the model without it has at the joint, and about as much.
-    let added: [(&[&str], usize, fn(f64) -> f64); 2] = [
-        (&["cable_stiffness", "spring_balancer"], 2, |q| 0.45 * q),
-        (&["torque_ripple", "cogging_torque"], 3, |q| 0.21 * (16.0 * q).sin()),
-    ];
+    let spring = |q: f64| 0.45 * q;
+    let ripple = |q: f64| 0.21 * (16.0 * q).sin();
+    let added: [(_, _, &dyn Fn(f64) -> f64); 2] =
+        [(["cable_stiffness", "spring_balancer"], 2, &spring), (["torque_ripple", "cogging_torque"], 3, &ripple)];
     for (names, joint, torque) in added {
         let mut case = Case::read(&folder, &request);
         for log in case.train.iter_mut().chain(&mut case.test) {

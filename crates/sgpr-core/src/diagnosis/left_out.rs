@@ -18,6 +18,9 @@ use crate::linalg::dot_in_lanes;
 /// A column that less than this share of its length is left of is in the others.
 const INVISIBLE: f64 = 1e-5;
 
+/// Share of the target's squares below which squares of what is left are rounding.
+const ROUNDING: f64 = 1e-9;
+
 /// Columns beside those of a fit.
 #[derive(Default)]
 pub(super) struct Extra<'a> {
@@ -48,10 +51,12 @@ impl Prior {
 }
 
 /// Index of the last of some models that predicts left-out folds as well as the best, up to the standard error of the
-/// difference; each with its squares of every fold.
+/// difference and to rounding; each with its squares of every fold.
+///
+/// - `rounding`: differences of their sums that are none
 ///
 /// Source: L. Breiman and others, Classification and Regression Trees (1984), section 3.4.3.
-fn weakest_as_good(squares: &[&[f64]]) -> usize {
+fn weakest_as_good(squares: &[&[f64]], rounding: f64) -> usize {
     let sum = |squares: &[f64]| squares.iter().sum::<f64>();
     let best = squares.iter().copied().min_by(|a, b| sum(a).total_cmp(&sum(b))).unwrap_or_default();
     let is_as_good = |own: &[f64]| {
@@ -59,7 +64,7 @@ fn weakest_as_good(squares: &[&[f64]]) -> usize {
         let more: Vec<f64> = own.iter().zip(best).map(|(own, best)| own - best).collect();
         let mean = sum(&more) / count;
         let scatter: f64 = more.iter().map(|x| (x - mean).powi(2)).sum();
-        sum(&more) <= (count / (count - 1.0).max(1.0) * scatter).sqrt()
+        sum(&more) <= (count / (count - 1.0).max(1.0) * scatter).sqrt() + rounding
     };
     squares.iter().rposition(|own| is_as_good(own)).unwrap_or_default()
 }
@@ -132,7 +137,10 @@ impl FoldFits {
             (folds.iter().zip(&products).map(squares).collect::<Vec<f64>>(), folds)
         };
         let mut widths: Vec<_> = priors.iter().map(Some).chain([None]).map(with).collect();
-        let weakest = weakest_as_good(&widths.iter().map(|(squares, _)| &squares[..]).collect::<Vec<_>>());
+        // Squares of what is left are differences of those of the target.
+        let size: f64 = target.iter().zip(&weights).map(|(target, weight)| weight * dot_in_lanes(target, target)).sum();
+        let squares: Vec<&[f64]> = widths.iter().map(|(squares, _)| &squares[..]).collect();
+        let weakest = weakest_as_good(&squares, ROUNDING * size);
         let (_, folds) = widths.swap_remove(weakest);
         let mut errors: Column = target.iter().map(|target| target.iter().map(|target| -target).collect()).collect();
         for (blocks, fold) in blocks.iter().zip(&folds) {
@@ -391,6 +399,7 @@ mod tests {
         close(&held.errors(), &anew(&model, &target, &folds, &[(0.0, 0.1); 5]));
         let with = held.errors_with(&Extra { columns: &beside, precision: 0.0 }, &[0, 1]);
         close(&with, &anew(&[&model[..], &beside[..]].concat(), &target, &folds, &[(0.0, 0.1); 5]));
-        assert_eq!(weakest_as_good(&[&[1.0, 2.0, 1.0], &[1.1, 1.9, 1.1], &[1.0, 9.0, 1.0], &[3.0, 4.0, 3.0]]), 2);
+        let squares: [&[f64]; 4] = [&[1.0, 2.0, 1.0], &[1.1, 1.9, 1.1], &[1.0, 9.0, 1.0], &[3.0, 4.0, 3.0]];
+        assert_eq!((weakest_as_good(&squares, 0.0), weakest_as_good(&squares, 6.0)), (2, 3));
     }
 }

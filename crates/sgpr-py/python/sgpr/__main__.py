@@ -1,5 +1,5 @@
 """`python -m sgpr`."""
 
-from sgpr_command import main
+from .cli import main
 
 main()
