@@ -15,7 +15,7 @@
 
 use faer::Mat;
 
-use super::estimate::Groups;
+use super::groups::Groups;
 use super::hac::{MOST_LOST, NoiseMemory, student};
 use super::least_squares::Directions;
 use super::{Equations, Estimate, IdentificationError, JointFactor};

@@ -17,7 +17,7 @@
 
 use faer::Mat;
 
-use super::consistency::{Carrier, bounded_least_squares};
+use super::consistency::{Carrier, KnownPayload, bounded_least_squares};
 use super::extended_factor::{ExtendedFactor, own_noise};
 use super::payload::Held;
 use super::{
@@ -26,9 +26,6 @@ use super::{
 };
 use crate::robot::Robot;
 use crate::spatial::PARAMETERS_PER_LINK;
-
-/// What is known of the payload, in the frame of the link that holds it; `None` is estimated along.
-pub type KnownPayload = [Option<f64>; PARAMETERS_PER_LINK];
 
 /// How gains are estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,7 +1,8 @@
 //! One door to all estimators.
 
 use super::autocorrelation::Memory;
-use super::{Equation, Equations, Estimate, IdentificationError, JointFactor, LeastSquares, Method};
+use super::groups::memories;
+use super::{Equations, Estimate, IdentificationError, JointFactor, LeastSquares, Method};
 use super::{instrumental_variables, output_error, recursive, ridge, robust, total_least_squares};
 
 /// Estimates the base parameters by any method.
@@ -61,38 +62,4 @@ pub fn residual_correlation(
 ) -> Result<Vec<f64>, IdentificationError> {
     let memories = memories(equations, factors, base)?;
     Ok(memories.into_iter().map(Memory::rows_per_independent_row).collect())
-}
-
-/// Per factor: the residuals that `base` leaves, in the order of time.
-pub(super) fn memories(
-    equations: &mut Equations<'_>,
-    factors: &[JointFactor],
-    base: &[f64],
-) -> Result<Vec<Memory>, IdentificationError> {
-    let group = Groups::of(factors);
-    let mut memories = vec![Memory::default(); factors.len()];
-    let steps: Vec<usize> = equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
-    equations.for_each(|equation| {
-        let time = equation.sample / steps[equation.trajectory];
-        memories[group.index(&equation)].push(equation.trajectory, time, equation.residual(base));
-    })?;
-    Ok(memories)
-}
-
-/// Which factor an equation belongs to.
-pub(super) struct Groups(Vec<[usize; 2]>);
-
-impl Groups {
-    pub fn of(factors: &[JointFactor]) -> Self {
-        let joints = factors.iter().map(|factor| factor.joint + 1).max().unwrap_or(0);
-        let mut index = vec![[usize::MAX; 2]; joints];
-        for (position, factor) in factors.iter().enumerate() {
-            index[factor.joint][usize::from(factor.resting)] = position;
-        }
-        Self(index)
-    }
-
-    pub fn index(&self, equation: &Equation<'_>) -> usize {
-        self.0[equation.joint][usize::from(equation.resting)]
-    }
 }

@@ -19,7 +19,7 @@ use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 use faer::Mat;
 
 use super::autocorrelation::Memory;
-use super::estimate::{Groups, memories};
+use super::groups::{Groups, memories};
 use super::least_squares::Directions;
 use super::{Equation, Equations, Estimate, IdentificationError, JointFactor};
 use crate::random::Random;

@@ -9,7 +9,7 @@
 
 use faer::Mat;
 
-use super::estimate::Groups;
+use super::groups::Groups;
 use super::hac::{RowsOf, score_covariance};
 use super::least_squares::Directions;
 use super::{Equations, Estimate, IdentificationError, JointFactor, Trajectory, output_error};

@@ -17,6 +17,7 @@ mod extended_factor;
 mod forecast;
 mod formulas;
 mod gautier_khalil;
+mod groups;
 mod hac;
 mod instrumental_variables;
 mod judgement;
@@ -25,6 +26,7 @@ mod left_out;
 mod null_space;
 mod observation;
 mod output_error;
+mod parameter_scales;
 mod payload;
 mod posterior;
 mod prior;
@@ -39,10 +41,10 @@ pub use base_parameters::{BaseParameters, ParameterClass};
 pub use block_bootstrap::{Bootstrap, block_bootstrap};
 pub use closed_loop::{ClosedLoop, SimulatedMotion};
 pub use consistency::{
-    Consistency, ConsistentParameters, Costs, DEVIATIONS, Distance, KeptOut, LinkBounds, LinkCertificate,
+    Consistency, ConsistentParameters, Costs, DEVIATIONS, Distance, KeptOut, KnownPayload, LinkBounds, LinkCertificate,
     ParameterBounds, PhysicalBounds, Price, Prior, Region, Stage, weakest_good_deviation,
 };
-pub use drive_gains::{DriveGains, GainEstimator, GainOptions, KnownPayload, identify_drive_gains};
+pub use drive_gains::{DriveGains, GainEstimator, GainOptions, identify_drive_gains};
 pub use error::IdentificationError;
 pub use essential::{Dropped, Essential, essential_parameters};
 pub use estimate::{estimate, residual_correlation};

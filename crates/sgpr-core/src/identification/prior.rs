@@ -14,8 +14,8 @@
 
 use faer::Mat;
 
-use super::consistency::parameter_scales;
 use super::least_squares::{residual_norm, torque_sizes};
+use super::parameter_scales::parameter_scales;
 use super::{BaseParameters, JointFactor, ParameterSet};
 use crate::effects::{JointState, Role};
 use crate::linalg::{cholesky, triangle};

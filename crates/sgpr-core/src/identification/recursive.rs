@@ -2,7 +2,7 @@
 
 use faer::Mat;
 
-use super::estimate::Groups;
+use super::groups::Groups;
 use super::least_squares::Solution;
 use super::{Equations, Estimate, IdentificationError, JointFactor};
 

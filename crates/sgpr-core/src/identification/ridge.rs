@@ -4,8 +4,8 @@
 
 use faer::Mat;
 
-use super::consistency::parameter_scales;
 use super::least_squares::{Solution, torque_sizes};
+use super::parameter_scales::parameter_scales;
 use super::{Equations, Estimate, IdentificationError, JointFactor};
 use crate::linalg::{cholesky, triangle};
 

@@ -8,7 +8,7 @@
 use faer::Mat;
 
 use super::autocorrelation::Memory;
-use super::estimate::Groups;
+use super::groups::Groups;
 use super::least_squares::{Solution, floored, least_noise, stack, weighted_gram};
 use super::{Equation, Equations, Estimate, IdentificationError, JointFactor};
 use crate::linalg::TriangularFactor;

@@ -1,8 +1,7 @@
 //! Model against measurement, on logs that no fit has seen.
 
-use super::TorqueModel;
-use super::experiment::{select_joints, torque_of};
-use super::identify::{IdentifyError, motions};
+use super::experiment::{motions, select_joints, torque_of};
+use super::{IdentifyError, TorqueModel};
 use crate::dynamics::{Workspace, gravity_torque};
 use crate::identification::Row;
 use crate::motion::{Motion, MotionError, Processing};

@@ -2,11 +2,10 @@
 
 use std::borrow::Cow;
 
-use super::identify::{IdentifyError, motions};
-use super::variable_projection::Columns;
-use crate::identification::{ClosedLoop, Row, Trajectory};
+use super::IdentifyError;
+use crate::identification::{ClosedLoop, Row, Trajectory, TrajectoryColumn};
 use crate::motion::{Motion, MotionError, Processing};
-use crate::recording::{Recording, RecordingError};
+use crate::recording::{Recording, RecordingError, SMALLEST_TORQUE, is_still};
 use crate::robot::Robot;
 use crate::signal::LowPass;
 
@@ -15,6 +14,15 @@ pub(super) struct Experiment {
     pub motions: Vec<Motion>,
     filters: Vec<Option<LowPass>>,
     decimation: usize,
+}
+
+/// Torques and columns of all motions, with the constants of a model as they are.
+pub(super) struct Columns {
+    /// Per motion: measured torque less what transforms make, `[samples, n]`.
+    pub tau: Vec<Vec<f64>>,
+    /// Per motion and parameter, as [`Trajectory::columns`].
+    pub values: Vec<Vec<Vec<f64>>>,
+    pub parameters: Vec<TrajectoryColumn>,
 }
 
 impl Experiment {
@@ -90,6 +98,15 @@ impl Experiment {
     }
 }
 
+/// Every stretch of every recording.
+pub(crate) fn motions(recordings: &[Recording], processing: &Processing) -> Result<Vec<Motion>, MotionError> {
+    let mut motions = Vec::new();
+    for recording in recordings {
+        motions.extend(Motion::from_recording(recording, processing)?);
+    }
+    Ok(motions)
+}
+
 pub(crate) fn torque_of(motion: &Motion) -> Result<&[f64], MotionError> {
     motion.tau.as_deref().ok_or_else(|| MotionError::NoTorque { recording: motion.source.clone() })
 }
@@ -104,4 +121,16 @@ pub(crate) fn select_joints<'a>(
     }
     let names: Vec<String> = robot.joint_names().map(String::from).collect();
     recordings.iter().map(|recording| recording.of_robot(&names)).collect::<Result<_, _>>().map(Cow::Owned)
+}
+
+/// Zeros in the place of a torque would be believed more than any measurement, as they have no noise.
+pub(super) fn require_torque(robot: &Robot, recordings: &[Recording]) -> Result<(), IdentifyError> {
+    let is_zero = |log: &Recording, joint| {
+        log.torque()
+            .is_some_and(|tau| tau.iter().skip(joint).step_by(robot.dof()).all(|tau| tau.abs() < SMALLEST_TORQUE))
+    };
+    let unmeasured = (0..robot.dof()).find(|&joint| {
+        recordings.iter().any(|log| !is_still(log, joint)) && recordings.iter().all(|log| is_zero(log, joint))
+    });
+    unmeasured.map_or(Ok(()), |joint| Err(IdentifyError::NoTorque { joint: robot.joints()[joint].name.clone() }))
 }

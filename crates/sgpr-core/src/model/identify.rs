@@ -2,23 +2,23 @@
 
 use faer::Mat;
 
-use super::experiment::{Experiment, select_joints, torque_of};
+use super::correlation::correlation;
+use super::experiment::{Columns, Experiment, require_torque, select_joints, torque_of};
 use super::limits::beyond_limits;
 use super::torque_model::{Certificate, Fit, nominal_parameters};
-use super::variable_projection::{self, Columns, TermFit};
-use super::{Term, TorqueModel, held};
-use crate::effects::UnknownEffect;
+use super::variable_projection::{self, TermFit};
+use super::{IdentifyError, Term, TorqueModel, held};
 use crate::identification::{
     BaseParameters, ClosedLoop, Consistency, Costs, Dispersion, Equations, Essential, Estimate, Finding, Forecast,
-    Held, IdentificationError, JointFactor, KeptOut, LeastSquares, Memory, Method, Observation, ParameterPrior,
-    ParameterSet, PriorWidth, Row, Trajectory, block_bootstrap, essential_parameters, estimate, hac_covariance,
-    residual_norm, screen_delays, screen_factors, screen_rows, screen_scale, torque_sizes, weakest_good_deviation,
+    Held, IdentificationError, JointFactor, KeptOut, LeastSquares, Method, Observation, ParameterPrior, ParameterSet,
+    PriorWidth, Row, Trajectory, block_bootstrap, essential_parameters, estimate, hac_covariance, residual_norm,
+    screen_delays, screen_factors, screen_rows, screen_scale, torque_sizes, weakest_good_deviation,
 };
-use crate::motion::{Conditioning, Motion, MotionError, Processing};
-use crate::progress::{Interrupted, Progress};
-use crate::recording::{LogSet, Recording, RecordingError, SMALLEST_TORQUE, is_still};
+use crate::motion::{Conditioning, Motion, Processing};
+use crate::progress::Progress;
+use crate::recording::{LogSet, Recording};
 use crate::robot::Robot;
-use crate::signal::{CutoffChoice, SignalError};
+use crate::signal::CutoffChoice;
 
 /// What to identify, and how.
 #[derive(Clone, Debug)]
@@ -104,104 +104,6 @@ pub enum Start {
     /// Zero: the torque of the log is what an internal model leaves over, its feedback torque, and the result is the
     /// error of the internal model (thesis eqs. 4-18 to 4-20), to be added with [`TorqueModel::plus`].
     Zero,
-}
-
-/// Why a model could not be identified.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum IdentifyError {
-    /// A log does not have the robot's joints, or cannot be read.
-    #[error(transparent)]
-    Recording(#[from] RecordingError),
-    /// A log cannot be turned into motion.
-    #[error(transparent)]
-    Motion(#[from] MotionError),
-    /// A joint that moves without any torque.
-    #[error(
-        "the torque of `{joint}` is zero in every sample although the joint moves, so it was not measured: give the \
-         column that holds it, or leave the joint out (`joints`)"
-    )]
-    NoTorque {
-        /// Joint.
-        joint: String,
-    },
-    /// The parameters cannot be estimated.
-    #[error(transparent)]
-    Identification(#[from] IdentificationError),
-    /// An effect that the library does not have.
-    #[error(transparent)]
-    Effect(#[from] UnknownEffect),
-    /// Logs that cannot show an effect.
-    #[error("the logs cannot show `{effect}`: {reason}")]
-    NotTestable {
-        /// Effect.
-        effect: String,
-        /// Why.
-        reason: String,
-    },
-    /// An effect at a joint that cannot have it.
-    #[error("`{effect}` cannot be at `{joint}`: {}", if known.is_empty() { "it is of the whole arm, or of joints that this robot lacks".into() } else { format!("it can be at {}", known.join(", ")) })]
-    NoSite {
-        /// Effect.
-        effect: String,
-        /// Joint that was asked for.
-        joint: String,
-        /// Joints that can have it.
-        known: Vec<String>,
-    },
-    /// Simulations know effects of the present motion only.
-    #[error(
-        "simulated motions, of output error and of instruments from a controller, do not know effects that follow the \
-         whole trajectory: {}",
-        effects.join(", ")
-    )]
-    NotSimulated {
-        /// Effects.
-        effects: Vec<String>,
-    },
-    /// A filter that cannot be.
-    #[error(transparent)]
-    Signal(#[from] SignalError),
-    /// The model cannot be streamed.
-    #[error(transparent)]
-    Stream(#[from] super::StreamError),
-    /// Parameters set to zero make no body.
-    #[error("parameters that are left out make no body: choose between consistent and essential parameters")]
-    ConsistentAndEssential,
-    /// Instruments of other motions.
-    #[error(
-        "the instruments hold {found} stretches of {samples:?} samples, the recordings {expected} of {wanted:?}: they are \
-         the same motion at the same times; bring both to one rate and one span (resample, trim)"
-    )]
-    Instruments {
-        /// Stretches in the instruments.
-        found: usize,
-        /// Their samples.
-        samples: Vec<usize>,
-        /// Stretches in the recordings.
-        expected: usize,
-        /// Their samples.
-        wanted: Vec<usize>,
-    },
-    /// Output error without its controller.
-    #[error("output error simulates the arm under its controller: give the gains, and the references as instruments")]
-    NoController,
-    /// Gains of other joints.
-    #[error("{found} gains for {joints} joints")]
-    Gains {
-        /// Gains given.
-        found: usize,
-        /// Joints of the robot.
-        joints: usize,
-    },
-    /// The difference of two arms need not be an arm.
-    #[error(
-        "the error of an internal model is the difference of two arms and no arm itself: identify it without consistency"
-    )]
-    ConsistentError,
-    /// The listener stopped the work.
-    #[error(transparent)]
-    Interrupted(#[from] Interrupted),
 }
 
 /// How the identification went, beside the model.
@@ -547,18 +449,6 @@ fn set_uncertainty(
     Ok(())
 }
 
-/// Zeros in the place of a torque would be believed more than any measurement, as they have no noise.
-pub(super) fn require_torque(robot: &Robot, recordings: &[Recording]) -> Result<(), IdentifyError> {
-    let is_zero = |log: &Recording, joint| {
-        log.torque()
-            .is_some_and(|tau| tau.iter().skip(joint).step_by(robot.dof()).all(|tau| tau.abs() < SMALLEST_TORQUE))
-    };
-    let unmeasured = (0..robot.dof()).find(|&joint| {
-        recordings.iter().any(|log| !is_still(log, joint)) && recordings.iter().all(|log| is_zero(log, joint))
-    });
-    unmeasured.map_or(Ok(()), |joint| Err(IdentifyError::NoTorque { joint: robot.joints()[joint].name.clone() }))
-}
-
 /// Motions of the instruments, sample by sample those of the recordings.
 fn instruments(
     robot: &Robot,
@@ -841,42 +731,6 @@ fn describe(
         )
     });
     format!("{what} by {method} from {rows} rows with {effects}; position filtered at {hz:.2} Hz, {band}{prior}")
-}
-
-/// Every stretch of every recording.
-pub(crate) fn motions(recordings: &[Recording], processing: &Processing) -> Result<Vec<Motion>, MotionError> {
-    let mut motions = Vec::new();
-    for recording in recordings {
-        motions.extend(Motion::from_recording(recording, processing)?);
-    }
-    Ok(motions)
-}
-
-/// Per factor: how many rows carry as much as one independent row, from the autocorrelation of the residual up to where
-/// it drowns in its own noise.
-pub(super) fn correlation(
-    model: &TorqueModel,
-    motions: &[Motion],
-    processing: &Processing,
-    factors: &[JointFactor],
-) -> Result<Vec<f64>, IdentifyError> {
-    let n = model.robot.dof();
-    let mut memories = vec![Memory::default(); factors.len()];
-    for (index, motion) in motions.iter().enumerate() {
-        let mut residual = torque_of(motion)?.to_vec();
-        residual.iter_mut().zip(model.predict_motion(motion)).for_each(|(tau, predicted)| *tau -= predicted);
-        if let Some(filter) = processing.band_filter(motion.rate_hz)? {
-            filter.apply(&mut residual, n)?;
-        }
-        for (memory, factor) in memories.iter_mut().zip(factors) {
-            let wanted = if factor.resting { Row::Resting } else { Row::Moving };
-            let rows = (factor.joint..residual.len()).step_by(n * processing.decimation).enumerate();
-            for (time, row) in rows.filter(|(_, row)| motion.use_as[*row] == wanted) {
-                memory.push(index, time, residual[row]);
-            }
-        }
-    }
-    Ok(memories.into_iter().map(Memory::rows_per_independent_row).collect())
 }
 
 fn warn(report: &mut IdentificationReport, model: &TorqueModel) {

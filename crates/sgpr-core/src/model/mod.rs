@@ -1,6 +1,8 @@
 //! The torque model of an arm: identified from logs, compared with others, kept in a file, used in a controller.
 
 mod compare;
+mod correlation;
+mod error;
 mod experiment;
 mod file;
 mod forecast;
@@ -11,21 +13,23 @@ mod payload;
 mod prediction_band;
 mod record;
 mod semi_parametric;
-mod stream;
+mod streaming;
 mod terms;
 mod torque_model;
 mod torque_scale;
+mod trajectory;
 mod variable_projection;
 
-pub(crate) use experiment::{select_joints, torque_of};
-pub(crate) use identify::{Given, identify_again, motions};
+pub(crate) use experiment::{motions, select_joints, torque_of};
+pub(crate) use identify::{Given, identify_again};
 
 pub use crate::identification::Forecast;
 pub use compare::{Comparison, InBand, JointComparison, LogResidual, compare};
+pub use error::IdentifyError;
 pub use file::ModelFileError;
 pub use identify::{
-    Controller, CutoffInfluence, IdentificationReport, IdentifyError, IdentifyOptions, Start, Uncertainty,
-    cutoff_influence, identify, screen,
+    Controller, CutoffInfluence, IdentificationReport, IdentifyOptions, Start, Uncertainty, cutoff_influence, identify,
+    screen,
 };
 pub use payload::{identify_drive_gains, identify_payload};
 pub use record::{
@@ -37,15 +41,15 @@ pub use semi_parametric::{
     Candidate, Coverage, FollowingIntervals, Inputs, JointReport, Mean, SemiParametricError, SemiParametricModel,
     SemiParametricOptions, TorquePrediction, fit_rest, fit_semi_parametric,
 };
-pub(crate) use sgpr_predict::internal::times_of;
+pub(crate) use sgpr_predict::internal::{Sampler, StreamStart, TermSteps, times_of};
 pub use sgpr_predict::model::{StreamedModel, Term};
-pub use stream::{
-    Predictor, Purpose, RestOptions, SavedStates, StreamError, StreamOptions, StreamedMotion, UnknownPurpose,
-    compare_streaming,
+pub use sgpr_predict::stream::{
+    Predictor, Purpose, RestOptions, SavedStates, StreamError, StreamOptions, UnknownPurpose,
 };
-pub(crate) use stream::{Sampler, StreamStart, TermSteps};
-pub use terms::Trajectory;
-pub(crate) use terms::{Rigid, common_clock, seconds_since};
+pub use streaming::{StreamedMotion, compare_streaming};
+pub(crate) use terms::{common_clock, seconds_since};
 pub(crate) use torque_model::nominal_parameters;
 pub use torque_model::{BaseParameter, Certificate, Fit, Provenance, TorqueModel};
 pub use torque_scale::torque_scale;
+pub(crate) use trajectory::Rigid;
+pub use trajectory::Trajectory;

@@ -1,8 +1,8 @@
 //! Payloads and drive gains from recordings with and without a load.
 
-use super::experiment::{Experiment, select_joints};
-use super::identify::{IdentifyError, IdentifyOptions, require_torque};
+use super::experiment::{Experiment, require_torque, select_joints};
 use super::torque_model::nominal_parameters;
+use super::{IdentifyError, IdentifyOptions};
 use crate::identification::{
     self as estimation, BaseParameters, DriveGains, Equations, GainOptions, JointFactor, ParameterSet, Payload,
     PayloadOptions, residual_correlation,

@@ -14,10 +14,10 @@ use std::sync::Arc;
 use faer::Mat;
 use sgpr_predict::internal::{JointRanges, points_of};
 
-use super::experiment::{Experiment, torque_of};
-use super::identify::{IdentifyError, correlation};
-use super::terms::{Rigid, common_clock, seconds_since};
-use super::{Term, TorqueModel, Trajectory};
+use super::correlation::correlation;
+use super::experiment::{Columns, Experiment, torque_of};
+use super::terms::{common_clock, seconds_since};
+use super::{IdentifyError, Rigid, Term, TorqueModel, Trajectory};
 use crate::effects::{self, Constant, Effect, Entry, Reach, Scale};
 use crate::identification::{
     BaseParameters, JointFactor, LeastSquares, Method, Observation, ParameterSet, TrajectoryColumn, stack,
@@ -73,15 +73,6 @@ pub(super) struct TermFit<'a> {
     times: Vec<Vec<f64>>,
     /// Per joint.
     ranges: Vec<JointRanges>,
-}
-
-/// Torques and columns of all motions, with the constants of a model as they are.
-pub(super) struct Columns {
-    /// Per motion: measured torque less what transforms make, `[samples, n]`.
-    pub tau: Vec<Vec<f64>>,
-    /// Per motion and parameter, as [`crate::identification::Trajectory::columns`].
-    pub values: Vec<Vec<Vec<f64>>>,
-    pub parameters: Vec<TrajectoryColumn>,
 }
 
 /// A constant that steps are taken in, on a scale of its own.

@@ -27,12 +27,12 @@ use std::sync::Arc;
 use tempfile::NamedTempFile;
 
 pub use error::RecordingError;
-pub use inspect::{Issue, IssueKind, Severity, inspect, refusals};
+pub use inspect::{GAP_FACTOR, Issue, IssueKind, Severity, inspect, refusals};
 pub(crate) use inspect::{MOST_JITTER, is_still, jitter};
 pub use layout::{ColumnLayout, JointLayout, Layout};
 pub use log_set::{LogSet, shared_samples};
+pub use part::split_at_gaps;
 pub(crate) use part::stretches;
-pub use part::{GAP_FACTOR, split_at_gaps};
 pub(crate) use plausible::{Implausible, PERIODS, SMALLEST_TORQUE};
 pub use repair::{Repair, Resample, repair};
 pub use repetition::repeated_share;

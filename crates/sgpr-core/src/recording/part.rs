@@ -7,9 +7,6 @@ use std::sync::Arc;
 
 use super::{Channel, IssueKind, Recording, RecordingError, require_joint_list, seconds};
 
-/// A step of the time longer than this many median steps is a gap.
-pub const GAP_FACTOR: f64 = 5.0;
-
 impl Recording {
     /// The joints `names`, in this order.
     ///
@@ -146,7 +143,7 @@ impl Recording {
 }
 
 /// The stretches of a recording between its gaps: steps of the time longer than `factor` median steps (see
-/// [`GAP_FACTOR`]). Nothing may be filtered or differentiated across their borders.
+/// [`GAP_FACTOR`](super::GAP_FACTOR)). Nothing may be filtered or differentiated across their borders.
 ///
 /// # Panics
 /// If `factor` is not greater than 1.
@@ -256,7 +253,7 @@ mod tests {
 
     #[test]
     fn gaps_split() {
-        let parts = split_at_gaps(&recording(), GAP_FACTOR);
+        let parts = split_at_gaps(&recording(), crate::recording::GAP_FACTOR);
         assert_eq!(parts.iter().map(Recording::len).collect::<Vec<_>>(), [3, 2]);
         assert_eq!(parts[1].position(), [6.0, 7.0, 8.0, 9.0]);
         assert_eq!(parts[1].channels()[0].values, [8.0, 9.0]);

@@ -4,10 +4,14 @@ use faer::Mat;
 
 use super::bounds::{self, BadBound};
 use super::program::{Affine, Outcome, Program, Status};
-use super::{Consistency, LINK_SIZE, LinkSize, Prior, explain, parameter_scales, require_body};
-use crate::identification::{BaseParameters, IdentificationError, KnownPayload, ParameterSet};
+use super::{Consistency, Prior, explain, require_body};
+use crate::identification::parameter_scales::{LINK_SIZE, LinkSize, nominal_links, parameter_scales};
+use crate::identification::{BaseParameters, IdentificationError, ParameterSet};
 use crate::robot::Robot;
 use crate::spatial::PARAMETERS_PER_LINK;
+
+/// What is known of the payload, in the frame of the link that holds it; `None` is estimated along.
+pub type KnownPayload = [Option<f64>; PARAMETERS_PER_LINK];
 
 /// The arm that carries a payload, and what is known of it.
 pub(in crate::identification) struct Carrier<'a> {
@@ -58,7 +62,7 @@ impl Carrier<'_> {
     ) -> Result<Vec<f64>, IdentificationError> {
         let Self { robot, set, base, nominal, torque, .. } = *self;
         let (rank, dof, width) = (base.rank(), robot.dof(), set.len());
-        let sizes: Vec<LinkSize> = super::nominal_links(nominal, set).map(LinkSize::of).collect();
+        let sizes: Vec<LinkSize> = nominal_links(nominal, set).map(LinkSize::of).collect();
         let scale = parameter_scales(set, nominal, torque);
         let load = LinkSize { mass: known[0].filter(|mass| *mass > 0.0).unwrap_or(1.0), length: LINK_SIZE }.scales();
         let limits = bounds::collect(&self.consistency.bounds, robot, set, &scale)

@@ -7,7 +7,8 @@ use faer::Mat;
 use serde::{Deserialize, Serialize};
 
 use super::program::Status;
-use super::{ACTIVE, Consistency, Distance, Limit, MARGIN, Prior, Task, added_residual, nominal_links};
+use super::{ACTIVE, Consistency, Distance, Limit, MARGIN, Prior, Task, added_residual};
+use crate::identification::parameter_scales::nominal_links;
 use crate::identification::{BaseParameters, IdentificationError, ParameterSet};
 use crate::robot::Robot;
 

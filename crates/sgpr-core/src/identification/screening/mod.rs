@@ -12,8 +12,8 @@ use faer::Mat;
 pub use delays::screen_delays;
 
 use super::base_parameters::significant;
-use super::estimate::Groups;
 use super::extended_factor::{ExtendedFactor, own_noise};
+use super::groups::Groups;
 use super::least_squares::{Directions, Solution, stack, torque_norm};
 use super::robust::MEDIAN_OF_NORMAL;
 use super::{BaseParameters, Equations, Estimate, IdentificationError, JointFactor, ParameterSet};

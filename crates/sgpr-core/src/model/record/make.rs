@@ -3,10 +3,9 @@
 use std::collections::BTreeMap;
 
 use super::super::IdentifyError;
-use super::super::experiment::{Experiment, select_joints};
-use super::super::identify::require_torque;
+use super::super::experiment::{Columns, Experiment, require_torque, select_joints};
 use super::super::torque_model::nominal_parameters;
-use super::super::variable_projection::{self, Columns};
+use super::super::variable_projection;
 use super::{Record, RecordBlock, RecordError, RecordMemory, sum};
 use crate::identification::{
     BaseParameters, Equations, JointFactor, LagProducts, LeastSquares, Method, ParameterSet, Row, screen_factors,

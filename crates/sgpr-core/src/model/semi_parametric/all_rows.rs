@@ -3,7 +3,7 @@
 use faer::Mat;
 
 use super::process::{Process, Sparse, Terms};
-use super::rest::{LeftOut, Rows, SHORTEST_MEMORY, longest_memory};
+use super::rows::{LeftOut, Rows, SHORTEST_MEMORY, longest_memory};
 use crate::gp::{Compute, Covariance, Data, Evidence, FadingNoise, GaussianProcess, GpError, Kernel, Shape};
 
 /// A process that has seen all rows.

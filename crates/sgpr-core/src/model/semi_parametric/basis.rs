@@ -4,12 +4,13 @@
 use faer::Mat;
 use sgpr_predict::internal::base_value;
 
+use super::super::IdentifyError;
 use super::super::compare::LogResidual;
-use super::super::identify::IdentifyError;
 use super::super::{Rigid, Trajectory};
 use super::TorqueModel;
 use super::process::{Process, Terms};
-use super::rest::{Rest, Rows};
+use super::rest::Rest;
+use super::rows::Rows;
 use crate::dynamics::{BatchWorkspace, Samples, regressor_batch};
 use crate::effects::{JointState, Reach};
 use crate::gp::{GpPredictor, Precision};

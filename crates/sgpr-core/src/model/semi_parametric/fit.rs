@@ -4,14 +4,15 @@ use std::time::Duration;
 
 use faer::Mat;
 
+use super::super::IdentifyError;
 use super::super::compare::LogResidual;
-use super::super::experiment::select_joints;
-use super::super::identify::{IdentifyError, motions};
+use super::super::experiment::{motions, select_joints};
 use super::super::torque_model::TorqueModel;
 use super::basis::{self, Basis};
 use super::left_out::left_out;
 use super::process::{Process, Terms};
-use super::rest::{Alone, GAIN, JointReport, LeftOut, Rest, Rows, Unseen, calibration};
+use super::rest::{Alone, GAIN, JointReport, Rest, calibration};
+use super::rows::{LeftOut, Rows, Unseen};
 use super::shared::{SELECTIONS, fit_shared};
 use super::{Inputs, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions, identify};
 use crate::gp::{Compute, GaussianProcess, GpError};

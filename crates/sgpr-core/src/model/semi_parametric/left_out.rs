@@ -5,10 +5,10 @@ use std::borrow::Cow;
 use faer::Mat;
 use faer::linalg::solvers::Solve;
 
+use super::super::IdentifyError;
 use super::super::compare::LogResidual;
-use super::super::identify::IdentifyError;
 use super::basis::{self, Basis};
-use super::rest::{LeftOut, Rows, Unseen};
+use super::rows::{LeftOut, Rows, Unseen};
 use super::{Mean, TorqueModel};
 use crate::identification::half_run;
 use crate::motion::Processing;

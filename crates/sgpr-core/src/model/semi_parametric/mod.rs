@@ -10,6 +10,7 @@ mod left_out;
 mod predictor;
 mod process;
 mod rest;
+mod rows;
 mod shared;
 
 use std::cell::RefCell;
@@ -23,8 +24,7 @@ use basis::Basis;
 use rest::Rest;
 
 use super::compare::{Comparison, compare_by};
-use super::identify::{IdentifyError, IdentifyOptions};
-use super::{TorqueModel, Trajectory, identify};
+use super::{IdentifyError, IdentifyOptions, TorqueModel, Trajectory, identify};
 use crate::dynamics::Samples;
 use crate::gp::{Compute, GpError, Shape};
 use crate::identification::HALF_INTERVAL_95;

@@ -2,7 +2,8 @@
 
 use std::cell::OnceCell;
 
-use super::rest::{Alone, FEWEST, Found, Learned, Rest, Rows, Unseen, inducing_points, longest_memory, process};
+use super::rest::{Alone, FEWEST, Found, Learned, Rest, inducing_points, process};
+use super::rows::{Rows, Unseen, longest_memory};
 use super::{Inputs, SemiParametricOptions};
 use crate::gp::{Compute, Data, GaussianProcess, GpError, Kernel};
 use crate::progress::Progress;

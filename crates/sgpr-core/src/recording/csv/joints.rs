@@ -2,11 +2,23 @@
 
 use std::cell::Cell;
 
-use super::header::{self, Label, Meaning, Quantity, StatedUnit};
-use super::mapping::Source;
+use super::header;
+use super::quantity::{Label, Meaning, Quantity, StatedUnit};
 use super::{Columns, ReadOptions};
 use crate::recording::part::{ending_number, numbered, places_of_numbers};
 use crate::recording::{IssueKind, RecordingError};
+
+/// A column and what one of its units is in SI.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Source {
+    pub(super) index: usize,
+    /// The unit that somebody stated.
+    pub(super) unit: Option<StatedUnit>,
+    /// What a number of the column is multiplied by.
+    pub(super) factor: f64,
+    /// N·m per A, in the factor already.
+    pub(super) constant: Option<f64>,
+}
 
 /// The columns of a log and the joints they are for.
 pub(super) struct JointColumns<'a> {

@@ -1,7 +1,8 @@
 //! Which column is the time, and which belong to which joint.
 
-use super::header::{self, Label, Quantity, StatedUnit};
-use super::joints::{Found, JointColumns, expand};
+use super::header;
+use super::joints::{Found, JointColumns, Source, expand};
+use super::quantity::{Label, Quantity, StatedUnit};
 use super::{Columns, ReadOptions};
 use crate::recording::names::{quoted, suggestion};
 use crate::recording::part::ending_number;
@@ -18,18 +19,6 @@ pub(super) enum Clock {
     Stamp { seconds: usize, nanoseconds: usize },
     /// A column of dates with times, or of times of day: `midnights` passed up to the one before, ns of that one.
     Calendar { index: usize, midnights: i64, before: i64 },
-}
-
-/// A column and what one of its units is in SI.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Source {
-    pub(super) index: usize,
-    /// The unit that somebody stated.
-    pub(super) unit: Option<StatedUnit>,
-    /// What a number of the column is multiplied by.
-    pub(super) factor: f64,
-    /// N·m per A, in the factor already.
-    pub(super) constant: Option<f64>,
 }
 
 /// The columns of a log, understood.

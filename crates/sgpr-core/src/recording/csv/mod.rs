@@ -31,6 +31,7 @@ mod header;
 mod joints;
 mod lines;
 mod mapping;
+mod quantity;
 mod read;
 mod source;
 mod words;

@@ -2,10 +2,12 @@ use std::borrow::Cow;
 use std::io::BufRead;
 use std::path::Path;
 
-use super::header::{self, Quantity};
+use super::header;
+use super::joints::Source;
 use super::joints::expand;
 use super::lines::{Lines, decoded};
-use super::mapping::{Clock, Mapping, Source};
+use super::mapping::{Clock, Mapping};
+use super::quantity::Quantity;
 use super::{Columns, ReadOptions, Rows, source};
 use crate::recording::calendar::{Moment, moment};
 use crate::recording::decimal::nanoseconds;

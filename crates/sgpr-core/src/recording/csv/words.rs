@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::header::{Label, Meaning, Quantity, StatedUnit};
+use super::quantity::{Label, Meaning, Quantity, StatedUnit};
 
 /// Signs of degrees that are neither letters nor digits.
 const DEGREE_SIGNS: [char; 5] = ['°', '˚', '∘', '¡', '\u{fffd}'];

@@ -8,6 +8,7 @@ use std::str::FromStr;
 
 use super::{Recording, RecordingError};
 pub(crate) use motion::{is_turn, usual_change};
+pub use time::GAP_FACTOR;
 pub(crate) use time::{MOST_JITTER, jitter};
 pub(crate) use values::is_still;
 pub(super) use values::{is_finite_row, repeated_samples};

@@ -1,9 +1,11 @@
 //! Issues of the time stamps.
 
 use super::{Issue, IssueKind, Severity, counted, duration, percent, rounded};
+use crate::recording::Recording;
 use crate::recording::statistics::{median, quantile};
-use crate::recording::{GAP_FACTOR, Recording};
 
+/// A step of the time longer than this many median steps is a gap.
+pub const GAP_FACTOR: f64 = 5.0;
 /// Periods outside this range, s, are more likely a wrong unit than a log of an arm: no drive reports more often, and a
 /// motion that shows inertia is over in the time of the few samples that are left.
 const LIKELY_PERIOD: [f64; 2] = [1e-5, 0.5];

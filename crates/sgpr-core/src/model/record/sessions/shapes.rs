@@ -1,7 +1,7 @@
 //! A torque of any shape that sessions have in common.
 
+use super::super::super::experiment::Columns;
 use super::super::super::experiment::torque_of;
-use super::super::super::variable_projection::Columns;
 use super::Ready;
 use crate::dynamics::{Workspace, gravity_torque};
 use crate::identification::{Row, TrajectoryColumn};

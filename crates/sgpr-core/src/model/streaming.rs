@@ -1,10 +1,12 @@
 //! How well a streamed model predicts the torque of logs.
 
-use super::{Predictor, StreamOptions};
+use super::compare::compare_by;
+use super::{
+    Comparison, IdentifyError, Predictor, SemiParametricError, SemiParametricModel, StreamOptions, TorqueModel,
+    select_joints,
+};
 use crate::effects::Context;
 use crate::gp::PredictorOptions;
-use crate::model::compare::compare_by;
-use crate::model::{Comparison, IdentifyError, SemiParametricError, SemiParametricModel, TorqueModel, select_joints};
 use crate::motion::{Motion, Processing};
 use crate::recording::Recording;
 use crate::robot::Robot;
