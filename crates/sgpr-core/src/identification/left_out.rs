@@ -3,9 +3,9 @@
 use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
 use faer::{Mat, Par};
 
-use super::least_squares::{residual_norm, weighted_gram};
+use super::least_squares::{residual_norm, stack, weighted_gram};
 use super::prior::PULLS;
-use super::{JointFactor, Judgement, ParameterPrior};
+use super::{IdentificationError, JointFactor, Judgement, ParameterPrior};
 use crate::linalg::cholesky;
 
 /// Parts of the data, each of which is predicted from the others.
@@ -15,6 +15,16 @@ pub struct LeftOut<'a> {
     /// Noise level of the rows of each factor, N·m (N); infinite for those that are left out.
     levels: Vec<Vec<f64>>,
     normal: Vec<Normal>,
+    /// Number of base parameters.
+    rank: usize,
+}
+
+/// A part of the data, and the others.
+pub(super) struct Split<'a> {
+    /// Weighted triangle of the others.
+    pub others: Mat<f64>,
+    /// Factors of the part, each with its noise level.
+    pub part: Vec<(&'a JointFactor, f64)>,
 }
 
 impl<'a> LeftOut<'a> {
@@ -25,7 +35,24 @@ impl<'a> LeftOut<'a> {
         let levels: Vec<Vec<f64>> = parts.iter().map(|part| part.iter().map(&level).collect()).collect();
         let pairs = parts.iter().zip(&levels);
         let normal = pairs.map(|(part, levels)| Normal::of(part, levels, rank)).collect();
-        Self { parts, levels, normal }
+        Self { parts, levels, normal, rank }
+    }
+
+    /// Each part in turn, beside all others.
+    ///
+    /// # Errors
+    /// [`IdentificationError::NoData`] with fewer than two parts.
+    pub(super) fn splits(&self) -> Result<impl Iterator<Item = Split<'a>>, IdentificationError> {
+        if self.parts.len() < 2 {
+            return Err(IdentificationError::NoData);
+        }
+        Ok((0..self.parts.len()).map(|index| {
+            let others = || (0..self.parts.len()).filter(move |other| *other != index);
+            let factors: Vec<JointFactor> = others().flat_map(|other| self.parts[other].iter().cloned()).collect();
+            let noise: Vec<f64> = others().flat_map(|other| self.levels[other].iter().copied()).collect();
+            let part = self.parts[index].iter().zip(self.levels[index].iter().copied()).collect();
+            Split { others: stack(&factors, self.rank, &noise), part }
+        }))
     }
 
     /// Base parameters by data and prior of all parts but one, each part in turn; none where rounding makes the equations

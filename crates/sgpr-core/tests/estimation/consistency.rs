@@ -1,8 +1,8 @@
 //! Parameters of bodies: near the data, inside the limits, and a reason where there are none.
 
 use sgpr_core::identification::{
-    Consistency, ConsistentParameters, DEVIATIONS, Distance, IdentificationError, LinkBounds, Method, ParameterBounds,
-    PhysicalBounds, Prior, Region,
+    Consistency, ConsistentParameters, DEVIATIONS, Distance, IdentificationError, LeftOut, LinkBounds, Method,
+    ParameterBounds, PhysicalBounds, Prior, Region,
 };
 use sgpr_core::spatial::LinkInertia;
 
@@ -179,16 +179,9 @@ fn a_robot_file_that_is_right_helps_to_predict() {
             observation.factors()
         })
         .collect();
+    let parts = LeftOut::new(&folds, |_| 3.0, experiment.base.rank());
     let scores = of_distance(Distance::Euclidean)
-        .cross_validate(
-            &experiment.robot,
-            &experiment.set,
-            &experiment.base,
-            &folds,
-            |_| 3.0,
-            &experiment.truth,
-            &[20.0, 5.0],
-        )
+        .cross_validate(&experiment.robot, &experiment.set, &experiment.base, &parts, &experiment.truth, &[20.0, 5.0])
         .expect("an arm");
     assert_eq!(scores.iter().map(|(deviation, _)| *deviation).collect::<Vec<_>>(), DEVIATIONS);
     // Errors are in units of the noise, which was 3 N·m.

@@ -2,12 +2,12 @@
 //!
 //! Source: M. Stone, Cross-validatory choice and assessment of statistical predictions, J. R. Stat. Soc. B 36(2) (1974).
 
-use faer::Mat;
 use serde::{Deserialize, Serialize};
 
 use super::{Consistency, Prior};
-use crate::identification::least_squares::{Solution, residual_norm, stack};
-use crate::identification::{BaseParameters, IdentificationError, JointFactor, ParameterSet};
+use crate::identification::least_squares::{Solution, residual_norm};
+use crate::identification::left_out::Split;
+use crate::identification::{BaseParameters, IdentificationError, LeftOut, ParameterSet};
 use crate::robot::Robot;
 
 /// Relative deviations of the robot file from which the data choose.
@@ -37,34 +37,32 @@ pub fn weakest_good_deviation(scores: &[(f64, f64)]) -> Option<f64> {
 impl Consistency {
     /// The relative deviation of the prior with which each part of the data is predicted best from the others.
     ///
-    /// - `folds`: factors of parts of the data
-    /// - `noise`: noise level of the rows of a factor, N·m (N); infinite leaves them out
+    /// - `parts`: parts of the data, with the noise level of their rows
     /// - `nominal`, `torque`: as in [`Self::solve`]
     /// - returns per candidate of [`DEVIATIONS`] the root mean square error in units of the noise
     ///
     /// # Errors
     /// As [`Self::solve`]; [`IdentificationError::NoData`] with fewer than two parts.
-    #[expect(clippy::too_many_arguments, reason = "what a program of consistent parameters is made of")]
     pub fn cross_validate(
         &self,
         robot: &Robot,
         set: &ParameterSet,
         base: &BaseParameters,
-        folds: &[Vec<JointFactor>],
-        noise: impl Fn(&JointFactor) -> f64,
+        parts: &LeftOut<'_>,
         nominal: &[f64],
         torque: &[f64],
     ) -> Result<Vec<(f64, f64)>, IdentificationError> {
         let mut scores: Vec<(f64, f64)> = DEVIATIONS.iter().map(|deviation| (*deviation, 0.0)).collect();
         let mut rows = 0;
-        for (training, fold) in splits(folds, base.rank(), &noise)? {
-            rows += fold.iter().filter(|factor| noise(factor).is_finite()).map(|factor| factor.rows).sum::<usize>();
+        for Split { others, part } in parts.splits()? {
+            let used = part.iter().filter(|(_, noise)| noise.is_finite());
+            rows += used.map(|(factor, _)| factor.rows).sum::<usize>();
             for (deviation, squares) in &mut scores {
                 let prior = Prior { relative_deviation: *deviation, ..self.prior };
                 let candidate = Self { prior, bounds: self.bounds.clone() };
-                let found = candidate.solve(robot, set, base, &training, nominal, torque)?;
-                let error = |factor: &JointFactor| (residual_norm(factor, &found.base) / noise(factor)).powi(2);
-                *squares += fold.iter().map(error).sum::<f64>();
+                let found = candidate.solve(robot, set, base, &others, nominal, torque)?;
+                let errors = part.iter().map(|(factor, noise)| (residual_norm(factor, &found.base) / noise).powi(2));
+                *squares += errors.sum::<f64>();
             }
         }
         scores.iter_mut().for_each(|(_, squares)| *squares = (*squares / rows.max(1) as f64).sqrt());
@@ -77,48 +75,29 @@ impl Consistency {
     ///
     /// # Errors
     /// As [`Self::cross_validate`].
-    #[expect(clippy::too_many_arguments, reason = "what a program of consistent parameters is made of")]
     pub fn kept_out(
         &self,
         robot: &Robot,
         set: &ParameterSet,
         base: &BaseParameters,
-        folds: &[Vec<JointFactor>],
-        noise: impl Fn(&JointFactor) -> f64,
+        parts: &LeftOut<'_>,
         nominal: &[f64],
         torque: &[f64],
     ) -> Result<KeptOut, IdentificationError> {
         let rest = base.combine(nominal);
         let [mut unconstrained, mut consistent, mut whole] = [0.0; 3];
-        for (training, fold) in splits(folds, base.rank(), noise)? {
+        for Split { others, part } in parts.splits()? {
             let squares = |values: &[f64]| -> f64 {
-                let moving = fold.iter().filter(|factor| !factor.resting);
-                moving.map(|factor| residual_norm(factor, values).powi(2)).sum()
+                let moving = part.iter().filter(|(factor, _)| !factor.resting);
+                moving.map(|(factor, _)| residual_norm(factor, values).powi(2)).sum()
             };
-            unconstrained += squares(&Solution::new(&training, &rest).values);
-            consistent += squares(&self.solve(robot, set, base, &training, nominal, torque)?.base);
+            unconstrained += squares(&Solution::new(&others, &rest).values);
+            consistent += squares(&self.solve(robot, set, base, &others, nominal, torque)?.base);
             whole += squares(&vec![0.0; base.rank()]);
         }
         let percent = |squares: f64| 100.0 * (squares / whole.max(f64::MIN_POSITIVE)).sqrt();
         Ok(KeptOut { unconstrained_percent: percent(unconstrained), consistent_percent: percent(consistent) })
     }
-}
-
-/// Each part of the data, after the weighted triangle of all others.
-fn splits(
-    folds: &[Vec<JointFactor>],
-    rank: usize,
-    noise: impl Fn(&JointFactor) -> f64,
-) -> Result<impl Iterator<Item = (Mat<f64>, &[JointFactor])>, IdentificationError> {
-    if folds.len() < 2 {
-        return Err(IdentificationError::NoData);
-    }
-    Ok(folds.iter().enumerate().map(move |(index, fold)| {
-        let others = folds.iter().enumerate().filter(|(other, _)| *other != index);
-        let others: Vec<JointFactor> = others.flat_map(|(_, factors)| factors.iter().cloned()).collect();
-        let levels: Vec<f64> = others.iter().map(&noise).collect();
-        (stack(&others, rank, &levels), &fold[..])
-    }))
 }
 
 #[cfg(test)]

@@ -1,0 +1,73 @@
+//! Whether results hinge on the cut-off of the filter.
+
+use super::fit::fit;
+use super::{Given, IdentifyError, IdentifyOptions};
+use crate::model::TorqueModel;
+use crate::model::experiment::select_joints;
+use crate::motion::Processing;
+use crate::progress::Progress;
+use crate::recording::Recording;
+use crate::robot::Robot;
+
+/// What another cut-off would have made of the same logs.
+#[derive(Clone, Debug)]
+pub struct CutoffInfluence {
+    /// Cut-off, Hz.
+    pub cutoff_hz: f64,
+    /// Largest change of a base parameter, in its standard deviations.
+    pub largest_change: f64,
+    /// Root mean square change of the base parameters, in their standard deviations.
+    pub typical_change: f64,
+    /// The model that results.
+    pub model: TorqueModel,
+}
+
+/// Repeats the identification with cut-offs around the one that was used: results must not hinge on it.
+///
+/// # Errors
+/// As [`identify`](super::identify).
+pub fn cutoff_influence(
+    robot: &Robot,
+    recordings: &[Recording],
+    options: &IdentifyOptions,
+    model: &TorqueModel,
+    progress: &dyn Progress,
+) -> Result<Vec<CutoffInfluence>, IdentifyError> {
+    let recordings = select_joints(robot, recordings)?;
+    let (Some(processing), Some(reference)) = (&model.processing, &model.fit) else { return Ok(vec![]) };
+    // The pull that the data chose stays what it was.
+    let mut options = options.clone();
+    options.cross_validated_prior = false;
+    let chosen = reference.consistency.as_ref().and_then(|certificate| certificate.prior_deviation);
+    if let (Some(consistency), Some(deviation)) = (&mut options.consistency, chosen) {
+        consistency.prior.relative_deviation = deviation;
+    }
+    let options = &options;
+    let mut influences = Vec::new();
+    let factors = [0.5, std::f64::consts::FRAC_1_SQRT_2, std::f64::consts::SQRT_2, 2.0];
+    for (index, factor) in factors.into_iter().enumerate() {
+        progress.step("other cut-offs", index, factors.len())?;
+        let mut conditioning = options.conditioning.clone();
+        conditioning.cutoff_hz = Some(factor * processing.cutoff_hz);
+        let Ok((processing, _)) = Processing::choose(&recordings, &conditioning) else { continue };
+        let other = match fit(robot, &recordings, options, &processing, Given::default(), &()) {
+            Ok((model, _)) => model,
+            // Twice the cut-off can lie beyond what the sampling rate holds.
+            Err(IdentifyError::Signal(_) | IdentifyError::Motion(_)) => continue,
+            Err(error) => return Err(error),
+        };
+        let values = &other.fit.as_ref().expect("just fitted").values;
+        let changes = values.iter().zip(&reference.values).zip(&reference.standard_deviations);
+        let changes: Vec<f64> = changes
+            .filter(|(_, deviation)| deviation.is_finite() && **deviation > 0.0)
+            .map(|((new, old), deviation)| (new - old).abs() / deviation)
+            .collect();
+        influences.push(CutoffInfluence {
+            cutoff_hz: processing.cutoff_hz,
+            largest_change: changes.iter().fold(0.0, |largest, change| largest.max(*change)),
+            typical_change: (changes.iter().map(|c| c * c).sum::<f64>() / changes.len().max(1) as f64).sqrt(),
+            model: other,
+        });
+    }
+    Ok(influences)
+}

@@ -1,0 +1,467 @@
+//! From logs to a model, stage by stage: set up, observe, estimate, leave out or hold, and write down.
+
+use faer::Mat;
+
+use super::notes::{cost_note, cross_validation_note, dearest_joint, describe, dispersed, essential_note};
+use super::references::{instruments, loops};
+use super::{Given, IdentifyError, IdentifyOptions, Outcome, Start, Uncertainty};
+use crate::identification::{
+    BaseParameters, Consistency, ConsistentParameters, Costs, Dispersion, Equations, Essential, Estimate, Finding,
+    Forecast, Held, IdentificationError, JointFactor, KeptOut, LeastSquares, LeftOut, Method, Observation,
+    ParameterPrior, ParameterSet, PriorWidth, Row, Trajectory, block_bootstrap, essential_parameters, estimate,
+    hac_covariance, screen_factors, screen_scale, torque_sizes, weakest_good_deviation,
+};
+use crate::model::correlation::correlation;
+use crate::model::experiment::Experiment;
+use crate::model::torque_model::{Certificate, Fit, nominal_parameters};
+use crate::model::variable_projection::{self, Placed, TermFit};
+use crate::model::{Term, TorqueModel, held};
+use crate::motion::{Motion, Processing};
+use crate::progress::Progress;
+use crate::recording::Recording;
+use crate::robot::Robot;
+
+/// Times that joints are weighted anew by the residual of the consistent parameters.
+const REWEIGHTINGS: usize = 3;
+
+/// Squares of consistency's cost per parameter that noise explains.
+const CHANCE: f64 = 0.25;
+
+/// Parts of the data, each of which is predicted from the others.
+const FOLDS: usize = 5;
+
+pub(super) fn fit(
+    robot: &Robot,
+    recordings: &[Recording],
+    options: &IdentifyOptions,
+    processing: &Processing,
+    given: Given,
+    progress: &dyn Progress,
+) -> Result<(TorqueModel, Outcome), IdentifyError> {
+    let (of_state, others) = variable_projection::split(robot, &options.effects)?;
+    let set = ParameterSet::new(robot, &of_state)?;
+    let mut start = match options.start {
+        Start::RobotFile => nominal_parameters(robot, &set),
+        Start::Zero => vec![0.0; set.len()],
+    };
+    require_one_arm(options)?;
+    let experiment = Experiment::new(recordings, processing)?;
+    require_simulated(options, &others)?;
+    let mut model = TorqueModel::from_parameters(robot.clone(), set.clone(), start.clone(), vec![]);
+    let terms = TermFit::new(robot, &experiment, processing, given.clock)?;
+    if !given.terms.is_empty() {
+        model = terms.fitted(model.with_terms(given.terms, terms.clock), progress)?;
+    }
+    if !others.is_empty() {
+        model = terms.with_effects(model, &others, progress)?;
+    }
+    let columns = terms.columns(&model)?;
+    let set = set.with_trajectory_columns(columns.parameters.clone());
+    start.resize(set.len(), 0.0);
+    let base = BaseParameters::new(robot, &set);
+    let references = instruments(robot, options, processing, &experiment.motions)?;
+    let loops = loops(robot, options, &references)?;
+    // Simulated instruments take the place of the reference that they are simulated from.
+    let references = if loops.is_empty() { &references[..] } else { &[] };
+    let trajectories = experiment.trajectories_with(references, &loops, Some(&columns))?;
+
+    let setup = Setup {
+        robot,
+        options,
+        processing,
+        experiment: &experiment,
+        terms: &terms,
+        set: &set,
+        base: &base,
+        nominal: base.combine(&start),
+        start: &start,
+    };
+    let (mut data, prior) = setup.observe(&trajectories, &mut model, progress)?;
+    let mut equations = Equations::new(robot, &set, &base, trajectories);
+    let mut found = setup.estimate(prior, &mut equations, &data)?;
+    let findings = setup.screen(&data.factors, &found.estimate);
+    let essential = setup.leave_out(&equations, &data.factors, &mut found)?;
+    let certificate = setup.hold(&mut model, &equations, &mut data, &mut found)?;
+    setup.write_down(&mut model, &data, &found, certificate)?;
+    model.provenance.logs = recordings.iter().map(|recording| recording.source().to_string()).collect();
+    let Estimated { estimate, forecast, notes, .. } = found;
+    Ok((model, Outcome { estimate, essential, forecast, notes, findings }))
+}
+
+fn require_one_arm(options: &IdentifyOptions) -> Result<(), IdentifyError> {
+    if options.consistency.is_some() && options.start == Start::Zero {
+        return Err(IdentifyError::ConsistentError);
+    }
+    if options.consistency.is_some() && options.essential {
+        return Err(IdentifyError::ConsistentAndEssential);
+    }
+    Ok(())
+}
+
+fn require_simulated(options: &IdentifyOptions, others: &[Placed]) -> Result<(), IdentifyError> {
+    if !others.is_empty() && (options.controller.is_some() || options.method == Method::OutputError) {
+        let effects = others.iter().map(|(effect, _)| effect.name().into()).collect();
+        return Err(IdentifyError::NotSimulated { effects });
+    }
+    Ok(())
+}
+
+/// What is identified, from what, and how.
+struct Setup<'a> {
+    robot: &'a Robot,
+    options: &'a IdentifyOptions,
+    processing: &'a Processing,
+    experiment: &'a Experiment,
+    terms: &'a TermFit<'a>,
+    set: &'a ParameterSet,
+    base: &'a BaseParameters,
+    /// Values of all parameters that those keep which the motion does not determine, and the base parameters of them.
+    start: &'a [f64],
+    nominal: Vec<f64>,
+}
+
+/// The logs as triangular factors.
+struct Observed {
+    factors: Vec<JointFactor>,
+    /// Of consecutive parts of all logs, one after the other.
+    parts: Vec<Vec<JointFactor>>,
+    /// Per factor: rows that carry as much as one independent row.
+    correlation: Vec<f64>,
+}
+
+/// Base parameters, and what the user should know of them.
+struct Estimated {
+    estimate: Estimate,
+    held: Option<Held>,
+    dispersion: Dispersion,
+    forecast: Option<Forecast>,
+    notes: Vec<String>,
+}
+
+impl Setup<'_> {
+    /// Brings the logs to triangular factors; `model` takes a first solution of them.
+    fn observe(
+        &self,
+        trajectories: &[Trajectory<'_>],
+        model: &mut TorqueModel,
+        progress: &dyn Progress,
+    ) -> Result<(Observed, Option<(ParameterPrior, PriorWidth)>), IdentifyError> {
+        let (options, motions) = (self.options, &self.experiment.motions);
+        let parts = if options.prior.is_some() { FOLDS } else { 1 };
+        let samples = trajectories.iter().map(|trajectory| trajectory.samples.count(self.robot.dof())).sum();
+        let mut observation = Observation::in_parts(self.robot, self.set, self.base, parts, samples);
+        for (done, index) in order_of_logs(motions).into_iter().enumerate() {
+            progress.step("observe", done, trajectories.len())?;
+            observation.add(&trajectories[index])?;
+        }
+        progress.step("observe", trajectories.len(), trajectories.len())?;
+        let (mut factors, parts) = (observation.factors(), observation.parts());
+        if options.prior.is_some() {
+            held::leave_out_joints_at_rest(&mut factors);
+        }
+        let prior = options.prior.map(|width| {
+            let prior = ParameterPrior::new(self.robot, self.set, self.base, self.start, &factors);
+            (if options.start == Start::Zero { prior.of_an_error() } else { prior }, width)
+        });
+        // The residual of a first solution tells how much the noise remembers: the estimates stay, their spread grows.
+        let first = LeastSquares::new(options.method.clone());
+        let first = match &prior {
+            Some((prior, _)) if first.has_few_rows(&factors, self.base.rank()) => {
+                first.solve_with_prior(&factors, prior, PriorWidth::Given(1.0))?.estimate
+            }
+            _ => first.solve(&factors, self.base, &self.nominal)?,
+        };
+        model.set_all_parameters(&self.base.expand(&first.values, self.start));
+        let correlation = correlation(model, motions, self.processing, &factors)?;
+        Ok((Observed { factors, parts, correlation }, prior))
+    }
+
+    /// The base parameters by the method and the prior of the options, with their covariance.
+    fn estimate(
+        &self,
+        prior: Option<(ParameterPrior, PriorWidth)>,
+        equations: &mut Equations<'_>,
+        data: &Observed,
+    ) -> Result<Estimated, IdentifyError> {
+        let options = self.options;
+        let Observed { factors, parts, correlation } = data;
+        let motions = &self.experiment.motions;
+        let task = held::Task { robot: self.robot, set: self.set, base: self.base, factors, parts, motions };
+        let held::Found { mut estimate, held, dispersion, mut notes } = match prior {
+            None => held::Found {
+                estimate: estimate(&options.method, equations, factors, &self.nominal, Some(correlation))?,
+                held: None,
+                dispersion: Dispersion::NONE,
+                notes: vec![],
+            },
+            Some(prior) => {
+                let kept = options.start == Start::RobotFile;
+                task.estimate(&options.method, equations, prior, correlation, kept)?
+            }
+        };
+        set_uncertainty(options, equations, factors, &mut estimate, held.as_ref())?;
+        estimate.covariance *= faer::Scale(dispersion.deviation.powi(2));
+        let mut forecast = None;
+        if options.forecast {
+            let noise = per_joint(factors, &estimate.noise, self.robot.dof());
+            forecast = Some(task.forecast(&estimate, held.as_ref(), dispersion.deviation, noise)?);
+        }
+        notes.append(&mut estimate.notes);
+        Ok(Estimated { estimate, held, dispersion, forecast, notes })
+    }
+
+    /// What speaks against the logs.
+    fn screen(&self, factors: &[JointFactor], estimate: &Estimate) -> Vec<Finding> {
+        let joints: Vec<String> = self.robot.joint_names().map(String::from).collect();
+        let mut findings = screen_factors(self.set, self.base, &joints, factors, estimate);
+        if self.options.start == Start::RobotFile {
+            findings.extend(screen_scale(self.set, self.base, &self.nominal, factors));
+        }
+        findings
+    }
+
+    /// Leaves out what the data do not support, if that was asked for.
+    fn leave_out(
+        &self,
+        equations: &Equations<'_>,
+        factors: &[JointFactor],
+        found: &mut Estimated,
+    ) -> Result<Option<Essential>, IdentifyError> {
+        if !self.options.essential {
+            return Ok(None);
+        }
+        let estimate = &mut found.estimate;
+        let folds = self.folds(equations.trajectories())?;
+        let essential = essential_parameters(&folds, self.base.rank(), noise_of(factors, estimate))?;
+        found.notes.push(essential_note(&essential, self.base));
+        estimate.values.clone_from(&essential.values);
+        estimate.covariance.clone_from(&essential.covariance);
+        Ok(Some(essential))
+    }
+
+    /// Sets all parameters of `model`: to those that keep physics and limits, if that was asked for.
+    fn hold(
+        &self,
+        model: &mut TorqueModel,
+        equations: &Equations<'_>,
+        data: &mut Observed,
+        found: &mut Estimated,
+    ) -> Result<Option<Certificate>, IdentifyError> {
+        let Some(consistency) = &self.options.consistency else {
+            model.set_all_parameters(&self.base.expand(&found.estimate.values, self.start));
+            return Ok(None);
+        };
+        let mut consistency = consistency.clone();
+        let torque = torque_sizes(&data.factors, self.robot.dof());
+        if self.options.cross_validated_prior {
+            let folds = self.folds(equations.trajectories())?;
+            let parts = LeftOut::new(&folds, noise_of(&data.factors, &found.estimate), self.base.rank());
+            let scores = consistency.cross_validate(self.robot, self.set, self.base, &parts, self.start, &torque)?;
+            // None is best where the logs leave no error to count in.
+            if let Some(deviation) = weakest_good_deviation(&scores) {
+                consistency.prior.relative_deviation = deviation;
+                found.notes.push(cross_validation_note(deviation, &scores));
+            }
+        }
+        let (consistent, whitened) = self.solve_consistent(&consistency, &torque, model, data, found)?;
+        let (costs, kept_out) = self.price(&consistency, &torque, (&consistent, &whitened), equations, data, found)?;
+        model.set_all_parameters(&consistent.parameters);
+        found.estimate.values.clone_from(&consistent.base);
+        found.notes.extend(consistent.notes.iter().cloned());
+        Ok(Some(Certificate::new(consistent, costs, kept_out, consistency)))
+    }
+
+    /// Consistent parameters, and the equations that they solve.
+    ///
+    /// - `torque`: as in [`Consistency::solve`]
+    fn solve_consistent(
+        &self,
+        consistency: &Consistency,
+        torque: &[f64],
+        model: &mut TorqueModel,
+        data: &mut Observed,
+        Estimated { estimate, held, .. }: &Estimated,
+    ) -> Result<(ConsistentParameters, Mat<f64>), IdentifyError> {
+        let solve =
+            |whitened: &Mat<f64>| consistency.solve(self.robot, self.set, self.base, whitened, self.start, torque);
+        // What the prior holds it holds here, too.
+        let holding = |whitened: Mat<f64>| match held {
+            Some(held) => held.prior.beside(&whitened),
+            None => whitened,
+        };
+        let mut whitened = holding(estimate.whitened.clone());
+        let mut found = solve(&whitened)?;
+        for _ in 0..if self.options.method.reweights() { REWEIGHTINGS } else { 0 } {
+            if model.terms().iter().any(Term::is_transform) {
+                // What transforms make depends on the parameters.
+                model.set_all_parameters(&found.parameters);
+                let columns = self.terms.columns(model)?;
+                data.factors =
+                    variable_projection::factors(self.robot, self.set, self.base, self.experiment, &columns)?;
+            }
+            whitened = holding(estimate.whitened_at(&data.factors, &found.base, &data.correlation));
+            found = solve(&whitened)?;
+        }
+        Ok((found, whitened))
+    }
+
+    /// What the limits cost, and where the motion is new if that is more than chance.
+    fn price(
+        &self,
+        consistency: &Consistency,
+        torque: &[f64],
+        (consistent, whitened): (&ConsistentParameters, &Mat<f64>),
+        equations: &Equations<'_>,
+        data: &Observed,
+        Estimated { estimate, notes, .. }: &mut Estimated,
+    ) -> Result<(Costs, Option<KeptOut>), IdentifyError> {
+        let (robot, set, base) = (self.robot, self.set, self.base);
+        let costs = consistency.costs(robot, set, base, whitened, self.start, torque)?;
+        let mut kept_out = None;
+        // Least squares leaves one unit of variance per parameter to chance; a limit can take at most as much of it.
+        if consistent.cost.powi(2) > CHANCE {
+            let folds = self.folds(equations.trajectories())?;
+            let parts = LeftOut::new(&folds, noise_of(&data.factors, estimate), base.rank());
+            // A part that the solver gives up on is no reason to lose the model.
+            kept_out = consistency.kept_out(robot, set, base, &parts, self.start, torque).ok();
+            let dearest = dearest_joint(robot, &data.factors, estimate, &consistent.base);
+            notes.extend(cost_note(&costs, kept_out, &dearest));
+        }
+        Ok((costs, kept_out))
+    }
+
+    /// Fit and history of `model`.
+    fn write_down(
+        &self,
+        model: &mut TorqueModel,
+        Observed { factors, correlation, .. }: &Observed,
+        Estimated { estimate, held, dispersion, .. }: &Estimated,
+        consistency: Option<Certificate>,
+    ) -> Result<(), IdentifyError> {
+        let (options, dof, rank) = (self.options, self.robot.dof(), model.base.rank());
+        let joint = self.terms.joint_covariance(model, &estimate.covariance)?;
+        let covariance = Mat::from_fn(rank, rank, |i, j| joint[(i, j)]);
+        let deviations: Vec<f64> = (0..rank).map(|k| covariance[(k, k)].max(0.0).sqrt()).collect();
+        let names = model.base.names();
+        let undecided = held.as_ref().map_or(vec![], |held| held.prior.undecided(&held.data));
+        let prior = held.as_ref().map(|held| &held.prior);
+        let history = describe(options, self.processing, factors, prior) + &dispersed(dispersion.deviation);
+        model.provenance.history = vec![history];
+        model.fit = Some(Fit {
+            method: options.method.name().into(),
+            covariance: row_major(&covariance),
+            covariance_with_terms: if model.terms.is_empty() { vec![] } else { row_major(&joint) },
+            noise: per_joint(factors, &estimate.noise, dof),
+            rows: (0..dof).map(|joint| rows_of(factors, joint)).collect(),
+            correlation: per_joint(factors, correlation, dof),
+            dispersion: dispersion.deviation,
+            half_interval_95: dispersion.half_interval_95,
+            values: estimate.values[..rank].to_vec(),
+            condition: estimate.excitation.condition,
+            scaled_condition: estimate.excitation.scaled_condition,
+            undetermined: (0..rank)
+                .filter(|&k| deviations[k].is_infinite() || undecided.contains(&k))
+                .map(|k| names[k].clone())
+                .collect(),
+            standard_deviations: deviations,
+            consistency,
+        });
+        model.processing = Some(self.processing.clone());
+        Ok(())
+    }
+
+    /// Factors of consecutive parts of all trajectories.
+    fn folds(&self, trajectories: &[Trajectory<'_>]) -> Result<Vec<Vec<JointFactor>>, IdentificationError> {
+        let n = self.robot.dof();
+        let mut folds = Vec::new();
+        for fold in 0..FOLDS {
+            let mut observation = Observation::new(self.robot, self.set, self.base);
+            for trajectory in trajectories {
+                let count = trajectory.samples.count(n);
+                let part = fold * count / FOLDS * n..(fold + 1) * count / FOLDS * n;
+                let row = |k: usize| {
+                    let row = trajectory.use_as.map_or(Row::Moving, |use_as| use_as[k]);
+                    if part.contains(&k) { row } else { Row::Skip }
+                };
+                let use_as: Vec<Row> = (0..count * n).map(row).collect();
+                observation.add(&Trajectory { use_as: Some(&use_as), ..*trajectory })?;
+            }
+            folds.push(observation.factors());
+        }
+        Ok(folds)
+    }
+}
+
+/// Indices of motions in an order in which that of the logs does not show: by the torque that a log
+/// begins with, then by that of all of it; stretches of a log stay one after the other.
+///
+/// Parts of the data go by it, and what is decided by parts that are left out.
+fn order_of_logs(motions: &[Motion]) -> Vec<usize> {
+    let square = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>();
+    let mut keys: Vec<[f64; 2]> = Vec::with_capacity(motions.len());
+    for (index, motion) in motions.iter().enumerate() {
+        let goes_on = |before: &Motion| before.source == motion.source && before.time.last() < motion.time.first();
+        let tau = motion.tau.as_deref().unwrap_or_default();
+        let dof = motion.use_as.len() / motion.len().max(1);
+        keys.push(match index.checked_sub(1) {
+            Some(before) if goes_on(&motions[before]) => keys[before],
+            _ => [square(&tau[..dof.min(tau.len())]), square(tau)],
+        });
+    }
+    let mut order: Vec<usize> = (0..motions.len()).collect();
+    let by_key = |a: &[f64; 2], b: &[f64; 2]| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]));
+    order.sort_by(|a, b| by_key(&keys[*a], &keys[*b]));
+    order
+}
+
+/// Sets the covariance as the options ask for it.
+fn set_uncertainty(
+    options: &IdentifyOptions,
+    equations: &mut Equations<'_>,
+    factors: &[JointFactor],
+    estimate: &mut Estimate,
+    held: Option<&Held>,
+) -> Result<(), IdentificationError> {
+    let undetermined = |estimate: &Estimate| -> Vec<usize> {
+        (0..estimate.values.len()).filter(|&k| estimate.covariance[(k, k)].is_infinite()).collect()
+    };
+    let before = undetermined(estimate);
+    let mut covariance = match options.uncertainty {
+        Uncertainty::Memory => return Ok(()),
+        // The deviations of instrumental variables take residuals as they are already.
+        Uncertainty::Hac if options.method == Method::InstrumentalVariables => return Ok(()),
+        Uncertainty::Hac => hac_covariance(equations, factors, estimate, None)?,
+        Uncertainty::Bootstrap { replicates } => {
+            block_bootstrap(equations, factors, estimate, replicates.max(2), None)?.covariance()
+        }
+    };
+    before.into_iter().for_each(|k| covariance[(k, k)] = f64::INFINITY);
+    match held {
+        None => estimate.covariance = covariance,
+        Some(held) => held.prior.hold_covariance(estimate, &held.data, &covariance),
+    }
+    Ok(())
+}
+
+/// Noise level of the rows that a part of the data has in common with one of `factors`.
+fn noise_of<'a>(factors: &'a [JointFactor], estimate: &'a Estimate) -> impl Fn(&JointFactor) -> f64 + 'a {
+    |part| {
+        let same = |factor: &&JointFactor| factor.joint == part.joint && factor.resting == part.resting;
+        let index = factors.iter().position(|factor| same(&factor));
+        index.map_or(f64::INFINITY, |index| estimate.weights[index] * estimate.unit)
+    }
+}
+
+fn row_major(matrix: &Mat<f64>) -> Vec<f64> {
+    matrix.row_iter().flat_map(|row| row.iter().copied().collect::<Vec<_>>()).collect()
+}
+
+/// The figure of each joint in motion; of the joint at rest if it never moves, zero if it has no row.
+fn per_joint(factors: &[JointFactor], figures: &[f64], joints: usize) -> Vec<f64> {
+    let of = |joint: usize| factors.iter().position(|factor| factor.joint == joint).map_or(0.0, |index| figures[index]);
+    (0..joints).map(of).collect()
+}
+
+fn rows_of(factors: &[JointFactor], joint: usize) -> usize {
+    factors.iter().filter(|factor| factor.joint == joint).map(|factor| factor.rows).sum()
+}

@@ -1,0 +1,235 @@
+//! The main job: from a robot and logs to a model.
+
+mod cutoff;
+mod fit;
+mod notes;
+mod references;
+mod screening;
+
+pub use cutoff::{CutoffInfluence, cutoff_influence};
+pub use screening::screen;
+
+use super::experiment::{require_torque, select_joints};
+use super::limits::beyond_limits;
+use super::{IdentifyError, Term, TorqueModel};
+use crate::identification::{Consistency, Essential, Estimate, Finding, Forecast, Method, PriorWidth};
+use crate::motion::{Conditioning, Processing};
+use crate::progress::Progress;
+use crate::recording::{LogSet, Recording};
+use crate::robot::Robot;
+use crate::signal::CutoffChoice;
+
+/// What to identify, and how.
+#[derive(Clone, Debug)]
+pub struct IdentifyOptions {
+    /// Names of effects beside the rigid body, any that change the torque, at all joints or at one: `cable_stiffness`,
+    /// `cable_hysteresis@joint_4`. Their constants are fitted by variable projection.
+    pub effects: Vec<String>,
+    /// The estimator.
+    pub method: Method,
+    /// Physics and limits that the full set of parameters keeps; none if `None`.
+    pub consistency: Option<Consistency>,
+    /// Whether the data choose how strong the pull toward the robot file is ([`Consistency::cross_validate`]).
+    pub cross_validated_prior: bool,
+    /// Whether parameters that the data do not support are left out.
+    pub essential: bool,
+    /// Where standard deviations come from.
+    pub uncertainty: Uncertainty,
+    /// The same motions without noise, simulated or the references, for instrumental variables; the references of the
+    /// controller, if there is one.
+    pub instruments: Vec<Recording>,
+    /// The controller, for output error and for simulated instruments.
+    pub controller: Option<Controller>,
+    /// What is done to the logs.
+    pub conditioning: Conditioning,
+    /// Values that parameters keep where the motion does not determine them.
+    pub start: Start,
+    /// What holds parameters that the logs determine worse than the robot file does ([`ParameterPrior`](crate::identification::ParameterPrior)): the width of the
+    /// prior; the bare estimate if `None`. With it a joint that the robot file predicts better on parts of the logs that
+    /// were left out keeps the file.
+    pub prior: Option<PriorWidth>,
+    /// Whether the report says how much data is enough ([`Forecast`]).
+    pub forecast: bool,
+}
+
+impl Default for IdentifyOptions {
+    fn default() -> Self {
+        let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"];
+        Self {
+            effects: effects.map(String::from).to_vec(),
+            method: Method::Wls,
+            consistency: None,
+            cross_validated_prior: false,
+            essential: false,
+            uncertainty: Uncertainty::Memory,
+            instruments: Vec::new(),
+            controller: None,
+            conditioning: Conditioning::default(),
+            start: Start::RobotFile,
+            prior: Some(PriorWidth::Chosen),
+            forecast: false,
+        }
+    }
+}
+
+/// Where the standard deviations of the estimates come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Uncertainty {
+    /// The scatter and the memory of each joint's residual, joints taken as independent.
+    Memory,
+    /// The residuals as they are, over time and between joints ([`hac_covariance`](crate::identification::hac_covariance)).
+    Hac,
+    /// Experiments made of blocks of this one ([`block_bootstrap`](crate::identification::block_bootstrap)).
+    Bootstrap {
+        /// How many.
+        replicates: usize,
+    },
+}
+
+/// tau = torque of the reference's recording + kp (reference - q) + kd (its speed - dq), at the joints.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Controller {
+    /// `[n]`, N·m/rad (N/m).
+    pub kp: Vec<f64>,
+    /// `[n]`, N·m·s/rad (N·s/m).
+    pub kd: Vec<f64>,
+}
+
+/// What the parameters are counted from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// The robot file: the torque of the log is the whole torque.
+    RobotFile,
+    /// Zero: the torque of the log is what an internal model leaves over, its feedback torque, and the result is the
+    /// error of the internal model (thesis eqs. 4-18 to 4-20), to be added with [`TorqueModel::plus`].
+    Zero,
+}
+
+/// How the identification went, beside the model.
+#[derive(Clone, Debug)]
+pub struct IdentificationReport {
+    /// Per log: the spectra and the cut-off that they suggest.
+    pub cutoff_choices: Vec<CutoffChoice>,
+    /// Largest first.
+    pub singular_values: Vec<f64>,
+    /// Sentences that the user should read.
+    pub warnings: Vec<String>,
+    /// What speaks against the logs; each is among the warnings.
+    pub findings: Vec<Finding>,
+    /// Samples in the logs, and equations per joint taken from them.
+    pub samples: usize,
+    /// Which base parameters the data support, if that was asked for.
+    pub essential: Option<Essential>,
+    /// How much data is enough, if that was asked for.
+    pub forecast: Option<Forecast>,
+}
+
+/// Identifies the torque model of `robot` from recordings.
+///
+/// The joints of each recording are picked by the names of the robot's joints. Samples that two recordings share count once
+/// ([`LogSet`]), and a warning says so. `progress` hears of every log; `&()` for
+/// silence.
+///
+/// # Errors
+/// If a recording lacks a joint or torque, cannot be differentiated, or holds too little; each message names the
+/// recording and says what to do.
+pub fn identify(
+    robot: &Robot,
+    recordings: &[Recording],
+    options: &IdentifyOptions,
+    progress: &dyn Progress,
+) -> Result<(TorqueModel, IdentificationReport), IdentifyError> {
+    // Instruments go with the recordings sample by sample.
+    let set = options.instruments.is_empty().then(|| LogSet::new(recordings));
+    let (recordings, said) = set.as_ref().map_or((recordings, &[][..]), |set| (set.logs(), set.notes()));
+    let recordings = select_joints(robot, recordings)?;
+    require_torque(robot, &recordings)?;
+    let (processing, cutoff_choices) = Processing::choose(&recordings, &options.conditioning)?;
+    let (model, Outcome { estimate, essential, forecast, notes, mut findings }) =
+        fit::fit(robot, &recordings, options, &processing, Given::default(), progress)?;
+    findings.extend(beyond_limits(robot, &recordings));
+    let found = findings.iter().map(ToString::to_string);
+    let mut report = IdentificationReport {
+        cutoff_choices,
+        singular_values: estimate.excitation.singular_values,
+        warnings: robot.warnings().into_iter().chain(said.iter().cloned()).chain(notes).chain(found).collect(),
+        findings,
+        samples: recordings.iter().map(Recording::len).sum(),
+        essential,
+        forecast,
+    };
+    warn(&mut report, &model);
+    Ok((model, report))
+}
+
+/// `model` with these terms, everything fitted again under physical consistency.
+///
+/// # Errors
+/// As [`identify`].
+pub(crate) fn identify_again(
+    model: &TorqueModel,
+    given: Given,
+    consistency: Option<&Consistency>,
+    recordings: &[Recording],
+) -> Result<TorqueModel, IdentifyError> {
+    let recordings = select_joints(&model.robot, recordings)?;
+    let processing = match &model.processing {
+        Some(processing) => processing.clone(),
+        None => Processing::choose(&recordings, &Conditioning::default())?.0,
+    };
+    let options = IdentifyOptions {
+        effects: model.set.effects().iter().map(|effect| effect.name().into()).collect(),
+        consistency: consistency.cloned(),
+        ..IdentifyOptions::default()
+    };
+    let (mut again, _) = fit::fit(&model.robot, &recordings, &options, &processing, given, &())?;
+    again.provenance.history = model.provenance.history.clone();
+    Ok(again)
+}
+
+/// Terms that a fit starts with.
+#[derive(Default)]
+pub(crate) struct Given {
+    pub terms: Vec<Term>,
+    /// Start of their clock, ns.
+    pub clock: Option<i64>,
+}
+
+/// What a fit gives beside the model.
+struct Outcome {
+    estimate: Estimate,
+    essential: Option<Essential>,
+    forecast: Option<Forecast>,
+    notes: Vec<String>,
+    findings: Vec<Finding>,
+}
+
+fn warn(report: &mut IdentificationReport, model: &TorqueModel) {
+    let Some(fit) = &model.fit else { return };
+    let bare = fit.standard_deviations.iter().any(|deviation| deviation.is_infinite());
+    if bare && !fit.undetermined.is_empty() {
+        report.warnings.push(format!(
+            "the motion does not excite {} of {} base parameters: {}; they keep their values of the robot file. Record a \
+             motion that moves these joints, fast and slow, in both directions",
+            fit.undetermined.len(),
+            model.base.rank(),
+            fit.undetermined.join(", ")
+        ));
+    }
+    let uncertain: Vec<&str> = model
+        .base
+        .names()
+        .iter()
+        .enumerate()
+        .filter(|(k, _)| fit.standard_deviations[*k].is_finite() && fit.standard_deviations[*k] > fit.values[*k].abs())
+        .map(|(_, name)| name.as_str())
+        .collect();
+    if !uncertain.is_empty() {
+        let parameters = if uncertain.len() == 1 { "base parameter is" } else { "base parameters are" };
+        report.warnings.push(format!(
+            "{} {parameters} smaller than their standard deviation: {}",
+            uncertain.len(),
+            uncertain.join(", ")
+        ));
+    }
+}
