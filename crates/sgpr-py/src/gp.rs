@@ -270,88 +270,156 @@ pub fn fit_process(
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<(FittedProcess, Option<PyErr>)> {
     let mut data = training_data(X, y)?;
-    let mut start: Option<core::Kernel> = None;
-    let (mut kind, mut ard, mut noise) = (Shape::SquaredExponential, true, None);
-    let mut search = SearchOptions::default();
-    let mut sparse = SparseOptions::default();
-    let (mut inducing, mut budget, mut optimise, mut progress) = (None, None, true, None);
-    let mut compute = Compute::default();
-    for (key, value) in options.into_iter().flatten() {
-        let key: String = key.extract()?;
-        if value.is_none() {
-            continue;
-        }
-        match key.as_str() {
-            "kernel" => match value.cast::<Kernel>() {
-                Ok(kernel) => start = Some(kernel.get().inner.clone()),
-                Err(_) => kind = shape(&word("kernel", &value)?)?,
-            },
-            "ard" => ard = value.extract()?,
-            "noise_variance" => noise = Some(positive("noise_variance", value.extract()?)?),
-            "optimise" => optimise = value.extract()?,
-            "starts" => search.starts = whole("starts", &value, 1..1001)?,
-            "subset" => search.subset = whole("subset", &value, 2..usize::MAX)?,
-            "max_evaluations" => search.evaluations = whole("max_evaluations", &value, 1..usize::MAX)?,
-            "inducing" => inducing = Some(whole("inducing", &value, 1..usize::MAX)?),
-            "budget" => budget = Some(whole("budget", &value, 1..usize::MAX)?),
-            "move_inducing" => sparse.move_inducing = value.extract()?,
-            "seed" => search.seed = whole("random_state", &value, 0..usize::MAX)? as u64,
-            "threads" => compute.threads = whole("n_jobs", &value, 1..1025)?,
-            "memory_limit_gb" => {
-                compute.memory_limit = (1e9 * positive("memory_limit_gb", value.extract()?)?) as u64;
-            }
-            "progress" => progress = Some(value.unbind()),
-            _ => return Err(pyo3::exceptions::PyTypeError::new_err(format!("unexpected option '{key}'"))),
-        }
-    }
-    let scale = match data.mean_square() {
-        0.0 => 1.0,
-        scale => scale,
-    };
-    let inputs = data.inputs();
-    let given = start.is_some();
-    let kernel = start.unwrap_or_else(|| {
-        let kernel =
-            if ard { core::Kernel::ard(kind, &vec![1.0; inputs]) } else { core::Kernel::isotropic(kind, inputs, 1.0) };
-        kernel.scaled(1.0)
-    });
-    kernel.validate(inputs).map_err(IntoPyErr::into_py_err)?;
-    // A kernel with numbers keeps them as the start of the search.
-    let kernel = if given { kernel } else { kernel.fitted_to(data.x(), inputs, scale) };
-    let start = Covariance::new(kernel, noise.unwrap_or(1e-2 * scale));
-    search.priors = noise_prior(&start, scale);
-    let mut inference = Inference::Exact;
-    if let Some(inducing) = inducing {
-        inference = Inference::Sparse { inducing };
-    } else if let Some(budget) = budget {
-        inference = Inference::within(budget, data.len(), start.correlated_noise.is_some());
-    }
+    let mut options = FitOptions::read(options)?;
+    let progress = options.progress.take();
+    let start = options.start(&data)?;
+    let inference = options.inference(&data, &start);
     if let Inference::Subset { points } = inference {
-        let chosen = detached(py, || core::informative_points(&start.signal, data.x(), inputs, points));
+        let chosen = detached(py, || core::informative_points(&start.signal, data.x(), data.inputs(), points));
         data = data.select(&chosen);
     }
-    let work = |progress: &dyn sgpr_core::progress::Progress| -> Result<(Process, Report), GpError> {
-        if let Inference::Sparse { inducing } = inference {
-            sparse.inducing = inducing;
-            sparse.search = search;
-            if !optimise {
-                let chosen = core::informative_points(&start.signal, data.x(), inputs, inducing);
-                let points = data.select(&chosen).x().to_vec();
-                let gp = SparseGaussianProcess::fit(&data, start, points, &compute)?;
-                return Ok((Process::Sparse(gp), Report::default()));
+    let compute = options.compute;
+    let work = |progress: &dyn sgpr_core::progress::Progress| match inference {
+        Inference::Sparse { inducing } => options.sparse(&data, start, inducing, progress),
+        _ => options.exact(&data, start, progress),
+    };
+    let ((process, mut report), stopped) = listen_and_keep(py, progress, work)?;
+    report.inference = inference.name();
+    Ok((FittedProcess::new(process, data, compute, report), stopped))
+}
+
+/// How a process is fitted, as Python says it.
+struct FitOptions {
+    /// The kernel with its hyperparameters, or the shape of one with a length scale for every input, or one for all.
+    kernel: Option<core::Kernel>,
+    shape: Shape,
+    ard: bool,
+    noise: Option<f64>,
+    optimise: bool,
+    search: SearchOptions,
+    inducing: Option<usize>,
+    budget: Option<usize>,
+    move_inducing: bool,
+    compute: Compute,
+    progress: Option<Py<PyAny>>,
+}
+
+impl FitOptions {
+    fn read(options: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        let mut own = Self {
+            kernel: None,
+            shape: Shape::SquaredExponential,
+            ard: true,
+            noise: None,
+            optimise: true,
+            search: SearchOptions::default(),
+            inducing: None,
+            budget: None,
+            move_inducing: SparseOptions::default().move_inducing,
+            compute: Compute::default(),
+            progress: None,
+        };
+        for (key, value) in options.into_iter().flatten() {
+            let key: String = key.extract()?;
+            if value.is_none() {
+                continue;
             }
-            let (gp, found) = core::search_sparse(&data, &start, &sparse, &compute, progress)?;
-            let report = Report {
-                status: Some(found.status),
-                evaluations: found.evaluations,
-                evaluations_on_subset: found.evaluations_on_subset,
-                at_bounds: found.at_bounds,
-                ..Report::default()
-            };
-            return Ok((Process::Sparse(gp), report));
+            match key.as_str() {
+                "kernel" => match value.cast::<Kernel>() {
+                    Ok(kernel) => own.kernel = Some(kernel.get().inner.clone()),
+                    Err(_) => own.shape = shape(&word("kernel", &value)?)?,
+                },
+                "ard" => own.ard = value.extract()?,
+                "noise_variance" => own.noise = Some(positive("noise_variance", value.extract()?)?),
+                "optimise" => own.optimise = value.extract()?,
+                "starts" => own.search.starts = whole("starts", &value, 1..1001)?,
+                "subset" => own.search.subset = whole("subset", &value, 2..usize::MAX)?,
+                "max_evaluations" => own.search.evaluations = whole("max_evaluations", &value, 1..usize::MAX)?,
+                "inducing" => own.inducing = Some(whole("inducing", &value, 1..usize::MAX)?),
+                "budget" => own.budget = Some(whole("budget", &value, 1..usize::MAX)?),
+                "move_inducing" => own.move_inducing = value.extract()?,
+                "seed" => own.search.seed = whole("random_state", &value, 0..usize::MAX)? as u64,
+                "threads" => own.compute.threads = whole("n_jobs", &value, 1..1025)?,
+                "memory_limit_gb" => {
+                    own.compute.memory_limit = (1e9 * positive("memory_limit_gb", value.extract()?)?) as u64;
+                }
+                "progress" => own.progress = Some(value.unbind()),
+                _ => return Err(pyo3::exceptions::PyTypeError::new_err(format!("unexpected option '{key}'"))),
+            }
         }
-        let (covariance, mut report) = if optimise {
-            let found = core::search(&data, &start, &search, &compute, progress)?;
+        Ok(own)
+    }
+
+    /// The covariance from which the search starts; it takes a prior of the noise.
+    fn start(&mut self, data: &Data) -> PyResult<Covariance> {
+        let scale = match data.mean_square() {
+            0.0 => 1.0,
+            scale => scale,
+        };
+        let inputs = data.inputs();
+        let kernel = match self.kernel.take() {
+            // A kernel with numbers keeps them as the start of the search.
+            Some(kernel) => {
+                kernel.validate(inputs).map_err(IntoPyErr::into_py_err)?;
+                kernel
+            }
+            None => {
+                let kernel = match self.ard {
+                    true => core::Kernel::ard(self.shape, &vec![1.0; inputs]),
+                    false => core::Kernel::isotropic(self.shape, inputs, 1.0),
+                };
+                let kernel = kernel.scaled(1.0);
+                kernel.validate(inputs).map_err(IntoPyErr::into_py_err)?;
+                kernel.fitted_to(data.x(), inputs, scale)
+            }
+        };
+        let start = Covariance::new(kernel, self.noise.unwrap_or(1e-2 * scale));
+        self.search.priors = noise_prior(&start, scale);
+        Ok(start)
+    }
+
+    fn inference(&self, data: &Data, start: &Covariance) -> Inference {
+        match (self.inducing, self.budget) {
+            (Some(inducing), _) => Inference::Sparse { inducing },
+            (None, Some(budget)) => Inference::within(budget, data.len(), start.correlated_noise.is_some()),
+            (None, None) => Inference::Exact,
+        }
+    }
+
+    fn sparse(
+        self,
+        data: &Data,
+        start: Covariance,
+        inducing: usize,
+        progress: &dyn sgpr_core::progress::Progress,
+    ) -> Result<(Process, Report), GpError> {
+        let Self { search, move_inducing, compute, .. } = self;
+        if !self.optimise {
+            let chosen = core::informative_points(&start.signal, data.x(), data.inputs(), inducing);
+            let points = data.select(&chosen).x().to_vec();
+            let gp = SparseGaussianProcess::fit(data, start, points, &compute)?;
+            return Ok((Process::Sparse(gp), Report::default()));
+        }
+        let options = SparseOptions { inducing, move_inducing, search };
+        let (gp, found) = core::search_sparse(data, &start, &options, &compute, progress)?;
+        let report = Report {
+            status: Some(found.status),
+            evaluations: found.evaluations,
+            evaluations_on_subset: found.evaluations_on_subset,
+            at_bounds: found.at_bounds,
+            ..Report::default()
+        };
+        Ok((Process::Sparse(gp), report))
+    }
+
+    fn exact(
+        self,
+        data: &Data,
+        start: Covariance,
+        progress: &dyn sgpr_core::progress::Progress,
+    ) -> Result<(Process, Report), GpError> {
+        let (covariance, mut report) = if self.optimise {
+            let found = core::search(data, &start, &self.search, &self.compute, progress)?;
             let report = Report {
                 status: Some(found.status),
                 evaluations: found.evaluations,
@@ -364,13 +432,10 @@ pub fn fit_process(
         } else {
             (start, Report::default())
         };
-        let gp = GaussianProcess::fit(data.clone(), covariance, &compute)?;
+        let gp = GaussianProcess::fit(data.clone(), covariance, &self.compute)?;
         report.jitter = report.jitter.max(gp.jitter());
         Ok((Process::Exact(gp), report))
-    };
-    let ((process, mut report), stopped) = listen_and_keep(py, progress, work)?;
-    report.inference = inference.name();
-    Ok((FittedProcess::new(process, data, compute, report), stopped))
+    }
 }
 
 /// What a predictor keeps, as the methods `predictor` are given it.

@@ -321,6 +321,12 @@ impl Simulation {
     }
 }
 
+const INTEGRATORS: [(&str, Integrator); 2] =
+    [("euler", Integrator::SemiImplicitEuler), ("runge_kutta", Integrator::RungeKutta4)];
+
+const VELOCITY_SENSORS: [(&str, VelocitySensor); 2] =
+    [("exact", VelocitySensor::Exact), ("difference", VelocitySensor::Difference)];
+
 /// Simulates an arm that follows a motion under a controller.
 ///
 /// The same arguments give the same bits. Dry friction sticks and breaks away as the balance of torques says; friction
@@ -413,15 +419,10 @@ pub fn simulate(
     random_state: u64,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Simulation> {
-    let integrator = choice(
-        "integrator",
-        integrator,
-        &[("euler", Integrator::SemiImplicitEuler), ("runge_kutta", Integrator::RungeKutta4)],
-    )?;
+    let integrator = choice("integrator", integrator, &INTEGRATORS)?;
     let speed_limit = positive("speed_limit", speed_limit)?;
     let mut simulator = simulator(robot, drives, integrator, step)?.with_speed_limit(speed_limit);
     let arm = simulator.robot().clone();
-    let n = arm.dof();
     let (reference, own_duration) = self::reference(reference, &arm)?;
     let Some(duration) = duration.or(own_duration) else {
         return Err(invalid("duration: give one, a position to hold has none"));
@@ -429,25 +430,13 @@ pub fn simulate(
     let list = |name: &str, value: Option<&Bound<'_, PyAny>>| {
         value.map(|value| per_joint(name, value, &arm)).transpose().map(Option::unwrap_or_default)
     };
-    let gain = |name: &str, value: Option<&Bound<'_, PyAny>>, default: f64| match value {
-        None => Ok(vec![default; n]),
-        Some(value) => match value.extract::<f64>() {
-            Ok(gain) if gain.is_finite() => Ok(vec![gain; n]),
-            Ok(gain) => Err(invalid(format!("{name} = {gain}: expected a finite number"))),
-            Err(_) => per_joint(name, value, &arm),
-        },
-    };
-    let gains = Gains { kp: gain("kp", kp, 75.0)?, kd: gain("kd", kd, 5.0)? };
+    let gains = Gains { kp: gain("kp", kp, 75.0, &arm)?, kd: gain("kd", kd, 5.0, &arm)? };
     let sensors = Sensors {
         position_resolution: list("position_resolution", position_resolution)?,
         position_noise: list("position_noise", position_noise)?,
         torque_noise: list("torque_noise", torque_noise)?,
         actuation_noise: list("actuation_noise", actuation_noise)?,
-        velocity: choice(
-            "velocity",
-            velocity,
-            &[("exact", VelocitySensor::Exact), ("difference", VelocitySensor::Difference)],
-        )?,
+        velocity: choice("velocity", velocity, &VELOCITY_SENSORS)?,
     };
     let experiment = Experiment {
         control_period: positive("control_period", control_period)?,
@@ -461,14 +450,9 @@ pub fn simulate(
     let failure = Arc::new(Mutex::new(None));
     let mut controller = self::controller(controller, known, gains, &failure)?;
     if let Some(value) = feed_forward {
-        let numbers = Numbers::new("feed_forward", value)?.finite()?;
-        match *numbers.shape() {
-            [_, columns] if columns == n => {}
-            _ => return Err(numbers.wrong_shape(&format!("(K, {n})"))),
-        }
-        controller = Box::new(Scheduled::new(controller, numbers.values().to_vec()));
+        controller = Box::new(Scheduled::new(controller, rows("feed_forward", value, &arm)?));
     }
-    let pick_up = pick_up.map(|(time, parameters)| self::pick_up(time, &parameters, n - 1)).transpose()?;
+    let pick_up = pick_up.map(|(time, parameters)| self::pick_up(time, &parameters, arm.dof() - 1)).transpose()?;
     let result = listen(py, progress, |progress| {
         let (controller, reference) = (controller.as_mut(), reference.as_ref());
         match &pick_up {
@@ -482,6 +466,25 @@ pub fn simulate(
         return Err(error);
     }
     Ok(Simulation { inner: result?, robot: arm })
+}
+
+/// One number for all joints, or one per joint.
+fn gain(name: &str, value: Option<&Bound<'_, PyAny>>, default: f64, arm: &CoreRobot) -> PyResult<Vec<f64>> {
+    let Some(value) = value else { return Ok(vec![default; arm.dof()]) };
+    match value.extract::<f64>() {
+        Ok(gain) if gain.is_finite() => Ok(vec![gain; arm.dof()]),
+        Ok(gain) => Err(invalid(format!("{name} = {gain}: expected a finite number"))),
+        Err(_) => per_joint(name, value, arm),
+    }
+}
+
+/// Rows of one number per joint, row-major.
+fn rows(name: &str, value: &Bound<'_, PyAny>, arm: &CoreRobot) -> PyResult<Vec<f64>> {
+    let (numbers, n) = (Numbers::new(name, value)?.finite()?, arm.dof());
+    match *numbers.shape() {
+        [_, columns] if columns == n => Ok(numbers.values().to_vec()),
+        _ => Err(numbers.wrong_shape(&format!("(K, {n})"))),
+    }
 }
 
 /// What the last link picks up.

@@ -381,91 +381,19 @@ impl<'a> Search<'a> {
             let (motion, _) = self.scaled(trajectory(&self.options.basis, &self.free, &self.start, x), Some(()));
             SearchResult { start, value: self.value(&motion), trajectory: motion, history }
         };
+        let condition = self.objective.is_condition();
+        let descent = || Descent { start, condition, stop, done, history: vec![] };
         let Some(nominal) = self.options.nominal.as_ref().filter(|nominal| !nominal.is_empty()) else {
-            let (x, history) = self.in_stages(&mut problem, best.1, start, self.options.evaluations, stop, done);
+            let (x, history) = descent().in_stages(&mut problem, best.1, self.options.evaluations);
             return result(&x, history);
         };
         let half = self.options.evaluations.div_ceil(2);
-        let (x, history) = self.in_stages(&mut problem, best.1.clone(), start, half, stop, done);
+        let (x, history) = descent().in_stages(&mut problem, best.1.clone(), half);
         let without = result(&x, history);
         let rest = (self.options.evaluations - half).max(1);
-        let (x, history) = self.in_stages(&mut self.problem(Some(nominal)), best.1, start, rest, stop, done);
+        let (x, history) = descent().in_stages(&mut self.problem(Some(nominal)), best.1, rest);
         let with = result(&x, history);
         if with.value <= without.value { with } else { SearchResult { history: with.history, ..without } }
-    }
-
-    /// Descends on criterion and limits that are sharpened step by step.
-    fn in_stages(
-        &self,
-        problem: &mut Problem<'_>,
-        mut x: Vec<f64>,
-        start: usize,
-        evaluations: usize,
-        stop: &AtomicBool,
-        done: &AtomicUsize,
-    ) -> (Vec<f64>, Vec<Step>) {
-        let mut history = Vec::new();
-        let stages: &[Sharpness] = if self.objective.is_condition() { &STAGES } else { &[STAGES[0], STAGES[2]] };
-        for (index, stage) in stages.iter().enumerate() {
-            problem.sharpness = *stage;
-            // What earlier stages left over is used by the last.
-            let share = evaluations * (index + 1) / stages.len();
-            let most = share.saturating_sub(history.len()).max(1);
-            x = self.descend(problem, x, start, most, stop, done, &mut history);
-        }
-        done.fetch_add(evaluations.saturating_sub(history.len()), Ordering::Relaxed);
-        (x, history)
-    }
-
-    #[allow(clippy::too_many_arguments)]
-    fn descend(
-        &self,
-        problem: &mut Problem<'_>,
-        x: Vec<f64>,
-        start: usize,
-        most: usize,
-        stop: &AtomicBool,
-        done: &AtomicUsize,
-        history: &mut Vec<Step>,
-    ) -> Vec<f64> {
-        let condition = self.objective.is_condition();
-        let constraints = problem.constraints();
-        // Iterates of sequential quadratic programming lie just outside of their limits as often as inside: the best one
-        // is that which is best once it has been made small enough.
-        let best = RefCell::new((f64::INFINITY, x.clone()));
-        let shared = RefCell::new((problem, history));
-        let value = |x: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
-            let (problem, history) = &mut *shared.borrow_mut();
-            if stop.load(Ordering::Relaxed) {
-                // Flat: the optimiser has arrived.
-                if let Some(gradient) = gradient {
-                    gradient.fill(0.0);
-                }
-                return 0.0;
-            }
-            let value = problem.value(x, gradient);
-            let merit = value + problem.price_of_scaling() * problem.violation(x);
-            if merit < best.borrow().0 {
-                *best.borrow_mut() = (merit, x.to_vec());
-            }
-            let shown = if condition { merit.exp() } else { merit };
-            history.push(Step { start, evaluation: history.len() + 1, value: shown });
-            done.fetch_add(1, Ordering::Relaxed);
-            value
-        };
-        let limits: Vec<_> = (0..constraints)
-            .map(|index| {
-                let shared = &shared;
-                move |x: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
-                    shared.borrow_mut().0.constraint(index, x, gradient)
-                }
-            })
-            .collect();
-        let tolerances = StopTols { ftol_rel: 1e-7, ftol_abs: 1e-7, xtol_rel: 1e-7, ..StopTols::default() };
-        let bounds = vec![(f64::NEG_INFINITY, f64::INFINITY); x.len()];
-        // However it ends, its best iterate is what counts.
-        let _ = minimize(value, &x, &bounds, &limits, (), most, Some(tolerances));
-        best.into_inner().1
     }
 
     /// The motion scaled about its start so that its peaks are at the limits, and the factor; with `all`, torque and
@@ -582,6 +510,75 @@ impl<'a> Search<'a> {
             values,
             status: if stopped { Status::Interrupted } else { Status::Finished },
         })
+    }
+}
+
+/// A descent from one start.
+struct Descent<'a> {
+    /// Number of the start.
+    start: usize,
+    /// Whether the criterion is the logarithm of a condition number.
+    condition: bool,
+    stop: &'a AtomicBool,
+    /// Evaluations of all starts.
+    done: &'a AtomicUsize,
+    history: Vec<Step>,
+}
+
+impl Descent<'_> {
+    /// Descends on criterion and limits that are sharpened step by step.
+    fn in_stages(mut self, problem: &mut Problem<'_>, mut x: Vec<f64>, evaluations: usize) -> (Vec<f64>, Vec<Step>) {
+        let stages: &[Sharpness] = if self.condition { &STAGES } else { &[STAGES[0], STAGES[2]] };
+        for (index, stage) in stages.iter().enumerate() {
+            problem.sharpness = *stage;
+            // What earlier stages left over is used by the last.
+            let share = evaluations * (index + 1) / stages.len();
+            let most = share.saturating_sub(self.history.len()).max(1);
+            x = self.descend(problem, x, most);
+        }
+        self.done.fetch_add(evaluations.saturating_sub(self.history.len()), Ordering::Relaxed);
+        (x, self.history)
+    }
+
+    fn descend(&mut self, problem: &mut Problem<'_>, x: Vec<f64>, most: usize) -> Vec<f64> {
+        let Self { start, condition, stop, done, ref mut history } = *self;
+        let constraints = problem.constraints();
+        // Iterates of sequential quadratic programming lie just outside of their limits as often as inside: the best one
+        // is that which is best once it has been made small enough.
+        let best = RefCell::new((f64::INFINITY, x.clone()));
+        let shared = RefCell::new((problem, history));
+        let value = |x: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
+            let (problem, history) = &mut *shared.borrow_mut();
+            if stop.load(Ordering::Relaxed) {
+                // Flat: the optimiser has arrived.
+                if let Some(gradient) = gradient {
+                    gradient.fill(0.0);
+                }
+                return 0.0;
+            }
+            let value = problem.value(x, gradient);
+            let merit = value + problem.price_of_scaling() * problem.violation(x);
+            if merit < best.borrow().0 {
+                *best.borrow_mut() = (merit, x.to_vec());
+            }
+            let shown = if condition { merit.exp() } else { merit };
+            history.push(Step { start, evaluation: history.len() + 1, value: shown });
+            done.fetch_add(1, Ordering::Relaxed);
+            value
+        };
+        let limits: Vec<_> = (0..constraints)
+            .map(|index| {
+                let shared = &shared;
+                move |x: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
+                    shared.borrow_mut().0.constraint(index, x, gradient)
+                }
+            })
+            .collect();
+        let tolerances = StopTols { ftol_rel: 1e-7, ftol_abs: 1e-7, xtol_rel: 1e-7, ..StopTols::default() };
+        let bounds = vec![(f64::NEG_INFINITY, f64::INFINITY); x.len()];
+        // However it ends, its best iterate is what counts.
+        let _ = minimize(value, &x, &bounds, &limits, (), most, Some(tolerances));
+        best.into_inner().1
     }
 }
 

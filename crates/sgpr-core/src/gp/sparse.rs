@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat};
 use pulp::{Arch, Simd, WithSimd};
@@ -101,14 +103,16 @@ impl<'a> SparseBound<'a> {
                 1.0 / noise,
                 self.compute.par(),
             );
-            self.add_gradient(&plan, &points, first, rows, &induced, &adjoint, &mut theta, &mut coordinates);
+            let sums = [&mut theta[..], &mut coordinates];
+            self.add_gradient(&plan, &points, first..first + rows, &induced, &adjoint, sums);
         }
         // By the inducing points K_uu changes in a row and in a column.
         let mut by_coordinates = vec![0.0; coordinates.len()];
         for (first, columns) in (0..m).step_by(CHUNK).map(|first| (first, CHUNK.min(m - first))) {
             let part = of_inducing.as_ref().subrows(first, columns);
             adjoint.as_mut().subrows_mut(0, columns).copy_from(part);
-            self.add_gradient(&plan, &induced, first, columns, &induced, &adjoint, &mut theta, &mut by_coordinates);
+            let sums = [&mut theta[..], &mut by_coordinates];
+            self.add_gradient(&plan, &induced, first..first + columns, &induced, &adjoint, sums);
         }
         coordinates.iter_mut().zip(&by_coordinates).for_each(|(sum, part)| *sum += 2.0 * part);
         let trace: f64 = (0..m).map(|i| of_inducing[(i, i)]).sum();
@@ -195,23 +199,20 @@ impl<'a> SparseBound<'a> {
         Adjoints { of_inducing, of_products, of_noise }
     }
 
-    /// Adds the share of the rows of `points` from `first` on, with the adjoint of their covariances with the inducing
-    /// points in the first rows of `adjoint`.
-    #[allow(clippy::too_many_arguments)]
+    /// Adds the share of some rows of `points`, with the adjoint of their covariances with the inducing points in the first
+    /// rows of `adjoint`, to the derivatives by the hyperparameters and by the coordinates of the inducing points.
     fn add_gradient(
         &self,
         plan: &Plan,
         points: &Features<f64>,
-        first: usize,
-        rows: usize,
+        rows: Range<usize>,
         inducing: &Features<f64>,
         adjoint: &Mat<f64>,
-        theta: &mut [f64],
-        coordinates: &mut [f64],
+        [theta, coordinates]: [&mut [f64]; 2],
     ) {
-        let width = plan.coordinates();
+        let (first, width) = (rows.start, plan.coordinates());
         let work = |(u, coordinates): (usize, &mut [f64])| {
-            let weights = &adjoint.col_as_slice(u)[..rows];
+            let weights = &adjoint.col_as_slice(u)[..rows.len()];
             Arch::new().dispatch(PointGradient { plan, points, first, inducing, u, weights, coordinates })
         };
         let add = |mut sum: Vec<f64>, part: Vec<f64>| {

@@ -68,50 +68,23 @@ pub fn search_sparse(
         return Err(GpError::InducingPoints { found: 0, points: data.len() });
     }
     let bounds = options.search.bounds_for(data, start)?;
-    let on_subset = SearchOptions {
+    let on_subsets = SearchOptions {
         evaluations: options.search.evaluations.max(SearchOptions::default().evaluations),
         ..options.search.clone()
     };
-    let mut run = Run { start, options: &on_subset, compute, progress, bounds: &bounds, jitter: 0.0, stopped: false };
-    let SubsetSearch { mut best, evaluations: mut evaluations_on_subset, .. } = run.on_subset(data)?;
-    let inducing = options.inducing as f64;
-    let affordable = ((3.0 * data.len() as f64 * inducing * inducing).cbrt() as usize).min(LARGEST_SUBSET);
-    if (options.search.subset + 1..data.len()).contains(&affordable) && !run.stopped {
-        let chosen = Random::new(options.search.seed).choose(affordable, data.len());
-        let minimum = run.search(&data.select(&chosen), &[], &best, "hyperparameters on a larger subset")?;
-        evaluations_on_subset += minimum.evaluations;
-        best = minimum.at;
-    }
-    let stopped = run.stopped;
-    let kernel = start.with_theta(&best).signal;
-    let chosen = informative_points(&kernel, data.x(), data.inputs(), options.inducing);
-    let inducing = data.select(&chosen).x().to_vec();
+    let run = Run { start, options: &on_subsets, compute, progress, bounds: &bounds, jitter: 0.0, stopped: false };
+    let OnSubsets { best, evaluations: evaluations_on_subset, stopped } = search_subsets(run, data, options.inducing)?;
+    let chosen = informative_points(&start.with_theta(&best).signal, data.x(), data.inputs(), options.inducing);
+    let unknowns = Unknowns {
+        start,
+        hyperparameters: best.len(),
+        inducing: data.select(&chosen).x().to_vec(),
+        spread: super::kernels::spreads(data.x(), data.inputs()),
+        moves: options.move_inducing,
+    };
+    let [at, lower, upper] = unknowns.begin(best, &bounds, data);
 
     let bound = SparseBound::new(data, compute);
-    let hyperparameters = best.len();
-    let (mut lower, mut upper): (Vec<f64>, Vec<f64>) = bounds.iter().copied().unzip();
-    let mut at = best;
-    // Points move in units of the spread of their input, like the logarithms beside them.
-    let spread = super::kernels::spreads(data.x(), data.inputs());
-    let unit = |k: usize| spread[k % data.inputs()];
-    if options.move_inducing {
-        let range = |k: usize| {
-            let column = data.x().iter().skip(k % data.inputs()).step_by(data.inputs());
-            column.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)))
-        };
-        let ranges: Vec<(f64, f64)> = (0..data.inputs()).map(range).collect();
-        for (k, x) in inducing.iter().enumerate() {
-            let (low, high) = ranges[k % data.inputs()];
-            at.push(x / unit(k));
-            lower.push(low / unit(k));
-            upper.push(high / unit(k));
-        }
-    }
-    let split = |at: &[f64]| -> (Covariance, Vec<f64>) {
-        let (theta, points) = at.split_at(hyperparameters);
-        let moved = points.iter().enumerate().map(|(k, x)| x * unit(k)).collect();
-        (start.with_theta(theta), if points.is_empty() { inducing.clone() } else { moved })
-    };
     // The search works on the bound per point: its first step is along the gradient, and as long, and that of a million
     // points would end in a corner of the bounds.
     let points = data.len() as f64;
@@ -126,18 +99,18 @@ pub fn search_sparse(
             progress.step("hyperparameters of the sparse process", done, limits.evaluations)?;
         }
         done += 1;
-        let (covariance, inducing) = split(at);
+        let (covariance, inducing) = unknowns.split(at);
         let (value, gradient) = bound.value_and_gradient(&covariance, &inducing)?;
         let mut gradient_at = gradient.theta;
-        let prior = log_prior(&options.search.priors, &at[..hyperparameters], Some(&mut gradient_at));
+        let prior = log_prior(&options.search.priors, &at[..unknowns.hyperparameters], Some(&mut gradient_at));
         if options.move_inducing {
-            gradient_at.extend(gradient.inducing.iter().enumerate().map(|(k, g)| g * unit(k)));
+            gradient_at.extend(gradient.inducing.iter().enumerate().map(|(k, g)| g * unknowns.unit(k)));
         }
         gradient_at.iter_mut().for_each(|g| *g /= -points);
         Ok((-(value + prior) / points, gradient_at))
     };
     let minimum = minimise(&at, &lower, &upper, limits, &mut evaluate)?;
-    let (covariance, inducing) = split(&minimum.at);
+    let (covariance, inducing) = unknowns.split(&minimum.at);
     let gp = SparseGaussianProcess::fit(data, covariance.clone(), inducing, compute)?;
     let report = SparseReport {
         at_bounds: at_bounds(&covariance, &bounds),
@@ -149,4 +122,70 @@ pub fn search_sparse(
         evaluations_on_subset,
     };
     Ok((gp, report))
+}
+
+/// Hyperparameters by the exact likelihood of subsets.
+struct OnSubsets {
+    best: Vec<f64>,
+    evaluations: usize,
+    /// Whether the listener asked to stop.
+    stopped: bool,
+}
+
+/// Searches a small subset from all starts, then a larger one, whose evaluations cost what those on all points do.
+fn search_subsets(mut run: Run<'_>, data: &Data, inducing: usize) -> Result<OnSubsets, GpError> {
+    let SubsetSearch { mut best, mut evaluations, .. } = run.on_subset(data)?;
+    let inducing = inducing as f64;
+    let affordable = ((3.0 * data.len() as f64 * inducing * inducing).cbrt() as usize).min(LARGEST_SUBSET);
+    if (run.options.subset + 1..data.len()).contains(&affordable) && !run.stopped {
+        let chosen = Random::new(run.options.seed).choose(affordable, data.len());
+        let minimum = run.search(&data.select(&chosen), &[], &best, "hyperparameters on a larger subset")?;
+        evaluations += minimum.evaluations;
+        best = minimum.at;
+    }
+    Ok(OnSubsets { best, evaluations, stopped: run.stopped })
+}
+
+/// What the search on all points steps in: hyperparameters, then the coordinates of the inducing points if these move.
+struct Unknowns<'a> {
+    start: &'a Covariance,
+    hyperparameters: usize,
+    /// Where the inducing points start, `[points, inputs]`, row-major.
+    inducing: Vec<f64>,
+    /// Per input. Points move in units of it, like the logarithms beside them.
+    spread: Vec<f64>,
+    moves: bool,
+}
+
+impl Unknowns<'_> {
+    fn unit(&self, coordinate: usize) -> f64 {
+        self.spread[coordinate % self.spread.len()]
+    }
+
+    /// Start, lower and upper bounds.
+    fn begin(&self, hyperparameters: Vec<f64>, bounds: &[(f64, f64)], data: &Data) -> [Vec<f64>; 3] {
+        let (mut lower, mut upper): (Vec<f64>, Vec<f64>) = bounds.iter().copied().unzip();
+        let mut at = hyperparameters;
+        if self.moves {
+            let range = |k: usize| {
+                let column = data.x().iter().skip(k % data.inputs()).step_by(data.inputs());
+                column.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)))
+            };
+            let ranges: Vec<(f64, f64)> = (0..data.inputs()).map(range).collect();
+            for (k, x) in self.inducing.iter().enumerate() {
+                let (low, high) = ranges[k % data.inputs()];
+                at.push(x / self.unit(k));
+                lower.push(low / self.unit(k));
+                upper.push(high / self.unit(k));
+            }
+        }
+        [at, lower, upper]
+    }
+
+    /// Covariance and inducing points.
+    fn split(&self, at: &[f64]) -> (Covariance, Vec<f64>) {
+        let (theta, points) = at.split_at(self.hyperparameters);
+        let moved = points.iter().enumerate().map(|(k, x)| x * self.unit(k)).collect();
+        (self.start.with_theta(theta), if points.is_empty() { self.inducing.clone() } else { moved })
+    }
 }

@@ -42,71 +42,17 @@ pub(super) fn estimate(
         let setting = "threshold of Huber's estimator, in standard deviations, at least a thousandth";
         return Err(IdentificationError::Setting { setting, value: threshold });
     }
-    let unknowns = nominal.len();
-    let group = Groups::of(factors);
     let used: Vec<bool> = start.weights.iter().map(|weight| weight.is_finite()).collect();
-    let ones: Vec<f64> = used.iter().map(|used| if *used { 1.0 } else { f64::INFINITY }).collect();
-    let mut values = start.values.clone();
-    let least = least_noise(&start.weights, factors);
-    let mut scales = Scales::new(equations, factors, &group, &values, &least)?;
-    let mut system;
-    loop {
-        start.iterations += 1;
-        let mut weighted = empty(factors);
-        let mut scaled_row = Vec::new();
-        equations.for_each(|equation| {
-            let index = group.index(&equation);
-            let scale = scales.of(index, &equation);
-            let size = equation.residual(&values).abs() / scale;
-            let weight = if size > threshold { (threshold / size).sqrt() } else { 1.0 };
-            scaled_row.clear();
-            scaled_row.extend(equation.row.iter().map(|value| value * weight / scale));
-            weighted[index].push(&scaled_row);
-        })?;
-        system = stack(&with_factors(factors, &weighted), unknowns, &ones);
-        let next = Solution::new(&system, nominal).values;
-        let step = length_in_deviations(&system, &next, &values);
-        values = next;
-        let before = std::mem::replace(&mut scales, Scales::new(equations, factors, &group, &values, &least)?);
-        if (step < SMALL_STEP && scales.change_since(&before, &used) < SMALL_STEP) || start.iterations > MOST_ITERATIONS
-        {
-            break;
-        }
-    }
+    let ones = used.iter().map(|used| if *used { 1.0 } else { f64::INFINITY }).collect();
+    let huber = Huber { threshold, factors, group: Groups::of(factors), used, ones, nominal };
+    let (values, scales, system) = huber.solve(equations, &mut start)?;
+    let Spread { covariance, inflation, down } = huber.spread(equations, &values, &scales)?;
 
-    // Sandwich: the slope of Huber's function inside, its square outside, and the memory of what it lets through.
-    let mut slope = empty(factors);
-    let mut square = empty(factors);
-    let mut memory = vec![Memory::default(); factors.len()];
-    let mut down = 0usize;
-    let steps: Vec<usize> = equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
-    let mut scaled_row = Vec::new();
-    equations.for_each(|equation| {
-        let index = group.index(&equation);
-        let scale = scales.of(index, &equation);
-        let size = equation.residual(&values) / scale;
-        let kept = size.clamp(-threshold, threshold);
-        memory[index].push(equation.trajectory, equation.sample / steps[equation.trajectory], kept);
-        scaled_row.clear();
-        scaled_row.extend(equation.row.iter().map(|value| value * kept / scale));
-        square[index].push(&scaled_row);
-        if size.abs() <= threshold {
-            scaled_row.clear();
-            scaled_row.extend(equation.row.iter().map(|value| value / scale));
-            slope[index].push(&scaled_row);
-        } else if used[index] {
-            down += 1;
-        }
-    })?;
-    let inside = Solution::new(&stack(&with_factors(factors, &slope), unknowns, &ones), nominal);
-    let inflation: Vec<f64> = memory.into_iter().map(Memory::rows_per_independent_row).collect();
-    let outside = weighted_gram(&with_factors(factors, &square), &used, &inflation, unknowns);
-    let covariance = inside.sandwich(&outside);
-
-    let rows: usize = factors.iter().zip(&used).map(|(factor, used)| if *used { factor.rows } else { 0 }).sum();
+    let used = &huber.used;
+    let rows: usize = factors.iter().zip(used).map(|(factor, used)| if *used { factor.rows } else { 0 }).sum();
     start.notes.push(format!("{:.1} % of the rows were held down", 100.0 * down as f64 / rows as f64));
-    let counted = factors.iter().zip(&used).filter(|(_, used)| **used).map(|(factor, _)| factor.rows as f64);
-    let mean_memory = inflation.iter().zip(&used).filter(|(_, used)| **used).map(|(inflation, _)| inflation);
+    let counted = factors.iter().zip(used).filter(|(_, used)| **used).map(|(factor, _)| factor.rows as f64);
+    let mean_memory = inflation.iter().zip(used).filter(|(_, used)| **used).map(|(inflation, _)| inflation);
     let memory = counted.zip(mean_memory).map(|(rows, inflation)| rows * inflation).sum::<f64>() / rows as f64;
     Ok(Estimate {
         values,
@@ -115,9 +61,109 @@ pub(super) fn estimate(
         whitened: faer::Scale(1.0 / memory.sqrt()) * system,
         unit: memory.sqrt(),
         log_shares: scales.shares(),
-        weights: scales.all.iter().zip(&used).map(|(s, used)| if *used { *s } else { f64::INFINITY }).collect(),
+        weights: scales.all.iter().zip(used).map(|(s, used)| if *used { *s } else { f64::INFINITY }).collect(),
         ..start
     })
+}
+
+/// Equations of which some are held down.
+struct Huber<'a> {
+    threshold: f64,
+    factors: &'a [JointFactor],
+    group: Groups,
+    /// Which factors count, and the weights of rows that are scaled already: infinite for the others.
+    used: Vec<bool>,
+    ones: Vec<f64>,
+    nominal: &'a [f64],
+}
+
+/// What an estimate is known to.
+struct Spread {
+    covariance: Mat<f64>,
+    /// Per factor: rows that carry as much as one independent row.
+    inflation: Vec<f64>,
+    /// Rows that were held down.
+    down: usize,
+}
+
+impl Huber<'_> {
+    /// Values, the scales of their residuals, and the triangle that they solve; `start` counts the iterations.
+    fn solve(
+        &self,
+        equations: &mut Equations<'_>,
+        start: &mut Estimate,
+    ) -> Result<(Vec<f64>, Scales, Mat<f64>), IdentificationError> {
+        let Self { threshold, factors, group, used, .. } = self;
+        let mut values = start.values.clone();
+        let least = least_noise(&start.weights, factors);
+        let mut scales = Scales::new(equations, factors, group, &values, &least)?;
+        loop {
+            start.iterations += 1;
+            let mut weighted = empty(factors);
+            let mut scaled_row = Vec::new();
+            equations.for_each(|equation| {
+                let index = group.index(&equation);
+                let scale = scales.of(index, &equation);
+                let size = equation.residual(&values).abs() / scale;
+                let weight = if size > *threshold { (threshold / size).sqrt() } else { 1.0 };
+                scaled_row.clear();
+                scaled_row.extend(equation.row.iter().map(|value| value * weight / scale));
+                weighted[index].push(&scaled_row);
+            })?;
+            let system = self.stacked(&weighted);
+            let next = Solution::new(&system, self.nominal).values;
+            let step = length_in_deviations(&system, &next, &values);
+            values = next;
+            let before = std::mem::replace(&mut scales, Scales::new(equations, factors, group, &values, &least)?);
+            let settled = step < SMALL_STEP && scales.change_since(&before, used) < SMALL_STEP;
+            if settled || start.iterations > MOST_ITERATIONS {
+                return Ok((values, scales, system));
+            }
+        }
+    }
+
+    /// Sandwich: the slope of Huber's function inside, its square outside, and the memory of what it lets through.
+    fn spread(
+        &self,
+        equations: &mut Equations<'_>,
+        values: &[f64],
+        scales: &Scales,
+    ) -> Result<Spread, IdentificationError> {
+        let Self { factors, used, .. } = self;
+        let threshold = self.threshold;
+        let mut slope = empty(factors);
+        let mut square = empty(factors);
+        let mut memory = vec![Memory::default(); factors.len()];
+        let mut down = 0usize;
+        let steps: Vec<usize> = equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
+        let mut scaled_row = Vec::new();
+        equations.for_each(|equation| {
+            let index = self.group.index(&equation);
+            let scale = scales.of(index, &equation);
+            let size = equation.residual(values) / scale;
+            let kept = size.clamp(-threshold, threshold);
+            memory[index].push(equation.trajectory, equation.sample / steps[equation.trajectory], kept);
+            scaled_row.clear();
+            scaled_row.extend(equation.row.iter().map(|value| value * kept / scale));
+            square[index].push(&scaled_row);
+            if size.abs() <= threshold {
+                scaled_row.clear();
+                scaled_row.extend(equation.row.iter().map(|value| value / scale));
+                slope[index].push(&scaled_row);
+            } else if used[index] {
+                down += 1;
+            }
+        })?;
+        let inside = Solution::new(&self.stacked(&slope), self.nominal);
+        let inflation: Vec<f64> = memory.into_iter().map(Memory::rows_per_independent_row).collect();
+        let outside = weighted_gram(&with_factors(factors, &square), used, &inflation, self.nominal.len());
+        Ok(Spread { covariance: inside.sandwich(&outside), inflation, down })
+    }
+
+    /// The triangle of rows that are scaled already.
+    fn stacked(&self, scaled: &[TriangularFactor]) -> Mat<f64> {
+        stack(&with_factors(self.factors, scaled), self.nominal.len(), &self.ones)
+    }
 }
 
 /// |R (new - old)| / sqrt(unknowns).

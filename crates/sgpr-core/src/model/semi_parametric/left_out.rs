@@ -63,55 +63,72 @@ pub(super) fn left_out(
             None => Cow::Owned(basis::matrix(physics, logs, joint, rows, processing)?),
         });
     }
+    let open = physics.fit.as_ref().is_some_and(|fit| !fit.undetermined.is_empty());
+    let stays = mean == Mean::Physics && logs.len() < FEWEST_LOGS && !open;
+    let changes = match Basis::of_physics(physics).filter(|_| stays) {
+        Some(whole) => {
+            let dispersion = physics.fit.as_ref().map_or(1.0, |fit| fit.dispersion);
+            let covariance = faer::Scale(dispersion.powi(-2)) * &whole.covariance;
+            vec![(Mat::zeros(unknowns, 1), covariance); together.len()]
+        }
+        None => changes(physics, rows, &matrices, &parts, &together),
+    };
+    for (group, (change, covariance)) in together.iter().zip(&changes) {
+        for (joint, matrix) in matrices.iter().enumerate() {
+            let explained = &**matrix * change;
+            let residual = rows[joint].residual.iter().enumerate().map(|(i, residual)| residual - explained[(i, 0)]);
+            let part = rows_of(joint, group);
+            let seen = Mat::from_fn(part.len(), unknowns, |i, k| matrix[(part[i], k)]);
+            let spread = &seen * covariance;
+            let variance = (0..part.len()).map(|i| (spread.row(i) * seen.row(i).transpose()).max(0.0)).collect();
+            group.of(&mut result[joint]).push(LeftOut { residual: residual.collect(), variance, part });
+        }
+    }
+    Ok(result)
+}
+
+/// What happens to the parameters without each group of parts, `[unknowns, 1]`, and their covariance then.
+///
+/// - `matrices`: per joint, `[rows, unknowns]`
+/// - `parts`: per joint and part, its rows
+fn changes(
+    physics: &TorqueModel,
+    rows: &[Rows],
+    matrices: &[Cow<'_, Mat<f64>>],
+    parts: &[Vec<Vec<usize>>],
+    together: &[Group],
+) -> Vec<(Mat<f64>, Mat<f64>)> {
+    let unknowns = basis::unknowns(physics);
     let none = || Normal { information: Mat::zeros(unknowns, unknowns), projection: Mat::zeros(unknowns, 1) };
     let mut all = none();
+    let count = parts.first().map_or(0, Vec::len);
     let mut of_parts = Vec::with_capacity(count);
     for index in 0..count {
         let mut of_part = none();
-        for ((rows, matrix), parts) in rows.iter().zip(&matrices).zip(&parts) {
+        for ((rows, matrix), parts) in rows.iter().zip(matrices).zip(parts) {
             of_part.add(rows, matrix, &parts[index]);
         }
         all.information += &of_part.information;
         all.projection += &of_part.projection;
         of_parts.push(of_part);
     }
-    let dispersion = physics.fit.as_ref().map_or(1.0, |fit| fit.dispersion);
-    let open = physics.fit.as_ref().is_some_and(|fit| !fit.undetermined.is_empty());
-    let stays = mean == Mean::Physics && logs.len() < FEWEST_LOGS && !open;
-    let whole = Basis::of_physics(physics).filter(|_| stays);
     let memory = memory(physics, rows);
-    if open {
+    if physics.fit.as_ref().is_some_and(|fit| !fit.undetermined.is_empty()) {
         // What holds the parameters pulls as much as all rows do.
         all.information += faer::Scale(memory) * held_by(physics, &(faer::Scale(1.0 / memory) * &all.information));
         all.projection.fill(0.0);
     }
     let (with_all, _) = basis::solve(&all.information, &all.projection);
-    for group in &together {
-        let (change, covariance) = match &whole {
-            Some(whole) => (vec![0.0; unknowns], faer::Scale(dispersion.powi(-2)) * &whole.covariance),
-            None => {
-                let (mut information, mut projection) = (all.information.clone(), all.projection.clone());
-                for part in &group.parts {
-                    information -= &of_parts[*part].information;
-                    projection -= &of_parts[*part].projection;
-                }
-                let (without, covariance) = basis::solve(&information, &projection);
-                let change = without.iter().zip(&with_all).map(|(without, with)| without - with).collect();
-                (change, faer::Scale(memory) * covariance)
-            }
-        };
-        for (joint, matrix) in matrices.iter().enumerate() {
-            let change = Mat::from_fn(unknowns, 1, |k, _| change[k]);
-            let explained = &**matrix * &change;
-            let residual = rows[joint].residual.iter().enumerate().map(|(i, residual)| residual - explained[(i, 0)]);
-            let part = rows_of(joint, group);
-            let seen = Mat::from_fn(part.len(), unknowns, |i, k| matrix[(part[i], k)]);
-            let spread = &seen * &covariance;
-            let variance = (0..part.len()).map(|i| (spread.row(i) * seen.row(i).transpose()).max(0.0)).collect();
-            group.of(&mut result[joint]).push(LeftOut { residual: residual.collect(), variance, part });
+    let without = |group: &Group| {
+        let (mut information, mut projection) = (all.information.clone(), all.projection.clone());
+        for part in &group.parts {
+            information -= &of_parts[*part].information;
+            projection -= &of_parts[*part].projection;
         }
-    }
-    Ok(result)
+        let (without, covariance) = basis::solve(&information, &projection);
+        (Mat::from_fn(unknowns, 1, |k, _| without[k] - with_all[k]), faer::Scale(memory) * covariance)
+    };
+    together.iter().map(without).collect()
 }
 
 /// Parts that are left out together.
