@@ -606,7 +606,7 @@ pub fn excite(
     let robot = robot.get().inner.clone();
     let effects = match effects {
         Some(names) => texts("effects", names)?,
-        None => ["viscous_friction", "coulomb_friction"].map(String::from).to_vec(),
+        None => core::usual_effects(),
     };
     let mut keywords = Keywords::new(options)?;
     let basis = keywords.basis()?;

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
+use sgpr_predict::internal::with_role;
 use slsqp::{StopTols, minimize};
 
 use super::criterion::Objective;
@@ -18,10 +19,16 @@ use super::{
     evaluate, forecast, peaks,
 };
 use crate::dynamics::{Workspace, gravity_torque};
+use crate::effects::Role;
 use crate::identification::{BaseParameters, Forecast, ParameterSet};
 use crate::progress::{Interrupted, Progress};
 use crate::robot::Robot;
 use crate::simulation::{Noise, Reference};
+
+/// Names of the effects that a motion is to reveal beside the rigid body unless others are named.
+pub fn usual_effects() -> Vec<String> {
+    [Role::ViscousFriction, Role::DryFriction].map(|role| with_role(role).name().to_string()).to_vec()
+}
 
 /// What to search for, and how hard.
 #[derive(Clone, Debug)]

@@ -481,7 +481,7 @@ fn effect_deviations(
                 && rotates(other.joint) == rotates(column.joint)
         });
         let size = alike.map(|(_, other)| column_size(base, factors, other)).fold(reference, f64::max);
-        let share = if set.effects()[column.effect].name() == "torque_offset" { OFFSET_SHARE } else { 1.0 };
+        let share = if set.effects()[column.effect].role() == Some(Role::Offset) { OFFSET_SHARE } else { 1.0 };
         let torque = of_arm(torque[column.joint]);
         deviations.push((index, share * torque / if size > 0.0 { size } else { 1.0 }));
     }

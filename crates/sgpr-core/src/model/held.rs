@@ -4,6 +4,7 @@
 use faer::Mat;
 
 use crate::dynamics::Samples;
+use crate::effects::Role;
 pub(super) use crate::identification::Held;
 use crate::identification::{
     BaseParameters, Dispersion, Equations, Estimate, IdentificationError, JointFactor, Judgement, LeftOut, Method,
@@ -309,7 +310,9 @@ impl Task<'_> {
             }
             None => "and the joints before it must accelerate more",
             Some(effect) => match self.set.effect_columns().get(effect) {
-                Some(column) if self.set.effects()[column.effect].name() == "rotor_inertia" => "must accelerate more",
+                Some(column) if self.set.effects()[column.effect].role() == Some(Role::RotorInertia) => {
+                    "must accelerate more"
+                }
                 Some(_) => "must move slowly and fast, both ways",
                 None => "must move over its whole range, both ways",
             },

@@ -8,10 +8,12 @@ mod screening;
 
 pub use cutoff::{CutoffInfluence, cutoff_influence};
 pub use screening::screen;
+use sgpr_predict::internal::with_role;
 
 use super::experiment::{require_torque, select_joints};
 use super::limits::beyond_limits;
 use super::{IdentifyError, Term, TorqueModel};
+use crate::effects::Role;
 use crate::identification::{Consistency, Essential, Estimate, Finding, Forecast, Method, PriorWidth};
 use crate::motion::{Conditioning, Processing};
 use crate::progress::Progress;
@@ -54,9 +56,9 @@ pub struct IdentifyOptions {
 
 impl Default for IdentifyOptions {
     fn default() -> Self {
-        let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"];
+        let effects = [Role::ViscousFriction, Role::DryFriction, Role::RotorInertia, Role::Offset];
         Self {
-            effects: effects.map(String::from).to_vec(),
+            effects: effects.map(|role| with_role(role).name().to_string()).to_vec(),
             method: Method::Wls,
             consistency: None,
             cross_validated_prior: false,
