@@ -29,6 +29,7 @@ pub mod excitation;
 pub mod export;
 pub mod gp;
 pub mod identification;
+mod intervals;
 pub mod linalg;
 mod memory;
 pub mod model;

@@ -3,7 +3,8 @@
 use super::{ExcitationError, Trajectory, TrajectorySamples, peaks};
 use crate::dynamics::Samples;
 use crate::identification::{
-    BaseParameters, Forecast, LONGER, ParameterSet, STATES, deviation_of, equations_of, stack, unit_covariance,
+    BaseParameters, Forecast, LONGER, ParameterSet, STATES, deviation_of, either_way, equations_of, stack,
+    unit_covariance,
 };
 use crate::random::Random;
 use crate::robot::Robot;
@@ -78,8 +79,7 @@ fn states(recorded: &TrajectorySamples, n: usize) -> [Vec<f64>; 3] {
     for _ in 0..STATES {
         for joint in 0..n {
             let at = random.below(recorded.len()) * n + joint;
-            let direction = if random.uniform() < 0.5 { 1.0 } else { -1.0 };
-            let values = [recorded.q[at], direction * recorded.dq[at], recorded.ddq[at]];
+            let values = either_way(&mut random, [recorded.q[at], recorded.dq[at], recorded.ddq[at]]);
             states.iter_mut().zip(values).for_each(|(all, value)| all.push(value));
         }
     }

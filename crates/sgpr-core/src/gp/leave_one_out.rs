@@ -1,4 +1,5 @@
 use super::Data;
+use crate::intervals::{HALF_INTERVAL_95, WITHIN_ONE_DEVIATION};
 
 /// Predictions of every point by the others, with the hyperparameters of all.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,7 +23,7 @@ pub struct Calibration {
 
 impl Calibration {
     /// For errors with a normal distribution.
-    pub(crate) const NORMAL: Self = Self { deviation: 1.0, half_interval_95: 1.96 };
+    pub(crate) const NORMAL: Self = Self { deviation: 1.0, half_interval_95: HALF_INTERVAL_95 };
 
     /// From (error, variance) of unseen measurements: the quantiles of the errors in standard deviations.
     ///
@@ -33,7 +34,7 @@ impl Calibration {
         ratios.sort_unstable_by(f64::total_cmp);
         // Errors that are all zero leave nothing to multiply.
         let quantile = |share: f64| (wider * ratios[rank(share)]).max(1e-6);
-        Self { deviation: quantile(0.682_689), half_interval_95: quantile(0.95) }
+        Self { deviation: quantile(WITHIN_ONE_DEVIATION), half_interval_95: quantile(0.95) }
     }
 }
 

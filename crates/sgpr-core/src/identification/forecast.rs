@@ -4,6 +4,7 @@ use faer::Mat;
 
 use super::{BaseParameters, IdentificationError, JointFactor, Observation, ParameterSet, Trajectory};
 use crate::dynamics::Samples;
+use crate::random::Random;
 use crate::robot::Robot;
 
 /// How surely a model of logs predicts the torque of other motion, and a model of more such logs.
@@ -54,6 +55,12 @@ impl Forecast {
         let all: Option<Vec<f64>> = (0..self.noise.len()).map(|joint| self.enough_at(joint)).collect();
         all.map(|all| all.into_iter().fold(self.seconds[0], f64::max) - self.seconds[0])
     }
+}
+
+/// Position, speed and acceleration of a joint as they were, or on the way back.
+pub(crate) fn either_way(random: &mut Random, [q, dq, ddq]: [f64; 3]) -> [f64; 3] {
+    let direction = if random.uniform() < 0.5 { 1.0 } else { -1.0 };
+    [q, direction * dq, ddq]
 }
 
 /// Standard deviation that parameters of this covariance bring to each joint's torque, root mean square over states, `[n]`.

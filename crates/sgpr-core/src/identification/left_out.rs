@@ -6,6 +6,7 @@ use faer::{Mat, Par};
 use super::least_squares::{residual_norm, stack, weighted_gram};
 use super::prior::PULLS;
 use super::{IdentificationError, JointFactor, Judgement, ParameterPrior};
+use crate::intervals::{HALF_INTERVAL_95, WITHIN_ONE_DEVIATION, place_of_share};
 use crate::linalg::cholesky;
 
 /// Parts of the data, each of which is predicted from the others.
@@ -195,19 +196,13 @@ impl Dispersion {
         }
         ratios.sort_unstable_by(f64::total_cmp);
         let of_share = |share: f64| {
-            let ratio = ratios[((share * ratios.len() as f64) as usize).min(ratios.len() - 1)];
+            let ratio = ratios[place_of_share(share, ratios.len())];
             (1.0 + TWO_OTHERS * (ratio - 1.0).max(0.0)).sqrt()
         };
-        let (deviation, tail) = (of_share(TWO_THIRDS), of_share(0.95));
+        let (deviation, tail) = (of_share(WITHIN_ONE_DEVIATION), of_share(0.95));
         Self { deviation, half_interval_95: HALF_INTERVAL_95 * tail / deviation }
     }
 }
-
-/// Share of a normal distribution within one standard deviation.
-const TWO_THIRDS: f64 = 0.682_689;
-
-/// Half the interval of 95 % of a normal distribution, in standard deviations.
-pub const HALF_INTERVAL_95: f64 = 1.96;
 
 /// Squares at a joint that were not seen, summed over rows, N²·m² (N²).
 struct Missed {

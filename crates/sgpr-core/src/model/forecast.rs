@@ -4,7 +4,7 @@
 use super::held::{Held, Task};
 use crate::dynamics::Samples;
 use crate::identification::{
-    Estimate, Forecast, IdentificationError, JointFactor, LONGER, Row, STATES, deviation_of, equations_of,
+    Estimate, Forecast, IdentificationError, JointFactor, LONGER, Row, STATES, deviation_of, either_way, equations_of,
 };
 use crate::random::Random;
 
@@ -57,9 +57,7 @@ impl Task<'_> {
             for state in 0..STATES {
                 let (log, at) = from[random.below(from.len())];
                 let log = &self.motions[log];
-                // Every second joint runs its motion backwards.
-                let direction = if random.uniform() < 0.5 { 1.0 } else { -1.0 };
-                let values = [log.q[at], direction * log.dq[at], log.ddq[at]];
+                let values = either_way(&mut random, [log.q[at], log.dq[at], log.ddq[at]]);
                 motion.iter_mut().zip(values).for_each(|(all, value)| all[state * n + joint] = value);
             }
         }

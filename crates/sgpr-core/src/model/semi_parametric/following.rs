@@ -1,7 +1,9 @@
 //! Intervals that follow the errors of the log they are used on.
 
+use crate::intervals::WITHIN_ONE_DEVIATION;
+
 /// Shares that the two intervals are to hold.
-const SHARES: [f64; 2] = [0.682_689, 0.95];
+const SHARES: [f64; 2] = [WITHIN_ONE_DEVIATION, 0.95];
 
 /// Time over which a width that is wrong by a factor of e is put right, s: longer than errors last, shorter than a log.
 const SECONDS: f64 = 5.0;

@@ -12,6 +12,7 @@ use crate::gp::{
     informative_points, search,
 };
 use crate::identification::Judgement;
+use crate::intervals::{HALF_INTERVAL_95, place_of_share};
 use crate::progress::Progress;
 
 /// How one selection of inputs did.
@@ -250,7 +251,8 @@ impl Alone {
         let physics: Vec<(f64, f64)> = errors.map(|(error, variance)| (error, mean_square + variance)).collect();
         let physics_loss = loss_of(&physics);
         let enough = count >= FEWEST && mean_square > 0.0;
-        let (calibration, calibration_95) = if enough { calibration(&physics, left_out.len()) } else { (1.0, 1.96) };
+        let (calibration, calibration_95) =
+            if enough { calibration(&physics, left_out.len()) } else { (1.0, HALF_INTERVAL_95) };
         let report = JointReport {
             rows: count,
             points: 0,
@@ -415,7 +417,7 @@ fn errors_left_out(
 /// and a new log differs from them as they do from each other: by a factor of sqrt(1 + 1 / parts) on their spread.
 pub(super) fn calibration(errors: &[(f64, f64)], parts: usize) -> (f64, f64) {
     let count = errors.len();
-    let rank = |share: f64| ((share * count as f64) as usize).min(count - 1);
+    let rank = |share: f64| place_of_share(share, count);
     let wider = (1.0 + 1.0 / parts as f64).sqrt();
     let of_errors = || Calibration::of(errors.iter().copied(), rank, wider);
     let Calibration { deviation, half_interval_95 } = if count > 0 { of_errors() } else { Calibration::NORMAL };
