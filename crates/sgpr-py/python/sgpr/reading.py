@@ -3,7 +3,7 @@
 import errno
 import os
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -123,6 +123,21 @@ def read(path: str | os.PathLike[str] | Any, joints: Sequence[str] | None = None
     if "columns" in chosen.options:
         return chosen.read(file, joints, accept=accept, **given)
     return chosen.read(file, joints, **given).accept(accept)
+
+
+def copies_of(logs: Iterable[tuple[str, str]]) -> dict[str, str]:
+    """Which logs are copies of one before them, and of which: by the hashes of their content.
+
+    - `logs`: name and hash of each
+    """
+    first: dict[str, str] = {}
+    copies = {}
+    for name, content in logs:
+        if content in first:
+            copies[name] = first[content]
+        else:
+            first[content] = name
+    return copies
 
 
 def suffixes() -> tuple[str, ...]:

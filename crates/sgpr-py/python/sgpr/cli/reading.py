@@ -11,7 +11,7 @@ import typer
 
 from .. import Recording, read
 from ..loading import load as load_either
-from ..reading import options_of
+from ..reading import copies_of, options_of
 from ..report.numbers import counted
 from . import project
 from .console import Output
@@ -297,15 +297,10 @@ def read_logs(
 
 def _without_copies(logs: Sequence[Log], output: Output) -> list[Log]:
     """Of logs with the same content the first."""
-    first: dict[str, str] = {}
-    kept = []
-    for log in logs:
-        other = first.setdefault(log.raw.content_hash, log.path)
-        if other == log.path:
-            kept.append(log)
-        else:
-            output.warning(f"{log.path} is a copy of {other} and is left out: the same samples would count twice")
-    return kept
+    copies = copies_of((log.path, log.raw.content_hash) for log in logs)
+    for copy, first in copies.items():
+        output.warning(f"{copy} is a copy of {first} and is left out: the same samples would count twice")
+    return [log for log in logs if log.path not in copies]
 
 
 def tell_layouts(logs: Sequence[Log], output: Output, *, of_all: bool = False) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 
 from .. import __version__
 from .._sgpr import Model, Processing, Record, Recording, Robot, SgprError, choose_processing, record
-from ..reading import read
+from ..reading import copies_of, read
 from .files import list_records, save_records
 from .logs import Log, is_remote
 
@@ -308,14 +308,8 @@ def _place(out: Path, log: Log, kind: Kind, parts: tuple[int, bool]) -> Path:
 
 def _copies(out: Path) -> dict[str, str]:
     """Logs whose samples are those of another log, with the first of these by name."""
-    by_content: dict[str, list[str]] = {}
-    for one in list_records(sorted((out / "records").glob("*/*.parquet"))):
-        by_content.setdefault(one["content_hash"], []).append(one["labels"].get("path", one["source"]))
-    copies = {}
-    for paths in by_content.values():
-        first, *others = sorted(paths)
-        copies.update(dict.fromkeys(others, first))
-    return copies
+    records = list_records(sorted((out / "records").glob("*/*.parquet")))
+    return copies_of(sorted((one["labels"].get("path", one["source"]), one["content_hash"]) for one in records))
 
 
 def _tell(progress: Callable[[str, int, int], Any] | None, done: int, total: int) -> None:
