@@ -415,7 +415,9 @@ def test_names_are_text(tmp_path: Path) -> None:
     )
     head = f'convention = "standard"\nname = "arm"\njoints = {json.dumps(joints)}\ngravity = [0.0, -9.81, 0.0]\n'
     (tmp_path / "arm.toml").write_text(head + rows)
-    for seed, name in enumerate(("train 'x'.csv", 'test "y".csv')):
+    # The history has the probability in two digits: with these logs it is 0.0014, far from where rounding would show
+    # that effects which other tests register in this process are candidates here, and not in the script's.
+    for seed, name in enumerate(("train 'x'.csv", 'test "y".csv'), start=4):
         write_log(tmp_path / name, seed)
     assert robot.dof == 2
     bench = opened([str(tmp_path)])
