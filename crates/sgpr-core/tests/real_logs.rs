@@ -237,16 +237,15 @@ fn kuka_lwr() {
     assert_at_most("moving", comparison.relative_error_percent, 1.3);
 }
 
+/// What the Panda's log needs, which has repeated samples and gaps.
+fn panda_repair() -> Repair {
+    Repair { drop_repeated: true, split_gaps: Some(0.1), resample: Some(Resample::Hz(1000.0)), ..Repair::default() }
+}
+
 #[test]
 fn panda() {
     let Some(folder) = folder("panda") else { return };
-    let request = Repair {
-        drop_repeated: true,
-        split_gaps: Some(0.1),
-        resample: Some(Resample::Hz(1000.0)),
-        ..Repair::default()
-    };
-    let case = Case::read(&folder, &request);
+    let case = Case::read(&folder, &panda_repair());
     // README: 2.87 % in the band of a Butterworth of 15 Hz.
     assert_at_most("15 Hz", case.compare(&case.identify(&ALL, at(15.0))).relative_error_percent, 2.5);
     // Published on the whole trajectory, in sample: 1.41 %.
@@ -257,19 +256,13 @@ fn panda() {
 #[test]
 fn effects_added_to_a_short_log_are_named() {
     let Some(folder) = folder("panda") else { return };
-    let request = Repair {
-        drop_repeated: true,
-        split_gaps: Some(0.1),
-        resample: Some(Resample::Hz(1000.0)),
-        ..Repair::default()
-    };
     // One motion of 14 s. Twice the error that the model without it has at the joint, and about as much.
     let spring = |q: f64| 0.45 * q;
     let ripple = |q: f64| 0.21 * (16.0 * q).sin();
     let added: [(_, _, &dyn Fn(f64) -> f64); 2] =
         [(["cable_stiffness", "spring_balancer"], 2, &spring), (["torque_ripple", "cogging_torque"], 3, &ripple)];
     for (names, joint, torque) in added {
-        let mut case = Case::read(&folder, &request);
+        let mut case = Case::read(&folder, &panda_repair());
         for log in case.train.iter_mut().chain(&mut case.test) {
             let n = log.dof();
             let mut tau = log.torque().expect("torque").to_vec();
@@ -434,12 +427,7 @@ fn consistent_against_free(name: &str, case: &Case, effects: &[&str], distance: 
 #[test]
 fn consistent_models_are_as_good_as_free_ones() {
     let uniform = Repair::default();
-    let panda = Repair {
-        drop_repeated: true,
-        split_gaps: Some(0.1),
-        resample: Some(Resample::Hz(1000.0)),
-        ..Repair::default()
-    };
+    let panda = panda_repair();
     let ur10e = Repair { resample: Some(Resample::Hz(100.0)), ..Repair::default() };
     // Behind the gear no sensor sees the rotor.
     const AT_THE_LINK: [&str; 3] = ["viscous_friction", "coulomb_friction", "torque_offset"];

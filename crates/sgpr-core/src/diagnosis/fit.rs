@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::DiagnosisError;
 use super::basis::{Basis, INVISIBLE, INVISIBLE_TANGENT, Noise, gain};
 use super::evidence::LeftOut;
-use super::left_out::{FoldFits, Prior};
+use super::left_out::FoldFits;
 use super::problem::{Column, Problem};
 use crate::effects::{Scale, Site};
 use crate::linalg::dot_in_lanes;
@@ -54,9 +54,9 @@ impl Once {
         Self { own: OnceLock::new(), like: other.own.get().or(other.like.as_ref()).cloned() }
     }
 
-    fn get(&self, fitted: &Fitted, by: (&Noise, &[Prior]), folds: &[Vec<usize>]) -> Arc<FoldFits> {
-        let (noise, _) = by;
-        let make = || FoldFits::new(&fitted.columns, &fitted.target, by, (folds, self.like.as_deref())).into();
+    fn get(&self, fitted: &Fitted, problem: &Problem, noise: &Noise, folds: &[Vec<usize>]) -> Arc<FoldFits> {
+        let like = (folds, self.like.as_deref());
+        let make = || FoldFits::new(&fitted.columns, &fitted.target, (noise, &problem.priors), like).into();
         if fitted.noise == *noise { self.own.get_or_init(make).clone() } else { make() }
     }
 }
@@ -84,7 +84,7 @@ impl Fitted {
 
     /// The fits that blocks of time were left out of.
     pub fn folds(&self, problem: &Problem, noise: &Noise) -> Arc<FoldFits> {
-        self.blocks.get(self, (noise, &problem.priors), &problem.fold)
+        self.blocks.get(self, problem, noise, &problem.fold)
     }
 
     /// The columns of a term as they are and whitened, if it is in the fit and they are those of any model with the same
@@ -430,7 +430,7 @@ pub(super) fn by_log(problem: &Problem, errors: &LeftOut) -> Vec<ByLog> {
 pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) -> LeftOut {
     let is_timed = |term: &Term| term.times().next().is_some();
     if !fitted.terms().iter().any(is_timed) {
-        return fitted.parts.get(fitted, (noise, &problem.priors), &problem.parts()).errors();
+        return fitted.parts.get(fitted, problem, noise, &problem.parts()).errors();
     }
     let mut target = fitted.target.to_vec();
     let mut at = problem.base.rank();

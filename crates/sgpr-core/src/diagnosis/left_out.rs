@@ -32,12 +32,12 @@ pub(super) struct Extra<'a> {
 /// What the robot file says of the first columns' factors, at one width: their precision, and its product with what is
 /// expected of them.
 #[derive(Clone, Debug)]
-pub(super) struct Prior {
+pub(super) struct FilePrior {
     precision: Vec<f64>,
     pull: Vec<f64>,
 }
 
-impl Prior {
+impl FilePrior {
     /// Of changes from a model's base parameters.
     pub fn new(of_file: &ParameterPrior, from: &[f64]) -> Self {
         let rows = of_file.rows();
@@ -100,7 +100,7 @@ impl FoldFits {
     pub fn new(
         columns: &[Arc<Column>],
         target: &Arc<Column>,
-        (noise, priors): (&Noise, &[Prior]),
+        (noise, priors): (&Noise, &[FilePrior]),
         (folds, like): (&[Vec<usize>], Option<&Self>),
     ) -> Self {
         let weights: Vec<f64> = noise.level.iter().map(|level| 1.0 / (level * level)).collect();
@@ -115,9 +115,9 @@ impl FoldFits {
             Products::symmetric(&all, target, (blocks, &weights), (known, &in_like))
         };
         let products: Vec<Products> = blocks.par_iter().enumerate().map(of_fold).collect();
-        let without = |left_out: usize, prior: Option<&Prior>| {
+        let without = |left_out: usize, prior: Option<&FilePrior>| {
             let mut sum = Products::without(&products, left_out, m, 0);
-            if let Some(Prior { precision, pull }) = prior {
+            if let Some(FilePrior { precision, pull }) = prior {
                 let rank = pull.len();
                 for (i, pull) in pull.iter().enumerate() {
                     sum.target[i] += pull;
@@ -130,7 +130,7 @@ impl FoldFits {
             let forward = factor.forward(&sum.target);
             FoldFit { factor, forward }
         };
-        let with = |prior: Option<&Prior>| {
+        let with = |prior: Option<&FilePrior>| {
             let folds: Vec<FoldFit> = (0..blocks.len()).into_par_iter().map(|fold| without(fold, prior)).collect();
             let squares =
                 |(fold, products): (&FoldFit, &Products)| products.change(&fold.factor.backward(&fold.forward));
@@ -391,7 +391,7 @@ mod tests {
         let model: Vec<Column> = (0..5).map(shows).collect();
         let prior = |mean: f64, deviation: f64| {
             let precision = |at: usize| if at / 5 == at % 5 { deviation.powi(-2) } else { 0.0 };
-            Prior { precision: (0..25).map(precision).collect(), pull: vec![mean * deviation.powi(-2); 5] }
+            FilePrior { precision: (0..25).map(precision).collect(), pull: vec![mean * deviation.powi(-2); 5] }
         };
         let priors = [prior(5.0, 0.1), prior(0.0, 0.1), prior(0.0, 100.0)];
         let shared: Vec<Arc<Column>> = model.iter().cloned().map(Arc::new).collect();

@@ -183,8 +183,7 @@ fn problem(model: &TorqueModel, train: &[Recording]) -> Result<Problem, Diagnosi
         None => Processing::choose(&select_joints(model.robot(), train)?, &Default::default())?.0,
     };
     let problem = Problem::new(model, train, &processing)?;
-    let seconds: f64 = problem.stretches.iter().map(|s| s.motion.len() as f64 / s.motion.rate_hz).sum();
-    let needed = problem.least_seconds();
+    let (seconds, needed) = (problem.seconds(), problem.least_seconds());
     if seconds < needed {
         return Err(DiagnosisError::TooShort { seconds, needed });
     }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::DiagnosisError;
 use super::basis::rms;
 use super::fit::{ByLog, LogSums};
-use super::left_out::Prior;
+use super::left_out::FilePrior;
 use sgpr_predict::internal::{JointRanges, for_each_regressor_block};
 
 use crate::dynamics::{BatchWorkspace, Samples, Workspace, mass_matrix};
@@ -37,6 +37,37 @@ pub(super) const FOLDS: usize = 5;
 const LONGEST_BLOCK_S: f64 = 2.0;
 const BLOCKS: f64 = 10.0;
 
+/// Blocks of time of logs, one after the other, each in one fold.
+pub(super) struct Blocks {
+    /// Per log: blocks before it, and samples of a block.
+    logs: Vec<(usize, usize)>,
+}
+
+impl Blocks {
+    /// Of `seconds` each.
+    pub fn new<'m>(motions: impl Iterator<Item = &'m Motion>, seconds: f64) -> Self {
+        let mut before = 0;
+        let of_log = |motion: &Motion| {
+            let length = (seconds * motion.rate_hz).max(1.0) as usize;
+            let first = before;
+            before += motion.len() / length + 1;
+            (first, length)
+        };
+        Self { logs: motions.map(of_log).collect() }
+    }
+
+    /// The fold of a sample of a log.
+    pub fn fold(&self, log: usize, sample: usize) -> usize {
+        let (first, length) = self.logs[log];
+        (first + sample / length) % FOLDS
+    }
+}
+
+/// Length of a block for logs of so many seconds in a band, s.
+fn block_seconds(seconds: f64, band_hz: f64) -> f64 {
+    (seconds / (BLOCKS * FOLDS as f64)).max(BLOCKS / band_hz).min(LONGEST_BLOCK_S)
+}
+
 /// One processed stretch of a log.
 #[derive(Debug)]
 pub(super) struct Stretch {
@@ -45,6 +76,13 @@ pub(super) struct Stretch {
     pub time: Vec<f64>,
     filter: LowPass,
     decimation: usize,
+}
+
+impl Stretch {
+    /// Length, s.
+    fn seconds(&self) -> f64 {
+        self.motion.len() as f64 / self.motion.rate_hz
+    }
 }
 
 /// A column: per joint its rows, empty where it is zero.
@@ -91,7 +129,7 @@ pub(super) struct Problem {
     /// Per joint: median change of speed over the sample in which it reverses, rad/s (m/s).
     pub speed_steps: Vec<f64>,
     /// The robot file at several widths, for fits that rows are left out of; none before [`Self::believe_file`].
-    pub priors: Vec<Prior>,
+    pub priors: Vec<FilePrior>,
 }
 
 impl Problem {
@@ -139,6 +177,7 @@ impl Problem {
                 nominal = with_file;
             }
         }
+        let band_hz = quiet.unwrap_or(BAND_HZ);
         let mut problem = Self {
             base: BaseParameters::new(robot, &set).extended_for(&generic(robot), &set),
             set,
@@ -148,11 +187,7 @@ impl Problem {
             rows: vec![vec![]; n],
             run: vec![vec![]; n],
             fold: vec![vec![]; n],
-            block_s: {
-                let all: f64 = stretches.iter().map(|s| s.motion.len() as f64 / s.motion.rate_hz).sum();
-                let band = quiet.unwrap_or(BAND_HZ);
-                (all / (BLOCKS * FOLDS as f64)).max(BLOCKS / band).min(LONGEST_BLOCK_S)
-            },
+            block_s: block_seconds(stretches.iter().map(Stretch::seconds).sum(), band_hz),
             limits: (0..n).map(|joint| flat_top(&stretches, joint)).collect(),
             after_rest: 0.0,
             holds: vec![0.0; n],
@@ -161,7 +196,7 @@ impl Problem {
             logged,
             stretches,
             clock,
-            band_hz: quiet.unwrap_or(BAND_HZ),
+            band_hz,
             ranges: vec![],
             speed_steps: vec![],
             priors: vec![],
@@ -197,7 +232,7 @@ impl Problem {
         let [.., widest] = EFFECT_SCALES;
         let prior = |width: &f64| {
             let of_file = of_file.clone().with_relative_deviation(*width).with_effect_scale(widest);
-            Prior::new(&of_file, &from)
+            FilePrior::new(&of_file, &from)
         };
         self.priors = WIDTHS.iter().map(prior).collect();
     }
@@ -218,15 +253,19 @@ impl Problem {
     /// Per joint and row its part of the logs: contiguous, each in one log, about as many as there are folds. A part is far
     /// from the others in time and in motion, as a log is that nobody has seen.
     pub fn parts(&self) -> Vec<Vec<usize>> {
-        let seconds = |stretch: &Stretch| stretch.motion.len() as f64 / stretch.motion.rate_hz;
-        let wanted = self.stretches.iter().map(seconds).sum::<f64>() / FOLDS as f64;
+        let wanted = self.seconds() / FOLDS as f64;
         let counts: Vec<usize> =
-            self.stretches.iter().map(|s| ((seconds(s) / wanted).round() as usize).max(1)).collect();
+            self.stretches.iter().map(|s| ((s.seconds() / wanted).round() as usize).max(1)).collect();
         let part = |(stretch, sample): &(usize, usize)| {
             let before: usize = counts[..*stretch].iter().sum();
             before + sample * counts[*stretch] / self.stretches[*stretch].motion.len()
         };
         self.rows.iter().map(|rows| rows.iter().map(part).collect()).collect()
+    }
+
+    /// Length of all logs, s.
+    pub fn seconds(&self) -> f64 {
+        self.stretches.iter().map(Stretch::seconds).sum()
     }
 
     /// Shortest logs with two of the shortest blocks for every fold, or one of the longest, s.
@@ -240,13 +279,12 @@ impl Problem {
 
     fn lay_out_rows(&mut self) {
         let n = self.dof();
-        let mut offset = 0;
+        let blocks = Blocks::new(self.stretches.iter().map(|stretch| &stretch.motion), self.block_s);
         self.rows.iter_mut().for_each(Vec::clear);
         self.run.iter_mut().for_each(Vec::clear);
         self.fold.iter_mut().for_each(Vec::clear);
         for (index, stretch) in self.stretches.iter().enumerate() {
             let motion = &stretch.motion;
-            let block = (self.block_s * motion.rate_hz).max(1.0) as usize;
             let settled = stretch.motion.settled(&stretch.filter);
             for joint in (0..n).filter(|joint| !self.closed[*joint]) {
                 let mut run = 0;
@@ -280,11 +318,10 @@ impl Problem {
                     }
                     self.rows[joint].push((index, sample));
                     self.run[joint].push(run);
-                    self.fold[joint].push((offset + sample / block) % FOLDS);
+                    self.fold[joint].push(blocks.fold(index, sample));
                     run += 1;
                 }
             }
-            offset += motion.len() / block + 1;
         }
     }
 

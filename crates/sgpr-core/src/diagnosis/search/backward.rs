@@ -81,43 +81,44 @@ impl Search<'_> {
         let given = fitted.terms().len() - accepted.len();
         for (k, step) in accepted.iter_mut().enumerate() {
             let own = fitted.terms()[given + k].clone();
-            for finer in self.finer_at(&fitted, &own) {
-                let bare = without_term(&self.problem, &fitted, given + k, &self.noise);
-                let residual = (bare.basis.as_ref(), &bare.white);
-                let at = |point: Vec<f64>| {
-                    self.with_constants(&bare, residual, &Term::new(finer.clone(), own.site, vec![]), &point)
-                };
-                let points = self.points(finer.as_ref(), own.site).into_iter().map(at).filter(|c| !c.impossible);
-                let Some(best) = points.max_by(|a, b| a.score.total_cmp(&b.score)) else { continue };
-                let term = self.refine(&bare, residual, &best).term;
-                let other = self.with_instead(&fitted, given + k, term);
-                let better = self.comparison(&self.errors(&fitted), &self.errors(&other), &own).significance() > 1.0;
-                if better && other.chi2 < fitted.chi2 && freedom(&other.terms()[given + k]) <= freedom(&own) {
-                    *step = self.exchanged(step, [&bare, &fitted, &other], given + k);
-                    fitted = other;
-                    break;
-                }
+            let finer = self.finer_at(&fitted, &own);
+            if finer.is_empty() {
+                continue;
+            }
+            let bare = without_term(&self.problem, &fitted, given + k, &self.noise);
+            let others = finer.iter().filter_map(|term| self.best_constants(&bare, term));
+            let others = others.map(|term| self.with_instead(&fitted, given + k, term));
+            let is_better = |other: &Fitted| {
+                let [own_errors, errors] = [&fitted, other].map(|fit| fit.folds(&self.problem, &self.noise).errors());
+                other.chi2 < fitted.chi2
+                    && own_errors.against(&errors, &self.problem, &self.joints_of(&own)).significance() > 1.0
+            };
+            if let Some(other) = others.into_iter().find(is_better) {
+                *step = self.exchanged(step, [&bare, &fitted, &other], given + k);
+                fitted = other;
             }
         }
         fitted
     }
 
-    /// Finer forms of what the model has at the joint of a torque, which are not in the fit.
-    fn finer_at(&self, fitted: &Fitted, own: &Term) -> Vec<Arc<dyn Effect>> {
-        let at_site = |name: &str| fitted.terms().iter().any(|t| t.effect.name() == name && t.site == own.site);
-        let refines = |effect: &dyn Effect| {
-            effect.refines().is_some_and(|name| self.known.iter().any(|known| known == name) || at_site(name))
-        };
+    /// Finer forms of what the model has at the joint of a torque, with as much freedom, which are not in the fit.
+    fn finer_at(&self, fitted: &Fitted, own: &Term) -> Vec<Term> {
+        if own.is_transform() || own.effect.reach() != Reach::Own || own.effect.refines().is_some() {
+            return vec![];
+        }
         let robot = self.problem.nominal.robot();
         let finer = |effect: &&Arc<dyn Effect>| {
-            refines(effect.as_ref())
+            effect.refines().is_some()
                 && self.wanted(effect.as_ref())
                 && effect.sites(robot).contains(&own.site)
-                && !at_site(effect.name())
+                && self.may_join(fitted, effect.as_ref(), own.site)
         };
-        let is_asked = own.site.joint().is_some() && own.effect.reach() == Reach::Own && own.effect.refines().is_none();
-        let is_asked = is_asked && !own.is_transform();
-        self.catalogue.iter().filter(|_| is_asked).filter(finer).cloned().collect()
+        let term = |effect: &Arc<dyn Effect>| {
+            let constants = self.points(effect.as_ref(), own.site).into_iter().next();
+            Term::new(effect.clone(), own.site, constants.unwrap_or_default())
+        };
+        let terms = self.catalogue.iter().filter(finer).map(term);
+        terms.filter(|term| freedom(term) <= freedom(own)).collect()
     }
 
     /// The fit with another term in the place of the one at `index`.

@@ -79,9 +79,7 @@ impl Search<'_> {
                 continue;
             }
             for site in effect.sites(robot) {
-                let there = |name: &str| fitted.terms().iter().any(|t| t.effect.name() == name && t.site == site);
-                let refines = |name: &str| self.known.iter().any(|known| known == name) || there(name);
-                if there(effect.name()) || !effect.refines().is_none_or(refines) {
+                if !self.may_join(fitted, effect.as_ref(), site) {
                     continue;
                 }
                 let points = self.points(effect.as_ref(), site).into_iter();
@@ -89,6 +87,13 @@ impl Search<'_> {
             }
         }
         terms
+    }
+
+    /// Whether an effect is not in the fit at a site, and what it refines is in the model or there.
+    pub(super) fn may_join(&self, fitted: &Fitted, effect: &dyn Effect, site: Site) -> bool {
+        let there = |name: &str| fitted.terms().iter().any(|t| t.effect.name() == name && t.site == site);
+        let refines = |name: &str| self.known.iter().any(|known| known == name) || there(name);
+        !there(effect.name()) && effect.refines().is_none_or(refines)
     }
 
     /// Constants to start from.

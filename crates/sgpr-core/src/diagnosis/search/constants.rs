@@ -194,23 +194,28 @@ impl Search<'_> {
         };
         for k in 0..fitted.terms().len() {
             let term = fitted.terms()[k].clone();
-            let points = self.points(term.effect.as_ref(), term.site);
-            if points.len() < 2 || !confused(&term) {
+            if self.points(term.effect.as_ref(), term.site).len() < 2 || !confused(&term) {
                 continue;
             }
             let without = without(&self.problem, &fitted, k, &self.noise);
-            let residual = (without.basis.as_ref(), &without.white);
-            let at = |point: Vec<f64>| self.with_constants(&without, residual, &term, &point);
-            let candidates: Vec<Candidate> = points.into_iter().map(at).filter(|c| !c.impossible).collect();
-            let Some(best) = candidates.iter().max_by(|a, b| a.score.total_cmp(&b.score)) else { continue };
+            let Some(best) = self.best_constants(&without, &term) else { continue };
             let mut terms = fitted.terms().to_vec();
-            terms[k].constants = self.refine(&without, residual, best).term.constants;
+            terms[k].constants = best.constants;
             let next = self.refit(&fitted, terms);
             if next.chi2 < fitted.chi2 {
                 fitted = next;
             }
         }
         fitted
+    }
+
+    /// A term beside a fit with its constants at the best point of their grids, refined, if there is a possible one.
+    pub(super) fn best_constants(&self, bare: &Fitted, term: &Term) -> Option<Term> {
+        let residual = (bare.basis.as_ref(), &bare.white);
+        let points = self.points(term.effect.as_ref(), term.site).into_iter();
+        let candidates = points.map(|point| self.with_constants(bare, residual, term, &point));
+        let best = candidates.filter(|c| !c.impossible).max_by(|a, b| a.score.total_cmp(&b.score))?;
+        Some(self.refine(bare, residual, &best).term)
     }
 
     /// Every term's constants once more, the others given.

@@ -1,7 +1,7 @@
 //! What a model leaves of one joint's torque, row by row, with what it may depend on.
 
 use super::super::fit::Fitted;
-use super::super::problem::{FOLDS, Problem, Stretch};
+use super::super::problem::{Blocks, Problem};
 use crate::model::LogResidual;
 
 /// Length of the blocks that are left out, s.
@@ -46,9 +46,7 @@ impl JointRows {
         let n = problem.dof();
         let mut rows = Self::new(joint, n);
         let every = problem.rows[joint].len().div_ceil(MOST_ROWS).max(1);
-        let block = |stretch: &Stretch| (BLOCK_S * stretch.motion.rate_hz).max(1.0) as usize;
-        let blocks = problem.stretches.iter().map(|stretch| stretch.motion.len() / block(stretch) + 1);
-        let offsets: Vec<usize> = blocks.scan(0, |sum, blocks| Some(std::mem::replace(sum, *sum + blocks))).collect();
+        let blocks = Blocks::new(problem.stretches.iter().map(|stretch| &stretch.motion), BLOCK_S);
         for (k, &(index, sample)) in problem.rows[joint].iter().enumerate() {
             let run = problem.run[joint][k] / every;
             if !problem.run[joint][k].is_multiple_of(every) {
@@ -56,7 +54,7 @@ impl JointRows {
             }
             let motion = &problem.stretches[index].motion;
             rows.run.push(run);
-            rows.fold.push((offsets[index] + sample / block(&problem.stretches[index])) % FOLDS);
+            rows.fold.push(blocks.fold(index, sample));
             if problem.clock.is_some() {
                 rows.time.push(problem.time_of((index, sample)));
             }
@@ -74,9 +72,8 @@ impl JointRows {
         let total: usize = logs.iter().map(|log| log.motion.len()).sum();
         let every = decimation.max(1) * (total / decimation.max(1)).div_ceil(MOST_ROWS).max(1);
         let clock = common_clock(logs);
-        let mut offset = 0;
-        for log in logs {
-            let block = (BLOCK_S * log.motion.rate_hz).max(1.0) as usize;
+        let blocks = Blocks::new(logs.iter().map(|log| &log.motion), BLOCK_S);
+        for (index, log) in logs.iter().enumerate() {
             let mut run = 0;
             let in_band = log.in_band(joint);
             for sample in (0..log.motion.len()).step_by(every) {
@@ -87,7 +84,7 @@ impl JointRows {
                 }
                 rows.run.push(run);
                 run += 1;
-                rows.fold.push((offset + sample / block) % FOLDS);
+                rows.fold.push(blocks.fold(index, sample));
                 if let Some(start) = clock {
                     rows.time.push((log.time()[sample] - start) as f64 * 1e-9);
                 }
@@ -96,7 +93,6 @@ impl JointRows {
                 rows.ddq.push(log.motion.ddq[at]);
                 rows.load.push(in_band.predicted[sample]);
             }
-            offset += log.motion.len() / block + 1;
         }
         rows
     }
