@@ -31,7 +31,10 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert run("identify", "--robot", DEMO_ROBOT, *logs, "--out", out / "identify", "--quiet").code == 0
     model = out / "identify" / "model.sgpr"
     limits = ("--limit", "fit_percent=50", "joint_1:rmse=0.001")
-    arguments = (model, DEMO_TEST, DEMO_TRAIN[0], "--against", DEMO_ROBOT, *limits, "--out", out / "compare", "--quiet")
+    deep = out / "a folder of logs whose name is longer than a telephone is wide" / "train.csv.gz"
+    deep.parent.mkdir()
+    shutil.copy(DEMO_TRAIN[0], deep)
+    arguments = (model, DEMO_TEST, deep, "--against", DEMO_ROBOT, *limits, "--out", out / "compare", "--quiet")
     assert run("compare", *arguments).code == 0
     small = ("--points", 40, "--inputs", "own_velocity", "--quiet")
     assert run("learn", "--robot", DEMO_ROBOT, *logs, *small, "--out", out / "learn").code == 0
