@@ -1,9 +1,11 @@
 """Ask of five real robots which effect their model lacks, and watch the error on logs that no fit saw.
 
     python examples/diagnose_real_robots.py
+    python examples/diagnose_real_robots.py --seconds 8 16
 
 The logs are those of `real_robots.py`; SGPR_DATA names their folder. On the UR10e a second session has logs without
-and one with a payload of 2.805 kg one after the other.
+and one with a payload of 2.805 kg one after the other. With `--seconds` each training log is diagnosed alone, of which
+only so many seconds are known.
 """
 
 import argparse
@@ -16,6 +18,7 @@ import sgpr
 from real_robots import DATASETS, EFFECTS, Dataset, Log, data_folder, recordings, robot_and_logs
 
 PAUSE_S = 5.0
+NO_WORSE = 1.02
 
 UNLOADED = [
     Log("excitation_30s_12harm.csv", (635, 3510)),
@@ -34,9 +37,10 @@ def part(log: sgpr.Recording, first: int, last: int, start_s: float) -> sgpr.Rec
     """Samples of a log, on a clock at which the first one of the whole log is at `start_s`."""
     clock = log.time_ns - log.time_ns[0] + round(start_s * 1e9)
     rows = slice(first, last)
-    assert log.dq is not None and log.tau is not None
+    assert log.tau is not None
+    speed = None if log.dq is None else log.dq[rows]
     return sgpr.Recording(
-        clock[rows], log.q[rows], log.dq[rows], log.tau[rows], joint_names=log.joint_names, source=log.source
+        clock[rows], log.q[rows], speed, log.tau[rows], joint_names=log.joint_names, source=log.source
     )
 
 
@@ -71,15 +75,47 @@ def row(name: str, model: sgpr.Model, train: list[sgpr.Recording], test: list[sg
     return f"| {name} | {findings} | {before:.2f} | {after:.2f} | {samples} | {seconds:.0f} |"
 
 
+def ratio_of_short(robot: sgpr.Robot, log: sgpr.Recording, test: list[sgpr.Recording], seconds: float) -> float:
+    """Unseen error with the findings over that of the model without them; both know the first seconds of a log."""
+    rows = int(np.searchsorted(log.time_ns, log.time_ns[0] + round(seconds * 1e9)))
+    train = [part(log, 0, rows, 0.0)]
+    model = model_of(robot, train)
+    before, after = (
+        sgpr.compare(each, test).relative_error_percent for each in (model, sgpr.diagnose(model, train).model)
+    )
+    return after / before
+
+
+def short_row(name: str, robot: sgpr.Robot, logs: list[list[sgpr.Recording]], seconds: float) -> str:
+    """One line of the table of short logs: those to train, those to test."""
+    train, test = logs
+    long_enough = [log for log in train if float(log.time_ns[-1] - log.time_ns[0]) * 1e-9 >= seconds]
+    ratios = [ratio_of_short(robot, log, test, seconds) for log in long_enough]
+    if not ratios:
+        return f"| {name} | {seconds:.0f} | 0 | | | |"
+    mean, worse = float(np.exp(np.mean(np.log(ratios)))), sum(ratio > NO_WORSE for ratio in ratios)
+    return f"| {name} | {seconds:.0f} | {len(ratios)} | {mean:.2f} | {max(ratios):.2f} | {worse} |"
+
+
 def main() -> int:
     """Diagnose every robot whose logs are there."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, help="folder of the logs (default: what SGPR_DATA names)")
-    data = data_folder(parser.parse_args().data)
+    parser.add_argument("--seconds", type=float, nargs="+", default=[], help="short parts of each training log")
+    options = parser.parse_args()
+    data = data_folder(options.data)
     found = [dataset for dataset in DATASETS if (data / dataset.folder / dataset.urdf).exists()]
     if not found:
         print("no logs found: set SGPR_DATA to the folder that holds them (see docs/real-data.md)", file=sys.stderr)
         return 1
+    if options.seconds:
+        print("| robot | training, s | logs | unseen error, after over before | worst | above 1.02 |")
+        print("|---|---|---|---|---|---|")
+        for dataset in found:
+            robot, train, test = robot_and_logs(data / dataset.folder, dataset)
+            for seconds in options.seconds:
+                print(short_row(dataset.folder, robot, [train, test], seconds), flush=True)
+        return 0
     print("| robot | findings | unseen before, % | after, % | samples | s |\n|---|---|---|---|---|---|")
     for dataset in found:
         folder = data / dataset.folder

@@ -65,3 +65,18 @@ def test_an_effect_that_is_unsure_stays_in_the_model_beside_findings() -> None:
     kept = {term["effect"] for term in diagnosis.model.terms} - found
     assert unsure and any(effect in words for effect in kept for words in unsure), (found, kept, unsure)
     assert any(effect in line for effect in kept for line in diagnosis.model.history), diagnosis.model.history
+
+
+@pytest.mark.parametrize(
+    ("name", "seconds", "best"),
+    [("ur10e", 8.0, 1.01), ("ur10e", 16.0, 0.7), ("panda", 8.0, 0.95), ("baxter", 16.0, 0.5)],
+)
+def test_one_short_log_makes_no_model_worse(name: str, seconds: float, best: float) -> None:
+    # The test logs are other motions, at positions that so short a log does not show, and their clocks begin anew.
+    robot, train, test = robot_and_logs(name)
+    diagnose = example("diagnose_real_robots")
+
+    ratios = [diagnose.ratio_of_short(robot, log, test, seconds) for log in train]
+
+    assert max(ratios) < 1.03, ratios
+    assert min(ratios) < best, ratios

@@ -30,11 +30,24 @@ pub(super) struct Rest {
     pub calm: Vec<bool>,
 }
 
+impl Rest {
+    /// Of the rows that may be noise, per degree of freedom, (N·m)² (N²).
+    fn variance(&self) -> f64 {
+        let own = || self.residual.iter().zip(&self.calm).filter(|(_, calm)| **calm).map(|(x, _)| x);
+        let count = own().count() as f64;
+        let freedom = (count - self.used as f64).max(0.2 * count).max(1.0);
+        own().map(|x| x * x).sum::<f64>() / freedom
+    }
+}
+
 /// Least noise, as a share of the torque.
 const LEAST_SHARE: f64 = 1e-5;
 
 /// Highest order of the autoregression.
 const ORDER: usize = 6;
+
+/// Rows for each of its terms.
+const ROWS_PER_ORDER: f64 = 50.0;
 
 impl Noise {
     /// White noise of the size of the residual.
@@ -45,29 +58,23 @@ impl Noise {
 
     /// The autoregression that describes the rest of each joint best by Akaike's criterion.
     pub fn of(problem: &Problem, rests: &[Rest]) -> Self {
-        let level: Vec<f64> = rests.iter().map(|rest| rms(&rest.residual).max(1e-12)).collect();
+        // Whatever the fit says, no model of an arm is right to five digits.
+        let least = |joint: usize| (LEAST_SHARE * rms(&problem.y[joint])).max(1e-12);
+        let level = |(joint, rest): (usize, &Rest)| rest.variance().sqrt().max(least(joint));
+        let level: Vec<f64> = rests.iter().enumerate().map(level).collect();
         let mut noise = Self { phi: vec![vec![]; rests.len()], sigma: level.clone(), level };
-        for (joint, Rest { residual: r, used, calm }) in rests.iter().enumerate() {
-            let own = || r.iter().zip(calm).filter(|(_, calm)| **calm).map(|(x, _)| x);
-            let count = own().count() as f64;
-            let freedom = (count - *used as f64).max(0.2 * count).max(1.0);
-            let variance = own().map(|x| x * x).sum::<f64>() / freedom;
-            if r.len() < 50 * ORDER || variance <= 0.0 {
-                continue;
-            }
+        for (joint, Rest { residual: r, calm, .. }) in rests.iter().enumerate() {
+            let count = calm.iter().filter(|calm| **calm).count() as f64;
+            let order = (count / ROWS_PER_ORDER) as usize;
             let covariance = |lag: usize| {
                 let run = &problem.run[joint];
                 let pairs = (lag..r.len()).filter(|&k| run[k] >= lag && calm[k] && calm[k - lag]);
                 let (sum, count) = pairs.fold((0.0, 0.0), |(s, c), k| (s + r[k] * r[k - lag], c + 1.0));
                 sum / f64::max(count, 1.0)
             };
-            let c: Vec<f64> = (0..=ORDER).map(covariance).collect();
+            let c: Vec<f64> = (0..=order.min(ORDER)).map(covariance).collect();
             let own = Autoregression::of(&c, count);
-            // Whatever the fit says, no model of an arm is right to five digits.
-            let least = (LEAST_SHARE * rms(&problem.y[joint])).powi(2);
-            let variance = variance.max(least);
-            noise.level[joint] = variance.sqrt();
-            noise.sigma[joint] = (variance * own.innovation).sqrt().max(1e-12);
+            noise.sigma[joint] = (noise.level[joint] * own.innovation.sqrt()).max(1e-12);
             noise.phi[joint] = own.phi;
         }
         noise
@@ -427,4 +434,18 @@ pub(super) fn mean_square(values: &[f64]) -> f64 {
 
 pub(super) fn rms(values: &[f64]) -> f64 {
     mean_square(values).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_is_that_of_calm_rows_and_of_the_freedom_that_is_left() {
+        let residual: Vec<f64> = (0..60).map(|row| if row < 40 { [1.0, -1.0][row % 2] } else { 50.0 }).collect();
+        let calm: Vec<bool> = (0..60).map(|row| row < 40).collect();
+        let rest = |used: usize| Rest { residual: residual.clone(), used, calm: calm.clone() };
+        assert_eq!(rest(0).variance(), 1.0);
+        assert_eq!(rest(20).variance(), 2.0);
+    }
 }

@@ -13,7 +13,7 @@
 use rayon::prelude::*;
 
 use super::evidence::{EVEN, LeftOut, SURE, probability_of_fall, weights};
-use super::fit::{ByLog, Fitted, beyond, left_out_parts, left_out_states};
+use super::fit::{Fitted, left_out_parts, left_out_states};
 use super::search::{Accepted, EVIDENCE, MATERIAL, Outcome, Search, is_limit, without};
 use super::unknown::{self, Leftover, Processes};
 use crate::effects::Site;
@@ -25,8 +25,6 @@ pub(super) struct Decision {
     pub outcome: Outcome,
     /// Of each term that was found.
     pub judged: Vec<Judged>,
-    /// Indices of the terms that were found and do not enter the model: with them parts of the logs are predicted worse.
-    pub taken_back: Vec<usize>,
     /// What is left at each joint.
     pub left: Vec<Leftover>,
     /// The likeliest of the effects that were not found, by name and site, each with its probability.
@@ -110,11 +108,10 @@ pub(super) fn decide(search: &mut Search<'_>, outcome: Outcome) -> Result<Decisi
         beside = Beside::of(search, &outcome.fitted);
     };
     search.step("weigh what was found", 2, 3)?;
-    let taken_back = taken_back(search, &outcome);
     let rejected = rejected(search, &outcome, &beside.errors);
     let left = beside.left;
     search.step("weigh what was found", 3, 3)?;
-    Ok(Decision { outcome, judged, taken_back, left, rejected })
+    Ok(Decision { outcome, judged, left, rejected })
 }
 
 /// The same probabilities of an outcome that stays as it is.
@@ -122,7 +119,7 @@ pub(super) fn judge_only(search: &Search<'_>, outcome: Outcome) -> Decision {
     let beside = Beside::of(search, &outcome.fitted);
     let judged = judge(search, &outcome, &beside);
     let rejected = rejected(search, &outcome, &beside.errors);
-    Decision { outcome, judged, taken_back: vec![], left: beside.left, rejected }
+    Decision { outcome, judged, left: beside.left, rejected }
 }
 
 /// What is beside a fit.
@@ -308,46 +305,6 @@ fn joint_of_arm(search: &Search<'_>, outcome: &Outcome) -> Option<usize> {
         bare.white.iter().zip(&outcome.fitted.white).map(|(bare, fitted)| energy(bare) - energy(fitted)).collect();
     let all: f64 = falls.iter().sum();
     falls.iter().position(|fall| *fall > 0.5 * all)
-}
-
-/// Growth of a joint's error on left-out parts of the logs that is harm: the one that is seen on other logs differs by as
-/// much from chance.
-const HARM: f64 = 0.02;
-
-/// The terms that must not enter the model, weakest first: while some joint is predicted worse with the findings than
-/// without them, on parts of the logs that were left out and beyond the band of the equations, by more than the standard
-/// error of that.
-fn taken_back(search: &Search<'_>, outcome: &Outcome) -> Vec<usize> {
-    let (problem, noise) = (&search.problem, &search.noise);
-    let errors = |fitted: &Fitted| (left_out_parts(problem, fitted, noise), beyond(problem, fitted));
-    let before = errors(&outcome.start);
-    let mut out: Vec<usize> = Vec::new();
-    loop {
-        let inside: Vec<usize> = outcome.news(search).map(|(k, _)| k).filter(|k| !out.contains(k)).collect();
-        if inside.is_empty() {
-            return out;
-        }
-        let fitted = search.refit(&outcome.fitted, without(outcome.fitted.terms(), &out));
-        let after = errors(&fitted);
-        let is_worse = |joint: &usize| {
-            let whole = |errors: &(LeftOut, Vec<ByLog>)| errors.0.mean_square(*joint) + errors.1[*joint][0].powi(2);
-            let grows = whole(&after) > (1.0 + HARM).powi(2) * whole(&before);
-            let in_band = before.0.against(&after.0, problem, &[*joint]);
-            // Beyond the band there is no fit, and no chance.
-            let beyond = after.1[*joint][0] > (1.0 + HARM) * before.1[*joint][0];
-            grows && (beyond || in_band.significance() < -1.0)
-        };
-        let worse: Vec<usize> = (0..problem.dof()).filter(is_worse).collect();
-        let acts = |k: &usize| {
-            let own = search.joints_of(&outcome.fitted.terms()[*k]);
-            worse.iter().any(|joint| own.contains(joint))
-        };
-        let score = |k: &usize| outcome.news(search).find(|(own, _)| own == k).map_or(0.0, |(_, step)| step.score);
-        match inside.into_iter().filter(acts).min_by(|a, b| score(a).total_cmp(&score(b))) {
-            Some(weakest) => out.push(weakest),
-            None => return out,
-        }
-    }
 }
 
 /// The probabilities of the likeliest effects that were not found, beside what was.

@@ -9,6 +9,7 @@ mod answer;
 mod basis;
 mod decision;
 mod detectability;
+mod elsewhere;
 mod evidence;
 mod experiment;
 mod fit;
@@ -20,6 +21,7 @@ mod search;
 mod structure;
 mod unknown;
 mod whereabouts;
+mod written;
 
 use std::sync::Arc;
 
@@ -40,6 +42,7 @@ use crate::recording::{LogSet, Recording, RecordingError};
 use problem::Problem;
 pub use search::Ranked;
 use search::{Search, Wanted};
+use written::Written;
 
 /// What to look for.
 #[derive(Clone, Debug)]
@@ -153,7 +156,13 @@ pub fn diagnose_with(
         let outcome = search.by_hand(&start, &wanted)?;
         decision::judge_only(&search, outcome)
     };
-    report::report(&mut search, model, &decision, [train, test])
+    let written = if wanted.is_empty() {
+        written::written(&search, model, &decision, train)?
+    } else {
+        let terms = decision.outcome.fitted.terms().to_vec();
+        Written { model: written::identified_again(&search, model, terms, train)?, taken_back: vec![] }
+    };
+    report::report(&mut search, model, (&decision, written), test)
 }
 
 /// `model` with the effects of `findings` on top, all parameters refitted to `train`. A model that was identified under
@@ -174,7 +183,9 @@ pub fn add(model: &TorqueModel, findings: &[&Finding], train: &[Recording]) -> R
     let refitted = search.refit(&start, terms);
     let fitted = search.polish(refitted);
     let history = findings.iter().map(|finding| report::sentence(finding));
-    Ok(report::refitted(&search, model, fitted.terms().to_vec(), history, train)?)
+    let mut again = written::identified_again(&search, model, fitted.terms().to_vec(), train)?;
+    again.provenance.history.extend(history);
+    Ok(again)
 }
 
 fn problem(model: &TorqueModel, train: &[Recording]) -> Result<Problem, DiagnosisError> {

@@ -79,6 +79,11 @@ pub(super) struct Stretch {
 }
 
 impl Stretch {
+    /// Samples from one row of the equations to the next.
+    pub fn decimation(&self) -> usize {
+        self.decimation
+    }
+
     /// Length, s.
     fn seconds(&self) -> f64 {
         self.motion.len() as f64 / self.motion.rate_hz

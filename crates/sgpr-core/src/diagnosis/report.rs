@@ -9,9 +9,10 @@ use super::formula::Formula;
 use super::search::{Accepted, Candidate, Search};
 use super::structure::JointStructure;
 use super::unknown::Leftover;
+use super::written::Written;
 use super::{DiagnosisError, detectability, experiment, formula, structure, whereabouts};
 use crate::effects::{Entry, Scale, Site};
-use crate::model::{Given, IdentifyError, Term, TorqueModel, compare, identify_again};
+use crate::model::{Term, TorqueModel, compare};
 use crate::recording::Recording;
 use crate::robot::Robot;
 
@@ -27,8 +28,8 @@ const LISTED: f64 = 0.01;
 pub(super) fn report(
     search: &mut Search<'_>,
     model: &TorqueModel,
-    decision: &Decision,
-    [train, test]: [&[Recording]; 2],
+    (decision, written): (&Decision, Written),
+    test: &[Recording],
 ) -> Result<Diagnosis, DiagnosisError> {
     let Decision { outcome, left, .. } = decision;
     let start = &outcome.start;
@@ -38,7 +39,7 @@ pub(super) fn report(
     let mut findings = findings(search, decision, &terms);
     let candidates = candidates(search, &findings, decision);
     let not_testable = not_testable(search, start, &outcome.ranking);
-    let after = with_findings(search, model, decision, &mut findings, train)?;
+    let after = with_history(model, decision, written, &mut findings);
     let last = if findings.is_empty() { start } else { &outcome.fitted };
     let structure = structure::structure_of_fit(&search.problem, start);
     let of_last =
@@ -100,46 +101,25 @@ fn formulas(search: &Search<'_>, last: &Fitted, left: &[Leftover], structure: &[
     joints.filter_map(|joint| formula::formula(&search.problem, last, &search.noise, joint)).collect()
 }
 
-/// The model with the findings but those that are taken back, which then say so.
-fn with_findings(
-    search: &Search<'_>,
-    model: &TorqueModel,
-    decision: &Decision,
-    findings: &mut [Finding],
-    train: &[Recording],
-) -> Result<TorqueModel, DiagnosisError> {
+/// The model that is written, its history told by what is in it; findings that it does without say so.
+fn with_history(model: &TorqueModel, decision: &Decision, written: Written, findings: &mut [Finding]) -> TorqueModel {
     let fitted = &decision.outcome.fitted;
-    let out: Vec<&Term> = decision.taken_back.iter().map(|k| &fitted.terms()[*k]).collect();
+    let out: Vec<&Term> = written.taken_back.iter().map(|k| &fitted.terms()[*k]).collect();
     let is_out = |term: &Term| out.iter().any(|own| own.is_like(term));
     for finding in findings.iter_mut().filter(|finding| finding.terms.iter().any(is_out)) {
-        finding.evidence +=
-            "; left out of the model, which predicts parts of the logs worse with it that it was not fitted to";
+        finding.evidence += "; left out of the model: with it other motion would be predicted worse";
     }
     let inside = || findings.iter().filter(|finding| !finding.terms.iter().any(is_out));
     if inside().next().is_none() {
-        return Ok(model.clone());
+        return model.clone();
     }
-    let terms: Vec<Term> = fitted.terms().iter().filter(|term| !is_out(term)).cloned().collect();
+    let mut after = written.model;
     let found = |term: &Term| inside().any(|finding| finding.terms.iter().any(|own| own.is_like(term)));
     let given = |term: &Term| model.terms().iter().any(|own| own.is_like(term));
-    let beside = terms.iter().filter(|term| !found(term) && !given(term));
+    let beside = fitted.terms().iter().filter(|term| !is_out(term) && !found(term) && !given(term));
     let beside: Vec<String> = beside.map(|term| beside_findings(term, model.robot())).collect();
-    Ok(refitted(search, model, terms, inside().map(sentence).chain(beside), train)?)
-}
-
-/// The model with these terms, all parameters identified anew from the logs in the way in which it was identified.
-pub(super) fn refitted(
-    search: &Search<'_>,
-    model: &TorqueModel,
-    terms: Vec<Term>,
-    history: impl Iterator<Item = String>,
-    train: &[Recording],
-) -> Result<TorqueModel, IdentifyError> {
-    let consistency = model.fit().and_then(|fit| fit.consistency.as_ref()).map(|certificate| certificate.consistency());
-    let given = Given { terms, clock: search.problem.clock };
-    let mut again = identify_again(model, given, consistency.as_ref(), train)?;
-    again.provenance.history.extend(history);
-    Ok(again)
+    after.provenance.history.extend(inside().map(sentence).chain(beside));
+    after
 }
 
 /// A line of a model's history for what is fitted with the findings and is none itself.

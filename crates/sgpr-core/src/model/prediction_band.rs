@@ -35,7 +35,7 @@ impl TorqueModel {
 
     /// The same along a processed stretch of a log.
     pub fn standard_deviation_of(&self, motion: &Motion) -> Vec<f64> {
-        self.standard_deviation_along(&Trajectory::of(motion, &self.session_time(&motion.time)))
+        self.standard_deviation_along(&Trajectory::of(motion, &self.time_of(motion)))
     }
 
     /// The same along a trajectory, terms included if their estimates have a covariance.

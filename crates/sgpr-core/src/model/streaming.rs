@@ -91,7 +91,7 @@ fn streamed(
     source: &Source<'_>,
 ) -> Result<Vec<f64>, IdentifyError> {
     let n = model.robot().dof();
-    let time = model.session_time(&stretch.time);
+    let time = model.time_of(stretch);
     predictor.set_time(time.first().copied().unwrap_or_default())?;
     let causal = match source.motion {
         StreamedMotion::Filtered => None,

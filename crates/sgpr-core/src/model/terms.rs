@@ -1,5 +1,8 @@
+use std::path::Path;
+
 use sgpr_predict::model::Term;
 
+use super::torque_model::Provenance;
 use super::{Rigid, TorqueModel, Trajectory};
 use crate::dynamics::{BatchWorkspace, Samples, rnea_batch};
 use crate::effects::{Context, JointState, LinkMotion, Reach};
@@ -45,6 +48,38 @@ impl TorqueModel {
     pub fn session_time(&self, stamps: &[i64]) -> Vec<f64> {
         let start = self.clock_start.or(stamps.first().copied()).unwrap_or_default();
         seconds_since(start, stamps)
+    }
+
+    /// Times of a stretch of a log on the clock of the model, s. A log that was recorded at the same stamps as one that the
+    /// model was fitted to, and is another, has a clock of its own: it is taken as one after the session.
+    pub fn time_of(&self, motion: &Motion) -> Vec<f64> {
+        let times = self.session_time(&motion.time);
+        match self.end_before(motion) {
+            Some(end) => {
+                let (first, start) = (times.first().copied().unwrap_or_default(), self.session_time(&[end])[0]);
+                times.into_iter().map(|time| time - first + start).collect()
+            }
+            None => times,
+        }
+    }
+
+    /// Whether effects of time take a log as one after the session of the model, whatever its stamps say
+    /// ([`Self::time_of`]).
+    pub fn is_on_another_clock(&self, motion: &Motion) -> bool {
+        self.end_before(motion).is_some()
+    }
+
+    /// End of the session, ns, for a stretch of another log than those of the session whose stamps overlap with theirs.
+    fn end_before(&self, motion: &Motion) -> Option<i64> {
+        let Provenance { logs, spans, .. } = &self.provenance;
+        let (first, last) = (*motion.time.first()?, *motion.time.last()?);
+        let own = Path::new(&motion.source);
+        let is_part = |(log, [start, end]): (&String, &[i64; 2])| {
+            (own.ends_with(log) || Path::new(log).ends_with(own)) && *start <= first && last <= *end
+        };
+        let overlaps = spans.iter().any(|[start, end]| first <= *end && *start <= last);
+        let another = overlaps && !logs.iter().zip(spans).any(is_part);
+        spans.iter().map(|[_, end]| *end).max().filter(|_| another)
     }
 
     /// Torque of every sample of a trajectory, hidden states, time and transforms included.
@@ -195,6 +230,40 @@ mod tests {
     use super::*;
     use crate::effects::{Site, by_name};
     use crate::robot::two_link;
+
+    #[test]
+    fn another_log_at_the_stamps_of_the_session_comes_after_it() {
+        let mut model = TorqueModel::nominal(&two_link()).with_terms(vec![], Some(0));
+        let second = 1_000_000_000;
+        model.provenance.logs = vec!["logs/monday.csv".into(), "logs/tuesday.csv".into()];
+        model.provenance.spans = vec![[0, 10 * second], [20 * second, 30 * second]];
+        let motion = |source: &str, [first, last]: [i64; 2]| Motion {
+            source: source.into(),
+            rate_hz: 1.0,
+            time: vec![first * second, last * second],
+            q: vec![],
+            dq: vec![],
+            ddq: vec![],
+            tau: None,
+            channels: vec![],
+            inner: vec![],
+            use_as: vec![],
+        };
+        for (source, stamps, times) in [
+            // A log of the session, a part of one under another path, one between them and one after them.
+            ("logs/monday.csv", [0, 10], [0.0, 10.0]),
+            ("/data/logs/tuesday.csv", [22, 25], [22.0, 25.0]),
+            ("logs/test.csv", [12, 18], [12.0, 18.0]),
+            ("logs/test.csv", [40, 50], [40.0, 50.0]),
+            // Others whose clocks began anew.
+            ("logs/test.csv", [0, 10], [30.0, 40.0]),
+            ("logs/monday.csv", [5, 15], [30.0, 40.0]),
+        ] {
+            let motion = motion(source, stamps);
+            assert_eq!(model.time_of(&motion), times, "{source} {stamps:?}");
+            assert_eq!(model.is_on_another_clock(&motion), times[0] != stamps[0] as f64);
+        }
+    }
 
     /// A slow log in which the torque is mostly noise of the accelerations: the elastic joint must not blow that up.
     #[test]

@@ -161,6 +161,9 @@ pub struct Provenance {
     pub library_version: String,
     /// Logs it was fitted to.
     pub logs: Vec<String>,
+    /// First and last time stamp of each of them, ns; empty if they are not known.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub spans: Vec<[i64; 2]>,
     /// What was done, in order, one sentence each.
     pub history: Vec<String>,
     /// How its logs were read, for those who read others like them: text that the library keeps and does not look at.
@@ -221,7 +224,7 @@ impl TorqueModel {
     pub(crate) fn from_parameters(robot: Robot, set: ParameterSet, parameters: Vec<f64>, history: Vec<String>) -> Self {
         assert_eq!(parameters.len(), set.len(), "every parameter of the set");
         let library_version = env!("CARGO_PKG_VERSION").into();
-        let provenance = Provenance { library_version, logs: vec![], history, reading: None };
+        let provenance = Provenance { library_version, logs: vec![], spans: vec![], history, reading: None };
         Self {
             base: BaseParameters::new(&robot, &set),
             dynamics: identified(&robot, &set, &parameters),
@@ -330,6 +333,7 @@ impl TorqueModel {
         let mut model = Self::from_parameters(self.robot.clone(), set, sum, history);
         model.processing = error.processing.clone().or_else(|| self.processing.clone());
         model.provenance.logs.clone_from(&error.provenance.logs);
+        model.provenance.spans.clone_from(&error.provenance.spans);
         model.terms = self.terms.iter().chain(&error.terms).cloned().collect();
         model.clock_start = self.clock_start.or(error.clock_start);
         model
@@ -340,7 +344,7 @@ impl TorqueModel {
         if self.terms.is_empty() {
             return self.predict(motion.samples());
         }
-        self.predict_trajectory(&super::Trajectory::of(motion, &self.session_time(&motion.time)))
+        self.predict_trajectory(&super::Trajectory::of(motion, &self.time_of(motion)))
     }
 
     /// Torque of every sample, allocation aside as fast as the dynamics of a batch.

@@ -27,7 +27,7 @@ impl<'a> Trajectory<'a> {
 
     /// A processed stretch of a log.
     ///
-    /// - `time`: of [`TorqueModel::session_time`](super::TorqueModel::session_time)
+    /// - `time`: of [`TorqueModel::time_of`](super::TorqueModel::time_of)
     pub fn of(motion: &'a Motion, time: &'a [f64]) -> Self {
         Self { samples: motion.samples(), rate_hz: motion.rate_hz, time, channels: &motion.channels }
     }

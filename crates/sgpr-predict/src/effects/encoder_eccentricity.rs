@@ -14,8 +14,8 @@ use super::{Context, LinkMotion};
 pub(super) struct EncoderEccentricity;
 
 const CONSTANTS: [Constant; 2] = [
-    Constant::neutral_at_zero("e1", ["rad", "m"], [-0.1, 0.1], 1e-4),
-    Constant::neutral_at_zero("e2", ["rad", "m"], [-0.1, 0.1], 1e-4),
+    Constant::neutral_at_zero("e1", ["rad", "m"], [-0.03, 0.03], 1e-4),
+    Constant::neutral_at_zero("e2", ["rad", "m"], [-0.03, 0.03], 1e-4),
 ];
 
 impl Effect for EncoderEccentricity {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::super::fit::{Fitted, without as without_term};
-use super::forward::{NEARLY, asked_of, freedom, is_limit, is_plainer};
+use super::forward::{NEARLY, asked_of, freedom, is_limit, is_out_of_range, is_plainer};
 use super::held_out::HeldOut;
 use super::{Accepted, EVIDENCE, MATERIAL, Search, without};
 use crate::effects::{Effect, Entry, Reach};
@@ -188,7 +188,8 @@ impl Search<'_> {
                     step.score = step.first_score;
                 }
                 let matters = size >= asked_of(term) && self.is_sure(errors, &with, term);
-                let stays = step.score >= EVIDENCE && matters && !errors.is_worse_for_arm(&with, term);
+                let harms = errors.is_worse_for_arm(&with, term) || is_out_of_range(term);
+                let stays = step.score >= EVIDENCE && matters && !harms;
                 if !stays && may_go(step) && weakest.as_ref().is_none_or(|(s, ..)| size < *s) {
                     weakest = Some((size, k, without));
                 }

@@ -12,7 +12,7 @@ use super::candidates::Candidate;
 use super::constants::{MOST_REFINED, Promise};
 use super::held_out::{HeldOut, Standing};
 use super::{Accepted, EVIDENCE, MATERIAL, Search};
-use crate::effects::{Effect, Reach, Scale, Site};
+use crate::effects::{Constant, Effect, Reach, Scale, Site};
 use crate::linalg::dot_in_lanes;
 use crate::model::Term;
 use crate::progress::Interrupted;
@@ -49,6 +49,15 @@ pub(super) const MOST_TRIED: usize = 4;
 /// Whether a term cuts the torque. Rows at the limit are no equations: it shows in the torque as logged.
 pub(in super::super) fn is_limit(term: &Term) -> bool {
     term.site.joint().is_some_and(|joint| term.effect.limit(term.site, &term.constants, joint).is_some())
+}
+
+/// Whether a constant of a transform is at the end of its range, which holds all that can be: the fit asks for what cannot.
+pub(super) fn is_out_of_range(term: &Term) -> bool {
+    let ends = term.effect.constants().iter().zip(&term.constants);
+    let is_at_end = |(constant, value): (&Constant, &f64)| {
+        matches!(constant.scale, Scale::Neutral { .. }) && (*value <= constant.low || *value >= constant.high)
+    };
+    term.is_transform() && ends.filter(|(_, value)| **value != 0.0).any(is_at_end)
 }
 
 /// When a contact of the arm is there, s, with the time over which filters carry its ends.
@@ -442,7 +451,8 @@ impl Search<'_> {
             let fitted_term = trial.terms().last().unwrap_or(&candidate.term);
             let matters = without.largest_fall_to(&with, fitted_term) >= asked_of(fitted_term)
                 && self.is_sure(without, &with, fitted_term);
-            if !matters || without.explodes_to(&with) || without.is_worse_for_arm(&with, fitted_term) {
+            let harms = without.explodes_to(&with) || without.is_worse_for_arm(&with, fitted_term);
+            if !matters || harms || is_out_of_range(fitted_term) {
                 continue;
             }
             let own = candidate.term.effect.name();
@@ -455,5 +465,24 @@ impl Search<'_> {
             return Ok(Some((trial, accepted)));
         }
         Ok(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::by_name;
+
+    #[test]
+    fn a_correction_at_the_end_of_its_range_is_none() {
+        let of = |name: &str, constants: &[f64]| {
+            Term::new(by_name(name).expect("in the library"), Site::Joint(0), constants.to_vec())
+        };
+        assert!(is_out_of_range(&of("encoder_eccentricity", &[0.001, -0.03])));
+        assert!(!is_out_of_range(&of("encoder_eccentricity", &[0.001, -0.029])));
+        // Nothing is the least that a lag can be.
+        assert!(!is_out_of_range(&of("joint_elasticity", &[0.0])));
+        // A form that comes near to another one at the end of its range is a matter of its own.
+        assert!(!is_out_of_range(&of("stribeck_friction", &[0.6])));
     }
 }

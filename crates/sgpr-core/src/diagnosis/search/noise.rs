@@ -29,8 +29,12 @@ impl Search<'_> {
             let only = |column: &Column| -> Column {
                 (0..n).map(|j| if j == joint { column[j].clone() } else { vec![] }).collect()
             };
-            let base = fitted.columns.iter().map(|column| only(column));
-            let all: Vec<Column> = base.chain(columns).filter(|column| !column[joint].is_empty()).collect();
+            let is_here = |column: &Column| !column[joint].is_empty();
+            let mut all: Vec<Column> = fitted.columns.iter().map(|column| only(column)).filter(is_here).collect();
+            // What as many columns as rows leave is no measure of noise.
+            let most = all.len().max(fitted.residual[joint].len() / 2);
+            all.extend(columns.into_iter().filter(is_here));
+            all.truncate(most);
             self.left_by(joint, &all, &fitted.residual[joint])
         };
         let left: Vec<Rest> = (0..n).into_par_iter().map(of_joint).collect();

@@ -84,6 +84,8 @@ pub(super) fn fit(
     let certificate = setup.hold(&mut model, &equations, &mut data, &mut found)?;
     setup.write_down(&mut model, &data, &found, certificate)?;
     model.provenance.logs = recordings.iter().map(|recording| recording.source().to_string()).collect();
+    let span = |recording: &Recording| Some([*recording.time().first()?, *recording.time().last()?]);
+    model.provenance.spans = recordings.iter().filter_map(span).collect();
     let Estimated { estimate, forecast, notes, .. } = found;
     Ok((model, Outcome { estimate, essential, forecast, notes, findings }))
 }

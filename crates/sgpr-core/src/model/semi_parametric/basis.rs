@@ -230,7 +230,7 @@ pub(super) fn matrix(
     let unknowns = unknowns(model);
     let mut matrix = Mat::zeros(rows.source.len(), unknowns);
     for (index, log) in logs.iter().enumerate() {
-        let time = model.session_time(&log.motion.time);
+        let time = model.time_of(&log.motion);
         let mut of_log = joint_rows(model, &Trajectory::of(&log.motion, &time), joint);
         if let Some(filter) = processing.band_filter(log.motion.rate_hz)? {
             filter.apply(&mut of_log, unknowns)?;

@@ -238,7 +238,7 @@ impl SemiParametricModel {
         motion: &Motion,
         with_deviation: bool,
     ) -> Result<TorquePrediction, SemiParametricError> {
-        let time = self.physics.session_time(&motion.time);
+        let time = self.physics.time_of(motion);
         self.predict_trajectory(&Trajectory::of(motion, &time), with_deviation)
     }
 
