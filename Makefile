@@ -51,9 +51,9 @@ workbench: build
 	$(BIN)/sgpr workbench data/demo
 
 ## A simulated fleet with wear, tools, a collision and faults of sensors, and the page on what changed in which arm.
-ARMS ?= 24
+ARMS ?= 32
 DAYS ?= 20
-FLEET_ROBOTS = puma560=puma560 ur5e=data/reference/urdf/ur5e_like.urdf two_link=two_link
+FLEET_ROBOTS = puma560=puma560 ur5e=data/reference/urdf/ur5e_like.urdf panda=data/reference/urdf/panda_like.urdf two_link=two_link
 fleet-demo: build
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check "$$(ls $(VENV)/wheels/*.whl)[fleet]"
 	$(BIN)/sgpr fleet simulate --robot $(FLEET_ROBOTS) --arms $(ARMS) --days $(DAYS) --out $(OUT)/fleet/logs

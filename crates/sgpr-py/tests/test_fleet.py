@@ -202,14 +202,19 @@ def test_tables_and_robots_that_cannot_be(table: Path, robots: dict[str, Any], t
 
 
 def made(
-    robot: sgpr.Robot, faults: tuple[Any, ...], arms: int = 4, sessions: int = 16, tools: bool = False
+    robot: sgpr.Robot,
+    faults: tuple[Any, ...],
+    arms: int = 4,
+    sessions: int = 16,
+    tools: bool = False,
+    seed: int = 1000,
 ) -> list[sgpr.Record]:
     """Records of a fleet of one type, the first arm with faults."""
     from sgpr.fleet.simulated import Arm, session_log
 
     records, processing = [], None
     for k in range(arms):
-        arm = Arm(f"arm {k}", "two", 1000 + k, faults if k == 0 else (), tools)
+        arm = Arm(f"arm {k}", "two", seed + k, faults if k == 0 else (), tools)
         for session in range(sessions):
             log = session_log(arm, robot, session, 2, tracked=False)
             channels = {"temperature": log["temperature"]}
@@ -266,6 +271,47 @@ def test_declared_tools_are_no_change_and_undeclared_ones_are() -> None:
     assert all(record.labels["tool"] == "" for record in undeclared)
     found = changes.histories(undeclared, TYPES)
     assert all("tool" in {alarm.cause for alarm in history.alarms} for history in found)
+
+
+def test_references_of_two_tools_differ_and_nothing_changed() -> None:
+    """The offset of a joint under gravity is another one in the reference of the second tool: the fit cannot tell it from
+    the moments of the links."""
+    records = made(TYPES["two"], (), arms=1, sessions=100, tools=True, seed=1_000_008)
+    (history,) = changes.histories(records, TYPES)
+    tools = np.array(history.tools)
+    offset = history.find("joint_2", "tau0")
+    levels = [history.without_temperature(offset)[tools == tool].mean() for tool in dict.fromkeys(history.tools)]
+    assert abs(levels[1] - levels[0]) > 4.0 * np.median(offset.deviation) and np.median(offset.unsure) > 0.0
+    assert not [alarm.text for alarm in history.alarms]
+
+
+def test_a_tool_of_a_few_sessions_is_not_measured_by_a_sister() -> None:
+    """Its reference would differ by as much as arms do."""
+    records = made(TYPES["two"], (), arms=3, sessions=16)
+    for k, record in enumerate(records):
+        head, numbers = record.to_parts()
+        data = json.loads(head)
+        session = int(data["labels"]["session"])
+        # The first arm has the second tool in the last three sessions, the others for long.
+        data["labels"]["tool"] = "b" if session >= (13 if data["labels"]["robot"] == "arm 0" else 8) else "a"
+        records[k] = sgpr.Record.from_parts(json.dumps(data), numbers)
+    histories = changes.histories(records, TYPES)
+    assert not [alarm.text for history in histories for alarm in history.alarms]
+    friction = histories[0].find("joint_2", "Fc")
+    assert np.isfinite(friction.change).tolist() == [True] * 13 + [False] * 3
+    assert all(np.isfinite(history.find("joint_2", "Fc").change).all() for history in histories[1:])
+
+
+def test_a_level_may_wander_as_far_as_it_is_said_to() -> None:
+    """A step as large as what was foreseen is none."""
+    rng = np.random.default_rng(5)
+    values = rng.normal(size=(8, 60))
+    values[:, 30:] += 12.0
+    wander = np.zeros(60)
+    wander[30] = 12.0**2
+    foreseen = [Track(row, np.ones(60), wander, "one", 1e3) for row in values]
+    assert all(one.jumps == [30] for one in find_jumps(tracks(values, 1e3)))
+    assert not any(one.jumps for one in find_jumps(foreseen))
 
 
 def tracks(values: Any, limit: float, wander: float = 0.0) -> list[Track]:

@@ -16,7 +16,7 @@ from ..report.fleet import FleetPage
 from ..report.numbers import counted
 from ..report.versions import versions
 from .console import Output, to_json
-from .errors import STOPPED, wrong_use
+from .errors import STOPPED, of_command_line, wrong_use
 from .inputs import kind_of, load_model
 from .options import Joints, Open, OutFolder, open_page
 from .output_folder import OutputFolder
@@ -99,7 +99,7 @@ def run(
     arms = len({log.robot for log in found})
     output.line(f"{counted(len(found), 'log')} of {counted(arms, 'arm')}: {outcome.made} recorded, {outcome.kept} kept")
     for path, reason in list(outcome.aside.items())[:FEW]:
-        output.warning(f"set aside: {path}: {reason.removeprefix(f'{path}: ')}")
+        output.warning(f"set aside: {path}: {of_command_line(reason).removeprefix(f'{path}: ')}")
     if len(outcome.aside) > FEW:
         output.warning(f"set aside: {len(outcome.aside) - FEW} more, see {place / 'aside.json'}")
     for path, other in list(outcome.copies.items())[:FEW]:
@@ -183,7 +183,8 @@ def report(
             )
         notes = place / "aside.json"
         aside = json.loads(notes.read_text(encoding="utf-8")) if notes.exists() else {"aside": {}, "copies": {}}
-        page = FleetPage(found, aside["aside"], aside["copies"], false_alarms, versions())
+        reasons = {path: of_command_line(reason) for path, reason in aside["aside"].items()}
+        page = FleetPage(found, reasons, aside["copies"], false_alarms, versions())
         folder.write("report.html", page.html())
         data = {
             "command": "fleet report",

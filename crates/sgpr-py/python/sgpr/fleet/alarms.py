@@ -206,8 +206,10 @@ def _sentence(alarm: Alarm, history: ArmHistory) -> str:
         what = f"{alarm.robot}: mass at the last link {alarm.change:+z.2f} kg [{ends}]"
     else:
         of = " of the Coulomb friction" if alarm.cause == "torque offset" else ""
-        ends = ", ".join(f"{100 * end:z.0f}" for end in (low, high))
-        size = f"{100 * alarm.change:+z.0f} % [{ends}]{of}"
+        # As many digits as the interval leaves.
+        digits = 0 if high - low >= 0.02 else 1
+        ends = ", ".join(f"{100 * end:z.{digits}f}" for end in (low, high))
+        size = f"{100 * alarm.change:+z.{digits}f} % [{ends}]{of}"
         what = f"{alarm.robot}, {alarm.joint}: {alarm.cause} {size}"
     dated = alarm.since > 0
     since = f"since {date(alarm.since)}" if dated else f"since session {history.sessions[alarm.session]}"
@@ -225,27 +227,34 @@ def _sentence(alarm: Alarm, history: ArmHistory) -> str:
 
 
 def find_events(history: ArmHistory) -> None:
-    """Single sessions whose error stands out from those before and after."""
+    """Single sessions whose error stands out from those before and after, in itself and as a share of the torque: a
+    session of gentle motion has less torque, and one of fast motion more error."""
     if len(history.time) < 2 * FEWEST_OF_BASELINE:
         return
     for j, joint in enumerate(history.joints):
-        level = np.log(np.maximum(history.error[:, j], 1e-12))
-        for k in range(len(level)):
-            near = np.r_[level[max(k - 4, 0) : k], level[k + 1 : k + 5]]
-            near = near[np.isfinite(near)]
-            if len(near) < 4 or not math.isfinite(level[k]):
-                continue
-            spread = 1.4826 * float(np.median(np.abs(near - np.median(near))))
-            apart = level[k] - max(float(near.max()), float(np.median(near)) + 3.0 * spread)
+        errors = [np.log(np.maximum(error[:, j], 1e-12)) for error in (history.residual, history.error)]
+        for k in range(len(history.time)):
+            apart, ratio = np.min([_apart(level, k) for level in errors], axis=0)
             if apart > math.log(2.0):
                 history.events.append(
                     {
                         "joint": joint,
                         "session": history.sessions[k],
                         "time": history.time[k],
-                        "ratio": float(np.exp(level[k] - np.median(near))),
+                        "ratio": float(np.exp(ratio)),
                     }
                 )
+
+
+def _apart(level: Array, k: int) -> tuple[float, float]:
+    """How far session k is from the highest of those around, or from three times their spread, and from their median."""
+    near = np.r_[level[max(k - 4, 0) : k], level[k + 1 : k + 5]]
+    near = near[np.isfinite(near)]
+    if len(near) < 4 or not math.isfinite(level[k]):
+        return -math.inf, -math.inf
+    middle = float(np.median(near))
+    spread = 1.4826 * float(np.median(np.abs(near - middle)))
+    return float(level[k]) - max(float(near.max()), middle + 3.0 * spread), float(level[k]) - middle
 
 
 def date(stamp: int) -> str:

@@ -136,8 +136,11 @@ def _track(history: ArmHistory, one: Series, there: Sessions, limit: float) -> T
     day = np.array(history.time)[there] / NANOSECONDS_PER_DAY
     wander = _wear(history, one) ** 2 / DAYS_PER_YEAR * np.diff(day, prepend=day[0])
     tools = np.array(history.tools)[there]
-    # References of two tools differ by about as much as a session is unsure.
-    wander[1:] += np.where(tools[1:] != tools[:-1], one.deviation[there][1:] ** 2, 0.0)
+    # References of two tools differ by what their fits, and a session, are unsure of: the offset of a joint under
+    # gravity is known from one session to the next better than the fit tells it from the moments of the links.
+    own, unsure = one.deviation[there], one.unsure[there]
+    changed = tools[1:] != tools[:-1]
+    wander[1:] += np.where(changed, own[1:] ** 2 + unsure[1:] ** 2 + unsure[:-1] ** 2, 0.0)
     value = history.without_temperature(one)[there]
     return Track(value, one.deviation[there], wander, f"{one.joint}.{one.parameter}", limit)
 

@@ -43,8 +43,10 @@ FEWEST_AFTER = 2
 SHOWN = np.geomspace(0.5, 500.0, 31)
 """Changes, in deviations of a session, among which the smallest is looked for that two sessions show."""
 MOST_STEPS = 60
-"""Steps in which a level wanders from one session to the next, each half of the square of `STEP`."""
+"""Steps to neighbours in which a level wanders from one session to the next, each half of the square of `STEP`."""
 FEWEST_TO_CENTRE = 10
+LARGEST = 600.0
+"""Logarithm of a ratio that is beyond any limit, and whose inverse and sums are still numbers."""
 
 
 @dataclass
@@ -141,7 +143,7 @@ class _Trellis:
         state = _State(np.ones((len(self.tracks), len(FACTORS))), len(self.level))
         for k in range(self.z.shape[1]):
             self._advance(state, k, freedom)
-        return np.asarray(state.log + np.log(state.quiet.sum(axis=2) + rare * state.jumped.sum(axis=2)))
+        return np.asarray(state.log + np.logaddexp(np.log(state.quiet.sum(axis=2)), np.log(rare) + state.lift))
 
     def run(self, freedom: int, prior: Array) -> list[Found]:
         """Session by session, with a new start after each jump.
@@ -158,7 +160,7 @@ class _Trellis:
             weight = np.exp(state.log - state.log.max(axis=1, keepdims=True))
             quiet = (weight * state.quiet.sum(axis=2)).sum(axis=1)
             # A jump of which only one session is seen does not count yet.
-            ratio = (weight * (state.jumped - fresh).sum(axis=2)).sum(axis=1) / quiet
+            ratio = (weight * (np.exp(np.minimum(state.lift, LARGEST)) - fresh)).sum(axis=1) / quiet
             for track, one in enumerate(found):
                 if k >= self.lengths[track]:
                     continue
@@ -202,25 +204,29 @@ class _Trellis:
         return np.asarray(_height(freedom) * _power(share, freedom // 2) * np.sqrt(share) / std)
 
     def _advance(self, state: "_State", k: int, freedom: int, track: int | None = None) -> Array:
-        """One session more; returns what in `jumped` is of a jump right before it."""
+        """One session more; returns the ratio of a jump right before it, `(tracks, factors)`."""
         tracks = slice(None) if track is None else slice(track, track + 1)
         spread = self.spread[tracks, k]
-        quiet, jumped = _wandered(state.quiet, spread), _wandered(state.jumped, spread)
+        quiet, jumped = (_wandered(part, self.level, spread) for part in (state.quiet, state.jumped))
         likelihood = self._likelihood(k, freedom, tracks)
         fresh = (quiet @ self.jump) * likelihood if k > 0 else np.zeros_like(quiet)
-        state.quiet = quiet * likelihood
-        state.jumped = jumped * likelihood + fresh
-        size = state.quiet.sum(axis=2, keepdims=True) + 1e-300
-        state.quiet, state.jumped = state.quiet / size, state.jumped / size
-        state.log = state.log + np.log(size[:, :, 0])
-        return np.asarray(fresh / size)
+        quiet = quiet * likelihood
+        with np.errstate(divide="ignore"):
+            jumped = jumped * likelihood + fresh * np.exp(-np.maximum(state.lift, -LARGEST))[:, :, None]
+            size, part = quiet.sum(axis=2) + 1e-300, jumped.sum(axis=2)
+            lift = np.where(np.isfinite(state.lift), state.lift, -LARGEST)
+            state.lift = np.log(part) + lift - np.log(size)
+        state.quiet = quiet / size[:, :, None]
+        state.jumped = jumped / np.where(part > 0.0, part, 1.0)[:, :, None]
+        state.log = state.log + np.log(size)
+        return np.asarray(fresh.sum(axis=2) / size)
 
     def _place(self, track: int, start: int, end: int, freedom: int, prior: Array) -> int:
         """The most probable session of a jump that sessions up to `end` show."""
         state = _State(prior[None, :], len(self.level))
         before = []
         for k in range(start, end + 1):
-            before.append((_wandered(state.quiet, self.spread[track : track + 1, k]), state.log))
+            before.append((_wandered(state.quiet, self.level, self.spread[track : track + 1, k]), state.log))
             self._advance(state, k, freedom, track)
         ahead = np.ones_like(state.quiet)
         ahead_log = np.zeros((1, len(FACTORS)))
@@ -233,7 +239,7 @@ class _Trellis:
                 total = float(np.logaddexp.reduce(np.log(inside) + log + ahead_log, axis=1)[0])
             if k <= end + 1 - FEWEST_AFTER and total > best:
                 best, place = total, k
-            ahead = _wandered(ahead, self.spread[track : track + 1, k])
+            ahead = _wandered(ahead, self.level, self.spread[track : track + 1, k], backward=True)
             size = ahead.max(axis=2, keepdims=True) + 1e-300
             ahead, ahead_log = ahead / size, ahead_log + np.log(size[:, :, 0])
         return place
@@ -246,16 +252,19 @@ class _Trellis:
         for k in range(place, end + 1):
             self._advance(own, k, freedom, track)
         state.quiet[track], state.jumped[track], state.log[track] = own.quiet[0], 0.0, own.log[0]
+        state.lift[track] = -math.inf
 
 
 class _State:
-    """Probabilities by track, factor and level; each factor's are divided by the exponential of `log`."""
+    """Probabilities by track, factor and level, each sum divided by its size: `log` is the logarithm of that of `quiet`,
+    and `lift` of the ratio of `jumped` to it."""
 
     def __init__(self, prior: Array, levels: int) -> None:
         self.quiet = np.full((*prior.shape, levels), 1.0 / levels)
         self.jumped = np.zeros_like(self.quiet)
         self.prior = prior.copy()
         self.log = np.log(prior)
+        self.lift = np.full(prior.shape, -np.inf)
 
 
 def _height(freedom: int) -> float:
@@ -287,9 +296,14 @@ def _jump_probabilities(level: Array) -> Array:
     return np.asarray(jump / jump.sum(axis=1, keepdims=True))
 
 
-def _wandered(probability: Array, spread: Array) -> Array:
-    """After steps of a variance of `spread`, one per track: to the neighbours, as often as that takes."""
-    steps = np.minimum(np.ceil(spread / (0.5 * STEP**2)), MOST_STEPS).astype(int)
+def _wandered(probability: Array, level: Array, spread: Array, *, backward: bool = False) -> Array:
+    """After steps of a variance of `spread`, one per track: to the neighbours, as often as that takes, or at once from any
+    level to any other where that is too often.
+
+    - `backward`: the probability of what comes later, given the level, before those steps
+    """
+    far = spread > MOST_STEPS * 0.5 * STEP**2
+    steps = np.where(far, 0, np.ceil(spread / (0.5 * STEP**2))).astype(int)
     share = np.minimum(spread / np.maximum(steps, 1) / (2.0 * STEP**2), 1.0 / 3.0)[:, None, None]
     for step in range(int(steps.max(initial=0))):
         going_on = steps > step
@@ -298,6 +312,12 @@ def _wandered(probability: Array, spread: Array) -> Array:
         else:
             probability = probability.copy()
             probability[going_on] = _stepped(probability[going_on], share[going_on])
+    if far.any():
+        probability = probability.copy()
+        apart = (level[None, :] - level[:, None]) ** 2
+        moved = np.exp(-0.5 * apart[None] / spread[far, None, None]) * np.gradient(level)
+        moved /= moved.sum(axis=2, keepdims=True)
+        probability[far] = probability[far] @ (moved.transpose(0, 2, 1) if backward else moved)
     return probability
 
 

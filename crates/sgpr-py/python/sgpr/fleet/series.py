@@ -33,6 +33,7 @@ class Series:
 
     - `std`: of single sessions, from the residual and its memory
     - `gain`: squares of the residual that a change of the parameter alone explains, (N·m)² ((N)²)
+    - `unsure`: standard deviation of the value that the reference of each session has, from the fit of all of it
     - `scatter`: of one session beyond `std`, from what neighbouring sessions differ by
     - `factor`: on both, from all sessions
     - `slope`: per °C, from all arms of the type; 0 where temperature is not logged or explains nothing
@@ -49,6 +50,7 @@ class Series:
     change: Array
     std: Array
     gain: Array
+    unsure: Array
     scatter: float = 0.0
     factor: float = 1.0
     slope: float = 0.0
@@ -76,8 +78,8 @@ class Series:
 class ArmHistory:
     """An arm over time.
 
-    - `time`: start of each session, ns; `error`: residual of the reference as a share of the torque, `(sessions,
-      joints)`
+    - `time`: start of each session, ns; `error`: residual of the reference as a share of the torque, and `residual`
+      itself, N·m (N), `(sessions, joints)`
     - `tools`: declared tool of each session
     - `baseline`: sessions that the first reference is made of; `borrowed`: whether those of its sisters
     - `referred`: whether a session is one of those that its reference is made of
@@ -98,6 +100,7 @@ class ArmHistory:
     referred: NDArray[np.bool_]
     temperature: Array
     error: Array
+    residual: Array
     series: list[Series]
     alarms: list["Alarm"] = field(default_factory=list)
     events: list[dict[str, Any]] = field(default_factory=list)
@@ -152,17 +155,19 @@ def history_of(
     if not own:
         raise SgprError(f"{foreign[0].source}: the model explains nothing of the torque of any log of {name}")
     found = [_deviation(references[_tool(one)], one) for one in own]
+    unsure = {tool: _standard_deviations(reference) for tool, reference in references.items()}
     columns: dict[tuple[str, str], dict[str, Any]] = {}
-    error = np.full((len(own), len(joints)), np.nan)
-    mass = np.full((3, len(own)), np.nan)
+    error, residual = np.full((2, len(own), len(joints)), np.nan)
+    mass = np.full((4, len(own)), np.nan)
     for k, deviation in enumerate(found):
         if deviation is None:
             continue
-        mass[:, k] = deviation["tool_mass"], deviation["tool_mass_std"], deviation["tool_share"]
+        mass[:, k] = deviation["tool_mass"], deviation["tool_mass_std"], deviation["tool_share"], 0.0
         for joint in deviation["joints"]:
-            error[k, joints.index(joint["joint"])] = joint["error"] / max(joint["torque"], 1e-300)
+            place = k, joints.index(joint["joint"])
+            error[place], residual[place] = joint["error"] / max(joint["torque"], 1e-300), joint["error"]
             for parameter in joint["parameters"]:
-                _enter(columns, joint, parameter, k, len(own))
+                _enter(columns, joint, parameter, unsure[_tool(own[k])].get(parameter["name"], 0.0), k, len(own))
     series = [
         Series(joint, symbol, column["unit"], column["reference"], _scale(joint, symbol, columns), *column["values"])
         for (joint, symbol), column in columns.items()
@@ -170,7 +175,7 @@ def history_of(
     series.append(Series("", "tool", "kg", 0.0, 1.0, *mass))
     for one in series:
         # Sessions that do not determine a parameter say nothing of it.
-        one.change, one.std = one.change / one.scale, one.std / one.scale
+        one.change, one.std, one.unsure = one.change / one.scale, one.std / one.scale, one.unsure / one.scale
         one.change = np.where(one.std < LARGEST_DEVIATION, one.change, np.nan)
     return ArmHistory(
         robot=name,
@@ -186,25 +191,36 @@ def history_of(
         referred=_referred(own),
         temperature=np.array([_temperature(one, temperature) for one in own]),
         error=error,
+        residual=residual,
         series=series,
         foreign=[_session(one) for one in foreign],
     )
 
 
-def _enter(columns: dict[tuple[str, str], dict[str, Any]], joint: Any, parameter: Any, k: int, sessions: int) -> None:
+def _enter(
+    columns: dict[tuple[str, str], dict[str, Any]], joint: Any, parameter: Any, unsure: float, k: int, sessions: int
+) -> None:
     symbol = parameter["name"].rpartition(".")[2]
     if symbol in RIGID:
         return
     start = {
         "unit": parameter["unit"],
         "reference": parameter["reference"],
-        "values": np.full((3, sessions), np.nan),
+        "values": np.full((4, sessions), np.nan),
     }
     column = columns.setdefault((joint["joint"], symbol), start)
     # Counted from one reference, whatever the tool.
     change = parameter["change"] + parameter["reference"] - column["reference"]
     explained = joint["error"] ** 2 - parameter["error_alone"] ** 2
-    column["values"][:, k] = change, parameter["std"], explained
+    column["values"][:, k] = change, parameter["std"], explained, unsure
+
+
+def _standard_deviations(reference: Model | None) -> dict[str, float]:
+    """Of the parameters of a reference, those that its sessions determine."""
+    if reference is None:
+        return {}
+    names, values = reference.parameters.names, reference.parameters.standard_deviations
+    return {name: float(value) for name, value in zip(names, values, strict=True) if math.isfinite(value)}
 
 
 def _deviation(reference: Model | None, one: Record) -> dict[str, Any] | None:
@@ -257,7 +273,11 @@ def _references(
     robot: Robot | Model, own: Sequence[Record], sisters: Sequence[Sequence[Record]]
 ) -> tuple[dict[str, Model | None], bool]:
     """The model of each tool that sessions are measured by, none where too few have it, and whether the first is that
-    of the sisters. A model that is given is that of the tool that the arm has first."""
+    of the sisters. A model that is given is that of the tool that the arm has first.
+
+    Only the first can be that of the sisters: between one of the arm and one of them friction and offsets would step by
+    as much as the arms differ, in the session in which the tool changes.
+    """
     found: dict[str, Model | None] = {}
     borrowed = False
     for one in own:
@@ -268,8 +288,8 @@ def _references(
             found[tool] = robot
             continue
         body = robot.robot if isinstance(robot, Model) else robot
-        model, of_sisters = _identified(body, tool, own, sisters)
-        borrowed |= of_sisters and not found
+        model, of_sisters = _identified(body, tool, own, [] if found else sisters)
+        borrowed |= of_sisters
         if model is None and not found:
             raise SgprError(f"{one.source}: this arm and its sisters have too few sessions for a reference model")
         found[tool] = model
@@ -279,18 +299,24 @@ def _references(
 def _identified(
     robot: Robot, tool: str, own: Sequence[Record], sisters: Sequence[Sequence[Record]]
 ) -> tuple[Model | None, bool]:
+    """The model of a tool from the arm's first sessions with it, or from those of its sisters, and whether it is theirs.
+
+    - `sisters`: none for a tool after the first
+    """
+
     def first(records: Sequence[Record]) -> list[Record]:
         theirs = [one for one in records if _tool(one) == tool]
         return theirs[: _baseline(theirs)]
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        few = len(first(own)) < FEWEST_OF_BASELINE and len(sisters) > 1
-        if not few:
+        if len(first(own)) >= FEWEST_OF_BASELINE or len(sisters) == 1:
             try:
                 return _fitted(robot, first(own)), False
             except SgprError:
                 pass
+        if not sisters:
+            return None, False
         try:
             return _fitted(robot, [one for theirs in sisters for one in first(theirs)]), True
         except SgprError:

@@ -1,6 +1,7 @@
 """The page about a fleet: which arms changed, when, and what changed in them."""
 
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -47,6 +48,7 @@ document.querySelectorAll('table.sortable').forEach(function (table) {
 });
 """
 STYLE = """
+table.sortable td { white-space: nowrap; }
 table.sortable thead th button { all: unset; cursor: pointer; font: inherit; }
 table.sortable thead th button:focus-visible { outline: 2px solid #0072b2; outline-offset: 2px; }
 table.sortable thead th button::after { content: ' \\2195'; color: #8c959f; }
@@ -178,7 +180,7 @@ class FleetPage:
     def _error_section(self) -> Html:
         height = FRAME + ROW_HEIGHT * min(len(self.histories), 60)
         note = (
-            "The joint whose error grew most; white where it is what it was in the first sessions, empty without log."
+            "The joint whose error grew most; white where it is what it was before any change, empty without log."
         )
         return plot("errors", height, "Error of each arm by day", note)
 
@@ -266,12 +268,20 @@ class FleetPage:
         return join(parts) if parts else paragraph("None.")
 
     def _aside(self) -> Html:
-        lines = [f"{path}: {reason.removeprefix(f'{path}: ')}" for path, reason in sorted(self.aside.items())]
+        folder = _folder([*self.aside, *self.copies, *self.copies.values()])
+        lines = [
+            f"{path.removeprefix(folder)}: {reason.removeprefix(f'{path}: ')}"
+            for path, reason in sorted(self.aside.items())
+        ]
         for path, other in sorted(self.copies.items()):
-            lines.append(f"{path}: " + ("listed twice" if path == other else f"a copy of {other}") + ", counts once")
+            what = "listed twice" if path == other else f"a copy of {other.removeprefix(folder)}"
+            lines.append(f"{path.removeprefix(folder)}: {what}, counts once")
         why = "its reference explains nothing of the torque: of another robot, or with other columns or units"
         lines += [f"{history.robot}, {session}: {why}" for history in self.histories for session in history.foreign]
-        return items(map(prose, lines)) if lines else paragraph("None.")
+        if not lines:
+            return paragraph("None.")
+        where = [paragraph(f"Paths begin with {folder}")] if folder else []
+        return join([*where, items(map(prose, lines))])
 
     def _how(self) -> Html:
         return items(
@@ -291,6 +301,12 @@ class FleetPage:
         )
 
 
+def _folder(paths: Sequence[str]) -> str:
+    """What all paths begin with, up to a folder, if that is worth leaving out."""
+    common = os.path.commonprefix(paths) if len(paths) > 1 else ""
+    return common[: common.rfind("/") + 1]
+
+
 def _smallest(history: ArmHistory, parameter: str) -> Cell:
     """The smallest change of a parameter that would have been seen."""
     own = [one for one in history.series if one.parameter == parameter]
@@ -303,12 +319,14 @@ def _smallest(history: ArmHistory, parameter: str) -> Cell:
 
 
 def _ratio(history: ArmHistory) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Error of each session as a multiple of that before any change, of the joint where it grew most."""
-    quiet = min((alarm.session for alarm in history.alarms), default=len(history.time))
-    level = _median(history.error[: max(quiet, 1)])
+    """Error of each session as a multiple of that before any change, of the joint where it grew most; so that the median
+    of the sessions before is one, where the largest of several joints is more than that by chance."""
+    quiet = max(min((alarm.session for alarm in history.alarms), default=len(history.time)), 1)
+    level = _median(history.error[:quiet])
     ratio = history.error / np.where(level > 0.0, level, np.nan)
     there = np.isfinite(ratio).any(axis=1)
-    return np.where(there, np.max(np.where(np.isfinite(ratio), ratio, -np.inf), axis=1), np.nan)
+    most = np.where(there, np.max(np.where(np.isfinite(ratio), ratio, -np.inf), axis=1), np.nan)
+    return most / np.nanmedian(most[:quiet]) if there[:quiet].any() else most
 
 
 def _mean(values: np.ndarray[Any, np.dtype[np.float64]]) -> float:
