@@ -425,7 +425,7 @@ pub fn compare_records<'py>(
 /// list of dict
 ///     One, or one per block: "tool_mass" (kg beyond the reference), "tool_mass_std", "tool_share" of the residual that the tool
 ///     explains, and "joints", each with "joint", "rows", "memory", "torque", "error" (root mean squares, N·m (N)),
-///     "error_after" fitting the effects, and "parameters", each with "name", "unit", "reference", "change", "std" and
+///     "error_after" fitting the effects, "error_with_tool" if the last link's mass and moments alone had changed, and "parameters", each with "name", "unit", "reference", "change", "std" and
 ///     "error_alone", the error if this parameter alone had changed; the last is the "gain".
 ///
 /// Examples
@@ -462,6 +462,7 @@ pub fn deviations<'py>(
             ("torque", joint.torque),
             ("error", joint.error),
             ("error_after", joint.error_after),
+            ("error_with_tool", joint.error_with_tool),
         ];
         let dict = figures.into_py_dict(py)?;
         dict.set_item("joint", &record.joints[joint.joint])?;

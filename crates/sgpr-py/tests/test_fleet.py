@@ -259,6 +259,46 @@ def test_a_tool_and_a_gain_are_named(kind: str, size: float, cause: str) -> None
     assert alarms[0].session == 8 and alarms[0].change == pytest.approx(size, rel=0.2)
 
 
+def test_an_undeclared_tool_is_one_alarm_and_what_comes_later_is_found() -> None:
+    """Measured by the body without it, its joints would seem to change whenever the motion does."""
+    robot = sgpr.robots.puma560()
+    faults = (fleet.simulated.Fault("tool", 4, 12, 1.0), fleet.simulated.Fault("friction", 1, 26, 0.22))
+    found = changes.histories(made(robot, faults, arms=2, sessions=32, seed=16), {"two": robot})
+    alarms = [(alarm.robot, alarm.joint, alarm.cause, alarm.session) for history in found for alarm in history.alarms]
+    assert alarms == [("arm 0", "", "tool", 12), ("arm 0", "joint_2", "Coulomb friction", 26)]
+    mass = found[0].find("", "tool")
+    assert np.nanmedian(mass.change[12:]) == pytest.approx(1.0, abs=0.02)
+
+
+def test_an_offset_that_a_mass_could_make_is_an_offset() -> None:
+    fault = fleet.simulated.Fault("torque_offset", 0, 22, 0.5)
+    found = changes.histories(made(TYPES["two"], (fault,), arms=1, sessions=40, tools=True, seed=12), TYPES)
+    alarms = [alarm for history in found for alarm in history.alarms]
+    assert [(alarm.joint, alarm.cause, alarm.session) for alarm in alarms] == [("joint_1", "torque offset", 22)]
+
+
+def test_evidence_beyond_the_range_of_numbers_stays_a_number() -> None:
+    rng = np.random.default_rng(3)
+    values = rng.normal(size=(4, 90))
+    values[0, 30:] += 2500.0
+    with np.errstate(all="raise", under="ignore"):
+        found = find_jumps(tracks(values, 1e3))
+    assert [one.jumps for one in found] == [[30], [], [], []]
+    assert all(np.isfinite(one.ratio).all() for one in found)
+
+
+def test_a_session_of_gentle_motion_is_no_event() -> None:
+    """Its error is a larger share of its torque, and no larger."""
+    history = changes.histories(made(TYPES["two"], (), arms=1, sessions=20), TYPES)[0]
+    history.events = []
+    history.error[10, 0] *= 20.0
+    changes.find_events(history)
+    assert history.events == []
+    history.residual[10, 0] *= 20.0
+    changes.find_events(history)
+    assert [(event["joint"], event["session"]) for event in history.events] == [("joint_1", "0010")]
+
+
 def test_declared_tools_are_no_change_and_undeclared_ones_are() -> None:
     records = made(TYPES["two"], (), arms=2, sessions=60, tools=True)
     histories = changes.histories(records, TYPES)
@@ -270,7 +310,12 @@ def test_declared_tools_are_no_change_and_undeclared_ones_are() -> None:
         undeclared.append(sgpr.Record.from_parts(re.sub('"tool":"[a-z]*"', '"tool":""', head), numbers))
     assert all(record.labels["tool"] == "" for record in undeclared)
     found = changes.histories(undeclared, TYPES)
-    assert all("tool" in {alarm.cause for alarm in history.alarms} for history in found)
+    for history, declared in zip(found, histories, strict=True):
+        tools = np.array(declared.tools)
+        changed = (np.flatnonzero(tools[1:] != tools[:-1]) + 1).tolist()
+        assert [(alarm.cause, alarm.session) for alarm in history.alarms] == [("tool", session) for session in changed]
+        masses = [alarm.change for alarm in history.alarms]
+        assert masses == pytest.approx([0.8, -0.8], abs=0.02), [alarm.text for alarm in history.alarms]
 
 
 def test_references_of_two_tools_differ_and_nothing_changed() -> None:

@@ -41,6 +41,8 @@ pub struct JointDeviation {
     pub error: f64,
     /// The same after the effects of the joint are fitted, N·m (N).
     pub error_after: f64,
+    /// The same if nothing but mass and first moments of the last link had changed, at all joints alike, N·m (N).
+    pub error_with_tool: f64,
     /// Parameters of the joint's effects; the gain of the torque comes last.
     pub parameters: Vec<ParameterDeviation>,
 }
@@ -89,9 +91,9 @@ struct Reference<'a> {
 impl Reference<'_> {
     fn deviation(&self, record: &Record, factors: &[JointFactor]) -> Deviation {
         let memory = correlation(&[record], factors, &record.center);
-        let joints: Vec<JointDeviation> =
+        let mut joints: Vec<JointDeviation> =
             factors.iter().zip(memory).map(|(factor, memory)| self.joint(factor, memory)).collect();
-        let (tool_mass, tool_mass_deviation, tool_share) = self.tool(factors, &joints);
+        let (tool_mass, tool_mass_deviation, tool_share) = self.tool(factors, &mut joints);
         Deviation { joints, tool_mass, tool_mass_deviation, tool_share }
     }
 
@@ -137,13 +139,14 @@ impl Reference<'_> {
             torque: mean_root(squares(&torque(factor))),
             error: mean_root(squares(&residual)),
             error_after: mean_root(together.left),
+            error_with_tool: f64::INFINITY,
             parameters,
         }
     }
 
     /// Mass of the last link beyond the reference, its standard deviation, and the share of the residual that mass and
-    /// first moments explain.
-    fn tool(&self, factors: &[JointFactor], joints: &[JointDeviation]) -> (f64, f64, f64) {
+    /// first moments explain; sets what they leave at each joint.
+    fn tool(&self, factors: &[JointFactor], joints: &mut [JointDeviation]) -> (f64, f64, f64) {
         const MASS_AND_MOMENTS: usize = 4;
         let first = self.set.inertial() - PARAMETERS_PER_LINK;
         let directions: Vec<Vec<f64>> = (first..first + MASS_AND_MOMENTS)
@@ -154,8 +157,9 @@ impl Reference<'_> {
             .collect();
         let (mut columns, mut residual) = (vec![Vec::new(); MASS_AND_MOMENTS], Vec::new());
         let (mut rows, mut weighted_memory) = (0, 0.0);
-        for (factor, joint) in factors.iter().zip(joints) {
-            let noise = joint.error_after.max(1e-9 * joint.torque).max(f64::MIN_POSITIVE);
+        let noise_of = |joint: &JointDeviation| joint.error_after.max(1e-9 * joint.torque).max(f64::MIN_POSITIVE);
+        for (factor, joint) in factors.iter().zip(joints.iter()) {
+            let noise = noise_of(joint);
             let model = predicted(factor, &self.values);
             residual.extend(torque(factor).iter().zip(&model).map(|(tau, model)| (tau - model) / noise));
             for (column, direction) in columns.iter_mut().zip(&directions) {
@@ -167,6 +171,16 @@ impl Reference<'_> {
         let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
         let fit = SmallFit::new(&columns, &residual, rows, weighted_memory / f64::max(rows as f64, 1.0));
         let share = 1.0 - fit.left / squares(&residual).max(f64::MIN_POSITIVE);
+        let mut first = 0;
+        for (factor, joint) in factors.iter().zip(joints) {
+            let rows = first..first + factor.factor.nrows();
+            let explained = |row: usize| -> f64 {
+                columns.iter().zip(&fit.changes).map(|(column, change)| column[row] * change).sum()
+            };
+            let left: f64 = rows.clone().map(|row| (residual[row] - explained(row)).powi(2)).sum();
+            joint.error_with_tool = noise_of(joint) * (left / f64::max(factor.rows as f64, 1.0)).sqrt();
+            first = rows.end;
+        }
         (fit.changes[0], fit.deviations[0], share.clamp(0.0, 1.0))
     }
 }

@@ -12,7 +12,9 @@ NEAR = 3
 """Sessions by which jumps of one cause may lie apart."""
 LEAST_EFFECT = 0.01
 """Share of the parameter's scale (kg) that a change must exceed to matter, with 97.5 % certainty."""
-TOOL_SHARE, TOOL_SHARE_OF_ONE_JOINT = 0.3, 0.9
+TOOL = "tool"
+"""The parameter, and the cause."""
+TOOL_SHARE, TOOL_SHARE_OF_ONE_JOINT = 0.3, 0.8
 """Shares of the residual that a tool explains: of several joints that changed, and where one did."""
 
 
@@ -63,14 +65,19 @@ class _Group:
 
 def name_changes(history: ArmHistory) -> None:
     """Alarms of an arm: of jumps that lie together the cause that explains most of the torque."""
-    tools = _groups("", [one for one in history.series if one.parameter == "tool"])
+    tools = _groups("", [one for one in history.series if one.parameter == TOOL])
     groups = {joint: _groups(joint, [one for one in history.series if one.joint == joint]) for joint in history.joints}
     for tool in tools:
         one = tool.jumps[0][2]
         together = [(joint, near) for joint, own in groups.items() for near in own if _near(near, tool)]
         before, after = _around(tools, tool, len(history.time))
         share = _mean_of(one.gain[after]) - _mean_of(one.gain[before])
-        if share > (TOOL_SHARE if len({joint for joint, _ in together}) > 1 else TOOL_SHARE_OF_ONE_JOINT):
+        # One that went leaves the sessions before it to be explained.
+        carried, share = (after, share) if share >= 0.0 else (before, -share)
+        joints = {joint for joint, _ in together}
+        of_several = share > TOOL_SHARE and len(joints) > 1
+        of_one = share > TOOL_SHARE_OF_ONE_JOINT and all(_explains_more(history, joint, carried) for joint in joints)
+        if of_several or of_one:
             alarm = _alarm(history, one, [tool], tools)
             if alarm is not None:
                 history.alarms.append(alarm)
@@ -79,6 +86,12 @@ def name_changes(history: ArmHistory) -> None:
     for own in groups.values():
         history.alarms += _of_joint(history, own)
     history.alarms.sort(key=lambda alarm: (alarm.session, alarm.joint))
+
+
+def _explains_more(history: ArmHistory, joint: str, sessions: slice) -> bool:
+    """Whether a tool explains more of the residual of a joint than the best of the joint's own parameters."""
+    own = max(_mean_of(one.gain[sessions]) for one in history.series if one.joint == joint)
+    return _mean_of(history.tool_gain[sessions, history.joints.index(joint)]) > own
 
 
 def _of_joint(history: ArmHistory, groups: list[_Group]) -> list[Alarm]:
@@ -201,7 +214,7 @@ def _alarm(history: ArmHistory, one: Series, jumps: Sequence[_Group], groups: Se
 
 def _sentence(alarm: Alarm, history: ArmHistory) -> str:
     low, high = alarm.interval
-    if alarm.cause == "tool":
+    if alarm.cause == TOOL:
         ends = ", ".join(f"{end:z.2f}" for end in (low, high))
         what = f"{alarm.robot}: mass at the last link {alarm.change:+z.2f} kg [{ends}]"
     else:
@@ -220,7 +233,7 @@ def _sentence(alarm: Alarm, history: ArmHistory) -> str:
         since += f", in {alarm.steps} steps"
     if alarm.of_temperature is None:
         return f"{what} {since}; temperature is not logged"
-    if alarm.cause == "tool" or abs(alarm.of_temperature) < 0.1 * abs(alarm.change):
+    if alarm.cause == TOOL or abs(alarm.of_temperature) < 0.1 * abs(alarm.change):
         return f"{what} {since}, temperature does not explain it"
     share = f"{100 * abs(alarm.of_temperature):.0f} % that temperature explains are taken off"
     return f"{what} {since}, {share}"

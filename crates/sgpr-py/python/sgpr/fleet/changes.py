@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._sgpr import Model, Record, Robot, SgprError
-from .alarms import LEAST_EFFECT, find_events, name_changes
+from .alarms import LEAST_EFFECT, TOOL, find_events, name_changes
 from .evidence import Track, find_jumps
-from .series import ArmHistory, Series, by_arm, history_of
+from .series import ArmHistory, Series, by_arm, history_of, start_of, tool_of, with_tool
 from .sisters import find_outliers, share_scatter, share_temperature
 
 FALSE_ALARMS = 0.5
@@ -69,16 +69,20 @@ def histories(
         found.append(history_of(kind, robot, arms, robots[kind], temperature))
         if progress is not None:
             progress("arms", done + 1, len(arms))
-    for kind in {history.type for history in found}:
+    every = []
+    for kind in sorted({history.type for history in found}):
         sisters = [history for history in found if history.type == kind]
-        share_temperature(sisters)
-        share_scatter(sisters)
-        find_outliers(sisters)
-        _find_jumps(sisters, false_alarms)
-    for history in found:
-        name_changes(history)
-        find_events(history)
-    return sorted(found, key=lambda history: (history.type, history.robot))
+        _look(sisters, false_alarms)
+        anew = [_with_tools(history, arms, robots[kind], temperature) for history in sisters]
+        if any(anew):
+            again = [other or history for other, history in zip(anew, sisters, strict=True)]
+            _look(again, false_alarms)
+            for other, history in zip(anew, sisters, strict=True):
+                if other is not None:
+                    _keep_tools(other, history)
+            sisters = again
+        every += sorted(sisters, key=lambda history: history.robot)
+    return every
 
 
 def to_dict(history: ArmHistory) -> dict[str, Any]:
@@ -98,6 +102,50 @@ def to_dict(history: ArmHistory) -> dict[str, Any]:
         ],
         "not_watched": [{"joint": one.joint, "parameter": one.name} for one in history.series if not one.watched],
     }
+
+
+def _look(sisters: Sequence[ArmHistory], false_alarms: float) -> None:
+    """What changed in the arms of a type."""
+    share_temperature(sisters)
+    share_scatter(sisters)
+    for history in sisters:
+        history.alarms, history.events, history.outliers = [], [], []
+    find_outliers(sisters)
+    _find_jumps(sisters, false_alarms)
+    for history in sisters:
+        name_changes(history)
+        find_events(history)
+
+
+def _with_tools(
+    history: ArmHistory, arms: Mapping[tuple[str, str], Sequence[Record]], robot: Robot | Model, temperature: str
+) -> ArmHistory | None:
+    """The arm again as if the tools that it was found to carry had been declared: whatever its joints do later is not to be
+    measured by a body that is another one. None if none was found, or no reference can be made."""
+    tools = [alarm for alarm in history.alarms if alarm.cause == TOOL]
+    if not tools:
+        return None
+
+    def tool(one: Record) -> str:
+        carried = [k for k, alarm in enumerate(tools) if alarm.since <= start_of(one) < (alarm.until or math.inf)]
+        return f"{tool_of(one)} and found {carried[-1] + 1}" if carried else tool_of(one)
+
+    key = history.type, history.robot
+    own = [with_tool(one, tool(one)) for one in arms[key]]
+    try:
+        return history_of(*key, {**arms, key: own}, robot, temperature)
+    except SgprError:
+        return None
+
+
+def _keep_tools(history: ArmHistory, before: ArmHistory) -> None:
+    """Tools and errors as the first reference tells them."""
+    history.alarms = [alarm for alarm in history.alarms if alarm.cause != TOOL]
+    history.alarms += [alarm for alarm in before.alarms if alarm.cause == TOOL]
+    history.alarms.sort(key=lambda alarm: (alarm.session, alarm.joint))
+    history.series = [one for one in history.series if one.parameter != TOOL]
+    history.series += [one for one in before.series if one.parameter == TOOL]
+    history.error, history.residual, history.tools = before.error, before.residual, before.tools
 
 
 def _find_jumps(sisters: Sequence[ArmHistory], false_alarms: float) -> None:

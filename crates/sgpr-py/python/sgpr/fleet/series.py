@@ -1,5 +1,6 @@
 """From the records of an arm to its parameters over sessions."""
 
+import json
 import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
@@ -78,8 +79,8 @@ class Series:
 class ArmHistory:
     """An arm over time.
 
-    - `time`: start of each session, ns; `error`: residual of the reference as a share of the torque, and `residual`
-      itself, N·m (N), `(sessions, joints)`
+    - `time`: start of each session, ns; `error`: residual of the reference as a share of the torque, `residual` itself,
+      and `tool_gain`, the squares of it that a tool at the last link explains, (N·m)² ((N)²), `(sessions, joints)`
     - `tools`: declared tool of each session
     - `baseline`: sessions that the first reference is made of; `borrowed`: whether those of its sisters
     - `referred`: whether a session is one of those that its reference is made of
@@ -101,6 +102,7 @@ class ArmHistory:
     temperature: Array
     error: Array
     residual: Array
+    tool_gain: Array
     series: list[Series]
     alarms: list["Alarm"] = field(default_factory=list)
     events: list[dict[str, Any]] = field(default_factory=list)
@@ -126,7 +128,7 @@ def by_arm(records: Iterable[Record]) -> dict[tuple[str, str], list[Record]]:
     for one in records:
         arms.setdefault((one.labels.get("type", ""), one.labels.get("robot", "")), []).append(one)
     for key, own in arms.items():
-        own.sort(key=lambda one: (_time(one), one.source))
+        own.sort(key=lambda one: (start_of(one), one.source))
         first: dict[Any, Record] = {}
         for one in own:
             first.setdefault((one.content_hash, one.counted), one)
@@ -147,17 +149,17 @@ def history_of(
     """
     own = list(arms[kind, name])
     references, borrowed = _references(robot, own, [theirs for (other, _), theirs in arms.items() if other == kind])
-    first = references[_tool(own[0])]
+    first = references[tool_of(own[0])]
     assert first is not None
     joints = first.robot.joint_names
-    foreign = [one for one in own if _is_foreign(references[_tool(one)], one)]
+    foreign = [one for one in own if _is_foreign(references[tool_of(one)], one)]
     own = [one for one in own if one not in foreign]
     if not own:
         raise SgprError(f"{foreign[0].source}: the model explains nothing of the torque of any log of {name}")
-    found = [_deviation(references[_tool(one)], one) for one in own]
+    found = [_deviation(references[tool_of(one)], one) for one in own]
     unsure = {tool: _standard_deviations(reference) for tool, reference in references.items()}
     columns: dict[tuple[str, str], dict[str, Any]] = {}
-    error, residual = np.full((2, len(own), len(joints)), np.nan)
+    error, residual, tool_gain = np.full((3, len(own), len(joints)), np.nan)
     mass = np.full((4, len(own)), np.nan)
     for k, deviation in enumerate(found):
         if deviation is None:
@@ -166,8 +168,9 @@ def history_of(
         for joint in deviation["joints"]:
             place = k, joints.index(joint["joint"])
             error[place], residual[place] = joint["error"] / max(joint["torque"], 1e-300), joint["error"]
+            tool_gain[place] = joint["error"] ** 2 - joint["error_with_tool"] ** 2
             for parameter in joint["parameters"]:
-                _enter(columns, joint, parameter, unsure[_tool(own[k])].get(parameter["name"], 0.0), k, len(own))
+                _enter(columns, joint, parameter, unsure[tool_of(own[k])].get(parameter["name"], 0.0), k, len(own))
     series = [
         Series(joint, symbol, column["unit"], column["reference"], _scale(joint, symbol, columns), *column["values"])
         for (joint, symbol), column in columns.items()
@@ -183,8 +186,8 @@ def history_of(
         joints=joints,
         units=first.robot.torque_units,
         sessions=[_session(one) for one in own],
-        time=[_time(one) for one in own],
-        tools=[_tool(one) for one in own],
+        time=[start_of(one) for one in own],
+        tools=[tool_of(one) for one in own],
         hours=sum((one.end_time - one.start_time) / 3600e9 for one in own),
         baseline=_baseline(own),
         borrowed=borrowed,
@@ -192,6 +195,7 @@ def history_of(
         temperature=np.array([_temperature(one, temperature) for one in own]),
         error=error,
         residual=residual,
+        tool_gain=tool_gain,
         series=series,
         foreign=[_session(one) for one in foreign],
     )
@@ -241,11 +245,22 @@ def _session(one: Record) -> str:
     return one.labels.get("session", one.source)
 
 
-def _tool(one: Record) -> str:
+def tool_of(one: Record) -> str:
+    """The declared tool of a session."""
     return one.labels.get("tool", "")
 
 
-def _time(one: Record) -> int:
+def with_tool(one: Record, tool: str) -> Record:
+    """The same with another declared tool."""
+    if tool == tool_of(one):
+        return one
+    head, numbers = one.to_parts()
+    data = json.loads(head)
+    data["labels"]["tool"] = tool
+    return Record.from_parts(json.dumps(data), numbers)
+
+
+def start_of(one: Record) -> int:
     """Start of the log, ns: that of the table if it says so, as stamps may count from the start of the log."""
     start = one.labels.get("start")
     if start:
@@ -263,8 +278,8 @@ def _baseline(own: Sequence[Record]) -> int:
 
 def _referred(own: Sequence[Record]) -> NDArray[np.bool_]:
     found = np.zeros(len(own), dtype=bool)
-    for tool in {_tool(one) for one in own}:
-        theirs = [k for k, one in enumerate(own) if _tool(one) == tool]
+    for tool in {tool_of(one) for one in own}:
+        theirs = [k for k, one in enumerate(own) if tool_of(one) == tool]
         found[theirs[: _baseline([own[k] for k in theirs])]] = True
     return found
 
@@ -281,7 +296,7 @@ def _references(
     found: dict[str, Model | None] = {}
     borrowed = False
     for one in own:
-        tool = _tool(one)
+        tool = tool_of(one)
         if tool in found:
             continue
         if not found and isinstance(robot, Model):
@@ -305,7 +320,7 @@ def _identified(
     """
 
     def first(records: Sequence[Record]) -> list[Record]:
-        theirs = [one for one in records if _tool(one) == tool]
+        theirs = [one for one in records if tool_of(one) == tool]
         return theirs[: _baseline(theirs)]
 
     with warnings.catch_warnings():
