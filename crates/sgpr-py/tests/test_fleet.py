@@ -319,8 +319,8 @@ def test_declared_tools_are_no_change_and_undeclared_ones_are() -> None:
 
 
 def test_references_of_two_tools_differ_and_nothing_changed() -> None:
-    """The offset of a joint under gravity is another one in the reference of the second tool: the fit cannot tell it from
-    the moments of the links."""
+    """The offset of a joint under gravity is another one in the reference of the second tool: the fit cannot tell it
+    from the moments of the links."""
     records = made(TYPES["two"], (), arms=1, sessions=100, tools=True, seed=1_000_008)
     (history,) = changes.histories(records, TYPES)
     tools = np.array(history.tools)

@@ -260,7 +260,7 @@ def find_events(history: ArmHistory) -> None:
 
 
 def _apart(level: Array, k: int) -> tuple[float, float]:
-    """How far session k is from the highest of those around, or from three times their spread, and from their median."""
+    """How far session k is from the highest around it, or from three times their spread, and from their median."""
     near = np.r_[level[max(k - 4, 0) : k], level[k + 1 : k + 5]]
     near = near[np.isfinite(near)]
     if len(near) < 4 or not math.isfinite(level[k]):

@@ -120,8 +120,8 @@ def _look(sisters: Sequence[ArmHistory], false_alarms: float) -> None:
 def _with_tools(
     history: ArmHistory, arms: Mapping[tuple[str, str], Sequence[Record]], robot: Robot | Model, temperature: str
 ) -> ArmHistory | None:
-    """The arm again as if the tools that it was found to carry had been declared: whatever its joints do later is not to be
-    measured by a body that is another one. None if none was found, or no reference can be made."""
+    """The arm again as if the tools that it was found to carry had been declared: what its joints do later is not to
+    be measured by another body. None if none was found, or no reference can be made."""
     tools = [alarm for alarm in history.alarms if alarm.cause == TOOL]
     if not tools:
         return None

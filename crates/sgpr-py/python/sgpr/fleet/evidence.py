@@ -256,8 +256,8 @@ class _Trellis:
 
 
 class _State:
-    """Probabilities by track, factor and level, each sum divided by its size: `log` is the logarithm of that of `quiet`,
-    and `lift` of the ratio of `jumped` to it."""
+    """Probabilities by track, factor and level, each sum divided by its size: `log` is the logarithm of that of
+    `quiet`, and `lift` of the ratio of `jumped` to it."""
 
     def __init__(self, prior: Array, levels: int) -> None:
         self.quiet = np.full((*prior.shape, levels), 1.0 / levels)
@@ -297,8 +297,8 @@ def _jump_probabilities(level: Array) -> Array:
 
 
 def _wandered(probability: Array, level: Array, spread: Array, *, backward: bool = False) -> Array:
-    """After steps of a variance of `spread`, one per track: to the neighbours, as often as that takes, or at once from any
-    level to any other where that is too often.
+    """After steps of a variance of `spread`, one per track: to the neighbours, as often as that takes, or at once from
+    any level to any other where that is too often.
 
     - `backward`: the probability of what comes later, given the level, before those steps
     """

@@ -314,7 +314,7 @@ def _references(
 def _identified(
     robot: Robot, tool: str, own: Sequence[Record], sisters: Sequence[Sequence[Record]]
 ) -> tuple[Model | None, bool]:
-    """The model of a tool from the arm's first sessions with it, or from those of its sisters, and whether it is theirs.
+    """The model of a tool from the first sessions with it, of the arm or of its sisters, and whether it is theirs.
 
     - `sisters`: none for a tool after the first
     """

@@ -1,10 +1,9 @@
 """The page about a fleet: which arms changed, when, and what changed in them."""
 
 import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from typing import Any
 
 import numpy as np
@@ -179,9 +178,7 @@ class FleetPage:
 
     def _error_section(self) -> Html:
         height = FRAME + ROW_HEIGHT * min(len(self.histories), 60)
-        note = (
-            "The joint whose error grew most; white where it is what it was before any change, empty without log."
-        )
+        note = "The joint whose error grew most; white where it is what it was before any change, empty without log."
         return plot("errors", height, "Error of each arm by day", note)
 
     def _arms(self) -> Html:
@@ -302,9 +299,10 @@ class FleetPage:
 
 
 def _folder(paths: Sequence[str]) -> str:
-    """What all paths begin with, up to a folder, if that is worth leaving out."""
-    common = os.path.commonprefix(paths) if len(paths) > 1 else ""
-    return common[: common.rfind("/") + 1]
+    """The folder that all paths have in common, if that is worth leaving out."""
+    folders = [path.split("/")[:-1] for path in paths]
+    common = takewhile(lambda parts: len(set(parts)) == 1, zip(*folders, strict=False))
+    return "".join(f"{parts[0]}/" for parts in common) if len(paths) > 1 else ""
 
 
 def _smallest(history: ArmHistory, parameter: str) -> Cell:
@@ -319,8 +317,8 @@ def _smallest(history: ArmHistory, parameter: str) -> Cell:
 
 
 def _ratio(history: ArmHistory) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Error of each session as a multiple of that before any change, of the joint where it grew most; so that the median
-    of the sessions before is one, where the largest of several joints is more than that by chance."""
+    """Error of each session as a multiple of that before any change, of the joint where it grew most. Chance makes the
+    largest of several joints more than one: the median of the sessions before is."""
     quiet = max(min((alarm.session for alarm in history.alarms), default=len(history.time)), 1)
     level = _median(history.error[:quiet])
     ratio = history.error / np.where(level > 0.0, level, np.nan)
