@@ -2,10 +2,10 @@
 
     python examples/real_fleet.py --out out/real_fleet
 
-A UR10e moves without and then with 2.805 kg at its flange, a Panda moves and nothing happens to it. Each log is cut into
-sessions, which `sgpr fleet run` records and `sgpr fleet report` compares. The logs are not part of this repository:
-`docs/real-data.md` says where they come from. The environment variable SGPR_DATA names the folder that holds `real/`
-with `ur10e/` and `panda/`, or `real/` itself.
+A UR10e moves without and then with 2.805 kg at its flange, a Panda moves and nothing happens to it. Each log is cut
+into sessions, which `sgpr fleet run` records and `sgpr fleet report` compares. The logs are not part of this
+repository: `docs/real-data.md` says where they come from. The environment variable SGPR_DATA names the folder that
+holds `real/` with `ur10e/` and `panda/`, or `real/` itself.
 """
 
 import argparse
