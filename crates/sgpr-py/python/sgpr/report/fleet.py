@@ -322,7 +322,7 @@ def _ratio(history: ArmHistory) -> np.ndarray[Any, np.dtype[np.float64]]:
     quiet = max(min((alarm.session for alarm in history.alarms), default=len(history.time)), 1)
     level = _median(history.error[:quiet])
     ratio = history.error / np.where(level > 0.0, level, np.nan)
-    there = np.isfinite(ratio).any(axis=1)
+    there = np.asarray(np.isfinite(ratio).any(axis=1))
     most = np.where(there, np.max(np.where(np.isfinite(ratio), ratio, -np.inf), axis=1), np.nan)
     return most / np.nanmedian(most[:quiet]) if there[:quiet].any() else most
 
