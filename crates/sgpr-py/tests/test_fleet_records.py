@@ -302,3 +302,7 @@ def test_deviations_find_what_was_put_in(robot: sgpr.Robot, logs: list[sgpr.Reco
     found = sgpr.deviations(model, sgpr.record(robot, carrying, processing=model, blocks=1))[0]
     assert found["tool_mass"] == pytest.approx(1.5, abs=0.15)
     assert found["tool_share"] > 0.5
+    # What the tool leaves is less than any parameter of the joint's own does, at the joint that carries most of it.
+    loaded_joint = found["joints"][1]
+    alone = min(one["error_alone"] for one in loaded_joint["parameters"])
+    assert loaded_joint["error_with_tool"] < 0.5 * alone < 0.5 * loaded_joint["error"]
