@@ -1,4 +1,4 @@
-//! The names that may have been meant, for messages.
+//! Parts of messages: the names that may have been meant, and counts of things.
 
 use alloc::format;
 use alloc::string::String;
@@ -10,6 +10,11 @@ pub fn suggestion(name: &str, known: &[String]) -> String {
         Some(close) => format!(" (did you mean `{close}`?)"),
         None => String::new(),
     }
+}
+
+/// `1 joint`, `2 joints`.
+pub fn counted(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
 /// The known name nearest to `name`, if it is near enough to be a slip of the pen.

@@ -1,4 +1,4 @@
-use super::names::{patterns, quoted, suggestion};
+use super::names::{counted, patterns, quoted, suggestion};
 
 /// Why a log could not be read, changed or written.
 #[derive(Debug, thiserror::Error)]
@@ -197,6 +197,24 @@ pub enum RecordingError {
         /// Columns found.
         columns: Vec<String>,
     },
+    /// Fewer numbered columns of this quantity than joints, and no number tells which joint has none.
+    #[error(
+        "{path}: got {} of {quantity} ({}) for {} ({}): say which joint each of them belongs to with `columns.{quantity}`, or name the joints that the log has with `joints`",
+        counted(columns.len(), "column"),
+        quoted(columns),
+        counted(joints.len(), "joint"),
+        quoted(joints)
+    )]
+    FewerColumns {
+        /// File.
+        path: String,
+        /// `position`, `velocity` or `torque`.
+        quantity: &'static str,
+        /// Its numbered columns.
+        columns: Vec<String>,
+        /// Joints wanted.
+        joints: Vec<String>,
+    },
     /// Several columns could be meant.
     #[error(
         "{path}: the {quantity} of joint `{joint}` could be any of {}: say which with `columns.{quantity}`",
@@ -329,7 +347,11 @@ pub enum RecordingError {
         column: String,
     },
     /// One entry per joint is needed.
-    #[error("{option} has {found} entries for {expected} joints: give one per joint, in joint order")]
+    #[error(
+        "{option}: got {} for {}: give one for each, in joint order",
+        counted(*found, "value"),
+        counted(*expected, "joint")
+    )]
     EntriesPerJoint {
         /// Option of the caller.
         option: &'static str,
@@ -375,7 +397,7 @@ pub enum RecordingError {
         known: Vec<String>,
     },
     /// An array that does not fit the others.
-    #[error("{recording}: `{array}` has {found} values, expected {expected}")]
+    #[error("{recording}: `{array}`: got {}, expected {expected}", counted(*found, "value"))]
     Length {
         /// Recording.
         recording: String,
@@ -516,7 +538,25 @@ const NAMES_AGAIN: &str =
 
 /// What may be wrong with a cell that holds no number.
 fn why_no_number(column: &str, text: &str) -> &'static str {
-    if text == column { NAMES_AGAIN } else { "" }
+    if text == column { NAMES_AGAIN } else { why_not_read(text).unwrap_or_default() }
+}
+
+/// What other programs write that is no number.
+fn why_not_read(text: &str) -> Option<&'static str> {
+    let mut groups = text.trim_start_matches(['-', '+']).split(['.', ',', '\'', '\u{a0}', '\u{202f}', ' ']);
+    let is_digits = |group: &str| !group.is_empty() && group.bytes().all(|byte| byte.is_ascii_digit());
+    let first = groups.next().is_some_and(|group| group.len() <= 3 && is_digits(group));
+    let rest: Vec<&str> = groups.collect();
+    let thousands = rest.len() >= 2 && rest[..rest.len() - 1].iter().all(|group| group.len() == 3);
+    if first && thousands && rest.iter().all(|group| is_digits(group)) {
+        Some(" (it has a separator of thousands: export the numbers without)")
+    } else if text.starts_with('#') {
+        Some(
+            " (a spreadsheet has no value there: take the row out, or write `nan` there and drop such samples (repair: drop_not_finite))",
+        )
+    } else {
+        None
+    }
 }
 
 /// What may be wrong with a cell that holds no time.
@@ -525,6 +565,7 @@ fn why_no_time(column: &str, text: &str) -> &'static str {
         Err(_) if text == column => NAMES_AGAIN,
         Ok(_) => " (64 bits of nanoseconds reach 292 years)",
         Err(_) if text.is_empty() => "",
+        Err(_) if why_not_read(text).is_some() => why_not_read(text).unwrap_or_default(),
         Err(_) => {
             " (times are numbers, ISO 8601 such as 2026-03-03T09:15:00.000Z, or times of day such as 09:15:00.000; a line of \
              units is understood right below the names)"

@@ -1,6 +1,6 @@
 //! Names in messages: quoting, and the names that may have been meant.
 
-pub(super) use sgpr_predict::names::suggestion;
+pub(super) use sgpr_predict::names::{counted, suggestion};
 
 /// Longest list of names in a message.
 const LONGEST_LIST: usize = 40;

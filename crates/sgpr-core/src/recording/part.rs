@@ -190,9 +190,31 @@ pub(super) fn places_of_numbers(own: &[u32], numbers: &[u32]) -> Option<Vec<u32>
     (from_one && from_zero).then(|| own.iter().map(|number| number - 1).collect())
 }
 
+/// Which numbers the joints would have if none of them were missing among `numbers`: their own, or those from one or zero on,
+/// the first of these that hold all of them. `None` if no count of that many joints does.
+///
+/// - `numbers`: increasing
+pub(super) fn numbers_with_gaps(own: Option<&[u32]>, numbers: &[u32], joints: usize) -> Option<Vec<u32>> {
+    let count = u32::try_from(joints).ok()?;
+    let counts = [own.map(<[u32]>::to_vec), Some((1..=count).collect()), Some((0..count).collect())];
+    let holds = |all: &Vec<u32>| numbers.iter().all(|number| all.contains(number));
+    let distinct = |all: &Vec<u32>| (1..all.len()).all(|k| !all[..k].contains(&all[k]));
+    counts.into_iter().flatten().find(|all| holds(all) && distinct(all))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_gap_in_the_numbers_is_the_missing_joint() {
+        assert_eq!(numbers_with_gaps(Some(&[3, 2, 1]), &[1, 3], 3), Some(vec![3, 2, 1]));
+        assert_eq!(numbers_with_gaps(Some(&[11, 12, 13]), &[1, 3], 3), Some(vec![1, 2, 3]));
+        assert_eq!(numbers_with_gaps(Some(&[1, 2, 3]), &[0, 2], 3), Some(vec![0, 1, 2]));
+        assert_eq!(numbers_with_gaps(None, &[2, 3], 3), Some(vec![1, 2, 3]));
+        assert_eq!(numbers_with_gaps(None, &[0, 3], 3), None);
+        assert_eq!(numbers_with_gaps(Some(&[1, 1]), &[1], 2), Some(vec![1, 2]));
+    }
 
     #[test]
     fn joints_are_found_by_their_numbers() {

@@ -104,7 +104,7 @@ fn currents_become_torques_with_constants() {
     assert!(message(read_csv_with(text, &options)).starts_with("log.csv: no torque column for `joint_1`, `joint_2`"));
     let wrong = ReadOptions { torque_constants: Some(vec![10.0]), ..ReadOptions::default() };
     let error = message(read_csv_with(text, &wrong));
-    assert_eq!(error, "torque_constants has 1 entries for 2 joints: give one per joint, in joint order");
+    assert_eq!(error, "torque_constants: got 1 value for 2 joints: give one for each, in joint order");
     let wrong = ReadOptions { torque_constants: Some(vec![10.0, f64::NAN]), ..ReadOptions::default() };
     assert!(message(read_csv_with(text, &wrong)).starts_with("torque_constants = NaN"));
 }
@@ -339,6 +339,19 @@ fn a_joint_without_column() {
     assert!(error.starts_with("log.csv: no position column for `b`"), "{error}");
     let error = message(read_csv_with("t,q1\n0,1\n", &wanting(&["a", "b"])));
     assert!(error.starts_with("log.csv: no position column for `b`"), "{error}");
+    // A gap in the numbers is the joint without column, whatever the joints are called.
+    let gap = "t,q_1,q_3\n0,1,3\n";
+    for (joints, missing) in [(["joint_1", "joint_2", "joint_3"], "joint_2"), (["a", "b", "c"], "b")] {
+        let error = message(read_csv_with(gap, &wanting(&joints)));
+        assert!(error.starts_with(&format!("log.csv: no position column for `{missing}`;")), "{error}");
+    }
+    // Positions and torques that are counted in ways that no joint tells.
+    let error = message(read_csv_with("t,q_4,q_9\n0,1,3\n", &wanting(&["a", "b", "c"])));
+    assert!(error.starts_with("log.csv: got 2 columns of position (`q_4`, `q_9`) for 3 joints (`a`, `b`, `c`): say"));
+    let columns = ColumnMap { position: Some(Columns::Names(names(&["x", "y"]))), ..ColumnMap::default() };
+    let options = ReadOptions { columns, ..ReadOptions::default() };
+    let error = message(read_csv_with("t,x,y,tau_3,tau_4\n0,1,2,3,4\n", &options));
+    assert!(error.contains("no name tells which of the joints `joint_1`, `joint_2` is which of the columns `tau_3`"));
     let log = read_csv_with("t,q1\n0,1\n", &wanting(&["a"])).expect("one joint, one column");
     assert!(!log.layout().expect("of a table").by_order);
 }

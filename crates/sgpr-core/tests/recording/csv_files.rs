@@ -59,6 +59,24 @@ fn a_log_without_time() {
 }
 
 #[test]
+fn what_other_programs_write_is_named() {
+    // A value that a spreadsheet lacks is no comment.
+    let lacking = csv_error("t,q1\n0,1\n#N/A,\n1,1\n");
+    assert!(lacking.starts_with("log.csv:3: column `t`: `#N/A` is not a time in s (a spreadsheet has no value"));
+    let lacking = csv_error("t,q1\n0,1\n1,#DIV/0!\n");
+    assert!(lacking.starts_with("log.csv:3: column `q1`: `#DIV/0!` is not a number (a spreadsheet has no value"));
+    assert_eq!(read_csv("t,q1\n0,1\n# N/A\n#note,2\n1,1\n").len(), 2);
+    let thousands = " (it has a separator of thousands: export the numbers without)";
+    for (text, line) in [("t;q1\n0;1.234,5\n", "1.234,5"), ("t,q1\n0,\"-1'234'567.8\"\n", "-1'234'567.8")] {
+        let error = csv_error(text);
+        assert_eq!(error, format!("log.csv:2: column `q1`: `{line}` is not a number{thousands}"));
+    }
+    assert!(csv_error("t;q1\n10.000,5;1\n").ends_with("thousands: export the numbers without)"));
+    assert!(csv_error("<!DOCTYPE HTML><p>Sign in</p>").contains("this is a web page, not CSV: download the file"));
+    assert!(csv_error("\n<?xml version=\"1.0\"?>").contains("this is an XML file, not CSV"));
+}
+
+#[test]
 fn all_separators() {
     for text in ["t,q1,q2\n0,1.5,2\n", "t;q1;q2\n0;1,5;2\n", "t\tq1\tq2\n0\t1,5\t2\n", "t  q1 q2\n 0   1.5  2 \n"] {
         assert_eq!(read_csv(text).position(), [1.5, 2.0], "{text}");

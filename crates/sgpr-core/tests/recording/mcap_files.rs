@@ -73,7 +73,7 @@ fn some_joints_under_other_names() {
     assert_close(&log.position()[..2], &[1f64.sin(), 0.0], 1e-15);
     let options = McapOptions { joints: Some(names(&["joint_2"])), ..options };
     let result = mcap::read(fixture("zstd.mcap"), &options);
-    assert_eq!(message(result), "logged_names has 2 entries for 1 joints: give one per joint, in joint order");
+    assert_eq!(message(result), "logged_names: got 2 values for 1 joint: give one for each, in joint order");
 }
 
 #[test]

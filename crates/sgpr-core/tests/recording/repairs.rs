@@ -145,9 +145,9 @@ fn what_cannot_be_done() {
 fn arrays_of_wrong_length() {
     let new = |velocity, channels| Recording::new("log", names(&["a"]), vec![0], vec![0.0], velocity, None, channels);
     let error: Result<_, RecordingError> = new(Some(vec![]), vec![]);
-    assert_eq!(message(error), "log: `velocity` has 0 values, expected 1");
+    assert_eq!(message(error), "log: `velocity`: got 0 values, expected 1");
     let channel = Channel { name: "x".into(), values: vec![1.0, 2.0] };
-    assert_eq!(message(new(None, vec![channel])), "log: `x` has 2 values, expected 1");
+    assert_eq!(message(new(None, vec![channel])), "log: `x`: got 2 values, expected 1");
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::cell::Cell;
 use super::header;
 use super::quantity::{Label, Meaning, Quantity, StatedUnit};
 use super::{Columns, ReadOptions};
-use crate::recording::part::{ending_number, numbered, places_of_numbers};
+use crate::recording::part::{ending_number, numbered, numbers_with_gaps, places_of_numbers};
 use crate::recording::{IssueKind, RecordingError};
 
 /// A column and what one of its units is in SI.
@@ -252,8 +252,17 @@ impl<'a> JointColumns<'a> {
         if names.iter().any(has) {
             return Ok(Some(names));
         }
-        let in_order = |index: usize| numbers.get(index).map_or(Label::Unnamed, |number| Label::Number(*number));
-        Ok((!numbers.is_empty()).then(|| (0..self.joints.len()).map(in_order).collect()))
+        if numbers.is_empty() {
+            return Ok(None);
+        }
+        let own: Option<Vec<u32>> = self.joints.iter().map(|joint| ending_number(joint)).collect();
+        let in_place = numbers_with_gaps(own.as_deref(), &numbers, self.joints.len());
+        in_place.map(|all| Some(labelled(&all))).ok_or_else(|| RecordingError::FewerColumns {
+            path: self.path.into(),
+            quantity: quantity.name(),
+            columns: self.numbered_columns(quantity),
+            joints: self.joints.clone(),
+        })
     }
 
     /// Refuses a quantity with numbers that no position has: its columns are counted otherwise.
@@ -282,7 +291,7 @@ impl<'a> JointColumns<'a> {
         if let Some(chosen) = own.as_deref().and_then(|own| places_of_numbers(own, numbers)) {
             return Ok(Some(chosen));
         }
-        if !self.given || numbers.len() < wanted {
+        if numbers.len() < wanted {
             return Ok(None);
         }
         let candidates = || self.numbered_columns(quantity);

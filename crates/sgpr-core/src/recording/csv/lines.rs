@@ -70,7 +70,7 @@ impl<R: BufRead> Lines<R> {
     /// Goes to the next row; `false` after the last one.
     pub(super) fn next_row(&mut self) -> io::Result<bool> {
         while self.next_line()? {
-            if !self.line.trim_ascii_start().starts_with(b"#") {
+            if !is_comment(self.line.trim_ascii_start()) {
                 return Ok(true);
             }
         }
@@ -121,7 +121,9 @@ impl<R: BufRead> Lines<R> {
         let mut comment: Option<Vec<u8>> = None;
         while self.next_line()? {
             let line = self.line.trim_ascii();
-            if let [b'#' | b'%', names @ ..] = line {
+            if let [b'#' | b'%', names @ ..] = line
+                && !is_of_spreadsheet(line)
+            {
                 comment = Some(names.trim_ascii().to_vec());
                 continue;
             }
@@ -289,6 +291,21 @@ fn unquoted(inner: &[u8]) -> Cow<'_, [u8]> {
         former_is_quote = byte == b'"' && !doubled;
     }
     Cow::Owned(text)
+}
+
+/// What spreadsheets write where a cell has no value; a comment begins like it.
+const SPREADSHEET_FAULTS: [&[u8]; 8] =
+    [b"#N/A", b"#NV", b"#DIV/0!", b"#VALUE!", b"#REF!", b"#NUM!", b"#NAME?", b"#NULL!"];
+
+fn is_of_spreadsheet(line: &[u8]) -> bool {
+    SPREADSHEET_FAULTS.iter().any(|fault| {
+        let after = line.strip_prefix(*fault).map(|rest| rest.trim_ascii_start().first());
+        matches!(after, Some(None | Some(b',' | b';' | b'\t' | b'"')))
+    })
+}
+
+fn is_comment(line: &[u8]) -> bool {
+    line.starts_with(b"#") && !is_of_spreadsheet(line)
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use super::quantity::Quantity;
 use super::{Columns, ReadOptions, Rows, source};
 use crate::recording::calendar::{Moment, moment};
 use crate::recording::decimal::nanoseconds;
-use crate::recording::names::quoted;
+use crate::recording::names::{counted, quoted};
 use crate::recording::{self, Channel, IssueKind, Layout, Recording, RecordingError, TimeUnit, Units};
 
 /// Reads a table. How columns are understood is told in the [module documentation](super).
@@ -44,7 +44,9 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Recording, 
     let units = lines.units(|cells| are_units(cells, &columns, options)).map_err(explain)?.unwrap_or_default();
     let mut mapping = Mapping::new(&name, &columns, &units, options)?;
     if header.titles > 0 {
-        mapping.notes.insert(0, format!("passed over {} above the names of the columns", counted_lines(header.titles)));
+        mapping
+            .notes
+            .insert(0, format!("passed over {} above the names of the columns", counted(header.titles, "line")));
     }
     let mut table = Table::new(&name, &columns, mapping, options);
     while lines.next_row().map_err(explain)? {
@@ -54,10 +56,6 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Recording, 
         table.take_row(Row::new(&name, &columns, &lines)?)?;
     }
     table.finish()
-}
-
-fn counted_lines(count: usize) -> String {
-    if count == 1 { "1 line".into() } else { format!("{count} lines") }
 }
 
 /// Whether cells name the columns of a log: a time, unless it is counted, and a position.

@@ -21,6 +21,14 @@ const FOREIGN: [(&[u8], &str, &str); 6] = [
     (b"SQLite format 3", "an SQLite data base", "convert a ROS 2 bag with `ros2 bag convert` to MCAP"),
 ];
 
+/// The same for files of tags.
+const TAGS: [(&str, &str, &str); 4] = [
+    ("<!doctype html", "a web page", "download the file itself, not the page that shows it"),
+    ("<html", "a web page", "download the file itself, not the page that shows it"),
+    ("<?xml", "an XML file", "give a table of numbers; a robot file is told by its end `.urdf`"),
+    ("<robot", "a robot file", "give its name the end `.urdf`"),
+];
+
 /// Opens `path`, unpacking it if it begins like gzip.
 pub(super) fn open(path: &Path, limit: u64) -> Result<BufReader<Bounded>, RecordingError> {
     let name = path.display().to_string();
@@ -36,6 +44,12 @@ pub(super) fn open(path: &Path, limit: u64) -> Result<BufReader<Bounded>, Record
         return Err(RecordingError::Empty { path: name });
     }
     if let Some((_, found, advice)) = FOREIGN.iter().find(|(magic, ..)| start.starts_with(magic)) {
+        return Err(RecordingError::WrongFormat { path: name, expected: "CSV", found, advice });
+    }
+    let beginning = start.trim_ascii_start();
+    let begins_with =
+        |tag: &str| beginning.get(..tag.len()).is_some_and(|own| own.eq_ignore_ascii_case(tag.as_bytes()));
+    if let Some((_, found, advice)) = TAGS.iter().find(|(tag, ..)| begins_with(tag)) {
         return Err(RecordingError::WrongFormat { path: name, expected: "CSV", found, advice });
     }
     if start.contains(&0) {

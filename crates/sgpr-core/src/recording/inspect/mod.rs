@@ -6,6 +6,7 @@ mod values;
 
 use std::str::FromStr;
 
+use super::names::counted;
 use super::{Recording, RecordingError};
 pub(crate) use motion::{is_turn, usual_change};
 pub use time::GAP_FACTOR;
@@ -209,11 +210,6 @@ fn sorted(recording: &Recording, mut issues: Vec<Issue>) -> Vec<Issue> {
 fn percent(part: usize, whole: usize) -> String {
     let share = 100.0 * part as f64 / whole.max(1) as f64;
     if share >= 10.0 { format!("{share:.0} %") } else { format!("{share:.2} %") }
-}
-
-/// "1 gap", "2 gaps", for messages.
-fn counted(count: usize, noun: &str) -> String {
-    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
 /// Four digits, for messages.

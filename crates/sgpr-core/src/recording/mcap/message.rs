@@ -7,6 +7,7 @@ use super::cdr::Cdr;
 use super::scan::Topic;
 use crate::recording::TimeUnit;
 use crate::recording::decimal::nanoseconds;
+use crate::recording::names::counted;
 
 /// No robot has more joints; a message that says so is broken.
 pub(super) const MOST_JOINTS: usize = 1000;
@@ -78,7 +79,7 @@ impl JointValues {
         let count = self.count();
         for (array, values) in ["positions", "velocities", "efforts"].into_iter().zip(self.arrays()) {
             if !values.is_empty() && values.len() != count {
-                return Err(format!("{} {array} for {count} joints", values.len()));
+                return Err(format!("{} {array} for {}", values.len(), counted(count, "joint")));
             }
         }
         if count > MOST_JOINTS {
@@ -248,7 +249,7 @@ mod tests {
     fn faults_are_named() {
         let fault = |text: &str| content(Format::Json, text.as_bytes()).expect_err("broken");
         assert!(fault("{").starts_with("not JSON"));
-        assert_eq!(fault(r#"{"name": ["a"], "position": [1, 2]}"#), "2 positions for 1 joints");
+        assert_eq!(fault(r#"{"name": ["a"], "position": [1, 2]}"#), "2 positions for 1 joint");
         assert_eq!(fault(r#"{"name": ["a", "a"], "position": [1, 2]}"#), "the joint `a` occurs twice");
         assert_eq!(fault(r#"{"q": [1, 2], "tau": [1]}"#), "1 efforts for 2 joints");
     }
