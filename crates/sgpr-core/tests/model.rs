@@ -84,7 +84,11 @@ fn damaged_and_hostile_model_files_are_refused() {
     let model = TorqueModel::nominal(&robot());
     let good = model.to_bytes();
     let message = |bytes: &[u8]| TorqueModel::from_bytes(bytes, "x.sgpr").expect_err("damaged").to_string();
-    assert!(message(b"").contains("x.sgpr: not a torque model"));
+    assert_eq!(message(b""), "x.sgpr: not a torque model, or damaged: the file is empty");
+    for other in [&b"t,q_1"[..], b"t,q_1,q_2,tau_1,tau_2\n"] {
+        assert!(message(other).contains("it does not begin as the files do"));
+    }
+    assert!(message(&good[..100]).contains("it ends before its header does"));
     assert!(message(&good[..good.len() - 9]).contains("not a torque model"));
     // A head that claims ten gigabytes.
     let mut claims = good.clone();

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
-use sgpr_predict::internal::{Described, TermDescription};
+use sgpr_predict::internal::{Described, TermDescription, header_and_numbers};
 
 use super::TorqueModel;
 use super::torque_model::{Fit, Provenance};
@@ -270,6 +270,7 @@ pub(super) fn open<'a>(
     supported: u32,
 ) -> Result<(String, SafeTensors<'a>), ModelFileError> {
     let malformed = |message: String| ModelFileError::Malformed { path: origin.into(), message };
+    header_and_numbers(bytes).map_err(|fault| malformed(fault.into()))?;
     let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| malformed(error.to_string()))?;
     let tensors = SafeTensors::deserialize(bytes).map_err(|error| malformed(error.to_string()))?;
     let head = header.metadata().as_ref().and_then(|entries| entries.get(HEAD));

@@ -305,6 +305,26 @@ fn basis(
     Ok(LearnedBasis { independent, covariance, rows })
 }
 
+/// The header of a model file, which is a file of safetensors, and what follows it.
+///
+/// # Errors
+/// What a file is that has no such header.
+#[doc(hidden)]
+pub fn header_and_numbers(bytes: &[u8]) -> Result<(&[u8], &[u8]), &'static str> {
+    if bytes.is_empty() {
+        return Err("the file is empty");
+    }
+    let (length, rest) = bytes.split_first_chunk::<8>().ok_or(NO_MODEL)?;
+    if rest.first().is_some_and(|first| *first != b'{') {
+        return Err(NO_MODEL);
+    }
+    let length = usize::try_from(u64::from_le_bytes(*length)).map_err(|_| CUT_OFF)?;
+    rest.split_at_checked(length).ok_or(CUT_OFF)
+}
+
+const NO_MODEL: &str = "it does not begin as the files do that `save` and `sgpr identify` write (`model.sgpr`)";
+const CUT_OFF: &str = "it ends before its header does, as a file that was not copied to its end";
+
 /// The content of a file of safetensors.
 struct Archive<'a> {
     head: String,
@@ -328,10 +348,7 @@ struct ArrayOf {
 
 impl<'a> Archive<'a> {
     fn open(bytes: &'a [u8]) -> Result<Self, String> {
-        let too_short = || String::from("it ends before its header does");
-        let (length, rest) = bytes.split_first_chunk::<8>().ok_or_else(too_short)?;
-        let length = usize::try_from(u64::from_le_bytes(*length)).map_err(|_| too_short())?;
-        let (header, numbers) = rest.split_at_checked(length).ok_or_else(too_short)?;
+        let (header, numbers) = header_and_numbers(bytes)?;
         let Header { mut metadata, arrays } = serde_json::from_slice(header).map_err(|error| error.to_string())?;
         let head = metadata.remove("sgpr").ok_or("its head has no entry `sgpr`")?;
         Ok(Self { head, arrays, numbers })

@@ -14,7 +14,7 @@ pub use term::Term;
 
 /// For [`crate::internal`].
 pub(crate) mod parts {
-    pub use super::file::Described;
+    pub use super::file::{Described, header_and_numbers};
     pub use super::parameter_set::BARELY_MOVING;
     pub use super::streamed::identified;
     pub use super::term::{LARGEST_POSITION, LARGEST_TORQUE, SMALLEST_TORQUE, TermDescription, times_of};
