@@ -442,7 +442,7 @@ fn bad_input_is_refused_with_names() {
     let negative = message(&|options| options.limits.velocity[3] = -1.0);
     assert_eq!(negative, "the speed limit of joint `joint_4` is -1: a limit is finite and above zero");
     let short = message(&|options| options.limits.acceleration.truncate(2));
-    assert_eq!(short, "acceleration limits: 2 values for 6 joints");
+    assert_eq!(short, "acceleration limits: got 2 values for 6 joints: give one for each");
     let basis = message(&|options| options.basis = Basis::fourier(0.0, 4));
     assert!(basis.starts_with("fundamental_hz is 0"), "{basis}");
     let low = message(&|options| {
@@ -458,5 +458,7 @@ fn bad_input_is_refused_with_names() {
     });
     assert_eq!(turned, "highest corner of a box is 0.5: a number above that of the lowest corner");
     let robot = two_link().with_standard_parameters(&[0.0; 20]);
-    assert!(MotionLimits::of_robot(&robot, &[1.0]).expect_err("short").to_string().contains("1 values for 2 joints"));
+    assert!(
+        MotionLimits::of_robot(&robot, &[1.0]).expect_err("short").to_string().contains("got 1 value for 2 joints")
+    );
 }

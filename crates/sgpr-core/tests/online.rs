@@ -201,7 +201,7 @@ fn tracking_recovers_within_a_second_of_a_pick_up() {
 fn wrong_use_is_told() {
     let robot = puma560();
     let payload = |options: PayloadOptions| PayloadTracker::new(&robot, &options).expect_err("wrong").to_string();
-    assert!(payload(PayloadOptions::new(vec![1.0; 5])).contains("noise: 5 values, expected 6"));
+    assert!(payload(PayloadOptions::new(vec![1.0; 5])).contains("noise: got 5 values, expected 6"));
     let link = PayloadOptions { link: Some(6), ..PayloadOptions::new(vec![1.0; 6]) };
     assert!(payload(link).contains("links 0 to 5"));
     let memory = PayloadOptions { memory: 0.0, ..PayloadOptions::new(vec![1.0; 6]) };

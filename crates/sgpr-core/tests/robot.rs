@@ -595,7 +595,7 @@ fn robots_from_parts_are_checked() {
     };
     new(vec![joint("a", None), joint("b", Some(0))], 2, Some(1)).expect("valid");
     let message = |joints, links, frame| new(joints, links, frame).expect_err("invalid");
-    assert_says(&message(vec![joint("a", None)], 2, None), &["2 links for 1 joints"]);
+    assert_says(&message(vec![joint("a", None)], 2, None), &["got 2 links for 1 joint"]);
     assert_says(&message(vec![joint("a", Some(1)), joint("b", None)], 2, None), &["`a`", "base to tip"]);
     assert_says(&message(vec![joint("a", Some(0))], 1, None), &["`a`", "base to tip"]);
     assert_says(&message(vec![joint("a", None)], 1, Some(1)), &["`tool`", "joint number 1"]);
@@ -621,7 +621,7 @@ fn tables_are_checked() {
         assert_says(&message(&[], None), &["`table` has no movable joint"]);
         let names = ["a".to_string(), "a".to_string()];
         assert_says(&message(&[row.clone(), row.clone()], Some(&names)), &["`a` occurs twice"]);
-        assert_says(&message(std::slice::from_ref(&row), Some(&names)), &["2 names for 1 joints"]);
+        assert_says(&message(std::slice::from_ref(&row), Some(&names)), &["got 2 names for 1 joint"]);
         let light = row.clone().with_body(-1.0, [0.0; 3], [[0.0; 3]; 3]);
         assert_says(&message(&[light], None), &["`joint_1`", "-1 kg"]);
         for bad in [

@@ -495,11 +495,11 @@ fn bad_input_is_refused_with_names() {
     assert!(message.starts_with("control_period is 0.0013: a whole number of steps"), "{message}");
     let limits = Some(vec![1.0; 3]);
     let (message, _) = run(&mut Broken, &Experiment { torque_limits: limits, ..experiment });
-    assert_eq!(message, "torque limits: 3 values for 6 joints");
+    assert_eq!(message, "torque limits: got 3 values for 6 joints: give one for each");
 
     let message =
         |drives: &[Drive]| Simulator::new(&robot, drives, Integrator::default(), 1e-3).expect_err("bad").to_string();
-    assert!(message(&drives[..2]).starts_with("drives: 2 values for 6 joints"));
+    assert!(message(&drives[..2]).starts_with("drives: got 2 values for 6 joints"));
     let mut negative = drives.clone();
     negative[4].viscous_friction = -1.0;
     assert!(message(&negative).contains("the viscous friction of joint `joint_5` is -1"));

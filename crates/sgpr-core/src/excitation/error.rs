@@ -1,3 +1,5 @@
+use sgpr_predict::names::counted;
+
 use crate::progress::Interrupted;
 use crate::recording::RecordingError;
 
@@ -16,7 +18,7 @@ pub enum ExcitationError {
         expected: &'static str,
     },
     /// One value per joint is needed.
-    #[error("{what}: {found} values for {expected} joints")]
+    #[error("{what}: got {} for {}: give one for each", counted(*found, "value"), counted(*expected, "joint"))]
     Length {
         /// Array.
         what: &'static str,

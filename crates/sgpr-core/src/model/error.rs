@@ -1,5 +1,6 @@
 //! Why a model could not be identified.
 
+use sgpr_predict::names::counted;
 use sgpr_predict::stream::StreamError;
 
 use crate::effects::UnknownEffect;
@@ -90,7 +91,7 @@ pub enum IdentifyError {
     #[error("output error simulates the arm under its controller: give the gains, and the references as instruments")]
     NoController,
     /// Gains of other joints.
-    #[error("{found} gains for {joints} joints")]
+    #[error("gains: got {} for {}: give one for each", counted(*found, "gain"), counted(*joints, "joint"))]
     Gains {
         /// Gains given.
         found: usize,

@@ -58,7 +58,7 @@ pub fn torque_scale(robot: &Robot, recording: &Recording) -> Result<Option<Issue
     }
     let factor =
         (loaded.iter().map(|&j| measured[j]).sum::<f64>() / loaded.iter().map(|&j| weight[j]).sum::<f64>()).sqrt();
-    let size = if factor < 1.0 { format!("{factor:.2e}") } else { format!("{factor:.0}") };
+    let size = if (1.0..1e6).contains(&factor) { format!("{factor:.0}") } else { format!("{factor:.2e}") };
     Ok(Some(Issue {
         kind: IssueKind::TorqueScale,
         severity: Severity::Error,

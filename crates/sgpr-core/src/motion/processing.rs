@@ -3,6 +3,7 @@ use serde::{Deserialize, Serialize};
 use super::{MotionError, uniform_rate};
 use crate::recording::{GAP_FACTOR, Recording, stretches};
 use sgpr_predict::internal::HIGHEST_ORDER;
+use sgpr_predict::names::counted;
 
 use crate::signal::{CutoffChoice, Differentiation, choose_cutoff};
 
@@ -129,7 +130,11 @@ impl Processing {
         }
         if self.standstill_speed.len() != joints {
             let found = self.standstill_speed.len();
-            return wrong("standstill_speed", format!("{found} numbers"), format!("one for each of {joints} joints"));
+            return wrong(
+                "standstill_speed",
+                counted(found, "value"),
+                format!("one for each of {}", counted(joints, "joint")),
+            );
         }
         if let Some(speed) = self.standstill_speed.iter().find(|speed| !(**speed >= 0.0 && speed.is_finite())) {
             return wrong("standstill_speed", speed.to_string(), "a finite number not below 0".into());

@@ -1,3 +1,5 @@
+use sgpr_predict::names::counted;
+
 use crate::progress::Interrupted;
 
 /// Why a simulation was not done, or stopped.
@@ -15,7 +17,7 @@ pub enum SimulationError {
         expected: &'static str,
     },
     /// One value per joint is needed.
-    #[error("{what}: {found} values for {expected} joints")]
+    #[error("{what}: got {} for {}: give one for each", counted(*found, "value"), counted(*expected, "joint"))]
     Length {
         /// Array.
         what: &'static str,

@@ -1,6 +1,7 @@
 use alloc::string::{String, ToString};
 
 use crate::gp::KernelError;
+use crate::names::counted;
 use crate::stream::StreamError;
 
 /// Why an online model was not made, or refuses a sample.
@@ -26,7 +27,7 @@ pub enum OnlineError {
         last: usize,
     },
     /// One value per joint, or per input, is needed.
-    #[error("{what}: {found} values, expected {expected}")]
+    #[error("{what}: got {}, expected {expected}", counted(*found, "value"))]
     Length {
         /// Array.
         what: &'static str,

@@ -2,6 +2,8 @@ use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
 
+use crate::names::counted;
+
 /// Why a robot could not be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -196,7 +198,7 @@ pub enum RobotError {
         eigenvalue: f64,
     },
     /// One inertia per joint is needed.
-    #[error("{found} links for {expected} joints: each joint carries one link")]
+    #[error("got {} for {}: each joint carries one link", counted(*found, "link"), counted(*expected, "joint"))]
     LinkCount {
         /// Joints.
         expected: usize,
@@ -204,7 +206,7 @@ pub enum RobotError {
         found: usize,
     },
     /// One name per joint is needed.
-    #[error("{found} names for {expected} joints: give every joint a name, or none")]
+    #[error("got {} for {}: give every joint a name, or none", counted(*found, "name"), counted(*expected, "joint"))]
     NameCount {
         /// Joints.
         expected: usize,

@@ -1,12 +1,14 @@
 use alloc::string::String;
 use alloc::vec::Vec;
 
+use crate::names::counted;
+
 /// Why a model cannot be streamed, or a sample not be taken. The hidden states are as before.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StreamError {
     /// An array of another length than there are joints.
-    #[error("{name}: got {found} values, expected one for each of {expected} joints")]
+    #[error("{name}: got {} for {}: one is needed for each", counted(*found, "value"), counted(*expected, "joint"))]
     Length {
         /// The array.
         name: &'static str,
