@@ -83,7 +83,8 @@ impl Model {
             let place = first * n..first * n + stretch.predicted.len();
             torque[place.clone()].copy_from_slice(&stretch.predicted);
             if return_std {
-                deviation[place].copy_from_slice(&self.inner.standard_deviation_of(&stretch.motion));
+                let of_stretch = self.inner.standard_deviation_of(&stretch.motion).map_err(IntoPyErr::into_py_err)?;
+                deviation[place].copy_from_slice(&of_stretch);
             }
         }
         let torque = array(py, &[log.len(), n], torque)?;
@@ -347,7 +348,7 @@ impl Model {
         if !return_std {
             return Ok(tau.into_any());
         }
-        let deviation = detached(py, || self.inner.standard_deviation(motion));
+        let deviation = detached(py, || self.inner.standard_deviation(motion)).map_err(IntoPyErr::into_py_err)?;
         let deviation = samples[0].result(py, &[n], deviation)?;
         Ok((tau, deviation).into_pyobject(py)?.into_any())
     }
@@ -370,7 +371,7 @@ impl Model {
         if log.dof != n {
             return Err(invalid(format!("the log has {} joints, the model {n}", log.dof)));
         }
-        let deviation = detached(py, || self.inner.standard_deviation_of(motion));
+        let deviation = detached(py, || self.inner.standard_deviation_of(motion)).map_err(IntoPyErr::into_py_err)?;
         array(py, &[motion.len(), n], deviation)
     }
 

@@ -1,3 +1,5 @@
+use sgpr_predict::names::counted;
+
 /// Why parameters could not be identified.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -9,7 +11,11 @@ pub enum IdentificationError {
     )]
     NoData,
     /// Fewer rows than unknowns.
-    #[error("{rows} rows for {parameters} parameters: record longer, or decimate less")]
+    #[error(
+        "{} for {}: record longer, or decimate less",
+        counted(*rows, "row"),
+        counted(*parameters, "parameter")
+    )]
     TooFewRows {
         /// Rows there are.
         rows: usize,
@@ -30,8 +36,8 @@ pub enum IdentificationError {
     },
     /// A number whose square overflows.
     #[error(
-        "sample {sample}: the equation of joint {} has {value:e} in it, which no arm makes: check gravity and lengths of the \
-         robot file, and the channels of the log that effects ask for",
+        "sample {sample}: the equation of joint {} has {value:e} in it, which no arm makes: check the motion, gravity and \
+         lengths of the robot file, and the channels of the log that effects ask for",
         joint + 1
     )]
     TooLarge {
@@ -42,6 +48,12 @@ pub enum IdentificationError {
         /// The value.
         value: f64,
     },
+    /// A pull toward the robot file whose widths rounding does not tell apart.
+    #[error(
+        "ridge: parameters of the robot file are so much smaller than friction of the size of the measured torques that rounding \
+         hides them: check the unit of the torque and the masses of the robot file, or use another method"
+    )]
+    PullWithoutScale,
     /// A filter does not fit the data.
     #[error(transparent)]
     Signal(#[from] crate::signal::SignalError),

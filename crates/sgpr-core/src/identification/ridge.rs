@@ -45,7 +45,7 @@ pub(super) fn estimate(
     let size: Vec<f64> = (0..unknowns).map(|k| covariance[(k, k)].sqrt()).collect();
     let scaled = Mat::from_fn(unknowns, unknowns, |i, j| covariance[(i, j)] / (size[i] * size[j]));
     // RᵀR = scaled, so the rows are R⁻ᵀ.
-    let root = cholesky(scaled.as_ref()).expect("combinations are independent");
+    let root = cholesky(scaled.as_ref()).ok_or(IdentificationError::PullWithoutScale)?;
     let mut rows = Mat::<f64>::identity(unknowns, unknowns);
     faer::linalg::triangular_solve::solve_lower_triangular_in_place(root.transpose(), rows.as_mut(), faer::Par::Seq);
     let all = Mat::from_fn(2 * unknowns + 1, unknowns + 1, |i, j| match i.checked_sub(unknowns + 1) {

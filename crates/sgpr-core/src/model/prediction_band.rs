@@ -7,7 +7,7 @@ use super::variable_projection::tangent;
 use super::{TorqueModel, Trajectory};
 use crate::dynamics::Samples;
 use crate::effects::{Reach, Scale};
-use crate::identification::Equations;
+use crate::identification::{Equations, IdentificationError};
 use crate::motion::Motion;
 
 /// A derivative of the torque.
@@ -27,26 +27,35 @@ impl TorqueModel {
     /// - returns `[samples, n]`, N·m (N); infinite where a parameter enters that the data did not determine; zero for a
     ///   model that was not identified
     ///
+    /// # Errors
+    /// If a sample has a motion that no arm makes, whose torque has no square.
+    ///
     /// # Panics
-    /// If the arrays do not hold whole samples, or numbers that are not finite.
-    pub fn standard_deviation(&self, samples: Samples<'_>) -> Vec<f64> {
+    /// If the arrays do not hold whole samples.
+    pub fn standard_deviation(&self, samples: Samples<'_>) -> Result<Vec<f64>, IdentificationError> {
         self.standard_deviation_along(&Trajectory::of_samples(samples))
     }
 
     /// The same along a processed stretch of a log.
-    pub fn standard_deviation_of(&self, motion: &Motion) -> Vec<f64> {
+    ///
+    /// # Errors
+    /// As [`Self::standard_deviation`].
+    pub fn standard_deviation_of(&self, motion: &Motion) -> Result<Vec<f64>, IdentificationError> {
         self.standard_deviation_along(&Trajectory::of(motion, &self.time_of(motion)))
     }
 
     /// The same along a trajectory, terms included if their estimates have a covariance.
     ///
+    /// # Errors
+    /// As [`Self::standard_deviation`].
+    ///
     /// # Panics
-    /// If the arrays do not hold whole samples, or numbers that are not finite.
-    pub fn standard_deviation_along(&self, trajectory: &Trajectory<'_>) -> Vec<f64> {
+    /// If the arrays do not hold whole samples.
+    pub fn standard_deviation_along(&self, trajectory: &Trajectory<'_>) -> Result<Vec<f64>, IdentificationError> {
         let n = self.robot.dof();
         let samples = trajectory.samples;
         let zeros = vec![0.0; samples.count(n) * n];
-        let Some(fit) = &self.fit else { return zeros };
+        let Some(fit) = &self.fit else { return Ok(zeros) };
         let rank = self.base.rank();
         let with_terms = &fit.covariance_with_terms;
         let (covariance, width) =
@@ -57,7 +66,7 @@ impl TorqueModel {
         let rows = crate::identification::Trajectory::new(samples, &zeros);
         let mut equations = Equations::new(&self.robot, &self.set, &self.base, vec![rows]);
         let mut row: Vec<(usize, f64)> = Vec::with_capacity(width);
-        let visited = equations.for_each(|equation| {
+        equations.for_each(|equation| {
             let of_terms = derivatives.iter().zip(rank..).map(|(derivative, column)| match derivative.joint {
                 None => (column, derivative.values[equation.sample * n + equation.joint]),
                 Some(joint) if joint == equation.joint => (column, derivative.values[equation.sample]),
@@ -73,9 +82,8 @@ impl TorqueModel {
                 }
             }
             deviations[equation.sample * n + equation.joint] = variance.max(0.0).sqrt();
-        });
-        visited.expect("finite samples");
-        deviations
+        })?;
+        Ok(deviations)
     }
 
     /// Derivatives by the linear parameters of all terms, then by their constants.

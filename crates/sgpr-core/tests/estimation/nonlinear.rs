@@ -121,8 +121,9 @@ fn coverage(term: &Term, noise: f64, experiments: usize) -> [f64; 2] {
         let train = [log_with(&robot, terms, 12.0, 0.0, noise, &mut random)];
         let (model, _) = identify(&robot, &train, &options, &()).expect("good data");
         let kept = TorqueModel::from_bytes(&model.to_bytes(), "memory").expect("a model");
-        let (predicted, deviation) = (model.predict_motion(motion), kept.standard_deviation_of(motion));
-        assert_eq!(deviation, model.standard_deviation_of(motion));
+        let (predicted, deviation) =
+            (model.predict_motion(motion), kept.standard_deviation_of(motion).expect("an arm"));
+        assert_eq!(deviation, model.standard_deviation_of(motion).expect("an arm"));
         let of_base = deviation_of_base(&model, motion);
         // Every tenth sample.
         for k in (1..expected.len()).step_by(20) {

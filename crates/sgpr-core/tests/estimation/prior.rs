@@ -226,7 +226,7 @@ fn standard_deviations_of_short_logs_count_what_the_model_lacks() {
         // Another motion, of which the log is not a part.
         let test = compare(&lacks, &[with_spring(&log(12, all, [false; 2], 99))], None).expect("a log");
         let found = &test.logs[0];
-        let deviation = lacks.standard_deviation_of(&found.motion);
+        let deviation = lacks.standard_deviation_of(&found.motion).expect("an arm");
         for k in (0..deviation.len()).step_by(40) {
             let error = (found.measured()[k] - found.predicted[k]).abs();
             hits += u32::from(error < 1.96 * deviation[k] + 0.4);

@@ -235,8 +235,7 @@ fn by(seconds: f64) -> String {
     format!("{:.1} ms {}", 1e3 * seconds.abs(), if seconds > 0.0 { "after" } else { "before" })
 }
 
-/// A direction is weak below this share of the strongest, columns of unit length: condition numbers of 50 to 100 are
-/// what optimised excitations reach.
+/// A direction is weak below this share of the strongest, columns of unit length.
 const WEAK: f64 = 1.0 / 500.0;
 
 /// Joints that see the same arm leave at most this many times the residual that each leaves with parameters of its own.
