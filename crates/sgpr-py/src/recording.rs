@@ -93,7 +93,7 @@ impl Recording {
             None => (1..=n).map(|joint| format!("joint_{joint}")).collect(),
         };
         if names.len() != n {
-            return Err(invalid(format!("joint_names: got {} names for {n} joints", names.len())));
+            return Err(invalid(format!("joint_names: got {}, expected {n}: one name for each joint", names.len())));
         }
         require_distinct(source, &names)?;
         let optional = |name: &str, values: Option<&Bound<'_, PyAny>>| -> PyResult<Option<Vec<f64>>> {

@@ -34,6 +34,22 @@ def test_an_option_without_its_values_is_named() -> None:
     assert found.code == 2 and "--effects" in found.err and "needs a value before --out" in found.err
 
 
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
+        ("--train a.csv --rows 5000:100 --out x", "--rows: needs 2 values before --out"),
+        ("--train a.csv --cutoff --out x", "--cutoff: needs a value before --out"),
+        ("--train a.csv --model m.sgpr --out x", "No such option: --model"),
+        ("--train a.csv --candidates=ripple --out x", "No such option: --candidates"),
+        ("--train a.csv --out x b.csv", "b.csv: needs its option before it: --robot, --train, --test, --out"),
+    ],
+)
+def test_a_mistake_is_named_and_no_other(written: str, said: str) -> None:
+    found = run("identify", "--robot", "two_link", *written.split())
+    text = " ".join(found.err.replace("│", " ").split())
+    assert found.code == 2 and said in text, text
+
+
 def test_an_effect_to_add_is_checked_first() -> None:
     found = run("diagnose", "--robot", "two_link", "--train", "a.csv", "--add", "torque_riple@joint_2", "--out", "x")
     assert found.code == 2 and "did you mean torque_ripple" in " ".join(found.err.replace("│", " ").split())

@@ -44,7 +44,7 @@ WRONG_USE = {
     "over its motion": (["simulate", "two_link", "LOG", "--out", "LOG"], "would be overwritten"),
     "half a pair": (
         ["excite", "--robot", "two_link", "--max-acceleration", "5", "--out", "OUT", "--position-range", "1"],
-        "two each",
+        "give two, or two for each",
     ),
     "not a rate": (["compare", "two_link", "LOG", "--resample", "fast"], "median"),
     "a log before the model": (["compare", "LOG", DEMO_ROBOT], "first the model, then the logs"),
@@ -317,4 +317,28 @@ def test_a_log_of_more_joints_than_the_robot_has_is_no_silent_fit(tmp_path: Path
 def test_too_few_torque_constants_are_told_by_the_name_of_the_option(log: str, tmp_path: Path) -> None:
     few = ("--torque-constants", 1.0)
     found = run("identify", "--robot", "two_link", "--train", log, *few, "--out", tmp_path / "out")
-    assert found.code == 1 and "--torque-constants has 1 entries for 2 joints" in found.err, found.err
+    assert found.code == 1 and "--torque-constants: got 1 value for 2 joints" in found.err, found.err
+
+
+def test_columns_of_the_model_that_the_log_lacks_are_told_as_such(tmp_path: Path) -> None:
+    def renamed(path: Path, seed: int) -> str:
+        log = Path(write_log(path, seed))
+        log.write_text(log.read_text().replace("q_", "Ax").replace("tau_", "drive"))
+        return str(log)
+
+    columns = ("--columns", "position=Ax{}", "torque=drive{}")
+    train = renamed(tmp_path / "train.csv", 1)
+    out = tmp_path / "out"
+    found = run("identify", "--robot", "two_link", "--train", train, *columns, "--out", out, "--no-report")
+    assert found.code == 0, found.err
+    found = run("compare", out / "model.sgpr", write_log(tmp_path / "test.csv", 2))
+    said = "the name is one of the logs of the model: give those of this log, `--columns`"
+    assert found.code == 1 and "there is no column `Ax1`" in found.err and said in found.err, found.err
+
+
+def test_a_web_page_in_the_place_of_a_log_is_told(tmp_path: Path) -> None:
+    page = tmp_path / "log.csv"
+    page.write_text("<!DOCTYPE html><html><body>Sign in</body></html>")
+    for command in (("info", page), ("identify", "--robot", "two_link", "--train", page, "--out", tmp_path / "out")):
+        found = run(*command)
+        assert found.code == 1 and "this is a web page, not CSV: download the file itself" in found.err, found.err

@@ -185,7 +185,7 @@ def test_arrays_have_units_and_names_of_their_own(tmp_path: Path, log: sgpr.Reco
     ):
         with pytest.raises(sgpr.RecordingError, match=said):
             sgpr.read(tmp_path / "counted.npz", **options)
-    with pytest.raises(sgpr.RecordingError, match="3 columns without names, the robot 2 joints"):
+    with pytest.raises(sgpr.RecordingError, match="3 columns without names, the robot has 2 joints"):
         sgpr.read(tmp_path / "named.npz", ["a", "b"])
     plain = tmp_path / "plain.npz"
     np.savez(plain, t=log.t, q=log.q)

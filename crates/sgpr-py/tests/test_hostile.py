@@ -13,7 +13,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import pytest
 import sgpr
-from cli_support import DEMO_ROBOT, Array, run, write_log
+from cli_support import DEMO_ROBOT, DEMO_TRAIN, Array, run, torque, write_log
 
 ROBOT = "two_link"
 
@@ -156,3 +156,20 @@ def test_odd_arrays_are_refused_with_a_message() -> None:
         wave = np.column_stack([np.sin(t), np.cos(t)])
         log = sgpr.Recording(t, 1e200 * wave, tau=wave, joint_names=robot.joint_names, source="log")
         sgpr.identify(robot, [log])
+
+
+@pytest.mark.parametrize("which", ["dq", "ddq"])
+def test_a_deviation_of_a_motion_that_no_arm_makes_is_an_error(which: str) -> None:
+    t, q, tau = torque(1)
+    model = sgpr.identify(sgpr.robots.two_link(), [sgpr.Recording(t, q, tau=tau)])
+    motion = {"q": q[:10], "dq": np.zeros((10, 2)), "ddq": np.zeros((10, 2))}
+    motion[which][4, 1] = 1e120
+    with pytest.raises(sgpr.IdentificationError, match=r"sample 4: .* which no arm makes: check the motion"):
+        model.predict(**motion, return_std=True)
+
+
+def test_ridge_refuses_what_rounding_hides() -> None:
+    log = sgpr.read(DEMO_TRAIN[0]).slice(0, 1500)
+    log = sgpr.Recording(log.t, log.q, tau=1e12 * log.tau).accept(["torque_scale"])
+    with pytest.raises(sgpr.IdentificationError, match=r"ridge: .* check the unit of the torque"):
+        sgpr.identify(sgpr.Robot.from_urdf(DEMO_ROBOT), [log], method="ridge")

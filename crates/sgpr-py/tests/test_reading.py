@@ -220,7 +220,7 @@ def test_other_names_in_numpy_archives(log: sgpr.Recording, tmp_path: Path) -> N
     assert np.array_equal(rec.tau, log.tau)
     assert rec.time_ns[1] == 10_000_000
     assert sgpr.read(path, log.joint_names).joint_names == log.joint_names
-    with pytest.raises(sgpr.RecordingError, match="3 columns without names, the robot 2 joints"):
+    with pytest.raises(sgpr.RecordingError, match="3 columns without names, the robot has 2 joints"):
         sgpr.read(path, ["a", "b"])
 
 

@@ -100,7 +100,7 @@ def test_arrays_that_do_not_fit(arguments: tuple[object, ...], message: str) -> 
 
 def test_names_that_do_not_fit() -> None:
     t, q = [0, 1], np.zeros((2, 2))
-    with pytest.raises(sgpr.SgprError, match="joint_names: got 1 names for 2 joints"):
+    with pytest.raises(sgpr.SgprError, match="joint_names: got 1, expected 2: one name for each joint"):
         sgpr.Recording(t, q, joint_names=["a"])
     with pytest.raises(sgpr.RecordingError, match="the joint `a` occurs twice"):
         sgpr.Recording(t, q, joint_names=["a", "a"])
@@ -148,7 +148,7 @@ def test_parts() -> None:
             rec.slice(start, stop)
     with pytest.raises(sgpr.RecordingError, match="there is no joint `c`; the joints are `a`, `b`"):
         rec.select(["c"])
-    with pytest.raises(sgpr.RecordingError, match="1 entries for 2 joints"):
+    with pytest.raises(sgpr.RecordingError, match="got 1 value for 2 joints"):
         rec.renamed(["c"])
     with pytest.raises(sgpr.RecordingError, match="occurs twice"):
         rec.renamed(["c", "c"])

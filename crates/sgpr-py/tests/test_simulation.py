@@ -90,7 +90,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "shape": ({"controller": lambda *_: [0.0]}, r"got \(1,\), expected \(2,\)"),
     "period": ({"control_period": 1.1e-3}, "a whole number of steps"),
     "law": ({"controller": "pid"}, "expected 'feed_forward' or 'computed_torque'"),
-    "drives": ({"drives": DRIVES[:1]}, "1 values for 2 joints"),
+    "drives": ({"drives": DRIVES[:1]}, "got 1 value for 2 joints"),
     "gain": ({"kp": [1.0, 2.0, 3.0]}, r"kp: got \(3,\), expected \(2,\)"),
     "joints": ({"model": sgpr.robots.puma560()}, "it has 6 joints, the arm has 2"),
 }

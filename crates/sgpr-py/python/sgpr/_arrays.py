@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ._frames import read_columns
 from ._sgpr import Recording, RecordingError, quantity_of_array
+from .report.numbers import counted
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -191,13 +192,15 @@ def _joint_names(path: Path, arrays: Arrays, position: NDArray[Any], joints: Seq
         if names.dtype.kind != "U" or names.ndim != 1:
             raise RecordingError(f"{path}: joint_names: got {names.dtype} of shape {names.shape}, expected text (n,)")
         if len(names) != count:
-            raise RecordingError(f"{path}: joint_names: got {len(names)} names for {count} columns of positions")
+            raise RecordingError(
+                f"{path}: joint_names: got {counted(len(names), 'name')} for {counted(count, 'column')} of positions"
+            )
         return [str(name) for name in names]
     if joints is None:
         return None
     if len(joints) != count:
         raise RecordingError(
-            f"{path}: the positions have {count} columns without names, the robot {len(joints)} joints: add an array "
-            "`joint_names`, or name the joints with `joints`"
+            f"{path}: the positions have {counted(count, 'column')} without names, the robot has "
+            f"{counted(len(joints), 'joint')}: add an array `joint_names`, or name the joints with `joints`"
         )
     return list(joints)

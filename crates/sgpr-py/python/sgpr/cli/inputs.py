@@ -10,7 +10,7 @@ from ..loading import load as load_either
 from ..reading import is_log
 from .console import Output
 from .errors import BadData
-from .robots import READY_MADE, load_robot
+from .robots import LOGS, READY_MADE, load_robot
 
 Kind = Literal["robot", "model", "log"]
 
@@ -33,7 +33,12 @@ def kind_of(name: str) -> Kind:
     suffix = path.suffix.lower()
     if suffix == ".sgpr" or b'"sgpr torque model"' in head or head[8:10] == b'{"':
         return "model"
-    if text.startswith(b"<") or suffix in (".urdf", ".xml", ".toml", ".json"):
+    if (text.startswith(b"<") and not path.name.lower().endswith(LOGS)) or suffix in (
+        ".urdf",
+        ".xml",
+        ".toml",
+        ".json",
+    ):
         return "robot"
     return "log"
 
@@ -43,7 +48,9 @@ def load_model(name: str, joints: Sequence[str] | None = None, gravity: Sequence
     if kind_of(name) == "model":
         model = load(name)
         if joints and list(joints) != model.robot.joint_names:
-            raise BadData(f"{name}: this model has the joints {', '.join(model.robot.joint_names)}")
+            raise BadData(
+                f"{name}: this model is of the joints {', '.join(model.robot.joint_names)}: `joints` must name them all"
+            )
         return model
     return Model.nominal(load_robot(name, joints, gravity))
 
@@ -58,5 +65,7 @@ def load_any_model(name: str, joints: Sequence[str] | None = None) -> Model | Se
         Output().note(f"{name}: {size / 1e6:.0f} MB of points are computed with again, which may take minutes")
     model = load_either(name)
     if joints and list(joints) != model.robot.joint_names:
-        raise BadData(f"{name}: this model has the joints {', '.join(model.robot.joint_names)}")
+        raise BadData(
+            f"{name}: this model is of the joints {', '.join(model.robot.joint_names)}: `joints` must name them all"
+        )
     return model

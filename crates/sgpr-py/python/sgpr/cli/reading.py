@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import Recording, read
+from .. import Recording, RecordingError, read
 from ..loading import load as load_either
 from ..reading import copies_of, options_of
 from ..report.numbers import counted
@@ -133,7 +133,20 @@ class ReadingOptions:
         settings = self.settings(path, like)
         wanted = settings.pop("joints", None) if joints is None else joints
         arguments = {key: value for key, value in settings.items() if key not in REPAIRS}
-        return read(path, wanted, **arguments)
+        try:
+            return read(path, wanted, **arguments)
+        except RecordingError as error:
+            if "there is no column" in str(error) and (whose := self._inherited("columns", path, like)):
+                raise BadData(f"{error}; the name is one of {whose}: give those of this log, `--columns`") from error
+            raise
+
+    def _inherited(self, option: str, path: str, like: Mapping[str, Any] | None) -> str | None:
+        """What says an option that the command does not."""
+        of_project, _ = project.settings_of(path)
+        if option in self.to_dict():
+            return None
+        of_model = (like or {}) if self.like is None else self._like()
+        return "sgpr.toml" if option in of_project else "the logs of the model" if option in of_model else None
 
     def settings(self, path: str, like: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """All that is to be done with a log: as asked for, else as in sgpr.toml, else as with the logs of a model.

@@ -1,5 +1,6 @@
 """Robots by what the user names: a URDF file, a Denavit-Hartenberg table, a ready-made robot."""
 
+import difflib
 import json
 import tomllib
 from collections.abc import Sequence
@@ -32,6 +33,10 @@ def load_robot(name: str, joints: Sequence[str] | None = None, gravity: Sequence
     else:
         if Path(name).is_file() and Path(name).name.lower().endswith(LOGS):
             raise BadData(f"{name}: this is a log; a robot is a URDF, a table of DH parameters, puma560 or two_link")
+        if not Path(name).exists() and (near := difflib.get_close_matches(name, READY_MADE, n=1)):
+            raise BadData(
+                f"{name}: there is no such file, and no ready-made robot of that name: did you mean {near[0]}?"
+            )
         robot = Robot.from_urdf(name, joints)
     return robot if gravity is None else robot.with_gravity(gravity)
 
