@@ -4,10 +4,12 @@
 
 Makes an environment and a folder with logs as in tools/own_logs.py, then runs the commands of docs/first-hour.md one
 after the other. Every option that a command has must have been named by what an earlier one printed, or be one of the
-four that `sgpr identify --help` marks as required or names first. Prints the table of that page.
+four that `sgpr identify --help` marks as required or names first. Fails if a verdict that the page quotes is not what a
+command says, and prints the table of that page.
 """
 
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -15,6 +17,7 @@ import time
 from pathlib import Path
 
 TOOLS = Path(__file__).parent
+PAGE = TOOLS.parent / "docs" / "first-hour.md"
 LOGS = "monday_a.csv monday_b.csv monday_c.csv"
 STEPS = [
     ("look at robot and log", "sgpr info arm.urdf monday_a.csv", 1),
@@ -53,10 +56,18 @@ def main(wheel: Path, folder: Path) -> None:
         if done.returncode != code or unnamed:
             sys.exit(f"{command}: exit code {done.returncode}, expected {code}; options nobody named: {unnamed}")
         seen += done.stdout + done.stderr
+    wrong = [verdict for verdict in quoted(PAGE.read_text(encoding="utf-8")) if verdict not in seen]
+    if wrong:
+        sys.exit(f"{PAGE.name} quotes what no command says: {' '.join(wrong)}")
     print("| step | seconds |\n|---|---|")
     for what, seconds, code in rows:
         print(f"| {what}{' (refused: it says what to do)' if code else ''} | {seconds:.1f} |")
     print(f"| all | {sum(seconds for _, seconds, _ in rows):.0f} |")
+
+
+def quoted(page: str) -> list[str]:
+    """The verdicts on unseen logs that a page quotes."""
+    return [" ".join(verdict.split()) for verdict in re.findall(r"\*(On \d+ unseen [^*]*)\*", page)]
 
 
 def timed_install(wheel: Path, place: Path) -> float:

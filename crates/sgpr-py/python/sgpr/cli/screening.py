@@ -15,7 +15,7 @@ from .effects import fitted_effects
 from .reading import Log, stretches
 
 GOOD, POOR = 100.0, 500.0
-"""Condition numbers, columns scaled: optimised excitations reach 50 to 100."""
+"""Condition numbers, columns scaled, up to which a motion excites the parameters well, and above which badly."""
 
 REPEATED = 0.5
 """Share of a test log: motions of their own reach a third, as arms start at the same pose."""
@@ -113,7 +113,8 @@ def excitation(condition: float, count: int, undetermined: Sequence[str]) -> str
     word = "well" if condition <= GOOD else "fairly" if condition <= POOR else "badly"
     return (
         f"the motion excites all {counted(count, 'base parameter')}, {word}: the condition number is "
-        f"{significant(condition, 3)} (columns scaled; optimised motions reach 50 to 100)"
+        f"{significant(condition, 3)} (columns scaled; up to {significant(GOOD, 3)} is good, above "
+        f"{significant(POOR, 3)} is poor)"
     )
 
 
