@@ -1,5 +1,6 @@
 """What the logs could have shown, and from which size on."""
 
+import html
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -28,7 +29,7 @@ def detectability_section(entries: Sequence[Mapping[str, Any]], joints: Sequence
         first = next(iter(own.values()))
         symbol = first["parameter"].split(".")[-1]
         cells = [_size(own[place]["seen_from"]) if place in own else "" for place in columns]
-        rows.append([effect, f"{symbol}, {first['unit']}", *cells])
+        rows.append([_named(effect, f"{symbol}, {first['unit']}"), *cells])
         doubts += [_doubt(effect, place, entry) for place, entry in own.items() if entry["mistaken_for"]]
     note = paragraph(
         "Silence has a size: an effect as large as this, with this motion and this noise, would have been found. "
@@ -38,11 +39,16 @@ def detectability_section(entries: Sequence[Mapping[str, Any]], joints: Sequence
     parts = [
         element("h3", "What these logs could have shown"),
         note,
-        table("Smallest size that is seen", ["effect", "parameter", *columns], rows, text_columns=(0, 1)),
+        table("Smallest size that is seen", ["effect, its parameter", *columns], rows),
     ]
     if doubts:
         parts += [paragraph("Not told apart so soon:"), items(doubts)]
     return join(parts)
+
+
+def _named(effect: str, parameter: str) -> Html:
+    """An effect that may go on to the next line between its words, and below it the parameter."""
+    return join([Html(html.escape(effect).replace("_", "_<wbr>")), element("small", parameter)])
 
 
 def _size(value: float | None) -> str:

@@ -84,7 +84,13 @@ def errors_section(models: Mapping[str, Comparison]) -> tuple[Html, dict[str, An
                 "100 % is perfect, 0 % no better than the mean. “No model” and “gravity only” are the RMSE that remain "
                 "without a model and with the model's gravity torque alone."
             ),
-            table("Errors of each joint", columns, rows, text_columns=(0, 1, 6 + len(models))),
+            table(
+                "Errors of each joint",
+                columns,
+                rows,
+                text_columns=(0, 1, 6 + len(models)),
+                spare_columns=(4 + len(models), len(columns) - 1) if many else (),
+            ),
             legend(_keys(models)),
             plot(PLOT, 116 + ROW_HEIGHT * len(last.joints), "Error of each joint in percent of its torque"),
         ]

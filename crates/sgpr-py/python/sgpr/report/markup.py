@@ -64,13 +64,22 @@ def items(texts: Iterable[object]) -> Html:
 
 
 def table(
-    caption: str, columns: Sequence[object], rows: Iterable[Sequence[object]], *, text_columns: Sequence[int] = (0,)
+    caption: str,
+    columns: Sequence[object],
+    rows: Iterable[Sequence[object]],
+    *,
+    text_columns: Sequence[int] = (0,),
+    spare_columns: Sequence[int] = (),
 ) -> Html:
-    """A table that scrolls sideways where it does not fit. The first column names the rows."""
-    head = join(
-        element("th", column, scope="col", class_="text" if k in text_columns else "")
-        for k, column in enumerate(columns)
-    )
+    """A table that scrolls sideways where it does not fit. The first column names the rows.
+
+    - `spare_columns`: columns that a narrow screen does without
+    """
+
+    def kind(k: int, style: str = "") -> str:
+        return " ".join(filter(None, ["text" * (k in text_columns), "spare" * (k in spare_columns), style]))
+
+    head = join(element("th", column, scope="col", class_=kind(k)) for k, column in enumerate(columns))
     lines = []
     for row in rows:
         cells = []
@@ -78,12 +87,11 @@ def table(
             content, style, order = (
                 (value.content, value.style, value.order) if isinstance(value, Cell) else (value, "", None)
             )
-            classes = " ".join(filter(None, ["text" if k in text_columns else "", style]))
             tag, scope = ("th", "row") if k == 0 else ("td", "")
             number = "" if order is None else f"{order:.9g}"
             # In a box of its own, so that a path of any length leaves room for the figures.
             shown = element("span", content) if k == 0 and content else content
-            cells.append(element(tag, shown, scope=scope, class_=classes, data_order=number))
+            cells.append(element(tag, shown, scope=scope, class_=kind(k, style), data_order=number))
         lines.append(element("tr", Html("".join(cells))))
     inner = join([element("caption", caption), element("thead", element("tr", head)), element("tbody", join(lines))])
     return element("div", element("table", inner), class_="wide", tabindex="0", role="region", aria_label=caption)
