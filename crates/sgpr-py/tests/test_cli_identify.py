@@ -59,7 +59,7 @@ def test_files_and_json(finished: Run) -> None:
     assert {path.name for path in out.iterdir()} == names
     data = json.loads(done.out)
     assert data == json.loads((out / "identification.json").read_text())
-    for key in ("parameters", "comparison", "cutoff_influence", "settings", "versions", "seeds", "fit", "logs"):
+    for key in ("parameters", "comparison", "cutoff_influence", "settings", "versions", "messages", "fit", "logs"):
         assert key in data
 
 

@@ -70,9 +70,7 @@ def comparison_page(
     logs = _logs(recordings)
     data: dict[str, Any] = {
         "command": "compare",
-        "model": model.robot.name,
-        "against": None,
-        "reading": {},
+        "settings": {"model": model.robot.name, "against": None, "reading": {}},
         "logs": [describe.repaired_log(log, "compared") for log in logs],
         "structure": residual_structure(model, found),
         "trained_on": [log.path for log in logs if log.path in model.logs],

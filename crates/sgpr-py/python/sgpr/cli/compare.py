@@ -12,14 +12,12 @@ from .. import (
     Recording,
     SemiParametricModel,
     SgprError,
-    __version__,
     compare_streaming,
     residual_structure,
 )
 from .. import compare as compare_with
 from ..report.comparison import ComparisonPage
 from ..report.numbers import percent, significant
-from ..report.versions import versions
 from . import describe
 from .console import Output, to_json
 from .error_table import show_errors
@@ -31,6 +29,7 @@ from .output_folder import OutputFolder
 from .predictions import residuals_by_log
 from .project import ModelArgument, model_and_logs
 from .reading import Log, ReadingOptions, read_log, read_logs, stretches, tell_layouts
+from .results import headed
 from .screening import repeated
 
 
@@ -111,23 +110,20 @@ def compare(
     labels = _labels(list(found))
     judged = verdicts(wanted, found[model])
     failed = [verdict for verdict in judged if verdict["verdict"] == "fail"]
-    data: dict[str, Any] = {
-        "command": "compare",
-        "model": model,
-        "against": against,
-        "reading": reading.to_dict(),
-        "logs": [describe.repaired_log(log, "compared") for log in logs],
-        "comparison": describe.comparison(found[model]),
-        "structure": residual_structure(physics[model], found[model]),
-        "streaming": {name: describe.comparison(each) for name, each in streamed.items()} if streaming else None,
-        "comparison_against": describe.comparison(found[next(iter(found))]) if against is not None else None,
-        "trained_on": trained_on,
-        "repeated_motions": repeating,
-        "limits": judged,
-        "verdict": None if not judged else "fail" if failed else "pass",
-        "versions": versions(),
-        "library_version": __version__,
-    }
+    data: dict[str, Any] = headed(
+        "compare",
+        main_model.robot,
+        settings={"model": model, "against": against, "reading": reading.to_dict()},
+        logs=[describe.repaired_log(log, "compared") for log in logs],
+        comparison=describe.comparison(found[model]),
+        structure=residual_structure(physics[model], found[model]),
+        streaming={name: describe.comparison(each) for name, each in streamed.items()} if streaming else None,
+        comparison_against=describe.comparison(found[next(iter(found))]) if against is not None else None,
+        trained_on=trained_on,
+        repeated_motions=repeating,
+        limits=judged,
+        verdict=None if not judged else "fail" if failed else "pass",
+    )
     if folder:
         with folder:
             residuals = {name: residuals_by_log(logs, each) for name, each in found.items()}

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import Comparison, Diagnosis, Model, Robot, __version__
+from .. import Comparison, Diagnosis, Model, Robot
 from .. import compare as compare_with
 from .. import diagnose as diagnose_model
 from .. import effects as registry
@@ -16,13 +16,11 @@ from ..report.diagnosis import DiagnosisPage
 from ..report.experiment import separation
 from ..report.numbers import counted, percent, significant, with_deviation
 from ..report.steps import steps_at_once
-from ..report.versions import versions
-from . import describe
 from .console import Output, to_json
 from .effects import DEFAULT_EFFECTS, checked_effects, fitted_effects
 from .error_table import show_errors
 from .errors import LIMITS_NOT_MET, wrong_use
-from .findings import of_logs, of_texts
+from .findings import as_data, of_logs, of_texts
 from .findings import show as show_ranked
 from .inputs import kind_of, load_model
 from .options import (
@@ -38,6 +36,7 @@ from .output_folder import OutputFolder
 from .predictions import AFTER, BEFORE, left_out, predictions, residuals_by_log, write_before_and_after
 from .project import ModelAndLogs
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
+from .results import judged
 from .robots import load_robot, tell_locked
 from .screening import repeated
 
@@ -119,6 +118,8 @@ def diagnose(
         "reading": reading.to_dict(),
     }
     data["repeated_motions"] = repeated(train_logs, test_logs)
+    messages = [*of_texts(data["repeated_motions"]), *of_logs([*train_logs, *test_logs])]
+    data["messages"] = as_data(messages)
     with folder:
         written = result.after if apply else result.before
         written.with_reading(like or reading.lasting(train)).save(folder.file("model.sgpr"))
@@ -136,8 +137,7 @@ def diagnose(
         folder.write("diagnosis.json", to_json(data))
     tell_layouts([*train_logs, *test_logs], output, of_all=joints is None and not given)
     show(result, data, output)
-    found = [*of_texts(data["repeated_motions"]), *of_logs([*train_logs, *test_logs])]
-    show_ranked(found, output, "see the report, or sgpr info")
+    show_ranked(messages, output, "see the report, or sgpr info")
     output.line(f"results: {folder.path}")
     output.result(data)
     if not no_report and open_report:
@@ -183,24 +183,11 @@ class Result:
 
     def to_dict(self) -> dict[str, Any]:
         """All figures: those of the diagnosis, and what they are for."""
-        return {
+        own: dict[str, Any] = {
             **self.diagnosis.to_dict(),
-            "command": "diagnose",
-            "robot": {"name": self.after.robot.name, "joint_names": self.after.robot.joint_names},
-            "comparison": {
-                "logs": "test" if self.test else "train",
-                BEFORE: describe.comparison(self.errors_before),
-                AFTER: describe.comparison(self.errors_after),
-            },
             "history": self.after.history,
-            "logs": [
-                *(describe.repaired_log(log, "train") for log in self.train),
-                *(describe.repaired_log(log, "test") for log in self.test),
-            ],
-            "left_out_of_predictions": {},
-            "versions": versions(),
-            "library_version": __version__,
         }
+        return judged("diagnose", self.after.robot, self.errors_before, self.errors_after, self.train, self.test, **own)
 
     def page(self, data: dict[str, Any]) -> DiagnosisPage:
         """The report."""

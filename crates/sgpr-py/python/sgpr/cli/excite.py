@@ -5,17 +5,17 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import Excitation, Robot, __version__
+from .. import Excitation, Robot
 from .. import excite as excite_robot
 from ..report.motion import MotionPage, kind_of_parameters
-from ..report.numbers import significant
-from ..report.versions import versions
+from ..report.numbers import counted, significant
 from .console import Output, to_json
 from .effects import checked_effects
 from .errors import one_of, wrong_use
 from .inputs import load_model
 from .options import Gravity, OutFolder
 from .output_folder import OutputFolder
+from .results import headed
 from .robots import is_urdf, load_robot
 from .screening import how_much_to_record
 
@@ -212,7 +212,9 @@ def per_joint(values: list[float] | None, robot: Robot, option: str) -> list[flo
     if len(values) == 1:
         return values * robot.dof
     if len(values) != robot.dof:
-        raise wrong_use(f"got {len(values)} numbers for {robot.dof} joints", option)
+        raise wrong_use(
+            f"got {counted(len(values), 'number')} for {counted(robot.dof, 'joint')}: give one, or one for each", option
+        )
     return values
 
 
@@ -224,7 +226,9 @@ def pair_per_joint(values: list[float] | None, robot: Robot, option: str) -> lis
     if len(values) == 2:
         return pairs * robot.dof
     if len(values) != 2 * robot.dof:
-        raise wrong_use(f"got {len(values)} numbers for {robot.dof} joints, which need two each", option)
+        raise wrong_use(
+            f"got {counted(len(values), 'number')} for {counted(robot.dof, 'joint')}: give two, or two for each", option
+        )
     return pairs
 
 
@@ -233,7 +237,9 @@ def first_and_last(values: list[int] | None) -> tuple[int, int] | None:
     if values is None:
         return None
     if len(values) != 2:
-        raise wrong_use(f"got {len(values)} numbers, expected the first and the last harmonic", "--harmonics")
+        raise wrong_use(
+            f"got {counted(len(values), 'number')}, expected the first and the last harmonic", "--harmonics"
+        )
     return values[0], values[1]
 
 
@@ -242,32 +248,33 @@ def corners(values: list[float] | None) -> list[tuple[list[float], list[float]]]
     if values is None:
         return None
     if len(values) % 6 != 0:
-        raise wrong_use(f"got {len(values)} numbers, a box has six: its lowest and its highest corner", "--box")
+        raise wrong_use(
+            f"got {counted(len(values), 'number')}, a box has six: its lowest and its highest corner", "--box"
+        )
     return [(values[k : k + 3], values[k + 3 : k + 6]) for k in range(0, len(values), 6)]
 
 
 def to_dict(found: Excitation, robot: Robot, settings: dict[str, Any]) -> dict[str, Any]:
     """All figures."""
     trajectory = found.trajectory
-    return {
-        "command": "excite",
-        "settings": settings,
-        "status": found.status,
-        "criterion": found.criterion,
-        "value": found.value,
-        "values": found.values,
-        "how_much_data": how_much_to_record(robot, found.forecast),
-        "report": found.report,
-        "peaks": found.peaks,
-        "utilisation": found.utilisation,
-        "tightest": found.tightest,
-        "joints": trajectory.joint_names,
-        "duration_s": trajectory.duration,
-        "start": trajectory.start,
-        "coefficients": trajectory.coefficients,
-        "versions": versions(),
-        "library_version": __version__,
-    }
+    return headed(
+        "excite",
+        robot,
+        settings=settings,
+        status=found.status,
+        criterion=found.criterion,
+        value=found.value,
+        values=found.values,
+        how_much_data=how_much_to_record(robot, found.forecast),
+        report=found.report,
+        peaks=found.peaks,
+        utilisation=found.utilisation,
+        tightest=found.tightest,
+        joints=trajectory.joint_names,
+        duration_s=trajectory.duration,
+        start=trajectory.start,
+        coefficients=trajectory.coefficients,
+    )
 
 
 def show(found: Excitation, robot: Robot, data: dict[str, Any], output: Output) -> None:

@@ -7,13 +7,12 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import Comparison, CutoffInfluence, Model, Recording, Robot, __version__, cutoff_influence
+from .. import Comparison, CutoffInfluence, Model, Recording, Robot, cutoff_influence
 from .. import compare as compare_with
 from .. import identify as identify_from
 from .. import screen as screen_with
 from ..report.identification import IdentificationPage
 from ..report.numbers import counted, percent
-from ..report.versions import versions
 from . import describe
 from .console import Output, to_json
 from .error_table import show_errors
@@ -43,6 +42,7 @@ from .predictions import (
 )
 from .project import RobotAndLogs
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
+from .results import judged
 from .robot_files import without_place
 from .robots import load_robot, tell_locked
 from .screening import excitation, repeated
@@ -180,9 +180,7 @@ class Result:
         """All figures."""
         report = self.model.report
         assert report is not None, "just identified"
-        return {
-            "command": "identify",
-            "robot": {"name": self.model.robot.name, "joints": self.model.robot.joint_names},
+        own: dict[str, Any] = {
             "settings": settings,
             "effects": self.model.effects,
             "processing": describe.processing(self.model),
@@ -205,27 +203,15 @@ class Result:
             ],
             "parameters": describe.parameters(self.model),
             "terms": describe.terms(self.model),
-            "comparison": {
-                "logs": "test" if self.test else "train",
-                BEFORE: describe.comparison(self.before),
-                AFTER: describe.comparison(self.after),
-            },
             "certificate": self.model.certificate,
             "screening": self.screening(),
             "essential": report.essential,
             "warnings": [*self.repeated, *report.warnings, *self.findings],
-            "findings": as_data(self.ranked()),
+            "messages": as_data(self.ranked()),
             "worse_than_before": self.is_worse(),
             "repeated_motions": self.repeated,
-            "logs": [
-                *(describe.repaired_log(log, "train") for log in self.train),
-                *(describe.repaired_log(log, "test") for log in self.test),
-            ],
-            "left_out_of_predictions": {},
-            "seeds": {},
-            "versions": versions(),
-            "library_version": __version__,
         }
+        return judged("identify", self.model.robot, self.before, self.after, self.train, self.test, **own)
 
     def ranked(self) -> list[Found]:
         """Findings in the logs and of the fit, in one list."""

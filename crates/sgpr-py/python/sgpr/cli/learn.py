@@ -6,17 +6,15 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import Comparison, Model, SemiParametricModel, __version__
+from .. import Comparison, Model, SemiParametricModel
 from .. import compare as compare_with
 from ..report.numbers import counted, percent, significant
 from ..report.rest import INPUTS, RestPage, fewer_rows_were_better, points_of, too_narrow
-from ..report.versions import versions
-from . import describe
 from .console import Output, to_json
 from .effects import DEFAULT_EFFECTS, fitted_effects
 from .error_table import show_errors
 from .errors import LIMITS_NOT_MET, one_of, wrong_use
-from .findings import of_logs, of_texts
+from .findings import as_data, of_logs, of_texts
 from .findings import show as show_ranked
 from .inputs import kind_of, load_model
 from .options import (
@@ -43,6 +41,7 @@ from .predictions import (
 )
 from .project import ModelAndLogs
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
+from .results import judged
 from .robots import load_robot, tell_locked
 from .screening import repeated
 
@@ -137,6 +136,10 @@ def learn(
         "reading": reading.to_dict(),
     }
     data["repeated_motions"] = repeated(train_logs, test_logs)
+    fewer = filter(None, map(fewer_rows_were_better, data["joints"]))
+    texts = [*fewer, *data["repeated_motions"], *too_narrow(data["coverage"])]
+    messages = [*of_texts(texts), *of_logs([*train_logs, *test_logs])]
+    data["messages"] = as_data(messages)
     with folder:
         model.save(folder.file("model.sgpr"))
         if test_logs:
@@ -150,9 +153,7 @@ def learn(
         folder.write("learned.json", to_json(data))
     tell_layouts([*train_logs, *test_logs], output, of_all=joints is None and not given)
     show(result, data, output)
-    fewer = filter(None, map(fewer_rows_were_better, data["joints"]))
-    texts = [*fewer, *data["repeated_motions"], *too_narrow(data["coverage"])]
-    show_ranked([*of_texts(texts), *of_logs([*train_logs, *test_logs])], output, "see the report, or sgpr info")
+    show_ranked(messages, output, "see the report, or sgpr info")
     output.line(f"results: {folder.path}")
     output.result(data)
     if not no_report and open_report:
@@ -208,26 +209,13 @@ class Result:
     def to_dict(self) -> dict[str, Any]:
         """All figures."""
         physics = self.model.physics_
-        return {
-            "command": "learn",
-            "robot": {"name": physics.robot.name, "joint_names": physics.robot.joint_names},
+        own: dict[str, Any] = {
             "stopped": self.model.stopped_,
             "joints": self.model.reports_,
-            "comparison": {
-                "logs": "test" if self.test else "train",
-                BEFORE: describe.comparison(self.errors_before),
-                AFTER: describe.comparison(self.errors_after),
-            },
             "coverage": self.coverage,
             "history": physics.history,
-            "logs": [
-                *(describe.repaired_log(log, "train") for log in self.train),
-                *(describe.repaired_log(log, "test") for log in self.test),
-            ],
-            "left_out_of_predictions": {},
-            "versions": versions(),
-            "library_version": __version__,
         }
+        return judged("learn", physics.robot, self.errors_before, self.errors_after, self.train, self.test, **own)
 
     def page(self, data: dict[str, Any]) -> RestPage:
         """The report."""

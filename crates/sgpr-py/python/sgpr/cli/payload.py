@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import __version__, identify_drive_gains, identify_payload
+from .. import identify_drive_gains, identify_payload
 from ..report.numbers import percent, significant, with_deviation
 from .console import Output, to_json
 from .errors import one_of, wrong_use
@@ -12,6 +12,7 @@ from .fit_options import BodyOptions, EquationOptions
 from .options import Gravity, Joints
 from .output_folder import OutputFolder
 from .reading import ReadingOptions, read_logs, stretches, tell_layouts
+from .results import headed
 from .robots import load_robot
 
 
@@ -95,15 +96,14 @@ def payload(
     unloaded_logs = read_logs(unloaded, reading, arm.joint_names, output)
     loaded_logs = read_logs(loaded, reading, arm.joint_names, output)
     without, with_it = stretches(unloaded_logs), stretches(loaded_logs)
-    data: dict[str, Any] = {
-        "command": "payload",
-        "robot": {"name": arm.name, "joints": arm.joint_names},
-        "unloaded": unloaded,
-        "loaded": loaded,
-        "link": link or arm.joint_names[-1],
-        "settings": {**options, "reading": reading.to_dict(), "friction_may_change": friction_may_change},
-        "library_version": __version__,
-    }
+    data: dict[str, Any] = headed(
+        "payload",
+        arm,
+        unloaded=unloaded,
+        loaded=loaded,
+        link=link or arm.joint_names[-1],
+        settings={**options, "reading": reading.to_dict(), "friction_may_change": friction_may_change},
+    )
     with output.progress() as progress:
         if payload_of:
             gains = identify_drive_gains(

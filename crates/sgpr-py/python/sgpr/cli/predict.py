@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from .. import Comparison, Model, Recording, SemiParametricModel, __version__
+from .. import Comparison, Model, Recording, SemiParametricModel
 from .. import compare as compare_with
 from ..report.numbers import counted
 from .console import Output
@@ -18,6 +18,7 @@ from .output_folder import OutputFolder
 from .predictions import INTERVAL, STD, Pieces, beside, predictions, spread_of, write_table, write_topics
 from .project import ModelArgument, model_and_logs
 from .reading import ReadingOptions, read_log, tell_layouts
+from .results import headed
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
 PREDICTED = "predicted"
@@ -87,17 +88,16 @@ def predict(
         output.warning(
             f"{counted(row.left_out, 'sample')} of {file} without prediction: see the notes on repairs and gaps"
         )
-    data: dict[str, Any] = {
-        "command": "predict",
-        "model": model,
-        "log": file,
-        "out": out,
-        "joints": names,
-        "samples": len(row.time_ns),
-        "left_out": row.left_out,
-        "actions": log.actions,
-        "library_version": __version__,
-    }
+    data: dict[str, Any] = headed(
+        "predict",
+        model=model,
+        log=file,
+        out=out,
+        joints=names,
+        samples=len(row.time_ns),
+        left_out=row.left_out,
+        actions=log.actions,
+    )
     tell_layouts([log], output)
     output.line(f"{counted(len(row.time_ns), 'sample')} written to {out}")
     output.result(data)

@@ -5,14 +5,13 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import __version__
 from ..report.numbers import significant
-from ..report.versions import versions
 from ..thesis import Settings, html, markdown
 from ..thesis import run as run_thesis
 from .console import Output, to_json
 from .errors import one_of
 from .output_folder import OutputFolder
+from .results import headed
 
 WORKS = ("thesis",)
 
@@ -35,14 +34,12 @@ def reproduce(
     one_of(work, WORKS, "thesis", "work")
     folder = OutputFolder(out)
     thesis = run_thesis(Settings.short() if short else Settings(), output.note)
-    data: dict[str, Any] = {
-        "command": "reproduce",
-        "work": work,
-        "short": short,
+    data: dict[str, Any] = headed(
+        "reproduce",
+        work=work,
+        short=short,
         **thesis.data,
-        "versions": versions(),
-        "library_version": __version__,
-    }
+    )
     text = markdown(thesis)
     with folder:
         folder.write("thesis.json", to_json(data))

@@ -6,16 +6,17 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import __version__, compare_sessions
+from .. import compare_sessions
 from ..report.numbers import chance, percent, significant, with_deviation
 from ..report.sessions import SessionsPage
-from ..report.versions import versions
+from . import describe
 from .console import Output, to_json
 from .errors import wrong_use
 from .fit_options import EquationOptions
 from .options import Gravity, Joints, Open, open_page
 from .output_folder import OutputFolder
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
+from .results import headed
 from .robots import load_robot
 
 HOUR = 3600 * 10**9
@@ -60,17 +61,15 @@ def sessions(
     with output.progress() as progress:
         logs_of = {name: stretches(own) for name, own in read.items()}
         found = compare_sessions(arm, logs_of, progress=progress, **options)
-    data: dict[str, Any] = {
-        "command": "sessions",
-        "robot": {"name": arm.name, "joints": arm.joint_names},
-        "logs": files,
-        "settings": {**options, "reading": reading.to_dict()},
-        "sessions": found.names,
-        "sentences": found.sentences,
-        "tests": found.tests,
-        "versions": versions(),
-        "library_version": __version__,
-    }
+    data: dict[str, Any] = headed(
+        "sessions",
+        arm,
+        logs=[describe.repaired_log(log, name) for name, own in read.items() for log in own],
+        settings={**options, "reading": reading.to_dict()},
+        sessions=found.names,
+        sentences=found.sentences,
+        tests=found.tests,
+    )
     if folder:
         with folder:
             folder.write("sessions.json", to_json(data))

@@ -6,9 +6,9 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from .. import Model, Recording, Robot, __version__
+from .. import Model, Recording, Robot
 from .. import simulate as simulate_arm
-from ..report.numbers import significant
+from ..report.numbers import counted, significant
 from ..report.tracking import TrackingPage
 from ..report.versions import versions
 from ..robots import puma560_drives, two_link_drives
@@ -19,6 +19,7 @@ from .inputs import kind_of, load_model
 from .options import check_not_input
 from .output_folder import OutputFolder
 from .reading import ReadingOptions, read_log
+from .results import headed
 from .robots import READY_MADE, load_robot
 
 CONTROLLERS = ("feed_forward", "computed_torque", "impedance", "pd")
@@ -113,18 +114,17 @@ def simulate(
         written = folder.file(str(place))
         recording.save(written)
         rmse = run.tracking_rmse
-        data: dict[str, Any] = {
-            "command": "simulate",
-            "arm": arm,
-            "motion": motion,
-            "model": model,
-            "out": out,
-            "joints": robot.joint_names,
-            "samples": len(run),
-            "tracking_rmse": rmse,
+        data: dict[str, Any] = headed(
+            "simulate",
+            arm=arm,
+            motion=motion,
+            model=model,
+            out=out,
+            joints=robot.joint_names,
+            samples=len(run),
+            tracking_rmse=rmse,
             **options,
-            "library_version": __version__,
-        }
+        )
         if report is not None:
             folder.write(str(Path(report).absolute()), TrackingPage(robot, run, data, versions()).html())
     rows = [
@@ -142,7 +142,7 @@ def _reference(log: Recording, path: str) -> tuple[float, Any, Any, Any]:
     """Samples at an even rate; what the log does not have is differentiated."""
     rate = log.sample_rate_hz
     if rate is None or len(log) < FEWEST:
-        raise BadData(f"{path}: {len(log)} samples are no motion")
+        raise BadData(f"{path}: {counted(len(log), 'sample')} are no motion: it has {FEWEST} or more")
     if np.abs(log.t - np.arange(len(log)) / rate).max() > MOST_JITTER / rate:
         raise BadData(f"{path}: the samples are not evenly spaced in time; resample them (--resample HZ)")
     velocity = log.dq if log.dq is not None else np.gradient(log.q, 1.0 / rate, axis=0, edge_order=2)

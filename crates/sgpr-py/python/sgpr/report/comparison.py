@@ -76,7 +76,7 @@ class ComparisonPage:
     def _settings(self) -> dict[str, dict[str, Any]]:
         model = self.model
         return {
-            "Asked for": {name: self.data[name] for name in ("model", "against", "reading", "trained_on")},
+            "Asked for": {**self.data["settings"], "trained_on": self.data["trained_on"]},
             "Model": {"effects": model.effects, "logs": model.logs, "history": model.history},
             "Versions": self.data["versions"],
         }

@@ -61,7 +61,7 @@ class IdentificationPage:
         )
         on = "unseen logs" if unseen else "the training logs"
         told: dict[str, list[dict[str, str]]] = {"look": [], "know": []}
-        for one in data["findings"]:
+        for one in data["messages"]:
             told["know" if one["rank"] == "know" else "look"].append(one)
         sections = [
             Section("errors", f"Errors on {on}", errors),

@@ -104,9 +104,12 @@ class SessionsPage:
         last = len(columns) - 1
         return table("Tests", columns, rows, text_columns=(0, 1, last - 3, last))
 
+    def _files(self, session: str) -> list[str]:
+        return [log["file"] for log in self.data["logs"] if log["role"] == session]
+
     def _settings(self) -> dict[str, dict[str, Any]]:
         return {
-            "Logs": self.data["logs"],
+            "Logs": {name: self._files(name) for name in self.data["sessions"]},
             "Equations": self.data["settings"],
             "Versions": self.data["versions"],
         }
