@@ -151,6 +151,13 @@ fn another_cutoff_changes_little_and_the_influence_is_told() {
         let other = compare(&influence.model, &test, model.processing()).expect("a good log").relative_error_percent;
         assert!(other < 1.5 * reference, "{} Hz: {other} % instead of {reference} %", influence.cutoff_hz);
     }
+    // A log that overlaps another counts once here, too, as in the identification itself.
+    let again: Vec<Recording> = [&train[..], &[train[0].slice(0..2500)]].concat();
+    let (model, _) = identify(&robot, &again, &options(), &()).expect("good logs");
+    let of_set = cutoff_influence(&robot, &again, &options(), &model, &()).expect("good logs");
+    for (one, other) in influences.iter().zip(&of_set) {
+        assert_eq!((one.cutoff_hz, one.largest_change), (other.cutoff_hz, other.largest_change));
+    }
 }
 
 /// Recording of the two-link arm, lying flat, following sums of sines with the torque `tau(t, q, dq, ddq)`.

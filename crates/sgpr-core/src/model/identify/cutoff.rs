@@ -1,12 +1,12 @@
 //! Whether results hinge on the cut-off of the filter.
 
 use super::fit::fit;
-use super::{Given, IdentifyError, IdentifyOptions};
+use super::{Given, IdentifyError, IdentifyOptions, set_of};
 use crate::model::TorqueModel;
 use crate::model::experiment::select_joints;
 use crate::motion::Processing;
 use crate::progress::Progress;
-use crate::recording::Recording;
+use crate::recording::{LogSet, Recording};
 use crate::robot::Robot;
 
 /// What another cut-off would have made of the same logs.
@@ -33,7 +33,8 @@ pub fn cutoff_influence(
     model: &TorqueModel,
     progress: &dyn Progress,
 ) -> Result<Vec<CutoffInfluence>, IdentifyError> {
-    let recordings = select_joints(robot, recordings)?;
+    let set = set_of(recordings, options);
+    let recordings = select_joints(robot, set.as_ref().map_or(recordings, LogSet::logs))?;
     let (Some(processing), Some(reference)) = (&model.processing, &model.fit) else { return Ok(vec![]) };
     // The pull that the data chose stays what it was.
     let mut options = options.clone();

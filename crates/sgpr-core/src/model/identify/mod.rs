@@ -141,8 +141,7 @@ pub fn identify(
     options: &IdentifyOptions,
     progress: &dyn Progress,
 ) -> Result<(TorqueModel, IdentificationReport), IdentifyError> {
-    // Instruments go with the recordings sample by sample.
-    let set = options.instruments.is_empty().then(|| LogSet::new(recordings));
+    let set = set_of(recordings, options);
     let (recordings, said) = set.as_ref().map_or((recordings, &[][..]), |set| (set.logs(), set.notes()));
     let recordings = select_joints(robot, recordings)?;
     require_torque(robot, &recordings)?;
@@ -162,6 +161,11 @@ pub fn identify(
     };
     warn(&mut report, &model);
     Ok((model, report))
+}
+
+/// The recordings as a set; `None` with instruments, which go with the recordings sample by sample.
+fn set_of(recordings: &[Recording], options: &IdentifyOptions) -> Option<LogSet> {
+    options.instruments.is_empty().then(|| LogSet::new(recordings))
 }
 
 /// `model` with these terms, everything fitted again under physical consistency.
