@@ -3,7 +3,7 @@
 import builtins
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from os import PathLike
-from typing import Any, ClassVar, Final, Literal, TypedDict, final, overload
+from typing import Any, ClassVar, Final, Literal, TypedDict, Unpack, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -428,7 +428,64 @@ class Record:
     def from_parts(head: str, numbers: ArrayLike) -> Record: ...
     def __reduce__(self) -> Any: ...
 
-def choose_processing(robot: Robot, recordings: Sequence[Recording], **options: Any) -> Processing: ...
+class _Equations(TypedDict, total=False):
+    effects: Sequence[str]
+    cutoff_hz: float | None
+    filter_order: int
+    differentiation: str
+    torque_band: float | Literal["position", "full"]
+    decimation: int | None
+    standstill_speed: float | None
+    turn_margin: float
+
+class _EquationOptions(_Equations, total=False):
+    progress: _Progress | None
+
+class _Estimation(_Equations, total=False):
+    method: str
+    noise: ArrayLike | None
+    start: Literal["robot_file", "zero"]
+    prior: Literal["entropic", "euclidean"] | None
+    prior_deviation: float | Literal["auto"] | None
+    bounds: Mapping[str, Any] | None
+    essential: bool
+    forecast: bool
+    uncertainty: str
+    instruments: Sequence[Recording]
+    kp: ArrayLike | None
+    kd: ArrayLike | None
+
+class _InfluenceOptions(_Estimation, total=False):
+    consistent: bool
+
+class _PayloadOptions(_Estimation, total=False):
+    progress: _Progress | None
+
+class _GainOptions(_PayloadOptions, total=False):
+    consistent: bool
+
+class _MotionOptions(TypedDict, total=False):
+    basis: Literal["fourier", "b_spline", "point_to_point"]
+    fundamental_hz: float
+    terms: int
+    harmonics: tuple[int, int] | None
+    duration: float
+    points: int
+    max_acceleration: ArrayLike
+    position_range: Sequence[Sequence[float]] | None
+    max_velocity: ArrayLike | None
+    max_torque: ArrayLike | None
+    floor: float | None
+    boxes: Sequence[Any] | None
+    self_collision: bool
+    clearance: float
+    link_radius: Any
+    link_shapes: Any
+    max_tip_speed: float | None
+
+def choose_processing(
+    robot: Robot, recordings: Sequence[Recording], **options: Unpack[_EquationOptions]
+) -> Processing: ...
 def record(
     robot: Robot,
     recording: Recording,
@@ -458,7 +515,7 @@ class SessionComparison:
     def model(self, name: str) -> Model: ...
 
 def compare_sessions(
-    robot: Robot, sessions: Mapping[str, Sequence[Recording]], **options: Any
+    robot: Robot, sessions: Mapping[str, Sequence[Recording]], **options: Unpack[_EquationOptions]
 ) -> SessionComparison: ...
 
 @final
@@ -675,7 +732,12 @@ def identify(
     progress: _Progress | None = None,
 ) -> Model: ...
 def cutoff_influence(
-    robot: Robot, recordings: Sequence[Recording], model: Model, *, progress: _Progress | None = None, **options: Any
+    robot: Robot,
+    recordings: Sequence[Recording],
+    model: Model,
+    *,
+    progress: _Progress | None = None,
+    **options: Unpack[_InfluenceOptions],
 ) -> list[CutoffInfluence]: ...
 def diagnose(
     model: Model,
@@ -857,7 +919,7 @@ def identify_payload(
     link: str | None = None,
     friction_may_change: bool = False,
     consistent: bool = True,
-    **options: Any,
+    **options: Unpack[_PayloadOptions],
 ) -> Payload: ...
 def identify_drive_gains(
     robot: Robot,
@@ -868,7 +930,7 @@ def identify_drive_gains(
     link: str | None = None,
     estimator: Literal["maximum_likelihood", "total_least_squares", "least_squares"] = "maximum_likelihood",
     lowest: ArrayLike | None = None,
-    **options: Any,
+    **options: Unpack[_GainOptions],
 ) -> DriveGains: ...
 def repeated_share(known: Sequence[Recording], new: Recording) -> float | None: ...
 def shared_samples(known: Sequence[Recording], new: Recording) -> list[tuple[int, int, int]]: ...
@@ -1106,7 +1168,7 @@ class Trajectory:
     def fourier(robot: Robot, fundamental_hz: float, a: ArrayLike, b: ArrayLike) -> Trajectory: ...
     @staticmethod
     def random(
-        robot: Robot, *, start: ArrayLike | None = None, random_state: int = 0, **options: Any
+        robot: Robot, *, start: ArrayLike | None = None, random_state: int = 0, **options: Unpack[_MotionOptions]
     ) -> Trajectory: ...
     @property
     def duration(self) -> float: ...
@@ -1167,7 +1229,7 @@ def excite(
     random_state: int = 0,
     n_jobs: int | None = None,
     progress: _Progress | None = None,
-    **options: Any,
+    **options: Unpack[_MotionOptions],
 ) -> Excitation: ...
 
 @final
