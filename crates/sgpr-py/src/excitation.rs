@@ -8,7 +8,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sgpr_core::effects::{Entry, by_name};
 use sgpr_core::excitation::{
-    self as core, Basis, Block, Criterion, ExciteOptions, MotionLimits, NominalEffects, Status, Step, Surroundings,
+    self as core, Basis, Block, Criterion, ExciteOptions, MotionLimits, NominalEffects, SearchStep, Status,
+    Surroundings,
 };
 use sgpr_core::identification::{BaseParameters, Forecast, ParameterSet};
 use sgpr_core::model::{Term, TorqueModel};
@@ -501,7 +502,10 @@ impl Excitation {
             forecast: Forecast { seconds, deviation, noise, advice: vec![] },
             utilisation,
             tightest,
-            history: history.into_iter().map(|(start, evaluation, value)| Step { start, evaluation, value }).collect(),
+            history: history
+                .into_iter()
+                .map(|(start, evaluation, value)| SearchStep { start, evaluation, value })
+                .collect(),
             values,
             status: if interrupted { Status::Interrupted } else { Status::Finished },
         };

@@ -25,7 +25,7 @@ pub use forecast::forecast;
 pub use information::{ExcitationReport, evaluate};
 pub use limits::MotionLimits;
 pub use nominal::{NominalEffects, nominal_terms};
-pub use optimise::{Excitation, ExciteOptions, Status, Step, optimise, random_motion, usual_effects};
+pub use optimise::{Excitation, ExciteOptions, SearchStep, Status, optimise, random_motion, usual_effects};
 pub use peaks::{Peaks, peaks};
 pub use surroundings::{Block, Capsule, Surroundings};
 pub use trajectory::{Trajectory, TrajectorySamples};

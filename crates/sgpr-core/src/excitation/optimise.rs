@@ -12,7 +12,7 @@ use super::criterion::Objective;
 use super::information::{Information, require_noise};
 use super::nominal::RATE_HZ;
 use super::peaks::suprema;
-use super::problem::{Grid, Problem, SIGN_WIDTH, Sharpness, TorqueLimits, trajectory};
+use super::problem::{MotionGrid, MotionProblem, SIGN_WIDTH, Sharpness, TorqueLimits, trajectory};
 use super::surroundings::Checker;
 use super::{
     Basis, Criterion, ExcitationError, ExcitationReport, MotionLimits, NominalEffects, Peaks, Surroundings, Trajectory,
@@ -90,7 +90,7 @@ pub enum Status {
 
 /// Best value of a search after some evaluations.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Step {
+pub struct SearchStep {
     /// Number of the search.
     pub start: usize,
     /// Evaluations of this search so far.
@@ -117,7 +117,7 @@ pub struct Excitation {
     /// That limit: what would have to be relaxed for a larger motion.
     pub tightest: String,
     /// How the searches went, by search and evaluation.
-    pub history: Vec<Step>,
+    pub history: Vec<SearchStep>,
     /// Value of the criterion that each search ended with; infinite if it was not begun.
     pub values: Vec<f64>,
     /// How it ended.
@@ -272,15 +272,15 @@ struct Search<'a> {
     parameters: Vec<f64>,
     torque: Option<TorqueLimits>,
     free: Vec<Vec<f64>>,
-    grid: Grid,
-    limit_grid: Grid,
+    grid: MotionGrid,
+    limit_grid: MotionGrid,
 }
 
 struct SearchResult {
     start: usize,
     trajectory: Trajectory,
     value: f64,
-    history: Vec<Step>,
+    history: Vec<SearchStep>,
 }
 
 impl<'a> Search<'a> {
@@ -325,8 +325,8 @@ impl<'a> Search<'a> {
             objective: Objective::new(options.criterion, robot, set, base, options.nominal.as_ref()),
             plain: Objective::new(options.criterion, robot, set, base, None),
             torque: torque.map(|limits| TorqueLimits { limits, base_parameters: base.combine(&parameters) }),
-            grid: Grid::new(&options.basis, &free, points),
-            limit_grid: Grid::new(&options.basis, &free, 2 * points),
+            grid: MotionGrid::new(&options.basis, &free, points),
+            limit_grid: MotionGrid::new(&options.basis, &free, 2 * points),
             robot,
             set,
             base,
@@ -350,9 +350,9 @@ impl<'a> Search<'a> {
     }
 
     /// With the nominal effects or without.
-    fn problem(&self, nominal: Option<&'a NominalEffects>) -> Problem<'_> {
+    fn problem(&self, nominal: Option<&'a NominalEffects>) -> MotionProblem<'_> {
         let slowest = self.options.limits.velocity.iter().copied().fold(f64::INFINITY, f64::min);
-        Problem {
+        MotionProblem {
             information: self.information(nominal, SIGN_WIDTH * slowest),
             objective: if nominal.is_some() { &self.objective } else { &self.plain },
             limits: &self.options.limits,
@@ -384,7 +384,7 @@ impl<'a> Search<'a> {
                 best = other;
             }
         }
-        let result = |x: &[f64], history: Vec<Step>| {
+        let result = |x: &[f64], history: Vec<SearchStep>| {
             let (motion, _) = self.scaled(trajectory(&self.options.basis, &self.free, &self.start, x), Some(()));
             SearchResult { start, value: self.value(&motion), trajectory: motion, history }
         };
@@ -529,12 +529,17 @@ struct Descent<'a> {
     stop: &'a AtomicBool,
     /// Evaluations of all starts.
     done: &'a AtomicUsize,
-    history: Vec<Step>,
+    history: Vec<SearchStep>,
 }
 
 impl Descent<'_> {
     /// Descends on criterion and limits that are sharpened step by step.
-    fn in_stages(mut self, problem: &mut Problem<'_>, mut x: Vec<f64>, evaluations: usize) -> (Vec<f64>, Vec<Step>) {
+    fn in_stages(
+        mut self,
+        problem: &mut MotionProblem<'_>,
+        mut x: Vec<f64>,
+        evaluations: usize,
+    ) -> (Vec<f64>, Vec<SearchStep>) {
         let stages: &[Sharpness] = if self.condition { &STAGES } else { &[STAGES[0], STAGES[2]] };
         for (index, stage) in stages.iter().enumerate() {
             problem.sharpness = *stage;
@@ -547,7 +552,7 @@ impl Descent<'_> {
         (x, self.history)
     }
 
-    fn descend(&mut self, problem: &mut Problem<'_>, x: Vec<f64>, most: usize) -> Vec<f64> {
+    fn descend(&mut self, problem: &mut MotionProblem<'_>, x: Vec<f64>, most: usize) -> Vec<f64> {
         let Self { start, condition, stop, done, ref mut history } = *self;
         let constraints = problem.constraints();
         // Iterates of sequential quadratic programming lie just outside of their limits as often as inside: the best one
@@ -569,7 +574,7 @@ impl Descent<'_> {
                 *best.borrow_mut() = (merit, x.to_vec());
             }
             let shown = if condition { merit.exp() } else { merit };
-            history.push(Step { start, evaluation: history.len() + 1, value: shown });
+            history.push(SearchStep { start, evaluation: history.len() + 1, value: shown });
             done.fetch_add(1, Ordering::Relaxed);
             value
         };

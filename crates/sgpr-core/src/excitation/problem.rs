@@ -10,14 +10,14 @@ use crate::linalg::dot;
 
 /// The functions of a basis in its free directions, at the times of a grid.
 #[derive(Debug)]
-pub(super) struct Grid {
+pub(super) struct MotionGrid {
     time: Vec<f64>,
     /// Positions, velocities, accelerations: `[times, free]`.
     tables: [Vec<f64>; 3],
     free: usize,
 }
 
-impl Grid {
+impl MotionGrid {
     pub fn new(basis: &Basis, free: &[Vec<f64>], points: usize) -> Self {
         let time: Vec<f64> = (0..points).map(|k| (k as f64 + 0.5) * basis.duration() / points as f64).collect();
         let mut tables = [vec![], vec![], vec![]];
@@ -80,7 +80,7 @@ pub(super) struct TorqueLimits {
 }
 
 #[derive(Debug)]
-pub(super) struct Problem<'a> {
+pub(super) struct MotionProblem<'a> {
     pub information: Information<'a>,
     pub objective: &'a Objective,
     pub limits: &'a MotionLimits,
@@ -88,9 +88,9 @@ pub(super) struct Problem<'a> {
     pub surroundings: Option<Checker<'a>>,
     pub start: &'a [f64],
     /// Samples of the criterion and of the torque.
-    pub grid: &'a Grid,
+    pub grid: &'a MotionGrid,
     /// Denser samples of the limits of position, speed and acceleration.
-    pub limit_grid: &'a Grid,
+    pub limit_grid: &'a MotionGrid,
     pub sharpness: Sharpness,
 }
 
@@ -103,7 +103,7 @@ const NOMINAL_DIFFERENCE: f64 = 1e-5;
 /// Value of a motion without any information: finite, so that a line search turns back.
 const WORTHLESS: f64 = 1e3;
 
-impl Problem<'_> {
+impl MotionProblem<'_> {
     /// Number of constraints.
     pub fn constraints(&self) -> usize {
         3 * self.start.len() + usize::from(self.torque.is_some()) + usize::from(self.surroundings.is_some())
@@ -319,7 +319,7 @@ mod tests {
         let limits = MotionLimits::of_robot(&robot, &[6.0; 6]).expect("limits");
         let basis = Basis::fourier(0.1, 4);
         let free = basis.free_directions();
-        let (grid, limit_grid) = (Grid::new(&basis, &free, 40), Grid::new(&basis, &free, 64));
+        let (grid, limit_grid) = (MotionGrid::new(&basis, &free, 40), MotionGrid::new(&basis, &free, 64));
         let start = [0.1; 6];
         let x: Vec<f64> = (0..6 * free.len()).map(|k| 0.4 * (1.3 * k as f64 + 0.2).sin()).collect();
         let mut parameters = robot.standard_parameters();
@@ -335,7 +335,7 @@ mod tests {
         for criterion in Criterion::ALL {
             let objective = Objective::new(criterion, &robot, &set, &base, None);
             let noise = [0.5, 0.7, 0.2, 0.1, 0.1, 0.3];
-            let mut problem = Problem {
+            let mut problem = MotionProblem {
                 information: Information::new(&robot, &set, &base, None, Some(&noise), 0.1),
                 objective: &objective,
                 limits: &limits,
@@ -389,11 +389,11 @@ mod tests {
         let limits = MotionLimits::of_robot(&robot, &[6.0; 6]).expect("limits");
         let basis = Basis::fourier(0.1, 5);
         let free = basis.free_directions();
-        let (grid, limit_grid) = (Grid::new(&basis, &free, 60), Grid::new(&basis, &free, 64));
+        let (grid, limit_grid) = (MotionGrid::new(&basis, &free, 60), MotionGrid::new(&basis, &free, 64));
         let start = [0.1; 6];
         let mut x: Vec<f64> = (0..6 * free.len()).map(|k| 2.0 * (1.3 * k as f64 + 0.2).sin()).collect();
         let objective = Objective::new(Criterion::DOptimality, &robot, &set, &base, Some(&nominal));
-        let mut problem = Problem {
+        let mut problem = MotionProblem {
             information: Information::new(&robot, &set, &base, Some(&nominal), None, 0.1),
             objective: &objective,
             limits: &limits,

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::printer::{Dialect, body, head, owners, uses};
-use super::program::{Input, Program};
+use super::program::{FormulaInput, FormulaProgram};
 use sgpr_predict::internal::Node;
 
 use crate::gp::Precision;
@@ -67,17 +67,17 @@ impl Dialect for C<'_> {
         format!("{}_sgn({of})", self.prefix)
     }
 
-    fn input(&self, input: Input) -> String {
+    fn input(&self, input: FormulaInput) -> String {
         match input {
-            Input::Q(joint) => format!("q[{joint}]"),
-            Input::Dq(joint) => format!("dq[{joint}]"),
-            Input::Ddq(joint) => format!("ddq[{joint}]"),
-            Input::Temperature(joint) => format!("state->temperature[{joint}]"),
-            Input::Time => "time".into(),
-            Input::Begun => "state->begun".into(),
-            Input::Moving => "state->moving".into(),
-            Input::HasLast => "state->has_last".into(),
-            Input::Hidden(k) => format!("h{k}"),
+            FormulaInput::Q(joint) => format!("q[{joint}]"),
+            FormulaInput::Dq(joint) => format!("dq[{joint}]"),
+            FormulaInput::Ddq(joint) => format!("ddq[{joint}]"),
+            FormulaInput::Temperature(joint) => format!("state->temperature[{joint}]"),
+            FormulaInput::Time => "time".into(),
+            FormulaInput::Begun => "state->begun".into(),
+            FormulaInput::Moving => "state->moving".into(),
+            FormulaInput::HasLast => "state->has_last".into(),
+            FormulaInput::Hidden(k) => format!("h{k}"),
         }
     }
 
@@ -87,7 +87,7 @@ impl Dialect for C<'_> {
 }
 
 /// The file of a program.
-pub(super) fn file(name: &str, program: &Program, precision: Precision) -> String {
+pub(super) fn file(name: &str, program: &FormulaProgram, precision: Precision) -> String {
     let width = of_width(precision);
     let prefix = format!("sgpr_{name}");
     let capital = prefix.to_uppercase();
@@ -125,7 +125,7 @@ const USAGE: &str = " *
  */
 ";
 
-fn state(program: &Program, prefix: &str, width: &Width) -> String {
+fn state(program: &FormulaProgram, prefix: &str, width: &Width) -> String {
     let Width { number, .. } = width;
     let n = program.dof();
     let mut out = String::from("typedef struct {\n");
@@ -141,13 +141,13 @@ fn state(program: &Program, prefix: &str, width: &Width) -> String {
         let _ = writeln!(out, "    /* Of each joint, degrees Celsius. */\n    {number} temperature[{n}];");
         out.push_str("    int has_temperature;\n");
     }
-    if program.starts_from(Input::Time) {
+    if program.starts_from(FormulaInput::Time) {
         out.push_str(
             "    /* Time of the session: seconds, and samples since. */\n    double origin;\n    double steps;\n",
         );
         out.push_str("    int runs;\n");
     }
-    if program.starts_from(Input::HasLast) {
+    if program.starts_from(FormulaInput::HasLast) {
         let _ = writeln!(out, "    {number} has_last;");
     }
     let _ = writeln!(
@@ -158,7 +158,7 @@ fn state(program: &Program, prefix: &str, width: &Width) -> String {
     out
 }
 
-fn helpers(program: &Program, prefix: &str, width: &Width) -> String {
+fn helpers(program: &FormulaProgram, prefix: &str, width: &Width) -> String {
     let Width { number, suffix, largest, .. } = width;
     let mut out = format!(
         "static inline int {prefix}_finite(const {number} *values)\n{{\n    int joint, finite = 1;\n    \
@@ -184,10 +184,10 @@ fn helpers(program: &Program, prefix: &str, width: &Width) -> String {
     out
 }
 
-fn set_up(program: &Program, prefix: &str, capital: &str, width: &Width) -> String {
+fn set_up(program: &FormulaProgram, prefix: &str, capital: &str, width: &Width) -> String {
     let Width { number, suffix, .. } = width;
     let n = program.dof();
-    let timed = program.starts_from(Input::Time);
+    let timed = program.starts_from(FormulaInput::Time);
     let mut out = format!(
         "/* Forgets all samples: hidden states start at rest at the next one. Call it before anything else. */\n\
          static inline void {prefix}_reset({prefix}_state *state)\n{{\n"
@@ -205,7 +205,7 @@ fn set_up(program: &Program, prefix: &str, capital: &str, width: &Width) -> Stri
     if program.needs_temperature {
         out.push_str("    state->has_temperature = 0;\n");
     }
-    if program.starts_from(Input::HasLast) {
+    if program.starts_from(FormulaInput::HasLast) {
         let _ = writeln!(out, "    state->has_last = 0.0{suffix};");
     }
     let _ = writeln!(out, "    state->begun = 0.0{suffix};\n    state->moving = 0.0{suffix};\n}}\n");
@@ -231,7 +231,7 @@ fn set_up(program: &Program, prefix: &str, capital: &str, width: &Width) -> Stri
     out
 }
 
-fn torque(program: &Program, prefix: &str, capital: &str, precision: Precision) -> String {
+fn torque(program: &FormulaProgram, prefix: &str, capital: &str, precision: Precision) -> String {
     let Width { number, suffix, .. } = of_width(precision);
     let n = program.dof();
     let body = body(program, &C { prefix, precision });
@@ -240,7 +240,7 @@ fn torque(program: &Program, prefix: &str, capital: &str, precision: Precision) 
          static inline int {prefix}_torque({prefix}_state *state, const {number} q[{n}], const {number} dq[{n}],\n    \
          const {number} ddq[{n}], {number} tau[{n}])\n{{\n"
     );
-    let times = if program.starts_from(Input::Time) { "    double time;\n" } else { "" };
+    let times = if program.starts_from(FormulaInput::Time) { "    double time;\n" } else { "" };
     let _ = writeln!(
         out,
         "{times}    if (!({prefix}_finite(q) && {prefix}_finite(dq) && {prefix}_finite(ddq))) {{\n        \
@@ -270,14 +270,14 @@ fn torque(program: &Program, prefix: &str, capital: &str, precision: Precision) 
         let _ = writeln!(out, "    tau[{joint}] = {value};");
     });
     out.push_str("    }\n");
-    if program.starts_from(Input::HasLast) {
+    if program.starts_from(FormulaInput::HasLast) {
         let _ = writeln!(out, "    state->has_last = 1.0{suffix};");
     }
     let _ = writeln!(out, "    state->begun = 1.0{suffix};\n    return {capital}_OK;\n}}\n");
     out
 }
 
-fn reset_at(program: &Program, prefix: &str, capital: &str, width: &Width) -> String {
+fn reset_at(program: &FormulaProgram, prefix: &str, capital: &str, width: &Width) -> String {
     let Width { number, suffix, .. } = width;
     let n = program.dof();
     let mut out = format!(
@@ -298,10 +298,10 @@ fn reset_at(program: &Program, prefix: &str, capital: &str, width: &Width) -> St
         "    state->moving = 1.0{suffix};\n    code = {prefix}_torque(state, q, dq, at_rest, tau);\n    \
          if (code != {capital}_OK) {{\n        *state = before;\n        return code;\n    }}"
     );
-    if program.starts_from(Input::Time) {
+    if program.starts_from(FormulaInput::Time) {
         out.push_str("    state->steps = 0.0;\n    state->runs = 0;\n");
     }
-    if program.starts_from(Input::HasLast) {
+    if program.starts_from(FormulaInput::HasLast) {
         let _ = writeln!(out, "    state->has_last = 0.0{suffix};");
     }
     let _ = writeln!(out, "    state->moving = 0.0{suffix};\n    return {capital}_OK;\n}}\n");

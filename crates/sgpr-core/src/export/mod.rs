@@ -15,7 +15,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use self::program::Program;
+use self::program::FormulaProgram;
 use crate::atomic_file;
 use crate::effects::Effect;
 use crate::gp::Precision;
@@ -160,7 +160,7 @@ impl TorqueModel {
                 check(effect.as_ref())?;
             }
         }
-        let program = Program::record(self, &options.stream);
+        let program = FormulaProgram::record(self, &options.stream);
         Ok(match options.language {
             Language::C => c::file(&name, &program, options.precision),
             Language::Rust => rust::file(&name, &program, options.precision),

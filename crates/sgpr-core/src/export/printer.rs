@@ -1,6 +1,6 @@
 //! Formulas as lines of code: one statement for what is used more than once or too long for its place.
 
-use super::program::{Input, Program};
+use super::program::{FormulaInput, FormulaProgram};
 use sgpr_predict::internal::Node;
 
 use crate::expression::Expr;
@@ -36,7 +36,7 @@ pub(super) trait Dialect {
     fn sgn(&self, of: &str) -> String;
 
     /// A number that a formula starts from.
-    fn input(&self, input: Input) -> String;
+    fn input(&self, input: FormulaInput) -> String;
 
     /// A statement that gives a value of this width a name.
     fn declare(&self, precision: Precision, name: &str, value: &str) -> String;
@@ -65,14 +65,14 @@ impl Text {
 
 /// The statements that compute the torque and the next hidden states, and the names of both.
 #[derive(Debug)]
-pub(super) struct Body {
+pub(super) struct Statements {
     pub statements: Vec<String>,
     pub tau: Vec<String>,
     pub hidden: Vec<String>,
 }
 
 /// Writes the formulas of a program.
-pub(super) fn body(program: &Program, dialect: &dyn Dialect) -> Body {
+pub(super) fn body(program: &FormulaProgram, dialect: &dyn Dialect) -> Statements {
     let tape = &program.tape;
     let times = times(program, dialect.precision());
     let mut texts = vec![Text::default(); tape.len()];
@@ -101,16 +101,16 @@ pub(super) fn body(program: &Program, dialect: &dyn Dialect) -> Body {
     };
     let tau = named("tau", &mut program.tau.iter().copied());
     let hidden = named("next", &mut program.hidden.iter().map(|(_, hidden)| hidden.next));
-    Body { statements, tau, hidden }
+    Statements { statements, tau, hidden }
 }
 
 /// Which operations make times of others, and keep 64 bits where numbers have 32.
-fn times(program: &Program, precision: Precision) -> Vec<bool> {
+fn times(program: &FormulaProgram, precision: Precision) -> Vec<bool> {
     let mut times = vec![false; program.tape.len()];
     for index in (0..times.len()).filter(|_| precision == Precision::Single) {
         let is_constant = |expr: Expr| matches!(program.tape.node(expr), Node::Constant(_));
         times[index] = match program.tape.at(index) {
-            Node::Input(input) => program.inputs[input] == Input::Time,
+            Node::Input(input) => program.inputs[input] == FormulaInput::Time,
             Node::Add(a, b) | Node::Sub(a, b) => {
                 let time = |expr: Expr| times[expr.index()];
                 (time(a) && (time(b) || is_constant(b))) || (is_constant(a) && time(b))
@@ -125,7 +125,7 @@ fn times(program: &Program, precision: Precision) -> Vec<bool> {
 struct Writer<'a> {
     texts: &'a [Text],
     times: &'a [bool],
-    program: &'a Program,
+    program: &'a FormulaProgram,
     dialect: &'a dyn Dialect,
 }
 
@@ -186,12 +186,12 @@ fn constant(value: f64, precision: Precision, dialect: &dyn Dialect) -> Text {
 }
 
 /// Whether an operation of a kind is among those that are needed.
-pub(super) fn uses(program: &Program, kind: impl Fn(&Node) -> bool) -> bool {
+pub(super) fn uses(program: &FormulaProgram, kind: impl Fn(&Node) -> bool) -> bool {
     (0..program.tape.len()).any(|index| program.uses[index] > 0 && kind(&program.tape.at(index)))
 }
 
 /// What a reader of a file wants to know, one line each.
-pub(super) fn head(program: &Program, precision: Precision) -> Vec<String> {
+pub(super) fn head(program: &FormulaProgram, precision: Precision) -> Vec<String> {
     let clean = super::text::comment;
     let mut lines = vec![
         format!(
@@ -231,7 +231,7 @@ pub(super) fn head(program: &Program, precision: Precision) -> Vec<String> {
 }
 
 /// Which hidden states belong to what, in runs of one owner: `0 to 1`, `presliding_friction@joint_2`.
-pub(super) fn owners(program: &Program) -> Vec<String> {
+pub(super) fn owners(program: &FormulaProgram) -> Vec<String> {
     let mut runs: Vec<(usize, usize, &str)> = Vec::new();
     for (index, (_, hidden)) in program.hidden.iter().enumerate() {
         match runs.last_mut() {

@@ -7,7 +7,7 @@ use crate::simd::Number;
 
 /// What a formula starts from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Input {
+pub(super) enum FormulaInput {
     Q(usize),
     Dq(usize),
     Ddq(usize),
@@ -36,13 +36,13 @@ pub(super) struct Hidden {
 
 /// A model as formulas.
 #[derive(Debug)]
-pub(super) struct Program {
+pub(super) struct FormulaProgram {
     pub tape: Tape,
     /// What each input of the tape is.
-    pub inputs: Vec<Input>,
+    pub inputs: Vec<FormulaInput>,
     /// Torque of each joint.
     pub tau: Vec<Expr>,
-    /// Those hidden states that the torque depends on; [`Input::Hidden`] counts all that there are.
+    /// Those hidden states that the torque depends on; [`FormulaInput::Hidden`] counts all that there are.
     pub hidden: Vec<(usize, Hidden)>,
     /// How often each operation is used.
     pub uses: Vec<usize>,
@@ -59,16 +59,16 @@ pub(super) struct Program {
 
 /// Inputs of a tape, each once.
 #[derive(Default)]
-struct Inputs(Vec<Input>);
+struct Inputs(Vec<FormulaInput>);
 
 impl Inputs {
-    fn of(&mut self, input: Input) -> Expr {
+    fn of(&mut self, input: FormulaInput) -> Expr {
         self.0.push(input);
         Expr::input(self.0.len() - 1)
     }
 }
 
-impl Program {
+impl FormulaProgram {
     /// The formulas of a model that can be streamed.
     pub fn record(model: &TorqueModel, options: &StreamOptions) -> Self {
         let recorder = Recorder::start();
@@ -79,8 +79,9 @@ impl Program {
         sampler.robot = sampler.robot.clone().with_exact_right_angles();
         let mut inputs = Inputs::default();
         let carriers = set_inputs(&mut sampler, &mut inputs, model);
-        let time = if rate_hz.is_nan() { Expr::constant(f64::NAN) } else { inputs.of(Input::Time) };
-        let start = StreamStart::Either { done: inputs.of(Input::Begun), moving: inputs.of(Input::Moving) };
+        let time = if rate_hz.is_nan() { Expr::constant(f64::NAN) } else { inputs.of(FormulaInput::Time) };
+        let start =
+            StreamStart::Either { done: inputs.of(FormulaInput::Begun), moving: inputs.of(FormulaInput::Moving) };
         sampler.sample(rate_hz, time, &start);
         let buffers = &sampler.buffers;
         let next = sampler.terms.hidden().iter().chain(sampler.transforms.hidden()).chain(&buffers.last_ddq);
@@ -115,7 +116,7 @@ impl Program {
     }
 
     /// Whether a formula starts from this.
-    pub fn starts_from(&self, input: Input) -> bool {
+    pub fn starts_from(&self, input: FormulaInput) -> bool {
         let used = |index: usize| (0..self.tape.len()).any(|k| self.uses[k] > 0 && self.tape.input(k) == Some(index));
         self.inputs.iter().position(|one| *one == input).is_some_and(used)
     }
@@ -124,20 +125,20 @@ impl Program {
 /// Makes everything that the torque of a sample depends on an input; what each hidden state belongs to.
 fn set_inputs(sampler: &mut Sampler<Expr>, inputs: &mut Inputs, model: &TorqueModel) -> Vec<String> {
     let buffers = &mut sampler.buffers;
-    let kinds = [Input::Q as fn(usize) -> Input, Input::Dq, Input::Ddq];
+    let kinds = [FormulaInput::Q as fn(usize) -> FormulaInput, FormulaInput::Dq, FormulaInput::Ddq];
     for (values, kind) in buffers.motion.iter_mut().zip(kinds) {
         values.iter_mut().enumerate().for_each(|(joint, value)| *value = inputs.of(kind(joint)));
     }
     for (joint, value) in buffers.temperature.iter_mut().enumerate() {
-        *value = inputs.of(Input::Temperature(joint));
+        *value = inputs.of(FormulaInput::Temperature(joint));
     }
-    buffers.has_last = inputs.of(Input::HasLast);
+    buffers.has_last = inputs.of(FormulaInput::HasLast);
     let mut carriers: Vec<String> = Vec::new();
     let terms = sampler.terms.carriers().chain(sampler.transforms.carriers());
     carriers.extend(terms.map(|(effect, site)| format!("{effect}{}", at(site, model))));
     let own = carriers.len();
     carriers.extend(buffers.last_ddq.iter().map(|_| "acceleration of the sample before".into()));
-    let leaves: Vec<Expr> = (0..carriers.len()).map(|k| inputs.of(Input::Hidden(k))).collect();
+    let leaves: Vec<Expr> = (0..carriers.len()).map(|k| inputs.of(FormulaInput::Hidden(k))).collect();
     let (of_terms, rest) = leaves[..own].split_at(sampler.terms.hidden().len());
     sampler.terms.set_hidden(of_terms);
     sampler.transforms.set_hidden(rest);
@@ -146,7 +147,7 @@ fn set_inputs(sampler: &mut Sampler<Expr>, inputs: &mut Inputs, model: &TorqueMo
 }
 
 /// Those hidden states that the torque depends on, in one call or later, and the uses of all operations for them.
-fn needed(tape: &Tape, inputs: &[Input], tau: &[Expr], all: Vec<Hidden>) -> (Vec<(usize, Hidden)>, Vec<usize>) {
+fn needed(tape: &Tape, inputs: &[FormulaInput], tau: &[Expr], all: Vec<Hidden>) -> (Vec<(usize, Hidden)>, Vec<usize>) {
     let mut taken = vec![false; all.len()];
     loop {
         let next = all.iter().zip(&taken).filter(|(_, taken)| **taken).map(|(hidden, _)| hidden.next);
@@ -154,7 +155,7 @@ fn needed(tape: &Tape, inputs: &[Input], tau: &[Expr], all: Vec<Hidden>) -> (Vec
         let uses = tape.uses(&outputs);
         let before = taken.clone();
         for (index, _) in uses.iter().enumerate().filter(|(_, uses)| **uses > 0) {
-            if let Some(Input::Hidden(k)) = tape.input(index).map(|input| inputs[input]) {
+            if let Some(FormulaInput::Hidden(k)) = tape.input(index).map(|input| inputs[input]) {
                 taken[k] = true;
             }
         }

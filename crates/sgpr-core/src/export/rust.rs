@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::printer::{Dialect, body, head, owners, uses};
-use super::program::{Input, Program};
+use super::program::{FormulaInput, FormulaProgram};
 use sgpr_predict::internal::Node;
 
 use crate::gp::Precision;
@@ -60,17 +60,17 @@ impl Dialect for Rust {
         format!("sgn({of})")
     }
 
-    fn input(&self, input: Input) -> String {
+    fn input(&self, input: FormulaInput) -> String {
         match input {
-            Input::Q(joint) => format!("q[{joint}]"),
-            Input::Dq(joint) => format!("dq[{joint}]"),
-            Input::Ddq(joint) => format!("ddq[{joint}]"),
-            Input::Temperature(joint) => format!("temperature[{joint}]"),
-            Input::Time => "time".into(),
-            Input::Begun => "self.begun".into(),
-            Input::Moving => "self.moving".into(),
-            Input::HasLast => "self.has_last".into(),
-            Input::Hidden(k) => format!("h{k}"),
+            FormulaInput::Q(joint) => format!("q[{joint}]"),
+            FormulaInput::Dq(joint) => format!("dq[{joint}]"),
+            FormulaInput::Ddq(joint) => format!("ddq[{joint}]"),
+            FormulaInput::Temperature(joint) => format!("temperature[{joint}]"),
+            FormulaInput::Time => "time".into(),
+            FormulaInput::Begun => "self.begun".into(),
+            FormulaInput::Moving => "self.moving".into(),
+            FormulaInput::HasLast => "self.has_last".into(),
+            FormulaInput::Hidden(k) => format!("h{k}"),
         }
     }
 
@@ -80,7 +80,7 @@ impl Dialect for Rust {
 }
 
 /// The file of a program.
-pub(super) fn file(name: &str, program: &Program, precision: Precision) -> String {
+pub(super) fn file(name: &str, program: &FormulaProgram, precision: Precision) -> String {
     let number = of_width(precision);
     let mut out = String::new();
     for line in head(program, precision) {
@@ -131,7 +131,7 @@ pub enum Fault {
 
 ";
 
-fn state(program: &Program, number: &str) -> String {
+fn state(program: &FormulaProgram, number: &str) -> String {
     let n = program.dof();
     let mut out = String::from(
         "/// What is carried from sample to sample.\n#[allow(dead_code)]\n#[derive(Clone, Debug)]\npub struct State {\n",
@@ -150,7 +150,7 @@ fn state(program: &Program, number: &str) -> String {
     out
 }
 
-fn set_up(program: &Program, number: &str) -> String {
+fn set_up(program: &FormulaProgram, number: &str) -> String {
     format!(
         "    /// Hidden states start at rest at the next sample.
     pub fn new() -> Self {{
@@ -202,7 +202,7 @@ fn set_up(program: &Program, number: &str) -> String {
     )
 }
 
-fn torque(program: &Program, precision: Precision) -> String {
+fn torque(program: &FormulaProgram, precision: Precision) -> String {
     let body = body(program, &Rust { precision });
     let number = of_width(precision);
     let mut out = format!(
@@ -223,7 +223,7 @@ fn torque(program: &Program, precision: Precision) -> String {
         out.push_str("        let temperature = self.temperature.ok_or(Fault::NoTemperature)?;\n");
     }
     out.push_str("        if self.runs {\n            self.steps += 1.0;\n        }\n        self.runs = true;\n");
-    if program.starts_from(Input::Time) {
+    if program.starts_from(FormulaInput::Time) {
         out.push_str("        let time = self.origin + self.steps / RATE_HZ;\n");
     }
     for (index, (number, _)) in program.hidden.iter().enumerate() {

@@ -25,7 +25,7 @@ pub(crate) struct FadingNoise {
 
 /// One step of the filter.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Step {
+pub(crate) struct FadingStep {
     /// What the shared error of the point before says of that of this point.
     decay: f64,
     /// Share of what is new that is taken for shared error.
@@ -50,7 +50,7 @@ impl FadingNoise {
     }
 
     /// The steps along points at these values of the input, in order.
-    pub fn steps(&self, times: impl Iterator<Item = f64>) -> Vec<Step> {
+    pub fn steps(&self, times: impl Iterator<Item = f64>) -> Vec<FadingStep> {
         let (mut before, mut variance) = (None, self.shared);
         let step = |time: f64| {
             let decay = before.map_or(0.0, |before: f64| (-(time - before).abs() / self.length).exp());
@@ -59,7 +59,7 @@ impl FadingNoise {
             let total = predicted + self.independent;
             let gain = if total > 0.0 { predicted / total } else { 0.0 };
             variance = (1.0 - gain) * predicted;
-            Step { decay, gain, deviation: total.sqrt() }
+            FadingStep { decay, gain, deviation: total.sqrt() }
         };
         times.map(step).collect()
     }
@@ -114,7 +114,7 @@ impl FadingNoise {
 }
 
 /// W times a column, the next of its points; `state` is the shared error after the points before, zero before the first.
-pub(crate) fn whiten(steps: &[Step], column: &mut [f64], state: &mut f64) {
+pub(crate) fn whiten(steps: &[FadingStep], column: &mut [f64], state: &mut f64) {
     for (step, value) in steps.iter().zip(column) {
         let predicted = step.decay * *state;
         let new = *value - predicted;

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::data::require_finite;
 use super::exact::{Expansion, ForCovariances, Prediction, require_points};
-use super::fading_noise::{FadingNoise, Step, whiten};
+use super::fading_noise::{FadingNoise, FadingStep, whiten};
 use super::kernels::{Features, Plan, TILE};
 use super::matrix::{assemble_and_factor, factor, invert_factor};
 use super::{Compute, Covariance, Data, GpError, KernelError};
@@ -60,7 +60,7 @@ impl Evidence {
         plan: &Plan,
         points: &Features<f64>,
         inducing: &Features<f64>,
-        steps: Option<&[Step]>,
+        steps: Option<&[FadingStep]>,
         compute: &Compute,
     ) -> Self {
         let (m, outputs, par) = (inducing.count(), data.outputs(), compute.par());
@@ -154,7 +154,7 @@ impl InducedProcess {
         }
         let plan = Plan::new(&covariance.signal);
         let induced = plan.features(&inducing, inputs);
-        let posterior = Posterior::new(&plan, &induced, products, projection, 1.0, compute)?;
+        let posterior = InducedPosterior::new(&plan, &induced, products, projection, 1.0, compute)?;
         Ok(Self::from_posterior(covariance, inducing, inputs, &posterior, compute))
     }
 
@@ -162,7 +162,7 @@ impl InducedProcess {
         covariance: Covariance,
         inducing: Vec<f64>,
         inputs: usize,
-        posterior: &Posterior,
+        posterior: &InducedPosterior,
         compute: &Compute,
     ) -> Self {
         Self {
@@ -250,7 +250,7 @@ pub(super) struct VarianceParts {
 }
 
 /// What data say of a process through inducing points.
-pub(super) struct Posterior {
+pub(super) struct InducedPosterior {
     /// L, K_uu = L Lᵀ.
     factor: Mat<f64>,
     /// L_B, I + L⁻¹ K_uf R⁻¹ K_fu L⁻ᵀ = L_B L_Bᵀ.
@@ -263,7 +263,7 @@ pub(super) struct Posterior {
     pub fit: f64,
 }
 
-impl Posterior {
+impl InducedPosterior {
     /// - `products`, `projection`: of [`Evidence`]
     /// - `noise`: what R has to be multiplied by
     pub fn new(

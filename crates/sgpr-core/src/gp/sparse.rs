@@ -7,7 +7,8 @@ use rayon::prelude::*;
 
 use super::exact::Prediction;
 use super::induced::{
-    CHUNK, Evidence, InducedProcess, JITTER, Posterior, VarianceParts, cross_covariances, mirror, outputs_of, plan,
+    CHUNK, Evidence, InducedPosterior, InducedProcess, JITTER, VarianceParts, cross_covariances, mirror, outputs_of,
+    plan,
 };
 use super::kernels::{Features, Plan, TILE};
 use super::matrix::inverse_from;
@@ -38,7 +39,7 @@ pub struct SparseGradient {
 /// The bound, and what its gradient and the predictions need.
 struct Solution {
     value: f64,
-    posterior: Posterior,
+    posterior: InducedPosterior,
 }
 
 /// Sum of the squares of y.
@@ -158,7 +159,7 @@ impl<'a> SparseBound<'a> {
     ) -> Result<Solution, GpError> {
         let (m, n) = (inducing.count(), self.data.len() as f64);
         let Evidence { products, projection, .. } = evidence;
-        let posterior = Posterior::new(plan, inducing, products, projection, noise, &self.compute)?;
+        let posterior = InducedPosterior::new(plan, inducing, products, projection, noise, &self.compute)?;
         let fit = squares(evidence) / noise - posterior.fit;
         let log_root: f64 = (0..m).map(|i| posterior.inner_factor[(i, i)].ln()).sum();
         let per_output = n * (std::f64::consts::TAU * noise).ln() + 2.0 * log_root;

@@ -19,7 +19,7 @@ use faer::Mat;
 
 use super::consistency::{Carrier, KnownPayload, bounded_least_squares};
 use super::extended_factor::{ExtendedFactor, own_noise};
-use super::payload::Held;
+use super::payload::PayloadLink;
 use super::{
     BaseParameters, Consistency, Estimate, IdentificationError, JointFactor, LeastSquares, Method, ParameterSet,
     torque_sizes,
@@ -100,7 +100,7 @@ pub fn identify_drive_gains(
     if !known.iter().flatten().any(|value| *value != 0.0) {
         return Err(IdentificationError::UnknownPayload);
     }
-    let problem = Problem { rank: base.rank(), dof: set.dof(), held: Held::new(set, base, *link), known };
+    let problem = GainProblem { rank: base.rank(), dof: set.dof(), held: PayloadLink::new(set, base, *link), known };
     let unknowns = problem.unknowns();
     let solve = |method: Method, extend: &dyn Fn(&JointFactor, bool) -> JointFactor| {
         let without = unloaded.iter().map(|factor| extend(factor, false));
@@ -188,14 +188,14 @@ enum Current {
 }
 
 /// Unknowns: base parameters, payload, gains.
-struct Problem<'a> {
+struct GainProblem<'a> {
     rank: usize,
     dof: usize,
-    held: Held,
+    held: PayloadLink,
     known: &'a KnownPayload,
 }
 
-impl Problem<'_> {
+impl GainProblem<'_> {
     fn unknowns(&self) -> usize {
         self.rank + PARAMETERS_PER_LINK + self.dof
     }

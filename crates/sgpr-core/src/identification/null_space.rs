@@ -37,7 +37,7 @@ pub(super) fn identifiable_rows(robot: &Robot, set: &ParameterSet) -> Vec<Vec<f6
     let mut rows = Vec::new();
     for (index, joint) in robot.joints().iter().enumerate() {
         let before = joint.parent.map_or(&base, |parent| &reached[parent]);
-        let step = Step::new(joint);
+        let step = FrameChange::new(joint);
         let own = step.along_joint();
         let turn = |energy: &Energy| step.turned_energy(energy);
 
@@ -119,7 +119,7 @@ impl Carried<'_> {
         for (index, joint) in self.robot.joints().iter().enumerate().skip(self.link) {
             if index > self.link {
                 let parent = joint.parent.and_then(|parent| of_link[parent]);
-                of_link[index] = parent.map(|energy| Step::new(joint).seen_from_link(&energy));
+                of_link[index] = parent.map(|energy| FrameChange::new(joint).seen_from_link(&energy));
             }
             if let Some(energy) = of_link[index] {
                 row[index * PARAMETERS_PER_LINK..][..PARAMETERS_PER_LINK].copy_from_slice(&energy);
@@ -137,11 +137,11 @@ impl Carried<'_> {
 }
 
 /// From the frame of the link before a joint to that of the link behind it.
-struct Step<'a> {
+struct FrameChange<'a> {
     joint: &'a Joint,
 }
 
-impl<'a> Step<'a> {
+impl<'a> FrameChange<'a> {
     fn new(joint: &'a Joint) -> Self {
         Self { joint }
     }
@@ -302,7 +302,7 @@ mod tests {
             (crate::robot::JointKind::Prismatic, Pose::from_translation(Vector3::new(0.0, 0.0, 1e-6))),
         ] {
             let joint = Joint { kind, axis: Vector3::new(0.0, 0.0, 1.0), ..robot.joints()[0].clone() };
-            let step = Step::new(&joint);
+            let step = FrameChange::new(&joint);
             let (before, after) = (body.standard_parameters(), body.expressed_in(&pose).standard_parameters());
             let difference = (dot(&energy, &after) - dot(&energy, &before)) / 1e-6;
             let derivative = dot(&step.turned_energy(&energy), &before);

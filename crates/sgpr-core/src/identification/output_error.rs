@@ -35,7 +35,7 @@ pub(super) fn estimate(
     correlation: Option<&[f64]>,
 ) -> Result<Estimate, IdentificationError> {
     let least_squares = LeastSquares { method: Method::Wls, correlation: correlation.map(<[f64]>::to_vec) };
-    let mut best: Option<Found> = None;
+    let mut best: Option<SearchEnd> = None;
     for run in starts(equations, &start.values, nominal)? {
         let found = search(equations, &least_squares, run, nominal)?;
         let settled = found.step < SETTLED;
@@ -46,7 +46,7 @@ pub(super) fn estimate(
             break;
         }
     }
-    let Found { mut estimate, step, .. } = best.expect("one start at least");
+    let SearchEnd { mut estimate, step, .. } = best.expect("one start at least");
     if step >= SETTLED {
         estimate.notes.push(format!(
             "simulation and least squares do not agree: least squares on the simulated motion would move the parameters by \
@@ -58,7 +58,7 @@ pub(super) fn estimate(
 }
 
 /// Where a search ended.
-struct Found {
+struct SearchEnd {
     estimate: Estimate,
     /// Step that least squares would take from there, in its largest standard deviation.
     step: f64,
@@ -71,18 +71,18 @@ fn search(
     least_squares: &LeastSquares,
     mut run: Run,
     nominal: &[f64],
-) -> Result<Found, IdentificationError> {
+) -> Result<SearchEnd, IdentificationError> {
     let mut iteration = 1;
     loop {
         let next = least_squares.solve(&run.factors, equations.base(), nominal)?;
         let next = Estimate { iterations: iteration, ..next };
         let (step, misfit) = (length_of_step(&run.values, &next), run.misfit);
         if step < SMALL_STEP {
-            return Ok(Found { estimate: next, step, misfit });
+            return Ok(SearchEnd { estimate: next, step, misfit });
         }
         match run_toward(equations, &run, &next.values)? {
             Some(better) if iteration < MOST_ITERATIONS => run = better,
-            _ => return Ok(Found { estimate: Estimate { values: run.values, ..next }, step, misfit }),
+            _ => return Ok(SearchEnd { estimate: Estimate { values: run.values, ..next }, step, misfit }),
         }
         iteration += 1;
     }

@@ -76,7 +76,7 @@ pub fn identify_payload(
 ) -> Result<Payload, IdentificationError> {
     assert!(options.link < set.dof(), "a link of the robot");
     let rank = base.rank();
-    let held = Held::new(set, base, options.link);
+    let held = PayloadLink::new(set, base, options.link);
     let changes: Vec<usize> = if options.friction_may_change {
         (0..rank)
             .filter(|&k| base.independent()[k] >= set.inertial() && !is_rotor(set, base.independent()[k]))
@@ -123,13 +123,13 @@ fn is_rotor(set: &ParameterSet, parameter: usize) -> bool {
 }
 
 /// How the parameters of one link enter the base parameters.
-pub(super) struct Held {
+pub(super) struct PayloadLink {
     matrix: Vec<f64>,
     width: usize,
     first: usize,
 }
 
-impl Held {
+impl PayloadLink {
     pub fn new(set: &ParameterSet, base: &BaseParameters, link: usize) -> Self {
         Self { matrix: base.matrix(), width: set.len(), first: link * PARAMETERS_PER_LINK }
     }

@@ -28,7 +28,7 @@ pub(super) struct Task<'a> {
 }
 
 /// An estimate, and what the user should know of it.
-pub(super) struct Found {
+pub(super) struct HeldEstimate {
     pub estimate: Estimate,
     /// None if the logs are rich: the estimate is bare.
     pub held: Option<Held>,
@@ -83,7 +83,7 @@ impl Task<'_> {
         (prior, width): (ParameterPrior, PriorWidth),
         correlation: &[f64],
         keeping: bool,
-    ) -> Result<Found, IdentificationError> {
+    ) -> Result<HeldEstimate, IdentificationError> {
         let mut held = self.solve(method, equations, (&prior, width), correlation)?;
         let mut notes = Vec::new();
         if width == PriorWidth::Chosen {
@@ -94,7 +94,7 @@ impl Task<'_> {
                 if let Some(bare) = bare.filter(|bare| self.knows_more_than_file(&bare.covariance, &flat)) {
                     let (bare, refused) = without_negative(bare, flat.friction());
                     notes.extend(self.refused_note(&refused));
-                    return Ok(Found { estimate: bare, held: None, dispersion: Dispersion::NONE, notes });
+                    return Ok(HeldEstimate { estimate: bare, held: None, dispersion: Dispersion::NONE, notes });
                 }
                 if saved.is_worse() {
                     let wide = flat.with_relative_deviation(WIDE).with_effect_scale(1.0);
@@ -122,7 +122,7 @@ impl Task<'_> {
         notes.extend(self.refused_note(&held.refused));
         notes.extend(self.held_note(&held));
         let dispersion = self.dispersion(&held);
-        Ok(Found { estimate: held.estimate.clone(), held: Some(held), dispersion, notes })
+        Ok(HeldEstimate { estimate: held.estimate.clone(), held: Some(held), dispersion, notes })
     }
 
     /// The estimate without prior; none if there are fewer rows than parameters.

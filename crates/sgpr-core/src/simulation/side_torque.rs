@@ -62,7 +62,7 @@ pub fn drives_from_parameters(set: &ParameterSet, parameters: &[f64]) -> (Vec<Dr
 
 /// Effects of a model at single sites, each carrying its hidden state from step to step.
 #[derive(Debug)]
-struct Terms {
+struct SteppedTerms {
     /// Without the terms.
     model: TorqueModel,
     terms: TermSteps,
@@ -75,7 +75,7 @@ struct Terms {
     temperature: Vec<f64>,
 }
 
-impl Terms {
+impl SteppedTerms {
     fn new(model: &TorqueModel, terms: &[Term]) -> Self {
         let n = model.robot().dof();
         Self {
@@ -127,7 +127,7 @@ impl Terms {
 /// Of the inertia at a joint: what an explicit torque may have of an inertia itself.
 const LARGEST_SHARE: f64 = 0.5;
 
-impl SideTorque for Terms {
+impl SideTorque for SteppedTerms {
     fn add(&mut self, time: f64, step: f64, q: &[f64], dq: &[f64], ddq: &[f64], tau: &mut [f64]) {
         self.add_torque(time, 1.0 / step, &JointState { q, dq, ddq }, tau);
     }
@@ -160,7 +160,7 @@ pub fn drives_from_model(model: &TorqueModel) -> Result<DrivesAndSideTorques, Si
                 continue;
             }
         }
-        let mut alone = Terms::new(model, std::slice::from_ref(term));
+        let mut alone = SteppedTerms::new(model, std::slice::from_ref(term));
         if (0..drives.len()).any(|joint| alone.overshoots(joint)) {
             let reason = "it follows the acceleration as an inertia does; give the arm that inertia instead";
             return Err(SimulationError::Effect { name: term.effect.name().into(), reason });
@@ -168,7 +168,7 @@ pub fn drives_from_model(model: &TorqueModel) -> Result<DrivesAndSideTorques, Si
         terms.push(term.clone());
     }
     if !terms.is_empty() {
-        side.push(Box::new(Terms::new(model, &terms)));
+        side.push(Box::new(SteppedTerms::new(model, &terms)));
     }
     Ok((drives, side))
 }

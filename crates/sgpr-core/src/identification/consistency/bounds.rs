@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::program::{Affine, Program};
+use super::program::{Affine, ConicProgram};
 use crate::identification::{BaseParameters, ParameterClass, ParameterSet};
 use crate::robot::{Joint, Robot};
 use crate::spatial::PARAMETERS_PER_LINK;
@@ -82,32 +82,32 @@ pub(super) struct Bound {
     pub name: String,
     /// Whether the user set it; others are physics.
     pub given: bool,
-    rows: Rows,
+    rows: BoundRows,
 }
 
 #[derive(Clone, Debug)]
-enum Rows {
+enum BoundRows {
     NonNegative(Vec<Affine>),
     Ball(Vec<Affine>),
 }
 
 impl Bound {
     fn linear(name: String, rows: Vec<Affine>) -> Self {
-        Self { name, given: true, rows: Rows::NonNegative(rows) }
+        Self { name, given: true, rows: BoundRows::NonNegative(rows) }
     }
 
-    pub fn require(&self, program: &mut Program) {
+    pub fn require(&self, program: &mut ConicProgram) {
         match &self.rows {
-            Rows::NonNegative(rows) => program.require_non_negative(rows.clone()),
-            Rows::Ball(rows) => program.require_in_ball(rows.clone()),
+            BoundRows::NonNegative(rows) => program.require_non_negative(rows.clone()),
+            BoundRows::Ball(rows) => program.require_in_ball(rows.clone()),
         }
     }
 
     /// How far inside a point is, in the unit of the rows, which are scaled to order one.
     pub fn margin(&self, x: &[f64]) -> f64 {
         match &self.rows {
-            Rows::NonNegative(rows) => rows.iter().map(|row| row.value(x)).fold(f64::INFINITY, f64::min),
-            Rows::Ball(rows) => {
+            BoundRows::NonNegative(rows) => rows.iter().map(|row| row.value(x)).fold(f64::INFINITY, f64::min),
+            BoundRows::Ball(rows) => {
                 let distance: f64 = rows[1..].iter().map(|row| row.value(x).powi(2)).sum();
                 rows[0].value(x) - distance.sqrt()
             }
@@ -270,7 +270,7 @@ impl Region {
                 }
                 let [x, y, z] = centre;
                 let name = format!("{name} in the ellipsoid around ({x}, {y}, {z}) m");
-                bounds.push(Bound { name, given: true, rows: Rows::Ball(rows) });
+                bounds.push(Bound { name, given: true, rows: BoundRows::Ball(rows) });
             }
         }
         Ok(bounds)

@@ -3,7 +3,7 @@
 use faer::Mat;
 
 use super::bounds::{self, BadBound};
-use super::program::{Affine, Outcome, Program, Status};
+use super::program::{Affine, ConicOutcome, ConicProgram, ConicStatus};
 use super::{Consistency, Prior, explain, require_body};
 use crate::identification::parameter_scales::{LINK_SIZE, LinkSize, nominal_links, parameter_scales};
 use crate::identification::{BaseParameters, IdentificationError, ParameterSet};
@@ -69,7 +69,7 @@ impl Carrier<'_> {
             .map_err(|BadBound { bound, reason }| IdentificationError::BadBound { bound, reason })?;
         let gain_scale = column_scales(system, rank + PARAMETERS_PER_LINK..rank + PARAMETERS_PER_LINK + dof);
 
-        let mut program = Program::default();
+        let mut program = ConicProgram::default();
         program.variables(width);
         let payload = program.variables(PARAMETERS_PER_LINK);
         let gains = program.variables(dof);
@@ -103,11 +103,11 @@ impl Carrier<'_> {
         for (k, bound) in lowest.iter().enumerate() {
             program.require_non_negative(vec![Affine::variable(gains + k, 1.0).plus(-bound / gain_scale[k])]);
         }
-        let Outcome { x, status, .. } = program.solve();
+        let ConicOutcome { x, status, .. } = program.solve();
         match status {
-            Status::Solved => {}
-            Status::Infeasible => return Err(explain(dof, width, &limits)),
-            Status::Failed(reason) => return Err(IdentificationError::Unsolved { reason }),
+            ConicStatus::Solved => {}
+            ConicStatus::Infeasible => return Err(explain(dof, width, &limits)),
+            ConicStatus::Failed(reason) => return Err(IdentificationError::Unsolved { reason }),
         }
         let standard: Vec<f64> = x.iter().zip(&scale).map(|(x, scale)| x * scale).collect();
         let mut found = base.combine(&standard);
@@ -127,7 +127,7 @@ pub(in crate::identification) fn bounded_least_squares(
 ) -> Result<Vec<f64>, IdentificationError> {
     let unknowns = system.ncols() - 1;
     let scale = column_scales(system, 0..unknowns);
-    let mut program = Program::default();
+    let mut program = ConicProgram::default();
     program.variables(unknowns);
     let residual = program.variables(unknowns);
     let rows = (0..unknowns).map(|i| {
@@ -142,9 +142,9 @@ pub(in crate::identification) fn bounded_least_squares(
     }
     let outcome = program.solve();
     match outcome.status {
-        Status::Solved => Ok(outcome.x[..unknowns].iter().zip(&scale).map(|(x, scale)| x * scale).collect()),
-        Status::Infeasible => Err(IdentificationError::Unsolved { reason: "bounds without a point".into() }),
-        Status::Failed(reason) => Err(IdentificationError::Unsolved { reason }),
+        ConicStatus::Solved => Ok(outcome.x[..unknowns].iter().zip(&scale).map(|(x, scale)| x * scale).collect()),
+        ConicStatus::Infeasible => Err(IdentificationError::Unsolved { reason: "bounds without a point".into() }),
+        ConicStatus::Failed(reason) => Err(IdentificationError::Unsolved { reason }),
     }
 }
 

@@ -39,7 +39,7 @@ use crate::linalg::symmetric_eigen;
 use crate::robot::Robot;
 use crate::spatial::{LinkInertia, PARAMETERS_PER_LINK, Vector3};
 use bounds::{BadBound, Bound};
-use program::{Affine, Outcome, Program, Status};
+use program::{Affine, ConicOutcome, ConicProgram, ConicStatus};
 
 /// What makes parameters consistent, beside physics.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -238,8 +238,8 @@ impl<'a> Task<'a> {
     }
 
     /// The program, all limits in it but `without`, and what had to be mended for the pull.
-    fn program(&self, prior: Prior, without: &[Limit]) -> (Program, Vec<String>) {
-        let mut program = Program::default();
+    fn program(&self, prior: Prior, without: &[Limit]) -> (ConicProgram, Vec<String>) {
+        let mut program = ConicProgram::default();
         let x = program.variables(self.set.len());
         debug_assert_eq!(x, 0, "parameters come first");
         add_data(&mut program, self.base, &self.whitened, &self.scale);
@@ -259,11 +259,11 @@ impl<'a> Task<'a> {
     fn attempt(&self, prior: Prior) -> Result<ConsistentParameters, IdentificationError> {
         let Self { robot, set, bounds, .. } = self;
         let (program, notes) = self.program(prior, &[]);
-        let Outcome { x, status, iterations, seconds } = program.solve();
+        let ConicOutcome { x, status, iterations, seconds } = program.solve();
         match status {
-            Status::Solved => {}
-            Status::Infeasible => return Err(explain(robot.dof(), set.len(), bounds)),
-            Status::Failed(reason) => {
+            ConicStatus::Solved => {}
+            ConicStatus::Infeasible => return Err(explain(robot.dof(), set.len(), bounds)),
+            ConicStatus::Failed(reason) => {
                 // Limits without a common interior stop the solver before it has a proof.
                 let conflict = smallest_conflict(robot.dof(), set.len(), bounds);
                 return Err(conflict.map_or(IdentificationError::Unsolved { reason }, |limits| {
@@ -305,7 +305,7 @@ impl Prior {
     /// mended for it.
     fn add_to(
         &self,
-        program: &mut Program,
+        program: &mut ConicProgram,
         robot: &Robot,
         set: &ParameterSet,
         nominal: &[f64],
@@ -360,7 +360,7 @@ pub(super) fn nearest_body(
     });
     let (values, vectors) = symmetric_eigen(spread.as_ref());
     let largest = values[PARAMETERS_PER_LINK - 1];
-    let mut program = Program::default();
+    let mut program = ConicProgram::default();
     program.variables(PARAMETERS_PER_LINK);
     let residual = program.variables(PARAMETERS_PER_LINK);
     let rows = (0..PARAMETERS_PER_LINK).map(|k| {
@@ -378,9 +378,9 @@ pub(super) fn nearest_body(
     require_body(&mut program, 0);
     let outcome = program.solve();
     match outcome.status {
-        Status::Solved => Ok(std::array::from_fn(|k| outcome.x[k] * scale[k])),
-        Status::Infeasible => Err(IdentificationError::Unsolved { reason: "no body".into() }),
-        Status::Failed(reason) => Err(IdentificationError::Unsolved { reason }),
+        ConicStatus::Solved => Ok(std::array::from_fn(|k| outcome.x[k] * scale[k])),
+        ConicStatus::Infeasible => Err(IdentificationError::Unsolved { reason: "no body".into() }),
+        ConicStatus::Failed(reason) => Err(IdentificationError::Unsolved { reason }),
     }
 }
 
@@ -393,7 +393,7 @@ fn resolved(whitened: &Mat<f64>) -> Mat<f64> {
 }
 
 /// 1/2 |R B x - rho|²: in extra variables for the residual, because squaring R would square its condition number.
-fn add_data(program: &mut Program, base: &BaseParameters, whitened: &Mat<f64>, scale: &[f64]) {
+fn add_data(program: &mut ConicProgram, base: &BaseParameters, whitened: &Mat<f64>, scale: &[f64]) {
     let rank = base.rank();
     let combination = base.matrix();
     let width = scale.len();
@@ -421,7 +421,7 @@ fn added_residual(whitened: &Mat<f64>, base: &[f64]) -> f64 {
 }
 
 /// The pseudo-inertia of the ten scaled variables from `first` on is definite.
-fn require_body(program: &mut Program, first: usize) {
+fn require_body(program: &mut ConicProgram, first: usize) {
     program.require_semidefinite(4, |row, column| {
         let margin = if row == column { -MARGIN } else { 0.0 };
         pseudo_inertia_entry(first, row, column).plus(margin)
@@ -432,7 +432,7 @@ fn require_body(program: &mut Program, first: usize) {
 /// with Z lower triangular.
 ///
 /// Source: MOSEK Modeling Cookbook, section 6.2.3, log-determinant.
-fn add_divergence(program: &mut Program, first: usize, nominal: &nalgebra::Matrix4<f64>, weight: f64) {
+fn add_divergence(program: &mut ConicProgram, first: usize, nominal: &nalgebra::Matrix4<f64>, weight: f64) {
     let inverse = nominal.try_inverse().expect("a definite matrix");
     for column in 0..4 {
         for row in 0..4 {
@@ -529,14 +529,14 @@ fn explain(links: usize, width: usize, bounds: &[Bound]) -> IdentificationError 
 /// Computing 3(2) (1991), deletion filter.
 fn smallest_conflict(links: usize, width: usize, bounds: &[Bound]) -> Option<Vec<String>> {
     let contradict = |bounds: &[&Bound]| {
-        let mut program = Program::default();
+        let mut program = ConicProgram::default();
         program.variables(width);
         (0..links).for_each(|link| require_body(&mut program, link * PARAMETERS_PER_LINK));
         bounds.iter().for_each(|bound| bound.require(&mut program));
         // Of all points that keep the limits the nearest to the origin: the program has one solution.
         (0..width).for_each(|variable| program.add_square(variable, 0.0, 1e-3));
         let outcome = program.solve();
-        outcome.status != Status::Solved || bounds.iter().any(|bound| bound.margin(&outcome.x) < -1e-5)
+        outcome.status != ConicStatus::Solved || bounds.iter().any(|bound| bound.margin(&outcome.x) < -1e-5)
     };
     let mut kept: Vec<&Bound> = bounds.iter().collect();
     if !contradict(&kept) {

@@ -6,7 +6,7 @@
 use faer::Mat;
 use serde::{Deserialize, Serialize};
 
-use super::program::Status;
+use super::program::ConicStatus;
 use super::{ACTIVE, Consistency, Distance, Limit, MARGIN, Prior, Task, added_residual};
 use crate::identification::parameter_scales::nominal_links;
 use crate::identification::{BaseParameters, IdentificationError, ParameterSet};
@@ -117,7 +117,7 @@ impl Task<'_> {
         let outcome = self.program(prior, without).0.solve();
         let base = self.base.combine(&self.parameters(&outcome.x));
         let added = added_residual(&self.whitened, &base).powi(2) * base.len() as f64;
-        (outcome.status == Status::Solved).then_some(Relaxed { x: outcome.x, added })
+        (outcome.status == ConicStatus::Solved).then_some(Relaxed { x: outcome.x, added })
     }
 
     /// Limits at which a point lies.

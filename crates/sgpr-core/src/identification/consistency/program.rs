@@ -53,7 +53,7 @@ const WORTHLESS: f64 = 1e-2;
 
 /// Minimise 1/2 sum of curvature x² + slope x under conic constraints.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Program {
+pub(super) struct ConicProgram {
     curvature: Vec<f64>,
     slope: Vec<f64>,
     rows: Vec<Affine>,
@@ -62,15 +62,15 @@ pub(super) struct Program {
 
 /// How a program ended.
 #[derive(Clone, Debug)]
-pub(super) struct Outcome {
+pub(super) struct ConicOutcome {
     pub x: Vec<f64>,
-    pub status: Status,
+    pub status: ConicStatus,
     pub iterations: u32,
     pub seconds: f64,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Status {
+pub(super) enum ConicStatus {
     /// To full or slightly reduced accuracy.
     Solved,
     Infeasible,
@@ -78,7 +78,7 @@ pub(super) enum Status {
     Failed(String),
 }
 
-impl Program {
+impl ConicProgram {
     /// New variables; the index of the first.
     pub fn variables(&mut self, count: usize) -> usize {
         let first = self.slope.len();
@@ -143,7 +143,7 @@ impl Program {
     ///
     /// Source: P. J. Goulart, Y. Chen, Clarabel: An interior-point solver for conic programs with quadratic objectives
     /// (2024), arXiv:2405.12762.
-    pub fn solve(&self) -> Outcome {
+    pub fn solve(&self) -> ConicOutcome {
         let n = self.slope.len();
         let diagonal = self.curvature.iter().enumerate().filter(|(_, weight)| **weight != 0.0);
         let diagonal: Vec<(usize, f64)> = diagonal.map(|(k, weight)| (k, *weight)).collect();
@@ -179,11 +179,11 @@ impl Program {
         solver.solve();
         let solution = &solver.solution;
         let status = match solution.status {
-            SolverStatus::Solved | SolverStatus::AlmostSolved => Status::Solved,
-            SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => Status::Infeasible,
-            other => Status::Failed(format!("{other:?}")),
+            SolverStatus::Solved | SolverStatus::AlmostSolved => ConicStatus::Solved,
+            SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => ConicStatus::Infeasible,
+            other => ConicStatus::Failed(format!("{other:?}")),
         };
-        Outcome { x: solution.x.clone(), status, iterations: solution.iterations, seconds: solution.solve_time }
+        ConicOutcome { x: solution.x.clone(), status, iterations: solution.iterations, seconds: solution.solve_time }
     }
 }
 
@@ -196,7 +196,7 @@ mod tests {
         // Higham (1988): in the Frobenius norm it is the matrix with negative eigenvalues set to zero.
         let matrix =
             nalgebra::Matrix4::new(2.0, -1.0, 0.5, 3.0, -1.0, 0.3, 0.2, -0.4, 0.5, 0.2, -1.0, 0.1, 3.0, -0.4, 0.1, 1.0);
-        let mut program = Program::default();
+        let mut program = ConicProgram::default();
         let first = program.variables(10);
         let index = |row: usize, column: usize| first + column * (column + 1) / 2 + row;
         for column in 0..4 {
@@ -207,7 +207,7 @@ mod tests {
         }
         program.require_semidefinite(4, |row, column| Affine::variable(index(row, column), 1.0));
         let outcome = program.solve();
-        assert_eq!(outcome.status, Status::Solved);
+        assert_eq!(outcome.status, ConicStatus::Solved);
         let eigen = matrix.symmetric_eigen();
         let expected = eigen.eigenvectors
             * nalgebra::Matrix4::from_diagonal(&eigen.eigenvalues.map(|value| value.max(0.0)))
@@ -221,21 +221,21 @@ mod tests {
 
     #[test]
     fn a_program_without_a_point_is_infeasible() {
-        let mut program = Program::default();
+        let mut program = ConicProgram::default();
         let x = program.variables(1);
         program.require_non_negative(vec![Affine::variable(x, 1.0).plus(-2.0), Affine::variable(x, -1.0).plus(1.0)]);
-        assert_eq!(program.solve().status, Status::Infeasible);
+        assert_eq!(program.solve().status, ConicStatus::Infeasible);
     }
 
     #[test]
     fn logarithms_bound_from_above() {
         // max t - x with t <= ln x: at x = 1, where the objective is flat: a gap of 1e-8 is 1e-4 in x.
-        let mut program = Program::default();
+        let mut program = ConicProgram::default();
         let x = program.variables(2);
         program.add_cost(&Affine::variable(x, 1.0).and(Affine::variable(x + 1, -1.0)));
         program.require_below_log(Affine::variable(x + 1, 1.0), Affine::variable(x, 1.0));
         let outcome = program.solve();
-        assert_eq!(outcome.status, Status::Solved);
+        assert_eq!(outcome.status, ConicStatus::Solved);
         assert!((outcome.x[0] - 1.0).abs() < 3e-4 && outcome.x[1].abs() < 3e-4, "{:?}", outcome.x);
     }
 }

@@ -27,7 +27,7 @@ fn the_divergence_is_that_of_its_definition() {
     let pull =
         nalgebra::Matrix4::new(0.4, 0.1, 0.0, 0.05, 0.1, 0.7, -0.2, 0.0, 0.0, -0.2, 0.5, 0.1, 0.05, 0.0, 0.1, 0.3);
     let weight = 0.7;
-    let mut program = Program::default();
+    let mut program = ConicProgram::default();
     program.variables(10);
     for row in 0..4 {
         for column in 0..4 {
@@ -37,7 +37,7 @@ fn the_divergence_is_that_of_its_definition() {
     }
     add_divergence(&mut program, 0, &nominal, weight);
     let outcome = program.solve();
-    assert_eq!(outcome.status, Status::Solved);
+    assert_eq!(outcome.status, ConicStatus::Solved);
     let expected = (nominal.try_inverse().expect("definite") + pull / weight).try_inverse().expect("definite");
     for (a, b) in outcome.x.iter().zip(parameters_of(&expected)) {
         // The divergence is flat at its minimum: a gap of 1e-8 is 1e-4 in the parameters.

@@ -352,16 +352,16 @@ fn wrong_torques(
     for _ in 0..joints.len() {
         let now = residual(&stack(&factors, rank, &noise));
         let rows = total_rows(&factors);
-        let wrong = |candidate: &Candidate| {
-            let Candidate { joint, factor, deviation, residual: after } = *candidate;
+        let wrong = |candidate: &ScaledTorque| {
+            let ScaledTorque { joint, factor, deviation, residual: after } = *candidate;
             let suspicious = !(0.6..1.7).contains(&factor) && !corrected[joint];
             // A joint whose torque may as well be zero agrees with everything.
             let known = factor.abs() > 10.0 * deviation * (after / rows).sqrt();
             suspicious && known && now > BETTER * after
         };
-        let candidates = (0..joints.len()).map(|joint| Candidate::new(joint, &factors, &noise, rank)).filter(wrong);
+        let candidates = (0..joints.len()).map(|joint| ScaledTorque::new(joint, &factors, &noise, rank)).filter(wrong);
         let Some(best) = candidates.min_by(|a, b| a.residual.total_cmp(&b.residual)) else { break };
-        let Candidate { joint, factor, .. } = best;
+        let ScaledTorque { joint, factor, .. } = best;
         corrected[joint] = true;
         correct(joint, if (-1.7..-0.6).contains(&factor) { -1.0 } else { factor }, &mut factors, &mut noise);
     }
@@ -451,14 +451,14 @@ fn surest_friction(set: &ParameterSet, base: &BaseParameters, factor: &JointFact
 }
 
 /// A factor on one joint's torque.
-struct Candidate {
+struct ScaledTorque {
     joint: usize,
     factor: f64,
     deviation: f64,
     residual: f64,
 }
 
-impl Candidate {
+impl ScaledTorque {
     fn new(joint: usize, factors: &[JointFactor], noise: &[f64], rank: usize) -> Self {
         let extended: Vec<JointFactor> = factors.iter().map(|factor| with_free_torque(factor, joint, rank)).collect();
         let mut noise = noise.to_vec();
@@ -508,7 +508,7 @@ fn wrong_gain(base: &BaseParameters, joints: &[String], factors: &[JointFactor],
     let rows = total_rows(factors);
     let variance = unit.powi(2).max(1.0) / rows;
     let found = (0..joints.len()).filter_map(|joint| {
-        let gain = Gain::search(&mut |logarithm| with_gain(joint, logarithm, factors, &noise, base.rank()))?;
+        let gain = GainCurve::search(&mut |logarithm| with_gain(joint, logarithm, factors, &noise, base.rank()))?;
         let deviation = (2.0 * variance * gain.residual / gain.curvature).sqrt();
         let certain = gain.logarithm.abs() > WRONG.ln() && gain.logarithm.abs() > SURE * deviation;
         // Joints that contradict each other afterwards, too, have something else, such as springs.
@@ -532,13 +532,13 @@ fn with_gain(joint: usize, logarithm: f64, factors: &[JointFactor], noise: &[f64
 
 /// The least of a squared residual over the logarithm of a gain.
 #[derive(Clone, Copy, Debug)]
-struct Gain {
+struct GainCurve {
     logarithm: f64,
     residual: f64,
     curvature: f64,
 }
 
-impl Gain {
+impl GainCurve {
     /// None close to one, and if the residual falls without end.
     fn search(residual: &mut impl FnMut(f64) -> f64) -> Option<Self> {
         const STEP: f64 = 0.4;

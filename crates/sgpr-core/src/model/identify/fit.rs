@@ -4,7 +4,7 @@ use faer::Mat;
 
 use super::notes::{cost_note, cross_validation_note, dearest_joint, describe, dispersed, essential_note};
 use super::references::{instruments, loops};
-use super::{Given, IdentifyError, IdentifyOptions, Outcome, Start, Uncertainty};
+use super::{FitOutcome, Given, IdentifyError, IdentifyOptions, Start, Uncertainty};
 use crate::identification::{
     BaseParameters, Consistency, ConsistentParameters, Costs, Dispersion, Equations, Essential, Estimate, Finding,
     Forecast, Held, IdentificationError, JointFactor, KeptOut, LeastSquares, LeftOut, Method, Observation,
@@ -37,7 +37,7 @@ pub(super) fn fit(
     processing: &Processing,
     given: Given,
     progress: &dyn Progress,
-) -> Result<(TorqueModel, Outcome), IdentifyError> {
+) -> Result<(TorqueModel, FitOutcome), IdentifyError> {
     let (of_state, others) = variable_projection::split(robot, &options.effects)?;
     let set = ParameterSet::new(robot, &of_state)?;
     let mut start = match options.start {
@@ -87,7 +87,7 @@ pub(super) fn fit(
     let span = |recording: &Recording| Some([*recording.time().first()?, *recording.time().last()?]);
     model.provenance.spans = recordings.iter().filter_map(span).collect();
     let Estimated { estimate, forecast, notes, .. } = found;
-    Ok((model, Outcome { estimate, essential, forecast, notes, findings }))
+    Ok((model, FitOutcome { estimate, essential, forecast, notes, findings }))
 }
 
 fn require_one_arm(options: &IdentifyOptions) -> Result<(), IdentifyError> {
@@ -189,8 +189,8 @@ impl Setup<'_> {
         let Observed { factors, parts, correlation } = data;
         let motions = &self.experiment.motions;
         let task = held::Task { robot: self.robot, set: self.set, base: self.base, factors, parts, motions };
-        let held::Found { mut estimate, held, dispersion, mut notes } = match prior {
-            None => held::Found {
+        let held::HeldEstimate { mut estimate, held, dispersion, mut notes } = match prior {
+            None => held::HeldEstimate {
                 estimate: estimate(&options.method, equations, factors, &self.nominal, Some(correlation))?,
                 held: None,
                 dispersion: Dispersion::NONE,

@@ -146,7 +146,7 @@ pub fn identify(
     let recordings = select_joints(robot, recordings)?;
     require_torque(robot, &recordings)?;
     let (processing, cutoff_choices) = Processing::choose(&recordings, &options.conditioning)?;
-    let (model, Outcome { estimate, essential, forecast, notes, mut findings }) =
+    let (model, FitOutcome { estimate, essential, forecast, notes, mut findings }) =
         fit::fit(robot, &recordings, options, &processing, Given::default(), progress)?;
     findings.extend(beyond_limits(robot, &recordings));
     let found = findings.iter().map(ToString::to_string);
@@ -202,7 +202,7 @@ pub(crate) struct Given {
 }
 
 /// What a fit gives beside the model.
-struct Outcome {
+struct FitOutcome {
     estimate: Estimate,
     essential: Option<Essential>,
     forecast: Option<Forecast>,

@@ -2,28 +2,28 @@
 
 use faer::Mat;
 
-use super::process::{Process, Sparse, Terms};
-use super::rows::{LeftOut, Rows, SHORTEST_MEMORY, longest_memory};
+use super::process::{Process, ProcessTerms, Sparse};
+use super::rows::{LeftOutRows, ResidualRows, SHORTEST_MEMORY, longest_memory};
 use crate::gp::{Compute, Covariance, Data, Evidence, FadingNoise, GaussianProcess, GpError, Kernel, Shape};
 
 /// A process that has seen all rows.
 #[derive(Clone, Debug)]
 pub(super) struct SeenByAll {
     pub process: Process,
-    /// Error and variance of every row, as [`super::rest::errors_left_out`].
+    /// Error and variance of every row, as [`super::joint_process::errors_left_out`].
     pub errors: Vec<(f64, f64)>,
-    pub evidence: Parts,
+    pub evidence: EvidenceParts,
 }
 
 /// What each part of the logs says, of the residual, of what physics without each part leaves over, and of the derivatives by the
 /// linear parameters if these are estimated together with the processes.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Parts {
+pub(super) struct EvidenceParts {
     of_parts: Vec<Evidence>,
     unknowns: usize,
 }
 
-impl Parts {
+impl EvidenceParts {
     /// What all parts say but one, or all if none is left out.
     pub fn without(&self, left_out: Option<usize>) -> Evidence {
         let first = &self.of_parts[0];
@@ -33,14 +33,14 @@ impl Parts {
         sum
     }
 
-    /// The linear terms of [`Parts::without`].
-    pub fn terms(&self, evidence: &Evidence) -> Terms {
+    /// The linear terms of [`EvidenceParts::without`].
+    pub fn terms(&self, evidence: &Evidence) -> ProcessTerms {
         let unknowns = self.unknowns;
         let first = evidence.projection.ncols() - unknowns;
         let information = evidence.squares.as_ref().submatrix(first, first, unknowns, unknowns).to_owned();
         let with_y = evidence.squares.as_ref().submatrix(first, 0, unknowns, 1).to_owned();
         let matrix = evidence.projection.as_ref().subcols(first, unknowns).to_owned();
-        Terms { matrix, of_rows: Some((information, with_y)) }
+        ProcessTerms { matrix, of_rows: Some((information, with_y)) }
     }
 }
 
@@ -55,8 +55,8 @@ pub(super) fn see_all(
     gp: &GaussianProcess,
     points: &[usize],
     inducing: &[f64],
-    rows: &Rows,
-    left_out: &[LeftOut],
+    rows: &ResidualRows,
+    left_out: &[LeftOutRows],
     compute: &Compute,
 ) -> Result<Option<SeenByAll>, GpError> {
     let width = gp.data().inputs();
@@ -74,7 +74,7 @@ pub(super) fn see_all(
         let terms = rows.terms.iter().flat_map(move |terms| (0..unknowns).map(move |k| terms[(row, k)]));
         residuals.chain(terms)
     };
-    let evidence_of = |part: &LeftOut| {
+    let evidence_of = |part: &LeftOutRows| {
         if part.part.is_empty() {
             return Ok(Evidence::none(m, columns + unknowns));
         }
@@ -83,7 +83,7 @@ pub(super) fn see_all(
         Evidence::new(&data, &covariance, inducing, compute)
     };
     let of_parts = left_out.iter().map(evidence_of).collect::<Result<Vec<_>, GpError>>()?;
-    let evidence = Parts { of_parts, unknowns };
+    let evidence = EvidenceParts { of_parts, unknowns };
 
     let all = evidence.without(None);
     let projection = all.projection.as_ref().subcols(0, 1).to_owned();
@@ -107,7 +107,7 @@ pub(super) fn see_all(
 fn with_errors_of(
     gp: &GaussianProcess,
     others: &[usize],
-    rows: &Rows,
+    rows: &ResidualRows,
     longest_memory: f64,
 ) -> Result<Option<Covariance>, GpError> {
     let width = gp.data().inputs();

@@ -8,9 +8,9 @@ use super::super::IdentifyError;
 use super::super::compare::LogResidual;
 use super::super::{Rigid, Trajectory};
 use super::TorqueModel;
-use super::process::{Process, Terms};
-use super::rest::Rest;
-use super::rows::Rows;
+use super::joint_process::JointProcess;
+use super::process::{Process, ProcessTerms};
+use super::rows::ResidualRows;
 use crate::dynamics::{BatchWorkspace, Samples, regressor_batch};
 use crate::effects::{JointState, Reach};
 use crate::gp::{GpPredictor, Precision};
@@ -20,7 +20,7 @@ use crate::spatial::PARAMETERS_PER_LINK;
 
 /// What predictions need to know of the estimate of the linear parameters.
 #[derive(Clone, Debug)]
-pub(super) struct Basis {
+pub(super) struct ParameterBasis {
     /// Covariance of the parameters.
     pub covariance: Mat<f64>,
     /// Rows of their regressor, in the band of the model, at the points of each joint's process; projected on them if they
@@ -30,8 +30,8 @@ pub(super) struct Basis {
     weights: Vec<Vec<Vec<f64>>>,
 }
 
-impl Basis {
-    pub fn new(covariance: Mat<f64>, rows: Vec<Option<Mat<f64>>>, joints: &[Rest]) -> Self {
+impl ParameterBasis {
+    pub fn new(covariance: Mat<f64>, rows: Vec<Option<Mat<f64>>>, joints: &[JointProcess]) -> Self {
         let weights = rows.iter().zip(joints).map(|(rows, rest)| match (rows, &rest.gp) {
             (Some(rows), Some(gp)) => {
                 let solved = gp.solve(rows);
@@ -67,7 +67,7 @@ impl Basis {
     }
 
     /// k(x, X) K⁻¹ W of each joint whose process was estimated together with the parameters, one sample after the other.
-    pub fn explained(&self, joints: &[Rest]) -> Vec<Option<GpPredictor>> {
+    pub fn explained(&self, joints: &[JointProcess]) -> Vec<Option<GpPredictor>> {
         let explained = joints.iter().zip(self.weights.iter().zip(&self.rows)).map(|(rest, (weights, rows))| {
             let gp = rest.gp.as_ref().filter(|_| rows.is_some() && !weights.is_empty())?;
             let signal = &gp.covariance().signal;
@@ -85,7 +85,7 @@ impl Basis {
     pub fn add_variance(
         &self,
         physics: &TorqueModel,
-        joints: &[Rest],
+        joints: &[JointProcess],
         trajectory: &Trajectory<'_>,
         x: &[f64],
         novelty: &[f64],
@@ -207,13 +207,13 @@ fn add_term_columns(
 }
 
 /// For each joint: the linear terms as its process sees them, or at all rows if it has none.
-pub(super) fn terms(joints: &[Rest], rows: &[Rows]) -> Vec<Terms> {
-    let of_joint = |(rest, rows): (&Rest, &Rows)| {
+pub(super) fn terms(joints: &[JointProcess], rows: &[ResidualRows]) -> Vec<ProcessTerms> {
+    let of_joint = |(rest, rows): (&JointProcess, &ResidualRows)| {
         let all = rows.terms.as_ref().expect("with the mean `joint`");
         match &rest.gp {
-            Some(Process::Exact(_)) => Terms::at_rows(all, &rest.points),
+            Some(Process::Exact(_)) => ProcessTerms::at_rows(all, &rest.points),
             Some(Process::Sparse(_)) => rest.evidence.terms(&rest.evidence.without(None)),
-            None => Terms { matrix: all.clone(), of_rows: None },
+            None => ProcessTerms { matrix: all.clone(), of_rows: None },
         }
     };
     joints.iter().zip(rows).map(of_joint).collect()
@@ -224,7 +224,7 @@ pub(super) fn matrix(
     model: &TorqueModel,
     logs: &[LogResidual],
     joint: usize,
-    rows: &Rows,
+    rows: &ResidualRows,
     processing: &Processing,
 ) -> Result<Mat<f64>, IdentifyError> {
     let unknowns = unknowns(model);

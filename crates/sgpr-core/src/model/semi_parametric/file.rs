@@ -11,11 +11,11 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
 use super::super::file::{HEAD, ModelFileError, array, open, read_limited, write};
-use super::all_rows::Parts;
-use super::basis::{self, Basis};
+use super::all_rows::EvidenceParts;
+use super::basis::{self, ParameterBasis};
 use super::fit::MOST_POINTS;
+use super::joint_process::{JointProcess, JointReport};
 use super::process::{Process, Sparse};
-use super::rest::{JointReport, Rest};
 use super::{Mean, SemiParametricModel, TorqueModel};
 use crate::effects::{self, Effect};
 use crate::gp::{Compute, Covariance, Data, GaussianProcess};
@@ -72,7 +72,7 @@ impl SemiParametricModel {
 
     /// The file's content.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let joint = |rest: &Rest| Joint {
+        let joint = |rest: &JointProcess| Joint {
             report: rest.report.clone(),
             noise_variance: rest.noise_variance,
             covariance: rest.gp.as_ref().map(|gp| gp.covariance().clone()),
@@ -186,11 +186,17 @@ impl SemiParametricModel {
                 None => None,
                 Some(covariance) => Some(process(tensors, joint, 3 * n + 1, covariance, &compute)?),
             };
-            joints.push(Rest { gp, noise_variance, report, points: vec![], evidence: Parts::default() });
+            joints.push(JointProcess {
+                gp,
+                noise_variance,
+                report,
+                points: vec![],
+                evidence: EvidenceParts::default(),
+            });
         }
         let mut model = Self { physics, mean: head.mean, joints, basis: None, identified, stopped: head.stopped };
         if head.mean == Mean::Physics {
-            model.basis = Basis::of_physics(&model.physics);
+            model.basis = ParameterBasis::of_physics(&model.physics);
         }
         if head.mean == Mean::Joint {
             let covariance = matrix(tensors, "basis_covariance", unknowns, unknowns)?;
@@ -199,7 +205,7 @@ impl SemiParametricModel {
                 gp.map(|gp| matrix(tensors, &format!("joint_{}.basis", joint + 1), gp.len(), unknowns)).transpose()
             });
             let rows = rows.collect::<Result<Vec<_>, String>>()?;
-            model.basis = Some(Basis::new(covariance, rows, &model.joints));
+            model.basis = Some(ParameterBasis::new(covariance, rows, &model.joints));
         }
         Ok(model)
     }

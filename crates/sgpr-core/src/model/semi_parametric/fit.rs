@@ -8,11 +8,11 @@ use super::super::IdentifyError;
 use super::super::compare::LogResidual;
 use super::super::experiment::{motions, select_joints};
 use super::super::torque_model::TorqueModel;
-use super::basis::{self, Basis};
+use super::basis::{self, ParameterBasis};
+use super::joint_process::{Alone, GAIN, JointProcess, JointReport, calibration};
 use super::left_out::left_out;
-use super::process::{Process, Terms};
-use super::rest::{Alone, GAIN, JointReport, Rest, calibration};
-use super::rows::{LeftOut, Rows, Unseen};
+use super::process::{Process, ProcessTerms};
+use super::rows::{LeftOutRows, ResidualRows, Unseen};
 use super::shared::{SELECTIONS, fit_shared};
 use super::{Inputs, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions, identify};
 use crate::gp::{Compute, GaussianProcess, GpError};
@@ -106,7 +106,7 @@ fn learn(
         let predicted = physics.predict_motion(&motion);
         logs.push(LogResidual::new(motion, predicted, &processing)?);
     }
-    let mut rows: Vec<Rows> = (0..robot.dof()).map(|joint| rows_of(&logs, joint, &processing)).collect();
+    let mut rows: Vec<ResidualRows> = (0..robot.dof()).map(|joint| rows_of(&logs, joint, &processing)).collect();
     if options.mean == Mean::Joint {
         for (joint, rows) in rows.iter_mut().enumerate() {
             rows.terms = Some(basis::matrix(&physics, &logs, joint, rows, &processing)?);
@@ -125,7 +125,7 @@ fn learn(
         }
     }
     if options.mean == Mean::Physics {
-        model.basis = Basis::of_physics(&model.physics);
+        model.basis = ParameterBasis::of_physics(&model.physics);
     }
     let learned = model.joints.iter().filter(|rest| rest.gp.is_some()).count();
     model.physics.provenance.history.push(format!(
@@ -156,8 +156,8 @@ fn nothing(
 const APART: f64 = 1e3;
 
 /// Rows of a joint: the samples that count, as many per second as the identification takes.
-fn rows_of(logs: &[LogResidual], joint: usize, processing: &Processing) -> Rows {
-    let mut rows = Rows { x: vec![], residual: vec![], source: vec![], terms: None };
+fn rows_of(logs: &[LogResidual], joint: usize, processing: &Processing) -> ResidualRows {
+    let mut rows = ResidualRows { x: vec![], residual: vec![], source: vec![], terms: None };
     let mut start = 0.0;
     for (index, log) in logs.iter().enumerate() {
         let (n, time, in_band) = (log.dof(), log.time(), log.in_band(joint));
@@ -193,11 +193,11 @@ impl Progress for Relay<'_> {
 
 /// The processes, and whether the listener stopped them. Only the calling thread talks to the listener.
 fn fit_joints(
-    rows: &[Rows],
+    rows: &[ResidualRows],
     unseen: &[Unseen],
     options: &SemiParametricOptions,
     progress: &dyn Progress,
-) -> Result<(Vec<Rest>, bool), GpError> {
+) -> Result<(Vec<JointProcess>, bool), GpError> {
     let n = rows.len();
     // Each joint computes on one thread; together they compute on all.
     let workers = if options.shared { 1 } else { options.compute.threads.clamp(1, n) };
@@ -221,7 +221,7 @@ fn fit_joints(
             if joint >= n {
                 return found;
             }
-            found.push((joint, Rest::fit(joint, n, &rows[joint], &unseen[joint], options, &compute, &relay)));
+            found.push((joint, JointProcess::fit(joint, n, &rows[joint], &unseen[joint], options, &compute, &relay)));
         }
     };
     let selections = if options.shared { SELECTIONS.len() } else { Inputs::EVERY.len() };
@@ -240,7 +240,7 @@ fn fit_joints(
         };
         workers.into_iter().flat_map(join).collect::<Vec<_>>()
     });
-    let mut joints: Vec<Option<Rest>> = (0..n).map(|_| None).collect();
+    let mut joints: Vec<Option<JointProcess>> = (0..n).map(|_| None).collect();
     for (joint, rest) in found {
         joints[joint] = Some(rest?);
     }
@@ -255,7 +255,7 @@ fn fit_joints(
 /// Returns whether a joint has lost its process.
 fn keep_what_gains(
     model: &mut SemiParametricModel,
-    rows: &[Rows],
+    rows: &[ResidualRows],
     unseen: &[Unseen],
     compute: &Compute,
 ) -> Result<bool, SemiParametricError> {
@@ -263,7 +263,7 @@ fn keep_what_gains(
     loop {
         let errors = errors_of_parts(model, rows, unseen, compute)?;
         let joints = model.joints.iter().enumerate().filter(|(_, rest)| rest.gp.is_some());
-        let gains = joints.map(|(joint, _)| (joint, Gain::new(&errors[joint], &unseen[joint].parts)));
+        let gains = joints.map(|(joint, _)| (joint, ErrorShare::new(&errors[joint], &unseen[joint].parts)));
         let uncertain = gains.filter(|(_, gain)| !gain.certain);
         let Some((joint, _)) = uncertain.min_by(|(_, a), (_, b)| a.share.total_cmp(&b.share)) else {
             for (joint, rest) in model.joints.iter_mut().enumerate().filter(|(_, rest)| rest.gp.is_some()) {
@@ -275,30 +275,30 @@ fn keep_what_gains(
         lost = true;
         let Alone { report, mean_square, .. } = Alone::new(&rows[joint], &unseen[joint].parts);
         let candidates = std::mem::take(&mut model.joints[joint].report.candidates);
-        model.joints[joint] = Rest::without(JointReport { candidates, ..report }, mean_square);
+        model.joints[joint] = JointProcess::without(JointReport { candidates, ..report }, mean_square);
     }
 }
 
 /// By how much errors at parts that were left out are smaller with processes than those of the physics alone. Sizes of errors
 /// are compared, not squares: rows in which dry friction turns are wrong for both.
 #[derive(Debug)]
-struct Gain {
+struct ErrorShare {
     /// Share of the errors of the physics alone.
     share: f64,
     /// Whether it is more than [`GAIN`], and more than its standard error: one part may have it all while others lose.
     certain: bool,
 }
 
-impl Gain {
+impl ErrorShare {
     /// - `errors`: of [`errors_of_parts`]; none at parts beside which nothing was seen, which gain nothing
-    fn new(errors: &[(f64, f64)], left_out: &[LeftOut]) -> Self {
+    fn new(errors: &[(f64, f64)], left_out: &[LeftOutRows]) -> Self {
         let parts = || left_out.iter().filter(|part| !part.part.is_empty());
         if errors.len() != parts().map(|part| part.part.len()).sum::<usize>() {
             return Self { share: f64::NEG_INFINITY, certain: false };
         }
-        let alone = |part: &LeftOut| part.measured().map(f64::abs).sum::<f64>();
+        let alone = |part: &LeftOutRows| part.measured().map(f64::abs).sum::<f64>();
         let mut sizes = errors.iter().map(|(error, _)| error.abs());
-        let mut pair = |part: &LeftOut| (alone(part), sizes.by_ref().take(part.part.len()).sum::<f64>());
+        let mut pair = |part: &LeftOutRows| (alone(part), sizes.by_ref().take(part.part.len()).sum::<f64>());
         let errors: Vec<(f64, f64)> = parts().map(&mut pair).collect();
         let found = Judgement::of(&errors);
         Self { share: found.gain, certain: found.gain > GAIN && found.is_better() }
@@ -309,7 +309,7 @@ impl Gain {
 /// processes estimated together without the part.
 fn errors_of_parts(
     model: &SemiParametricModel,
-    rows: &[Rows],
+    rows: &[ResidualRows],
     unseen: &[Unseen],
     compute: &Compute,
 ) -> Result<Vec<Vec<(f64, f64)>>, SemiParametricError> {
@@ -357,12 +357,12 @@ fn errors_of_parts(
 /// nothing else.
 fn without_part(
     gp: &Process,
-    rest: &Rest,
-    rows: &Rows,
+    rest: &JointProcess,
+    rows: &ResidualRows,
     part: &[usize],
     index: usize,
     compute: &Compute,
-) -> Result<Option<(Process, Terms)>, GpError> {
+) -> Result<Option<(Process, ProcessTerms)>, GpError> {
     match gp {
         Process::Exact(gp) => {
             let is_other = |k: &usize| part.binary_search(&rest.points[*k]).is_err();
@@ -371,7 +371,7 @@ fn without_part(
                 return Ok(None);
             }
             let points: Vec<usize> = others.iter().map(|&k| rest.points[k]).collect();
-            let terms = Terms::at_rows(rows.terms.as_ref().expect("with the mean `joint`"), &points);
+            let terms = ProcessTerms::at_rows(rows.terms.as_ref().expect("with the mean `joint`"), &points);
             let gp = GaussianProcess::fit(gp.data().select(&others), gp.covariance().clone(), compute)?;
             Ok(Some((Process::Exact(gp), terms)))
         }
@@ -384,7 +384,7 @@ fn without_part(
 }
 
 /// Regressor and residual at some rows.
-fn at_rows(rows: &Rows, chosen: &[usize]) -> (Mat<f64>, Vec<f64>) {
+fn at_rows(rows: &ResidualRows, chosen: &[usize]) -> (Mat<f64>, Vec<f64>) {
     let terms = rows.terms.as_ref().expect("with the mean `joint`");
     let matrix = Mat::from_fn(chosen.len(), terms.ncols(), |i, k| terms[(chosen[i], k)]);
     (matrix, chosen.iter().map(|&row| rows.residual[row]).collect())
@@ -433,8 +433,8 @@ impl<'a> Equations<'a> {
 /// Source: GPML eqs. 2.41 and 2.42, without a prior.
 fn estimate_again(
     model: &mut SemiParametricModel,
-    rows: &[Rows],
-    terms: Vec<Terms>,
+    rows: &[ResidualRows],
+    terms: Vec<ProcessTerms>,
 ) -> Result<(), SemiParametricError> {
     let rank = model.physics.base.rank();
     let mut equations = Equations::new(model);
@@ -446,7 +446,7 @@ fn estimate_again(
     }
     let (change, covariance) = basis::solve(&equations.information, &equations.projection);
     if model.joints.iter().all(|rest| rest.gp.is_none()) {
-        model.basis = Some(Basis::new(covariance, vec![None; rows.len()], &model.joints));
+        model.basis = Some(ParameterBasis::new(covariance, vec![None; rows.len()], &model.joints));
         return Ok(());
     }
     let base = model.physics.base.clone();
@@ -483,7 +483,7 @@ fn estimate_again(
         }
     }
     let rows = model.joints.iter().zip(terms).map(|(rest, terms)| rest.gp.is_some().then_some(terms.matrix)).collect();
-    model.basis = Some(Basis::new(covariance, rows, &model.joints));
+    model.basis = Some(ParameterBasis::new(covariance, rows, &model.joints));
     Ok(())
 }
 
@@ -492,18 +492,18 @@ mod tests {
     use super::*;
 
     /// Eight parts of ten rows at which the physics errs by one, and errors of physics and process at them.
-    fn gain(errors: [f64; 8]) -> Gain {
-        let part = |index: usize| LeftOut {
+    fn gain(errors: [f64; 8]) -> ErrorShare {
+        let part = |index: usize| LeftOutRows {
             part: (10 * index..10 * index + 10).collect(),
             residual: vec![-1.0; 80],
             variance: vec![0.0; 10],
         };
-        let mut left_out: Vec<LeftOut> = (0..8).map(part).collect();
+        let mut left_out: Vec<LeftOutRows> = (0..8).map(part).collect();
         // A part in which the joint does not move says nothing.
-        left_out.insert(3, LeftOut { part: vec![], residual: vec![-1.0; 80], variance: vec![] });
+        left_out.insert(3, LeftOutRows { part: vec![], residual: vec![-1.0; 80], variance: vec![] });
         let errors: Vec<(f64, f64)> = errors.iter().flat_map(|error| [(*error, 1.0); 10]).collect();
-        assert!(!Gain::new(&errors[1..], &left_out).certain);
-        Gain::new(&errors, &left_out)
+        assert!(!ErrorShare::new(&errors[1..], &left_out).certain);
+        ErrorShare::new(&errors, &left_out)
     }
 
     #[test]

@@ -7,8 +7,8 @@ use faer::linalg::solvers::Solve;
 
 use super::super::IdentifyError;
 use super::super::compare::LogResidual;
-use super::basis::{self, Basis};
-use super::rows::{LeftOut, Rows, Unseen};
+use super::basis::{self, ParameterBasis};
+use super::rows::{LeftOutRows, ResidualRows, Unseen};
 use super::{Mean, TorqueModel};
 use crate::identification::half_run;
 use crate::motion::Processing;
@@ -32,7 +32,7 @@ const FEWEST_LOGS: usize = 3;
 pub(super) fn left_out(
     physics: &TorqueModel,
     logs: &[LogResidual],
-    rows: &[Rows],
+    rows: &[ResidualRows],
     processing: &Processing,
     mean: Mean,
 ) -> Result<Vec<Unseen>, IdentifyError> {
@@ -50,7 +50,7 @@ pub(super) fn left_out(
             for (joint, rows) in rows.iter().enumerate() {
                 let part = rows_of(joint, group);
                 let variance = vec![0.0; part.len()];
-                group.of(&mut result[joint]).push(LeftOut { residual: rows.residual.clone(), variance, part });
+                group.of(&mut result[joint]).push(LeftOutRows { residual: rows.residual.clone(), variance, part });
             }
         }
         return Ok(result);
@@ -65,7 +65,7 @@ pub(super) fn left_out(
     }
     let open = physics.fit.as_ref().is_some_and(|fit| !fit.undetermined.is_empty());
     let stays = mean == Mean::Physics && logs.len() < FEWEST_LOGS && !open;
-    let changes = match Basis::of_physics(physics).filter(|_| stays) {
+    let changes = match ParameterBasis::of_physics(physics).filter(|_| stays) {
         Some(whole) => {
             let dispersion = physics.fit.as_ref().map_or(1.0, |fit| fit.dispersion);
             let covariance = faer::Scale(dispersion.powi(-2)) * &whole.covariance;
@@ -81,7 +81,7 @@ pub(super) fn left_out(
             let seen = Mat::from_fn(part.len(), unknowns, |i, k| matrix[(part[i], k)]);
             let spread = &seen * covariance;
             let variance = (0..part.len()).map(|i| (spread.row(i) * seen.row(i).transpose()).max(0.0)).collect();
-            group.of(&mut result[joint]).push(LeftOut { residual: residual.collect(), variance, part });
+            group.of(&mut result[joint]).push(LeftOutRows { residual: residual.collect(), variance, part });
         }
     }
     Ok(result)
@@ -93,7 +93,7 @@ pub(super) fn left_out(
 /// - `parts`: per joint and part, its rows
 fn changes(
     physics: &TorqueModel,
-    rows: &[Rows],
+    rows: &[ResidualRows],
     matrices: &[Cow<'_, Mat<f64>>],
     parts: &[Vec<Vec<usize>>],
     together: &[Group],
@@ -140,7 +140,7 @@ struct Group {
 
 impl Group {
     /// Where it belongs.
-    fn of<'a>(&self, unseen: &'a mut Unseen) -> &'a mut Vec<LeftOut> {
+    fn of<'a>(&self, unseen: &'a mut Unseen) -> &'a mut Vec<LeftOutRows> {
         if self.is_run { &mut unseen.runs } else { &mut unseen.parts }
     }
 }
@@ -191,7 +191,7 @@ impl Normal {
     /// Adds some rows of a joint.
     ///
     /// - `matrix`: `[rows, unknowns]`, of all its rows
-    fn add(&mut self, rows: &Rows, matrix: &Mat<f64>, chosen: &[usize]) {
+    fn add(&mut self, rows: &ResidualRows, matrix: &Mat<f64>, chosen: &[usize]) {
         let weight = faer::Scale(weight(rows));
         let residual = Mat::from_fn(chosen.len(), 1, |i, _| rows.residual[chosen[i]]);
         let matrix = Mat::from_fn(chosen.len(), matrix.ncols(), |i, k| matrix[(chosen[i], k)]);
@@ -201,13 +201,13 @@ impl Normal {
 }
 
 /// One over the mean square of the residual; nothing for a joint without residual, which needs no change.
-fn weight(rows: &Rows) -> f64 {
+fn weight(rows: &ResidualRows) -> f64 {
     let squares: f64 = rows.residual.iter().map(|residual| residual * residual).sum();
     if squares > 0.0 { rows.residual.len() as f64 / squares } else { 0.0 }
 }
 
 /// Rows that say as much as one independent row, the mean over all rows.
-fn memory(physics: &TorqueModel, rows: &[Rows]) -> f64 {
+fn memory(physics: &TorqueModel, rows: &[ResidualRows]) -> f64 {
     let Some(fit) = &physics.fit else { return 1.0 };
     let all: usize = rows.iter().map(|rows| rows.residual.len()).sum();
     let counted = rows.iter().zip(&fit.correlation).map(|(rows, memory)| rows.residual.len() as f64 * memory);
@@ -268,7 +268,7 @@ fn period(q: &[f64], dof: usize) -> Option<usize> {
 }
 
 /// Rows of each part.
-fn parts(rows: &Rows, count: usize, part_of: &[Vec<usize>]) -> Vec<Vec<usize>> {
+fn parts(rows: &ResidualRows, count: usize, part_of: &[Vec<usize>]) -> Vec<Vec<usize>> {
     let mut parts = vec![Vec::new(); count];
     for (row, (log, sample)) in rows.source.iter().enumerate() {
         parts[part_of[*log][*sample]].push(row);

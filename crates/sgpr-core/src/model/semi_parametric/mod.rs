@@ -6,10 +6,10 @@ mod file;
 mod fit;
 mod following;
 mod inputs;
+mod joint_process;
 mod left_out;
 mod predictor;
 mod process;
-mod rest;
 mod rows;
 mod shared;
 
@@ -18,10 +18,10 @@ use std::cell::RefCell;
 pub use fit::{fit_rest, fit_semi_parametric};
 pub use following::FollowingIntervals;
 pub use inputs::Inputs;
-pub use rest::{Candidate, JointReport};
+pub use joint_process::{Candidate, JointReport};
 
-use basis::Basis;
-use rest::Rest;
+use basis::ParameterBasis;
+use joint_process::JointProcess;
 
 use super::compare::{Comparison, compare_by};
 use super::{IdentifyError, IdentifyOptions, TorqueModel, Trajectory, identify};
@@ -43,9 +43,9 @@ use crate::recording::Recording;
 pub struct SemiParametricModel {
     physics: TorqueModel,
     mean: Mean,
-    joints: Vec<Rest>,
+    joints: Vec<JointProcess>,
     /// With [`Mean::Joint`].
-    basis: Option<Basis>,
+    basis: Option<ParameterBasis>,
     /// With [`Mean::Joint`]: the physics as it was identified, for the joints without a process, if there are some.
     identified: Option<TorqueModel>,
     stopped: bool,

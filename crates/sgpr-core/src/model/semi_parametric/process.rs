@@ -24,14 +24,14 @@ pub(super) struct Sparse {
 }
 
 /// Linear terms beside a process, as it sees them.
-pub(super) struct Terms {
+pub(super) struct ProcessTerms {
     /// Their derivatives at the points, or projected on the inducing points, `[points, unknowns]`.
     pub matrix: Mat<f64>,
     /// Hᵀ R⁻¹ H and Hᵀ R⁻¹ y of all rows, if they are seen through inducing points.
     pub of_rows: Option<(Mat<f64>, Mat<f64>)>,
 }
 
-impl Terms {
+impl ProcessTerms {
     /// Of some rows.
     ///
     /// - `all`: `[rows, unknowns]`
@@ -145,7 +145,7 @@ impl Process {
     }
 
     /// Normal equations of linear terms beside the process: Hᵀ K⁻¹ H and Hᵀ K⁻¹ y, K the covariance of what it has seen.
-    pub fn normal_equations(&self, terms: &Terms) -> (Mat<f64>, Mat<f64>) {
+    pub fn normal_equations(&self, terms: &ProcessTerms) -> (Mat<f64>, Mat<f64>) {
         let solved = self.solve(&terms.matrix);
         let information = terms.matrix.transpose() * &solved;
         let projection = solved.transpose() * self.seen();
@@ -160,7 +160,7 @@ impl Process {
     ///
     /// # Errors
     /// If a number is not finite.
-    pub fn without(&self, terms: &Terms, change: &Mat<f64>) -> Result<Self, GpError> {
+    pub fn without(&self, terms: &ProcessTerms, change: &Mat<f64>) -> Result<Self, GpError> {
         let rest = self.seen() - &terms.matrix * change;
         Ok(match self {
             Self::Exact(gp) => Self::Exact(gp.with_outputs(rest.col_as_slice(0).to_vec())?),

@@ -3,7 +3,7 @@
 use faer::Mat;
 
 /// Residual of a joint at the samples in which it moves.
-pub(super) struct Rows {
+pub(super) struct ResidualRows {
     /// `[rows, 3 n + 1]`: q, dq, ddq, time (s); logs lie far apart in time.
     pub x: Vec<f64>,
     /// Measured minus predicted in the band of the model, N·m (N).
@@ -14,7 +14,7 @@ pub(super) struct Rows {
     pub terms: Option<Mat<f64>>,
 }
 
-impl Rows {
+impl ResidualRows {
     /// x of some rows, `[chosen, inputs]`, row-major.
     pub fn at(&self, chosen: &[usize], inputs: usize) -> Vec<f64> {
         chosen.iter().flat_map(|row| &self.x[row * inputs..(row + 1) * inputs]).copied().collect()
@@ -23,7 +23,7 @@ impl Rows {
 
 /// Rows of a joint and, for every part that is left out in turn, what physics identified without that part leaves over
 /// at all of them.
-pub(super) struct LeftOut {
+pub(super) struct LeftOutRows {
     /// Rows, in order.
     pub part: Vec<usize>,
     pub residual: Vec<f64>,
@@ -31,7 +31,7 @@ pub(super) struct LeftOut {
     pub variance: Vec<f64>,
 }
 
-impl LeftOut {
+impl LeftOutRows {
     /// What the physics leaves over at the part.
     pub fn measured(&self) -> impl Iterator<Item = f64> {
         self.part.iter().map(|&row| self.residual[row])
@@ -42,8 +42,8 @@ impl LeftOut {
 /// as far from the rest in time and motion as the logs allow.
 #[derive(Default)]
 pub(super) struct Unseen {
-    pub parts: Vec<LeftOut>,
-    pub runs: Vec<LeftOut>,
+    pub parts: Vec<LeftOutRows>,
+    pub runs: Vec<LeftOutRows>,
 }
 
 impl Unseen {
@@ -66,7 +66,7 @@ const RANGE: f64 = 3.0;
 /// them, and take constant torques for their own that the motion explains.
 ///
 /// Source: J.-P. Chilès, P. Delfiner, Geostatistics (2012), section 2.5, practical range of the exponential covariance.
-pub(super) fn longest_memory(rows: &Rows, left_out: &[LeftOut]) -> f64 {
+pub(super) fn longest_memory(rows: &ResidualRows, left_out: &[LeftOutRows]) -> f64 {
     let width = rows.x.len() / rows.residual.len().max(1);
     let time = |row: usize| rows.x[(row + 1) * width - 1];
     let together = |a: &usize, b: &usize| a + 1 == *b && rows.source[*a].0 == rows.source[*b].0;
@@ -87,16 +87,16 @@ mod tests {
         let times: Vec<f64> =
             times.iter().flat_map(|(steps, start)| steps.clone().map(move |k| start + 0.1 * f64::from(k))).collect();
         let count = times.len();
-        let rows = Rows {
+        let rows = ResidualRows {
             x: times.iter().flat_map(|time| [0.0, 0.0, 0.0, *time]).collect(),
             residual: vec![1.0; count],
             source: (0..count).map(|k| (usize::from(k > 240), k)).collect(),
             terms: None,
         };
         let longest = |parts: Vec<Vec<usize>>| {
-            let left_out: Vec<LeftOut> = parts
+            let left_out: Vec<LeftOutRows> = parts
                 .into_iter()
-                .map(|part| LeftOut { variance: vec![0.0; part.len()], part, residual: vec![1.0; count] })
+                .map(|part| LeftOutRows { variance: vec![0.0; part.len()], part, residual: vec![1.0; count] })
                 .collect();
             longest_memory(&rows, &left_out)
         };

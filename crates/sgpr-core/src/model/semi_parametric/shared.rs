@@ -2,8 +2,8 @@
 
 use std::cell::OnceCell;
 
-use super::rest::{Alone, FEWEST, Found, Learned, Rest, inducing_points, process};
-use super::rows::{Rows, Unseen, longest_memory};
+use super::joint_process::{Alone, FEWEST, FoundProcess, JointProcess, Learned, inducing_points, process};
+use super::rows::{ResidualRows, Unseen, longest_memory};
 use super::{Inputs, SemiParametricOptions};
 use crate::gp::{Compute, Data, GaussianProcess, GpError, Kernel};
 use crate::progress::Progress;
@@ -16,19 +16,19 @@ pub(super) const SELECTIONS: [Inputs; 4] =
 /// search factors one matrix for all of them. Each joint then gets its process, over the same points and with the same
 /// kernel in its own units, if that predicts parts left out better than the physics alone.
 pub(super) fn fit_shared(
-    rows: &[Rows],
+    rows: &[ResidualRows],
     unseen: &[Unseen],
     options: &SemiParametricOptions,
     compute: &Compute,
     progress: &dyn Progress,
-) -> Result<Vec<Rest>, GpError> {
+) -> Result<Vec<JointProcess>, GpError> {
     let n = rows.len();
     let width = 3 * n + 1;
     let mut alone: Vec<Alone> = rows.iter().zip(unseen).map(|(rows, unseen)| Alone::new(rows, &unseen.parts)).collect();
     let places = common(rows);
     let scales: Vec<f64> = alone.iter().map(|alone| alone.mean_square.sqrt()).collect();
     if places.len() < FEWEST || scales.contains(&0.0) {
-        return Ok(alone.into_iter().map(|alone| Rest::without(alone.report, alone.mean_square)).collect());
+        return Ok(alone.into_iter().map(|alone| JointProcess::without(alone.report, alone.mean_square)).collect());
     }
     let first = |place: &Vec<usize>| place[0] * width..(place[0] + 1) * width;
     let x: Vec<f64> = places.iter().flat_map(|place| &rows[0].x[first(place)]).copied().collect();
@@ -77,11 +77,11 @@ pub(super) fn fit_shared(
 
 /// The process of every joint.
 fn of_joints(
-    found: &Found,
+    found: &FoundProcess,
     inputs: Inputs,
     places: &[Vec<usize>],
     scales: &[f64],
-    rows: &[Rows],
+    rows: &[ResidualRows],
     unseen: &[Unseen],
     compute: &Compute,
 ) -> Result<Vec<Learned>, GpError> {
@@ -102,24 +102,24 @@ fn chosen(
     best: Option<(f64, Vec<Learned>)>,
     unseen: &[Unseen],
     options: &SemiParametricOptions,
-) -> Vec<Rest> {
+) -> Vec<JointProcess> {
     let Some((_, learned)) = best else {
-        return alone.into_iter().map(|alone| Rest::without(alone.report, alone.mean_square)).collect();
+        return alone.into_iter().map(|alone| JointProcess::without(alone.report, alone.mean_square)).collect();
     };
     let joints = alone.into_iter().zip(learned).zip(unseen);
     let joints = joints.map(|((alone, learned), unseen)| {
         let Alone { report, mean_square, physics_loss } = alone;
         if options.inputs.is_none() && !learned.gains(&unseen.parts, physics_loss) {
-            return Rest::without(report, mean_square);
+            return JointProcess::without(report, mean_square);
         }
-        Rest::with(learned, report, unseen.parts.len())
+        JointProcess::with(learned, report, unseen.parts.len())
     });
     joints.collect()
 }
 
 /// The samples that are rows of every joint: for each the row of each joint.
-fn common(rows: &[Rows]) -> Vec<Vec<usize>> {
-    let row_of = |rows: &Rows, source: &(usize, usize)| rows.source.binary_search(source).ok();
+fn common(rows: &[ResidualRows]) -> Vec<Vec<usize>> {
+    let row_of = |rows: &ResidualRows, source: &(usize, usize)| rows.source.binary_search(source).ok();
     let place = |source| rows.iter().map(|rows| row_of(rows, source)).collect::<Option<Vec<usize>>>();
     rows[0].source.iter().filter_map(place).collect()
 }

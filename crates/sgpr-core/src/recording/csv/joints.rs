@@ -37,7 +37,7 @@ pub(super) struct JointColumns<'a> {
 }
 
 /// The columns of a quantity.
-pub(super) struct Found {
+pub(super) struct QuantityColumns {
     pub(super) columns: Vec<usize>,
     /// Numbers that the columns carry, if they are told apart by them.
     pub(super) numbers: Option<Vec<u32>>,
@@ -202,7 +202,11 @@ impl<'a> JointColumns<'a> {
     /// One column per joint; `None` if the log has none of this quantity.
     ///
     /// - `agreed`: the numbers that the positions of the joints carry, if they carry any
-    pub(super) fn by_name(&self, quantity: Quantity, agreed: Option<&[u32]>) -> Result<Option<Found>, RecordingError> {
+    pub(super) fn by_name(
+        &self,
+        quantity: Quantity,
+        agreed: Option<&[u32]>,
+    ) -> Result<Option<QuantityColumns>, RecordingError> {
         let Some(labels) = self.labels(quantity, agreed)? else { return Ok(None) };
         let mut found = Vec::with_capacity(labels.len());
         let mut missing = Vec::new();
@@ -223,7 +227,7 @@ impl<'a> JointColumns<'a> {
             return Err(self.incomplete(quantity, missing));
         }
         let number = |label: &Label| if let Label::Number(number) = label { Some(*number) } else { None };
-        Ok(Some(Found { columns: found, numbers: labels.iter().map(number).collect() }))
+        Ok(Some(QuantityColumns { columns: found, numbers: labels.iter().map(number).collect() }))
     }
 
     /// How the columns of `quantity` call the joints: by their names, else by number, else (one joint) not at all.

@@ -1,7 +1,7 @@
 //! Which column is the time, and which belong to which joint.
 
 use super::header;
-use super::joints::{Found, JointColumns, Source, expand};
+use super::joints::{JointColumns, QuantityColumns, Source, expand};
 use super::quantity::{Label, Quantity, StatedUnit};
 use super::{Columns, ReadOptions};
 use crate::recording::names::{quoted, suggestion};
@@ -10,7 +10,7 @@ use crate::recording::{ColumnLayout, JointLayout, Layout, RecordingError, TimeUn
 
 /// Where the time comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Clock {
+pub(super) enum TimeSource {
     /// A constant rate, Hz.
     Rate(f64),
     /// A column and its unit, if that is known.
@@ -25,7 +25,7 @@ pub(super) enum Clock {
 #[derive(Debug)]
 pub(super) struct Mapping {
     pub(super) joints: Vec<String>,
-    pub(super) clock: Clock,
+    pub(super) clock: TimeSource,
     pub(super) position: Vec<Source>,
     pub(super) velocity: Option<Vec<Source>>,
     pub(super) torque: Option<Vec<Source>>,
@@ -64,8 +64,9 @@ impl Mapping {
             notes.extend(mapper.note_on_currents());
         }
         let position = table.sources(Quantity::Position, found.columns, units.position.map(StatedUnit::from))?;
-        let of_velocity =
-            |found: Found| table.sources(Quantity::Velocity, found.columns, units.velocity.map(StatedUnit::from));
+        let of_velocity = |found: QuantityColumns| {
+            table.sources(Quantity::Velocity, found.columns, units.velocity.map(StatedUnit::from))
+        };
         let velocity = velocity.map(of_velocity).transpose()?;
         let arrays = Arrays { position: &position, velocity: velocity.as_deref(), torque: torque.as_deref() };
         let layout = Layout { by_order: table.by_order.get(), ..arrays.layout(&table.joints, columns) };
@@ -125,9 +126,9 @@ fn clock(
     columns: &[String],
     line_of_units: &[String],
     options: &ReadOptions,
-) -> Result<Clock, RecordingError> {
+) -> Result<TimeSource, RecordingError> {
     if let Some(rate) = options.sample_rate_hz {
-        return Ok(Clock::Rate(rate));
+        return Ok(TimeSource::Rate(rate));
     }
     let unit = |index: usize| {
         let name = &columns[index];
@@ -137,25 +138,26 @@ fn clock(
     };
     if let Some(name) = &options.columns.time {
         let index = require(path, columns, name)?;
-        return Ok(Clock::Column { index, unit: unit(index) });
+        return Ok(TimeSource::Column { index, unit: unit(index) });
     }
     if let Some(stamp) = stamp(columns) {
         return Ok(stamp);
     }
     match columns.iter().position(|name| header::time_unit(name).is_some()) {
-        Some(index) => Ok(Clock::Column { index, unit: unit(index) }),
+        Some(index) => Ok(TimeSource::Column { index, unit: unit(index) }),
         None => Err(RecordingError::NoTime { path: path.into(), columns: columns.to_vec() }),
     }
 }
 
 /// A rate given for a log that has a time of its own.
-fn note_on_unused_time(columns: &[String], clock: &Clock) -> Option<String> {
+fn note_on_unused_time(columns: &[String], clock: &TimeSource) -> Option<String> {
     let name = columns.iter().find(|name| header::time_unit(name).is_some())?;
-    matches!(clock, Clock::Rate(_)).then(|| format!("the time is counted by the rate given, not taken from `{name}`"))
+    matches!(clock, TimeSource::Rate(_))
+        .then(|| format!("the time is counted by the rate given, not taken from `{name}`"))
 }
 
 /// The two columns of a ROS time stamp, if both are there.
-fn stamp(columns: &[String]) -> Option<Clock> {
+fn stamp(columns: &[String]) -> Option<TimeSource> {
     let part = |wanted_stem: Option<&str>, of_seconds: bool| {
         columns.iter().enumerate().find_map(|(index, name)| {
             let (stem, unit) = header::stamp_part(name)?;
@@ -165,7 +167,7 @@ fn stamp(columns: &[String]) -> Option<Clock> {
     };
     let (nanoseconds, stem) = part(None, false)?;
     let (seconds, _) = part(Some(stem), true)?;
-    Some(Clock::Stamp { seconds, nanoseconds })
+    Some(TimeSource::Stamp { seconds, nanoseconds })
 }
 
 /// Finds one column per joint: those the caller names, else those whose names say so.
@@ -178,7 +180,7 @@ impl Mapper<'_> {
     /// `None` if the log has no columns of this quantity.
     ///
     /// - `agreed`: the numbers of the joints in the columns of their positions
-    fn find(&self, quantity: Quantity, agreed: Option<&[u32]>) -> Result<Option<Found>, RecordingError> {
+    fn find(&self, quantity: Quantity, agreed: Option<&[u32]>) -> Result<Option<QuantityColumns>, RecordingError> {
         let columns = &self.options.columns;
         let (option, explicit) = match quantity {
             Quantity::Position => ("columns.position", &columns.position),
@@ -191,12 +193,12 @@ impl Mapper<'_> {
         }
     }
 
-    fn explicit(&self, option: &'static str, columns: &Columns) -> Result<Found, RecordingError> {
+    fn explicit(&self, option: &'static str, columns: &Columns) -> Result<QuantityColumns, RecordingError> {
         let JointColumns { path, columns: known, joints, .. } = self.table;
         match columns {
             Columns::Names(names) if names.len() == joints.len() => {
                 let found = names.iter().map(|name| require(path, known, name)).collect::<Result<_, _>>()?;
-                Ok(Found { columns: found, numbers: None })
+                Ok(QuantityColumns { columns: found, numbers: None })
             }
             Columns::Names(names) => {
                 Err(RecordingError::EntriesPerJoint { option, expected: joints.len(), found: names.len() })
@@ -210,13 +212,13 @@ impl Mapper<'_> {
                 let place = |(index, joint): (usize, &String)| require(path, known, &expand(pattern, index + 1, joint));
                 let found = joints.iter().enumerate().map(place).collect::<Result<_, _>>()?;
                 let numbers = pattern.contains("{}").then(|| (1u32..).take(joints.len()).collect());
-                Ok(Found { columns: found, numbers })
+                Ok(QuantityColumns { columns: found, numbers })
             }
         }
     }
 
     fn torque(&self, agreed: Option<&[u32]>) -> Result<Option<Vec<Source>>, RecordingError> {
-        let Some(Found { columns, .. }) = self.find(Quantity::Torque, agreed)? else { return Ok(None) };
+        let Some(QuantityColumns { columns, .. }) = self.find(Quantity::Torque, agreed)? else { return Ok(None) };
         let given = self.options.units.torque.map(StatedUnit::from);
         if given.is_none() && self.table.are_currents(&columns) {
             let columns = columns.iter().map(|&index| self.table.columns[index].clone()).collect();

@@ -6,7 +6,7 @@ use super::header;
 use super::joints::Source;
 use super::joints::expand;
 use super::lines::{Lines, decoded};
-use super::mapping::{Clock, Mapping};
+use super::mapping::{Mapping, TimeSource};
 use super::quantity::Quantity;
 use super::{Columns, ReadOptions, Rows, source};
 use crate::recording::calendar::{Moment, moment};
@@ -48,7 +48,7 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Recording, 
             .notes
             .insert(0, format!("passed over {} above the names of the columns", counted(header.titles, "line")));
     }
-    let mut table = Table::new(&name, &columns, mapping, options);
+    let mut table = LogTable::new(&name, &columns, mapping, options);
     while lines.next_row().map_err(explain)? {
         if table.passes_over() {
             continue;
@@ -245,12 +245,12 @@ impl ChannelColumn {
 }
 
 /// The rows so far, as arrays.
-struct Table<'a> {
+struct LogTable<'a> {
     path: &'a str,
     columns: &'a [String],
     options: &'a ReadOptions,
     joints: Vec<String>,
-    clock: Clock,
+    clock: TimeSource,
     time: Vec<i64>,
     position: Array,
     velocity: Option<Array>,
@@ -264,13 +264,13 @@ struct Table<'a> {
     span: [i64; 2],
 }
 
-impl<'a> Table<'a> {
+impl<'a> LogTable<'a> {
     fn new(path: &'a str, columns: &'a [String], mapping: Mapping, options: &'a ReadOptions) -> Self {
         let Mapping { joints, clock, position, velocity, torque, notes, layout } = mapping;
         let mut used: Vec<usize> = match clock {
-            Clock::Rate(_) => vec![],
-            Clock::Column { index, .. } | Clock::Calendar { index, .. } => vec![index],
-            Clock::Stamp { seconds, nanoseconds } => vec![seconds, nanoseconds],
+            TimeSource::Rate(_) => vec![],
+            TimeSource::Column { index, .. } | TimeSource::Calendar { index, .. } => vec![index],
+            TimeSource::Stamp { seconds, nanoseconds } => vec![seconds, nanoseconds],
         };
         let arrays = [Some(&position), velocity.as_ref(), torque.as_ref()];
         used.extend(arrays.into_iter().flatten().flatten().map(|source| source.index));
@@ -317,17 +317,17 @@ impl<'a> Table<'a> {
     }
 
     fn time_of(&mut self, row: &Row) -> Result<i64, RecordingError> {
-        if let (1, Clock::Column { index, unit }) = (self.timed, self.clock) {
+        if let (1, TimeSource::Column { index, unit }) = (self.timed, self.clock) {
             self.clock = self.clock_of(row, index, unit);
         }
         match self.clock {
-            Clock::Rate(rate) => Ok(((self.rows - 1) as f64 * 1e9 / rate).round() as i64),
-            Clock::Column { index, unit } => row.time(index, unit.unwrap_or(TimeUnit::Second)),
-            Clock::Stamp { seconds, nanoseconds } => {
+            TimeSource::Rate(rate) => Ok(((self.rows - 1) as f64 * 1e9 / rate).round() as i64),
+            TimeSource::Column { index, unit } => row.time(index, unit.unwrap_or(TimeUnit::Second)),
+            TimeSource::Stamp { seconds, nanoseconds } => {
                 let whole = row.time(seconds, TimeUnit::Second)?;
                 Ok(whole.saturating_add(row.time(nanoseconds, TimeUnit::Nanosecond)?))
             }
-            Clock::Calendar { index, midnights, before } => {
+            TimeSource::Calendar { index, midnights, before } => {
                 let now = match row.moment(index) {
                     Some(Moment::Instant(now)) => return Ok(now),
                     Some(Moment::TimeOfDay(now)) => now,
@@ -335,17 +335,17 @@ impl<'a> Table<'a> {
                 };
                 // A clock that goes back by more than half a day has passed midnight.
                 let midnights = midnights + i64::from(before - now > DAY / 2);
-                self.clock = Clock::Calendar { index, midnights, before: now };
+                self.clock = TimeSource::Calendar { index, midnights, before: now };
                 Ok(midnights.saturating_mul(DAY).saturating_add(now))
             }
         }
     }
 
     /// What the first row tells of a time column.
-    fn clock_of(&mut self, row: &Row, index: usize, unit: Option<TimeUnit>) -> Clock {
+    fn clock_of(&mut self, row: &Row, index: usize, unit: Option<TimeUnit>) -> TimeSource {
         if let Some(moment) = row.moment(index) {
             let before = if let Moment::TimeOfDay(now) = moment { now } else { 0 };
-            return Clock::Calendar { index, midnights: 0, before };
+            return TimeSource::Calendar { index, midnights: 0, before };
         }
         let likely = unit.unwrap_or_else(|| TimeUnit::likely(row.number(index).unwrap_or(0.0)));
         if unit.is_none() && likely != TimeUnit::Second {
@@ -355,17 +355,19 @@ impl<'a> Table<'a> {
             None => format!("{} in {likely} (assumed)", self.columns[index]),
             Some(unit) => format!("{} in {unit}", self.columns[index]),
         };
-        Clock::Column { index, unit: Some(likely) }
+        TimeSource::Column { index, unit: Some(likely) }
     }
 
     /// Where the time comes from, in words.
     fn time_in_words(&self) -> String {
         let name = |index: usize| &self.columns[index];
         match self.clock {
-            Clock::Rate(rate) => format!("counted at {rate} Hz"),
-            Clock::Column { .. } => self.layout.time.clone(),
-            Clock::Stamp { seconds, nanoseconds } => format!("{} in s and {} in ns", name(seconds), name(nanoseconds)),
-            Clock::Calendar { index, .. } => format!("{} as dates or times of day", name(index)),
+            TimeSource::Rate(rate) => format!("counted at {rate} Hz"),
+            TimeSource::Column { .. } => self.layout.time.clone(),
+            TimeSource::Stamp { seconds, nanoseconds } => {
+                format!("{} in s and {} in ns", name(seconds), name(nanoseconds))
+            }
+            TimeSource::Calendar { index, .. } => format!("{} as dates or times of day", name(index)),
         }
     }
 

@@ -19,7 +19,7 @@ use crate::recording::RecordingError;
 const RECORD_HEAD: u64 = 9;
 
 /// The next thing in a file.
-pub(super) enum Step {
+pub(super) enum FilePart {
     Record {
         opcode: u8,
         body: Vec<u8>,
@@ -98,13 +98,13 @@ impl RecordFile {
         Ok(())
     }
 
-    pub(super) fn next(&mut self, path: &str, limit: u64) -> Result<Step, RecordingError> {
+    pub(super) fn next(&mut self, path: &str, limit: u64) -> Result<FilePart, RecordingError> {
         let unreadable = |source| RecordingError::Unreadable { path: path.into(), source };
         loop {
             let (byte, before) = (self.offset, self.checksum.sum());
             let head = self.take(RECORD_HEAD).map_err(unreadable)?;
             let Ok([opcode, length @ ..]) = <[u8; RECORD_HEAD as usize]>::try_from(head) else {
-                return Ok(Step::Partial { opcode: 0, body: Vec::new(), byte });
+                return Ok(FilePart::Partial { opcode: 0, body: Vec::new(), byte });
             };
             let length = u64::from_le_bytes(length);
             let whole = length <= self.length.saturating_sub(self.offset);
@@ -117,19 +117,19 @@ impl RecordFile {
                     let body = self.take(there).map_err(unreadable)?;
                     let whole = whole && body.len() as u64 == length;
                     return Ok(if whole {
-                        Step::Record { opcode, body, byte }
+                        FilePart::Record { opcode, body, byte }
                     } else {
-                        Step::Partial { opcode, body, byte }
+                        FilePart::Partial { opcode, body, byte }
                     });
                 }
-                _ if !whole => return Ok(Step::Partial { opcode: 0, body: Vec::new(), byte }),
+                _ if !whole => return Ok(FilePart::Partial { opcode: 0, body: Vec::new(), byte }),
                 op::DATA_END if length >= 4 => {
                     let body = self.take(length.min(64)).map_err(unreadable)?;
                     self.skip(length - body.len() as u64).map_err(unreadable)?;
                     let stored = u32::from_le_bytes([body[0], body[1], body[2], body[3]]);
                     if stored != 0 && stored != before {
                         let cause = format!("checksum of the data {before:08x}, the file says {stored:08x}");
-                        return Ok(Step::Wrong { byte, cause });
+                        return Ok(FilePart::Wrong { byte, cause });
                     }
                 }
                 op::FOOTER => {
@@ -137,7 +137,11 @@ impl RecordFile {
                     let byte = self.offset;
                     let end = self.take(mcap::MAGIC.len() as u64).map_err(unreadable)?;
                     let ends = end == mcap::MAGIC;
-                    return Ok(if ends { Step::End } else { Step::Partial { opcode: 0, body: Vec::new(), byte } });
+                    return Ok(if ends {
+                        FilePart::End
+                    } else {
+                        FilePart::Partial { opcode: 0, body: Vec::new(), byte }
+                    });
                 }
                 _ => self.skip(length).map_err(unreadable)?,
             }

@@ -9,7 +9,7 @@ use mcap::records::op;
 
 use super::bytes::{Bytes, Fault};
 use super::chunk::Chunk;
-use super::file::{RecordFile, Step};
+use super::file::{FilePart, RecordFile};
 use crate::recording::RecordingError;
 
 /// A channel: messages of one kind on one topic.
@@ -75,16 +75,16 @@ pub(super) fn scan(
     }
     while reader.damage.is_none() || recover {
         match file.next(&name, limit)? {
-            Step::Record { opcode, body, byte } => reader.record(opcode, &body, byte, true)?,
-            Step::Partial { opcode, body, byte } => {
+            FilePart::Record { opcode, body, byte } => reader.record(opcode, &body, byte, true)?,
+            FilePart::Partial { opcode, body, byte } => {
                 reader.record(opcode, &body, byte, false)?;
                 reader.damage.get_or_insert(Damage::Truncated { byte });
                 break;
             }
-            Step::Wrong { byte, cause } => {
+            FilePart::Wrong { byte, cause } => {
                 reader.damage.get_or_insert(Damage::Corrupt { byte, cause });
             }
-            Step::End => break,
+            FilePart::End => break,
         }
     }
     Ok(Scan { topics: reader.listed, messages: reader.messages, damage: reader.damage })
@@ -112,11 +112,11 @@ impl<F: FnMut(Message) -> Result<(), RecordingError>> MessageReader<'_, F> {
     fn read_definitions(&mut self, mut file: RecordFile) -> Result<(), RecordingError> {
         loop {
             match file.next(self.path, self.limit)? {
-                Step::Record { opcode: opcode @ (op::SCHEMA | op::CHANNEL), body, byte } => {
+                FilePart::Record { opcode: opcode @ (op::SCHEMA | op::CHANNEL), body, byte } => {
                     self.small_record(opcode, &body, byte)?;
                 }
-                Step::Record { .. } | Step::Wrong { .. } => {}
-                Step::Partial { .. } | Step::End => break,
+                FilePart::Record { .. } | FilePart::Wrong { .. } => {}
+                FilePart::Partial { .. } | FilePart::End => break,
             }
         }
         self.damage = None;

@@ -3,9 +3,9 @@
 use faer::Mat;
 use serde::{Deserialize, Serialize};
 
-use super::all_rows::{Parts, SeenByAll, see_all};
+use super::all_rows::{EvidenceParts, SeenByAll, see_all};
 use super::process::Process;
-use super::rows::{LeftOut, Rows, SHORTEST_MEMORY, Unseen, longest_memory};
+use super::rows::{LeftOutRows, ResidualRows, SHORTEST_MEMORY, Unseen, longest_memory};
 use super::{Inputs, SemiParametricOptions};
 use crate::gp::{
     Calibration, Compute, Covariance, Data, GaussianProcess, GpError, Inference, Kernel, SearchOptions, SearchStatus,
@@ -59,7 +59,7 @@ pub struct JointReport {
 
 /// The process of one joint, if it has one.
 #[derive(Clone, Debug)]
-pub(super) struct Rest {
+pub(super) struct JointProcess {
     pub gp: Option<Process>,
     /// Variance of the measurement about the signal, N²·m² (N²), before calibration.
     pub noise_variance: f64,
@@ -67,7 +67,7 @@ pub(super) struct Rest {
     /// Rows that are its points; empty for a model from a file, or if it has seen all rows.
     pub points: Vec<usize>,
     /// What all rows say, if it has seen them through inducing points; empty for a model from a file.
-    pub evidence: Parts,
+    pub evidence: EvidenceParts,
 }
 
 /// A process must explain at least this share of the mean square residual of stretches left out, and one that has seen all
@@ -81,12 +81,12 @@ const MANY: usize = 10;
 /// Fewer rows are not worth a process.
 pub(super) const FEWEST: usize = 20;
 
-impl Rest {
+impl JointProcess {
     /// Tries the selections of inputs and keeps the best, if it is good enough.
     pub fn fit(
         joint: usize,
         n: usize,
-        rows: &Rows,
+        rows: &ResidualRows,
         unseen: &Unseen,
         options: &SemiParametricOptions,
         compute: &Compute,
@@ -108,7 +108,7 @@ impl Rest {
                 break;
             }
             let columns = inputs.columns(joint, n);
-            let Found { gp, points, status } =
+            let FoundProcess { gp, points, status } =
                 process(columns, &data, rows.terms.as_ref(), longest_memory, options, compute, progress)?;
             let learned = Learned::new(gp, points, rows, unseen, (inputs, status), compute)?;
             report.candidates.push(learned.candidate.clone());
@@ -132,7 +132,7 @@ impl Rest {
 
     /// A joint without a process.
     pub fn without(report: JointReport, mean_square: f64) -> Self {
-        Self { gp: None, noise_variance: mean_square, report, points: vec![], evidence: Parts::default() }
+        Self { gp: None, noise_variance: mean_square, report, points: vec![], evidence: EvidenceParts::default() }
     }
 
     /// A joint with a process.
@@ -152,9 +152,9 @@ impl Rest {
 /// A process that may become that of a joint.
 pub(super) struct Learned {
     pub process: Process,
-    /// As in [`Rest`].
+    /// As in [`JointProcess`].
     pub points: Vec<usize>,
-    pub evidence: Parts,
+    pub evidence: EvidenceParts,
     /// Error and variance of every row, part by part.
     pub errors: Vec<(f64, f64)>,
     pub candidate: Candidate,
@@ -167,7 +167,7 @@ impl Learned {
     pub fn new(
         gp: GaussianProcess,
         points: Vec<usize>,
-        rows: &Rows,
+        rows: &ResidualRows,
         unseen: &Unseen,
         found: (Inputs, SearchStatus),
         compute: &Compute,
@@ -183,7 +183,14 @@ impl Learned {
             log_marginal_likelihood: gp.log_marginal_likelihood(),
             status: found.1,
         };
-        Ok(Self { process: Process::Exact(gp), points, evidence: Parts::default(), errors, candidate, elsewhere })
+        Ok(Self {
+            process: Process::Exact(gp),
+            points,
+            evidence: EvidenceParts::default(),
+            errors,
+            candidate,
+            elsewhere,
+        })
     }
 
     /// Mean square error of parts left out.
@@ -193,7 +200,7 @@ impl Learned {
 
     /// Whether what was left out is predicted better than by the physics alone: parts by [`GAIN`] of the mean square, parts
     /// and runs by more than the standard error.
-    pub fn gains(&self, left_out: &[LeftOut], physics_loss: f64) -> bool {
+    pub fn gains(&self, left_out: &[LeftOutRows], physics_loss: f64) -> bool {
         self.loss() < (1.0 - GAIN) * physics_loss
             && judge(&self.errors, left_out).is_better()
             && self.elsewhere.is_better()
@@ -206,8 +213,8 @@ impl Learned {
     pub fn or_of_all_rows(
         self,
         inducing: impl FnOnce(&Kernel) -> Vec<f64>,
-        rows: &Rows,
-        left_out: &[LeftOut],
+        rows: &ResidualRows,
+        left_out: &[LeftOutRows],
         options: &SemiParametricOptions,
         report: &mut JointReport,
         compute: &Compute,
@@ -244,7 +251,7 @@ pub(super) struct Alone {
 }
 
 impl Alone {
-    pub fn new(rows: &Rows, left_out: &[LeftOut]) -> Self {
+    pub fn new(rows: &ResidualRows, left_out: &[LeftOutRows]) -> Self {
         let count = rows.residual.len();
         let mean_square = rows.residual.iter().map(|r| r * r).sum::<f64>() / count.max(1) as f64;
         let errors = left_out.iter().flat_map(|part| part.measured().zip(&part.variance));
@@ -281,7 +288,7 @@ fn distinct(n: usize) -> Vec<Inputs> {
 }
 
 /// A process, the rows that are its points, and how the search went.
-pub(super) struct Found {
+pub(super) struct FoundProcess {
     pub gp: GaussianProcess,
     pub points: Vec<usize>,
     pub status: SearchStatus,
@@ -302,7 +309,7 @@ pub(super) fn process(
     options: &SemiParametricOptions,
     compute: &Compute,
     progress: &dyn Progress,
-) -> Result<Found, GpError> {
+) -> Result<FoundProcess, GpError> {
     let (width, mean_square) = (data.inputs(), data.mean_square());
     let scales = vec![1.0; columns.len()];
     let kernel = match options.ard {
@@ -334,7 +341,7 @@ pub(super) fn process(
         ..SearchOptions::default()
     };
     let found = search(&data, &start, &search_options, compute, progress)?;
-    Ok(Found { gp: GaussianProcess::fit(data, found.covariance, compute)?, points, status: found.status })
+    Ok(FoundProcess { gp: GaussianProcess::fit(data, found.covariance, compute)?, points, status: found.status })
 }
 
 /// Time over which neighbouring errors are first taken to be alike, s.
@@ -369,9 +376,9 @@ fn thin(kernel: &Kernel, data: &Data, count: usize) -> Vec<usize> {
 /// Squared errors at parts that were left out, of the physics alone and of physics and process.
 ///
 /// - `errors`: of the latter, part by part
-fn judge(errors: &[(f64, f64)], left_out: &[LeftOut]) -> Judgement {
+fn judge(errors: &[(f64, f64)], left_out: &[LeftOutRows]) -> Judgement {
     let mut errors = errors.iter().map(|(error, _)| error * error);
-    let of_part = |part: &LeftOut| {
+    let of_part = |part: &LeftOutRows| {
         let alone = part.measured().map(|error| error * error).sum::<f64>();
         (alone, errors.by_ref().take(part.part.len()).sum::<f64>())
     };
@@ -386,8 +393,8 @@ fn loss_of(errors: &[(f64, f64)]) -> f64 {
 fn errors_left_out(
     gp: &GaussianProcess,
     points: &[usize],
-    rows: &Rows,
-    left_out: &[LeftOut],
+    rows: &ResidualRows,
+    left_out: &[LeftOutRows],
     compute: &Compute,
 ) -> Result<Vec<(f64, f64)>, GpError> {
     let (width, noise) = (gp.data().inputs(), gp.covariance().total_noise_variance());
