@@ -17,7 +17,7 @@ from ..report.experiment import separation
 from ..report.numbers import counted, percent, significant, with_deviation
 from ..report.steps import steps_at_once
 from .console import Output, to_json
-from .effects import DEFAULT_EFFECTS, checked_effects, fitted_effects
+from .effects import checked_effects, effects_option, fitted_effects
 from .error_table import show_errors
 from .errors import LIMITS_NOT_MET, wrong_use
 from .findings import as_data, of_logs, of_texts
@@ -56,12 +56,7 @@ def diagnose(
     output: Output,
     effects: Annotated[
         list[str] | None,
-        typer.Option(
-            "--effects",
-            metavar="EFFECT...",
-            help="Effects that the model has already, or `none`.",
-            show_default=" ".join(DEFAULT_EFFECTS),
-        ),
+        effects_option("Effects that the model has already, or `none`."),
     ] = None,
     look_for: Annotated[
         list[str] | None,

@@ -13,6 +13,13 @@ from .errors import one_of
 DEFAULT_EFFECTS = ("viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset")
 
 
+def effects_option(help_: str, usual: Sequence[str] = DEFAULT_EFFECTS, panel: str | None = None) -> Any:
+    """The option that names the effects of a model."""
+    return typer.Option(
+        "--effects", metavar="EFFECT...", help=help_, show_default=" ".join(usual), rich_help_panel=panel
+    )
+
+
 def checked_effects(names: Sequence[str], option: str = "--effects") -> list[str]:
     """The effects, each once, as `effect` or `effect@joint`; `none` stands for no effect."""
     if list(names) == ["none"]:

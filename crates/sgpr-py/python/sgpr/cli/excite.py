@@ -10,7 +10,7 @@ from .. import excite as excite_robot
 from ..report.motion import MotionPage, kind_of_parameters
 from ..report.numbers import counted, significant
 from .console import Output, to_json
-from .effects import checked_effects
+from .effects import checked_effects, effects_option
 from .errors import one_of, wrong_use
 from .inputs import load_model
 from .options import Gravity, OutFolder
@@ -44,11 +44,9 @@ def excite(
     output: Output,
     effects: Annotated[
         list[str] | None,
-        typer.Option(
-            "--effects",
-            metavar="EFFECT...",
-            help="Effects whose parameters shall be revealed too, or `none`; nonlinear ones about nominal values.",
-            show_default=" ".join(DEFAULT_EFFECTS),
+        effects_option(
+            "Effects whose parameters shall be revealed too, or `none`; nonlinear ones about nominal values.",
+            usual=DEFAULT_EFFECTS,
         ),
     ] = None,
     criterion: Annotated[

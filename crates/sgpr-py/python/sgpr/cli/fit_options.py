@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .effects import DEFAULT_EFFECTS, fitted_effects
+from .effects import effects_option, fitted_effects
 from .errors import BadData, one_of, wrong_use
 
 FIT = "Identification"
@@ -22,12 +22,8 @@ class EquationOptions:
 
     effects: Annotated[
         list[str] | None,
-        typer.Option(
-            "--effects",
-            metavar="EFFECT...",
-            help="Effects beside the rigid body, at all joints or as EFFECT@JOINT at one, or `none`.",
-            show_default=" ".join(DEFAULT_EFFECTS),
-            rich_help_panel=EQUATIONS,
+        effects_option(
+            "Effects beside the rigid body, at all joints or as EFFECT@JOINT at one, or `none`.", panel=EQUATIONS
         ),
     ] = None
     cutoff: Annotated[

@@ -11,7 +11,7 @@ from .. import compare as compare_with
 from ..report.numbers import counted, percent, significant
 from ..report.rest import INPUTS, RestPage, fewer_rows_were_better, points_of, too_narrow
 from .console import Output, to_json
-from .effects import DEFAULT_EFFECTS, fitted_effects
+from .effects import effects_option, fitted_effects
 from .error_table import show_errors
 from .errors import LIMITS_NOT_MET, one_of, wrong_use
 from .findings import as_data, of_logs, of_texts
@@ -57,12 +57,7 @@ def learn(
     output: Output,
     effects: Annotated[
         list[str] | None,
-        typer.Option(
-            "--effects",
-            metavar="EFFECT...",
-            help="Effects of the physics if it is identified here, or `none`.",
-            show_default=" ".join(DEFAULT_EFFECTS),
-        ),
+        effects_option("Effects of the physics if it is identified here, or `none`."),
     ] = None,
     points: Annotated[
         int,
