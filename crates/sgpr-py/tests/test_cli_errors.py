@@ -342,3 +342,18 @@ def test_a_web_page_in_the_place_of_a_log_is_told(tmp_path: Path) -> None:
     for command in (("info", page), ("identify", "--robot", "two_link", "--train", page, "--out", tmp_path / "out")):
         found = run(*command)
         assert found.code == 1 and "this is a web page, not CSV: download the file itself" in found.err, found.err
+
+
+def test_a_motion_of_more_joints_than_the_arm_has_is_told(tmp_path: Path) -> None:
+    found = run("simulate", "two_link", DEMO_TEST, "--out", tmp_path / "run.csv")
+    assert found.code == 0 and "4 more joints (q_3, q_4, q_5, q_6) are not used" in found.err, found.err
+    chosen = ("--joints", "joint_1", "joint_2")
+    found = run("simulate", DEMO_ROBOT.replace("demo", "hidden"), DEMO_TEST, *chosen, "--out", tmp_path / "run.csv")
+    assert found.code == 0 and "more joints" not in found.err, found.err
+
+
+def test_a_model_in_the_place_of_a_robot_is_told(tmp_path: Path) -> None:
+    model = tmp_path / "model.sgpr"
+    sgpr.Model.nominal(sgpr.robots.two_link()).save(model)
+    found = run("excite", "--robot", model, "--max-acceleration", 3, "--out", tmp_path / "out")
+    assert found.code == 1 and "this is a model; a robot is a URDF" in found.err, found.err

@@ -332,7 +332,7 @@ def tell_layouts(logs: Sequence[Log], output: Output, *, of_all: bool = False) -
             output.warning(
                 f"{alike[0].path}{more}: position and torque of {counted(len(others), 'more joint')} "
                 f"({', '.join(others)}) are not used, as the robot has only {', '.join(alike[0].raw.joint_names)}: "
-                "if this is not a log of this robot, the model means nothing"
+                "if this is not a log of this robot, the result means nothing"
             )
 
 

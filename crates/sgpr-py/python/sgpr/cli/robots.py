@@ -15,6 +15,8 @@ from .errors import BadData, wrong_use
 READY_MADE = {"puma560": puma560, "two_link": two_link}
 LOGS = (".csv", ".csv.gz", ".tsv", ".txt", ".mcap", ".bag", ".db3", ".npz", ".parquet", ".mat", ".h5", ".hdf5")
 """Ends of names that no file of a robot has."""
+MODELS = (".sgpr",)
+ROBOTS = "a URDF, a table of DH parameters, puma560 or two_link"
 DH_TABLE_KEYS = {"name", "convention", "joints", "gravity", "rows"}
 
 
@@ -31,8 +33,9 @@ def load_robot(name: str, joints: Sequence[str] | None = None, gravity: Sequence
         robot = _from_table(name)
         _only_urdf_picks(joints, robot)
     else:
-        if Path(name).is_file() and Path(name).name.lower().endswith(LOGS):
-            raise BadData(f"{name}: this is a log; a robot is a URDF, a table of DH parameters, puma560 or two_link")
+        for ends, kind in ((LOGS, "log"), (MODELS, "model")):
+            if Path(name).is_file() and Path(name).name.lower().endswith(ends):
+                raise BadData(f"{name}: this is a {kind}; a robot is {ROBOTS}")
         if not Path(name).exists() and (near := difflib.get_close_matches(name, READY_MADE, n=1)):
             raise BadData(
                 f"{name}: there is no such file, and no ready-made robot of that name: did you mean {near[0]}?"

@@ -18,7 +18,7 @@ from .excite import per_joint
 from .inputs import kind_of, load_model
 from .options import check_not_input
 from .output_folder import OutputFolder
-from .reading import ReadingOptions, read_log
+from .reading import ReadingOptions, read_log, tell_layouts
 from .results import headed
 from .robots import READY_MADE, load_robot
 
@@ -88,7 +88,9 @@ def simulate(
     robot = truth.robot if isinstance(truth, Model) else truth
     drives = DRIVES[arm]() if arm in READY_MADE and not Path(arm).exists() else None
     known = None if model is None else load_model(model, joints)
-    parts = read_log(motion, reading, robot.joint_names).stretches
+    log = read_log(motion, reading, robot.joint_names)
+    log.tell(output)
+    parts = log.stretches
     if len(parts) != 1:
         raise BadData(f"{motion}: the log has gaps, {len(parts)} stretches; choose one (--trim, --rows)")
     reference = _reference(parts[0], motion)
@@ -132,6 +134,7 @@ def simulate(
         for name, value, unit in zip(robot.joint_names, rmse, robot.position_units, strict=True)
     ]
     output.table(["joint", "tracking error (RMS)", "unit"], rows, text_columns=(0, 2))
+    tell_layouts([log], output, of_all=joints is None and isinstance(truth, Robot))
     output.line(f"{len(run)} samples written to {out}")
     if report is not None:
         output.line(f"report: {report}")
@@ -142,7 +145,7 @@ def _reference(log: Recording, path: str) -> tuple[float, Any, Any, Any]:
     """Samples at an even rate; what the log does not have is differentiated."""
     rate = log.sample_rate_hz
     if rate is None or len(log) < FEWEST:
-        raise BadData(f"{path}: {counted(len(log), 'sample')} are no motion: it has {FEWEST} or more")
+        raise BadData(f"{path}: {counted(len(log), 'sample')}: a motion has {FEWEST} or more")
     if np.abs(log.t - np.arange(len(log)) / rate).max() > MOST_JITTER / rate:
         raise BadData(f"{path}: the samples are not evenly spaced in time; resample them (--resample HZ)")
     velocity = log.dq if log.dq is not None else np.gradient(log.q, 1.0 / rate, axis=0, edge_order=2)
