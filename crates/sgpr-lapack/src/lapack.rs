@@ -1,5 +1,7 @@
 //! Factorisations of small matrices, stored by columns, `ld` numbers from one column to the next.
 
+use std::cmp::Ordering;
+
 use crate::Real;
 use crate::blas::{Triangle, View};
 
@@ -129,7 +131,7 @@ fn turn<T: Real>(matrix: &mut [T], rows: usize, i: usize, j: usize, (c, s): (T, 
     }
 }
 
-/// Eigenvalues, ascending, and eigenvectors as columns, of a symmetric matrix; `None` if it is not finite.
+/// Eigenvalues, ascending, and eigenvectors as columns, of a symmetric matrix; `None` if it, or one of them, is not finite.
 ///
 /// Source: G. H. Golub, C. F. Van Loan, Matrix Computations (2013), section 8.5, cyclic Jacobi.
 pub fn symmetric_eigen<T: Real>(triangle: Triangle, n: usize, a: View<'_, T>) -> Option<(Vec<T>, Vec<T>)> {
@@ -167,8 +169,12 @@ pub fn symmetric_eigen<T: Real>(triangle: Triangle, n: usize, a: View<'_, T>) ->
         }
     }
     let mut order: Vec<usize> = (0..n).collect();
-    order.sort_by(|&i, &j| work[i + i * n].partial_cmp(&work[j + j * n]).expect("finite"));
-    let values = order.iter().map(|&k| work[k + k * n]).collect();
+    order.sort_by(|&i, &j| work[i + i * n].partial_cmp(&work[j + j * n]).unwrap_or(Ordering::Equal));
+    let values: Vec<T> = order.iter().map(|&k| work[k + k * n]).collect();
+    // Squares of entries above 1e154 overflow.
+    if values.iter().any(|value| !value.is_finite()) {
+        return None;
+    }
     Some((values, order.iter().flat_map(|&k| vectors[k * n..(k + 1) * n].to_vec()).collect()))
 }
 
@@ -224,7 +230,11 @@ pub fn svd<T: Real>(m: usize, n: usize, a: View<'_, T>) -> Option<Svd<T>> {
     }
     let norm = |k: usize| dot(&work[k * m..(k + 1) * m], &work[k * m..(k + 1) * m]).sqrt();
     let mut order: Vec<(T, usize)> = (0..n).map(|k| (norm(k), k)).collect();
-    order.sort_by(|a, b| b.0.partial_cmp(&a.0).expect("finite"));
+    order.sort_by(|a, b| b.0.partial_cmp(&a.0).unwrap_or(Ordering::Equal));
+    // Squares of entries above 1e154 overflow.
+    if order.iter().any(|(value, _)| !value.is_finite()) {
+        return None;
+    }
     let largest = order.first().map_or(T::ZERO, |(value, _)| *value);
     let mut u: Vec<T> = Vec::with_capacity(m * n);
     let mut vt = vec![T::ZERO; n * n];
@@ -376,6 +386,12 @@ mod tests {
         let mut singular = [1.0, 2.0, 2.0, 4.0];
         assert_eq!(gesv(2, 1, &mut singular, 2, &mut [0; 2], &mut [1.0, 1.0], 2), Err(NoFactor(2)));
         assert!(symmetric_eigen(Triangle::Upper, 1, View::plain(&nan, 1)).is_none());
+        let large = [1e200, 1.0, 1.0, 1e200];
+        assert!(svd(2, 2, View::plain(&large, 2)).is_none());
+        let overflowing = [1e300, 1e308, 1e308, -1e308];
+        if let Some((values, _)) = symmetric_eigen(Triangle::Upper, 2, View::plain(&overflowing, 2)) {
+            assert!(values.is_sorted());
+        }
         assert!(svd(1, 1, View { data: &nan, ld: 1, op: Op::Plain }).is_none());
     }
 }

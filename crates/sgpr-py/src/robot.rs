@@ -267,7 +267,8 @@ impl Robot {
     fn with_standard_parameters(&self, parameters: &Bound<'_, PyAny>) -> PyResult<Self> {
         let numbers = Numbers::new("parameters", parameters)?;
         let numbers = numbers.shaped(&[PARAMETERS_PER_LINK * self.dof()])?.finite()?;
-        Ok(self.inner.clone().with_standard_parameters(numbers.values()).into())
+        let changed = self.inner.clone().try_with_standard_parameters(numbers.values());
+        changed.map(Self::from).map_err(IntoPyErr::into_py_err)
     }
 
     /// The combinations of parameters that motion can reveal, together with those of `effects`.

@@ -173,3 +173,18 @@ def test_ridge_refuses_what_rounding_hides() -> None:
     log = sgpr.Recording(log.t, log.q, tau=1e12 * log.tau).accept(["torque_scale"])
     with pytest.raises(sgpr.IdentificationError, match=r"ridge: .* check the unit of the torque"):
         sgpr.identify(sgpr.Robot.from_urdf(DEMO_ROBOT), [log], method="ridge")
+
+
+def test_inertias_that_no_arm_has_are_refused() -> None:
+    robot = sgpr.robots.two_link()
+    parameters = robot.standard_parameters.copy()
+    for value in (1e100, -1e160):
+        parameters[4] = value
+        with pytest.raises(sgpr.RobotError, match=r"`joint_1.Ixx` has the value .*, which no arm has: check its unit"):
+            robot.with_standard_parameters(parameters)
+
+
+def test_columns_almost_without_noise_are_refused_and_end_no_process() -> None:
+    t, q, tau = torque(1)
+    with pytest.raises(sgpr.IdentificationError, match="relative noise of the columns: 5e-324 is out of range"):
+        sgpr.identify(sgpr.robots.two_link(), [sgpr.Recording(t, q, tau=tau)], method="tls:5e-324")

@@ -33,6 +33,9 @@ pub(super) fn estimate(
             start.whitened[(i, unknowns)]
         }
     });
+    if !system.is_all_finite() {
+        return Err(IdentificationError::Setting { setting: "relative noise of the columns", value: relative_noise });
+    }
     let Svd { v: right, .. } = Svd::new(system.as_ref());
     let last = determined;
     let torque_share = right[(determined, last)];

@@ -80,6 +80,7 @@ fn range_factor(matrix: MatRef<'_, f64>) -> f64 {
 /// # Panics
 /// If an entry is not finite.
 pub(crate) fn symmetric_eigen(matrix: MatRef<'_, f64>) -> (Vec<f64>, Mat<f64>) {
+    assert!(matrix.is_all_finite(), "a finite matrix");
     let factor = range_factor(matrix);
     if factor != 1.0 {
         let (values, vectors) = symmetric_eigen((matrix * faer::Scale(factor)).as_ref());
@@ -134,6 +135,7 @@ impl Svd {
     /// # Panics
     /// If an entry is not finite.
     pub fn new(matrix: MatRef<'_, f64>) -> Self {
+        assert!(matrix.is_all_finite(), "a finite matrix");
         let factor = range_factor(matrix);
         if factor != 1.0 {
             let scaled = Self::new((matrix * faer::Scale(factor)).as_ref());
@@ -163,6 +165,18 @@ impl Svd {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    #[should_panic(expected = "a finite matrix")]
+    fn infinity_has_no_singular_values() {
+        Svd::new(Mat::full(2, 2, f64::INFINITY).as_ref());
+    }
+
+    #[test]
+    #[should_panic(expected = "a finite matrix")]
+    fn infinity_has_no_eigenvalues() {
+        symmetric_eigen(Mat::full(2, 2, f64::INFINITY).as_ref());
+    }
 
     fn table(i: usize, j: usize) -> f64 {
         (1.7 * (3 * i + j) as f64 + 0.3).sin() + if i == j { 2.0 } else { 0.0 }

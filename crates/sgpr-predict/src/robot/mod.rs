@@ -325,6 +325,20 @@ impl Robot {
         self
     }
 
+    /// The same for parameters that a user gives.
+    ///
+    /// # Errors
+    /// If one is not finite, or larger than any arm has it.
+    ///
+    /// # Panics
+    /// If `parameters` is not of length `10 n`.
+    pub fn try_with_standard_parameters(self, parameters: &[f64]) -> Result<Self, RobotError> {
+        for (name, value) in self.standard_parameter_names().iter().zip(parameters) {
+            require_plausible(name, &[*value])?;
+        }
+        Ok(self.with_standard_parameters(parameters))
+    }
+
     /// For what does not change the geometry: friction.
     #[doc(hidden)]
     pub fn joint_mut(&mut self, joint: usize) -> &mut Joint {

@@ -433,7 +433,8 @@ fn require_body(program: &mut ConicProgram, first: usize) {
 ///
 /// Source: MOSEK Modeling Cookbook, section 6.2.3, log-determinant.
 fn add_divergence(program: &mut ConicProgram, first: usize, nominal: &nalgebra::Matrix4<f64>, weight: f64) {
-    let inverse = nominal.try_inverse().expect("a definite matrix");
+    // Without an inverse in double precision the program is refused by what it holds.
+    let inverse = nominal.try_inverse().unwrap_or_else(|| nalgebra::Matrix4::repeat(f64::NAN));
     for column in 0..4 {
         for row in 0..4 {
             let (low, high) = (row.min(column), row.max(column));

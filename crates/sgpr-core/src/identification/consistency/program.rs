@@ -51,6 +51,9 @@ impl Affine {
 /// Where the solver cannot get closer: objectives count half squared standard deviations, of which a hundredth is nothing.
 const WORTHLESS: f64 = 1e-2;
 
+/// Squares of larger numbers are soon infinite, where the solver stops the program.
+const LARGEST: f64 = 1e100;
+
 /// Minimise 1/2 sum of curvature x² + slope x under conic constraints.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ConicProgram {
@@ -132,6 +135,13 @@ impl ConicProgram {
         self.require(PSDTriangleConeT(size), rows);
     }
 
+    /// All that the solver computes with.
+    fn numbers(&self) -> impl Iterator<Item = f64> {
+        let of_row =
+            |row: &'_ Affine| row.terms.iter().map(|(_, value)| *value).chain([row.constant]).collect::<Vec<_>>();
+        self.curvature.iter().chain(&self.slope).copied().chain(self.rows.iter().flat_map(of_row))
+    }
+
     fn require(&mut self, cone: SupportedConeT<f64>, rows: Vec<Affine>) {
         if !rows.is_empty() {
             self.rows.extend(rows);
@@ -145,6 +155,10 @@ impl ConicProgram {
     /// (2024), arXiv:2405.12762.
     pub fn solve(&self) -> ConicOutcome {
         let n = self.slope.len();
+        if let Some(value) = self.numbers().find(|value| value.is_nan() || value.abs() > LARGEST) {
+            let status = ConicStatus::Failed(format!("a number of {value:e} in it"));
+            return ConicOutcome { x: vec![0.0; n], status, iterations: 0, seconds: 0.0 };
+        }
         let diagonal = self.curvature.iter().enumerate().filter(|(_, weight)| **weight != 0.0);
         let diagonal: Vec<(usize, f64)> = diagonal.map(|(k, weight)| (k, *weight)).collect();
         let quadratic = CscMatrix::new_from_triplets(

@@ -19,6 +19,22 @@ fn entries_of_the_pseudo_inertia_are_those_of_the_body() {
 }
 
 #[test]
+fn numbers_without_a_square_are_no_program() {
+    for cost in [1e160, f64::NAN, f64::INFINITY] {
+        let mut program = ConicProgram::default();
+        let x = program.variables(10);
+        require_body(&mut program, x);
+        program.add_cost(&pseudo_inertia_entry(x, 0, 0).scaled(cost));
+        assert!(matches!(program.solve().status, ConicStatus::Failed(reason) if reason.contains("a number of")));
+    }
+    // Of no inverse, whatever its size.
+    let mut program = ConicProgram::default();
+    let x = program.variables(10);
+    add_divergence(&mut program, x, &nalgebra::Matrix4::zeros(), 1.0);
+    assert!(matches!(program.solve().status, ConicStatus::Failed(_)));
+}
+
+#[test]
 fn the_divergence_is_that_of_its_definition() {
     // min over P of <G, P> + w (tr(P0⁻¹ P) - ln det P) is at P = (P0⁻¹ + G / w)⁻¹.
     let size = LinkSize { mass: 1.0, length: 1.0 };
