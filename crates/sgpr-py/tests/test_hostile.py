@@ -180,7 +180,7 @@ def test_inertias_that_no_arm_has_are_refused() -> None:
     parameters = robot.standard_parameters.copy()
     for value in (1e100, -1e160):
         parameters[4] = value
-        with pytest.raises(sgpr.RobotError, match=r"`joint_1.Ixx` has the value .*, which no arm has: check its unit"):
+        with pytest.raises(sgpr.RobotError, match=r"`joint_1.Ixx` has the value .*, which no arm has: check the units"):
             robot.with_standard_parameters(parameters)
 
 

@@ -109,7 +109,7 @@ pub enum RobotError {
         element: String,
     },
     /// A length, mass or inertia that no arm has.
-    #[error("`{element}` has the value {value:e} in SI units, which no arm has: check its unit")]
+    #[error("`{element}` has the value {value:e} in SI units, which no arm has: check the units")]
     Implausible {
         /// Joint, link or field.
         element: String,
