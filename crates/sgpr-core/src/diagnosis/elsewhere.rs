@@ -59,14 +59,14 @@ impl Elsewhere {
         Self { stretches }
     }
 
-    /// Mean variance of the torque that a model predicts there, per joint, (N·m)² (N²).
+    /// Mean variance of the torque that a model predicts there, per joint, (N·m)² (N²); infinite for a model that cannot tell.
     pub fn variance(&self, model: &TorqueModel) -> Vec<f64> {
         let n = model.robot().dof();
         let (mut sums, mut rows) = (vec![0.0; n], 0.0);
         for s in &self.stretches {
             let samples = Samples { q: &s.q, dq: &s.dq, ddq: &s.ddq };
             let along = Trajectory { samples, rate_hz: s.rate_hz, time: &s.time, channels: &[] };
-            let deviations = model.standard_deviation_along(&along);
+            let Ok(deviations) = model.standard_deviation_along(&along) else { return vec![f64::INFINITY; n] };
             deviations.iter().enumerate().for_each(|(k, deviation)| sums[k % n] += deviation * deviation);
             rows += (deviations.len() / n) as f64;
         }
