@@ -168,13 +168,13 @@ pub fn symmetric_eigen<T: Real>(triangle: Triangle, n: usize, a: View<'_, T>) ->
             break;
         }
     }
+    // Squares of entries above 1e154 overflow, and what is no number has no order.
+    if (0..n).any(|k| !work[k + k * n].is_finite()) {
+        return None;
+    }
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|&i, &j| work[i + i * n].partial_cmp(&work[j + j * n]).unwrap_or(Ordering::Equal));
     let values: Vec<T> = order.iter().map(|&k| work[k + k * n]).collect();
-    // Squares of entries above 1e154 overflow.
-    if values.iter().any(|value| !value.is_finite()) {
-        return None;
-    }
     Some((values, order.iter().flat_map(|&k| vectors[k * n..(k + 1) * n].to_vec()).collect()))
 }
 
@@ -230,11 +230,11 @@ pub fn svd<T: Real>(m: usize, n: usize, a: View<'_, T>) -> Option<Svd<T>> {
     }
     let norm = |k: usize| dot(&work[k * m..(k + 1) * m], &work[k * m..(k + 1) * m]).sqrt();
     let mut order: Vec<(T, usize)> = (0..n).map(|k| (norm(k), k)).collect();
-    order.sort_by(|a, b| b.0.partial_cmp(&a.0).unwrap_or(Ordering::Equal));
-    // Squares of entries above 1e154 overflow.
+    // Squares of entries above 1e154 overflow, and what is no number has no order.
     if order.iter().any(|(value, _)| !value.is_finite()) {
         return None;
     }
+    order.sort_by(|a, b| b.0.partial_cmp(&a.0).unwrap_or(Ordering::Equal));
     let largest = order.first().map_or(T::ZERO, |(value, _)| *value);
     let mut u: Vec<T> = Vec::with_capacity(m * n);
     let mut vt = vec![T::ZERO; n * n];
