@@ -204,7 +204,7 @@ fn short_logs_know_how_much_more_is_needed() {
     }
 }
 
-/// The widths that make these logs most probable cost 3 % of the error: what the model lacks is no
+/// The widths that these logs make probable cost 3 % of the error: what the model lacks is no
 /// noise.
 #[test]
 fn rich_logs_lose_nothing_by_the_prior() {

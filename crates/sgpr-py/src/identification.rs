@@ -359,7 +359,7 @@ pub fn differentiation_name(method: Differentiation) -> String {
 ///     `consistent`, how the distance to the robot file is measured.
 /// prior_deviation : float or "auto", optional
 ///     Relative standard deviation of the robot file's values; 1 for a file that is roughly right. By default the one that
-///     makes the logs most probable; with `consistent` 30, and with "auto" the one with which parts of the logs are predicted
+///     the logs make probable; with `consistent` 30, and with "auto" the one with which parts of the logs are predicted
 ///     best from the others.
 /// bounds : dict, optional
 ///     Limits: {"joint_2": {"mass": (1, 5), "box": (lowest, highest)}} for the link that a joint carries, or "ellipsoid":

@@ -6,7 +6,7 @@ use faer::Mat;
 use rayon::prelude::*;
 
 use super::DiagnosisError;
-use super::basis::rms;
+use super::basis::{mean_square, rms};
 use super::fit::{ByLog, LogSums};
 use super::left_out::FilePrior;
 use sgpr_predict::internal::{JointRanges, for_each_regressor_block};
@@ -14,7 +14,7 @@ use sgpr_predict::internal::{JointRanges, for_each_regressor_block};
 use crate::dynamics::{BatchWorkspace, Samples, Workspace, mass_matrix};
 use crate::effects::{Context, Reach, sgn};
 use crate::identification::{BaseParameters, EFFECT_SCALES, JointFactor, ParameterPrior, ParameterSet, Row, WIDTHS};
-use crate::linalg::triangle;
+use crate::linalg::{dot_in_lanes, triangle};
 use crate::model::{
     Rigid, Term, TorqueModel, Trajectory, common_clock, motions, nominal_parameters, seconds_since, select_joints,
     torque_of,
@@ -137,6 +137,9 @@ pub(super) struct Problem {
     pub priors: Vec<FilePrior>,
 }
 
+/// Torque of an effect, one standard deviation before any data, as a share of what its joint has shown.
+const WIDEST_EFFECT: f64 = EFFECT_SCALES[EFFECT_SCALES.len() - 1];
+
 impl Problem {
     pub fn new(model: &TorqueModel, train: &[Recording], processing: &Processing) -> Result<Self, DiagnosisError> {
         let recordings = select_joints(model.robot(), train)?;
@@ -211,6 +214,19 @@ impl Problem {
         Ok(problem)
     }
 
+    /// Precision before any data of the factor of a term's column: one part of an effect makes, while it acts, torque of the
+    /// size that its joints have shown, and no more than other parts can cancel. Parts that the motion does not tell apart
+    /// would else run off against each other.
+    pub fn precision(&self, column: &Column) -> f64 {
+        let (mut own, mut shown) = (0.0, 0.0);
+        for (column, torque) in column.iter().zip(&self.y).filter(|(column, _)| !column.is_empty()) {
+            let acts = column.iter().filter(|x| **x != 0.0).count().max(1) as f64;
+            own += dot_in_lanes(column, column) / acts;
+            shown += mean_square(torque);
+        }
+        if shown > 0.0 { own / (shown * WIDEST_EFFECT.powi(2)) } else { 0.0 }
+    }
+
     /// Lets the robot file hold parameters in fits that rows are left out of: bodies with a relative deviation that left-out
     /// rows choose, friction and offsets by no more than that their torques are of the size of the joint's own.
     ///
@@ -227,16 +243,15 @@ impl Problem {
                 None => self.y[joint][row * step],
             };
             let factor = triangle(Mat::from_fn(rows, of_joint.len() + 1, value).as_ref());
-            JointFactor { joint, resting: false, columns: of_joint, factor, rows }
+            JointFactor { joint, resting: false, columns: of_joint, factor, rows, least_noise: 0.0 }
         };
         let factors: Vec<JointFactor> = (0..self.dof()).map(factor).collect();
         let robot = self.nominal.robot();
         let file = nominal_parameters(robot, &self.set);
         let of_file = ParameterPrior::new(robot, &self.set, &self.base, &file, &factors);
         let from = self.base.combine(self.nominal.parameters());
-        let [.., widest] = EFFECT_SCALES;
         let prior = |width: &f64| {
-            let of_file = of_file.clone().with_relative_deviation(*width).with_effect_scale(widest);
+            let of_file = of_file.clone().with_relative_deviation(*width).with_effect_scale(WIDEST_EFFECT);
             FilePrior::new(&of_file, &from)
         };
         self.priors = WIDTHS.iter().map(prior).collect();

@@ -62,6 +62,7 @@ impl<'a> ExtendedFactor<'a> {
             columns: self.columns.into_iter().map(|(index, _)| index).collect(),
             factor: triangle(all.as_ref()),
             rows: self.source.rows,
+            least_noise: self.source.least_noise,
         }
     }
 }

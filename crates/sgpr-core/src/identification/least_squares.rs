@@ -364,12 +364,14 @@ pub(super) fn torque_norm(factor: &JointFactor) -> f64 {
     factor.factor.col(factor.factor.ncols() - 1).norm_l2()
 }
 
-/// Noise levels that can be divided by, none below `least`: a joint without noise gets a trifle of its torque.
+/// Noise levels that can be divided by, none below `least` or what is known of the rows: a joint without noise gets a trifle
+/// of its torque.
 pub(super) fn floored(noise: &[f64], factors: &[JointFactor], least: &[f64]) -> Vec<f64> {
     // Equations whose right-hand side is but rounding are measured by their left one.
     let size = |joint: &JointFactor| torque_norm(joint).max(1e-6 * joint.factor.norm_max());
     let torque = |joint: &JointFactor| size(joint) / (joint.rows.max(1) as f64).sqrt();
-    let floors = factors.iter().zip(least).map(|(joint, least)| least.max(1e-10 * torque(joint)));
+    let floors =
+        factors.iter().zip(least).map(|(joint, least)| least.max(joint.least_noise).max(1e-10 * torque(joint)));
     noise.iter().zip(floors).map(|(noise, floor)| noise.max(floor).max(f64::MIN_POSITIVE)).collect()
 }
 

@@ -132,6 +132,21 @@ impl<'a> LeftOut<'a> {
         Judgement::of(&shares.collect::<Vec<_>>())
     }
 
+    /// Root mean square of what is left of a joint's rows in motion on parts, each predicted from the others, N·m (N); none
+    /// for fewer than two parts.
+    pub fn error(&self, prior: &ParameterPrior) -> impl Fn(usize) -> Option<f64> + use<> {
+        let mut sums: Vec<(f64, usize)> = Vec::new();
+        for (part, values) in self.parts.iter().zip(self.without(prior)) {
+            let Some(values) = values.filter(|_| self.parts.len() > 1) else { continue };
+            for factor in part.iter().filter(|factor| !factor.resting) {
+                sums.resize(sums.len().max(factor.joint + 1), (0.0, 0));
+                sums[factor.joint].0 += residual_norm(factor, &values).powi(2);
+                sums[factor.joint].1 += factor.rows;
+            }
+        }
+        move |joint| sums.get(joint).filter(|(_, rows)| *rows > 0).map(|(square, rows)| (square / *rows as f64).sqrt())
+    }
+
     /// Squares of what is left of each part in motion, in units of its noise.
     fn squares(&self, prior: &ParameterPrior) -> Vec<Option<f64>> {
         let of_part = |part: usize, values: &[f64]| -> f64 {

@@ -41,6 +41,7 @@ pub(crate) use autocorrelation::{LagProducts, Memory, lag_groups, rows_per_indep
 pub use base_parameters::{BaseParameters, ParameterClass};
 pub use block_bootstrap::{Bootstrap, block_bootstrap};
 pub use closed_loop::{ClosedLoop, SimulatedMotion};
+pub(crate) use consistency::nearest_load;
 pub use consistency::{
     Consistency, ConsistentParameters, Costs, DEVIATIONS, Distance, KeptOut, KnownPayload, LinkBounds, LinkCertificate,
     ParameterBounds, PhysicalBounds, Price, Prior, Region, Stage, weakest_good_deviation,

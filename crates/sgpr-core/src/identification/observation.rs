@@ -53,6 +53,8 @@ pub struct JointFactor {
     pub factor: Mat<f64>,
     /// Number of rows.
     pub rows: usize,
+    /// Noise that its rows have at least, N·m (N), whatever a fit leaves of them; 0 if nothing is known.
+    pub least_noise: f64,
 }
 
 /// Which base parameters stand in the rows of a joint, and where.
@@ -213,6 +215,7 @@ impl<'a> Observation<'a> {
             columns: layout.columns.clone(),
             factor: factor.factor(),
             rows: factor.rows(),
+            least_noise: 0.0,
         };
         of_kind(false).chain(of_kind(true)).filter(|(_, _, factor, _)| factor.rows() > 0).map(factor).collect()
     }

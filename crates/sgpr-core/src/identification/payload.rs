@@ -107,7 +107,7 @@ pub fn identify_payload(
         Mat::from_fn(PARAMETERS_PER_LINK, PARAMETERS_PER_LINK, |i, j| estimate.covariance[(rank + i, rank + j)]);
     let mut parameters: [f64; PARAMETERS_PER_LINK] = std::array::from_fn(|k| estimate.values[rank + k]);
     if options.consistent {
-        parameters = nearest_body(&parameters, &covariance)?;
+        parameters = nearest_body(&parameters, &covariance, f64::INFINITY)?.parameters;
     }
     Ok(Payload {
         parameters,

@@ -12,7 +12,7 @@ use super::{Equations, Estimate, IdentificationError, JointFactor, LeastSquares,
 /// How wide the prior on bodies is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum PriorWidth {
-    /// As the data make most probable ([`ParameterPrior::chosen_by`]).
+    /// As the data make probable ([`ParameterPrior::chosen_by`]).
     #[default]
     Chosen,
     /// This relative deviation of the robot file's values.

@@ -6,8 +6,8 @@
 //! units of each link's mass and size; friction, offsets and gains are zero (or what the file says) with a deviation that
 //! makes a torque as large as what the file leaves of the joint's own, in the motion of the logs.
 //!
-//! How wrong the file is the data say themselves: the share is the one under which they are most probable (empirical
-//! Bayes), so that what well-determined combinations show of the file holds for the others.
+//! How wrong the file is the data say themselves: each share counts as the data are probable under it, so that what
+//! well-determined combinations show of the file holds for the others.
 //!
 //! Source: D. J. C. MacKay, Bayesian interpolation, Neural Computation 4(3) (1992), for the choice of widths by the
 //! evidence.
@@ -148,7 +148,8 @@ impl ParameterPrior {
         self
     }
 
-    /// The same with the deviations, of bodies and of effects, under which the data are most probable.
+    /// The same with the deviations, of bodies and of effects, that the data make probable: the means of their logarithms by
+    /// the evidence. Where two are about as probable a few rows more do not make it jump from one to the other.
     ///
     /// - `whitened`: `[rank + 1, rank + 1]`, the triangular factor of [W tau] in units of its noise, as in
     ///   [`Estimate::whitened`](super::Estimate::whitened)
@@ -170,12 +171,19 @@ impl ParameterPrior {
             });
             cholesky(variance.as_ref()).map_or(f64::NEG_INFINITY, |root| log_evidence(&root, &left))
         };
-        let most = |of: &dyn Fn(f64) -> f64, among: &[f64]| {
-            let known = among.iter().map(|width| (of(*width), *width));
-            known.max_by(|a, b| a.0.total_cmp(&b.0)).expect("several widths").1
-        };
-        self.relative_deviation = most(&|width| evidence(width, 1.0), &WIDTHS);
-        self.effect_scale = most(&|share| evidence(self.relative_deviation, share), &EFFECT_SCALES);
+        let pairs = WIDTHS.iter().flat_map(|width| EFFECT_SCALES.iter().map(move |share| [*width, *share]));
+        let known: Vec<([f64; 2], f64)> =
+            pairs.map(|[width, share]| ([width, share], evidence(width, share))).collect();
+        let most = known.iter().map(|(_, evidence)| *evidence).fold(f64::NEG_INFINITY, f64::max);
+        if most.is_finite() {
+            let probability = |evidence: f64| (evidence - most).exp();
+            let all: f64 = known.iter().map(|(_, evidence)| probability(*evidence)).sum();
+            let mean = |of: usize| {
+                let logarithms = known.iter().map(|(pair, evidence)| probability(*evidence) / all * pair[of].ln());
+                logarithms.sum::<f64>().exp()
+            };
+            (self.relative_deviation, self.effect_scale) = (mean(0), mean(1));
+        }
         self
     }
 

@@ -70,6 +70,23 @@ fn total(judged: &[Judgement]) -> f64 {
 }
 
 impl Task<'_> {
+    /// Noise of each joint's rows in motion, N·m (N): of what the parameters leave of the rows that they follow and of what
+    /// they leave of parts that they do not know, the geometric mean. A row that a fit follows by a share h of it is left
+    /// 1 - h of its noise, and 1 / (1 - h) if the fit does not know it; few rows look less noisy than they are, and would
+    /// weigh the more, the more of them the parameters follow.
+    ///
+    /// Source: R. D. Cook, S. Weisberg, Residuals and Influence in Regression (1982), section 2.2.1, for residuals with and
+    /// without a row.
+    pub fn noise(&self, held: &Held) -> Vec<f64> {
+        let error = self.left_out(held).error(&held.prior);
+        let pairs = self.factors.iter().zip(&held.estimate.noise);
+        let noise = |(factor, noise): (&JointFactor, &f64)| match error(factor.joint).filter(|_| !factor.resting) {
+            Some(error) if error > *noise => (error * noise).sqrt(),
+            _ => 0.0,
+        };
+        pairs.map(noise).collect()
+    }
+
     /// The estimate, and, with `keeping`, the robot file for joints that it predicts better.
     ///
     /// It is bare if the logs know the torque of other motions better than the robot file does
@@ -91,7 +108,9 @@ impl Task<'_> {
             let saved = self.left_out(&held).judge(&flat, &held.prior);
             if saved.gain - saved.standard_error < LEAST_GAIN || saved.parts < 2 {
                 let bare = self.bare(method, equations, &flat, correlation)?;
-                if let Some(bare) = bare.filter(|bare| self.knows_more_than_file(&bare.covariance, &flat)) {
+                let wider = faer::Scale(self.dispersion(&held).deviation.powi(2));
+                let knows_more = |bare: &Estimate| self.knows_more_than_file(&(wider * &bare.covariance), &flat);
+                if let Some(bare) = bare.filter(knows_more) {
                     let (bare, refused) = without_negative(bare, flat.friction());
                     notes.extend(self.refused_note(&refused));
                     return Ok(HeldEstimate { estimate: bare, held: None, dispersion: Dispersion::NONE, notes });
@@ -133,7 +152,8 @@ impl Task<'_> {
         prior: &ParameterPrior,
         correlation: &[f64],
     ) -> Result<Option<Estimate>, IdentificationError> {
-        match estimate(method, equations, self.factors, prior.mean(), Some(correlation)) {
+        let factors = self.factors.iter().map(|factor| JointFactor { least_noise: 0.0, ..factor.clone() });
+        match estimate(method, equations, &factors.collect::<Vec<_>>(), prior.mean(), Some(correlation)) {
             Err(IdentificationError::TooFewRows { .. }) => Ok(None),
             found => found.map(Some),
         }
@@ -191,7 +211,7 @@ impl Task<'_> {
         [position, [-speed, speed], [-acceleration, acceleration]]
     }
 
-    fn solve(
+    pub fn solve(
         &self,
         method: &Method,
         equations: &mut Equations<'_>,

@@ -4,7 +4,8 @@ use faer::Mat;
 use faer::linalg::solvers::Solve;
 use sgpr_core::dynamics::Samples;
 use sgpr_core::identification::{
-    Equations, IdentificationError, LeastSquares, Method, ParameterPrior, PriorWidth, estimate, estimate_with_prior,
+    Equations, IdentificationError, LeastSquares, LeftOut, Method, Observation, ParameterPrior, PriorWidth, estimate,
+    estimate_with_prior,
 };
 use sgpr_core::model::{IdentifyError, IdentifyOptions, TorqueModel, compare, identify};
 use sgpr_core::recording::Recording;
@@ -103,6 +104,53 @@ fn a_handful_of_rows_stays_near_the_file_and_does_better_than_it() {
     assert!(squares[1] < squares[0], "{squares:?}");
     let wrong = fit.solve_with_prior(&factors, &prior, PriorWidth::Given(0.0)).expect_err("no width").to_string();
     assert!(wrong.contains("between 1e-9 and 1e9"), "{wrong}");
+}
+
+/// Of few rows a fit leaves less than their noise, and of rows that it does not know more: the product is the variance.
+#[test]
+fn residuals_with_and_without_a_row_have_the_noise_between_them() {
+    const ROWS: usize = 30;
+    const PARTS: usize = 10;
+    let sigma = [0.5, 0.05];
+    let experiment = Experiment::new(2400);
+    let motion = experiment.run(&experiment.truth);
+    let pick = |values: &[f64]| -> Vec<f64> {
+        (0..ROWS).flat_map(|row| values[160 * row..160 * row + 2].iter().copied()).collect()
+    };
+    let (q, dq, ddq, tau) = (pick(&motion.q), pick(&motion.dq), pick(&motion.ddq), pick(&motion.tau));
+    let samples = Samples { q: &q, dq: &dq, ddq: &ddq };
+    let mut noise = Noise(5);
+    let (mut inside, mut outside, mut between) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+    const TIMES: usize = 200;
+    for _ in 0..TIMES {
+        let tau: Vec<f64> = tau.iter().enumerate().map(|(k, tau)| tau + sigma[k % 2] * noise.normal()).collect();
+        let log = sgpr_core::identification::Trajectory::new(samples, &tau);
+        let (robot, set, base) = (&experiment.robot, &experiment.set, &experiment.base);
+        let mut rows = Observation::in_parts(robot, set, base, PARTS, ROWS);
+        rows.add(&log).expect("good data");
+        let (factors, parts) = (rows.factors(), rows.parts());
+        let prior =
+            ParameterPrior::new(robot, set, base, &nominal(&experiment), &factors).with_relative_deviation(30.0);
+        let known = LeastSquares::new(Method::WlsKnown(sigma.to_vec()));
+        let estimate = known.solve(&factors, base, prior.mean()).expect("good data");
+        let error = LeftOut::new(&parts, |factor| sigma[factor.joint], base.rank()).error(&prior);
+        for (factor, _) in factors.iter().zip(&estimate.noise) {
+            let (joint, n) = (factor.joint, factor.columns.len());
+            let r = factor.factor.as_ref();
+            let rest =
+                |i: usize| r[(i, n)] - (0..n).map(|k| r[(i, k)] * estimate.values[factor.columns[k]]).sum::<f64>();
+            let square = (0..=n).map(|i| rest(i).powi(2)).sum::<f64>() / factor.rows as f64;
+            let without = error(joint).expect("rows").powi(2);
+            inside[joint] += square / sigma[joint].powi(2) / TIMES as f64;
+            outside[joint] += without / sigma[joint].powi(2) / TIMES as f64;
+            between[joint] += (square * without).sqrt() / sigma[joint].powi(2) / TIMES as f64;
+        }
+    }
+    println!("{inside:.2?} {outside:.2?} {between:.2?}");
+    for joint in 0..2 {
+        assert!(inside[joint] < 0.85 && outside[joint] > 1.15, "{joint}: {inside:?} {outside:?}");
+        assert!((between[joint] - 1.0).abs() < 0.1, "{joint}: {between:?}");
+    }
 }
 
 /// A log of the two-link arm whose bodies are 15 % heavier than the file's, with friction, along sums of sines; joints

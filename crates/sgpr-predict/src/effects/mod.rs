@@ -378,6 +378,12 @@ pub trait Effect: Send + Sync + Debug {
         true
     }
 
+    /// Whether its linear parameters are the ten of a body that is taken up or put down: m, m c, and the inertia about the
+    /// origin, all of one sign.
+    fn is_body(&self) -> bool {
+        false
+    }
+
     /// Whether the grids of its constants say no more than their ranges: a search then looks between values at which the
     /// columns have little in common.
     fn grids_span_ranges(&self) -> bool {

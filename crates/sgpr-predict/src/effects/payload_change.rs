@@ -67,10 +67,8 @@ impl Effect for PayloadChange {
         vec![Site::Arm]
     }
 
-    /// The inertia of a body about any point has the sign of its mass.
-    fn is_plausible(&self, coefficients: &[f64]) -> bool {
-        let [mass, .., xx, _, yy, _, _, zz] = coefficients else { return true };
-        mass * (xx + yy + zz) >= 0.0
+    fn is_body(&self) -> bool {
+        true
     }
 
     #[cfg(feature = "trajectories")]
@@ -91,18 +89,4 @@ fn law<S: Stepped>(
 ) {
     let on = after::<S>(input.time, constants[0], input.rate_hz);
     link_columns(input, input.robot.dof() - 1, on, state, columns);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_load_whose_inertia_and_mass_differ_in_sign_is_no_body() {
-        let load =
-            |mass: f64, inertia: [f64; 3]| [mass, 0.0, 0.0, 0.0, inertia[0], 0.0, inertia[1], 0.0, 0.0, inertia[2]];
-        assert!(PayloadChange.is_plausible(&load(1.0, [0.02, 0.02, 0.001])));
-        assert!(PayloadChange.is_plausible(&load(-1.0, [-0.02, -0.02, -0.001])));
-        assert!(!PayloadChange.is_plausible(&load(0.01, [-0.006, -0.004, -0.002])));
-    }
 }

@@ -230,6 +230,17 @@ impl Robot {
         self.joints.len()
     }
 
+    /// Length of the stretched arm between the frames of its first and its last joint, m; infinite for a single joint.
+    pub fn length(&self) -> f64 {
+        let travel = |joint: &Joint| match (joint.kind, joint.limits.position) {
+            (JointKind::Prismatic, Some([low, high])) => low.abs().max(high.abs()),
+            _ => 0.0,
+        };
+        let from_parent = |joint: &Joint| joint.parent.map(|_| joint.placement.translation.norm() + travel(joint));
+        let length: f64 = self.joints.iter().filter_map(from_parent).sum();
+        if length > 0.0 { length } else { f64::INFINITY }
+    }
+
     /// Joints, base to tip; this order is the order of every array.
     pub fn joints(&self) -> &[Joint] {
         &self.joints

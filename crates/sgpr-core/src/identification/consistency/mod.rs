@@ -341,11 +341,43 @@ impl Prior {
     }
 }
 
+/// A body, and how far from it its estimated parameters are.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NearestBody {
+    pub parameters: [f64; PARAMETERS_PER_LINK],
+    /// Square of the distance, in standard deviations of the estimate.
+    pub distance2: f64,
+}
+
+/// The body taken up or put down that is nearest to ten estimated parameters, distances measured by their covariance.
+///
+/// - `reach`: largest radius of gyration about the origin of the link that holds it, m
+pub(crate) fn nearest_load(
+    parameters: &[f64; PARAMETERS_PER_LINK],
+    covariance: &Mat<f64>,
+    reach: f64,
+) -> Result<NearestBody, IdentificationError> {
+    let taken_up = nearest_body(parameters, covariance, reach)?;
+    if taken_up.distance2 < SAME_BODY {
+        return Ok(taken_up);
+    }
+    let put_down = nearest_body(&parameters.map(|x| -x), covariance, reach)?;
+    let nearer = if put_down.distance2 < taken_up.distance2 { -1.0 } else { 1.0 };
+    let nearest = if nearer < 0.0 { put_down } else { taken_up };
+    Ok(NearestBody { parameters: nearest.parameters.map(|x| nearer * x), ..nearest })
+}
+
+/// Squares of distances below this are the solver's.
+const SAME_BODY: f64 = 1e-6;
+
 /// The body nearest to ten estimated parameters, distances measured by their covariance.
+///
+/// - `reach`: largest distance of its mass from the origin, in the root mean square, m
 pub(super) fn nearest_body(
     parameters: &[f64; PARAMETERS_PER_LINK],
     covariance: &Mat<f64>,
-) -> Result<[f64; PARAMETERS_PER_LINK], IdentificationError> {
+    reach: f64,
+) -> Result<NearestBody, IdentificationError> {
     let estimated = LinkInertia::from_standard_parameters(parameters);
     let scale = LinkSize::of(estimated).scales();
     // A direction of which nothing is known has a deviation of a hundred times the size of the body.
@@ -376,9 +408,18 @@ pub(super) fn nearest_body(
     program.require_zero(rows.collect());
     (residual..residual + PARAMETERS_PER_LINK).for_each(|variable| program.add_square(variable, 0.0, 1.0));
     require_body(&mut program, 0);
+    if reach.is_finite() {
+        // The trace of the second moment of mass about the origin, in the units of the variables.
+        let moment = |axis: usize| pseudo_inertia_entry(0, axis, axis).scaled(-scale[4] / scale[0]);
+        let most = Affine::variable(0, reach * reach);
+        program.require_non_negative(vec![(0..3).map(moment).fold(most, Affine::and)]);
+    }
     let outcome = program.solve();
     match outcome.status {
-        ConicStatus::Solved => Ok(std::array::from_fn(|k| outcome.x[k] * scale[k])),
+        ConicStatus::Solved => Ok(NearestBody {
+            parameters: std::array::from_fn(|k| outcome.x[k] * scale[k]),
+            distance2: outcome.x[residual..residual + PARAMETERS_PER_LINK].iter().map(|r| r * r).sum(),
+        }),
         ConicStatus::Infeasible => Err(IdentificationError::Unsolved { reason: "no body".into() }),
         ConicStatus::Failed(reason) => Err(IdentificationError::Unsolved { reason }),
     }

@@ -99,3 +99,27 @@ fn an_inertia_that_no_body_has_is_mended_and_a_rod_is_not() {
         assert!(matrix.symmetric_eigenvalues().min() > 9e-4);
     }
 }
+
+/// A load is a body of one sign, its mass within reach.
+#[test]
+fn the_nearest_load_is_a_body_within_reach() {
+    let sure = Mat::<f64>::identity(10, 10);
+    let cube = [2.0, 0.1, 0.0, 0.2, 0.05, 0.0, 0.05, -0.01, 0.0, 0.03];
+    for sign in [1.0, -1.0] {
+        let load = cube.map(|x| sign * x);
+        let found = nearest_load(&load, &sure, 1.0).expect("a body");
+        assert!(found.distance2 < 1e-6, "{}", found.distance2);
+        let differs = found.parameters.iter().zip(load).map(|(own, load)| (own - load).abs()).fold(0.0, f64::max);
+        assert!(differs < 1e-3, "{differs}");
+    }
+    // 26 g whose inertia would have to lie more than five metres away.
+    let far = [0.026, 0.0, 0.0, 0.0, 0.8, 0.0, 0.7, 0.0, 0.0, 0.5];
+    let anywhere = nearest_load(&far, &sure, f64::INFINITY).expect("a body");
+    let within = nearest_load(&far, &sure, 0.8).expect("a body");
+    assert!(anywhere.distance2 < 1e-6 && within.distance2 > 0.3, "{} {}", anywhere.distance2, within.distance2);
+    let [mass, .., xx, _, yy, _, _, zz] = within.parameters;
+    assert!(0.5 * (xx + yy + zz) <= 0.8 * 0.8 * mass + 1e-6, "{:?}", within.parameters);
+    // Inertia of one sign and mass of the other: neither taken up nor put down.
+    let mixed = nearest_load(&[-1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0], &sure, 0.8).expect("a body");
+    assert!(mixed.distance2 > 0.9, "{}", mixed.distance2);
+}

@@ -9,8 +9,9 @@ use crate::identification::{
     BaseParameters, Consistency, ConsistentParameters, Costs, Dispersion, Equations, Essential, Estimate, Finding,
     Forecast, Held, IdentificationError, JointFactor, KeptOut, LeastSquares, LeftOut, Method, Observation,
     ParameterPrior, ParameterSet, PriorWidth, Row, Trajectory, block_bootstrap, essential_parameters, estimate,
-    hac_covariance, screen_factors, screen_scale, torque_sizes, weakest_good_deviation,
+    hac_covariance, nearest_load, screen_factors, screen_scale, torque_sizes, weakest_good_deviation,
 };
+use crate::linalg::symmetric_eigen;
 use crate::model::correlation::correlation;
 use crate::model::experiment::Experiment;
 use crate::model::torque_model::{Certificate, Fit, nominal_parameters};
@@ -78,9 +79,10 @@ pub(super) fn fit(
     };
     let (mut data, prior) = setup.observe(&trajectories, &mut model, progress)?;
     let mut equations = Equations::new(robot, &set, &base, trajectories);
-    let mut found = setup.estimate(prior, &mut equations, &data)?;
+    let mut found = setup.estimate(prior, &mut equations, &mut data)?;
     let findings = setup.screen(&data.factors, &found.estimate);
     let essential = setup.leave_out(&equations, &data.factors, &mut found)?;
+    setup.keep_loads_bodies(model.terms(), &mut found.estimate);
     let certificate = setup.hold(&mut model, &equations, &mut data, &mut found)?;
     setup.write_down(&mut model, &data, &found, certificate)?;
     model.provenance.logs = recordings.iter().map(|recording| recording.source().to_string()).collect();
@@ -183,12 +185,17 @@ impl Setup<'_> {
         &self,
         prior: Option<(ParameterPrior, PriorWidth)>,
         equations: &mut Equations<'_>,
-        data: &Observed,
+        data: &mut Observed,
     ) -> Result<Estimated, IdentifyError> {
         let options = self.options;
         let Observed { factors, parts, correlation } = data;
-        let motions = &self.experiment.motions;
-        let task = held::Task { robot: self.robot, set: self.set, base: self.base, factors, parts, motions };
+        if let Some((prior, width)) = prior.as_ref().filter(|_| options.method.reweights()) {
+            let task = self.held_task(factors, parts);
+            let first = task.solve(&options.method, equations, (prior, *width), correlation)?;
+            let noise = task.noise(&first);
+            factors.iter_mut().zip(noise).for_each(|(factor, noise)| factor.least_noise = noise);
+        }
+        let task = self.held_task(factors, parts);
         let held::HeldEstimate { mut estimate, held, dispersion, mut notes } = match prior {
             None => held::HeldEstimate {
                 estimate: estimate(&options.method, equations, factors, &self.nominal, Some(correlation))?,
@@ -210,6 +217,11 @@ impl Setup<'_> {
         }
         notes.append(&mut estimate.notes);
         Ok(Estimated { estimate, held, dispersion, forecast, notes })
+    }
+
+    fn held_task<'b>(&'b self, factors: &'b [JointFactor], parts: &'b [Vec<JointFactor>]) -> held::Task<'b> {
+        let motions = &self.experiment.motions;
+        held::Task { robot: self.robot, set: self.set, base: self.base, factors, parts, motions }
     }
 
     /// What speaks against the logs.
@@ -239,6 +251,33 @@ impl Setup<'_> {
         estimate.values.clone_from(&essential.values);
         estimate.covariance.clone_from(&essential.covariance);
         Ok(Some(essential))
+    }
+
+    /// Moves the loads that the terms take up or put down to the bodies nearest to them, and all other parameters with
+    /// them: to what is likeliest, given these bodies.
+    fn keep_loads_bodies(&self, terms: &[Term], estimate: &mut Estimate) {
+        let mut first = self.set.len() - self.set.trajectory_columns().len();
+        for term in terms {
+            let own = first..first + term.effect.parameters().len();
+            first = own.end;
+            if !term.effect.is_body() {
+                continue;
+            }
+            let index = |parameter| self.base.independent().iter().position(|kept| *kept == parameter);
+            let Some(own) = own.map(index).collect::<Option<Vec<usize>>>() else { continue };
+            let values: Vec<f64> = own.iter().map(|k| estimate.values[*k]).collect();
+            let Some(&values) = values.first_chunk() else { continue };
+            let spread = Mat::from_fn(own.len(), own.len(), |i, j| estimate.covariance[(own[i], own[j])]);
+            let body = match nearest_load(&values, &spread, self.robot.length()) {
+                Ok(body) => body,
+                Err(error) => {
+                    estimate.notes.push(format!("the load of `{}` is no body: {error}", term.effect.name()));
+                    continue;
+                }
+            };
+            let steps: Vec<f64> = body.parameters.iter().zip(values).map(|(body, value)| body - value).collect();
+            follow(estimate, &own, &steps);
+        }
     }
 
     /// Sets all parameters of `model`: to those that keep physics and limits, if that was asked for.
@@ -392,6 +431,33 @@ impl Setup<'_> {
         }
         Ok(folds)
     }
+}
+
+/// Moves some parameters by `steps`, and all others to where they are likeliest then.
+fn follow(estimate: &mut Estimate, moved: &[usize], steps: &[f64]) {
+    let known: Vec<usize> = (0..estimate.values.len()).filter(|&k| estimate.covariance[(k, k)].is_finite()).collect();
+    let is_known: Vec<(usize, f64)> =
+        moved.iter().copied().zip(steps.iter().copied()).filter(|(k, _)| known.contains(k)).collect();
+    let deviations: Vec<f64> = is_known.iter().map(|(k, _)| estimate.covariance[(*k, *k)].sqrt()).collect();
+    let scaled = Mat::from_fn(is_known.len(), is_known.len(), |i, j| {
+        estimate.covariance[(is_known[i].0, is_known[j].0)] / (deviations[i] * deviations[j]).max(f64::MIN_POSITIVE)
+    });
+    let (values, vectors) = symmetric_eigen(scaled.as_ref());
+    let step = Mat::from_fn(is_known.len(), 1, |i, _| is_known[i].1 / deviations[i].max(f64::MIN_POSITIVE));
+    let mut along = vectors.transpose() * step;
+    let largest = values.iter().copied().fold(0.0, f64::max);
+    for (k, value) in values.iter().enumerate() {
+        // Directions with less of the variance than the digits hold do not move the others.
+        along[(k, 0)] *= if *value > 1e-12 * largest { value.recip() } else { 0.0 };
+    }
+    let pulled = &vectors * along;
+    for &k in known.iter().filter(|k| !moved.contains(k)) {
+        let pull = |(i, (own, _)): (usize, &(usize, f64))| {
+            estimate.covariance[(k, *own)] * pulled[(i, 0)] / deviations[i].max(f64::MIN_POSITIVE)
+        };
+        estimate.values[k] += is_known.iter().enumerate().map(pull).sum::<f64>();
+    }
+    moved.iter().zip(steps).for_each(|(k, step)| estimate.values[*k] += step);
 }
 
 /// Indices of motions in an order in which that of the logs does not show: by the torque that a log

@@ -115,9 +115,16 @@ pub(super) fn describe(
         format!(
             "; what the logs do not determine is held by the robot file, right within {} times the size of a link, and by \
              friction within {} times the torque that the file leaves",
-            prior.relative_deviation(),
-            prior.effect_scale()
+            two_digits(prior.relative_deviation()),
+            two_digits(prior.effect_scale())
         )
     });
     format!("{what} by {method} from {rows} rows with {effects}; position filtered at {hz:.2} Hz, {band}{prior}")
+}
+
+/// A share or a multiple to two digits.
+fn two_digits(value: f64) -> String {
+    let decimals = (1.0 - value.abs().max(f64::MIN_POSITIVE).log10().floor()).clamp(0.0, 9.0) as usize;
+    let text = format!("{value:.decimals$}");
+    if decimals == 0 { text } else { text.trim_end_matches('0').trim_end_matches('.').into() }
 }

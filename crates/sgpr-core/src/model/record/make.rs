@@ -244,7 +244,8 @@ fn block_factors(
     })?;
     let finished = |block: Growing| {
         let factor = |((resting, joint), (columns, factor)): ((bool, usize), (Vec<usize>, TriangularFactor))| {
-            JointFactor { joint, resting, columns, rows: factor.rows(), factor: factor.factor() }
+            let (rows, factor) = (factor.rows(), factor.factor());
+            JointFactor { joint, resting, columns, rows, factor, least_noise: 0.0 }
         };
         block.into_iter().map(factor).collect()
     };

@@ -189,7 +189,7 @@ impl FactorHead {
         }
         let own = triangle_of(columns.len() + 1, rest)?;
         let factor = Mat::from_fn(own.nrows(), own.ncols(), |i, j| if i <= j { own[(i, j)] } else { 0.0 });
-        Ok(JointFactor { joint, resting, columns, factor, rows })
+        Ok(JointFactor { joint, resting, columns, factor, rows, least_noise: 0.0 })
     }
 }
 
