@@ -109,6 +109,8 @@ pub(super) struct Basis {
     independent: Vec<Arc<Column>>,
     /// Index of each of them among all columns.
     kept: Vec<usize>,
+    /// Of each the precision that its factor has before any data, 0 for none: one more row of the triangle's products.
+    precision: Vec<f64>,
     /// Columns of R.
     triangle: Vec<Vec<f64>>,
     columns: usize,
@@ -126,10 +128,11 @@ impl Basis {
     /// The same, where of columns that depend on each other those stay whose index is to come `first`.
     pub fn with_first(columns: Vec<Column>, first: impl Fn(usize) -> bool) -> Self {
         let columns: Vec<Arc<Column>> = columns.into_iter().map(Arc::new).collect();
-        let mut basis = Self { independent: vec![], kept: vec![], triangle: vec![], columns: columns.len() };
+        let mut basis =
+            Self { independent: vec![], kept: vec![], precision: vec![], triangle: vec![], columns: columns.len() };
         for turn in [true, false] {
             for index in (0..columns.len()).filter(|index| first(*index) == turn) {
-                basis.take(index, columns[index].clone());
+                basis.take(index, columns[index].clone(), 0.0);
             }
         }
         basis
@@ -151,6 +154,7 @@ impl Basis {
         Self {
             independent: self.independent[..size].to_vec(),
             kept: self.kept[..size].to_vec(),
+            precision: self.precision[..size].to_vec(),
             triangle: self.triangle[..size].to_vec(),
             columns: count,
         }
@@ -162,11 +166,16 @@ impl Basis {
     }
 
     pub fn push(&mut self, column: Arc<Column>) {
-        self.columns += 1;
-        self.take(self.columns - 1, column);
+        self.push_held(column, 0.0);
     }
 
-    fn take(&mut self, index: usize, column: Arc<Column>) {
+    /// A column whose factor is expected near zero.
+    pub fn push_held(&mut self, column: Arc<Column>, precision: f64) {
+        self.columns += 1;
+        self.take(self.columns - 1, column, precision);
+    }
+
+    fn take(&mut self, index: usize, column: Arc<Column>, precision: f64) {
         let length = dot(&column, &column);
         if length <= 0.0 || !length.is_finite() {
             return;
@@ -174,25 +183,39 @@ impl Basis {
         let mut shares = self.shares_of(&column);
         let left = length - dot_in_lanes(&shares, &shares);
         if left > DEPENDENT * DEPENDENT * length {
-            shares.push(left.sqrt());
+            shares.push((left + precision).sqrt());
+            self.precision.push(precision);
             self.triangle.push(shares);
             self.kept.push(index);
             self.independent.push(column);
         }
     }
 
-    /// Takes what the columns span out of a column.
+    /// Takes what the columns span out of a column, but for what their factors are not believed to be.
     pub fn project_out(&self, column: &mut Column) {
-        let mut coefficients = self.shares_of(column);
-        self.back_substitute(&mut coefficients);
-        for (own, factor) in self.independent.iter().zip(coefficients) {
-            for (x, own) in column.iter_mut().zip(own.iter()) {
-                if x.is_empty() && !own.is_empty() {
-                    x.resize(own.len(), 0.0);
+        /// The second takes what the first has left by rounding.
+        const ROUNDS: usize = 2;
+        let mut factors = vec![0.0; self.rank()];
+        for _ in 0..ROUNDS {
+            let mut step: Vec<f64> = self.independent.iter().map(|own| dot(own, column)).collect();
+            step.iter_mut().zip(&self.precision).zip(&factors).for_each(|((step, p), factor)| *step -= p * factor);
+            self.forward_substitute(&mut step);
+            self.back_substitute(&mut step);
+            for ((own, step), factor) in self.independent.iter().zip(step).zip(&mut factors) {
+                *factor += step;
+                for (x, own) in column.iter_mut().zip(own.iter()) {
+                    if x.is_empty() && !own.is_empty() {
+                        x.resize(own.len(), 0.0);
+                    }
+                    x.iter_mut().zip(own).for_each(|(x, own)| *x -= step * own);
                 }
-                x.iter_mut().zip(own).for_each(|(x, own)| *x -= factor * own);
             }
         }
+    }
+
+    /// What factors of all columns cost that are not what they are expected to be.
+    pub fn cost(&self, factors: &[f64]) -> f64 {
+        self.kept.iter().zip(&self.precision).map(|(index, precision)| precision * factors[*index].powi(2)).sum()
     }
 
     /// Shares of a column along the basis.
@@ -276,6 +299,25 @@ impl Basis {
         }
     }
 
+    /// Covariance of some coefficients for unit noise; infinite for dependent ones.
+    pub fn covariance(&self, columns: std::ops::Range<usize>) -> Mat<f64> {
+        let size = self.kept.len();
+        // Row k of R⁻¹ times its transpose.
+        let row = |index: usize| -> Option<Vec<f64>> {
+            let at = self.kept.iter().position(|own| *own == index)?;
+            let mut unit = vec![0.0; size];
+            unit[at] = 1.0;
+            self.forward_substitute(&mut unit);
+            Some(unit)
+        };
+        let rows: Vec<Option<Vec<f64>>> = columns.map(row).collect();
+        Mat::from_fn(rows.len(), rows.len(), |i, j| match (&rows[i], &rows[j]) {
+            (Some(a), Some(b)) => dot_in_lanes(a, b),
+            _ if i == j => f64::INFINITY,
+            _ => 0.0,
+        })
+    }
+
     /// Standard deviations of the coefficients for unit noise; infinite for dependent ones.
     pub fn deviations(&self) -> Vec<f64> {
         let size = self.kept.len();
@@ -332,14 +374,26 @@ pub(super) fn invisible(term: &Term) -> f64 {
 /// Gain of whitened columns on a residual that is orthogonal to `basis`. Columns with less than `tolerance` of their
 /// length left are left out.
 pub(super) fn gain(basis: &Basis, residual: &Column, columns: &[Column], tolerance: f64) -> Gain {
-    gain_with(&basis.shares(columns), residual, columns, tolerance)
+    gain_with(&basis.shares(columns), residual, (columns, &[]), tolerance)
 }
 
 /// The same with the shares of the columns along the basis.
-pub(super) fn gain_with(shares: &[Vec<f64>], residual: &Column, columns: &[Column], tolerance: f64) -> Gain {
+///
+/// - `precision`: that of each column's factor before any data; none if it is empty
+pub(super) fn gain_with(
+    shares: &[Vec<f64>],
+    residual: &Column,
+    (columns, precision): (&[Column], &[f64]),
+    tolerance: f64,
+) -> Gain {
     let lengths: Vec<f64> = columns.iter().map(|column| dot(column, column)).collect();
     let b: Vec<f64> = columns.iter().map(|column| dot(column, residual)).collect();
-    gain_of(&products(columns, shares), &b, &lengths, tolerance)
+    let mut gram = products(columns, shares);
+    // A column that the model has already stays one, whatever is believed of it.
+    let visible = |k: usize| gram[k * columns.len() + k] > tolerance * tolerance * lengths[k];
+    let seen: Vec<usize> = (0..precision.len()).filter(|k| visible(*k)).collect();
+    seen.into_iter().for_each(|k| gram[k * columns.len() + k] += precision[k]);
+    gain_of(&gram, &b, &lengths, tolerance)
 }
 
 /// The same from projected products: Gram matrix, product with the residual, squared lengths before projection.
@@ -447,5 +501,42 @@ mod tests {
         let rest = |used: usize| Rest { residual: residual.clone(), used, calm: calm.clone() };
         assert_eq!(rest(0).variance(), 1.0);
         assert_eq!(rest(20).variance(), 2.0);
+    }
+
+    /// Columns whose factors are expected near zero are those of a fit with one more row for each of them.
+    #[test]
+    fn held_columns_are_rows_of_their_own() {
+        let mut random = crate::random::Random::new(1);
+        let mut column = || -> Vec<f64> { (0..30).map(|_| random.normal()).collect() };
+        let (free, held, target) = (column(), [column(), column()], column());
+        let precision = [4.0, 50.0];
+        let mut basis = Basis::new(vec![vec![free.clone()]]);
+        held.iter().zip(precision).for_each(|(column, p)| basis.push_held(vec![column.clone()].into(), p));
+        let factors = basis.solve(&vec![target.clone()]);
+        let all = [&free, &held[0], &held[1]];
+        let row = |i: usize, k: usize| match i {
+            0..30 => all[k][i],
+            _ => f64::from(k == i - 29) * precision[i - 30].sqrt(),
+        };
+        let x = nalgebra::DMatrix::from_fn(32, 3, row);
+        let y = nalgebra::DVector::from_fn(32, |i, _| target.get(i).copied().unwrap_or_default());
+        let anew = x.clone().svd(true, true).solve(&y, 1e-12).expect("both sides were asked for");
+        (0..3).for_each(|k| assert!((factors[k] - anew[k]).abs() < 1e-12, "{k}: {} {}", factors[k], anew[k]));
+        let mut rest = vec![target.clone()];
+        basis.project_out(&mut rest);
+        let chi2 = dot(&rest, &rest) + basis.cost(&factors);
+        assert!((chi2 - (&y - &x * &anew).norm_squared()).abs() < 1e-10, "{chi2}");
+        let covariance = (x.transpose() * &x).try_inverse().expect("independent columns");
+        let own = basis.covariance(1..3);
+        (0..4).for_each(|k| assert!((own[(k / 2, k % 2)] - covariance[(1 + k / 2, 1 + k % 2)]).abs() < 1e-12));
+        // One more column, held, gains as much as the fit with it.
+        let (another, p) = (column(), 7.0);
+        let white = vec![vec![another.clone()]];
+        let gained = gain_with(&basis.shares(&white), &rest, (&white, &[p]), 0.01).chi2;
+        basis.push_held(vec![another].into(), p);
+        let factors = basis.solve(&vec![target.clone()]);
+        let mut rest = vec![target];
+        basis.project_out(&mut rest);
+        assert!((chi2 - gained - dot(&rest, &rest) - basis.cost(&factors)).abs() < 1e-10);
     }
 }

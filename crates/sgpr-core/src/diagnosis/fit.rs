@@ -7,12 +7,14 @@ use rayon::prelude::*;
 use super::DiagnosisError;
 use super::basis::{Basis, INVISIBLE, INVISIBLE_TANGENT, Noise, gain};
 use super::evidence::LeftOut;
-use super::left_out::FoldFits;
+use super::left_out::{FoldFits, Held};
 use super::problem::{Column, Problem};
 use crate::effects::{Scale, Site};
+use crate::identification::nearest_load;
 use crate::linalg::dot_in_lanes;
 use crate::model::{Rigid, Term, TorqueModel};
 use crate::motion::Motion;
+use crate::robot::Robot;
 
 /// A model and what it leaves of the torque.
 #[derive(Clone)]
@@ -33,7 +35,11 @@ pub(super) struct Fitted {
     pub residual: Column,
     /// The same, whitened.
     pub white: Column,
+    /// Sum of its squares, and what the terms' parameters cost that are not expected: as parts of an effect that make more
+    /// torque than the joints have shown, and loads that are no bodies.
     pub chi2: f64,
+    /// Precision of the factor of each column before any data.
+    pub precision: Vec<f64>,
     /// Fits that blocks of time were left out of, and parts of the logs.
     blocks: Once,
     parts: Once,
@@ -56,7 +62,8 @@ impl Once {
 
     fn get(&self, fitted: &Fitted, problem: &Problem, noise: &Noise, folds: &[Vec<usize>]) -> Arc<FoldFits> {
         let like = (folds, self.like.as_deref());
-        let make = || FoldFits::new(&fitted.columns, &fitted.target, (noise, &problem.priors), like).into();
+        let held = Held { file: &problem.priors, precision: &fitted.precision };
+        let make = || FoldFits::new(&fitted.columns, &fitted.target, (noise, held), like).into();
         if fitted.noise == *noise { self.own.get_or_init(make).clone() } else { make() }
     }
 }
@@ -168,8 +175,10 @@ fn solve_with(
         own.map(|column| (column.clone(), whitened(&column))).collect()
     };
     let of_terms: Vec<_> = terms.par_iter().map(columns_of).collect();
+    let mut precision = vec![0.0; columns.len()];
     for (column, white) in of_terms.into_iter().flatten() {
-        basis.push(white);
+        precision.push(problem.precision(&column));
+        basis.push_held(white, precision[columns.len()]);
         columns.push(column);
     }
     let mut white = noise.whiten(problem, &target);
@@ -177,8 +186,10 @@ fn solve_with(
     let values = basis.coefficients(along.clone());
     let deviations = basis.deviations();
     basis.project_out(&mut white);
-    basis.project_out(&mut white);
-    let chi2 = white.iter().map(|w| dot_in_lanes(w, w)).sum();
+    let squares: f64 = white.iter().map(|w| dot_in_lanes(w, w)).sum();
+    let chi2 = squares
+        + basis.cost(&values)
+        + unphysical((&terms, problem.nominal.robot()), &values, &basis, problem.base.rank());
     let mut residual = target.to_vec();
     for (column, value) in columns.iter().zip(&values) {
         for (r, c) in residual.iter_mut().zip(column.iter()) {
@@ -211,9 +222,28 @@ fn solve_with(
         residual,
         white,
         chi2,
+        precision,
         blocks: like.map_or_else(Once::default, |like| Once::like(&like.blocks)),
         parts: like.map_or_else(Once::default, |like| Once::like(&like.parts)),
     }
+}
+
+/// By how much chi-squared grows at least where the loads among some terms are to be bodies.
+///
+/// - `values`: those of all columns
+/// - `first`: the first column of the terms
+fn unphysical((terms, robot): (&[Term], &Robot), values: &[f64], basis: &Basis, first: usize) -> f64 {
+    let (mut at, mut sum) = (first, 0.0);
+    for term in terms {
+        let own = at..at + term.effect.parameters().len();
+        if let Some(parameters) = values[own.clone()].first_chunk().filter(|_| term.effect.is_body()) {
+            // Where the solver gives up nothing is known against it.
+            sum += nearest_load(parameters, &basis.covariance(own.clone()), robot.length())
+                .map_or(0.0, |nearest| nearest.distance2);
+        }
+        at = own.end;
+    }
+    sum
 }
 
 /// Tangent of the predicted torque by constant `index` of term `term`, in the band.
@@ -435,6 +465,7 @@ pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) 
     let mut target = fitted.target.to_vec();
     let mut at = problem.base.rank();
     let mut columns = fitted.columns[..at].to_vec();
+    let mut precision = fitted.precision[..at].to_vec();
     for term in fitted.terms() {
         for factor in &term.coefficients {
             if is_timed(term) {
@@ -443,11 +474,13 @@ pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) 
                 }
             } else {
                 columns.push(fitted.columns[at].clone());
+                precision.push(fitted.precision[at]);
             }
             at += 1;
         }
     }
-    FoldFits::new(&columns, &target.into(), (noise, &problem.priors), (&problem.parts(), None)).errors()
+    let held = Held { file: &problem.priors, precision: &precision };
+    FoldFits::new(&columns, &target.into(), (noise, held), (&problem.parts(), None)).errors()
 }
 
 /// Errors in the band on fifths of the positions of a joint, and on fifths of its speeds, that were left out of the fit:
@@ -462,7 +495,8 @@ pub(super) fn left_out_states(problem: &Problem, fitted: &Fitted, noise: &Noise,
         let cuts: Vec<f64> = (1..FIFTHS).filter_map(|k| values.get(k * values.len() / FIFTHS)).copied().collect();
         let fold = |row: &(usize, usize)| cuts.iter().filter(|cut| value(row) > **cut).count();
         let folds: Vec<Vec<usize>> = problem.rows.iter().map(|rows| rows.iter().map(fold).collect()).collect();
-        FoldFits::new(&fitted.columns, &fitted.target, (noise, &problem.priors), (&folds, None)).errors()
+        let held = Held { file: &problem.priors, precision: &fitted.precision };
+        FoldFits::new(&fitted.columns, &fitted.target, (noise, held), (&folds, None)).errors()
     };
     [errors(|motion| &motion.q), errors(|motion| &motion.dq)]
 }

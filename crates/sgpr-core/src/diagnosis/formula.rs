@@ -208,7 +208,7 @@ pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: 
             break;
         }
         columns.extend(raw(problem, fitted, joint, &products[best..=best]));
-        let with = fits.errors_with(&Extra { columns: &columns, precision: 0.0 }, &[joint]).mean_square(joint).sqrt();
+        let with = fits.errors_with(&Extra { columns: &columns, precision: &[] }, &[joint]).mean_square(joint).sqrt();
         if with > (1.0 - MATERIAL) * error {
             break;
         }

@@ -25,8 +25,8 @@ const ROUNDING: f64 = 1e-9;
 #[derive(Default)]
 pub(super) struct Extra<'a> {
     pub columns: &'a [Column],
-    /// One over the variance that their factors have before any data, 0 for none.
-    pub precision: f64,
+    /// One over the variance that each of their factors has before any data; none if it is empty.
+    pub precision: &'a [f64],
 }
 
 /// What the robot file says of the first columns' factors, at one width: their precision, and its product with what is
@@ -48,6 +48,15 @@ impl FilePrior {
         let pull = |k: usize| (0..rank).map(|i| rows[(i, k)] * rest[i]).sum();
         Self { precision: (0..rank * rank).map(precision).collect(), pull: (0..rank).map(pull).collect() }
     }
+}
+
+/// What is believed of the columns of a fit before the data.
+#[derive(Clone, Copy)]
+pub(super) struct Held<'a> {
+    /// The robot file at several widths, among which left-out rows choose.
+    pub file: &'a [FilePrior],
+    /// One over the variance that each of their factors has around zero; none if it is empty.
+    pub precision: &'a [f64],
 }
 
 /// Index of the last of some models that predicts left-out folds as well as the best, up to the standard error of the
@@ -95,12 +104,10 @@ struct FoldFit {
 impl FoldFits {
     /// The fits of `columns` to a target, each joint weighted by its noise; `folds` per joint and row. Products of columns
     /// that are in fits `like` it are taken from there.
-    ///
-    /// - `priors`: the robot file at several widths, among which left-out rows choose
     pub fn new(
         columns: &[Arc<Column>],
         target: &Arc<Column>,
-        (noise, priors): (&Noise, &[FilePrior]),
+        (noise, held): (&Noise, Held<'_>),
         (folds, like): (&[Vec<usize>], Option<&Self>),
     ) -> Self {
         let weights: Vec<f64> = noise.level.iter().map(|level| 1.0 / (level * level)).collect();
@@ -126,6 +133,7 @@ impl FoldFits {
                 }
             }
             let lengths: Vec<f64> = (0..m).map(|i| sum.gram[i * m + i]).collect();
+            held.precision.iter().enumerate().for_each(|(i, precision)| sum.gram[i * m + i] += precision);
             let factor = Factor::new(&sum.gram, &lengths, INVISIBLE);
             let forward = factor.forward(&sum.target);
             FoldFit { factor, forward }
@@ -136,7 +144,7 @@ impl FoldFits {
                 |(fold, products): (&FoldFit, &Products)| products.change(&fold.factor.backward(&fold.forward));
             (folds.iter().zip(&products).map(squares).collect::<Vec<f64>>(), folds)
         };
-        let mut widths: Vec<_> = priors.iter().map(Some).chain([None]).map(with).collect();
+        let mut widths: Vec<_> = held.file.iter().map(Some).chain([None]).map(with).collect();
         // Squares of what is left are differences of those of the target.
         let size: f64 = target.iter().zip(&weights).map(|(target, weight)| weight * dot_in_lanes(target, target)).sum();
         let squares: Vec<&[f64]> = widths.iter().map(|(squares, _)| &squares[..]).collect();
@@ -177,17 +185,18 @@ impl FoldFits {
     }
 
     /// Per fold by how much the model's parameters change with columns beside it, and the factors of these.
-    fn changes(&self, precision: f64, own: &[&Column], beside: &[&Column]) -> Vec<(Vec<f64>, Vec<f64>)> {
+    fn changes(&self, precision: &[f64], own: &[&Column], beside: &[&Column]) -> Vec<(Vec<f64>, Vec<f64>)> {
         let (m, k) = (own.len(), beside.len());
         let of_fold =
             |blocks: &Vec<(usize, Range<usize>)>| Products::new(beside, own, &self.target, blocks, &self.weights);
         let products: Vec<Products> = self.blocks.iter().map(of_fold).collect();
         let of_fold = |(left_out, fold): (usize, &FoldFit)| {
             let sum = Products::without(&products, left_out, k, m);
-            let lengths: Vec<f64> = (0..k).map(|i| sum.gram[i * k + i] + precision).collect();
+            let precision = |i: usize| precision.get(i).copied().unwrap_or_default();
+            let lengths: Vec<f64> = (0..k).map(|i| sum.gram[i * k + i] + precision(i)).collect();
             let along: Vec<Vec<f64>> = (0..k).map(|i| fold.factor.forward(&sum.across[i * m..(i + 1) * m])).collect();
             let schur = |i: usize, j: usize| {
-                let prior = if i == j { precision } else { 0.0 };
+                let prior = if i == j { precision(i) } else { 0.0 };
                 sum.gram[i * k + j] + prior - dot_in_lanes(&along[i], &along[j])
             };
             let complement: Vec<f64> = (0..k * k).map(|i| schur(i / k, i % k)).collect();
@@ -364,20 +373,21 @@ mod tests {
         let folds: Vec<Vec<usize>> =
             vec![(0..40).map(|k| (k / 4) % 5).collect(), (0..40).map(|k| (k / 3) % 5).collect()];
         let noise = Noise::white(&vec![vec![1.0; 40]; 2]);
+        let none = Held { file: &[], precision: &[] };
         let shared: Vec<Arc<Column>> = model.iter().cloned().map(Arc::new).collect();
-        let fits = FoldFits::new(&shared, &target, (&noise, &[]), (&folds, None));
+        let fits = FoldFits::new(&shared, &target, (&noise, none), (&folds, None));
         let close = |own: &LeftOut, other: &Column| {
             for (own, other) in own.rows.iter().flatten().zip(other.iter().flatten()) {
                 assert!((own - other).abs() < 1e-9, "{own} {other}");
             }
         };
         close(&fits.errors(), &anew(&model, &target, &folds, &[]));
-        let with = fits.errors_with(&Extra { columns: &beside, precision: 0.0 }, &[0, 1]);
+        let with = fits.errors_with(&Extra { columns: &beside, precision: &[] }, &[0, 1]);
         close(&with, &anew(&[&model[..], &beside[..]].concat(), &target, &folds, &[]));
         // Made like others, of some of their columns and one more.
         let another = Arc::new(column([true, true]));
         let some = [shared[2].clone(), another.clone(), shared[0].clone()];
-        let like = FoldFits::new(&some, &target, (&noise, &[]), (&folds, Some(&fits)));
+        let like = FoldFits::new(&some, &target, (&noise, none), (&folds, Some(&fits)));
         let some = [model[2].clone(), another.to_vec(), model[0].clone()];
         close(&like.errors(), &anew(&some, &target, &folds, &[]));
         // Each column shows in one fold alone, without which its factor is noise: what expects factors of zero predicts the
@@ -394,11 +404,15 @@ mod tests {
             FilePrior { precision: (0..25).map(precision).collect(), pull: vec![mean * deviation.powi(-2); 5] }
         };
         let priors = [prior(5.0, 0.1), prior(0.0, 0.1), prior(0.0, 100.0)];
+        let of_file = Held { file: &priors, precision: &[] };
         let shared: Vec<Arc<Column>> = model.iter().cloned().map(Arc::new).collect();
-        let held = FoldFits::new(&shared, &target, (&noise, &priors), (&folds, None));
+        let held = FoldFits::new(&shared, &target, (&noise, of_file), (&folds, None));
         close(&held.errors(), &anew(&model, &target, &folds, &[(0.0, 0.1); 5]));
-        let with = held.errors_with(&Extra { columns: &beside, precision: 0.0 }, &[0, 1]);
+        let with = held.errors_with(&Extra { columns: &beside, precision: &[] }, &[0, 1]);
         close(&with, &anew(&[&model[..], &beside[..]].concat(), &target, &folds, &[(0.0, 0.1); 5]));
+        let each = Held { file: &[], precision: &[100.0; 5] };
+        let each = FoldFits::new(&shared, &target, (&noise, each), (&folds, None));
+        close(&each.errors(), &anew(&model, &target, &folds, &[(0.0, 0.1); 5]));
         let squares: [&[f64]; 4] = [&[1.0, 2.0, 1.0], &[1.1, 1.9, 1.1], &[1.0, 9.0, 1.0], &[3.0, 4.0, 3.0]];
         assert_eq!((weakest_as_good(&squares, 0.0), weakest_as_good(&squares, 6.0)), (2, 3));
     }

@@ -35,7 +35,7 @@ pub(super) fn report(
     let start = &outcome.start;
     let unnamed = decision.news(search, false);
     let unexplained = left.iter().any(Leftover::is_material) || !unnamed.is_empty();
-    let terms = with_deviations(&search.problem, &outcome.fitted, &search.noise);
+    let terms = with_deviations_of_left_out(search, &outcome.fitted);
     let mut findings = findings(search, decision, &terms);
     let candidates = candidates(search, &findings, decision);
     let not_testable = not_testable(search, start, &outcome.ranking);
@@ -90,6 +90,21 @@ pub(super) fn report(
         before: model.clone(),
         after,
     })
+}
+
+/// The terms of a fit with standard deviations of all parameters. What a model lacks is not noise: they are as much larger
+/// than those of the noise as errors on blocks that were left out are larger than it, at the joints on which a term acts.
+fn with_deviations_of_left_out(search: &Search<'_>, fitted: &Fitted) -> Vec<Term> {
+    let mut terms = with_deviations(&search.problem, fitted, &search.noise);
+    let errors = search.errors(fitted).left_out;
+    for term in &mut terms {
+        let joints = search.joints_of(term);
+        let excess = |joint: &usize| (errors.mean_square(*joint) / search.noise.level[*joint].powi(2)).max(1.0);
+        let factor = (joints.iter().map(excess).sum::<f64>() / joints.len().max(1) as f64).sqrt();
+        let own = term.coefficient_deviations.iter_mut().chain(&mut term.constant_deviations);
+        own.for_each(|deviation| *deviation *= factor);
+    }
+    terms
 }
 
 /// Formulas for the joints where structure is left.

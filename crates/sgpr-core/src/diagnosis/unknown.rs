@@ -309,7 +309,8 @@ impl Processes {
             let precision = 1.0 / own.variance.max(f64::MIN_POSITIVE);
             let Process { group, length_scale, .. } = &self.all[own.index];
             let columns = features(problem, joint, group, *length_scale);
-            let errors = folds.errors_with(&Extra { columns: &columns, precision }, joints);
+            let errors =
+                folds.errors_with(&Extra { columns: &columns, precision: &vec![precision; columns.len()] }, joints);
             (own, errors)
         });
         let error = |(_, errors): &(Smooth, LeftOut)| errors.mean_square(joint);

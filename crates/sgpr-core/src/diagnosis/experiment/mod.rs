@@ -272,7 +272,6 @@ impl<'a> Judge<'a> {
     fn rest(&self, basis: &Basis, torque: &[f64]) -> Column {
         let mut rest = self.scaled(torque);
         basis.project_out(&mut rest);
-        basis.project_out(&mut rest);
         rest
     }
 

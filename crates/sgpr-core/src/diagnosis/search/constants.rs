@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::super::basis::{Basis, Gain, INVISIBLE, gain};
+use super::super::basis::{Basis, Gain, INVISIBLE, gain_with};
 use super::super::evidence::SURE;
 use super::super::fit::{Fitted, refine_transforms, solve_like, without};
 use super::super::problem::Column;
@@ -45,8 +45,9 @@ impl Search<'_> {
     ) -> Candidate {
         let term = Term::new(term.effect.clone(), term.site, constants.to_vec());
         let columns = self.problem.term_columns(&fitted.model, &fitted.rigid, &term);
+        let precision = self.precision(&term, &columns);
         let columns: Vec<Column> = columns.iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
-        let gain = gain(basis, white, &columns, INVISIBLE);
+        let gain = gain_with(&basis.shares(&columns), white, (&columns, &precision), INVISIBLE);
         self.candidate(term, gain, constants.len())
     }
 

@@ -104,7 +104,8 @@ impl Search<'_> {
     /// - `columns`: of the term, in the band
     pub(super) fn outlook(&self, standing: &Standing, term: &Term, columns: &[Column]) -> Outlook {
         let joints = self.joints_of(term);
-        let with = standing.fits.errors_with(&Extra { columns, precision: 0.0 }, &joints);
+        let precision = &self.precision(term, columns);
+        let with = standing.fits.errors_with(&Extra { columns, precision }, &joints);
         let density = standing.errors.left_out.density_gain(&with, &self.problem, &joints);
         let with = standing.errors.with_others(&self.problem, with);
         let significance = self.comparison(&standing.errors, &with, term).significance();
@@ -141,7 +142,8 @@ impl Search<'_> {
             self.step(STAGE, AT_ONCE * index, count)?;
             some.par_iter_mut().for_each(|candidate| {
                 let columns = self.columns_of(fitted, &candidate.term);
-                let with = standing.fits.errors_with(&Extra { columns: &columns, precision: 0.0 }, &all);
+                let precision = &self.precision(&candidate.term, &columns);
+                let with = standing.fits.errors_with(&Extra { columns: &columns, precision }, &all);
                 let with = standing.errors.with_others(&self.problem, with);
                 candidate.errors = Some([standing.errors.total(), with.total()]);
             });

@@ -97,6 +97,13 @@ impl Outcome {
         self
     }
 
+    /// The same without what stood only beside terms that are gone.
+    pub fn as_far_as_it_stands(mut self, search: &Search<'_>) -> Result<Self, Interrupted> {
+        (self.fitted, self.accepted) = search.backward(self.fitted, self.accepted, &|step| !step.wanted)?;
+        self.held_out = search.held_out(&self.fitted);
+        Ok(self)
+    }
+
     /// [`Search::news`] of it.
     pub fn news(&self, search: &Search<'_>) -> impl Iterator<Item = (usize, &Accepted)> {
         search.news(&self.fitted, &self.accepted)

@@ -37,7 +37,6 @@ impl Search<'_> {
         tangents(problem, fitted, &self.noise, &constants).into_iter().for_each(|tangent| basis.push(tangent.into()));
         let mut white = self.noise.whiten(problem, &fitted.target);
         basis.project_out(&mut white);
-        basis.project_out(&mut white);
         (basis, white)
     }
 
@@ -55,6 +54,11 @@ impl Search<'_> {
         (0..20).map(|k| at(0.25 * f64::from(k) * widths[0])).fold(0.0, f64::max)
     }
 
+    /// Precision of the factors of a term's columns before any data; the constants of a transform have ranges instead.
+    pub(super) fn precision(&self, term: &Term, columns: &[Column]) -> Vec<f64> {
+        if term.is_transform() { vec![] } else { columns.iter().map(|column| self.problem.precision(column)).collect() }
+    }
+
     pub(super) fn candidate(&self, term: Term, gain: Gain, constants: usize) -> Candidate {
         let size = (gain.rank + constants) as f64;
         let score = 0.5 * gain.chi2 - 0.5 * size * self.rows.max(2.0).ln() - self.units.ln();
@@ -67,8 +71,7 @@ impl Search<'_> {
         let at_edge = resonances
             .filter(|(_, constant)| constant.unit == "Hz")
             .any(|((k, value), _)| *value > 0.98 * self.bounds(&term, k)[1]);
-        let contact_like = term.effect.name() == "payload_change" || term.effect.name() == "external_contact";
-        let impossible = (first_negative && !contact_like) || out_of_bounds || at_edge;
+        let impossible = (first_negative && !term.effect.is_body()) || out_of_bounds || at_edge;
         Candidate { impossible, term, gain, score, errors: None }
     }
 
@@ -99,12 +102,13 @@ impl Search<'_> {
                 self.cache[&key_of(term)].iter().map(|c| self.noise.whiten(&self.problem, c)).collect()
             };
             let columns: Vec<Vec<Column>> = some.par_iter().map(whiten).collect();
+            let precision = |term: &Term| self.precision(term, &self.cache[&key_of(term)]);
             let shares = basis.shares_of_many(&columns.iter().flatten().collect::<Vec<_>>());
             let mut first = 0;
             for (term, columns) in some.iter().zip(&columns) {
                 let own = &shares[first..first + columns.len()];
                 first += columns.len();
-                let gain = gain_with(own, white, columns, invisible(term));
+                let gain = gain_with(own, white, (columns, &precision(term)), invisible(term));
                 let constants = if term.is_transform() { 0 } else { term.constants.len() };
                 keep(&mut best, self.candidate(term.clone(), gain, constants));
             }
