@@ -16,7 +16,7 @@ use crate::convert::{Numbers, array, view};
 use crate::detached::detached;
 use crate::diagnosis::as_python;
 use crate::errors::{IntoPyErr, invalid};
-use crate::identification::recordings;
+use crate::identification::{recordings, warn};
 use crate::model::{Model, Processing, figure, html_table};
 use crate::recording::Recording;
 use crate::robot::Robot;
@@ -68,7 +68,9 @@ pub fn compare(
     let recordings = self::recordings(recordings)?;
     let comparison =
         detached(py, || core::compare(&model, &recordings, processing.as_ref())).map_err(IntoPyErr::into_py_err)?;
-    Comparison::new(py, comparison, Compared { model, recordings: Arc::new(recordings) })
+    let of = Compared { model, recordings: Arc::new(recordings) };
+    warn(py, &of.notes())?;
+    Comparison::new(py, comparison, of)
 }
 
 /// Compares what a predictor says one sample after the other with recordings: the torques of
@@ -156,6 +158,12 @@ pub struct Compared {
     pub recordings: Arc<Vec<logs::Recording>>,
 }
 
+impl Compared {
+    fn notes(&self) -> Vec<String> {
+        self.model.clock_notes(&self.recordings)
+    }
+}
+
 impl Comparison {
     /// As the core made it.
     pub fn new(py: Python<'_>, comparison: core::Comparison, of: Compared) -> PyResult<Self> {
@@ -209,6 +217,12 @@ impl Comparison {
     #[getter]
     fn relative_error_with_rests_percent(&self) -> f64 {
         self.relative_error_with_rests_percent
+    }
+
+    /// What the reader should know: logs that effects of time take as ones after the session of the model.
+    #[getter]
+    fn notes(&self) -> Vec<String> {
+        self.of.notes()
     }
 
     /// Measured and predicted torque of every stretch of every log.

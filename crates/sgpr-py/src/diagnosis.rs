@@ -14,7 +14,7 @@ use sgpr_core::recording as logs;
 use crate::compare::Comparison;
 use crate::detached::detached;
 use crate::errors::{IntoPyErr, invalid};
-use crate::identification::recordings;
+use crate::identification::{recordings, warn};
 use crate::model::{Model, figure};
 use crate::progress::listen;
 use crate::recording::Recording;
@@ -102,7 +102,9 @@ pub fn diagnose(
             return Err(error);
         }
     }
-    Ok(Diagnosis { inner: Arc::new(result?), before: inner, train, test: Arc::new(test) })
+    let result = result?;
+    warn(py, &result.after.clock_notes(&test))?;
+    Ok(Diagnosis { inner: Arc::new(result), before: inner, train, test: Arc::new(test) })
 }
 
 type Catalogue = (Vec<Arc<dyn Effect>>, Vec<UserEffect>);

@@ -131,3 +131,30 @@ def test_what_cannot_be_compared(demo_model: sgpr.Model, demo_robot: sgpr.Robot,
     for nothing in (demo_robot, demo_model):
         with pytest.raises(sgpr.IdentificationError, match="no recording was given"):
             sgpr.compare(nothing, [])
+
+
+def test_another_log_at_the_stamps_of_the_session_is_told(
+    demo_model: sgpr.Model, demo_logs: list[sgpr.Recording]
+) -> None:
+    demo_train = demo_logs[0]
+    assert demo_train.dq is not None and demo_train.tau is not None
+    half = len(demo_train.time_ns) // 2
+    first, second = [
+        sgpr.Recording(demo_train.time_ns[:half], q, dq, tau, joint_names=demo_train.joint_names, source=source)
+        for source, q, dq, tau in (
+            ("train.csv", demo_train.q[:half], demo_train.dq[:half], demo_train.tau[:half]),
+            (
+                "test.csv",
+                demo_train.q[half : 2 * half],
+                demo_train.dq[half : 2 * half],
+                demo_train.tau[half : 2 * half],
+            ),
+        )
+    ]
+    plain = sgpr.identify(demo_model.robot, [first])
+    assert sgpr.compare(plain, [second]).notes == []
+    warming = plain.add(f"friction_warmup@{demo_model.robot.joint_names[1]}", [first])
+    assert sgpr.compare(warming, [first]).notes == []
+    with pytest.warns(UserWarning, match=r"test\.csv: another log at the time stamps .*friction_warmup.* one clock"):
+        found = sgpr.compare(warming, [second])
+    assert len(found.notes) == 1

@@ -71,6 +71,7 @@ def test_an_effect_that_is_unsure_stays_in_the_model_beside_findings() -> None:
     ("name", "seconds", "best"),
     [("ur10e", 8.0, 1.01), ("ur10e", 16.0, 0.7), ("panda", 8.0, 0.95), ("baxter", 16.0, 0.5)],
 )
+@pytest.mark.filterwarnings("ignore:.*another log at the time stamps")
 def test_one_short_log_makes_no_model_worse(name: str, seconds: float, best: float) -> None:
     # The test logs are other motions, at positions that so short a log does not show, and their clocks begin anew.
     robot, train, test = robot_and_logs(name)

@@ -1,3 +1,4 @@
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use sgpr_predict::model::Term;
@@ -7,7 +8,7 @@ use super::{Rigid, TorqueModel, Trajectory};
 use crate::dynamics::{BatchWorkspace, Samples, rnea_batch};
 use crate::effects::{Context, JointState, LinkMotion, Reach};
 use crate::motion::Motion;
-use crate::recording::seconds;
+use crate::recording::{Recording, seconds};
 
 impl TorqueModel {
     /// Effects at single sites.
@@ -54,7 +55,7 @@ impl TorqueModel {
     /// model was fitted to, and is another, has a clock of its own: it is taken as one after the session.
     pub fn time_of(&self, motion: &Motion) -> Vec<f64> {
         let times = self.session_time(&motion.time);
-        match self.end_before(motion) {
+        match self.end_before(&motion.source, &motion.time) {
             Some(end) => {
                 let (first, start) = (times.first().copied().unwrap_or_default(), self.session_time(&[end])[0]);
                 times.into_iter().map(|time| time - first + start).collect()
@@ -63,17 +64,33 @@ impl TorqueModel {
         }
     }
 
-    /// Whether effects of time take a log as one after the session of the model, whatever its stamps say
-    /// ([`Self::time_of`]).
-    pub fn is_on_another_clock(&self, motion: &Motion) -> bool {
-        self.end_before(motion).is_some()
+    /// Of logs that effects of time take as ones after the session of the model, whatever their stamps say
+    /// ([`Self::time_of`]), a sentence for each.
+    pub fn clock_notes(&self, logs: &[Recording]) -> Vec<String> {
+        // What begins and ends is over by then.
+        let lasts = |term: &&Term| term.effect.about().depends_on_time && term.times().nth(1).is_none();
+        let of_time = self.terms.iter().filter(lasts);
+        let names: BTreeSet<&str> = of_time.map(|term| term.effect.name()).collect();
+        if names.is_empty() {
+            return vec![];
+        }
+        let names = names.into_iter().collect::<Vec<&str>>().join(", ");
+        let after = logs.iter().filter(|log| self.end_before(log.source(), log.time()).is_some());
+        let note = |log: &Recording| {
+            format!(
+                "{}: another log at the time stamps of those that the model was fitted to; effects that depend on time \
+                 ({names}) take it as one after them. Logs of one session need one clock",
+                log.source()
+            )
+        };
+        after.map(note).collect()
     }
 
     /// End of the session, ns, for a stretch of another log than those of the session whose stamps overlap with theirs.
-    fn end_before(&self, motion: &Motion) -> Option<i64> {
+    fn end_before(&self, source: &str, stamps: &[i64]) -> Option<i64> {
         let Provenance { logs, spans, .. } = &self.provenance;
-        let (first, last) = (*motion.time.first()?, *motion.time.last()?);
-        let own = Path::new(&motion.source);
+        let (first, last) = (*stamps.first()?, *stamps.last()?);
+        let own = Path::new(source);
         let is_part = |(log, [start, end]): (&String, &[i64; 2])| {
             (own.ends_with(log) || Path::new(log).ends_with(own)) && *start <= first && last <= *end
         };
@@ -261,7 +278,15 @@ mod tests {
         ] {
             let motion = motion(source, stamps);
             assert_eq!(model.time_of(&motion), times, "{source} {stamps:?}");
-            assert_eq!(model.is_on_another_clock(&motion), times[0] != stamps[0] as f64);
+            let log = Recording::new(source, vec!["a".into()], motion.time, vec![0.0; 2], None, None, vec![]);
+            let log = log.expect("two samples");
+            let said = |model: &TorqueModel| model.clock_notes(std::slice::from_ref(&log));
+            assert!(said(&model).is_empty(), "nothing depends on time");
+            let load = by_name("payload_change").expect("in the library");
+            let with_load = model.clone().with_terms(vec![Term::new(load, Site::Arm, vec![3.0])], Some(0));
+            let said = said(&with_load);
+            assert_eq!(said.len(), usize::from(times[0] != stamps[0] as f64), "{said:?}");
+            assert!(said.iter().all(|note| note.contains(source) && note.contains("payload_change")), "{said:?}");
         }
     }
 

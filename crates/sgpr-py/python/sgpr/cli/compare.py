@@ -105,7 +105,7 @@ def compare(
         output.warning(f"{path} trained the model: no proof of what it can do elsewhere")
     unseen = [log for log in logs if log.path not in trained_on]
     repeating = repeated(_training_logs(physics[model], reading), unseen)
-    for text in repeating:
+    for text in [*repeating, *found[model].notes]:
         output.warning(text)
     labels = _labels(list(found))
     judged = verdicts(wanted, found[model])

@@ -133,6 +133,8 @@ def diagnose(
     tell_layouts([*train_logs, *test_logs], output, of_all=joints is None and not given)
     show(result, data, output)
     show_ranked(messages, output, "see the report, or sgpr info")
+    for text in result.errors_after.notes:
+        output.warning(text)
     output.line(f"results: {folder.path}")
     output.result(data)
     if not no_report and open_report:
