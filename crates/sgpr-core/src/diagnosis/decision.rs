@@ -95,7 +95,7 @@ pub(super) fn decide(search: &mut Search<'_>, outcome: Outcome) -> Result<Decisi
     let outcome = without_imitations(search, outcome, &beside)?;
     let mut outcome = without_chance(search, outcome);
     if outcome.accepted.len() < found {
-        outcome = outcome.as_far_as_it_stands(search)?;
+        outcome = outcome.reduced(search)?;
         beside = Beside::of(search, &outcome.fitted);
     }
     search.step("weigh what was found", 1, 3)?;
@@ -105,7 +105,7 @@ pub(super) fn decide(search: &mut Search<'_>, outcome: Outcome) -> Result<Decisi
         if doubtful.is_empty() {
             break judged;
         }
-        outcome = outcome.without(search, &doubtful).as_far_as_it_stands(search)?;
+        outcome = outcome.without(search, &doubtful).reduced(search)?;
         beside = Beside::of(search, &outcome.fitted);
     };
     search.step("weigh what was found", 2, 3)?;

@@ -98,7 +98,7 @@ impl Outcome {
     }
 
     /// The same without what stood only beside terms that are gone.
-    pub fn as_far_as_it_stands(mut self, search: &Search<'_>) -> Result<Self, Interrupted> {
+    pub fn reduced(mut self, search: &Search<'_>) -> Result<Self, Interrupted> {
         (self.fitted, self.accepted) = search.backward(self.fitted, self.accepted, &|step| !step.wanted)?;
         self.held_out = search.held_out(&self.fitted);
         Ok(self)
