@@ -1,5 +1,6 @@
 """The documentation as a site: built without a broken link, and with a page for all that it should explain."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -27,6 +28,23 @@ def test_the_site_is_built_without_a_broken_link(tmp_path: Path) -> None:
     assert all(f'<h2 id="sgpr-{name}"' in commands for name in ("identify", "diagnose", "data-get", "effects"))
     # What a page of docs/ is called stays its address.
     assert (site / "tutorial.html").exists() and (site / "index.html").exists()
+
+
+def test_every_number_of_the_diagnosis_says_what_it_is_for() -> None:
+    source = ROOT / "crates/sgpr-core/src/diagnosis"
+    numbers = 0
+    for path in source.rglob("*.rs"):
+        lines = path.read_text().split("#[cfg(test)]")[0].splitlines()
+        for above, line in zip(["", *lines], lines, strict=False):
+            if re.match(r"\s*(pub(\(.*\))? )?const \w+: (?!&str)[^=]+ = .*;$", line):
+                numbers += 1
+                assert above.strip().startswith("//"), f"{path.name}: {line.strip()}"
+    pytest.importorskip("mkdocs", reason="mkdocs is not installed: make docs")
+    sys.path.insert(0, str(ROOT / "tools"))
+    from docs_site import diagnosis_numbers
+
+    rows = [line for line in diagnosis_numbers() if line.startswith("| `")]
+    assert len(rows) == numbers and not any(row.endswith("|  |") for row in rows)
 
 
 def test_bold_lists_and_code_come_out_of_a_docstring() -> None:

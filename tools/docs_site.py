@@ -1,7 +1,8 @@
 """Pages of the site that follow from the library, and links that lead out of the site.
 
 mkdocs calls these functions (see mkdocs.yml). Generated are the command line (from its parser), the Python reference
-(from docstrings), the effects (from the catalogue), error messages, and a page for each data set.
+(from docstrings), the effects (from the catalogue), error messages, the numbers of the diagnosis (from its sources),
+and a page for each data set.
 """
 
 import inspect
@@ -129,6 +130,7 @@ def _generated() -> dict[str, str]:
         "reference/command-line.md": "\n".join(command_line()),
         "reference/python.md": "\n".join(python_index()),
         "effects/index.md": "\n".join(effects()),
+        "reference/diagnosis-numbers.md": "\n".join(diagnosis_numbers()),
         "reference/errors.md": (DOCS / "reference/errors.md").read_text() + "\n".join(messages()),
     }
     pages |= {f"reference/python/{_slug(title)}.md": "\n".join(python(title, names)) for title, names in groups()}
@@ -227,6 +229,24 @@ def effects() -> Iterator[str]:
     for effect in sgpr.effects():
         cells = (f"[`{effect['name']}`]({effect['name']}.md)", effect["summary"], effect["signature"])
         yield "| " + " | ".join(" ".join(cell.split()).replace("|", "\\|") for cell in cells) + " |"
+
+
+def diagnosis_numbers() -> Iterator[str]:
+    """Every named number of the diagnosis, with the sentence that stands above it."""
+    yield "# Numbers of the diagnosis\n"
+    yield "Every number with a name in the diagnosis, in the order of its sources, and what it is for. What decides,"
+    yield "and why, is told in [the method](../diagnosis.md).\n"
+    source = ROOT / "crates/sgpr-core/src/diagnosis"
+    constant = re.compile(
+        r"((?:^ *//[^\n]*\n)*)^ *(?:pub(?:\([a-z: ]+\))? )?const (\w+): (?!&str)[^=\n]+ = ([^;]+);", re.M
+    )
+    for path in sorted(source.rglob("*.rs")):
+        own = constant.findall(path.read_text().split("#[cfg(test)]")[0])
+        if own:
+            yield f"\n## {path.relative_to(source).with_suffix('')}\n\n| number | value | what for |\n|---|---|---|"
+        for comment, name, value in own:
+            words = " ".join(line.strip().lstrip("/").strip() for line in comment.splitlines())
+            yield f"| `{name}` | {value} | " + words.replace("|", "\\|") + " |"
 
 
 def messages() -> Iterator[str]:

@@ -245,6 +245,7 @@ impl Basis {
 
     /// The same of many columns at once, by products of matrices.
     pub fn shares_of_many(&self, columns: &[&Column]) -> Vec<Vec<f64>> {
+        /// Columns whose products are formed at once.
         const AT_ONCE: usize = 64;
         let some = |columns: &[&Column]| -> Vec<Vec<f64>> {
             let mut shares = vec![vec![0.0; self.rank()]; columns.len()];

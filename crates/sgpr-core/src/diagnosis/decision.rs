@@ -280,6 +280,7 @@ fn explained_share(joint: usize, without: &LeftOut, with: &LeftOut) -> f64 {
 ///
 /// - `left`: share of the left-out error that a process could still take away
 fn is_much(left: f64, explained: f64) -> bool {
+    /// Half of what is explained is much.
     const HALF: f64 = 0.5;
     1.0 - (1.0 - left).powi(2) > HALF * explained
 }
@@ -312,6 +313,7 @@ fn joint_of_arm(search: &Search<'_>, outcome: &Outcome) -> Option<usize> {
 ///
 /// - `own`: errors of what was found on left-out blocks
 fn rejected(search: &Search<'_>, outcome: &Outcome, own: &LeftOut) -> Vec<(String, Site, f64)> {
+    /// Effects that were not found which get a probability.
     const LIKELIEST: usize = 6;
     let found = |term: &Term| outcome.fitted.terms().iter().any(|own| own.is_like(term));
     let possible = outcome.ranking.iter().filter(|c| !c.impossible && c.score > 0.0 && !found(&c.term));

@@ -369,7 +369,9 @@ fn likeliest_as_logged(
     (k, index): (usize, usize),
     [low, high]: [f64; 2],
 ) -> f64 {
+    /// Times that are tried.
     const STEPS: usize = 40;
+    /// Costs that differ by less than this share are equal.
     const EQUAL: f64 = 1e-9;
     let reference = problem.logged_error(&model.clone().with_terms(terms.to_vec(), problem.clock));
     let cost = |time: f64| {
@@ -486,6 +488,7 @@ pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) 
 /// Errors in the band on fifths of the positions of a joint, and on fifths of its speeds, that were left out of the fit:
 /// what is there holds where it was not seen, an imitation need not.
 pub(super) fn left_out_states(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: usize) -> [LeftOut; 2] {
+    /// Parts of positions and speeds, each of which is left out in turn.
     const FIFTHS: usize = 5;
     let n = problem.dof();
     let errors = |state: fn(&Motion) -> &[f64]| {

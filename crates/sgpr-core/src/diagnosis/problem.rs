@@ -35,6 +35,7 @@ pub(super) const FOLDS: usize = 5;
 
 /// Longest block of a fold, s. Short logs are cut into so many blocks a fold, of which each has as many periods of the band.
 const LONGEST_BLOCK_S: f64 = 2.0;
+/// Least number of blocks to a fold: a fiftieth of a short log is a block.
 const BLOCKS: f64 = 10.0;
 
 /// Blocks of time of logs, one after the other, each in one fold.
@@ -749,8 +750,11 @@ impl Stretch {
 ///
 /// - `smear`: how far the filter of the equation carries the torque of such a moment, s
 fn sticking(motion: &Motion, joint: usize, top_speed: f64, smear: f64) -> Vec<bool> {
+    /// Share of the top speed below which a joint may stick.
     const SLOW: f64 = 0.03;
+    /// A joint sticks that is slow for so many times longer than its acceleration explains.
     const PATIENCE: f64 = 1.4;
+    /// Time before and after in which its acceleration is looked at, s.
     const AROUND_S: f64 = 0.1;
     let n = motion.dq.len() / motion.len().max(1);
     let samples = motion.len();
@@ -803,9 +807,13 @@ fn quiet_band(
     recordings: &[Recording],
     processing: &Processing,
 ) -> Result<Option<f64>, DiagnosisError> {
+    /// Share of the noise of the torque that the noise of the position may make.
     const SHARE: f64 = 0.5;
+    /// A band that is narrower by less than this factor is not worth it.
     const MUCH: f64 = 1.2;
+    /// Lowest band, Hz.
     const LOWEST_HZ: f64 = 3.0;
+    /// Rows that have to be left.
     const LEAST_ROWS: f64 = 600.0;
     let (_, choices) = Processing::choose(recordings, &Default::default())?;
     let robot = model.identified_robot();
@@ -870,6 +878,7 @@ const MEDIAN_OF_NORMAL: f64 = 0.6745;
 /// Whether links of the robot file can be those of the arm: at some joint they make a tenth or more of the torque that links
 /// make which take all that rotors need not. If not, the file has placeholders.
 fn are_of_this_arm(with_file: &TorqueModel, with_links: &TorqueModel, stretches: &[Stretch]) -> bool {
+    /// A tenth.
     const PART: f64 = 0.1;
     let n = with_file.robot().dof();
     let energies = |model: &TorqueModel| {

@@ -430,6 +430,7 @@ fn with_payload(model: &TorqueModel) -> TorqueModel {
 
 /// What the arm did in the logs: positions that it took, speeds and accelerations that it reached, within its limits.
 fn room(search: &Search<'_>) -> Room {
+    /// Share of the samples whose speeds and accelerations count as reached: the rest are spikes.
     const COMMON: f64 = 0.995;
     let problem = &search.problem;
     let robot = problem.nominal.robot();

@@ -208,6 +208,7 @@ fn replay_with(room: &Room, log: &SampledReference, seconds: f64, pace: f64, fad
 
 /// All joints from rest to rest together.
 fn append_move(samples: &mut TrajectorySamples, room: &Room, from: &[f64], to: &[f64]) {
+    /// Share of the largest speed and acceleration of the logs with which joints are moved from pose to pose.
     const SHARE: f64 = 0.5;
     let n = from.len();
     let own = |j: usize| {

@@ -64,6 +64,7 @@ impl Search<'_> {
     /// Torques without constants that had nearly the evidence of one with more freedom at the same joint and that the model
     /// does not have.
     fn plainer_rivals(&self, own: &Term, step: &Accepted, terms: &[Term]) -> Vec<Term> {
+        /// Share of the first score above which a plainer form had nearly as much evidence.
         const CLOSE: f64 = 0.9;
         let close = |name: &str| {
             let rivals = step.rivals.iter().filter(|(t, _)| t.effect.name() == name && t.site == own.site);

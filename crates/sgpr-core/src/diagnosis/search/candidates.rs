@@ -190,7 +190,9 @@ impl Search<'_> {
 
     /// Effects with an order: the peaks of a periodogram of the residual over the position.
     pub(super) fn orders_to_try(&self, fitted: &Fitted) -> Vec<Term> {
+        /// Lowest order that is looked for, per turn: lower ones are gravity and springs.
         const LOWEST: usize = 4;
+        /// Highest order, per turn: gears with more teeth are not resolved by the logs.
         const HIGHEST: usize = 200;
         let n = self.problem.dof();
         let mut terms = Vec::new();
@@ -254,6 +256,7 @@ impl Search<'_> {
 
     /// Computes the columns that [`Self::raw`] will be asked for, on all cores.
     pub(super) fn prepare(&mut self, fitted: &Fitted, terms: &[Term]) -> Result<(), Interrupted> {
+        /// Effects whose columns are made between two words to the listener.
         const AT_ONCE: usize = 24;
         let missing: Vec<&Term> = terms.iter().filter(|term| !self.cache.contains_key(&key_of(term))).collect();
         for (index, some) in missing.chunks(AT_ONCE).enumerate() {

@@ -16,6 +16,7 @@ use crate::progress::Interrupted;
 
 /// Whether what begins and ends lasts long enough to be something else than one wrong moment of the log.
 pub(super) fn lasts(term: &Term, constants: &[f64]) -> bool {
+    /// Shortest time, s.
     const SHORTEST_S: f64 = 0.2;
     let times: Vec<f64> = times_of(term.effect.as_ref(), constants).collect();
     times.windows(2).all(|pair| pair[1] - pair[0] >= SHORTEST_S)

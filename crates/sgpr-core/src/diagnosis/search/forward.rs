@@ -19,6 +19,7 @@ use crate::progress::Interrupted;
 
 /// The same for a term, whose parameters were fitted: more for one with parameters that it does not have by nature.
 pub(super) fn asked_of(term: &Term) -> f64 {
+    /// Fall of the error that is asked of an effect with the opposite sign.
     const IMPLAUSIBLE: f64 = 0.06;
     match term {
         _ if term.effect.refines().is_some() => 0.0,
@@ -38,6 +39,7 @@ const ALMOST: f64 = 0.05;
 
 /// Whether two candidates are one effect at two joints and their scores say the same.
 fn are_twins((own, score): (&Candidate, f64), (other, other_score): (&Candidate, f64)) -> bool {
+    /// Scores that differ by less than this share are those of one effect at two joints.
     const TIED: f64 = 0.001;
     let same = own.term.effect.name() == other.term.effect.name() && own.term.site != other.term.site;
     same && (score - other_score).abs() < TIED * score
@@ -62,6 +64,7 @@ pub(super) fn is_out_of_range(term: &Term) -> bool {
 
 /// When a contact of the arm is there, s, with the time over which filters carry its ends.
 pub(super) fn window_of_arm(term: &Term) -> Option<[f64; 2]> {
+    /// Time over which the filter carries an end, s.
     const MARGIN_S: f64 = 0.5;
     let mut times = term.times().filter(|_| term.effect.reach() == Reach::All);
     Some([times.next()? - MARGIN_S, times.next()? + MARGIN_S])
@@ -98,6 +101,7 @@ struct Trial<'c> {
 /// Whether a candidate that changes the whitened residual from one to another is worth a fit to see whether it explains
 /// most of an error.
 fn may_explain_most(candidate: &Candidate, white: &Column, with: &Column) -> bool {
+    /// Share of the squares of a residual that is worth a fit.
     const MUCH: f64 = 0.25;
     let energy = |own: &[f64]| dot_in_lanes(own, own);
     let explains_much = |(white, with): (&Vec<f64>, &Vec<f64>)| energy(with) < (1.0 - MUCH) * energy(white);
@@ -160,7 +164,9 @@ impl Search<'_> {
         (errors, accepted): (&HeldOut, &[Accepted]),
         mut tried: Vec<Promise>,
     ) -> Vec<Promise> {
+        /// What a form that is right to one percent leaves of what it explained.
         const SHARE: f64 = 0.01;
+        /// The same of a transform, which is applied exactly.
         const TRANSFORM: f64 = 0.001;
         /// What an effect at one joint may leave at others, which the parameters of the links tie to it.
         const ELSEWHERE: f64 = 0.0001;
@@ -217,6 +223,7 @@ impl Search<'_> {
 
     /// Whether a candidate explains most of the error that is left on some joint, `errors` those without it.
     fn explains_most(&self, fitted: &Fitted, errors: &HeldOut, candidate: &Candidate) -> bool {
+        /// More than half of the error goes: it falls by as much as is left.
         const MOST: f64 = 1.0;
         let trial = self.with_term(fitted, candidate.term.clone());
         errors.largest_fall_to(&self.errors(&trial), &candidate.term) > MOST
@@ -411,6 +418,7 @@ impl Search<'_> {
 
     /// Whether the only constant of the last term of a fit is at the end of its range: it comes near to another form.
     fn is_at_edge(&self, fitted: &Fitted) -> bool {
+        /// Share of a bound within which a constant is at it.
         const NEAR: f64 = 1e-6;
         let Some(term) = fitted.terms().last() else { return false };
         let (constants, [value]) = (term.effect.constants(), &term.constants[..]) else { return false };

@@ -44,6 +44,7 @@ impl HeldOut {
 
     /// Whether one more term makes the error of a joint many times as large: its parameters hang on a few rows.
     pub(super) fn explodes_to(&self, after: &Self) -> bool {
+        /// Many times.
         const TIMES: f64 = 10.0;
         self.total().iter().zip(after.total()).any(|(own, after)| after > TIMES * own)
     }
@@ -133,6 +134,7 @@ impl Search<'_> {
         const STAGE: &str = "errors of effects";
         /// Of those with evidence.
         const MOST: usize = 16;
+        /// Candidates between two words to the listener.
         const AT_ONCE: usize = 4;
         let has_evidence = |c: &&mut Candidate| !c.impossible && c.score > 0.0 && c.term.effect.refines().is_none();
         let mut best: Vec<&mut Candidate> = candidates.iter_mut().filter(has_evidence).take(MOST).collect();

@@ -45,7 +45,9 @@ impl Search<'_> {
     /// a joint; or is a load or a contact and much less is left: the largest model at the start could not know of it and took
     /// it for noise.
     pub(super) fn is_quieter(&self, fitted: &Fitted) -> bool {
+        /// Share of the noise below which the residual says that it was too large, for a correction of the geometry.
         const QUIETER: f64 = 0.95;
+        /// The same for a load or contact.
         const MUCH_QUIETER: f64 = 0.5;
         let geometric = |term: &Term| {
             term.is_transform() && term.effect.constants().iter().all(|constant| ["rad", "m"].contains(&constant.unit))
@@ -65,6 +67,7 @@ impl Search<'_> {
     /// What columns leave of a joint's residual. Seconds with far more of it than others hold what begins and ends, a
     /// contact or a load: they are no noise, are left out of a second fit and marked.
     pub(super) fn left_by(&self, joint: usize, columns: &[Column], residual: &[f64]) -> Rest {
+        /// Seconds with more than this times the median residual are left out.
         const LOUD: f64 = 4.0;
         let rows = &self.problem.rows[joint];
         let second = |row: usize| {

@@ -82,6 +82,7 @@ impl Search<'_> {
         basis: &Basis,
         white: &Column,
     ) -> Result<Vec<Candidate>, Interrupted> {
+        /// Candidates whose columns are whitened at once.
         const AT_ONCE: usize = 128;
         let mut best: HashMap<(String, Site), Candidate> = HashMap::new();
         let keep = |best: &mut HashMap<(String, Site), Candidate>, candidate: Candidate| {

@@ -22,6 +22,7 @@ impl Search<'_> {
         fitted: &Fitted,
         (basis, white): (&Basis, &Column),
     ) -> Result<Option<Fitted>, Interrupted> {
+        /// How long before a reversal a joint may stick, s.
         const DURATIONS_S: [f64; 5] = [0.016, 0.03, 0.05, 0.08, 0.12];
         /// Rows are left out somewhat farther than the jump is seen: stops differ in length.
         const FARTHER: f64 = 1.5;

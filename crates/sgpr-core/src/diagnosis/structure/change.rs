@@ -23,6 +23,7 @@ pub struct Change {
 
 /// Resolution, s; coarser for long sessions.
 const STEP_S: f64 = 0.25;
+/// Most bins of a session.
 const MOST_BINS: usize = 240;
 
 /// Functions of the state: constant, direction, speed, two of the position, load.
@@ -33,6 +34,7 @@ const FARTHEST: f64 = 4.0;
 
 /// Gram matrix, product with the residual and number of rows, of some rows.
 type Sums = Vec<f64>;
+/// Products of the functions with each other, with the residual, and its square.
 const WIDTH: usize = FUNCTIONS * FUNCTIONS + FUNCTIONS + 1;
 
 /// The change of a residual that has most evidence, if there is evidence at all.
@@ -156,6 +158,7 @@ fn running_sums(
 
 /// Fall of chi-squared by the functions, from the sums of some rows.
 fn explained(sums: &[f64]) -> f64 {
+    /// Functions with less of their squares left are in the others.
     const DEPENDENT: f64 = 1e-9;
     let mut l = [[0.0; FUNCTIONS]; FUNCTIONS];
     let mut forward = [0.0; FUNCTIONS];

@@ -98,11 +98,14 @@ const MATERIAL: f64 = 0.05;
 
 /// Rows on which variables are chosen, and features of each function of them.
 const ROWS_TO_CHOOSE: usize = 1000;
+/// Features of each function on which variables are chosen ...
 const FEATURES_TO_CHOOSE: usize = 36;
+/// ... and with which the chosen ones are described.
 const FEATURES: usize = 80;
 
 /// A variable must bring so much of the variance, and so much of what the others bring.
 const LEAST_GAIN: f64 = 0.015;
+/// The same as a share of what the others bring.
 const LEAST_SHARE: f64 = 0.04;
 
 /// Most variables of a function.
@@ -274,6 +277,7 @@ impl OfState {
 
 /// A function of time on what the state leaves: slow waves, alone, with the direction and with the load.
 fn of_time(rows: &JointRows, rest: &[f64]) -> Explained {
+    /// Slow waves over the session.
     const WAVES: usize = 8;
     if rows.time.is_empty() {
         return Explained { predicted: vec![0.0; rows.len()], ..Explained::default() };
@@ -298,6 +302,7 @@ fn of_time(rows: &JointRows, rest: &[f64]) -> Explained {
 }
 
 fn dependence(rows: &JointRows, names: &[&str], memory: &[f64]) -> Vec<Dependence> {
+    /// Standard deviations beyond which a correlation is told.
     const BEYOND: f64 = 3.5;
     let own = rows.joint;
     let mut functions: Vec<(String, Vec<f64>)> = Vec::new();

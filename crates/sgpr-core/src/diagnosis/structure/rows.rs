@@ -133,6 +133,7 @@ impl JointRows {
 
 /// The earliest stamp, ns, if no two logs overlap in time; stamps near zero count from zero.
 fn common_clock(logs: &[&LogResidual]) -> Option<i64> {
+    /// Stamps that begin within an hour of zero count from zero, ns.
     const NEAR_ZERO_NS: i64 = 3_600_000_000_000;
     let mut spans: Vec<(i64, i64)> =
         logs.iter().filter_map(|l| Some((*l.time().first()?, *l.time().last()?))).collect();

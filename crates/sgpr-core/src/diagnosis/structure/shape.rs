@@ -32,6 +32,7 @@ impl Periodic {
 
 /// The strongest line of a periodogram over the position, if the range shows two periods of it and it stands out.
 pub(super) fn periodic(rows: &JointRows) -> Option<Periodic> {
+    /// A line is periodic if it has so many times the median power.
     const STANDS_OUT: f64 = 12.0;
     let (q, dq) = (&rows.q[rows.joint], &rows.dq[rows.joint]);
     let [low, high] = q.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], q| [a.min(*q), b.max(*q)]);
