@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 import sgpr
 from cli_support import DEMO_ROBOT, DEMO_TEST, DEMO_TRAIN, JOINTS, RECORDINGS, run, write_log
 
@@ -169,6 +170,22 @@ def test_degrees_are_suspected(tmp_path: Path) -> None:
         assert run("info", path, *confirmation).code == 0
     [data] = json.loads(run("info", path, "--units", "position=deg", "--json").out)
     assert not any("degree" in issue["message"] for issue in data["issues"])
+
+
+def test_milliradians_are_named(tmp_path: Path) -> None:
+    def in_milliradians(table: np.ndarray) -> np.ndarray:
+        table[:, 1:3] *= 1e3
+        return table
+
+    path = write_log(tmp_path / "log.csv", 1, in_milliradians)
+    found = run("info", path)
+    assert found.code == 1
+    assert "looks like milliradians; give the unit of the position with `--units position=...` (mrad" in found.out
+    # What the message says is the remedy.
+    [data] = json.loads(run("info", path, "--units", "position=mrad", "--json").out)
+    [plain] = json.loads(run("info", write_log(tmp_path / "plain.csv", 1), "--json").out)
+    assert data["joints"][0]["position"] == pytest.approx(plain["joints"][0]["position"])
+    assert data["issues"] == plain["issues"]
 
 
 def test_not_finite_values_are_errors_and_valid_json(tmp_path: Path) -> None:

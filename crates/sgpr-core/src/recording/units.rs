@@ -77,6 +77,8 @@ macro_rules! unit {
 pub enum PositionUnit {
     /// rad
     Radian,
+    /// mrad
+    Milliradian,
     /// deg
     Degree,
     /// Full turns
@@ -91,6 +93,7 @@ pub enum PositionUnit {
 // `ø` (code page 850), `¡` (Mac), U+FFFD (lost).
 unit!(PositionUnit, "position",
     Radian: ["rad", "radian", "radians"],
+    Milliradian: ["mrad", "milliradian", "milliradians"],
     Degree: ["deg", "degree", "degrees", "°", "º", "˚", "∘", "\u{fffd}", "ø", "¡"],
     Turn: ["turn", "turns", "rev", "revolutions"],
     Metre: ["m", "metre", "metres", "meter", "meters"],
@@ -101,9 +104,9 @@ impl PositionUnit {
     pub fn factor(self) -> f64 {
         match self {
             Self::Radian | Self::Metre => 1.0,
+            Self::Milliradian | Self::Millimetre => 1e-3,
             Self::Degree => PI / 180.0,
             Self::Turn => TAU,
-            Self::Millimetre => 1e-3,
         }
     }
 }
@@ -113,6 +116,8 @@ impl PositionUnit {
 pub enum VelocityUnit {
     /// rad/s
     RadianPerSecond,
+    /// mrad/s
+    MilliradianPerSecond,
     /// deg/s
     DegreePerSecond,
     /// Revolutions per minute
@@ -125,6 +130,7 @@ pub enum VelocityUnit {
 
 unit!(VelocityUnit, "velocity",
     RadianPerSecond: ["rad/s", "rad_s", "radps", "rads"],
+    MilliradianPerSecond: ["mrad/s", "mrad_s", "mradps"],
     DegreePerSecond: [
         "deg/s", "deg_s", "degps", "degs", "°/s", "°_s", "º/s", "º_s", "˚/s", "˚_s", "\u{fffd}/s", "\u{fffd}_s", "ø/s", "ø_s"
     ],
@@ -139,7 +145,7 @@ impl VelocityUnit {
             Self::RadianPerSecond | Self::MetrePerSecond => 1.0,
             Self::DegreePerSecond => PI / 180.0,
             Self::Rpm => TAU / 60.0,
-            Self::MillimetrePerSecond => 1e-3,
+            Self::MilliradianPerSecond | Self::MillimetrePerSecond => 1e-3,
         }
     }
 }

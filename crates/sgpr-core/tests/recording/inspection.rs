@@ -322,6 +322,19 @@ fn positions_in_degrees() {
 }
 
 #[test]
+fn positions_in_milliradians_or_counts() {
+    // Both arms of the log move over less than 4 rad: 4000 mrad are eleven turns in degrees, which no joint does.
+    for (factor, text) in [(1e3, "looks like milliradians"), (1e5, "looks like counts of an encoder")] {
+        let mut log = Log::new();
+        log.position.iter_mut().for_each(|q| *q *= factor);
+        log.velocity.iter_mut().for_each(|dq| *dq *= factor);
+        let issues = refusals(&log.recording());
+        assert!(issues.iter().any(|issue| issue.message.contains(text)), "{issues:?}");
+        assert!(issues.iter().all(|issue| !issue.message.contains("looks like degrees")), "{issues:?}");
+    }
+}
+
+#[test]
 fn velocities_in_other_units() {
     for (factor, text) in [
         (180.0 / std::f64::consts::PI, "looks like deg/s"),

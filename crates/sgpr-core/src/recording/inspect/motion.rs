@@ -47,7 +47,7 @@ pub(super) fn issues(recording: &Recording, is_time_right: bool) -> Vec<Issue> {
     issues
 }
 
-/// Positions that look like degrees.
+/// Positions that look like degrees, or finer units of an angle.
 pub(super) fn positions_in_degrees(recording: &Recording) -> Vec<Issue> {
     let clean = without_faults(recording);
     let ratios: Vec<Option<Comparison>> = (0..clean.dof()).map(|joint| Comparison::of_joint(&clean, joint)).collect();
@@ -63,7 +63,12 @@ pub(super) fn wrapped_positions(recording: &Recording) -> Vec<Issue> {
 
 /// An error where half of the moving joints look so, else a warning.
 fn all_degrees(clean: &Recording, ratios: &[Option<Comparison>]) -> Vec<Issue> {
-    let mut issues: Vec<Issue> = (0..clean.dof()).filter_map(|joint| degrees(clean, joint, ratios[joint])).collect();
+    let joints: Vec<Range> = (0..clean.dof()).filter_map(|joint| Range::of_joint(clean, joint)).collect();
+    let usual = joints.iter().map(|range| range.usual);
+    let finest = |comparison: &Option<Comparison>| comparison.is_some_and(|comparison| comparison.is_near(1e3));
+    let suspected = Suspected::of_ranges(usual, ratios.iter().any(finest));
+    let mut issues: Vec<Issue> =
+        joints.iter().filter_map(|range| not_radians(clean, range, ratios[range.joint], suspected)).collect();
     let moving = (0..clean.dof()).filter(|&joint| !is_still(clean, joint)).count();
     let (some, most) = (issues.len() < moving, 2 * issues.len() >= moving);
     for issue in &mut issues {
@@ -177,18 +182,73 @@ impl Comparison {
     }
 }
 
-fn degrees(recording: &Recording, joint: usize, comparison: Option<Comparison>) -> Option<Issue> {
-    let mut q: Vec<f64> = column(recording.position(), recording.dof(), joint).collect();
-    let [low, high] = statistics::range(q.iter().copied())?;
-    // A single stray sample is a jump, no unit.
-    let usual_range = statistics::quantile(&mut q, 0.99) - statistics::quantile(&mut q, 0.01);
-    let name = format!("{}_position", recording.joint_names()[joint]);
+/// What a joint moves over.
+struct Range {
+    joint: usize,
+    whole: f64,
+    /// Without the hundredth at each end: a single stray sample is a jump, no unit.
+    usual: f64,
+}
+
+impl Range {
+    fn of_joint(recording: &Recording, joint: usize) -> Option<Self> {
+        let mut q: Vec<f64> = column(recording.position(), recording.dof(), joint).collect();
+        let [low, high] = statistics::range(q.iter().copied())?;
+        let usual = statistics::quantile(&mut q, 0.99) - statistics::quantile(&mut q, 0.01);
+        Some(Self { joint, whole: high - low, usual })
+    }
+}
+
+/// The unit of positions that are no radians: that in which the joint that moves most turns no further than joints can.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Suspected {
+    Degrees,
+    Milliradians,
+    Counts,
+}
+
+impl Suspected {
+    /// - `ranges`: of the joints, in the unit of the log
+    /// - `is_thousandfold`: whether a position changes a thousand times as fast as its velocity says
+    fn of_ranges(ranges: impl Iterator<Item = f64>, is_thousandfold: bool) -> Self {
+        match ranges.fold(0.0, f64::max) {
+            range if range > 1e3 * WIDEST_RANGE => Self::Counts,
+            range if range > WIDEST_RANGE.to_degrees() || is_thousandfold => Self::Milliradians,
+            _ => Self::Degrees,
+        }
+    }
+
+    /// What it looks like, and what to do.
+    fn remedy(self) -> &'static str {
+        match self {
+            Self::Degrees => {
+                "it looks like degrees; give the unit of the position with `units.position` (deg, mm of a slide, or rad if that \
+                 is right)"
+            }
+            Self::Milliradians => {
+                "it looks like milliradians; give the unit of the position with `units.position` (mrad, or rad if that is right)"
+            }
+            Self::Counts => {
+                "it looks like counts of an encoder; write the position in rad or deg to the log, or give its unit with \
+                 `units.position` (rad if that is right)"
+            }
+        }
+    }
+}
+
+fn not_radians(
+    recording: &Recording,
+    range: &Range,
+    comparison: Option<Comparison>,
+    suspected: Suspected,
+) -> Option<Issue> {
+    let name = format!("{}_position", recording.joint_names()[range.joint]);
     let reason = match comparison {
         Some(comparison) if comparison.is_near(1f64.to_degrees()) => {
             format!("changes {:.1} times as fast as the velocity says", comparison.ratio.abs())
         }
-        _ if usual_range > WIDEST_RANGE => {
-            format!("has a range of {:.1}, {:.1} turns if it were rad", high - low, (high - low) / TAU)
+        _ if range.usual > WIDEST_RANGE => {
+            format!("has a range of {:.1}, {:.1} turns if it were rad", range.whole, range.whole / TAU)
         }
         _ => return None,
     };
@@ -196,10 +256,7 @@ fn degrees(recording: &Recording, joint: usize, comparison: Option<Comparison>) 
         kind: IssueKind::PositionInDegrees,
         severity: Severity::Warning,
         time: None,
-        message: format!(
-            "`{name}` {reason}: it looks like degrees; give the unit of the position with `units.position` (deg, or rad if \
-             that is right), or confirm it (accept: position_in_degrees)"
-        ),
+        message: format!("`{name}` {reason}: {}, or confirm it (accept: position_in_degrees)", suspected.remedy()),
         channel: Some(name),
         count: 1,
     })
@@ -210,8 +267,8 @@ const KNOWN_RATIOS: [(f64, &str); 6] = [
     (std::f64::consts::PI / 180.0, "the velocity looks like deg/s (`units.velocity`)"),
     (180.0 / std::f64::consts::PI, "the position looks like degrees (`units.position`)"),
     (TAU / 60.0, "the velocity looks like rpm (`units.velocity`)"),
-    (1e-3, "the velocity looks like mm/s (`units.velocity`)"),
-    (1e3, "the position looks like mm (`units.position`)"),
+    (1e-3, "the velocity looks like mrad/s or mm/s (`units.velocity`)"),
+    (1e3, "the position looks like mrad or mm (`units.position`)"),
     (1.0 / 60.0, "the velocity looks like units per minute"),
 ];
 
