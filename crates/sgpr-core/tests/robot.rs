@@ -496,6 +496,12 @@ fn files_of_another_kind() {
     let xacro = "<robot name=\"x\" xmlns:xacro=\"http://ros.org/wiki/xacro\"><xacro:include filename=\"a\"/></robot>";
     assert_says(&message(xacro), &["arm.urdf", "xacro file", "xacro arm.urdf > robot.urdf"]);
     assert_says(&message("<robot name=\"x\"><link name=\"${prefix}base\"/></robot>"), &["expand it first"]);
+    // What xacro made keeps comments with macros of the file that it was made from.
+    let parts = [link("one", 1.0, "", [1.0; 3]), link("two", 1.0, "", [1.0; 3]), joint("continuous", "one", "two", "")];
+    let expanded = read(&format!("<!-- <origin rpy=\"${{pi}} 0 0\"/> -->{}<!-- <xacro:wheel/> -->", parts.concat()));
+    assert_eq!(expanded.dof(), 1);
+    let left = robot("<!-- expanded --><link name=\"${prefix}base\"/>");
+    assert_says(&message(&left), &["expand it first"]);
     // A link without name is not a link.
     assert_says(&message("<robot name=\"x\">\n<link/></robot>"), &["arm.urdf: not a URDF: line 2: a link has no name"]);
 }

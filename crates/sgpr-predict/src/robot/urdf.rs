@@ -72,7 +72,7 @@ impl Robot {
     /// # Errors
     /// As [`Robot::from_urdf`].
     pub fn from_urdf_text(text: &str, origin: &str, options: &UrdfOptions) -> Result<Self, RobotError> {
-        if text.contains("<xacro:") || text.contains("${") {
+        if is_xacro(text) {
             return Err(RobotError::Xacro { path: origin.into() });
         }
         let malformed = |message: String| RobotError::Malformed { path: origin.into(), message };
@@ -85,6 +85,19 @@ impl Robot {
             tree.merge(&tree.choose(options)?, options)
         };
         build().map_err(|source| RobotError::InFile { path: origin.into(), source: Box::new(source) })
+    }
+}
+
+/// Whether macros are left in it. What xacro has expanded keeps comments, which may hold some.
+fn is_xacro(text: &str) -> bool {
+    let mut rest = text;
+    loop {
+        let (outside, comment) = rest.split_once("<!--").unwrap_or((rest, ""));
+        if outside.contains("<xacro:") || outside.contains("${") {
+            return true;
+        }
+        let Some((_, after)) = comment.split_once("-->") else { return false };
+        rest = after;
     }
 }
 
