@@ -20,6 +20,32 @@ from sgpr.cli.console import Output
 from sgpr.cli.errors import of_command_line
 
 
+def turning(name: str, parent: str, child: str, at: str) -> str:
+    return (
+        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/><origin xyz="{at}"/>'
+        '<axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="100" velocity="9"/></joint>'
+    )
+
+
+def body(name: str) -> str:
+    return (
+        f'<link name="{name}"><inertial><mass value="2"/><origin xyz="0.2 0 0"/>'
+        '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.05" iyz="0" izz="0.05"/></inertial></link>'
+    )
+
+
+ARM_WITH_A_GRIPPER = "".join(
+    [
+        '<robot name="arm"><link name="base"/>',
+        *(body(name) for name in ("upper", "lower", "tip")),
+        turning("joint_1", "base", "upper", "0 0 0"),
+        turning("joint_2", "upper", "lower", "0.5 0 0"),
+        turning("finger", "lower", "tip", "0.4 0 0"),
+        "</robot>",
+    ]
+)
+
+
 def identify(train: object, out: Path, *more: object) -> object:
     return run("identify", "--robot", "two_link", "--train", train, "--out", out, "--no-report", *more)
 
@@ -235,6 +261,58 @@ def test_a_project_file_holds_for_all_commands(tmp_path: Path) -> None:
     assert "there is no setting `unit`; known are columns, units" in run("info", path).err
     (tmp_path / "sgpr.toml").write_text("units = {\n")
     assert run("info", path).code == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "example"),
+    [
+        ('rate = "fast"', "rate = 250.0"),
+        ("units = 3", 'units = { position = "deg" }'),
+        ("units = { position = 3 }", 'units = { position = "deg" }'),
+        ('columns = "q"', "columns = { position"),
+        ('torque_constants = [1.0, "a"]', "torque_constants = {"),
+        ("rows = [1]", "rows = [635, 3510]"),
+        ("rows = [3.5, 9.2]", "rows = [635, 3510]"),
+        ("trim = 5", "trim = [2.0, 30.0]"),
+        ("resample = true", "resample = 250.0"),
+        ("resample = nan", "resample = 250.0"),
+        ('clock = "sun"', 'clock = "header"'),
+        ('recover = "no"', "recover = true"),
+        ("sort = 1", "sort = true"),
+        ('accept = "torque_scale"', 'accept = ["joints_by_order"]'),
+        ("joints = 5", 'joints = ["shoulder", "elbow"]'),
+        ("rate = 2020-01-01", "rate = 250.0"),
+        ('[files."*"]\nrate = "fast"', "rate = 250.0"),
+    ],
+)
+def test_a_setting_of_another_kind_is_named_with_an_example(line: str, example: str, tmp_path: Path) -> None:
+    path = write_log(tmp_path / "log.csv", 1)
+    (tmp_path / "sgpr.toml").write_text(line + "\n")
+    for command in (("info", path), ("identify", "--robot", "two_link", "--train", path, "--out", tmp_path / "out")):
+        refused = run(*command)
+        assert refused.code == 1
+        assert f"{tmp_path / 'sgpr.toml'}: {line.splitlines()[-1]} does not fit; write it like {example}" in refused.err
+
+
+def test_joints_of_the_project_are_those_of_the_robot_file(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "log.csv", 1)
+    robot = tmp_path / "arm.urdf"
+    robot.write_text(ARM_WITH_A_GRIPPER)
+    (tmp_path / "sgpr.toml").write_text('joints = ["joint_1", "joint_2"]\n')
+    out = tmp_path / "out"
+    for command in (
+        ("info", path, "--robot", robot),
+        ("identify", "--robot", robot, "--train", path, "--out", out),
+        ("diagnose", "--robot", robot, "--train", path, "--look-for", "payload", "--out", tmp_path / "found"),
+        ("compare", robot, path),
+        ("predict", robot, path, "--out", tmp_path / "torque.csv"),
+    ):
+        done = run(*command)
+        assert done.code == 0, f"{command}\n{done.err}"
+    assert sgpr.load(out / "model.sgpr").robot.joint_names == ["joint_1", "joint_2"]
+    # What the command says counts for more.
+    refused = run("identify", "--robot", robot, "--train", path, "--joints", "finger", "--out", out)
+    assert refused.code == 1 and "finger" in refused.err
 
 
 def test_torque_constants_by_name(tmp_path: Path) -> None:

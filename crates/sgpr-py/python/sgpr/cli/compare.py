@@ -27,7 +27,7 @@ from .limits import limits_of, verdicts
 from .options import Open, open_page
 from .output_folder import OutputFolder
 from .predictions import residuals_by_log
-from .project import ModelArgument, model_and_logs
+from .project import ModelArgument, joints_of, model_and_logs
 from .reading import Log, ReadingOptions, read_log, read_logs, stretches, tell_layouts
 from .results import headed
 from .screening import repeated
@@ -79,6 +79,7 @@ def compare(
 ) -> None:
     """Compares the torque that a model predicts with the torque in logs, joint by joint."""
     model, files = model_and_logs(model, files)
+    joints = joints_of(model, joints, files)
     main_model = load_any_model(model, joints)
     names = main_model.robot.joint_names
     wanted = limits_of(limit or [], limits, names)

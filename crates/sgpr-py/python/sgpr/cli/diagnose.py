@@ -34,7 +34,7 @@ from .options import (
 )
 from .output_folder import OutputFolder
 from .predictions import AFTER, BEFORE, left_out, predictions, residuals_by_log, write_before_and_after
-from .project import ModelAndLogs
+from .project import ModelAndLogs, joints_of
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .results import judged
 from .robots import load_robot, tell_locked
@@ -90,6 +90,7 @@ def diagnose(
     robot, train, test, usual = project.project()
     wanted = checked_effects(look_for, "--look-for") if look_for else None
     add = checked_effects(add, "--add") if add else None
+    joints = joints_of(robot, joints, train)
     given: Model | None = load_model(robot, joints, gravity) if kind_of(robot) == "model" else None
     if given is not None and effects is not None:
         raise wrong_use("a model has its effects already", "--effects")

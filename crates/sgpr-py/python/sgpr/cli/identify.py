@@ -40,7 +40,7 @@ from .predictions import (
     write_before_and_after,
     write_topics,
 )
-from .project import RobotAndLogs
+from .project import RobotAndLogs, joints_of
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .results import judged
 from .robot_files import without_place
@@ -88,6 +88,7 @@ def identify(
     if mcap is not None and not test:
         raise wrong_use("is written for test logs: name them with --test", "--mcap")
     folder = OutputFolder(out)
+    joints = joints_of(robot, joints, train)
     loaded = load_robot(robot, joints, gravity)
     tell_locked(robot, loaded, output)
     train_logs = read_logs(train, reading, loaded.joint_names, output)

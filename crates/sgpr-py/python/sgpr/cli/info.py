@@ -19,7 +19,7 @@ from .errors import BAD_DATA, of_command_line
 from .findings import STYLES, Found, merged, of_texts
 from .inputs import kind_of, load_any_model
 from .options import Gravity
-from .project import remember
+from .project import joints_of, remember
 from .reading import ReadingOptions, expand_patterns, read_log
 from .robots import is_urdf, load_robot, tell_locked
 from .screening import screened
@@ -67,7 +67,7 @@ def info(
     kinds = {path: kind_of(path) for path in paths}
     logs = [path for path in paths if kinds[path] == "log"]
     named = robot or robot_among(kinds)
-    arm = load_robot(named, joints, gravity) if named and logs else None
+    arm = load_robot(named, joints_of(named, joints, logs), gravity) if named and logs else None
     if arm is not None and named:
         tell_locked(named, arm, output)
     for path in paths:

@@ -39,7 +39,7 @@ from .predictions import (
     spread_of,
     write_table,
 )
-from .project import ModelAndLogs
+from .project import ModelAndLogs, joints_of
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .results import judged
 from .robots import load_robot, tell_locked
@@ -103,6 +103,7 @@ def learn(
     one_of(mean, MEANS, "--mean", "mean")
     if inputs is not None:
         one_of(inputs, INPUTS, "--inputs", "selection of inputs")
+    joints = joints_of(robot, joints, train)
     given: Model | None = load_model(robot, joints, gravity) if kind_of(robot) == "model" else None
     if given is not None and effects is not None:
         raise wrong_use("a model has its effects already", "--effects")

@@ -11,6 +11,7 @@ from .errors import one_of, wrong_use
 from .fit_options import BodyOptions, EquationOptions
 from .options import Gravity, Joints
 from .output_folder import OutputFolder
+from .project import joints_of
 from .reading import ReadingOptions, read_logs, stretches, tell_layouts
 from .results import headed
 from .robots import load_robot
@@ -89,6 +90,7 @@ def payload(
     if both:
         raise wrong_use(f"{', '.join(both)}: a log is with the payload or without it", "--loaded")
     payload_of = _known(known or [])
+    joints = joints_of(robot, joints, unloaded)
     arm = load_robot(robot, joints, gravity)
     if link is not None and link not in arm.joint_names:
         raise wrong_use(f"`{link}`: the joints are {', '.join(arm.joint_names)}", "--link")

@@ -16,7 +16,7 @@ from .inputs import load_any_model
 from .options import check_not_input
 from .output_folder import OutputFolder
 from .predictions import INTERVAL, STD, Pieces, beside, predictions, spread_of, write_table, write_topics
-from .project import ModelArgument, model_and_logs
+from .project import ModelArgument, joints_of, model_and_logs
 from .reading import ReadingOptions, read_log, tell_layouts
 from .results import headed
 
@@ -60,6 +60,7 @@ def predict(
     [file] = files
     check_not_input(out, [model, file])
     place = Path(out).absolute()
+    joints = joints_of(model, joints, files)
     loaded = load_any_model(model, joints)
     names = loaded.robot.joint_names
     with OutputFolder(str(place.parent)) as folder:

@@ -9,9 +9,10 @@ rows = [635, 3510]
 The workbench keeps there what a project is: `robot`, the logs to `train` and to `test`, and the steps of its models.
 """
 
+import math
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
@@ -22,30 +23,89 @@ import typer
 from .._pages import write_page
 from .errors import BadData, wrong_use
 from .inputs import kind_of
+from .robots import is_urdf
 
 NAME = "sgpr.toml"
 
-KEYS = {
-    "columns": "columns",
-    "units": "units",
-    "torque_constants": "torque_constants",
-    "rate": "sample_rate_hz",
-    "rows": "rows",
-    "logged_joints": "logged_names",
-    "topics": "topics",
-    "clock": "clock",
-    "recover": "recover",
-    "accept": "accept",
-    "trim": "trim",
-    "sort": "sort",
-    "drop_duplicates": "drop_duplicates",
-    "drop_not_finite": "drop_not_finite",
-    "drop_repeated": "drop_repeated",
-    "unwrap": "unwrap",
-    "split_gaps": "split_gaps",
-    "resample": "resample",
-    "joints": "joints",
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _is_name(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def _is_flag(value: object) -> bool:
+    return isinstance(value, bool)
+
+
+def _is_clock(value: object) -> bool:
+    return value in ("header", "log")
+
+
+def _is_rate(value: object) -> bool:
+    return value == "median" or _is_number(value)
+
+
+def _list_of(fits: Callable[[object], bool], length: int | None = None) -> Callable[[object], bool]:
+    return lambda value: (
+        isinstance(value, list | tuple) and len(value) == (length or len(value)) and all(map(fits, value))
+    )
+
+
+def _table_of(fits: Callable[[object], bool]) -> Callable[[object], bool]:
+    return lambda value: isinstance(value, Mapping) and all(map(fits, value.values()))
+
+
+def _either(*of: Callable[[object], bool]) -> Callable[[object], bool]:
+    return lambda value: any(fits(value) for fits in of)
+
+
+class Setting(NamedTuple):
+    """A key of the file.
+
+    - `argument`: of `sgpr.read` or `Recording.repair`
+    - `fits`: whether a value is of its kind
+    - `example`: a value, as it stands in the file
+    """
+
+    argument: str
+    fits: Callable[[object], bool]
+    example: str
+
+
+SETTINGS = {
+    "columns": Setting(
+        "columns", _table_of(_either(_is_name, _list_of(_is_name))), '{ position = "{name}_pos", torque = "i{}" }'
+    ),
+    "units": Setting("units", _table_of(_is_name), '{ position = "deg" }'),
+    "torque_constants": Setting(
+        "torque_constants", _either(_list_of(_is_number), _table_of(_is_number)), "{ shoulder = 9.6, elbow = 6.0 }"
+    ),
+    "rate": Setting("sample_rate_hz", _is_number, "250.0"),
+    "rows": Setting("rows", _list_of(_is_whole, 2), "[635, 3510]"),
+    "logged_joints": Setting("logged_names", _list_of(_is_name), '["axis1", "axis2"]'),
+    "topics": Setting("topics", _list_of(_is_name), '["/joint_states"]'),
+    "clock": Setting("clock", _is_clock, '"header", or "log"'),
+    "recover": Setting("recover", _is_flag, "true"),
+    "accept": Setting("accept", _list_of(_is_name), '["joints_by_order"]'),
+    "trim": Setting("trim", _list_of(_is_number, 2), "[2.0, 30.0]"),
+    "sort": Setting("sort", _is_flag, "true"),
+    "drop_duplicates": Setting("drop_duplicates", _is_flag, "true"),
+    "drop_not_finite": Setting("drop_not_finite", _is_flag, "true"),
+    "drop_repeated": Setting("drop_repeated", _is_flag, "true"),
+    "unwrap": Setting("unwrap", _is_flag, "true"),
+    "split_gaps": Setting("split_gaps", _is_number, "0.05"),
+    "resample": Setting("resample", _is_rate, '250.0, or "median"'),
+    "joints": Setting("joints", _list_of(_is_name), '["shoulder", "elbow"]'),
 }
+
+KEYS = {key: setting.argument for key, setting in SETTINGS.items()}
 """Key in the file -> argument of `sgpr.read` or `Recording.repair`."""
 
 OF_PROJECT = ("robot", "train", "test", "effects", "steps", "current", "pinned")
@@ -83,6 +143,14 @@ def settings_of(log: str) -> tuple[dict[str, Any], Path | None]:
         if fnmatch(Path(log).name, pattern):
             found |= checked
     return found, place
+
+
+def joints_of(robot: str, joints: list[str] | None, logs: Sequence[str]) -> list[str] | None:
+    """The joints of a URDF to model: those that the command names, else those of the project of the logs."""
+    if joints is not None or not logs or not Path(robot).exists() or kind_of(robot) != "robot" or not is_urdf(robot):
+        return joints
+    found: list[str] | None = settings_of(logs[0])[0].get("joints")
+    return found
 
 
 OF_PROJECT_FILE = "that of sgpr.toml"
@@ -192,7 +260,9 @@ class Project(NamedTuple):
 
 def _robot(named: str | None, data: Mapping[str, Any], option: str) -> str:
     found = named or data.get("robot")
-    if not isinstance(found, str) or not found:
+    if found and not isinstance(found, str):
+        raise BadData(f'{NAME}: robot = {_toml(found)} does not fit; write it like robot = "arm.urdf"')
+    if not found:
         raise wrong_use(f"is missing: name a robot, or have one in {NAME} here (sgpr workbench makes it)", option)
     return found
 
@@ -251,6 +321,11 @@ def _checked(place: Path, data: Mapping[str, Any]) -> dict[str, Any]:
     unknown = sorted(set(data) - set(KEYS))
     if unknown:
         raise BadData(f'{place}: there is no setting `{unknown[0]}`; known are {", ".join(KEYS)} and [files."..."]')
+    for key, value in data.items():
+        if not SETTINGS[key].fits(value):
+            raise BadData(
+                f"{place}: {key} = {_toml(value)} does not fit; write it like {key} = {SETTINGS[key].example}"
+            )
     return {KEYS[key]: tuple(value) if key in ("rows", "trim") else value for key, value in data.items()}
 
 
@@ -269,4 +344,6 @@ def _toml(value: Any) -> str:
         case str():
             escaped = value.replace("\\", "\\\\").replace('"', '\\"')
             return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04X}" for c in escaped) + '"'
-    return "[" + ", ".join(map(_toml, value)) + "]"
+        case list() | tuple():
+            return "[" + ", ".join(map(_toml, value)) + "]"
+    return str(value)

@@ -131,7 +131,8 @@ class ReadingOptions:
     def read(self, path: str, joints: Sequence[str] | None, like: Mapping[str, Any] | None = None) -> Recording:
         """The log as it is in the file."""
         settings = self.settings(path, like)
-        wanted = settings.pop("joints", None) if joints is None else joints
+        of_project = settings.pop("joints", None)
+        wanted = of_project if joints is None else joints
         arguments = {key: value for key, value in settings.items() if key not in REPAIRS}
         try:
             return read(path, wanted, **arguments)

@@ -15,6 +15,7 @@ from .errors import wrong_use
 from .fit_options import EquationOptions
 from .options import Gravity, Joints, Open, open_page
 from .output_folder import OutputFolder
+from .project import joints_of
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .results import headed
 from .robots import load_robot
@@ -55,6 +56,7 @@ def sessions(
     """
     files = _by_session(logs)
     options = equations.arguments()
+    joints = joints_of(robot, joints, [path for paths in files.values() for path in paths])
     arm = load_robot(robot, joints, gravity)
     folder = OutputFolder(out) if out else None
     read = {name: read_logs(paths, reading, arm.joint_names, output) for name, paths in files.items()}

@@ -18,6 +18,7 @@ from .excite import per_joint
 from .inputs import kind_of, load_model
 from .options import check_not_input
 from .output_folder import OutputFolder
+from .project import joints_of
 from .reading import ReadingOptions, read_log, tell_layouts
 from .results import headed
 from .robots import READY_MADE, load_robot
@@ -84,6 +85,7 @@ def simulate(
             raise wrong_use("must be greater than zero", option)
     one_of(controller, CONTROLLERS, "--controller", "controller")
     check_not_input(out, [arm, motion, *([model] if model else [])])
+    joints = joints_of(arm, joints, [motion])
     truth: Model | Robot = load_model(arm, joints) if kind_of(arm) == "model" else load_robot(arm, joints)
     robot = truth.robot if isinstance(truth, Model) else truth
     drives = DRIVES[arm]() if arm in READY_MADE and not Path(arm).exists() else None

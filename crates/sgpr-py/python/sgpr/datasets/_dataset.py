@@ -105,11 +105,13 @@ class Fetched:
         Raises `DatasetError` if the kinematics of this robot are not known.
         """
         # What reads a DH table is the command line's.
+        from ..cli.project import joints_of
         from ..cli.robots import load_robot
 
         if self.robot_file is None:
             raise DatasetError(f"{self.dataset.name}: the origin says nothing of the kinematics of this robot")
-        return load_robot(str(self.robot_file))
+        file = str(self.robot_file)
+        return load_robot(file, joints_of(file, None, [str(self.folder / log.file) for log in self.dataset.logs]))
 
     def recordings(self, role: str) -> list[Recording]:
         """The logs of a role, read and repaired as the `sgpr.toml` beside them says."""
