@@ -140,6 +140,12 @@ def made_up(name: str, tmp_path: Path) -> dict[str, bytes]:
             return {f"{name.partition('_')[0]}_exciting_trajectory.db3": bag(tmp_path)}
         case "sarcos":
             return {"sarcos_inv_test.mat": matlab(sarcos_inv_test=v[:, :28])}
+        case "tiago":
+            names = ("position", "velocity", "effort")
+            # The origin's files begin long before the robot moves.
+            rows = np.column_stack([0.01 * np.arange(921 + SAMPLES), np.vstack([np.zeros((921, 8)), v[:, :8]])])
+            files = {f"tiago_{name}.csv": text(rows + k, "t,torso,arms") for k, name in enumerate(names)}
+            return files | {"tiago_48_schunk.urdf": URDF}
         case "tx40":
             head = ",".join(f"Joint_{k}" for k in range(1, 7))
             files = {"pos_read_data.csv": text(v[:, :6], head), "curr_data.csv": text(v[:, 6:12], head)}
@@ -184,7 +190,7 @@ def test_each_set_is_converted_from_the_format_of_its_origin(name: str, origin: 
     assert known["licence"] and known["citation"] and known["origins"] == [s.url for s in dataset.sources]
     for path in files:
         names, rows = columns(path)
-        joints = sum(name.startswith("q") and "ref" not in name for name in names)
+        joints = sum((name.startswith("q") and "ref" not in name) or "_position_" in name for name in names)
         assert joints and rows.shape[1] == len(names) and np.isfinite(rows).all()
     assert not list(found.folder.glob(".*"))
     # A second call finds everything: no file is asked for again, here or in another folder.
@@ -216,6 +222,9 @@ def test_columns_have_the_values_of_the_origin(origin: Origin, tmp_path: Path) -
     assert np.allclose(tx40["tau5_Nm"], 45 * VALUES[:cut, 10] + 32 * VALUES[:cut, 11])
     assert np.allclose(32 * (tx40["q6_rad"] + tx40["q5_rad"]), VALUES[:cut, 5])
     assert np.allclose(tx40["q4_rad"], VALUES[:cut, 3] / -48.0)
+    tiago = table("tiago", "test.csv")
+    assert np.allclose(tiago["arm_1_joint_position_rad"], VALUES[cut:, 1])
+    assert np.allclose(tiago["arm_3_joint_torque_Nm"], -8.7 * (VALUES[cut:, 3] + 2))
     ur10 = table("ur10", "train.csv")
     assert len(ur10["t_s"]) == cut and np.allclose(ur10["tau2_Nm"], VALUES[:cut, 13])
 

@@ -12,6 +12,7 @@ NAMES = (
     "panda",
     "panda_30hz",
     "sarcos",
+    "tiago",
     "tx40",
     "ur10",
     "ur10e",
