@@ -9,7 +9,7 @@ SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-predict/src crates/sgp
 	crates/sgpr-predict/Cargo.toml crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
 
 .PHONY: docs figures readme first-hour package semver sdist build c-library controller-demo demo workbench fleet-demo fleet-alarms demo-real estimators test test-rust test-python skipped browser compilers lint msrv deny bench \
-	diagnosis-bench notebook diagnosis-mujoco peers fuzz soak clean thesis fuzz-guided
+	diagnosis-bench notebook diagnosis-mujoco peers fuzz soak clean thesis fuzz-guided fuzz-count
 
 build: $(VENV)/.built
 
@@ -168,10 +168,12 @@ package:
 	@cargo package --locked --allow-dirty --package sgpr-lapack --package sgpr-predict --package sgpr-core 2> $(OUT)-package.log; \
 		status=$$?; cat $(OUT)-package.log; grep -q '^warning' $(OUT)-package.log && status=1; rm -f $(OUT)-package.log; exit $$status
 
-## The public interface beside that of the last published version.
+## The public interface of the crates beside that of BASE, a tag or commit: by default the last release.
+BASE ?= $(shell git describe --tags --abbrev=0 --match 'v*' 2> /dev/null)
 semver:
-	@cargo semver-checks --version > /dev/null 2>&1 || cargo install --locked --quiet cargo-semver-checks
-	cargo semver-checks --package sgpr-predict --package sgpr-core --package sgpr-lapack
+	@test -n "$(BASE)" || { echo "skipped: no release to compare with; make semver BASE=COMMIT compares with a commit"; exit 0; }; \
+	cargo semver-checks --version > /dev/null 2>&1 || cargo install --locked --quiet cargo-semver-checks; \
+	cargo semver-checks --baseline-rev "$(BASE)" --package sgpr-predict --package sgpr-core --package sgpr-lapack
 
 ## Source archives in out/dist, one of them with all crates: it builds without a network.
 sdist: $(VENV)/.pip
@@ -230,9 +232,15 @@ fuzz-guided:
 		cargo +nightly fuzz run --sanitizer none $$target fuzz/found/$$target fuzz/corpus/$$target -- \
 			-max_len=16384 -timeout=20 -rss_limit_mb=3000 -max_total_time=$(FUZZ_SECONDS) -print_final_stats=1 > $$log 2>&1 \
 			|| { tail -40 $$log; exit 1; }; \
-		sed -n "s/^stat::number_of_executed_units: */$$target /p" $$log | tee -a fuzz/found/executions; \
+		sed -n "s/^stat::number_of_executed_units: */$$target /p" $$log | tee -a fuzz/executions.txt; \
 	done
-	@awk '{ sum[$$1] += $$2 } END { for (target in sum) print target, sum[target], "in all" }' fuzz/found/executions
+	@$(MAKE) --no-print-directory fuzz-count
+
+## Executions so far, of fuzz/executions.txt, one line for each run: the table of fuzz/README.md.
+fuzz-count:
+	@echo "| target | executions |"; echo "|---|---:|"
+	@awk '{ sum[$$1] += $$2; all += $$2 } END { for (target in sum) printf "| `%s` | %d |\n", target, sum[target] | "sort"; \
+		close("sort"); printf "| all | %d |\n", all }' fuzz/executions.txt
 
 ## Millions of calls of a predictor and a thousand identifications, in which memory must not grow; how long the slowest calls take.
 SOAK_CALLS ?= 10000000

@@ -136,6 +136,17 @@ def test_the_expected_errors_on_the_page_are_those_of_the_data_sets() -> None:
     }
 
 
+def test_the_executions_on_the_page_of_fuzzing_are_those_of_its_runs() -> None:
+    sums: dict[str, int] = {}
+    for line in (ROOT / "fuzz/executions.txt").read_text().splitlines():
+        target, count = line.split()
+        sums[target] = sums.get(target, 0) + int(count)
+    expected = [f"| `{target}` | {sums[target]} |" for target in sorted(sums)] + [f"| all | {sum(sums.values())} |"]
+    counted = run(["make", "--silent", "fuzz-count"])
+    assert counted.stdout.splitlines()[2:] == expected
+    assert "\n".join(expected) in (ROOT / "fuzz/README.md").read_text()
+
+
 def test_the_figures_of_the_readme_are_what_is_measured() -> None:
     done = run([sys.executable, "tools/readme.py", "--check"])
     assert done.returncode == 0, done.stdout + done.stderr
