@@ -2,8 +2,8 @@
 
     python benches/online_cost.py
 
-Sines as in benches/fixture.rs move a PUMA 560, and the torques are those of its robot file, so that nothing is to be learned:
-the time does not depend on that. Every sample is new (`novelty=0`), so that one point goes and one comes each period.
+Sines as in benches/fixture.rs move a PUMA 560, and the torques are those of its robot file, so that nothing is to be
+learned: the time does not depend on that. Every sample is new (`novelty=0`): one point goes and one comes each period.
 """
 
 import time
