@@ -524,3 +524,29 @@ def test_shares_of_a_torque_are_refused(tmp_path: Path) -> None:
     found = run("info", path, *named, "--json")
     assert found.code == 0, found.err
     assert json.loads(found.out)[0]["columns"]["joints"][0]["torque"]["torque_constant"] == 2.0
+
+
+def test_the_next_command_repairs_what_stops_a_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_log(tmp_path / "log.csv", 1, with_lost_rows)
+    looked = run("info", "log.csv", "--robot", "two_link")
+    assert looked.code == 1
+    [said] = re.findall(r"^next: sgpr (.*?)  \(if that is the right repair\)$", looked.out, re.MULTILINE)
+    assert said.startswith("info log.csv --robot two_link --resample 100 --remember")
+    again = run(*shlex.split(said))
+    assert again.code == 0 and "next: sgpr identify --robot two_link --train log.csv" in again.out
+    # What only a person knows is no repair.
+    write_log(tmp_path / "degrees.csv", 1, in_degrees)
+    assert "right repair" not in run("info", "degrees.csv", "--robot", "two_link").out
+
+
+def test_the_answer_comes_before_a_table_of_many_parameters(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    done = run("identify", "--robot", DEMO_ROBOT, "--train", DEMO_TRAIN[0], "--test", DEMO_TEST, "--out", out)
+    assert "base parameters, " in done.out and "joint_1.Izz" not in done.out
+    count = int(re.search(r"^(\d+) base parameters", done.out, re.MULTILINE).group(1))
+    listed = run("info", out / "model.sgpr")
+    assert sum(line.strip().startswith("joint_") for line in listed.out.splitlines()) >= count
+    # Few are shown.
+    few = identify(write_log(tmp_path / "log.csv", 1), tmp_path / "few", "--effects", "viscous_friction")
+    assert "std. deviation" in few.out and "base parameters, " not in few.out

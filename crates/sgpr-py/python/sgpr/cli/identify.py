@@ -273,9 +273,29 @@ def _findings(model: Model, training: Sequence[Recording]) -> list[str]:
     return [text for text in screen_with(model, training) if text not in said]
 
 
+FEW_PARAMETERS = 12
+"""More are no table before the answer."""
+
+
+def in_a_sentence(parameters: Sequence[dict[str, Any]]) -> str:
+    """How many parameters are known, and where they stand."""
+    known = [p["relative_standard_deviation_percent"] for p in parameters if p["determined"]]
+    well = sum(percent is not None and percent <= 10.0 for percent in known)
+    silent = sum(p["determined"] is False for p in parameters)
+    held = f", {silent} not excited by the motion" if silent else ""
+    return (
+        f"{len(parameters)} base parameters, {well} of them known to 10 % or better{held}: the report and "
+        "`sgpr info MODEL` list them"
+    )
+
+
 def show(result: Result, data: dict[str, Any], output: Output) -> None:
     """The result for people."""
-    show_parameters(data["parameters"], output)
+    parameters = data["parameters"]
+    if len(parameters) <= FEW_PARAMETERS:
+        show_parameters(parameters, output)
+    else:
+        output.line(in_a_sentence(parameters))
     show_terms(data["terms"], output)
     if data["certificate"]:
         show_certificate(data["certificate"], output)

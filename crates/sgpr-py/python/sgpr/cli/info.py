@@ -8,6 +8,7 @@ import typer
 
 from .. import RecordingError, Robot, SgprError
 from .._sgpr import quantity_of_array
+from .._workbench.remedies import proposals
 from ..report.certificate import kept_out
 from ..report.numbers import MISSING, counted, percent, readable, relative_deviation, significant, with_deviation
 from ..report.parameters import left_out
@@ -94,11 +95,30 @@ def info(
             output.next("sgpr", "info", *paths, *beside, "--joints", *fewer, *reading.words(), why=why)
         else:
             next_look(asked, paths, [*beside, *of_arm], reading, output)
+    elif repairs := named_repairs(refused):
+        beside = [*(["--robot", robot] if robot else []), *of_arm]
+        words = replace(reading, remember=False).words()
+        output.next("sgpr", "info", *paths, *beside, *words, *repairs, "--remember", why="if that is the right repair")
     elif logs and not refused:
         train = ["--train", *logs, *of_arm, *reading.words()]
         output.next("sgpr", "identify", "--robot", named or "ROBOT", *train, "--out", "result")
     if refused:
         raise typer.Exit(BAD_DATA)
+
+
+def named_repairs(refused: Sequence[dict[str, Any]]) -> list[str]:
+    """The options that repair all that stops these logs; none where a message leaves something to be decided."""
+    settings: dict[str, Any] = {}
+    for text in (text for log in refused for text in log["refused"]):
+        proposed = [each["settings"] for each in proposals([text])]
+        if not proposed or any("accept" in each for each in proposed):
+            return []
+        for each in proposed:
+            settings |= {key: min(value, settings.get(key, value)) for key, value in each.items()}
+    words: list[str] = []
+    for key, value in settings.items():
+        words += [f"--{key.replace('_', '-')}", *([f"{value:g}"] if key == "resample" else [])]
+    return words
 
 
 def next_look(
