@@ -21,6 +21,7 @@ use crate::model::Model;
 use crate::progress::listen;
 use crate::recording::{Recording, require_usable};
 use crate::robot::Robot;
+use crate::simulation::not_negative_gains;
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
@@ -187,7 +188,8 @@ impl Arguments {
         let (mut progress, mut noise) = (None, None);
         let mut consistency = ConsistencyArguments::default();
         let gains = |key: &str, value: &Bound<'_, PyAny>| -> PyResult<Vec<f64>> {
-            Ok(Numbers::new(key, value)?.shaped(&[robot.dof()])?.finite()?.values().to_vec())
+            let numbers = Numbers::new(key, value)?.shaped(&[robot.dof()])?.finite()?;
+            not_negative_gains(key, numbers.values().to_vec())
         };
         let (mut kp, mut kd) = (None, None);
         for (key, value) in given.into_iter().flatten() {

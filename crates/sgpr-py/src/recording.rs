@@ -763,7 +763,7 @@ pub fn read_csv(
     units: Option<&Bound<'_, PyAny>>,
     torque_constants: Option<&Bound<'_, PyAny>>,
     accept: Option<&Bound<'_, PyAny>>,
-    rows: Option<(usize, usize)>,
+    rows: Option<(i128, i128)>,
     seconds: Option<(f64, f64)>,
     sample_rate_hz: Option<f64>,
     limit_bytes: Option<u64>,
@@ -780,7 +780,10 @@ pub fn read_csv(
     }
     let rows = match (rows, seconds) {
         (Some(_), Some(_)) => return Err(invalid("rows and seconds: give one of them")),
-        (Some((first, last)), None) if (1..=last).contains(&first) => Some(Rows::Numbers(first..=last)),
+        (Some((first, last)), None) if (1..=last).contains(&first) => {
+            let index = |row: i128| usize::try_from(row).unwrap_or(usize::MAX);
+            Some(Rows::Numbers(index(first)..=index(last)))
+        }
         (Some((first, last)), None) => {
             return Err(invalid(format!("rows = ({first}, {last}): expected 1 <= first <= last")));
         }

@@ -253,8 +253,7 @@ impl Robot {
     /// >>> flat.base_parameters().rank
     /// 4
     fn with_gravity(&self, gravity: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let gravity = Vector3::from(vector3("gravity", gravity)?);
-        Ok(self.inner.clone().with_gravity(gravity).into())
+        Ok(self.inner.clone().with_gravity(gravity_of(gravity)?).into())
     }
 
     /// The same kinematics with other inertias, (10 n,). Any values are allowed, also those that no single body has.
@@ -374,7 +373,18 @@ fn kind_name(kind: JointKind) -> &'static str {
 }
 
 fn gravity_or_standard(gravity: Option<&Bound<'_, PyAny>>) -> PyResult<Vector3<f64>> {
-    gravity.map_or(Ok(core::STANDARD_GRAVITY), |gravity| vector3("gravity", gravity).map(Vector3::from))
+    gravity.map_or(Ok(core::STANDARD_GRAVITY), gravity_of)
+}
+
+/// No more than a robot file may say.
+fn gravity_of(given: &Bound<'_, PyAny>) -> PyResult<Vector3<f64>> {
+    let gravity = vector3("gravity", given)?;
+    match gravity.iter().find(|component| component.abs() > core::LARGEST_VALUE) {
+        Some(component) => Err(invalid(format!(
+            "gravity has a component of {component:e}: give m/s², in base axes, such as (0, 0, -9.81)"
+        ))),
+        None => Ok(gravity.into()),
+    }
 }
 
 /// What to make of a URDF.

@@ -471,10 +471,19 @@ pub fn simulate(
 /// One number for all joints, or one per joint.
 fn gain(name: &str, value: Option<&Bound<'_, PyAny>>, default: f64, arm: &CoreRobot) -> PyResult<Vec<f64>> {
     let Some(value) = value else { return Ok(vec![default; arm.dof()]) };
-    match value.extract::<f64>() {
-        Ok(gain) if gain.is_finite() => Ok(vec![gain; arm.dof()]),
-        Ok(gain) => Err(invalid(format!("{name} = {gain}: expected a finite number"))),
-        Err(_) => per_joint(name, value, arm),
+    let gains = match value.extract::<f64>() {
+        Ok(gain) if gain.is_finite() => vec![gain; arm.dof()],
+        Ok(gain) => return Err(invalid(format!("{name} = {gain}: expected a finite number"))),
+        Err(_) => per_joint(name, value, arm)?,
+    };
+    not_negative_gains(name, gains)
+}
+
+/// Gains of a controller that holds the arm: with the other sign it drives the joint away from where it should be.
+pub fn not_negative_gains(name: &str, gains: Vec<f64>) -> PyResult<Vec<f64>> {
+    match gains.iter().find(|gain| **gain < 0.0) {
+        Some(gain) => Err(invalid(format!("{name} has {gain}: gains of a controller are zero or more"))),
+        None => Ok(gains),
     }
 }
 

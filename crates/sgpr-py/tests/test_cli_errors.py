@@ -357,3 +357,57 @@ def test_a_model_in_the_place_of_a_robot_is_told(tmp_path: Path) -> None:
     sgpr.Model.nominal(sgpr.robots.two_link()).save(model)
     found = run("excite", "--robot", model, "--max-acceleration", 3, "--out", tmp_path / "out")
     assert found.code == 1 and "this is a model; a robot is a URDF" in found.err, found.err
+
+
+@pytest.mark.parametrize(
+    ("option", "values", "message"),
+    [
+        ("--kp", ["-1"], "kp has -1: gains of a controller are zero or more"),
+        ("--kd", ["5", "-1"], "kd has -1: gains of a controller are zero or more"),
+        ("--seed", ["-1"], "-1 is no seed"),
+        ("--seed", ["9" * 21], "is no seed: a whole number from 0"),
+        ("--rows", ["-1", "5"], "rows = (-1, 5): expected 1 <= first <= last"),
+        ("--rows", ["9" * 21, "1"], "expected 1 <= first <= last"),
+        ("--split-gaps", ["0"], "split_gaps = 0: the length of a step in seconds, greater than zero"),
+        ("--resample", ["0"], "neither a rate in Hz nor `median`"),
+    ],
+)
+def test_numbers_without_a_meaning_are_named(
+    option: str, values: list[str], message: str, log: str, tmp_path: Path
+) -> None:
+    refused = run("simulate", "two_link", log, "--out", tmp_path / "simulated.csv", option, *values)
+    assert refused.code in (1, 2)
+    assert message in " ".join(refused.err.replace("│", " ").split())
+    assert not (tmp_path / "simulated.csv").exists()
+
+
+def test_a_gravity_beyond_that_of_robot_files_is_refused(log: str, tmp_path: Path) -> None:
+    for command in ("identify", "learn"):
+        arm = ("--robot", "two_link", "--gravity", 0, 0, -1e300)
+        refused = run(command, *arm, "--train", log, "--out", tmp_path / "o")
+        assert refused.code == 1 and "gravity has a component of -1e300: give m/s²" in refused.err
+    with pytest.raises(sgpr.SgprError, match="gravity has a component"):
+        sgpr.robots.two_link().with_gravity([0.0, 1e10, 0.0])
+
+
+def test_every_option_with_numbers_takes_or_refuses_any_of_them(log: str, tmp_path: Path) -> None:
+    import typer
+    from sgpr.cli.app import app
+
+    program = typer.main.get_command(app)
+    commands = {
+        "info": ["info", log],
+        "simulate": ["simulate", "two_link", log, "--out", tmp_path / "simulated.csv"],
+        "payload": ["payload", "--robot", "two_link", "--unloaded", log, "--loaded", write_log(tmp_path / "b.csv", 2)],
+    }
+    asked = 0
+    for name, command in commands.items():
+        for option in program.commands[name].params:
+            kind = str(getattr(option, "type_descriptor", ""))
+            if option.param_type_name == "option" and ("int" in kind or "float" in kind):
+                for value in ("-1", "nan", "1e300", "9" * 21):
+                    done = run(*command, option.opts[0], *[value] * max(option.nargs, 1))
+                    assert done.code in (0, 1, 2), (option.opts, value)
+                    assert "should not happen" not in done.err, (option.opts, value, done.err)
+                    asked += 1
+    assert asked > 60

@@ -42,7 +42,7 @@ pub const STANDARD_GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 
 /// Largest length, mass, inertia, friction, gravity or limit in SI units: no arm comes near, and products of such numbers
 /// stay finite.
-const LARGEST_VALUE: f64 = 1e9;
+pub const LARGEST_VALUE: f64 = 1e9;
 
 /// Most movable joints of a robot: several arms with hands have fewer.
 const MOST_JOINTS: usize = 100;

@@ -47,6 +47,9 @@ impl ParameterBasis {
     pub fn of_physics(physics: &TorqueModel) -> Option<Self> {
         let fit = physics.fit.as_ref()?;
         let unknowns = unknowns(physics);
+        if unknowns == 0 {
+            return None;
+        }
         let with_terms = &fit.covariance_with_terms;
         let (given, width) = match with_terms.is_empty() {
             true => (&fit.covariance, physics.base().rank()),
@@ -92,6 +95,10 @@ impl ParameterBasis {
         variance: &mut [f64],
     ) {
         let n = physics.robot().dof();
+        let unknowns = self.covariance.ncols();
+        if unknowns == 0 {
+            return;
+        }
         for joint in 0..n {
             let mut r = joint_rows(physics, trajectory, joint);
             let together = self.rows[joint].is_some();
@@ -99,7 +106,6 @@ impl ParameterBasis {
                 let explained = gp.weigh(x, &self.weights[joint]);
                 r.iter_mut().zip(explained).for_each(|(r, explained)| *r -= explained);
             }
-            let unknowns = self.covariance.ncols();
             let r = faer::MatRef::from_row_major_slice(&r, r.len() / unknowns, unknowns);
             let spread = r * &self.covariance;
             let share = |k: usize| if together || joints[joint].gp.is_none() { 1.0 } else { novelty[k * n + joint] };
@@ -160,7 +166,7 @@ fn base_rows(
     let mut effects = vec![0.0; own.len()];
     let wide = n * PARAMETERS_PER_LINK;
     let mut regressor = vec![0.0; PIECE * n * wide];
-    for (piece, rows) in rows.chunks_mut(PIECE * width).enumerate() {
+    for (piece, rows) in rows.chunks_mut((PIECE * width).max(1)).enumerate() {
         let (first, count) = (piece * PIECE, rows.len() / width);
         let at = first * n..(first + count) * n;
         let samples = Samples { q: &links.q[at.clone()], dq: &links.dq[at.clone()], ddq: &links.ddq[at] };

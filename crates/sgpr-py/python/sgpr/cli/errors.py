@@ -59,6 +59,12 @@ def wrong_use(message: str, option: str | None = None) -> typer.BadParameter:
     return typer.BadParameter(message, param_hint=option)
 
 
+def check_seed(seed: int) -> None:
+    """Refuses what no generator of random numbers takes."""
+    if not 0 <= seed < 2**64:
+        raise wrong_use(f"{seed} is no seed: a whole number from 0 to 2^64 - 1", "--seed")
+
+
 def one_of(value: str, known: Iterable[str], option: str, what: str) -> str:
     """`value`, if it is known; otherwise wrong use, with the nearest known value and, if they are few, all of them."""
     known = list(known)

@@ -11,7 +11,7 @@ from ..report.motion import MotionPage, kind_of_parameters
 from ..report.numbers import counted, significant
 from .console import Output, to_json
 from .effects import checked_effects, effects_option
-from .errors import one_of, wrong_use
+from .errors import check_seed, one_of, wrong_use
 from .inputs import load_model
 from .options import Gravity, OutFolder
 from .output_folder import OutputFolder
@@ -150,8 +150,7 @@ def excite(
             raise wrong_use("must be at least 1", option)
     if not rate > 0.0:
         raise wrong_use("must be greater than zero", "--rate")
-    if seed < 0:
-        raise wrong_use("must not be negative", "--seed")
+    check_seed(seed)
     known = None if model is None else load_model(model, joints)
     usual = DEFAULT_EFFECTS if known is None else known.effects
     chosen = checked_effects(usual if effects is None else effects)

@@ -209,7 +209,7 @@ class ReadingOptions:
             "split_gaps": self.split_gaps,
             "resample": self._rate(),
         }
-        return {key: value for key, value in wishes.items() if value}
+        return {key: value for key, value in wishes.items() if value is not None and value is not False}
 
     def to_dict(self) -> dict[str, Any]:
         """All that was asked for, for the record."""

@@ -13,7 +13,7 @@ from ..report.tracking import TrackingPage
 from ..report.versions import versions
 from ..robots import puma560_drives, two_link_drives
 from .console import Output
-from .errors import BadData, one_of, wrong_use
+from .errors import BadData, check_seed, one_of, wrong_use
 from .excite import per_joint
 from .inputs import kind_of, load_model
 from .options import check_not_input
@@ -78,8 +78,7 @@ def simulate(
         raise wrong_use(f"`{report}`: the name must end in .html", "--report")
     if not out.endswith(SUFFIXES):
         raise wrong_use(f"`{out}`: the name must end in {', '.join(SUFFIXES)}", "--out")
-    if seed < 0:
-        raise wrong_use("must not be negative", "--seed")
+    check_seed(seed)
     for value, option in ((step, "--step"), (period, "--control-period"), (speed_limit, "--speed-limit")):
         if not value > 0.0:
             raise wrong_use("must be greater than zero", option)
