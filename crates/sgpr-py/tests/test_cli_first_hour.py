@@ -531,13 +531,17 @@ def test_the_next_command_repairs_what_stops_a_log(tmp_path: Path, monkeypatch: 
     write_log(tmp_path / "log.csv", 1, with_lost_rows)
     looked = run("info", "log.csv", "--robot", "two_link")
     assert looked.code == 1
-    [said] = re.findall(r"^next: sgpr (.*?)  \(if that is the right repair\)$", looked.out, re.MULTILINE)
+    [said] = re.findall(r"^next: sgpr (.*?)  \(if that is right\)$", looked.out, re.MULTILINE)
     assert said.startswith("info log.csv --robot two_link --resample 100 --remember")
     again = run(*shlex.split(said))
     assert again.code == 0 and "next: sgpr identify --robot two_link --train log.csv" in again.out
-    # What only a person knows is no repair.
+    (tmp_path / "sgpr.toml").unlink()
     write_log(tmp_path / "degrees.csv", 1, in_degrees)
-    assert "right repair" not in run("info", "degrees.csv", "--robot", "two_link").out
+    looked = run("info", "degrees.csv", "--robot", "two_link")
+    assert "--units position=deg --remember  (if that is right)" in looked.out
+    # What only a person knows is no repair.
+    write_log(tmp_path / "large.csv", 1, a_thousandfold)
+    assert "if that is right" not in run("info", "large.csv", "--robot", "two_link").out
 
 
 def test_the_answer_comes_before_a_table_of_many_parameters(tmp_path: Path) -> None:

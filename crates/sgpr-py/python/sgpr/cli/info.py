@@ -98,7 +98,7 @@ def info(
     elif repairs := named_repairs(refused):
         beside = [*(["--robot", robot] if robot else []), *of_arm]
         words = replace(reading, remember=False).words()
-        output.next("sgpr", "info", *paths, *beside, *words, *repairs, "--remember", why="if that is the right repair")
+        output.next("sgpr", "info", *paths, *beside, *words, *repairs, "--remember", why="if that is right")
     elif logs and not refused:
         train = ["--train", *logs, *of_arm, *reading.words()]
         output.next("sgpr", "identify", "--robot", named or "ROBOT", *train, "--out", "result")
@@ -106,16 +106,28 @@ def info(
         raise typer.Exit(BAD_DATA)
 
 
+LOOKS_LIKE = {"it looks like degrees": "position=deg", "it looks like milliradians": "position=mrad"}
+"""What a message says of a unit -> how the command line says it."""
+
+
 def named_repairs(refused: Sequence[dict[str, Any]]) -> list[str]:
-    """The options that repair all that stops these logs; none where a message leaves something to be decided."""
+    """The options that repair all that stops these logs; none where a message leaves something else to be decided."""
     settings: dict[str, Any] = {}
+    units: dict[str, None] = {}
     for text in (text for log in refused for text in log["refused"]):
+        if unit := next((unit for said, unit in LOOKS_LIKE.items() if said in text), None):
+            if "other joints do not look so" in text:
+                return []
+            units[unit] = None
+            continue
         proposed = [each["settings"] for each in proposals([text])]
         if not proposed or any("accept" in each for each in proposed):
             return []
         for each in proposed:
             settings |= {key: min(value, settings.get(key, value)) for key, value in each.items()}
-    words: list[str] = []
+    if len(units) > 1:
+        return []
+    words = [word for unit in units for word in ("--units", unit)]
     for key, value in settings.items():
         words += [f"--{key.replace('_', '-')}", *([f"{value:g}"] if key == "resample" else [])]
     return words
