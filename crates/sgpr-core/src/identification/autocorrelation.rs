@@ -10,6 +10,8 @@ use std::ops::Range;
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par};
 
+use crate::linalg::dot_in_lanes;
+
 /// Longest memory that is looked at, in rows.
 const LONGEST_LAG: usize = 500;
 
@@ -97,29 +99,36 @@ impl LagProducts {
     /// Adds the products of the first rows with all later ones, and forgets them.
     fn take(&mut self, taken: usize) {
         let (width, length) = (self.width, self.present.len());
-        // Sums of all rows before one, so that a group of lags is a difference of two.
-        let mut before = vec![0.0; (length + 1) * width];
-        let mut count_before = vec![0usize; length + 1];
+        // Sums of all rows before one, so that a group of lags is a difference of two; beyond the last row they stay.
+        let padded = length + LONGEST_LAG + 2;
+        let mut before = vec![0.0; padded * width];
+        let mut count_before = vec![0; padded];
         for t in 0..length {
-            for k in 0..width {
-                before[(t + 1) * width + k] = before[t * width + k] + self.rows[t * width + k];
-            }
+            let (done, next) = before.split_at_mut((t + 1) * width);
+            let pairs = done[t * width..].iter().zip(&self.rows[t * width..]);
+            next.iter_mut().zip(pairs).take(width).for_each(|(sum, (before, value))| *sum = before + value);
             count_before[t + 1] = count_before[t] + usize::from(self.present[t]);
         }
+        let (sums, counts) = (before[length * width..][..width].to_vec(), count_before[length]);
+        before[(length + 1) * width..].chunks_exact_mut(width).for_each(|row| row.copy_from_slice(&sums));
+        count_before[length + 1..].fill(counts);
         let mut later = vec![0.0; taken * width];
+        let rows = &self.rows[..taken * width];
         for (group, lags) in lag_groups().enumerate().take_while(|(_, lags)| lags.start < length) {
-            for t in 0..taken {
-                let [first, end] = [t + lags.start, t + lags.end].map(|row| row.min(length));
-                for k in 0..width {
-                    later[t * width + k] = before[end * width + k] - before[first * width + k];
-                }
-                if self.present[t] {
-                    self.counts[group] += count_before[end] - count_before[first];
-                }
+            let pairs = before[lags.end * width..].iter().zip(&before[lags.start * width..]);
+            later.iter_mut().zip(pairs).for_each(|(later, (end, start))| *later = end - start);
+            let pairs = count_before[lags.end..].iter().zip(&count_before[lags.start..]);
+            let own = self.present[..taken].iter().zip(pairs);
+            self.counts[group] +=
+                own.map(|(present, (end, start))| usize::from(*present) * (end - start)).sum::<usize>();
+            let sums = &mut self.sums[group];
+            if width == 1 {
+                sums[(0, 0)] += dot_in_lanes(rows, &later);
+                continue;
             }
-            let rows = MatRef::from_row_major_slice(&self.rows[..taken * width], taken, width);
+            let rows = MatRef::from_row_major_slice(rows, taken, width);
             let later = MatRef::from_row_major_slice(&later, taken, width);
-            matmul(self.sums[group].as_mut(), Accum::Add, rows.transpose(), later, 1.0, Par::Seq);
+            matmul(sums.as_mut(), Accum::Add, rows.transpose(), later, 1.0, Par::Seq);
         }
         self.rows.drain(..taken * width);
         self.present.drain(..taken);

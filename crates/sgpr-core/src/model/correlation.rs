@@ -1,5 +1,7 @@
 //! How much the residual of a model remembers.
 
+use rayon::prelude::*;
+
 use super::experiment::torque_of;
 use super::{IdentifyError, TorqueModel};
 use crate::identification::{JointFactor, Memory, Row};
@@ -13,6 +15,7 @@ pub(super) fn correlation(
     processing: &Processing,
     factors: &[JointFactor],
 ) -> Result<Vec<f64>, IdentifyError> {
+    crate::threads::prepare();
     let n = model.robot.dof();
     let mut memories = vec![Memory::default(); factors.len()];
     for (index, motion) in motions.iter().enumerate() {
@@ -21,13 +24,13 @@ pub(super) fn correlation(
         if let Some(filter) = processing.band_filter(motion.rate_hz)? {
             filter.apply(&mut residual, n)?;
         }
-        for (memory, factor) in memories.iter_mut().zip(factors) {
+        memories.par_iter_mut().zip(factors).for_each(|(memory, factor)| {
             let wanted = if factor.resting { Row::Resting } else { Row::Moving };
             let rows = (factor.joint..residual.len()).step_by(n * processing.decimation).enumerate();
             for (time, row) in rows.filter(|(_, row)| motion.use_as[*row] == wanted) {
                 memory.push(index, time, residual[row]);
             }
-        }
+        });
     }
     Ok(memories.into_iter().map(Memory::rows_per_independent_row).collect())
 }
