@@ -136,30 +136,41 @@ pub fn shared_samples(known: &Bound<'_, PyAny>, new: &Bound<'_, Recording>) -> P
     Ok(runs.into_iter().map(|(run, log)| (log, run.start, run.end)).collect())
 }
 
-/// Options of `identify`, and whether they say how logs become equations.
-const OPTIONS: [(&str, bool); 22] = [
-    ("effects", true),
-    ("method", false),
-    ("noise", false),
-    ("start", false),
-    ("cutoff_hz", true),
-    ("filter_order", true),
-    ("differentiation", true),
-    ("torque_band", true),
-    ("decimation", true),
-    ("standstill_speed", true),
-    ("turn_margin", true),
-    ("progress", true),
-    ("consistent", false),
-    ("prior", false),
-    ("prior_deviation", false),
-    ("bounds", false),
-    ("essential", false),
-    ("forecast", false),
-    ("uncertainty", false),
-    ("instruments", false),
-    ("kp", false),
-    ("kd", false),
+/// What an option of `identify` says.
+#[derive(Clone, Copy, PartialEq)]
+enum Of {
+    /// How logs become equations.
+    Equations,
+    /// What is made of sums of their products.
+    Sums,
+    /// What is made of single rows, or of other logs.
+    Rows,
+}
+
+/// Options of `identify`.
+const OPTIONS: [(&str, Of); 22] = [
+    ("effects", Of::Equations),
+    ("method", Of::Sums),
+    ("noise", Of::Sums),
+    ("start", Of::Sums),
+    ("cutoff_hz", Of::Equations),
+    ("filter_order", Of::Equations),
+    ("differentiation", Of::Equations),
+    ("torque_band", Of::Equations),
+    ("decimation", Of::Equations),
+    ("standstill_speed", Of::Equations),
+    ("turn_margin", Of::Equations),
+    ("progress", Of::Equations),
+    ("consistent", Of::Sums),
+    ("prior", Of::Sums),
+    ("prior_deviation", Of::Sums),
+    ("bounds", Of::Sums),
+    ("essential", Of::Sums),
+    ("forecast", Of::Rows),
+    ("uncertainty", Of::Rows),
+    ("instruments", Of::Rows),
+    ("kp", Of::Rows),
+    ("kd", Of::Rows),
 ];
 
 /// Keyword arguments of `identify` and its like.
@@ -178,8 +189,16 @@ impl Arguments {
 
     /// Reads those that say how logs become equations; no others are taken.
     pub fn of_equations(robot: &Robot, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        let known: Vec<&str> =
-            OPTIONS.iter().filter(|(_, of_equations)| *of_equations).map(|(name, _)| *name).collect();
+        Self::of(Of::Equations, robot, given)
+    }
+
+    /// Reads those that say what is made of sums; no others are taken.
+    pub fn of_sums(robot: &Robot, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        Self::of(Of::Sums, robot, given)
+    }
+
+    fn of(wanted: Of, robot: &Robot, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        let known: Vec<&str> = OPTIONS.iter().filter(|(_, of)| *of == wanted).map(|(name, _)| *name).collect();
         Self::among(&known, robot, given)
     }
 
@@ -423,8 +442,7 @@ pub fn identify(
     check_evidence(py, robot.get(), &recordings, &options)?;
     let robot = &robot.get().inner;
     let (model, report) = listen(py, progress, |progress| core::identify(robot, &recordings, &options, progress))?;
-    let report = Py::new(py, IdentificationReport::new(py, report)?)?;
-    Ok(Model { inner: Arc::new(model), report: Some(report) })
+    Model::with_report(py, model, report)
 }
 
 /// Repeats an identification with half to twice the cut-off that was used: results must not hinge on it.
@@ -538,6 +556,14 @@ pub struct IdentificationReport {
     cutoff_choices: Vec<Py<CutoffChoice>>,
     essential: Option<Essential>,
     forecast: Option<core::Forecast>,
+}
+
+impl Model {
+    /// A model, and how its identification went.
+    pub fn with_report(py: Python<'_>, model: core::TorqueModel, report: core::IdentificationReport) -> PyResult<Self> {
+        let report = Py::new(py, IdentificationReport::new(py, report)?)?;
+        Ok(Self { inner: Arc::new(model), report: Some(report) })
+    }
 }
 
 impl IdentificationReport {

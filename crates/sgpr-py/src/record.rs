@@ -5,14 +5,13 @@ use std::collections::BTreeMap;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict, PyList};
-use sgpr_core::identification::{JointFactor, Method};
+use sgpr_core::identification::JointFactor;
 use sgpr_core::model::{self as core, Deviation, JointDeviation, RecordBlock, RecordOptions};
 
 use crate::compare::processing_of;
 use crate::convert::{Numbers, array, texts};
 use crate::detached::detached;
 use crate::errors::{IntoPyErr, invalid};
-use crate::estimators::method as method_of;
 use crate::identification::{Arguments, recordings};
 use crate::model::{Model, Processing};
 use crate::recording::{Recording, require_usable};
@@ -313,7 +312,7 @@ pub fn record(
 }
 
 /// Identifies the torque model of a robot from records, without the logs: what `identify` finds in the logs, processed
-/// alike, without a prior.
+/// alike, with the same options.
 ///
 /// The order of the records does not matter, not even for the last bit; copies of a log count once.
 ///
@@ -321,10 +320,11 @@ pub fn record(
 /// ----------
 /// robot : Robot
 /// records : list of Record
-/// method : {"wls", "ols"}
-///     As in `identify`; methods that look at single rows need the logs.
-/// noise : array of shape (n,), optional
-///     Known standard deviation of each joint's torque, N·m (N), for the weights of "wls".
+/// method : str, default "wls"
+///     "wls", "ols", "ridge", "tls", as in `identify`; methods that look at single rows need the logs.
+/// noise, start, consistent, prior, prior_deviation, bounds, essential
+///     As in `identify`. Parts of the data that are left out are blocks of records: with the five of the default they are those
+///     of the logs.
 ///
 /// Returns
 /// -------
@@ -342,29 +342,23 @@ pub fn record(
 /// >>> sgpr.identify_records(robot, [record]).effects
 /// ['viscous_friction']
 #[pyfunction]
-#[pyo3(signature = (robot, records, *, method="wls", noise=None))]
+#[pyo3(signature = (robot, records, **options),
+    text_signature = "(robot, records, *, method='wls', noise=None, start='robot_file', consistent=False, \
+    prior='entropic', prior_deviation=None, bounds=None, essential=False)")]
 pub fn identify_records(
     py: Python<'_>,
     robot: &Bound<'_, Robot>,
     records: &Bound<'_, PyAny>,
-    method: &str,
-    noise: Option<&Bound<'_, PyAny>>,
+    options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Model> {
+    let Arguments { options, .. } = Arguments::of_sums(robot.get(), options)?;
     let records = given(records)?;
     let robot = &robot.get().inner;
-    let method = match (method_of(method)?, noise) {
-        (Method::Wls, Some(noise)) => {
-            let noise = Numbers::new("noise", noise)?.shaped(&[robot.dof()])?.finite()?;
-            Method::WlsKnown(noise.values().to_vec())
-        }
-        (_, Some(_)) => return Err(invalid("noise: known noise makes the weights of method 'wls', and only of that")),
-        (method, None) => method,
-    };
     let records: Vec<&core::Record> = records.iter().map(|record| &record.get().inner).collect();
-    let (model, warnings) =
-        detached(py, || core::identify_records(robot, &records, &method)).map_err(IntoPyErr::into_py_err)?;
-    crate::identification::warn(py, &warnings)?;
-    Ok(model.into())
+    let (model, report) =
+        detached(py, || core::identify_records(robot, &records, &options)).map_err(IntoPyErr::into_py_err)?;
+    crate::identification::warn(py, &core::copies_among(&records))?;
+    Model::with_report(py, model, report)
 }
 
 /// How far a model is off on the rows of records at which joints move, without the logs.

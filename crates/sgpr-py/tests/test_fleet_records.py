@@ -3,6 +3,7 @@
 import json
 import pickle
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -39,9 +40,14 @@ def bare(robot: sgpr.Robot, logs: list[sgpr.Recording], **options: Any) -> sgpr.
 
 
 def identified(robot: sgpr.Robot, records: list[sgpr.Record], **options: Any) -> sgpr.Model:
+    """The estimate of least squares alone."""
+    return quiet(sgpr.identify_records, robot, records, prior=None, **options)
+
+
+def quiet(identify: Callable[..., sgpr.Model], *given: Any, **options: Any) -> sgpr.Model:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return sgpr.identify_records(robot, records, **options)
+        return identify(*given, **options)
 
 
 def relative(found: Any, expected: Any) -> float:
@@ -61,6 +67,59 @@ def test_records_give_the_model_of_the_logs(
     for figure in ("noise", "condition", "scaled_condition", "correlation"):
         assert relative(from_records.fit[figure], from_logs.fit[figure]) < EXACT
     assert np.array_equal(from_records.fit["rows"], from_logs.fit["rows"])
+
+
+WAYS: list[dict[str, Any]] = [
+    {},
+    {"prior_deviation": 0.3},
+    {"method": "ols", "prior": None},
+    {"method": "ridge:0.5", "prior": None},
+    {"method": "tls:0.01", "prior": None},
+    {"essential": True, "prior": None},
+    {"essential": True},
+    {"consistent": True},
+    {"consistent": True, "prior": "euclidean", "prior_deviation": 3.0},
+    {"consistent": True, "prior_deviation": "auto", "bounds": {"joint_3": {"mass": [0.5, 4.0]}}},
+]
+
+
+def same_model(found: sgpr.Model, expected: sgpr.Model) -> None:
+    """All that an identification says, but what it asks single rows for."""
+    off = np.abs(found.parameters.values - expected.parameters.values)
+    deviations = expected.parameters.standard_deviations
+    assert relative(found.parameters.standard_deviations, deviations) < EXACT
+    for figure in ("noise", "condition", "correlation", "dispersion", "half_interval_95"):
+        assert relative(found.fit[figure], expected.fit[figure]) < EXACT
+    assert found.fit["undetermined"] == expected.fit["undetermined"]
+    assert found.history == expected.history
+    if expected.certificate is None:
+        assert np.all(off <= EXACT * np.maximum(np.abs(expected.parameters.values), deviations))
+    else:
+        # The solver ends within its tolerance: the same logs in another order differ by as much.
+        assert np.all(off <= 1e-3 * deviations)
+        assert found.certificate["active"] == expected.certificate["active"]
+        assert found.certificate["prior_deviation"] == expected.certificate["prior_deviation"]
+
+
+@pytest.mark.parametrize("options", WAYS)
+@pytest.mark.parametrize("seconds", [None, (4.0, 7.31, 5.02)])
+def test_records_give_the_model_of_the_logs_under_priors_and_physics(
+    robot: sgpr.Robot,
+    logs: list[sgpr.Recording],
+    records: list[sgpr.Record],
+    options: dict[str, Any],
+    seconds: tuple[float, ...] | None,
+) -> None:
+    if seconds is not None:
+        # Short logs of different lengths: the robot file holds what they do not tell.
+        logs = [
+            sgpr.read(DATA / f"demo/train_{k}.csv.gz", seconds=(0.0, end))
+            for k, end in zip((1, 2, 3), seconds, strict=True)
+        ]
+        processing = sgpr.choose_processing(robot, logs)
+        records = [sgpr.record(robot, log, processing=processing) for log in logs]
+    found = quiet(sgpr.identify_records, robot, records[::-1], **options)
+    same_model(found, quiet(sgpr.identify, robot, logs, **options))
 
 
 def test_one_log_has_its_standard_deviations_without_products_of_lags_too(
@@ -103,6 +162,10 @@ def test_records_of_real_logs_that_contradict_each_other(arm: str) -> None:
     expected = from_logs.parameters.standard_deviations
     assert relative(joined.parameters.values, from_logs.parameters.values) < EXACT
     assert relative(joined.parameters.standard_deviations, expected) < EXACT
+    for options in ({}, {"consistent": True}, {"essential": True, "prior": None}):
+        records = [sgpr.record(robot, log, processing=processing) for log in logs]
+        found = quiet(sgpr.identify_records, robot, records, **options)
+        same_model(found, quiet(sgpr.identify, robot, logs, **options))
     # What each log alone says of the memory is another thing.
     assert relative(apart.parameters.standard_deviations, expected) > 0.3
 
@@ -113,7 +176,8 @@ def test_order_does_not_change_a_bit_and_copies_count_once(
     forward, backward = identified(robot, records), identified(robot, records[::-1])
     assert forward.all_parameters.tobytes() == backward.all_parameters.tobytes()
     with pytest.warns(UserWarning, match="copy of another record"):
-        twice = sgpr.identify_records(robot, [*records, records[1]])
+        twice = sgpr.identify_records(robot, [*records, records[1]], prior=None)
+    assert twice.report is not None and twice.report.samples == 15_000
     assert twice.all_parameters.tobytes() == forward.all_parameters.tobytes()
 
 
@@ -188,6 +252,14 @@ def test_what_a_record_cannot_serve_is_refused(
 ) -> None:
     with pytest.raises(sgpr.IdentificationError, match="single rows of the logs"):
         sgpr.identify_records(robot, records, method="irls")
+    with pytest.raises(TypeError, match="'uncertainty'; options are method, noise, start"):
+        sgpr.identify_records(robot, records, uncertainty="hac")  # type: ignore[call-arg]
+    head, numbers = records[0].to_parts()
+    earlier = {key: value for key, value in json.loads(head).items() if key not in ("extents", "key")}
+    old = sgpr.Record.from_parts(json.dumps({**earlier, "version": 1}), numbers)
+    assert identified(robot, [old]).all_parameters.tobytes() == identified(robot, records[:1]).all_parameters.tobytes()
+    with pytest.raises(sgpr.IdentificationError, match="make it again from its log, or identify without a prior"):
+        sgpr.identify_records(robot, [old])
     with pytest.raises(sgpr.IdentificationError, match="`cable_hysteresis` follows the whole trajectory"):
         sgpr.record(robot, logs[0], effects=["cable_hysteresis@joint_2"])
     with pytest.raises(sgpr.IdentificationError, match="another robot"):
@@ -223,6 +295,7 @@ def test_damaged_records_are_named_with_their_fault(records: list[sgpr.Record]) 
         ("samples", 2**60, "more rows than any log"),
         ("processing", {**broken["processing"], "order": 99}, "order"),
         ("surprise", 1, "unknown field"),
+        ("extents", broken["extents"][1:], "what each of its joints did"),
         ("memory", [{**broken["memory"][0], "counts": [1]}], "each group of lags"),
         ("memory", [{**broken["memory"][0], "width": 20_000}], "a factor of 20000 columns"),
     ]:

@@ -60,6 +60,7 @@ pub(crate) use least_squares::{residual_norm, stack, torque_sizes, triangular_so
 pub(crate) use left_out::half_run;
 pub use left_out::{Dispersion, LeftOut};
 pub use observation::{Equation, Equations, JointFactor, Observation, Row, Trajectory};
+pub(crate) use observation::{piece_of, stacked};
 pub use payload::{Payload, PayloadOptions, identify_payload};
 pub(crate) use posterior::without_negative;
 pub use posterior::{Held, PriorWidth, estimate_with_prior};

@@ -1,5 +1,6 @@
 //! From samples to one triangular factor per joint: the observation matrix W and the torque, without ever holding them.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use faer::Mat;
@@ -25,8 +26,11 @@ pub struct Observation<'a> {
     source: RowSource<'a>,
     /// Per part and joint: rows in motion, rows at rest.
     parts: Vec<Vec<[TriangularFactor; 2]>>,
-    /// Samples of the trajectories added, and of all that will be.
-    samples: [usize; 2],
+}
+
+/// Which of `pieces` of as many samples each a sample lies in: piece k begins at sample `k * count / pieces`.
+pub(crate) fn piece_of(sample: usize, count: usize, pieces: usize) -> usize {
+    ((sample + 1) * pieces - 1) / count
 }
 
 /// What an equation is good for.
@@ -55,6 +59,30 @@ pub struct JointFactor {
     pub rows: usize,
     /// Noise that its rows have at least, N·m (N), whatever a fit leaves of them; 0 if nothing is known.
     pub least_noise: f64,
+}
+
+/// One factor for all rows of each joint and kind: joints in motion, then joints at rest.
+pub(crate) fn stacked<'a>(factors: impl IntoIterator<Item = &'a JointFactor>) -> Vec<JointFactor> {
+    let mut groups: BTreeMap<(bool, usize), Vec<&JointFactor>> = BTreeMap::new();
+    for factor in factors {
+        groups.entry((factor.resting, factor.joint)).or_default().push(factor);
+    }
+    groups.into_values().map(|group| reduced(&group)).collect()
+}
+
+/// Factors below each other, reduced in pieces that stay in the cache.
+fn reduced(group: &[&JointFactor]) -> JointFactor {
+    const AT_ONCE: usize = 16;
+    let width = group[0].factor.ncols();
+    let mut factor = group[0].factor.clone();
+    for part in group[1..].chunks(AT_ONCE) {
+        let mut all = Mat::zeros((part.len() + 1) * width, width);
+        for (k, one) in std::iter::once(&factor).chain(part.iter().map(|one| &one.factor)).enumerate() {
+            all.as_mut().subrows_mut(k * width, width).copy_from(one);
+        }
+        factor = triangle(all.as_ref());
+    }
+    JointFactor { factor, rows: group.iter().map(|one| one.rows).sum(), ..group[0].clone() }
 }
 
 /// Which base parameters stand in the rows of a joint, and where.
@@ -110,31 +138,21 @@ const OVERLAPS: usize = 12;
 impl<'a> Observation<'a> {
     /// No equations yet.
     pub fn new(robot: &'a Robot, set: &'a ParameterSet, base: &BaseParameters) -> Self {
-        Self::in_parts(robot, set, base, 1, 1)
+        Self::in_parts(robot, set, base, 1)
     }
 
-    /// No equations yet; they will be kept in consecutive parts of as many samples each, one
-    /// trajectory after the other, [`Self::parts`]: with as many logs of one length as parts each
-    /// log is one.
-    ///
-    /// - `samples`: of all trajectories that will be added
+    /// No equations yet; they will be kept apart by the part that they are added to ([`Self::add_to`]), [`Self::parts`].
     ///
     /// # Panics
     /// If there is no part.
-    pub fn in_parts(
-        robot: &'a Robot,
-        set: &'a ParameterSet,
-        base: &BaseParameters,
-        parts: usize,
-        samples: usize,
-    ) -> Self {
+    pub fn in_parts(robot: &'a Robot, set: &'a ParameterSet, base: &BaseParameters, parts: usize) -> Self {
         assert!(parts > 0, "one part at least");
         let source = RowSource::new(robot, set, base);
         let factors = |_| {
             let layouts = source.layouts.iter();
             layouts.map(|layout| [(); 2].map(|()| TriangularFactor::new(layout.width()))).collect()
         };
-        Self { parts: (0..parts).map(factors).collect(), source, samples: [0, samples.max(1)] }
+        Self { parts: (0..parts).map(factors).collect(), source }
     }
 
     /// Adds the equations of samples as they are.
@@ -180,23 +198,7 @@ impl<'a> Observation<'a> {
 
     /// The factors of all joints in motion, then those of the joints at rest; without those that have no row.
     pub fn factors(&self) -> Vec<JointFactor> {
-        let parts = self.parts();
-        if let [all] = &parts[..] {
-            return all.clone();
-        }
-        let same = |a: &JointFactor, b: &JointFactor| (a.joint, a.resting) == (b.joint, b.resting);
-        let mut joined: Vec<JointFactor> = Vec::new();
-        for factor in parts.iter().flatten() {
-            if joined.iter().all(|other| !same(other, factor)) {
-                let alike: Vec<&JointFactor> = parts.iter().flatten().filter(|other| same(other, factor)).collect();
-                let width = factor.factor.ncols();
-                let all = Mat::from_fn(alike.len() * width, width, |i, j| alike[i / width].factor[(i % width, j)]);
-                let rows = alike.iter().map(|factor| factor.rows).sum();
-                joined.push(JointFactor { factor: triangle(all.as_ref()), rows, ..factor.clone() });
-            }
-        }
-        joined.sort_by_key(|factor| (factor.resting, factor.joint));
-        joined
+        stacked(self.parts().iter().flatten())
     }
 
     /// The factors of each part.
@@ -220,7 +222,7 @@ impl<'a> Observation<'a> {
         of_kind(false).chain(of_kind(true)).filter(|(_, _, factor, _)| factor.rows() > 0).map(factor).collect()
     }
 
-    /// Adds the equations of a trajectory.
+    /// Adds the equations of a trajectory, to the first part.
     ///
     /// # Errors
     /// If a value is not finite or the trajectory shorter than the filter.
@@ -228,14 +230,28 @@ impl<'a> Observation<'a> {
     /// # Panics
     /// If the arrays do not hold the same samples.
     pub fn add(&mut self, trajectory: &Trajectory<'_>) -> Result<(), IdentificationError> {
+        self.add_to(trajectory, |_| 0)
+    }
+
+    /// Adds the equations of a trajectory, those of each sample to the part that `part` names.
+    ///
+    /// # Errors
+    /// As [`Self::add`].
+    ///
+    /// # Panics
+    /// As [`Self::add`], and if there is no such part.
+    pub fn add_to(
+        &mut self,
+        trajectory: &Trajectory<'_>,
+        part: impl Fn(usize) -> usize + Sync,
+    ) -> Result<(), IdentificationError> {
         let n = self.source.robot.dof();
         let parts = &mut self.parts;
-        let (count, [before, all]) = (parts.len(), self.samples);
-        self.samples[0] += trajectory.samples.count(n);
+        let count = parts.len();
         let Trajectory { use_as, decimation, .. } = *trajectory;
         let kind = |sample: usize, joint: usize| {
-            let part = ((before + sample) * count / all).min(count - 1);
-            (part, use_as.map_or(Row::Moving, |use_as| use_as[sample * n + joint]))
+            let row = use_as.map_or(Row::Moving, |use_as| use_as[sample * n + joint]);
+            (if row == Row::Skip { 0 } else { part(sample) }, row)
         };
         self.source.for_each_piece(trajectory, |piece| {
             let mut joints: Vec<Vec<&mut [TriangularFactor; 2]>> = (0..n).map(|_| Vec::with_capacity(count)).collect();

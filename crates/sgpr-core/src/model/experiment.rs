@@ -1,6 +1,7 @@
 //! Recordings made ready for an identification.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use super::IdentifyError;
 use crate::identification::{ClosedLoop, Row, Trajectory, TrajectoryColumn};
@@ -12,6 +13,8 @@ use crate::signal::LowPass;
 /// The motion in some recordings with the filters of their equations.
 pub(super) struct Experiment {
     pub motions: Vec<Motion>,
+    /// The stretches of each recording that has one.
+    pub logs: Vec<Range<usize>>,
     filters: Vec<Option<LowPass>>,
     decimation: usize,
 }
@@ -27,9 +30,15 @@ pub(super) struct Columns {
 
 impl Experiment {
     pub fn new(recordings: &[Recording], processing: &Processing) -> Result<Self, IdentifyError> {
-        let motions = motions(recordings, processing)?;
-        let filters = motions.iter().map(|motion| processing.band_filter(motion.rate_hz));
-        Ok(Self { filters: filters.collect::<Result<_, _>>()?, motions, decimation: processing.decimation })
+        let (mut motions, mut logs) = (Vec::new(), Vec::new());
+        for recording in recordings {
+            let first = motions.len();
+            motions.extend(Motion::from_recording(recording, processing)?);
+            logs.push(first..motions.len());
+        }
+        logs.retain(|stretches| !stretches.is_empty());
+        let filters = motions.iter().map(|motion: &Motion| processing.band_filter(motion.rate_hz));
+        Ok(Self { filters: filters.collect::<Result<_, _>>()?, motions, logs, decimation: processing.decimation })
     }
 
     /// The same without the rows in which the ends of a log show.

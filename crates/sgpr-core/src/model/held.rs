@@ -3,15 +3,14 @@
 
 use faer::Mat;
 
+use super::extent::JointExtent;
 use crate::dynamics::Samples;
 use crate::effects::Role;
 pub(super) use crate::identification::Held;
 use crate::identification::{
     BaseParameters, Dispersion, Equations, Estimate, IdentificationError, JointFactor, Judgement, LeftOut, Method,
-    ParameterPrior, ParameterSet, PriorWidth, Row, equations_of, estimate, estimate_with_prior, variances,
-    without_negative,
+    ParameterPrior, ParameterSet, PriorWidth, equations_of, estimate, estimate_with_prior, variances, without_negative,
 };
-use crate::motion::Motion;
 use crate::random::Random;
 use crate::robot::Robot;
 use crate::spatial::PARAMETERS_PER_LINK;
@@ -24,7 +23,8 @@ pub(super) struct Task<'a> {
     pub factors: &'a [JointFactor],
     /// Of consecutive parts of all logs, one after the other.
     pub parts: &'a [Vec<JointFactor>],
-    pub motions: &'a [Motion],
+    /// What joints did, `[n]`.
+    pub extents: &'a [JointExtent],
 }
 
 /// An estimate, and what the user should know of it.
@@ -189,17 +189,7 @@ impl Task<'_> {
     /// Ranges of position, speed and acceleration of a joint: of position the limits, a whole turn where there are none; of
     /// the others, in both directions, up to the largest of the logs.
     fn ranges(&self, joint: usize) -> [[f64; 2]; 3] {
-        let n = self.robot.dof();
-        let all =
-            |of: fn(&Motion) -> &Vec<f64>| self.motions.iter().flat_map(move |m| of(m).iter().skip(joint).step_by(n));
-        let largest = |of: fn(&Motion) -> &Vec<f64>| {
-            let moving = self.motions.iter().flat_map(move |motion| {
-                let uses = motion.use_as.iter().skip(joint).step_by(n);
-                of(motion).iter().skip(joint).step_by(n).zip(uses).filter(|(_, use_as)| **use_as == Row::Moving)
-            });
-            moving.fold(0.0, |largest: f64, (value, _)| largest.max(value.abs()))
-        };
-        let seen = all(|motion| &motion.q).fold([f64::MAX, f64::MIN], |[low, high], q| [low.min(*q), high.max(*q)]);
+        let JointExtent { position: seen, speed, acceleration, .. } = self.extents[joint];
         let of = &self.robot.joints()[joint];
         let turn = [-std::f64::consts::PI, std::f64::consts::PI];
         let position = match of.limits.position {
@@ -207,7 +197,6 @@ impl Task<'_> {
             _ if of.kind.is_rotation() => turn,
             _ => seen,
         };
-        let [speed, acceleration] = [largest(|motion| &motion.dq), largest(|motion| &motion.ddq)];
         [position, [-speed, speed], [-acceleration, acceleration]]
     }
 
@@ -308,7 +297,7 @@ impl Task<'_> {
             return None;
         }
         let name = &self.robot.joints()[joint].name;
-        let [forwards, backwards] = self.rows_by_direction(joint);
+        let [forwards, backwards] = self.extents[joint].samples;
         if forwards + backwards == 0 {
             return Some(format!("`{name}` must move, both ways, slowly and fast"));
         }
@@ -337,18 +326,5 @@ impl Task<'_> {
                 None => "must move over its whole range, both ways",
             },
         }
-    }
-
-    /// Samples at which a joint moves forwards and backwards.
-    fn rows_by_direction(&self, joint: usize) -> [usize; 2] {
-        let n = self.robot.dof();
-        let mut counts = [0, 0];
-        for motion in self.motions {
-            let samples = motion.dq.iter().zip(&motion.use_as).skip(joint).step_by(n);
-            for (speed, _) in samples.filter(|(speed, use_as)| **use_as == Row::Moving && **speed != 0.0) {
-                counts[usize::from(*speed < 0.0)] += 1;
-            }
-        }
-        counts
     }
 }

@@ -4,6 +4,7 @@ mod compare;
 mod correlation;
 mod error;
 mod experiment;
+mod extent;
 mod file;
 mod forecast;
 mod held;
@@ -35,7 +36,7 @@ pub use payload::{identify_drive_gains, identify_payload};
 pub use record::{
     Deviation, JointDeviation, ParameterDeviation, Record, RecordBlock, RecordError, RecordMemory, RecordOptions,
     RecordedError, SessionCause, SessionComparison, SessionTest, choose_processing, compare_records, compare_sessions,
-    deviations, identify_records, record,
+    copies_among, deviations, identify_records, record,
 };
 pub use semi_parametric::{
     Candidate, Coverage, FollowingIntervals, Inputs, JointReport, Mean, SemiParametricError, SemiParametricModel,

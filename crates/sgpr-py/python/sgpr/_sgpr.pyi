@@ -441,7 +441,7 @@ class _Equations(TypedDict, total=False):
 class _EquationOptions(_Equations, total=False):
     progress: _Progress | None
 
-class _Estimation(_Equations, total=False):
+class _OfSums(TypedDict, total=False):
     method: str
     noise: ArrayLike | None
     start: Literal["robot_file", "zero"]
@@ -449,6 +449,11 @@ class _Estimation(_Equations, total=False):
     prior_deviation: float | Literal["auto"] | None
     bounds: Mapping[str, Any] | None
     essential: bool
+
+class _RecordsOptions(_OfSums, total=False):
+    consistent: bool
+
+class _Estimation(_Equations, _OfSums, total=False):
     forecast: bool
     uncertainty: str
     instruments: Sequence[Recording]
@@ -497,9 +502,7 @@ def record(
     lags: bool = True,
     labels: Mapping[str, str] | None = None,
 ) -> Record: ...
-def identify_records(
-    robot: Robot, records: Sequence[Record], *, method: str = "wls", noise: ArrayLike | None = None
-) -> Model: ...
+def identify_records(robot: Robot, records: Sequence[Record], **options: Unpack[_RecordsOptions]) -> Model: ...
 def compare_records(model: Model, records: Sequence[Record]) -> list[dict[str, Any]]: ...  # joint, rows, rmse, torque
 def deviations(model: Model, record: Record, *, by_block: bool = False) -> list[dict[str, Any]]: ...
 

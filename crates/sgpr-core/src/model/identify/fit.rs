@@ -4,20 +4,20 @@ use faer::Mat;
 
 use super::notes::{cost_note, cross_validation_note, dearest_joint, describe, dispersed, essential_note};
 use super::references::{instruments, loops};
+use super::source::{Logs, PARTS, Source};
 use super::{FitOutcome, Given, IdentifyError, IdentifyOptions, Start, Uncertainty};
 use crate::identification::{
     BaseParameters, Consistency, ConsistentParameters, Costs, Dispersion, Equations, Essential, Estimate, Finding,
-    Forecast, Held, IdentificationError, JointFactor, KeptOut, LeastSquares, LeftOut, Method, Observation,
-    ParameterPrior, ParameterSet, PriorWidth, Row, Trajectory, block_bootstrap, essential_parameters, estimate,
-    hac_covariance, nearest_load, screen_factors, screen_scale, torque_sizes, weakest_good_deviation,
+    Forecast, Held, IdentificationError, JointFactor, KeptOut, LeastSquares, LeftOut, Method, ParameterPrior,
+    ParameterSet, PriorWidth, block_bootstrap, essential_parameters, estimate, hac_covariance, nearest_load,
+    screen_factors, screen_scale, stacked, torque_sizes, weakest_good_deviation,
 };
 use crate::linalg::symmetric_eigen;
-use crate::model::correlation::correlation;
 use crate::model::experiment::Experiment;
 use crate::model::torque_model::{Certificate, Fit, nominal_parameters};
 use crate::model::variable_projection::{self, Placed, TermFit};
 use crate::model::{Term, TorqueModel, held};
-use crate::motion::{Motion, Processing};
+use crate::motion::Processing;
 use crate::progress::Progress;
 use crate::recording::Recording;
 use crate::robot::Robot;
@@ -27,9 +27,6 @@ const REWEIGHTINGS: usize = 3;
 
 /// Squares of consistency's cost per parameter that noise explains.
 const CHANCE: f64 = 0.25;
-
-/// Parts of the data, each of which is predicted from the others.
-const FOLDS: usize = 5;
 
 pub(super) fn fit(
     robot: &Robot,
@@ -66,33 +63,34 @@ pub(super) fn fit(
     let references = if loops.is_empty() { &references[..] } else { &[] };
     let trajectories = experiment.trajectories_with(references, &loops, Some(&columns))?;
 
-    let setup = Setup {
+    let source = Logs {
         robot,
-        options,
         processing,
         experiment: &experiment,
         terms: &terms,
         set: &set,
         base: &base,
+        trajectories: &trajectories,
+    };
+    let setup = Setup {
+        robot,
+        options,
+        processing,
+        source: &source,
+        set: &set,
+        base: &base,
         nominal: base.combine(&start),
         start: &start,
     };
-    let (mut data, prior) = setup.observe(&trajectories, &mut model, progress)?;
-    let mut equations = Equations::new(robot, &set, &base, trajectories);
-    let mut found = setup.estimate(prior, &mut equations, &mut data)?;
-    let findings = setup.screen(&data.factors, &found.estimate);
-    let essential = setup.leave_out(&equations, &data.factors, &mut found)?;
-    setup.keep_loads_bodies(model.terms(), &mut found.estimate);
-    let certificate = setup.hold(&mut model, &equations, &mut data, &mut found)?;
-    setup.write_down(&mut model, &data, &found, certificate)?;
+    let mut equations = Equations::new(robot, &set, &base, trajectories.clone());
+    let outcome = setup.fit(&mut model, &mut equations, progress)?;
     model.provenance.logs = recordings.iter().map(|recording| recording.source().to_string()).collect();
     let span = |recording: &Recording| Some([*recording.time().first()?, *recording.time().last()?]);
     model.provenance.spans = recordings.iter().filter_map(span).collect();
-    let Estimated { estimate, forecast, notes, .. } = found;
-    Ok((model, FitOutcome { estimate, essential, forecast, notes, findings }))
+    Ok((model, outcome))
 }
 
-fn require_one_arm(options: &IdentifyOptions) -> Result<(), IdentifyError> {
+pub(in crate::model) fn require_one_arm(options: &IdentifyOptions) -> Result<(), IdentifyError> {
     if options.consistency.is_some() && options.start == Start::Zero {
         return Err(IdentifyError::ConsistentError);
     }
@@ -111,17 +109,16 @@ fn require_simulated(options: &IdentifyOptions, others: &[Placed]) -> Result<(),
 }
 
 /// What is identified, from what, and how.
-struct Setup<'a> {
-    robot: &'a Robot,
-    options: &'a IdentifyOptions,
-    processing: &'a Processing,
-    experiment: &'a Experiment,
-    terms: &'a TermFit<'a>,
-    set: &'a ParameterSet,
-    base: &'a BaseParameters,
+pub(in crate::model) struct Setup<'a> {
+    pub robot: &'a Robot,
+    pub options: &'a IdentifyOptions,
+    pub processing: &'a Processing,
+    pub source: &'a dyn Source,
+    pub set: &'a ParameterSet,
+    pub base: &'a BaseParameters,
     /// Values of all parameters that those keep which the motion does not determine, and the base parameters of them.
-    start: &'a [f64],
-    nominal: Vec<f64>,
+    pub start: &'a [f64],
+    pub nominal: Vec<f64>,
 }
 
 /// The logs as triangular factors.
@@ -143,23 +140,38 @@ struct Estimated {
 }
 
 impl Setup<'_> {
+    /// Sets parameters and fit of `model`.
+    ///
+    /// - `equations`: single rows, for methods that look at them; without trajectories where the source knows none
+    pub fn fit(
+        &self,
+        model: &mut TorqueModel,
+        equations: &mut Equations<'_>,
+        progress: &dyn Progress,
+    ) -> Result<FitOutcome, IdentifyError> {
+        let (mut data, prior) = self.observe(model, progress)?;
+        let mut found = self.estimate(prior, equations, &mut data)?;
+        let findings = self.screen(&data.factors, &found.estimate);
+        let essential = self.leave_out(&data.factors, &mut found)?;
+        self.keep_loads_bodies(model.terms(), &mut found.estimate);
+        let certificate = self.hold(model, &mut data, &mut found)?;
+        self.write_down(model, &data, &found, certificate)?;
+        let Estimated { estimate, forecast, notes, .. } = found;
+        Ok(FitOutcome { estimate, essential, forecast, notes, findings })
+    }
+
     /// Brings the logs to triangular factors; `model` takes a first solution of them.
     fn observe(
         &self,
-        trajectories: &[Trajectory<'_>],
         model: &mut TorqueModel,
         progress: &dyn Progress,
     ) -> Result<(Observed, Option<(ParameterPrior, PriorWidth)>), IdentifyError> {
-        let (options, motions) = (self.options, &self.experiment.motions);
-        let parts = if options.prior.is_some() { FOLDS } else { 1 };
-        let samples = trajectories.iter().map(|trajectory| trajectory.samples.count(self.robot.dof())).sum();
-        let mut observation = Observation::in_parts(self.robot, self.set, self.base, parts, samples);
-        for (done, index) in order_of_logs(motions).into_iter().enumerate() {
-            progress.step("observe", done, trajectories.len())?;
-            observation.add(&trajectories[index])?;
-        }
-        progress.step("observe", trajectories.len(), trajectories.len())?;
-        let (mut factors, parts) = (observation.factors(), observation.parts());
+        let options = self.options;
+        let parts = self.source.parts(if options.prior.is_some() { PARTS } else { 1 }, progress)?;
+        let mut factors = match &parts[..] {
+            [all] => all.clone(),
+            parts => stacked(parts.iter().flatten()),
+        };
         if options.prior.is_some() {
             held::leave_out_joints_at_rest(&mut factors);
         }
@@ -176,7 +188,7 @@ impl Setup<'_> {
             _ => first.solve(&factors, self.base, &self.nominal)?,
         };
         model.set_all_parameters(&self.base.expand(&first.values, self.start));
-        let correlation = correlation(model, motions, self.processing, &factors)?;
+        let correlation = self.source.correlation(model, &factors)?;
         Ok((Observed { factors, parts, correlation }, prior))
     }
 
@@ -189,13 +201,15 @@ impl Setup<'_> {
     ) -> Result<Estimated, IdentifyError> {
         let options = self.options;
         let Observed { factors, parts, correlation } = data;
+        let extents = &self.source.extents();
+        let (robot, set, base) = (self.robot, self.set, self.base);
         if let Some((prior, width)) = prior.as_ref().filter(|_| options.method.reweights()) {
-            let task = self.held_task(factors, parts);
+            let task = held::Task { robot, set, base, factors, parts, extents };
             let first = task.solve(&options.method, equations, (prior, *width), correlation)?;
             let noise = task.noise(&first);
             factors.iter_mut().zip(noise).for_each(|(factor, noise)| factor.least_noise = noise);
         }
-        let task = self.held_task(factors, parts);
+        let task = held::Task { robot, set, base, factors, parts, extents };
         let held::HeldEstimate { mut estimate, held, dispersion, mut notes } = match prior {
             None => held::HeldEstimate {
                 estimate: estimate(&options.method, equations, factors, &self.nominal, Some(correlation))?,
@@ -211,17 +225,14 @@ impl Setup<'_> {
         set_uncertainty(options, equations, factors, &mut estimate, held.as_ref())?;
         estimate.covariance *= faer::Scale(dispersion.deviation.powi(2));
         let mut forecast = None;
-        if options.forecast {
+        if options.forecast
+            && let Some(states) = self.source.states()?
+        {
             let noise = per_joint(factors, &estimate.noise, self.robot.dof());
-            forecast = Some(task.forecast(&estimate, held.as_ref(), dispersion.deviation, noise)?);
+            forecast = Some(task.forecast(&estimate, held.as_ref(), dispersion.deviation, noise, states));
         }
         notes.append(&mut estimate.notes);
         Ok(Estimated { estimate, held, dispersion, forecast, notes })
-    }
-
-    fn held_task<'b>(&'b self, factors: &'b [JointFactor], parts: &'b [Vec<JointFactor>]) -> held::Task<'b> {
-        let motions = &self.experiment.motions;
-        held::Task { robot: self.robot, set: self.set, base: self.base, factors, parts, motions }
     }
 
     /// What speaks against the logs.
@@ -235,17 +246,12 @@ impl Setup<'_> {
     }
 
     /// Leaves out what the data do not support, if that was asked for.
-    fn leave_out(
-        &self,
-        equations: &Equations<'_>,
-        factors: &[JointFactor],
-        found: &mut Estimated,
-    ) -> Result<Option<Essential>, IdentifyError> {
+    fn leave_out(&self, factors: &[JointFactor], found: &mut Estimated) -> Result<Option<Essential>, IdentifyError> {
         if !self.options.essential {
             return Ok(None);
         }
         let estimate = &mut found.estimate;
-        let folds = self.folds(equations.trajectories())?;
+        let folds = self.source.folds()?;
         let essential = essential_parameters(&folds, self.base.rank(), noise_of(factors, estimate))?;
         found.notes.push(essential_note(&essential, self.base));
         estimate.values.clone_from(&essential.values);
@@ -284,7 +290,6 @@ impl Setup<'_> {
     fn hold(
         &self,
         model: &mut TorqueModel,
-        equations: &Equations<'_>,
         data: &mut Observed,
         found: &mut Estimated,
     ) -> Result<Option<Certificate>, IdentifyError> {
@@ -295,7 +300,7 @@ impl Setup<'_> {
         let mut consistency = consistency.clone();
         let torque = torque_sizes(&data.factors, self.robot.dof());
         if self.options.cross_validated_prior {
-            let folds = self.folds(equations.trajectories())?;
+            let folds = self.source.folds()?;
             let parts = LeftOut::new(&folds, noise_of(&data.factors, &found.estimate), self.base.rank());
             let scores = consistency.cross_validate(self.robot, self.set, self.base, &parts, self.start, &torque)?;
             // None is best where the logs leave no error to count in.
@@ -305,7 +310,7 @@ impl Setup<'_> {
             }
         }
         let (consistent, whitened) = self.solve_consistent(&consistency, &torque, model, data, found)?;
-        let (costs, kept_out) = self.price(&consistency, &torque, (&consistent, &whitened), equations, data, found)?;
+        let (costs, kept_out) = self.price(&consistency, &torque, (&consistent, &whitened), data, found)?;
         model.set_all_parameters(&consistent.parameters);
         found.estimate.values.clone_from(&consistent.base);
         found.notes.extend(consistent.notes.iter().cloned());
@@ -333,12 +338,10 @@ impl Setup<'_> {
         let mut whitened = holding(estimate.whitened.clone());
         let mut found = solve(&whitened)?;
         for _ in 0..if self.options.method.reweights() { REWEIGHTINGS } else { 0 } {
-            if model.terms().iter().any(Term::is_transform) {
-                // What transforms make depends on the parameters.
-                model.set_all_parameters(&found.parameters);
-                let columns = self.terms.columns(model)?;
-                data.factors =
-                    variable_projection::factors(self.robot, self.set, self.base, self.experiment, &columns)?;
+            // What transforms make depends on the parameters.
+            model.set_all_parameters(&found.parameters);
+            if let Some(factors) = self.source.anew(model)? {
+                data.factors = factors;
             }
             whitened = holding(estimate.whitened_at(&data.factors, &found.base, &data.correlation));
             found = solve(&whitened)?;
@@ -352,7 +355,6 @@ impl Setup<'_> {
         consistency: &Consistency,
         torque: &[f64],
         (consistent, whitened): (&ConsistentParameters, &Mat<f64>),
-        equations: &Equations<'_>,
         data: &Observed,
         Estimated { estimate, notes, .. }: &mut Estimated,
     ) -> Result<(Costs, Option<KeptOut>), IdentifyError> {
@@ -361,7 +363,7 @@ impl Setup<'_> {
         let mut kept_out = None;
         // Least squares leaves one unit of variance per parameter to chance; a limit can take at most as much of it.
         if consistent.cost.powi(2) > CHANCE {
-            let folds = self.folds(equations.trajectories())?;
+            let folds = self.source.folds()?;
             let parts = LeftOut::new(&folds, noise_of(&data.factors, estimate), base.rank());
             // A part that the solver gives up on is no reason to lose the model.
             kept_out = consistency.kept_out(robot, set, base, &parts, self.start, torque).ok();
@@ -380,7 +382,7 @@ impl Setup<'_> {
         consistency: Option<Certificate>,
     ) -> Result<(), IdentifyError> {
         let (options, dof, rank) = (self.options, self.robot.dof(), model.base.rank());
-        let joint = self.terms.joint_covariance(model, &estimate.covariance)?;
+        let joint = self.source.joint_covariance(model, &estimate.covariance)?;
         let covariance = Mat::from_fn(rank, rank, |i, j| joint[(i, j)]);
         let deviations: Vec<f64> = (0..rank).map(|k| covariance[(k, k)].max(0.0).sqrt()).collect();
         let names = model.base.names();
@@ -410,27 +412,6 @@ impl Setup<'_> {
         model.processing = Some(self.processing.clone());
         Ok(())
     }
-
-    /// Factors of consecutive parts of all trajectories.
-    fn folds(&self, trajectories: &[Trajectory<'_>]) -> Result<Vec<Vec<JointFactor>>, IdentificationError> {
-        let n = self.robot.dof();
-        let mut folds = Vec::new();
-        for fold in 0..FOLDS {
-            let mut observation = Observation::new(self.robot, self.set, self.base);
-            for trajectory in trajectories {
-                let count = trajectory.samples.count(n);
-                let part = fold * count / FOLDS * n..(fold + 1) * count / FOLDS * n;
-                let row = |k: usize| {
-                    let row = trajectory.use_as.map_or(Row::Moving, |use_as| use_as[k]);
-                    if part.contains(&k) { row } else { Row::Skip }
-                };
-                let use_as: Vec<Row> = (0..count * n).map(row).collect();
-                observation.add(&Trajectory { use_as: Some(&use_as), ..*trajectory })?;
-            }
-            folds.push(observation.factors());
-        }
-        Ok(folds)
-    }
 }
 
 /// Moves some parameters by `steps`, and all others to where they are likeliest then.
@@ -458,28 +439,6 @@ fn follow(estimate: &mut Estimate, moved: &[usize], steps: &[f64]) {
         estimate.values[k] += is_known.iter().enumerate().map(pull).sum::<f64>();
     }
     moved.iter().zip(steps).for_each(|(k, step)| estimate.values[*k] += step);
-}
-
-/// Indices of motions in an order in which that of the logs does not show: by the torque that a log
-/// begins with, then by that of all of it; stretches of a log stay one after the other.
-///
-/// Parts of the data go by it, and what is decided by parts that are left out.
-fn order_of_logs(motions: &[Motion]) -> Vec<usize> {
-    let square = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>();
-    let mut keys: Vec<[f64; 2]> = Vec::with_capacity(motions.len());
-    for (index, motion) in motions.iter().enumerate() {
-        let goes_on = |before: &Motion| before.source == motion.source && before.time.last() < motion.time.first();
-        let tau = motion.tau.as_deref().unwrap_or_default();
-        let dof = motion.use_as.len() / motion.len().max(1);
-        keys.push(match index.checked_sub(1) {
-            Some(before) if goes_on(&motions[before]) => keys[before],
-            _ => [square(&tau[..dof.min(tau.len())]), square(tau)],
-        });
-    }
-    let mut order: Vec<usize> = (0..motions.len()).collect();
-    let by_key = |a: &[f64; 2], b: &[f64; 2]| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]));
-    order.sort_by(|a, b| by_key(&keys[*a], &keys[*b]));
-    order
 }
 
 /// Sets the covariance as the options ask for it.

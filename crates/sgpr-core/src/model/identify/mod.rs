@@ -5,10 +5,13 @@ mod fit;
 mod notes;
 mod references;
 mod screening;
+mod source;
 
 pub use cutoff::{CutoffInfluence, cutoff_influence};
+pub(super) use fit::{Setup, require_one_arm};
 pub use screening::screen;
 use sgpr_predict::internal::with_role;
+pub(super) use source::{PARTS, Place, Source, key_of, parts_of_blocks};
 
 use super::experiment::{require_torque, select_joints};
 use super::limits::beyond_limits;
@@ -146,21 +149,11 @@ pub fn identify(
     let recordings = select_joints(robot, recordings)?;
     require_torque(robot, &recordings)?;
     let (processing, cutoff_choices) = Processing::choose(&recordings, &options.conditioning)?;
-    let (model, FitOutcome { estimate, essential, forecast, notes, mut findings }) =
-        fit::fit(robot, &recordings, options, &processing, Given::default(), progress)?;
-    findings.extend(beyond_limits(robot, &recordings));
-    let found = findings.iter().map(ToString::to_string);
-    let mut report = IdentificationReport {
-        cutoff_choices,
-        singular_values: estimate.excitation.singular_values,
-        warnings: robot.warnings().into_iter().chain(said.iter().cloned()).chain(notes).chain(found).collect(),
-        findings,
-        samples: recordings.iter().map(Recording::len).sum(),
-        essential,
-        forecast,
-    };
-    warn(&mut report, &model);
-    Ok((model, report))
+    let (model, mut outcome) = fit::fit(robot, &recordings, options, &processing, Given::default(), progress)?;
+    outcome.findings.extend(beyond_limits(robot, &recordings));
+    let samples = recordings.iter().map(Recording::len).sum();
+    let report = outcome.report(&model, said.to_vec(), samples);
+    Ok((model, IdentificationReport { cutoff_choices, ..report }))
 }
 
 /// The recordings as a set; `None` with instruments, which go with the recordings sample by sample.
@@ -202,12 +195,33 @@ pub(crate) struct Given {
 }
 
 /// What a fit gives beside the model.
-struct FitOutcome {
+pub(super) struct FitOutcome {
     estimate: Estimate,
     essential: Option<Essential>,
     forecast: Option<Forecast>,
     notes: Vec<String>,
     findings: Vec<Finding>,
+}
+
+impl FitOutcome {
+    /// The report of it.
+    ///
+    /// - `said`: to be said beside what the robot and the fit say
+    pub fn report(self, model: &TorqueModel, said: Vec<String>, samples: usize) -> IdentificationReport {
+        let Self { estimate, essential, forecast, notes, findings } = self;
+        let found = findings.iter().map(ToString::to_string);
+        let mut report = IdentificationReport {
+            cutoff_choices: vec![],
+            singular_values: estimate.excitation.singular_values,
+            warnings: model.robot.warnings().into_iter().chain(said).chain(notes).chain(found).collect(),
+            findings,
+            samples,
+            essential,
+            forecast,
+        };
+        warn(&mut report, model);
+        report
+    }
 }
 
 fn warn(report: &mut IdentificationReport, model: &TorqueModel) {

@@ -7,9 +7,9 @@
 use faer::Mat;
 
 use super::super::TorqueModel;
-use super::sum::{check, correlation, parameters_in, stacked};
+use super::sum::{check, correlation, parameters_in};
 use super::{Record, RecordBlock, RecordError};
-use crate::identification::{BaseParameters, JointFactor, ParameterSet};
+use crate::identification::{BaseParameters, JointFactor, ParameterSet, stacked};
 use crate::linalg::triangle;
 use crate::spatial::PARAMETERS_PER_LINK;
 
@@ -74,7 +74,7 @@ pub fn deviations(model: &TorqueModel, record: &Record, by_block: bool) -> Resul
     let reference = Reference { set: &set, values: base.combine(&parameters), parameters, base: &base };
     let moving = |blocks: &[RecordBlock]| -> Vec<JointFactor> {
         let factors = blocks.iter().flat_map(|block| &block.factors).filter(|factor| !factor.resting);
-        stacked(&factors.collect::<Vec<_>>())
+        stacked(factors)
     };
     let at_once = if by_block { 1 } else { record.blocks.len() };
     Ok(record.blocks.chunks(at_once).map(|blocks| reference.deviation(record, &moving(blocks))).collect())

@@ -44,10 +44,21 @@ pub enum RecordError {
         /// Effects or processing.
         what: &'static str,
     },
+    /// Made before records knew what joints did.
+    #[error(
+        "the record of {source_name} was made by version {version}, which did not keep what a prior asks of the motion: make it \
+         again from its log, or identify without a prior"
+    )]
+    Older {
+        /// Log of the record.
+        source_name: String,
+        /// Version of the library.
+        version: String,
+    },
     /// What needs single rows.
     #[error(
-        "{what} needs the single rows of the logs, which records do not hold: identify from the logs, or choose among ols, \
-         wls and known noise"
+        "{what} needs the single rows of the logs, which records do not hold: identify from the logs, or choose another method \
+         (ols, wls with or without known noise, ridge, tls) and uncertainty `memory`"
     )]
     NeedsRows {
         /// Method or option.

@@ -6,11 +6,12 @@ use super::super::IdentifyError;
 use super::super::experiment::{Columns, Experiment, require_torque, select_joints};
 use super::super::torque_model::nominal_parameters;
 use super::super::variable_projection;
-use super::{Record, RecordBlock, RecordError, RecordMemory, sum};
+use super::{JointExtent, Record, RecordBlock, RecordError, RecordMemory};
 use crate::identification::{
-    BaseParameters, Equations, JointFactor, LagProducts, LeastSquares, Method, ParameterSet, Row, screen_factors,
+    BaseParameters, Equations, JointFactor, LagProducts, LeastSquares, Method, Observation, ParameterSet, Row,
+    Trajectory, piece_of, screen_factors, stacked,
 };
-use crate::linalg::TriangularFactor;
+use crate::model::identify::key_of;
 use crate::motion::{Conditioning, Motion, Processing};
 use crate::recording::{Recording, inspect};
 use crate::robot::Robot;
@@ -113,10 +114,9 @@ pub(super) fn record_of(
         return Err(RecordError::NothingCounts { source_name: recording.source().into() });
     }
     let trajectories = experiment.trajectories_with(&[], &[], columns).map_err(IdentifyError::from)?;
+    let blocks = block_factors(Observation::in_parts(robot, set, base, options.blocks), &trajectories, &parts)?;
+    let factors = stacked(blocks.iter().flatten());
     let mut equations = Equations::new(robot, set, base, trajectories);
-    let blocks = block_factors(&mut equations, &parts, options.blocks)?;
-    let all: Vec<&JointFactor> = blocks.iter().flatten().collect();
-    let factors = sum::stacked(&all);
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
     let mut findings: Vec<String> = inspect(recording).into_iter().map(|issue| issue.message).collect();
     let nominal = base.combine(&nominal_parameters(robot, set));
@@ -147,6 +147,8 @@ pub(super) fn record_of(
         samples: parts.samples,
         findings,
         labels: options.labels.clone(),
+        extents: JointExtent::of(&experiment.motions, robot.dof()),
+        key: experiment.motions.first().map_or([0.0; 2], key_of),
         library_version: env!("CARGO_PKG_VERSION").into(),
         center,
         memory,
@@ -194,9 +196,7 @@ impl Parts {
 
     fn block(&self, stretch: usize, sample: usize) -> usize {
         let counted = &self.stretches[stretch].0;
-        let guess = (sample - counted.start) * self.blocks / counted.len().max(1);
-        let fits = |block: &usize| self.range(stretch, &(*block..*block + 1)).contains(&sample);
-        (guess.saturating_sub(1)..self.blocks).find(fits).expect("rows that count lie in a block")
+        piece_of(sample - counted.start, counted.len(), self.blocks)
     }
 
     /// First and last stamp.
@@ -229,27 +229,14 @@ impl Parts {
 
 /// Factors of each block, joints in motion first, then joints at rest.
 fn block_factors(
-    equations: &mut Equations<'_>,
+    mut observation: Observation<'_>,
+    trajectories: &[Trajectory<'_>],
     parts: &Parts,
-    blocks: usize,
 ) -> Result<Vec<Vec<JointFactor>>, IdentifyError> {
-    type Growing = BTreeMap<(bool, usize), (Vec<usize>, TriangularFactor)>;
-    let mut growing: Vec<Growing> = (0..blocks).map(|_| Growing::new()).collect();
-    equations.for_each(|equation| {
-        let block = &mut growing[parts.block(equation.trajectory, equation.sample)];
-        let (_, factor) = block
-            .entry((equation.resting, equation.joint))
-            .or_insert_with(|| (equation.columns.to_vec(), TriangularFactor::new(equation.row.len())));
-        factor.push(equation.row);
-    })?;
-    let finished = |block: Growing| {
-        let factor = |((resting, joint), (columns, factor)): ((bool, usize), (Vec<usize>, TriangularFactor))| {
-            let (rows, factor) = (factor.rows(), factor.factor());
-            JointFactor { joint, resting, columns, rows, factor, least_noise: 0.0 }
-        };
-        block.into_iter().map(factor).collect()
-    };
-    Ok(growing.into_iter().map(finished).collect())
+    for (stretch, trajectory) in trajectories.iter().enumerate() {
+        observation.add_to(trajectory, |sample| parts.block(stretch, sample))?;
+    }
+    Ok(observation.parts())
 }
 
 /// What the residual of each factor remembers.

@@ -18,11 +18,12 @@ use std::collections::BTreeMap;
 
 use faer::Mat;
 
+pub use super::extent::JointExtent;
 pub use deviation::{Deviation, JointDeviation, ParameterDeviation, deviations};
 pub use error::RecordError;
 pub use make::{RecordOptions, choose_processing, record};
 pub use sessions::{SessionCause, SessionComparison, SessionTest, compare_sessions};
-pub use sum::{RecordedError, compare_records, identify_records};
+pub use sum::{RecordedError, compare_records, copies_among, identify_records};
 
 use crate::identification::JointFactor;
 use crate::motion::Processing;
@@ -54,6 +55,10 @@ pub struct Record {
     pub labels: BTreeMap<String, String>,
     /// Version of the library that made it.
     pub library_version: String,
+    /// What each joint did, `[n]`; empty in a record of an earlier version.
+    pub extents: Vec<JointExtent>,
+    /// Squares of the torque with which the log begins and of all of it: its place among others, whatever their files are called.
+    pub key: [f64; 2],
     /// Base parameters that residuals are counted from: the log's own solution, where it has one.
     pub center: Vec<f64>,
     /// What the residual of each joint remembers.

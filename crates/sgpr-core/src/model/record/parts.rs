@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use faer::Mat;
 use serde::{Deserialize, Serialize};
 
-use super::{Record, RecordBlock, RecordError, RecordMemory};
+use super::{JointExtent, Record, RecordBlock, RecordError, RecordMemory};
 use crate::identification::{JointFactor, lag_groups};
 use crate::motion::Processing;
 
 const FORMAT: &str = "sgpr record";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// More columns have no equations of an arm.
 const MOST_COLUMNS: usize = 10_000;
@@ -33,6 +33,11 @@ struct Head {
     samples: usize,
     findings: Vec<String>,
     labels: BTreeMap<String, String>,
+    /// Since version 2.
+    #[serde(default)]
+    extents: Vec<JointExtent>,
+    #[serde(default)]
+    key: [f64; 2],
     center: Vec<f64>,
     memory: Vec<MemoryHead>,
     blocks: Vec<BlockHead>,
@@ -97,6 +102,8 @@ impl Record {
             samples: record.samples,
             findings: record.findings,
             labels: record.labels,
+            extents: record.extents,
+            key: record.key,
             center: record.center,
             memory: self.memory.iter().map(memory).collect(),
             blocks: self.blocks.iter().map(block).collect(),
@@ -148,6 +155,8 @@ impl Record {
             samples: head.samples,
             findings: head.findings,
             labels: head.labels,
+            extents: head.extents,
+            key: head.key,
             library_version: head.library_version,
             center: head.center,
             memory,
@@ -167,6 +176,15 @@ impl Head {
         }
         if !self.center.iter().all(|value| value.is_finite()) {
             return wrong("a base parameter is not finite");
+        }
+        let joints = if self.version < 2 { 0 } else { self.joints.len() };
+        if self.extents.len() != joints {
+            return wrong("it does not say what each of its joints did");
+        }
+        let numbers =
+            self.extents.iter().flat_map(|one| [one.position[0], one.position[1], one.speed, one.acceleration]);
+        if !numbers.chain(self.key).all(f64::is_finite) {
+            return wrong("what a joint did is not finite");
         }
         if self.memory.iter().any(|memory| memory.counts.len() != lag_groups().count()) {
             return wrong("its memory has not one number of products for each group of lags");

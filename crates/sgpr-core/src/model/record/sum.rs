@@ -1,93 +1,142 @@
 //! Records summed: a model, and how far a model is off.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use faer::Mat;
 
-use super::super::torque_model::{Fit, nominal_parameters};
-use super::super::{IdentifyError, TorqueModel};
-use super::{Record, RecordError, RecordMemory};
+use super::super::identify::{PARTS, Place, Setup, Source, parts_of_blocks, require_one_arm};
+use super::super::torque_model::nominal_parameters;
+use super::super::{IdentificationReport, IdentifyError, IdentifyOptions, Start, TorqueModel, Uncertainty};
+use super::{JointExtent, Record, RecordError, RecordMemory};
 use crate::identification::{
-    BaseParameters, Dispersion, Estimate, JointFactor, LeastSquares, Method, ParameterSet, residual_norm,
-    rows_per_independent_row, screen_factors,
+    BaseParameters, Equations, JointFactor, Method, ParameterSet, piece_of, residual_norm, rows_per_independent_row,
+    stacked,
 };
-use crate::linalg::triangle;
+use crate::progress::Progress;
 use crate::robot::Robot;
 
-/// Identifies the torque model of `robot` from records: what [`identify`](super::super::identify) finds without a prior in
-/// the logs that they were made of, processed alike.
+/// Identifies the torque model of `robot` from records: what [`identify`](super::super::identify) finds in the logs that they
+/// were made of, processed alike.
+///
+/// Everything that estimators make of triangular factors works: least squares, a pull toward the robot file, total least squares;
+/// priors, physical consistency, essential parameters. Effects and processing are those of the records; what
+/// [`IdentifyOptions`] says of these does not count. Parts of the data that are left out are whole blocks: those of the
+/// logs, with records of five blocks each.
 ///
 /// Records without products of all columns ([`RecordOptions::lags`](super::RecordOptions::lags)) speak for the memory of the
 /// residual by that of their own solution. Records are summed in an order of their own, so that the model has the same bits
-/// in whatever order they come. The warnings come beside the model.
+/// in whatever order they come.
 ///
 /// # Errors
-/// If a record is of another robot, the records differ in effects or processing, `method` needs single rows, or the
+/// If a record is of another robot, the records differ in effects or processing, an option needs single rows, or the
 /// records hold too little.
 pub fn identify_records(
     robot: &Robot,
     records: &[&Record],
-    method: &Method,
-) -> Result<(TorqueModel, Vec<String>), RecordError> {
-    if !matches!(method, Method::Ols | Method::Wls | Method::WlsKnown(_)) {
-        return Err(RecordError::NeedsRows { what: method.title().into() });
-    }
+    options: &IdentifyOptions,
+) -> Result<(TorqueModel, IdentificationReport), RecordError> {
+    require_sums(options)?;
     let (set, base) = check(robot, records)?;
-    let (records, mut notes) = ordered(records);
-    let all: Vec<&JointFactor> = records.iter().flat_map(|record| factors_of(record)).collect();
-    let factors = stacked(&all);
-    let start = nominal_parameters(robot, &set);
+    let (records, copies) = ordered(records);
+    let source = Sums { base: &base, records: &records };
+    if let Some(older) = records.iter().find(|record| options.prior.is_some() && record.extents.is_empty()) {
+        return Err(RecordError::Older { source_name: older.source.clone(), version: older.library_version.clone() });
+    }
+    require_one_arm(options)?;
+    let effects = records[0].effects.clone();
+    let (options, processing) = (&IdentifyOptions { effects, ..options.clone() }, &records[0].processing);
+    let start = match options.start {
+        Start::RobotFile => nominal_parameters(robot, &set),
+        Start::Zero => vec![0.0; set.len()],
+    };
     let nominal = base.combine(&start);
-    // The residual of a first solution tells how much the noise remembers: the estimates stay, their spread grows.
-    let mut solver = LeastSquares::new(method.clone());
-    let first = solver.solve(&factors, &base, &nominal).map_err(IdentifyError::from)?;
-    let correlation = correlation(&records, &factors, &first.values);
-    solver.correlation = Some(correlation.clone());
-    let estimate = solver.solve(&factors, &base, &nominal).map_err(IdentifyError::from)?;
-    notes.extend(estimate.notes.iter().cloned());
-    notes.extend(screen_factors(&set, &base, &records[0].joints, &factors, &estimate).iter().map(ToString::to_string));
-    let rows: usize = factors.iter().map(|factor| factor.rows).sum();
-    let history = format!("identified by {} from {rows} rows of {} records", method.title(), records.len());
-    let parameters = base.expand(&estimate.values, &start);
-    let mut model = TorqueModel::from_parameters(robot.clone(), set, parameters, vec![history]);
-    model.fit = Some(fit(&estimate, &base, &factors, &correlation, (robot.dof(), method)));
-    model.processing = Some(records[0].processing.clone());
+    let setup = Setup { robot, options, processing, source: &source, set: &set, base: &base, start: &start, nominal };
+    let mut model = TorqueModel::from_parameters(robot.clone(), set.clone(), start.clone(), vec![]);
+    let outcome = setup.fit(&mut model, &mut Equations::new(robot, &set, &base, vec![]), &())?;
     let mut logs: Vec<String> = records.iter().map(|record| record.source.clone()).collect();
     logs.dedup();
     model.provenance.logs = logs;
-    Ok((model, notes))
+    let samples = records.iter().map(|record| record.samples).sum();
+    let report = outcome.report(&model, copies, samples);
+    Ok((model, report))
 }
 
-pub(super) fn fit(
-    estimate: &Estimate,
-    base: &BaseParameters,
-    factors: &[JointFactor],
-    correlation: &[f64],
-    (joints, method): (usize, &Method),
-) -> Fit {
-    let deviations = estimate.standard_deviations();
-    let infinite = base.names().iter().zip(&deviations).filter(|(_, deviation)| deviation.is_infinite());
-    let per_joint = |figures: &[f64]| -> Vec<f64> {
-        let of = |joint| factors.iter().position(|factor| factor.joint == joint).map_or(0.0, |index| figures[index]);
-        (0..joints).map(of).collect()
-    };
-    let rows = |joint| factors.iter().filter(|factor| factor.joint == joint).map(|factor| factor.rows).sum();
-    let rank = base.rank();
-    Fit {
-        method: method.name().into(),
-        values: estimate.values.clone(),
-        covariance: (0..rank * rank).map(|k| estimate.covariance[(k / rank, k % rank)]).collect(),
-        covariance_with_terms: vec![],
-        noise: per_joint(&estimate.noise),
-        rows: (0..joints).map(rows).collect(),
-        correlation: per_joint(correlation),
-        dispersion: Dispersion::NONE.deviation,
-        half_interval_95: Dispersion::NONE.half_interval_95,
-        condition: estimate.excitation.condition,
-        scaled_condition: estimate.excitation.scaled_condition,
-        undetermined: infinite.map(|(name, _)| name.clone()).collect(),
-        standard_deviations: deviations,
-        consistency: None,
+/// Refuses what looks at single rows.
+fn require_sums(options: &IdentifyOptions) -> Result<(), RecordError> {
+    let needs_rows = |what: &str| Err(RecordError::NeedsRows { what: what.into() });
+    match (&options.method, options.uncertainty) {
+        (
+            Method::Ols | Method::Wls | Method::WlsKnown(_) | Method::Ridge { .. } | Method::TotalLeastSquares { .. },
+            Uncertainty::Memory,
+        ) => {}
+        (_, Uncertainty::Hac) => return needs_rows("uncertainty `hac`"),
+        (_, Uncertainty::Bootstrap { .. }) => return needs_rows("uncertainty `bootstrap`"),
+        (method, _) => return needs_rows(method.title()),
+    }
+    if options.forecast {
+        return needs_rows("a forecast of how much data is enough");
+    }
+    if !options.instruments.is_empty() || options.controller.is_some() {
+        return needs_rows("an estimate with instruments or a controller");
+    }
+    Ok(())
+}
+
+/// Records as where equations come from.
+struct Sums<'a> {
+    base: &'a BaseParameters,
+    records: &'a [&'a Record],
+}
+
+impl<'a> Sums<'a> {
+    /// Blocks of all records, put together by the part that each belongs to.
+    fn by_part(&self, parts: usize, part: impl Fn(usize, usize) -> usize) -> Vec<Vec<JointFactor>> {
+        let mut of_parts: Vec<Vec<&JointFactor>> = vec![vec![]; parts];
+        for (index, record) in self.records.iter().enumerate() {
+            for (block, of_block) in record.blocks.iter().enumerate() {
+                of_parts[part(index, block)].extend(&of_block.factors);
+            }
+        }
+        of_parts.into_iter().map(stacked).collect()
+    }
+
+    fn consecutive(&self, parts: usize) -> Vec<Vec<JointFactor>> {
+        let places: Vec<Place<'_>> = self.records.iter().map(|record| place_of(record)).collect();
+        let of_blocks = parts_of_blocks(&places, parts);
+        self.by_part(parts, |record, block| of_blocks[record][block])
+    }
+}
+
+/// Where a record stands among others.
+pub(super) fn place_of(record: &Record) -> Place<'_> {
+    let Record { source, time, key, samples, blocks, .. } = record;
+    Place { source, time: *time, key: *key, samples: *samples, blocks: blocks.len() }
+}
+
+impl Source for Sums<'_> {
+    fn parts(&self, parts: usize, _progress: &dyn Progress) -> Result<Vec<Vec<JointFactor>>, IdentifyError> {
+        Ok(self.consecutive(parts))
+    }
+
+    /// Consecutive parts of all logs where a record has too few blocks.
+    fn folds(&self) -> Result<Vec<Vec<JointFactor>>, IdentifyError> {
+        let blocks = |record: usize| self.records[record].blocks.len();
+        if (0..self.records.len()).any(|record| blocks(record) < PARTS) {
+            return Ok(self.consecutive(PARTS));
+        }
+        Ok(self.by_part(PARTS, |record, block| piece_of(block, blocks(record), PARTS)))
+    }
+
+    fn correlation(&self, model: &TorqueModel, factors: &[JointFactor]) -> Result<Vec<f64>, IdentifyError> {
+        Ok(correlation(self.records, factors, &self.base.combine(model.parameters())))
+    }
+
+    fn extents(&self) -> Vec<JointExtent> {
+        let mut extents = self.records[0].extents.clone();
+        for record in &self.records[1..] {
+            extents.iter_mut().zip(&record.extents).for_each(|(extent, other)| extent.add(other));
+        }
+        extents
     }
 }
 
@@ -181,12 +230,17 @@ pub(super) fn check(robot: &Robot, records: &[&Record]) -> Result<(ParameterSet,
     Ok((set, base))
 }
 
-fn factors_of(record: &Record) -> impl Iterator<Item = &JointFactor> {
+pub(super) fn factors_of(record: &Record) -> impl Iterator<Item = &JointFactor> {
     record.blocks.iter().flat_map(|block| &block.factors)
 }
 
+/// What is to be said of records that are copies of others: they count once.
+pub fn copies_among(records: &[&Record]) -> Vec<String> {
+    ordered(records).1
+}
+
 /// The records in the order of time, each once, and what is to be said of the copies.
-fn ordered<'a>(records: &[&'a Record]) -> (Vec<&'a Record>, Vec<String>) {
+pub(super) fn ordered<'a>(records: &[&'a Record]) -> (Vec<&'a Record>, Vec<String>) {
     let mut sorted = records.to_vec();
     sorted.sort_by(|a, b| (a.time, a.identity(), &a.source).cmp(&(b.time, b.identity(), &b.source)));
     let (mut seen, mut notes) = (BTreeSet::new(), Vec::new());
@@ -201,30 +255,6 @@ fn ordered<'a>(records: &[&'a Record]) -> (Vec<&'a Record>, Vec<String>) {
         new
     });
     (sorted, notes)
-}
-
-/// One factor for all rows of each joint and kind: joints in motion, then joints at rest.
-pub(super) fn stacked(factors: &[&JointFactor]) -> Vec<JointFactor> {
-    let mut groups: BTreeMap<(bool, usize), Vec<&JointFactor>> = BTreeMap::new();
-    for factor in factors {
-        groups.entry((factor.resting, factor.joint)).or_default().push(factor);
-    }
-    groups.into_values().map(|group| reduced(&group)).collect()
-}
-
-/// Factors below each other, reduced in pieces that stay in the cache.
-fn reduced(group: &[&JointFactor]) -> JointFactor {
-    const AT_ONCE: usize = 16;
-    let width = group[0].factor.ncols();
-    let mut factor = group[0].factor.clone();
-    for part in group[1..].chunks(AT_ONCE) {
-        let mut all = Mat::zeros((part.len() + 1) * width, width);
-        for (k, one) in std::iter::once(&factor).chain(part.iter().map(|one| &one.factor)).enumerate() {
-            all.as_mut().subrows_mut(k * width, width).copy_from(one);
-        }
-        factor = triangle(all.as_ref());
-    }
-    JointFactor { factor, rows: group.iter().map(|one| one.rows).sum(), ..group[0].clone() }
 }
 
 /// Per factor: rows that carry as much as one independent row, of the residual that `values` leave in all records.

@@ -341,9 +341,9 @@ def _identified(
 def _fitted(robot: Robot, records: Sequence[Record]) -> Model:
     """The model of records, without those of whose torque the model of the others explains nothing."""
     left = list(records)
-    model = identify_records(robot, left)
+    model = identify_records(robot, left, prior=None)
     while 2 < len(left) <= MOST_OF_BASELINE and max(_unexplained(model, one) for one in left) >= SUSPICIOUS:
-        without = [identify_records(robot, left[:k] + left[k + 1 :]) for k in range(len(left))]
+        without = [identify_records(robot, left[:k] + left[k + 1 :], prior=None) for k in range(len(left))]
         shares = [_unexplained(other, one) for other, one in zip(without, left, strict=True)]
         worst = int(np.argmax(shares))
         if shares[worst] < NOTHING:

@@ -4,15 +4,17 @@ use std::collections::BTreeSet;
 
 use faer::Mat;
 
-use super::super::super::torque_model::nominal_parameters;
+use super::super::super::torque_model::{Fit, nominal_parameters};
 use super::super::super::{IdentifyError, TorqueModel};
 use super::super::deviation::predicted;
-use super::super::sum::{correlation, fit, stacked};
+use super::super::sum::correlation;
 use super::super::{Record, RecordError};
 use super::SessionCause;
 use super::shapes::Shapes;
 use crate::effects::Role;
-use crate::identification::{BaseParameters, Estimate, JointFactor, LeastSquares, Method, ParameterSet, role_of};
+use crate::identification::{
+    BaseParameters, Dispersion, Estimate, JointFactor, LeastSquares, Method, ParameterSet, role_of, stacked,
+};
 use crate::linalg::triangle;
 use crate::robot::Robot;
 use crate::spatial::PARAMETERS_PER_LINK;
@@ -60,9 +62,7 @@ pub(super) struct State {
 impl<'a> Arm<'a> {
     pub fn new(robot: &'a Robot, set: &'a ParameterSet, base: &'a BaseParameters, records: &'a [Vec<Record>]) -> Self {
         let factors = |records: &Vec<Record>| {
-            let all: Vec<&JointFactor> =
-                records.iter().flat_map(|record| &record.blocks).flat_map(|block| &block.factors).collect();
-            stacked(&all)
+            stacked(records.iter().flat_map(|record| &record.blocks).flat_map(|block| &block.factors))
         };
         let of_role = |joint: usize, wanted: fn(Option<Role>) -> bool| {
             let own = set.effect_parameters_of(joint).into_iter();
@@ -279,4 +279,38 @@ impl<'a> Arm<'a> {
 pub(super) fn residual(factor: &JointFactor, base: &[f64], gain: f64) -> Vec<f64> {
     let torque = factor.factor.col(factor.columns.len());
     torque.iter().zip(predicted(factor, base)).map(|(torque, model)| torque / gain - model).collect()
+}
+
+/// The fit of an estimate that stands for a model.
+fn fit(
+    estimate: &Estimate,
+    base: &BaseParameters,
+    factors: &[JointFactor],
+    correlation: &[f64],
+    (joints, method): (usize, &Method),
+) -> Fit {
+    let deviations = estimate.standard_deviations();
+    let infinite = base.names().iter().zip(&deviations).filter(|(_, deviation)| deviation.is_infinite());
+    let per_joint = |figures: &[f64]| -> Vec<f64> {
+        let of = |joint| factors.iter().position(|factor| factor.joint == joint).map_or(0.0, |index| figures[index]);
+        (0..joints).map(of).collect()
+    };
+    let rows = |joint| factors.iter().filter(|factor| factor.joint == joint).map(|factor| factor.rows).sum();
+    let rank = base.rank();
+    Fit {
+        method: method.name().into(),
+        values: estimate.values.clone(),
+        covariance: (0..rank * rank).map(|k| estimate.covariance[(k / rank, k % rank)]).collect(),
+        covariance_with_terms: vec![],
+        noise: per_joint(&estimate.noise),
+        rows: (0..joints).map(rows).collect(),
+        correlation: per_joint(correlation),
+        dispersion: Dispersion::NONE.deviation,
+        half_interval_95: Dispersion::NONE.half_interval_95,
+        condition: estimate.excitation.condition,
+        scaled_condition: estimate.excitation.scaled_condition,
+        undetermined: infinite.map(|(name, _)| name.clone()).collect(),
+        standard_deviations: deviations,
+        consistency: None,
+    }
 }
