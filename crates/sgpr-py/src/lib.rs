@@ -53,7 +53,9 @@ mod _sgpr {
     #[pymodule_export]
     use crate::payload::{DriveGains, Payload, identify_drive_gains, identify_payload, screen};
     #[pymodule_export]
-    use crate::record::{Record, choose_processing, compare_records, deviations, identify_records, record};
+    use crate::record::{
+        Record, choose_processing, compare_records, deviations, diagnose_records, identify_records, record,
+    };
     #[pymodule_export]
     use crate::recording::{Issue, Recording, Repaired, quantity_of_array, read_csv, read_mcap, write_mcap};
     #[pymodule_export]

@@ -70,6 +70,12 @@ impl Record {
         self.inner.processing.clone().into()
     }
 
+    /// Effects that the equations lack and that the record has columns of: "effect", "joint", "constants".
+    #[getter]
+    fn suspects<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        self.inner.suspects.iter().map(|suspect| described(py, suspect, &self.inner.joints)).collect()
+    }
+
     /// Where the log came from.
     #[getter]
     fn source(&self) -> &str {
@@ -245,6 +251,11 @@ pub fn choose_processing(
 /// lags : bool, default True
 ///     Whether products of rows some time apart are kept, three quarters of the record: then several records together have
 ///     the standard deviations of their logs. Without, each log's own solution speaks for the memory of its residual.
+/// suspects : list of str, default ()
+///     Effects that the equations lack and that `diagnose_records` is to look for, at all joints that can have them or at one:
+///     "stribeck_friction", "cable_stiffness@joint_2". The record keeps their columns at a grid of their constants, and
+///     becomes larger by as much. Effects with constants that differ from log to log (times, places, torques) or that
+///     change the motion cannot be suspects.
 /// labels : dict of str to str, optional
 ///     Names that the record keeps: {"robot": "arm 17", "session": "4 March"}.
 ///
@@ -266,7 +277,8 @@ pub fn choose_processing(
 /// >>> model.logs
 /// ['train.csv.gz']
 #[pyfunction]
-#[pyo3(signature = (robot, recording, *, processing=None, effects=None, blocks=5, counted=None, lags=true, labels=None))]
+#[pyo3(signature = (robot, recording, *, processing=None, effects=None, blocks=5, counted=None, lags=true, suspects=None, labels=None),
+    text_signature = "(robot, recording, *, processing=None, effects=None, blocks=5, counted=None, lags=True, suspects=(), labels=None)")]
 #[allow(clippy::too_many_arguments)]
 pub fn record(
     py: Python<'_>,
@@ -277,6 +289,7 @@ pub fn record(
     blocks: usize,
     counted: Option<(i64, i64)>,
     lags: bool,
+    suspects: Option<&Bound<'_, PyAny>>,
     labels: Option<BTreeMap<String, String>>,
 ) -> PyResult<Record> {
     if !(1..=10_000).contains(&blocks) {
@@ -291,6 +304,9 @@ pub fn record(
     }
     let mut options = RecordOptions { blocks, counted: counted.map(Into::into), lags, ..RecordOptions::default() };
     options.labels = labels.unwrap_or_default();
+    if let Some(suspects) = suspects {
+        options.suspects = texts("suspects", suspects)?;
+    }
     let model = processing.and_then(|given| given.cast::<Model>().ok());
     match (effects, model) {
         (Some(effects), _) => options.effects = texts("effects", effects)?,
@@ -475,6 +491,91 @@ pub fn deviations<'py>(
         Ok(dict)
     };
     found.iter().map(block).collect()
+}
+
+/// Looks for effects that the equations of records lack, among the suspects that they were made with, without the logs.
+///
+/// What lowers the squared error on parts of the logs that were left out of the fit by 5 % of its joint's and by 2.5 standard
+/// errors is taken up, the largest first, all base parameters and what was found fitted again each time; what others make
+/// superfluous goes again.
+///
+/// Parameters
+/// ----------
+/// robot : Robot
+/// records : list of Record
+///     Made with the same `suspects`.
+///
+/// Returns
+/// -------
+/// dict
+///     "tests", what was found first, each with "effect", "joint", "constants" (those of the grid that save most), "found",
+///     "gain" (share of the joint's squared error on left-out parts that it saves) and "gain_std", "parameters" of what was
+///     found ("symbol", "unit", "value", "std"), and "alternatives", suspects that would have saved as much in its
+///     place; and "left_out_errors": per joint "joint", "without" and "with" what was found, N·m (N).
+///
+/// Raises
+/// ------
+/// IdentificationError
+///     If records have no suspects, or different ones, or are of another robot.
+///
+/// Examples
+/// --------
+/// >>> robot, log = sgpr.Robot.from_urdf("robot.urdf"), sgpr.read("train.csv.gz")
+/// >>> record = sgpr.record(robot, log, suspects=["quadratic_viscous_friction"])
+/// >>> found = sgpr.diagnose_records(robot, [record])
+/// >>> len(found["tests"]) == robot.dof
+/// True
+#[pyfunction]
+pub fn diagnose_records<'py>(
+    py: Python<'py>,
+    robot: &Bound<'py, Robot>,
+    records: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let records = given(records)?;
+    let robot = &robot.get().inner;
+    let records: Vec<&core::Record> = records.iter().map(|record| &record.get().inner).collect();
+    let found = detached(py, || core::diagnose_records(robot, &records)).map_err(IntoPyErr::into_py_err)?;
+    let joints: Vec<String> = robot.joint_names().map(String::from).collect();
+    let test = |test: &core::SuspectTest| {
+        let dict = described(py, &test.suspect, &joints)?;
+        dict.set_item("found", test.found)?;
+        dict.set_item("gain", test.judgement.gain)?;
+        dict.set_item("gain_std", test.judgement.standard_error)?;
+        let parameters = PyList::empty(py);
+        for (symbol, unit, value, deviation) in &test.parameters {
+            let one = PyDict::new(py);
+            one.set_item("symbol", symbol)?;
+            one.set_item("unit", unit)?;
+            one.set_item("value", value)?;
+            one.set_item("std", deviation)?;
+            parameters.append(one)?;
+        }
+        dict.set_item("parameters", parameters)?;
+        let alternatives = test.alternatives.iter().map(|other| described(py, other, &joints));
+        dict.set_item("alternatives", alternatives.collect::<PyResult<Vec<_>>>()?)?;
+        Ok(dict)
+    };
+    let [without, with] = &found.left_out_errors;
+    let error = |(joint, (without, with)): (&String, (&f64, &f64))| {
+        let dict = PyDict::new(py);
+        dict.set_item("joint", joint)?;
+        dict.set_item("without", without)?;
+        dict.set_item("with", with)?;
+        Ok(dict)
+    };
+    let dict = PyDict::new(py);
+    dict.set_item("tests", found.tests.iter().map(test).collect::<PyResult<Vec<_>>>()?)?;
+    let errors = joints.iter().zip(without.iter().zip(with)).map(error);
+    dict.set_item("left_out_errors", errors.collect::<PyResult<Vec<_>>>()?)?;
+    Ok(dict)
+}
+
+fn described<'py>(py: Python<'py>, suspect: &core::Suspect, joints: &[String]) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("effect", &suspect.effect)?;
+    dict.set_item("joint", &joints[suspect.joint])?;
+    dict.set_item("constants", &suspect.constants)?;
+    Ok(dict)
 }
 
 fn given<'py>(records: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, Record>>> {

@@ -257,6 +257,7 @@ def test_what_a_record_cannot_serve_is_refused(
     head, numbers = records[0].to_parts()
     earlier = {key: value for key, value in json.loads(head).items() if key not in ("extents", "key")}
     old = sgpr.Record.from_parts(json.dumps({**earlier, "version": 1}), numbers)
+    old = sgpr.Record.from_parts(*old.to_parts())
     assert identified(robot, [old]).all_parameters.tobytes() == identified(robot, records[:1]).all_parameters.tobytes()
     with pytest.raises(sgpr.IdentificationError, match="make it again from its log, or identify without a prior"):
         sgpr.identify_records(robot, [old])
@@ -379,3 +380,90 @@ def test_deviations_find_what_was_put_in(robot: sgpr.Robot, logs: list[sgpr.Reco
     loaded_joint = found["joints"][1]
     alone = min(one["error_alone"] for one in loaded_joint["parameters"])
     assert loaded_joint["error_with_tool"] < 0.5 * alone < 0.5 * loaded_joint["error"]
+
+
+@pytest.fixture(scope="module")
+def with_a_spring() -> list[sgpr.Recording]:
+    """Logs of an arm with a cable at its second joint, of which the model knows nothing."""
+    robot = sgpr.Robot.from_urdf(DATA / "demo/robot.urdf")
+    rng = np.random.default_rng(3)
+    w = 2.0 * np.pi * 0.11 * np.arange(1, 6)
+    logs = []
+    for _ in range(2):
+        phase = rng.uniform(0.0, 2.0 * np.pi, (5, robot.dof))
+        angle = (np.arange(3000) / 100.0)[:, None, None] * w[:, None] + phase
+        q = 0.25 * np.sin(angle).sum(axis=1)
+        dq = 0.25 * np.einsum("kij,i->kj", np.cos(angle), w)
+        ddq = -0.25 * np.einsum("kij,i->kj", np.sin(angle), w**2)
+        tau = robot.inverse_dynamics(q, dq, ddq) + 2.0 * np.sign(dq) + 3.0 * dq
+        tau[:, 2] += 6.0 * q[:, 2]
+        tau += 0.1 * rng.standard_normal(tau.shape)
+        time = np.arange(len(q)) * 10_000_000
+        logs.append(sgpr.Recording(time, q, tau=tau, joint_names=robot.joint_names, source=f"log {len(logs)}"))
+    return logs
+
+
+SUSPECTS = ["cable_stiffness", "quadratic_viscous_friction", "stribeck_friction"]
+
+
+def test_an_effect_that_the_model_lacks_is_found_in_records(
+    robot: sgpr.Robot, with_a_spring: list[sgpr.Recording], tmp_path: Path
+) -> None:
+    processing = sgpr.choose_processing(robot, with_a_spring)
+    records = [sgpr.record(robot, log, processing=processing, suspects=SUSPECTS) for log in with_a_spring]
+    fleet.save_records(tmp_path / "records.parquet", records)
+    kept = fleet.load_records(tmp_path / "records.parquet")
+    assert kept[0].suspects == records[0].suspects
+    found = sgpr.diagnose_records(robot, kept[::-1])
+    joint = robot.joint_names[2]
+    assert [(test["effect"], test["joint"]) for test in found["tests"] if test["found"]] == [("cable_stiffness", joint)]
+    spring = found["tests"][0]
+    # The same column in the equations of the logs: another way to the same least squares.
+    effects = ["viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset", f"cable_stiffness@{joint}"]
+    options = {"cutoff_hz": processing.cutoff_hz, "decimation": processing.decimation}
+    from_logs = bare(robot, with_a_spring, effects=effects, **options)
+    stiffness = next(iter(from_logs.terms[0]["parameters"].values()))[0]
+    assert spring["parameters"][0]["value"] == pytest.approx(stiffness, rel=1e-8)
+    assert abs(spring["parameters"][0]["value"] - 6.0) < 5 * spring["parameters"][0]["std"]
+    before, after = (found["left_out_errors"][2][key] for key in ("without", "with"))
+    assert after < 0.5 * before
+    # Whatever has columns beside them, the equations are the same.
+    plain = sgpr.record(robot, with_a_spring[0], processing=processing)
+    assert (
+        identified(robot, [records[0]]).all_parameters.tobytes() == identified(robot, [plain]).all_parameters.tobytes()
+    )
+
+
+def test_nothing_is_found_in_records_of_an_arm_that_lacks_nothing(
+    robot: sgpr.Robot, with_a_spring: list[sgpr.Recording]
+) -> None:
+    healthy = [
+        sgpr.Recording(
+            log.time_ns,
+            log.q,
+            tau=log.tau - 6.0 * log.q * (np.arange(robot.dof) == 2),  # type: ignore[operator]
+            joint_names=robot.joint_names,
+            source=log.source,
+        )
+        for log in with_a_spring
+    ]
+    processing = sgpr.choose_processing(robot, healthy)
+    records = [sgpr.record(robot, log, processing=processing, suspects=SUSPECTS) for log in healthy]
+    found = sgpr.diagnose_records(robot, records)
+    assert [test for test in found["tests"] if test["found"]] == []
+    assert len(found["tests"]) == len(SUSPECTS) * robot.dof
+
+
+def test_what_cannot_be_a_suspect_is_refused(
+    robot: sgpr.Robot, logs: list[sgpr.Recording], records: list[sgpr.Record]
+) -> None:
+    for name, reason in [
+        ("payload", "no torque of one joint"),
+        ("external_contact", "differ from log to log|no torque of one joint"),
+        ("viscous_friction", "have it already"),
+        ("cable_stiffness@elbow", "no such joint"),
+    ]:
+        with pytest.raises(sgpr.IdentificationError, match=reason):
+            sgpr.record(robot, logs[0], suspects=[name])
+    with pytest.raises(sgpr.IdentificationError, match="make records with suspects"):
+        sgpr.diagnose_records(robot, records)

@@ -34,9 +34,10 @@ pub use identify::{
 };
 pub use payload::{identify_drive_gains, identify_payload};
 pub use record::{
-    Deviation, JointDeviation, ParameterDeviation, Record, RecordBlock, RecordError, RecordMemory, RecordOptions,
-    RecordedError, SessionCause, SessionComparison, SessionTest, choose_processing, compare_records, compare_sessions,
-    copies_among, deviations, identify_records, record,
+    Deviation, JointDeviation, ParameterDeviation, Record, RecordBlock, RecordDiagnosis, RecordError, RecordMemory,
+    RecordOptions, RecordedError, SessionCause, SessionComparison, SessionTest, Suspect, SuspectTest,
+    choose_processing, compare_records, compare_sessions, copies_among, deviations, diagnose_records, identify_records,
+    record,
 };
 pub use semi_parametric::{
     Candidate, Coverage, FollowingIntervals, Inputs, JointReport, Mean, SemiParametricError, SemiParametricModel,

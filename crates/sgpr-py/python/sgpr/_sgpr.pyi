@@ -69,6 +69,7 @@ __all__ = [
     "cutoff_influence",
     "deviations",
     "diagnose",
+    "diagnose_records",
     "effects",
     "excite",
     "fit_process",
@@ -422,6 +423,8 @@ class Record:
     def library_version(self) -> str: ...
     @property
     def blocks(self) -> list[dict[str, Any]]: ...  # start_time, end_time, channels, rows
+    @property
+    def suspects(self) -> list[dict[str, Any]]: ...  # effect, joint, constants
     def factors(self, block: int) -> list[dict[str, Any]]: ...  # joint, resting, columns, rows, factor
     def to_parts(self) -> tuple[str, _Array]: ...
     @staticmethod
@@ -500,9 +503,13 @@ def record(
     blocks: int = 5,
     counted: tuple[int, int] | None = None,  # ns
     lags: bool = True,
+    suspects: Sequence[str] = (),
     labels: Mapping[str, str] | None = None,
 ) -> Record: ...
 def identify_records(robot: Robot, records: Sequence[Record], **options: Unpack[_RecordsOptions]) -> Model: ...
+
+# tests (effect joint constants found gain gain_std parameters alternatives), left_out_errors (joint without with)
+def diagnose_records(robot: Robot, records: Sequence[Record]) -> dict[str, Any]: ...
 def compare_records(model: Model, records: Sequence[Record]) -> list[dict[str, Any]]: ...  # joint, rows, rmse, torque
 def deviations(model: Model, record: Record, *, by_block: bool = False) -> list[dict[str, Any]]: ...
 

@@ -73,6 +73,20 @@ pub enum RecordError {
         /// Effect.
         effect: String,
     },
+    /// An effect of which no record can hold columns.
+    #[error("`{effect}` cannot be a suspect: {reason}. `sgpr diagnose` looks for it in the logs")]
+    NotSuspected {
+        /// Effect.
+        effect: String,
+        /// Why.
+        reason: String,
+    },
+    /// Records that cannot be diagnosed.
+    #[error("the record of {source_name} has no columns of effects to look for: make records with suspects")]
+    NoSuspects {
+        /// Log of the record.
+        source_name: String,
+    },
     /// Sessions that cannot be compared.
     #[error("{message}")]
     Sessions {

@@ -6,6 +6,7 @@ use super::super::IdentifyError;
 use super::super::experiment::{Columns, Experiment, require_torque, select_joints};
 use super::super::torque_model::nominal_parameters;
 use super::super::variable_projection;
+use super::suspects::{columns_of, suspects_of};
 use super::{JointExtent, Record, RecordBlock, RecordError, RecordMemory};
 use crate::identification::{
     BaseParameters, Equations, JointFactor, LagProducts, LeastSquares, Method, Observation, ParameterSet, Row,
@@ -29,6 +30,9 @@ pub struct RecordOptions {
     /// of their logs together. They are three quarters of a record; without them the residual of each log's own solution
     /// speaks for it.
     pub lags: bool,
+    /// Effects that the equations lack and that are to be looked for
+    /// ([`diagnose_records`](super::diagnose_records)): names, `torque_ripple` or `cable_stiffness@joint_2`.
+    pub suspects: Vec<String>,
     /// Names that the record keeps.
     pub labels: BTreeMap<String, String>,
 }
@@ -36,7 +40,7 @@ pub struct RecordOptions {
 impl Default for RecordOptions {
     fn default() -> Self {
         let effects = super::super::IdentifyOptions::default().effects;
-        Self { effects, blocks: 5, counted: None, lags: true, labels: BTreeMap::new() }
+        Self { effects, blocks: 5, counted: None, lags: true, suspects: vec![], labels: BTreeMap::new() }
     }
 }
 
@@ -76,8 +80,19 @@ pub fn record(
     }
     let set = ParameterSet::new(robot, &effects).map_err(IdentifyError::from)?;
     let base = BaseParameters::new(robot, &set);
-    let record = record_of(robot, recording, (&experiment, None), (&set, &base), processing, options)?;
-    Ok(Record { effects, ..record })
+    let mut record = record_of(robot, recording, (&experiment, None), (&set, &base), processing, options)?;
+    let suspects = suspects_of(robot, &effects, &options.suspects)?;
+    if !suspects.is_empty() {
+        let columns = columns_of(robot, &set, (&experiment, processing), &suspects)?;
+        let set = set.with_trajectory_columns(columns.parameters.clone());
+        let base = BaseParameters::new(robot, &set);
+        let parts = Parts::new(&experiment.motions, options);
+        let trajectories = experiment.trajectories_with(&[], &[], Some(&columns)).map_err(IdentifyError::from)?;
+        let observation = Observation::in_parts(robot, &set, &base, options.blocks);
+        let of_blocks = block_factors(observation, &trajectories, &parts)?;
+        record.blocks.iter_mut().zip(of_blocks).for_each(|(block, factors)| block.suspected = factors);
+    }
+    Ok(Record { effects, suspects, ..record })
 }
 
 /// Names of effects that are linear in the present motion, and at every joint.
@@ -134,6 +149,7 @@ pub(super) fn record_of(
         time: parts.time(index..index + 1),
         channels: parts.channels(&experiment.motions, index),
         factors,
+        suspected: vec![],
     };
     Ok(Record {
         robot: robot.fingerprint(),
@@ -147,6 +163,7 @@ pub(super) fn record_of(
         samples: parts.samples,
         findings,
         labels: options.labels.clone(),
+        suspects: vec![],
         extents: JointExtent::of(&experiment.motions, robot.dof()),
         key: experiment.motions.first().map_or([0.0; 2], key_of),
         library_version: env!("CARGO_PKG_VERSION").into(),

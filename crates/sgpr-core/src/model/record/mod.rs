@@ -3,7 +3,7 @@
 //! Least squares knows of a log only the triangular factors of its equations with the torque. A [`Record`] keeps them,
 //! joint by joint and part by part, with what the residual remembers and where the log came from. Any choice of records is
 //! identified ([`identify_records`]), compared with a model ([`compare_records`]) and looked through for changes
-//! ([`deviations`]) without the logs: factors of several logs below each other, reduced again, are the factor of all their
+//! ([`deviations`]), and asked for effects that the model lacks ([`diagnose_records`]), without the logs: factors of several logs below each other, reduced again, are the factor of all their
 //! rows. Adding a log is adding its record to the list, removing it is leaving it out. Sessions of one arm are compared
 //! ([`compare_sessions`]) from their logs, as sums with more columns than records keep.
 
@@ -13,6 +13,7 @@ mod make;
 mod parts;
 mod sessions;
 mod sum;
+mod suspects;
 
 use std::collections::BTreeMap;
 
@@ -24,6 +25,7 @@ pub use error::RecordError;
 pub use make::{RecordOptions, choose_processing, record};
 pub use sessions::{SessionCause, SessionComparison, SessionTest, compare_sessions};
 pub use sum::{RecordedError, compare_records, copies_among, identify_records};
+pub use suspects::{RecordDiagnosis, Suspect, SuspectTest, diagnose_records};
 
 use crate::identification::JointFactor;
 use crate::motion::Processing;
@@ -59,6 +61,8 @@ pub struct Record {
     pub extents: Vec<JointExtent>,
     /// Squares of the torque with which the log begins and of all of it: its place among others, whatever their files are called.
     pub key: [f64; 2],
+    /// Effects that the equations lack and blocks have columns of.
+    pub suspects: Vec<Suspect>,
     /// Base parameters that residuals are counted from: the log's own solution, where it has one.
     pub center: Vec<f64>,
     /// What the residual of each joint remembers.
@@ -91,6 +95,8 @@ pub struct RecordBlock {
     pub channels: BTreeMap<String, f64>,
     /// Joints in motion, then joints at rest; without those that have no row.
     pub factors: Vec<JointFactor>,
+    /// The same with the columns of suspects beside the base parameters, one after the other; empty without suspects.
+    pub suspected: Vec<JointFactor>,
 }
 
 impl Record {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use faer::Mat;
 use serde::{Deserialize, Serialize};
 
-use super::{JointExtent, Record, RecordBlock, RecordError, RecordMemory};
+use super::{JointExtent, Record, RecordBlock, RecordError, RecordMemory, Suspect};
 use crate::identification::{JointFactor, lag_groups};
 use crate::motion::Processing;
 
@@ -38,6 +38,8 @@ struct Head {
     extents: Vec<JointExtent>,
     #[serde(default)]
     key: [f64; 2],
+    #[serde(default)]
+    suspects: Vec<Suspect>,
     center: Vec<f64>,
     memory: Vec<MemoryHead>,
     blocks: Vec<BlockHead>,
@@ -59,6 +61,8 @@ struct BlockHead {
     time: [i64; 2],
     channels: BTreeMap<String, f64>,
     factors: Vec<FactorHead>,
+    #[serde(default)]
+    suspected: Vec<FactorHead>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -81,6 +85,7 @@ impl Record {
             time: block.time,
             channels: block.channels.clone(),
             factors: block.factors.iter().map(factor).collect(),
+            suspected: block.suspected.iter().map(factor).collect(),
         };
         let memory = |memory: &RecordMemory| {
             let RecordMemory { joint, resting, ref counts, .. } = *memory;
@@ -104,11 +109,13 @@ impl Record {
             labels: record.labels,
             extents: record.extents,
             key: record.key,
+            suspects: record.suspects,
             center: record.center,
             memory: self.memory.iter().map(memory).collect(),
             blocks: self.blocks.iter().map(block).collect(),
         };
-        let factors = self.blocks.iter().flat_map(|block| &block.factors).map(|factor| &factor.factor);
+        let of_blocks = self.blocks.iter().flat_map(|block| block.factors.iter().chain(&block.suspected));
+        let factors = of_blocks.map(|factor| &factor.factor);
         let products = self.memory.iter().flat_map(|memory| &memory.sums);
         let numbers = factors.chain(products).flat_map(upper_triangle).collect();
         (serde_json::to_string(&head).expect("plain data"), numbers)
@@ -134,9 +141,12 @@ impl Record {
         let mut rest = numbers;
         let mut blocks = Vec::with_capacity(head.blocks.len());
         for block in head.blocks {
-            let factors =
-                block.factors.into_iter().map(|factor| factor.with_numbers(&mut rest)).collect::<Result<_, _>>();
-            blocks.push(RecordBlock { time: block.time, channels: block.channels, factors: factors.map_err(wrong)? });
+            let mut of = |heads: Vec<FactorHead>| {
+                let factors = heads.into_iter().map(|factor| factor.with_numbers(&mut rest));
+                factors.collect::<Result<_, _>>().map_err(wrong)
+            };
+            let (factors, suspected) = (of(block.factors)?, of(block.suspected)?);
+            blocks.push(RecordBlock { time: block.time, channels: block.channels, factors, suspected });
         }
         let memory = head.memory.into_iter().map(|memory| memory.with_numbers(&mut rest)).collect::<Result<_, _>>();
         let memory = memory.map_err(wrong)?;
@@ -157,6 +167,7 @@ impl Record {
             labels: head.labels,
             extents: head.extents,
             key: head.key,
+            suspects: head.suspects,
             library_version: head.library_version,
             center: head.center,
             memory,
@@ -177,9 +188,12 @@ impl Head {
         if !self.center.iter().all(|value| value.is_finite()) {
             return wrong("a base parameter is not finite");
         }
-        let joints = if self.version < 2 { 0 } else { self.joints.len() };
-        if self.extents.len() != joints {
+        // Earlier versions did not say it.
+        if !self.extents.is_empty() && self.extents.len() != self.joints.len() {
             return wrong("it does not say what each of its joints did");
+        }
+        if !self.suspects.iter().flat_map(|suspect| &suspect.constants).all(|constant| constant.is_finite()) {
+            return wrong("a constant of a suspect is not finite");
         }
         let numbers =
             self.extents.iter().flat_map(|one| [one.position[0], one.position[1], one.speed, one.acceleration]);
@@ -191,7 +205,11 @@ impl Head {
         }
         // Sums over many records must not overflow.
         let counts = self.memory.iter().flat_map(|memory| &memory.counts);
-        let rows = self.blocks.iter().flat_map(|block| &block.factors).map(|factor| &factor.rows);
+        let rows = self
+            .blocks
+            .iter()
+            .flat_map(|block| block.factors.iter().chain(&block.suspected))
+            .map(|factor| &factor.rows);
         if counts.chain(rows).any(|count| *count > 1 << 48) || self.samples > 1 << 48 {
             return wrong("it counts more rows than any log has");
         }
