@@ -523,7 +523,7 @@ pub fn deviations<'py>(
 /// >>> robot, log = sgpr.Robot.from_urdf("robot.urdf"), sgpr.read("train.csv.gz")
 /// >>> record = sgpr.record(robot, log, suspects=["quadratic_viscous_friction"])
 /// >>> found = sgpr.diagnose_records(robot, [record])
-/// >>> len(found["tests"]) == robot.dof
+/// >>> len(found["left_out_errors"]) == robot.dof
 /// True
 #[pyfunction]
 pub fn diagnose_records<'py>(

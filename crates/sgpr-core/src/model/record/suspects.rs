@@ -3,7 +3,8 @@
 
 use std::sync::Arc;
 
-use faer::Mat;
+use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
+use faer::{Mat, Par};
 use serde::{Deserialize, Serialize};
 use sgpr_predict::internal::points_of;
 
@@ -243,33 +244,42 @@ impl Search {
         Ok(Self { candidates, rank, width, parts, levels, products, all })
     }
 
-    /// Errors on each part of the fit to the others, with some candidates.
-    fn errors(&self, taken: &[usize]) -> Errors {
+    /// The fit to all parts but one, or to all, with some candidates; zero for the columns of the others.
+    fn values(&self, taken: &[usize], left_out: Option<usize>) -> Vec<f64> {
         let extra = taken.iter().flat_map(|candidate| self.candidates[*candidate].columns.clone());
         let columns: Vec<usize> = (0..self.rank).chain(extra).collect();
+        let known = |i: usize, j: usize| self.all[(i, j)] - left_out.map_or(0.0, |part| self.products[part][(i, j)]);
+        let size: Vec<f64> = columns.iter().map(|k| known(*k, *k).max(f64::MIN_POSITIVE).sqrt()).collect();
+        let entry =
+            |i: usize, j: usize| known(columns[i], columns[j]) / (size[i] * size[j]) + if i == j { RIDGE } else { 0.0 };
+        let mut values = vec![0.0; self.width];
+        if let Some(root) = cholesky(Mat::from_fn(columns.len(), columns.len(), entry).as_ref()) {
+            let mut right = Mat::from_fn(columns.len(), 1, |i, _| known(columns[i], self.width) / size[i]);
+            solve_lower_triangular_in_place(root.transpose(), right.as_mut(), Par::Seq);
+            solve_upper_triangular_in_place(root.as_ref(), right.as_mut(), Par::Seq);
+            columns.iter().enumerate().for_each(|(i, k)| values[*k] = right[(i, 0)] / size[i]);
+        }
+        values
+    }
+
+    /// Errors on each part of the fit to the others, with some candidates.
+    fn errors(&self, taken: &[usize]) -> Errors {
         let of_part = |part: usize| {
-            let known = |i: usize, j: usize| self.all[(i, j)] - self.products[part][(i, j)];
-            let size: Vec<f64> = columns.iter().map(|k| known(*k, *k).max(f64::MIN_POSITIVE).sqrt()).collect();
-            let entry = |i: usize, j: usize| {
-                known(columns[i], columns[j]) / (size[i] * size[j]) + if i == j { RIDGE } else { 0.0 }
-            };
-            let mut values = vec![0.0; self.width];
-            if let Some(root) = cholesky(Mat::from_fn(columns.len(), columns.len(), entry).as_ref()) {
-                let mut right = Mat::from_fn(columns.len(), 1, |i, _| known(columns[i], self.width) / size[i]);
-                let seq = faer::Par::Seq;
-                use faer::linalg::triangular_solve::{
-                    solve_lower_triangular_in_place, solve_upper_triangular_in_place,
-                };
-                solve_lower_triangular_in_place(root.transpose(), right.as_mut(), seq);
-                solve_upper_triangular_in_place(root.as_ref(), right.as_mut(), seq);
-                columns.iter().enumerate().for_each(|(i, k)| values[*k] = right[(i, 0)] / size[i]);
-            }
+            let values = self.values(taken, Some(part));
             let mut squares = vec![0.0; self.levels.len()];
             let moving = self.parts[part].iter().filter(|factor| !factor.resting);
             moving.for_each(|factor| squares[factor.joint] += residual_norm(factor, &values).powi(2));
             squares
         };
         (0..self.parts.len()).map(of_part).collect()
+    }
+
+    /// Whether the last of some candidates comes out as its effect can be, friction not negative.
+    fn is_plausible(&self, taken: &[usize]) -> bool {
+        taken.last().is_none_or(|last| {
+            let Candidate { effect, columns, .. } = &self.candidates[*last];
+            effect.is_plausible(&self.values(taken, None)[columns.clone()])
+        })
     }
 
     /// What errors `after` save of `before`, all joints in units of their noise, as a share of those of the joint.
@@ -289,7 +299,7 @@ impl Search {
         (&one.effect, one.joint) == (&other.effect, other.joint)
     }
 
-    /// Of each effect at each joint that is not taken: what its best constants save.
+    /// Of each effect at each joint that is not taken and can be what the logs make it: what its best constants save.
     fn open(&self, taken: &[usize], before: &Errors) -> Vec<(usize, Judgement)> {
         let mut best: Vec<(usize, Judgement)> = Vec::new();
         let fresh = (0..self.candidates.len()).filter(|k| !taken.iter().any(|own| self.is_like(*own, *k)));
@@ -299,6 +309,9 @@ impl Search {
                 continue;
             }
             let with: Vec<usize> = taken.iter().copied().chain([candidate]).collect();
+            if !self.is_plausible(&with) {
+                continue;
+            }
             let judged = self.judge(joint, before, &self.errors(&with));
             match best.iter_mut().find(|(other, _)| self.is_like(*other, candidate)) {
                 Some(other) if judged.gain > other.1.gain => *other = (candidate, judged),
