@@ -56,9 +56,10 @@ DAYS ?= 20
 FLEET_ROBOTS = puma560=puma560 ur5e=data/reference/urdf/ur5e_like.urdf panda=data/reference/urdf/panda_like.urdf two_link=two_link
 fleet-demo: build
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check "$$(ls $(VENV)/wheels/*.whl)[fleet]"
-	$(BIN)/sgpr fleet simulate --robot $(FLEET_ROBOTS) --arms $(ARMS) --days $(DAYS) --out $(OUT)/fleet/logs
-	$(BIN)/sgpr fleet run $(OUT)/fleet/logs/fleet.csv --robot $(FLEET_ROBOTS) --out $(OUT)/fleet/records
-	$(BIN)/sgpr fleet report $(OUT)/fleet/records --robot $(FLEET_ROBOTS) --out $(OUT)/fleet/report
+	@begin=$$(date +%s); tell() { echo "$$1: $$(($$(date +%s) - begin)) s since the beginning"; }; set -e; \
+	$(BIN)/sgpr fleet simulate --robot $(FLEET_ROBOTS) --arms $(ARMS) --days $(DAYS) --out $(OUT)/fleet/logs; tell logs; \
+	$(BIN)/sgpr fleet run $(OUT)/fleet/logs/fleet.csv --robot $(FLEET_ROBOTS) --out $(OUT)/fleet/records; tell records; \
+	$(BIN)/sgpr fleet report $(OUT)/fleet/records --robot $(FLEET_ROBOTS) --out $(OUT)/fleet/report; tell page
 
 ## False alarms of healthy simulated arms and rises of friction found, with intervals; minutes.
 YEARS ?= 10

@@ -26,7 +26,7 @@ from sgpr.fleet.logs import find
 from sgpr.fleet.simulated import SECONDS, simulate_fleet
 
 URDF = Path(__file__).parent.parent / "data/reference/urdf"
-RATE_HZ, PIECE = 1000.0, 50_000
+RATE_HZ, PIECE, PERIOD = 1000.0, 50_000, 50_000
 ARMS_OF_ESTIMATE = 10_000
 
 
@@ -136,10 +136,10 @@ def stream(samples: int) -> None:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "records.parquet"
         records = sgpr.fleet.record_pieces(robot, made(), processing=processing, lags=False)
-        cpu, wall = np.array(timed(lambda: sgpr.fleet.save_records(file, records))) - making
+        cpu, wall = np.array(timed(lambda: sgpr.fleet.save_records(file, watched(records)))) - making
         model = sgpr.identify_records(robot, load_records(file))
         size = file.stat().st_size
-    memory = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    memory = peak_memory()
     print(f"stream, {samples:,} samples of 7 joints at 1 kHz in pieces of {PIECE:,}: {cpu:.1f} s CPU, ", end="")
     print(
         f"{wall:.1f} s, {samples / wall / 1e6:.2f} million samples a second, {size / 1e6:.0f} MB of records, ", end=""
@@ -147,22 +147,41 @@ def stream(samples: int) -> None:
     print(f"{memory / 1e6:.0f} MB at most, {len(model.parameters)} base parameters")
 
 
+def watched(records: Iterator[sgpr.Record]) -> Iterator[sgpr.Record]:
+    """Records, with a line on the memory whenever as many samples again are done."""
+    done, told = 0, 1_000_000
+    for record in records:
+        yield record
+        done += record.samples
+        if done >= told:
+            print(f"  after {done:,} samples: {peak_memory() / 1e6:.0f} MB at most", flush=True)
+            told *= 2
+
+
+def peak_memory() -> int:
+    """Of this process, bytes."""
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
 def long_log(samples: int, piece: int) -> tuple[sgpr.Robot, Iterator[sgpr.Recording]]:
-    """Sums of sines below 1.5 Hz at all joints, the torque with noise, in pieces."""
+    """Sums of sines below 1.5 Hz at all joints, the torque with noise, in pieces. It repeats after 50 s."""
     robot = sgpr.Robot.from_urdf(URDF / "panda_like.urdf")
     rng = np.random.default_rng(0)
     w = 2.0 * np.pi * 0.14 * np.arange(1, 11)
     phase = rng.uniform(0.0, 2.0 * np.pi, (10, robot.dof))
 
+    angle = (np.arange(PERIOD) / RATE_HZ)[:, None, None] * w[:, None] + phase
+    sin, cos = np.sin(angle), np.cos(angle)
+    once_q = 0.2 * sin.sum(axis=1)
+    dq = 0.2 * np.einsum("kij,i->kj", cos, w)
+    ddq = -0.2 * np.einsum("kij,i->kj", sin, w**2)
+    once_tau = robot.inverse_dynamics(once_q, dq, ddq) + 2.0 * np.sign(dq) + 3.0 * dq
+    del angle, sin, cos
+
     def pieces() -> Iterator[sgpr.Recording]:
         for start in range(0, samples, piece):
             k = np.arange(start, min(start + piece, samples))
-            angle = (k / RATE_HZ)[:, None, None] * w[:, None] + phase
-            sin, cos = np.sin(angle), np.cos(angle)
-            q = 0.2 * sin.sum(axis=1)
-            dq = 0.2 * np.einsum("kij,i->kj", cos, w)
-            ddq = -0.2 * np.einsum("kij,i->kj", sin, w**2)
-            tau = robot.inverse_dynamics(q, dq, ddq) + 2.0 * np.sign(dq) + 3.0 * dq
+            q, tau = once_q[k % PERIOD], once_tau[k % PERIOD]
             tau += 0.05 * rng.standard_normal(tau.shape)
             yield sgpr.Recording(k * 1_000_000, q, tau=tau, joint_names=robot.joint_names)
 
