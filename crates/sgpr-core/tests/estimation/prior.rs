@@ -126,8 +126,8 @@ fn residuals_with_and_without_a_row_have_the_noise_between_them() {
         let tau: Vec<f64> = tau.iter().enumerate().map(|(k, tau)| tau + sigma[k % 2] * noise.normal()).collect();
         let log = sgpr_core::identification::Trajectory::new(samples, &tau);
         let (robot, set, base) = (&experiment.robot, &experiment.set, &experiment.base);
-        let mut rows = Observation::in_parts(robot, set, base, PARTS, ROWS);
-        rows.add(&log).expect("good data");
+        let mut rows = Observation::in_parts(robot, set, base, PARTS);
+        rows.add_to(&log, |sample| sample * PARTS / ROWS).expect("good data");
         let (factors, parts) = (rows.factors(), rows.parts());
         let prior =
             ParameterPrior::new(robot, set, base, &nominal(&experiment), &factors).with_relative_deviation(30.0);

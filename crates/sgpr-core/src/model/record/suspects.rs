@@ -211,6 +211,9 @@ struct Search {
 /// Squares on left-out parts, per part and joint.
 type Errors = Vec<Vec<f64>>;
 
+/// Symbol, unit, value and standard deviation of a parameter.
+type FittedParameter = (&'static str, &'static str, f64, f64);
+
 impl Search {
     fn new(robot: &Robot, base: &BaseParameters, records: &[&Record]) -> Result<Self, RecordError> {
         let rank = base.rank();
@@ -386,11 +389,7 @@ impl Search {
 
     /// Parameters of what was found, fitted to all rows beside the base parameters, by weighted least squares. What the residual
     /// remembers is that of each record's own solution, without the effects: standard deviations are rather too large.
-    fn parameters(
-        &self,
-        taken: &[usize],
-        records: &[&Record],
-    ) -> Result<Vec<Vec<(&'static str, &'static str, f64, f64)>>, RecordError> {
+    fn parameters(&self, taken: &[usize], records: &[&Record]) -> Result<Vec<Vec<FittedParameter>>, RecordError> {
         let extra: Vec<usize> =
             taken.iter().flat_map(|candidate| self.candidates[*candidate].columns.clone()).collect();
         let place = |column: usize| match column.checked_sub(self.rank) {
