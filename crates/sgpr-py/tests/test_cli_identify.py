@@ -338,4 +338,5 @@ def test_the_report_says_what_was_left_out_and_why(tmp_path: Path) -> None:
     for index, rise in zip(dropped, data["essential"]["rise"], strict=True):
         assert data["parameters"][index]["name"] in section
         assert significant(rise, 3) in section
-    assert done.out.count("left out") == len(dropped)
+    assert f", {len(dropped)} left out: the report and" in done.out
+    assert run("info", tmp_path / "model.sgpr").out.count("left out") == len(dropped)

@@ -13,6 +13,7 @@ from .. import identify as identify_from
 from .. import screen as screen_with
 from ..report.identification import IdentificationPage
 from ..report.numbers import counted, percent
+from ..report.parameters import left_out as is_left_out
 from . import describe
 from .console import Output, to_json
 from .error_table import show_errors
@@ -279,10 +280,12 @@ FEW_PARAMETERS = 12
 
 def in_a_sentence(parameters: Sequence[dict[str, Any]]) -> str:
     """How many parameters are known, and where they stand."""
-    known = [p["relative_standard_deviation_percent"] for p in parameters if p["determined"]]
+    dropped = sum(is_left_out(p) for p in parameters)
+    known = [p["relative_standard_deviation_percent"] for p in parameters if p["determined"] and not is_left_out(p)]
     well = sum(percent is not None and percent <= 10.0 for percent in known)
     silent = sum(p["determined"] is False for p in parameters)
     held = f", {silent} not excited by the motion" if silent else ""
+    held += f", {dropped} left out" if dropped else ""
     return (
         f"{len(parameters)} base parameters, {well} of them known to 10 % or better{held}: the report and "
         "`sgpr info MODEL` list them"
