@@ -278,7 +278,7 @@ mod tests {
     #[test]
     fn unknown_units_are_answered_with_the_known_ones() {
         let message = "grad".parse::<PositionUnit>().expect_err("not a unit").to_string();
-        assert_eq!(message, "`grad` is no unit of position; known are `rad`, `deg`, `turn`, `m`, `mm`");
+        assert_eq!(message, "`grad` is no unit of position; known are `rad`, `mrad`, `deg`, `turn`, `m`, `mm`");
     }
 
     #[test]
