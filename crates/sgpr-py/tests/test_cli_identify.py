@@ -243,7 +243,7 @@ def test_the_report_proves_consistency_and_shows_the_screening(tmp_path: Path) -
     for link in data["certificate"]["links"]:
         assert significant(link["smallest_eigenvalue"], 3) in page
     assert data["certificate"]["prior_deviation"] == 10.0
-    assert "excites all" in data["screening"][0]
+    assert "58 base parameters" in data["screening"][0]
     assert data["screening"][0] in page
     without = run(*base[:-3], "--out", tmp_path / "free")
     assert without.code == 0, without.err

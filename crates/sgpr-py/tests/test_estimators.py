@@ -377,6 +377,6 @@ def test_a_controller_that_does_not_hold_the_arm_is_named() -> None:
     robot = sgpr.robots.two_link()
     friction, gains, noise = TWO_LINK
     log, wanted, _ = sticking_log(robot, friction, gains, 1e-4, torque_noise=noise)
-    wrong = {name: [-gain for gain in values] for name, values in gains.items()}
+    wrong = {"kp": gains["kp"], "kd": [1e9 * gain for gain in gains["kd"]]}
     with pytest.raises(sgpr.IdentificationError, match="simulation of trajectory 1 diverges: check sign and unit"):
         sgpr.identify(robot, [log], effects=EFFECTS, method="output_error", instruments=[wanted], **wrong)

@@ -203,9 +203,11 @@ impl Setup<'_> {
         let Observed { factors, parts, correlation } = data;
         let extents = &self.source.extents();
         let (robot, set, base) = (self.robot, self.set, self.base);
-        if let Some((prior, width)) = prior.as_ref().filter(|_| options.method.reweights()) {
+        if let Some((prior, _)) = prior.as_ref().filter(|_| options.method.reweights()) {
             let task = held::Task { robot, set, base, factors, parts, extents };
-            let first = task.solve(&options.method, equations, (prior, *width), correlation)?;
+            // Noise is a matter of the logs, however wide a prior is wished for: under a wide one parts that are left out are
+            // missed by what the others do not know.
+            let first = task.solve(&options.method, equations, (prior, PriorWidth::Chosen), correlation)?;
             let noise = task.noise(&first);
             factors.iter_mut().zip(noise).for_each(|(factor, noise)| factor.least_noise = noise);
         }
