@@ -302,16 +302,7 @@ impl Basis {
 
     /// Covariance of some coefficients for unit noise; infinite for dependent ones.
     pub fn covariance(&self, columns: std::ops::Range<usize>) -> Mat<f64> {
-        let size = self.kept.len();
-        // Row k of R⁻¹ times its transpose.
-        let row = |index: usize| -> Option<Vec<f64>> {
-            let at = self.kept.iter().position(|own| *own == index)?;
-            let mut unit = vec![0.0; size];
-            unit[at] = 1.0;
-            self.forward_substitute(&mut unit);
-            Some(unit)
-        };
-        let rows: Vec<Option<Vec<f64>>> = columns.map(row).collect();
+        let rows: Vec<Option<Vec<f64>>> = columns.map(|index| self.row_of_inverse(index)).collect();
         Mat::from_fn(rows.len(), rows.len(), |i, j| match (&rows[i], &rows[j]) {
             (Some(a), Some(b)) => dot_in_lanes(a, b),
             _ if i == j => f64::INFINITY,
@@ -321,17 +312,16 @@ impl Basis {
 
     /// Standard deviations of the coefficients for unit noise; infinite for dependent ones.
     pub fn deviations(&self) -> Vec<f64> {
-        let size = self.kept.len();
-        let mut squares = vec![0.0; size];
-        for k in 0..size {
-            let mut unit = vec![0.0; size];
-            unit[k] = 1.0;
-            self.back_substitute(&mut unit);
-            squares.iter_mut().zip(unit).for_each(|(sum, x)| *sum += x * x);
-        }
-        let mut deviations = vec![f64::INFINITY; self.columns];
-        self.kept.iter().zip(squares).for_each(|(index, square)| deviations[*index] = square.sqrt());
-        deviations
+        let deviation = |index| self.row_of_inverse(index).map_or(f64::INFINITY, |row| dot_in_lanes(&row, &row).sqrt());
+        (0..self.columns).map(deviation).collect()
+    }
+
+    /// The row of R⁻¹ that belongs to a column, if it is independent: R⁻¹R⁻ᵀ is the covariance for unit noise.
+    fn row_of_inverse(&self, index: usize) -> Option<Vec<f64>> {
+        let mut row = vec![0.0; self.rank()];
+        row[self.kept.iter().position(|own| *own == index)?] = 1.0;
+        self.forward_substitute(&mut row);
+        Some(row)
     }
 }
 
@@ -390,10 +380,13 @@ pub(super) fn gain_with(
     let lengths: Vec<f64> = columns.iter().map(|column| dot(column, column)).collect();
     let b: Vec<f64> = columns.iter().map(|column| dot(column, residual)).collect();
     let mut gram = products(columns, shares);
-    // A column that the model has already stays one, whatever is believed of it.
-    let visible = |k: usize| gram[k * columns.len() + k] > tolerance * tolerance * lengths[k];
-    let seen: Vec<usize> = (0..precision.len()).filter(|k| visible(*k)).collect();
-    seen.into_iter().for_each(|k| gram[k * columns.len() + k] += precision[k]);
+    for (k, (precision, length)) in precision.iter().zip(&lengths).enumerate() {
+        let left = &mut gram[k * columns.len() + k];
+        // A column that the model has already stays one, whatever is believed of it.
+        if *left > tolerance * tolerance * length {
+            *left += precision;
+        }
+    }
     gain_of(&gram, &b, &lengths, tolerance)
 }
 

@@ -6,7 +6,7 @@ use faer::Mat;
 use rayon::prelude::*;
 
 use super::DiagnosisError;
-use super::basis::{mean_square, rms};
+use super::basis::rms;
 use super::fit::{ByLog, LogSums};
 use super::left_out::FilePrior;
 use sgpr_predict::internal::{JointRanges, for_each_regressor_block};
@@ -220,10 +220,10 @@ impl Problem {
     /// would else run off against each other.
     pub fn precision(&self, column: &Column) -> f64 {
         let (mut own, mut shown) = (0.0, 0.0);
-        for (column, torque) in column.iter().zip(&self.y).filter(|(column, _)| !column.is_empty()) {
+        for (column, ranges) in column.iter().zip(&self.ranges).filter(|(column, _)| !column.is_empty()) {
             let acts = column.iter().filter(|x| **x != 0.0).count().max(1) as f64;
             own += dot_in_lanes(column, column) / acts;
-            shown += mean_square(torque);
+            shown += ranges.torque.powi(2);
         }
         if shown > 0.0 { own / (shown * WIDEST_EFFECT.powi(2)) } else { 0.0 }
     }

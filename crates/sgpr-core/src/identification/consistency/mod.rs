@@ -362,9 +362,10 @@ pub(crate) fn nearest_load(
         return Ok(taken_up);
     }
     let put_down = nearest_body(&parameters.map(|x| -x), covariance, reach)?;
-    let nearer = if put_down.distance2 < taken_up.distance2 { -1.0 } else { 1.0 };
-    let nearest = if nearer < 0.0 { put_down } else { taken_up };
-    Ok(NearestBody { parameters: nearest.parameters.map(|x| nearer * x), ..nearest })
+    if put_down.distance2 < taken_up.distance2 {
+        return Ok(NearestBody { parameters: put_down.parameters.map(|x| -x), ..put_down });
+    }
+    Ok(taken_up)
 }
 
 /// Squares of distances below this are the solver's.
