@@ -236,11 +236,14 @@ pub(super) fn imitations(
     let with_found = search.errors(fitted).left_out;
     let explained = explained_share(joint, &search.errors(&bare).left_out, &with_found);
     let of_smooth = weights(problem, &[&with_found, &with_smooth], &[0.0; 2], &[joint])[1];
-    // A change that no log shows is confounded with all that logs differ in: it stands where nothing else is in question.
-    if left > 0.0 || of_smooth > 1.0 - CERTAIN {
-        let between = |k: &usize| search.is_between_logs(&fitted.terms()[*k]);
-        let between: Vec<usize> = found.iter().copied().filter(between).collect();
-        if !between.is_empty() {
+    // A change that no log shows is confounded with all that logs differ in: it stands where nothing else is in question, or
+    // where it surely predicts whole logs better, of which only those before and after it know.
+    let between = |k: &usize| search.is_between_logs(&fitted.terms()[*k]);
+    let between: Vec<usize> = found.iter().copied().filter(between).collect();
+    if !between.is_empty() && (left > 0.0 || of_smooth > 1.0 - CERTAIN) {
+        let with_found = fitted.part_fits(problem, noise).errors();
+        let with_smooth = processes.errors_of(&smooth, problem, &bare.part_fits(problem, noise), &all);
+        if weights(problem, &[&with_found, &with_smooth], &[0.0; 2], &[joint])[1] > 1.0 - CERTAIN {
             return between;
         }
     }
@@ -249,7 +252,8 @@ pub(super) fn imitations(
         return vec![];
     }
     // Terms that hold at positions and speeds that they were not fitted to ...
-    let mut kept: Vec<usize> = found.iter().copied().filter(|k| holds_elsewhere(search, fitted, *k, joint)).collect();
+    let holds = |k: &usize| between.contains(k) || holds_elsewhere(search, fitted, *k, joint);
+    let mut kept: Vec<usize> = found.iter().copied().filter(holds).collect();
     // ... and those that have evidence beside the process, the strongest first.
     let mut best = smooth.evidence;
     loop {

@@ -94,6 +94,11 @@ impl Fitted {
         self.blocks.get(self, problem, noise, &problem.fold)
     }
 
+    /// The fits that parts of the logs were left out of.
+    pub fn part_fits(&self, problem: &Problem, noise: &Noise) -> Arc<FoldFits> {
+        self.parts.get(self, problem, noise, &problem.parts())
+    }
+
     /// The columns of a term as they are and whitened, if it is in the fit and they are those of any model with the same
     /// transforms.
     fn columns_of(&self, term: &Term) -> Option<Vec<AndWhite>> {
@@ -462,7 +467,7 @@ pub(super) fn by_log(problem: &Problem, errors: &LeftOut) -> Vec<ByLog> {
 pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) -> LeftOut {
     let is_timed = |term: &Term| term.times().next().is_some();
     if !fitted.terms().iter().any(is_timed) {
-        return fitted.parts.get(fitted, problem, noise, &problem.parts()).errors();
+        return fitted.part_fits(problem, noise).errors();
     }
     let mut target = fitted.target.to_vec();
     let mut at = problem.base.rank();

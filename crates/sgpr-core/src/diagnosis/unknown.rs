@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::basis::{Noise, mean_square};
 use super::evidence::{EVEN, LeftOut, SURE, probability_of_fall, weights};
 use super::fit::{Fitted, beyond};
-use super::left_out::Extra;
+use super::left_out::{Extra, FoldFits};
 use super::problem::{Column, Problem};
 use crate::linalg::dot_in_lanes;
 use crate::random::Random;
@@ -306,15 +306,21 @@ impl Processes {
         all.truncate(FINALISTS);
         let folds = fitted.folds(problem, noise);
         let judged = all.into_par_iter().map(|own| {
-            let precision = 1.0 / own.variance.max(f64::MIN_POSITIVE);
-            let Process { group, length_scale, .. } = &self.all[own.index];
-            let columns = features(problem, joint, group, *length_scale);
-            let errors =
-                folds.errors_with(&Extra { columns: &columns, precision: &vec![precision; columns.len()] }, joints);
+            let errors = self.errors_of(&own, problem, &folds, joints);
             (own, errors)
         });
         let error = |(_, errors): &(Smooth, LeftOut)| errors.mean_square(joint);
         judged.collect::<Vec<_>>().into_iter().min_by(|a, b| error(a).total_cmp(&error(b)))
+    }
+
+    /// Errors of a process on what fits beside it leave out.
+    ///
+    /// - `joints`: as in [`Self::best`]
+    pub fn errors_of(&self, smooth: &Smooth, problem: &Problem, fits: &FoldFits, joints: &[usize]) -> LeftOut {
+        let precision = 1.0 / smooth.variance.max(f64::MIN_POSITIVE);
+        let Process { group, length_scale, .. } = &self.all[smooth.index];
+        let columns = features(problem, self.joint, group, *length_scale);
+        fits.errors_with(&Extra { columns: &columns, precision: &vec![precision; columns.len()] }, joints)
     }
 
     /// Log evidence of a process against none beside another fit.

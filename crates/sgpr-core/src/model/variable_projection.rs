@@ -12,6 +12,7 @@
 use std::sync::Arc;
 
 use faer::Mat;
+use rayon::prelude::*;
 use sgpr_predict::internal::{JointRanges, points_of};
 
 use super::correlation::correlation;
@@ -24,7 +25,7 @@ use crate::identification::{
     triangular_solution,
 };
 use crate::linalg::triangle;
-use crate::motion::{MotionError, Processing};
+use crate::motion::{Motion, MotionError, Processing};
 use crate::progress::Progress;
 use crate::robot::Robot;
 
@@ -109,8 +110,11 @@ const MOST_STEPS: usize = 20;
 /// A step that promises less of chi-squared is not worth a solution.
 const SMALL_STEP: f64 = 0.1;
 
-/// Least share of a step that is tried.
+/// Least share of a step that is tried, and by how much shorter it becomes after one that made chi-squared larger, or
+/// smaller by less than a tenth of what it promised: the tangents do not reach so far.
 const LEAST_SHARE: f64 = 0.02;
+const SHORTER: f64 = 0.35;
+const POOR: f64 = 0.1;
 
 /// Columns of candidates held at once.
 const AT_ONCE: usize = 48;
@@ -214,25 +218,29 @@ impl<'a> TermFit<'a> {
         if unknowns.is_empty() {
             return Ok(model);
         }
-        let mut best: Option<(f64, TorqueModel, Vec<f64>)> = None;
+        struct Best {
+            chi2: f64,
+            model: TorqueModel,
+            steps: Vec<f64>,
+            promised: f64,
+        }
+        let mut best: Option<Best> = None;
         let (mut trial, mut share) = (model, 1.0);
         for step in 0..MOST_STEPS {
             progress.step("constants of effects", round * MOST_STEPS + step, 2 * MOST_STEPS)?;
             let linear = self.linear_with_tangents(&trial, &unknowns)?;
             let (chi2, values, steps, promised) = linear.projected(levels);
-            if best.as_ref().is_none_or(|(least, ..)| chi2 < *least) {
-                best = Some((chi2, self.at(&trial, &values), steps));
-                share = 1.0;
-                if promised < SMALL_STEP {
-                    break;
-                }
-            } else {
-                share *= 0.35;
-                if share < LEAST_SHARE {
-                    break;
-                }
+            let gain = best.as_ref().map_or(f64::INFINITY, |best| best.chi2 - chi2);
+            let is_poor = best.as_ref().is_some_and(|best| gain < POOR * best.promised);
+            share = if is_poor { SHORTER * share } else { f64::min(2.0 * share, 1.0) };
+            if gain > 0.0 {
+                best = Some(Best { chi2, model: self.at(&trial, &values), steps, promised });
             }
-            let (_, from, steps) = best.as_ref().expect("the first solution is the best so far");
+            let Best { model: from, steps, promised, .. } =
+                best.as_ref().expect("the first solution is the best so far");
+            if *promised < SMALL_STEP || share < LEAST_SHARE {
+                break;
+            }
             let mut terms = from.terms().to_vec();
             for (unknown, step) in unknowns.iter().zip(steps) {
                 let constant = &mut terms[unknown.term].constants[unknown.index];
@@ -241,7 +249,7 @@ impl<'a> TermFit<'a> {
             trial = from.clone().with_terms(terms, self.clock);
         }
         progress.step("constants of effects", (round + 1) * MOST_STEPS, 2 * MOST_STEPS)?;
-        Ok(best.expect("at least one solution").1)
+        Ok(best.expect("at least one solution").model)
     }
 
     /// The constants that steps are taken in: a limit of the torque is read off the logs.
@@ -371,19 +379,17 @@ impl<'a> TermFit<'a> {
 
     /// The same, and tangents by constants behind them.
     fn columns_with(&self, model: &TorqueModel, unknowns: &[Unknown]) -> Result<Columns, MotionError> {
-        let mut columns = Columns { tau: vec![], values: vec![], parameters: self.parameters(model, unknowns) };
-        for (index, motion) in self.experiment.motions.iter().enumerate() {
-            if columns.parameters.is_empty() && model.terms().is_empty() {
-                columns.tau.push(torque_of(motion)?.to_vec());
-                columns.values.push(vec![]);
-                continue;
+        let parameters = self.parameters(model, unknowns);
+        let of_motion = |(motion, times): (&Motion, &Vec<f64>)| -> Result<(Vec<f64>, Vec<Vec<f64>>), MotionError> {
+            let mut tau = torque_of(motion)?.to_vec();
+            if parameters.is_empty() && model.terms().is_empty() {
+                return Ok((tau, vec![]));
             }
-            let trajectory = Trajectory::of(motion, &self.times[index]);
+            let trajectory = Trajectory::of(motion, times);
             let rigid = model.rigid(&trajectory);
             let context = model.context(&trajectory, &rigid);
-            let mut values = Vec::with_capacity(columns.parameters.len());
+            let mut values = Vec::with_capacity(parameters.len());
             model.terms().iter().for_each(|term| values.extend(term.columns(&context)));
-            let mut tau = torque_of(motion)?.to_vec();
             self.take_transforms_off(model, &trajectory, &values, &mut tau);
             for unknown in unknowns {
                 let Unknown { term, index, low, high, .. } = *unknown;
@@ -392,9 +398,11 @@ impl<'a> TermFit<'a> {
                 tangent.iter_mut().for_each(|value| *value *= slope);
                 values.push(tangent);
             }
-            columns.tau.push(tau);
-            columns.values.push(values);
-        }
+            Ok((tau, values))
+        };
+        let motions = self.experiment.motions.par_iter().zip(&self.times);
+        let (tau, values) = motions.map(of_motion).collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+        let mut columns = Columns { tau, values, parameters };
         for (k, parameter) in columns.parameters.iter_mut().enumerate() {
             let (squares, count) = columns.values.iter().fold((0.0, 0), |(sum, count), values| {
                 (sum + values[k].iter().map(|x| x * x).sum::<f64>(), count + values[k].len())
