@@ -73,15 +73,6 @@ impl Accepted {
     }
 }
 
-/// What a search has found so far.
-struct Found {
-    fitted: Fitted,
-    /// The last terms of the fit, in their order.
-    accepted: Vec<Accepted>,
-    /// Joints where a smooth function of the state does better than many effects: their rows would mislead.
-    closed: Vec<bool>,
-}
-
 /// What a search came to.
 pub(super) struct Outcome {
     /// The model as it was, on the rows that count.
@@ -226,50 +217,18 @@ impl<'a> Search<'a> {
         Ok(fitted)
     }
 
-    /// Forward steps with joint refit, then backward ones, and both again if some went: what they kept out may come now.
-    ///
-    /// Source: P. Pudil, J. Novovicova, J. Kittler, Floating search methods in feature selection, Pattern Recognition
-    /// Letters 15 (1994), section 3.
+    /// Forward steps with joint refit, then backward ones.
     pub fn run(&mut self, start: &Fitted) -> Result<Outcome, Interrupted> {
-        /// Two effects that take each other's place would do so for ever.
-        const ROUNDS: usize = 2;
-        let mut found = Found { fitted: start.clone(), accepted: vec![], closed: vec![false; self.problem.dof()] };
-        self.progress.step(STAGE, 0, MOST_TERMS)?;
-        for (next, step) in self.limits(&found.fitted) {
-            found.fitted = next;
-            found.accepted.push(step);
-        }
+        let mut fitted = start.clone();
+        let mut accepted: Vec<Accepted> = Vec::new();
         let mut ranking = None;
-        for _ in 0..ROUNDS {
-            found = self.forward(found, &mut ranking)?;
-            let most = found.accepted.len();
-            let Found { mut fitted, mut accepted, closed } = found;
-            fitted = self.with_likelier_transforms(fitted, &mut accepted);
-            fitted = self.with_plainer_forms(fitted, &mut accepted);
-            fitted = self.with_finer_instead(fitted, &mut accepted);
-            (fitted, accepted) = self.backward(fitted, accepted, &|_| true)?;
-            found = Found { fitted, accepted, closed };
-            if found.accepted.len() == most {
-                break;
-            }
-            self.cache.clear();
+        // Joints where a smooth function of the state does better than many effects: their rows would mislead.
+        let mut closed = vec![false; self.problem.dof()];
+        self.progress.step(STAGE, 0, MOST_TERMS)?;
+        for (next, step) in self.limits(&fitted) {
+            fitted = next;
+            accepted.push(step);
         }
-        let Found { mut fitted, accepted, closed } = found;
-        if closed.contains(&true) {
-            let on_all_rows = self.on_rows_without(&vec![false; closed.len()], &fitted);
-            fitted = self.with_noise_anew(&on_all_rows)?;
-        }
-        let start = solve(&self.problem, &start.model, start.terms(), &self.noise);
-        self.progress.step(STAGE, MOST_TERMS, MOST_TERMS)?;
-        let [held_out_before, held_out] = [&start, &fitted].map(|fit| self.held_out(fit));
-        Ok(Outcome { start, fitted, accepted, ranking: ranking.unwrap_or_default(), held_out_before, held_out })
-    }
-
-    /// What is found with all steps forward.
-    ///
-    /// - `ranking`: takes the candidates of the first step of all
-    fn forward(&mut self, found: Found, ranking: &mut Option<Vec<Candidate>>) -> Result<Found, Interrupted> {
-        let Found { mut fitted, mut accepted, mut closed } = found;
         while fitted.terms().len() < MOST_TERMS {
             let (basis, white) = self.with_nuisances(&fitted);
             if let Some(released) = self.without_holds(&fitted, (&basis, &white))? {
@@ -316,7 +275,18 @@ impl<'a> Search<'a> {
             }
             self.progress.step(STAGE, fitted.terms().len().min(MOST_TERMS), MOST_TERMS)?;
         }
-        Ok(Found { fitted, accepted, closed })
+        fitted = self.with_likelier_transforms(fitted, &mut accepted);
+        fitted = self.with_plainer_forms(fitted, &mut accepted);
+        fitted = self.with_finer_instead(fitted, &mut accepted);
+        let (mut fitted, accepted) = self.backward(fitted, accepted, &|_| true)?;
+        if closed.contains(&true) {
+            let on_all_rows = self.on_rows_without(&vec![false; closed.len()], &fitted);
+            fitted = self.with_noise_anew(&on_all_rows)?;
+        }
+        let start = solve(&self.problem, &start.model, start.terms(), &self.noise);
+        self.progress.step(STAGE, MOST_TERMS, MOST_TERMS)?;
+        let [held_out_before, held_out] = [&start, &fitted].map(|fit| self.held_out(fit));
+        Ok(Outcome { start, fitted, accepted, ranking: ranking.unwrap_or_default(), held_out_before, held_out })
     }
 
     /// The joint of the last accepted term and the terms there, if there are many and they only imitate a smooth function
