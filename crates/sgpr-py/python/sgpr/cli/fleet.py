@@ -11,7 +11,7 @@ from ..fleet.changes import FALSE_ALARMS, histories, to_dict
 from ..fleet.engine import kinds_of, make_records
 from ..fleet.files import iterate_records
 from ..fleet.logs import find
-from ..fleet.simulated import simulate_fleet
+from ..fleet.simulated import SECONDS, simulate_fleet
 from ..report.fleet import FleetPage
 from ..report.numbers import counted
 from ..report.versions import versions
@@ -128,6 +128,7 @@ def simulate(
     arms: Annotated[int, typer.Option("--arms")] = 40,
     days: Annotated[int, typer.Option("--days")] = 30,
     sessions: Annotated[int, typer.Option("--sessions", help="Per day.")] = 2,
+    seconds: Annotated[float, typer.Option("--seconds", help="Of each session.")] = SECONDS,
     faulty: Annotated[float, typer.Option("--faulty", help="Share of arms to which something happens.")] = 0.2,
     seed: Annotated[int, typer.Option("--seed")] = 0,
     workers: Annotated[int | None, typer.Option("--workers", metavar="N", show_default="all processors")] = None,
@@ -142,6 +143,7 @@ def simulate(
             arms=arms,
             days=days,
             sessions_per_day=sessions,
+            seconds=seconds,
             faulty=faulty,
             seed=seed,
             workers=workers,
