@@ -207,6 +207,15 @@ def report(
     for history in found:
         for session in history.foreign:
             output.warning(f"{history.robot}, {session}: the reference explains nothing of its torque; left out")
+        for session, reason in history.left_out.items():
+            output.warning(f"{history.robot}, {session}: {reason}; left out")
+        for text in history.mixed:
+            output.warning(text)
+    doubts = [finding for history in found for finding in history.findings if finding.rank != "know"]
+    if doubts:
+        arms = sum(any(finding.rank != "know" for finding in history.findings) for history in found)
+        kinds = ", ".join(sorted({finding.kind.replace("_", " ") for finding in doubts}))
+        output.warning(f"a look at the logs of {counted(arms, 'arm')} found: {kinds}; see the report")
     output.line(f"report: {Path(out) / 'report.html'}")
     output.line(f"alarms: {Path(out) / 'alarms.json'}")
     output.result(data)
