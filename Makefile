@@ -51,13 +51,16 @@ workbench: build
 	$(BIN)/sgpr workbench data/demo
 
 ## A simulated fleet with wear, tools, a collision and faults of sensors, and the page on what changed in which arm.
-ARMS ?= 32
-DAYS ?= 20
+ARMS ?= 200
+DAYS ?= 30
+SESSIONS ?= 1
+SESSION_SECONDS ?= 10
 FLEET_ROBOTS = puma560=puma560 ur5e=data/reference/urdf/ur5e_like.urdf panda=data/reference/urdf/panda_like.urdf two_link=two_link
 fleet-demo: build
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check "$$(ls $(VENV)/wheels/*.whl)[fleet]"
 	@begin=$$(date +%s); tell() { echo "$$1: $$(($$(date +%s) - begin)) s since the beginning"; }; set -e; \
-	$(BIN)/sgpr fleet simulate --robot $(FLEET_ROBOTS) --arms $(ARMS) --days $(DAYS) --out $(OUT)/fleet/logs; tell logs; \
+	$(BIN)/sgpr fleet simulate --robot $(FLEET_ROBOTS) --arms $(ARMS) --days $(DAYS) \
+		--sessions $(SESSIONS) --seconds $(SESSION_SECONDS) --out $(OUT)/fleet/logs; tell logs; \
 	$(BIN)/sgpr fleet run $(OUT)/fleet/logs/fleet.csv --robot $(FLEET_ROBOTS) --out $(OUT)/fleet/records; tell records; \
 	$(BIN)/sgpr fleet report $(OUT)/fleet/records --robot $(FLEET_ROBOTS) --out $(OUT)/fleet/report; tell page
 

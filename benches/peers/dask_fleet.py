@@ -75,10 +75,9 @@ def main() -> None:
 
 def written(folder: Path, robot: sgpr.Robot, count: int, seconds: float) -> list[Log]:
     """Logs of a simulated arm."""
-    simulated.SECONDS = seconds
     rows = ["path,robot,type"]
     for k in range(count):
-        log = simulated.session_log(simulated.Arm("arm", "ur5e", 1), robot, k, 1, tracked=False)
+        log = simulated.session_log(simulated.Arm("arm", "ur5e", 1), robot, k, 1, seconds=seconds, tracked=False)
         columns = {"t": pa.array(log["t"]).cast(pa.timestamp("ns"))}
         for name, key in (("position", "q"), ("torque", "tau")):
             columns |= {f"{joint}_{name}": log[key][:, j] for j, joint in enumerate(robot.joint_names)}

@@ -121,7 +121,22 @@ impl Record {
     /// What a look at the log found, one sentence each.
     #[getter]
     fn findings(&self) -> Vec<String> {
-        self.inner.findings.clone()
+        self.inner.findings.iter().map(|finding| finding.message.clone()).collect()
+    }
+
+    /// The same for machines: "kind" (`frozen_torque`, `saturated`), "rank" ("stop", "look", "know"), "subject" (the
+    /// joint or column, or None), "message".
+    #[getter]
+    fn screening<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let described = |finding: &core::RecordFinding| {
+            let dict = PyDict::new(py);
+            dict.set_item("kind", &finding.kind)?;
+            dict.set_item("rank", &finding.rank)?;
+            dict.set_item("subject", &finding.subject)?;
+            dict.set_item("message", &finding.message)?;
+            Ok(dict)
+        };
+        self.inner.findings.iter().map(described).collect()
     }
 
     /// Names that the caller gave: the arm, the session, its tool.
@@ -510,8 +525,11 @@ pub fn deviations<'py>(
 /// dict
 ///     "tests", what was found first, each with "effect", "joint", "constants" (those of the grid that save most), "found",
 ///     "gain" (share of the joint's squared error on left-out parts that it saves) and "gain_std", "parameters" of what was
-///     found ("symbol", "unit", "value", "std"), and "alternatives", suspects that would have saved as much in its
-///     place; and "left_out_errors": per joint "joint", "without" and "with" what was found, N·m (N).
+///     found ("symbol", "unit", "value", "std"), "alternatives", suspects that would have saved as much in its
+///     place, and "mostly_unexplained": more of the joint's error goes on from row to row, as no noise does, than what was
+///     found there explains, so that it can be the shadow of an effect that is no suspect; and "left_out_errors": per joint
+///     "joint", "without" and "with" what was found, N·m (N), and "unexplained", the share of the squared error that still
+///     goes on.
 ///
 /// Raises
 /// ------
@@ -553,19 +571,21 @@ pub fn diagnose_records<'py>(
         dict.set_item("parameters", parameters)?;
         let alternatives = test.alternatives.iter().map(|other| described(py, other, &joints));
         dict.set_item("alternatives", alternatives.collect::<PyResult<Vec<_>>>()?)?;
+        dict.set_item("mostly_unexplained", test.mostly_unexplained)?;
         Ok(dict)
     };
     let [without, with] = &found.left_out_errors;
-    let error = |(joint, (without, with)): (&String, (&f64, &f64))| {
+    let error = |joint: usize| {
         let dict = PyDict::new(py);
-        dict.set_item("joint", joint)?;
-        dict.set_item("without", without)?;
-        dict.set_item("with", with)?;
+        dict.set_item("joint", &joints[joint])?;
+        dict.set_item("without", without[joint])?;
+        dict.set_item("with", with[joint])?;
+        dict.set_item("unexplained", found.unexplained[joint])?;
         Ok(dict)
     };
     let dict = PyDict::new(py);
     dict.set_item("tests", found.tests.iter().map(test).collect::<PyResult<Vec<_>>>()?)?;
-    let errors = joints.iter().zip(without.iter().zip(with)).map(error);
+    let errors = (0..joints.len()).map(error);
     dict.set_item("left_out_errors", errors.collect::<PyResult<Vec<_>>>()?)?;
     Ok(dict)
 }

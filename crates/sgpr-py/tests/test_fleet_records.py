@@ -420,13 +420,15 @@ def test_an_effect_that_the_model_lacks_is_found_in_records(
     spring = found["tests"][0]
     # The same column in the equations of the logs: another way to the same least squares.
     effects = ["viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset", f"cable_stiffness@{joint}"]
-    options = {"cutoff_hz": processing.cutoff_hz, "decimation": processing.decimation}
+    options = {"cutoff_hz": processing.cutoff_hz, "decimation": processing.decimation, "turn_margin": 1.0}
     from_logs = bare(robot, with_a_spring, effects=effects, **options)
     stiffness = next(iter(from_logs.terms[0]["parameters"].values()))[0]
     assert spring["parameters"][0]["value"] == pytest.approx(stiffness, rel=1e-8)
     assert abs(spring["parameters"][0]["value"] - 6.0) < 5 * spring["parameters"][0]["std"]
     before, after = (found["left_out_errors"][2][key] for key in ("without", "with"))
     assert after < 0.5 * before
+    # What goes on from row to row was the spring.
+    assert not spring["mostly_unexplained"] and found["left_out_errors"][2]["unexplained"] < 0.1
     # Whatever has columns beside them, the equations are the same.
     plain = sgpr.record(robot, with_a_spring[0], processing=processing)
     assert (
@@ -462,6 +464,38 @@ def test_nothing_is_found_in_records_of_an_arm_that_lacks_nothing(
     ]
     records = [sgpr.record(robot, log, processing=processing, suspects=["cable_stiffness"]) for log in pushed]
     assert not any(test["found"] for test in sgpr.diagnose_records(robot, records)["tests"])
+
+
+def test_turns_of_joints_that_stick_are_no_stribeck_friction() -> None:
+    """A sample stands on either side of a jump of the friction: no effect, however well one explains it."""
+    robot = sgpr.Robot.from_urdf(DATA / "reference/urdf/ur5e_like.urdf")
+    arm = fleet.simulated.Arm("arm", "ur5e", 501)
+    logs = []
+    for session in range(6):
+        log = fleet.simulated.session_log(arm, robot, session, 1, seconds=10.0)
+        logs.append(sgpr.Recording(log["t"], log["q"], tau=log["tau"], joint_names=robot.joint_names))
+    processing = sgpr.choose_processing(robot, logs)
+    records = [sgpr.record(robot, log, processing=processing, suspects=["stribeck_friction"]) for log in logs]
+    assert [test for test in sgpr.diagnose_records(robot, records)["tests"] if test["found"]] == []
+
+
+def test_a_finding_beside_a_larger_effect_that_is_no_suspect_says_so(
+    robot: sgpr.Robot, with_a_spring: list[sgpr.Recording]
+) -> None:
+    """A ripple over the position that nobody suspects, and half as much of a spring."""
+
+    def rippling(log: sgpr.Recording) -> sgpr.Recording:
+        tau = np.array(log.tau)
+        tau[:, 2] += 4.0 * np.sin(9.0 * log.q[:, 2])
+        return sgpr.Recording(log.time_ns, log.q, tau=tau, **named(log))
+
+    logs = [rippling(log) for log in with_a_spring]
+    processing = sgpr.choose_processing(robot, logs)
+    records = [sgpr.record(robot, log, processing=processing, suspects=["cable_stiffness"]) for log in logs]
+    found = sgpr.diagnose_records(robot, records)
+    tests = [test for test in found["tests"] if test["found"]]
+    assert [test["joint"] for test in tests] == [robot.joint_names[2]] and tests[0]["mostly_unexplained"]
+    assert found["left_out_errors"][2]["unexplained"] > 0.5
 
 
 def test_what_cannot_be_a_suspect_is_refused(

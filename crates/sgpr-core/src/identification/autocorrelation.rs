@@ -103,11 +103,23 @@ impl LagProducts {
         let padded = length + LONGEST_LAG + 2;
         let mut before = vec![0.0; padded * width];
         let mut count_before = vec![0; padded];
-        for t in 0..length {
-            let (done, next) = before.split_at_mut((t + 1) * width);
-            let pairs = done[t * width..].iter().zip(&self.rows[t * width..]);
-            next.iter_mut().zip(pairs).take(width).for_each(|(sum, (before, value))| *sum = before + value);
-            count_before[t + 1] = count_before[t] + usize::from(self.present[t]);
+        if width == 1 {
+            let mut sum = 0.0;
+            for (before, value) in before[1..=length].iter_mut().zip(&self.rows) {
+                sum += value;
+                *before = sum;
+            }
+        } else {
+            for t in 0..length {
+                let (done, next) = before.split_at_mut((t + 1) * width);
+                let pairs = done[t * width..].iter().zip(&self.rows[t * width..]);
+                next.iter_mut().zip(pairs).take(width).for_each(|(sum, (before, value))| *sum = before + value);
+            }
+        }
+        let mut count = 0;
+        for (before, present) in count_before[1..=length].iter_mut().zip(&self.present) {
+            count += usize::from(*present);
+            *before = count;
         }
         let (sums, counts) = (before[length * width..][..width].to_vec(), count_before[length]);
         before[(length + 1) * width..].chunks_exact_mut(width).for_each(|row| row.copy_from_slice(&sums));
@@ -115,12 +127,12 @@ impl LagProducts {
         let mut later = vec![0.0; taken * width];
         let rows = &self.rows[..taken * width];
         for (group, lags) in lag_groups().enumerate().take_while(|(_, lags)| lags.start < length) {
-            let pairs = before[lags.end * width..].iter().zip(&before[lags.start * width..]);
-            later.iter_mut().zip(pairs).for_each(|(later, (end, start))| *later = end - start);
-            let pairs = count_before[lags.end..].iter().zip(&count_before[lags.start..]);
-            let own = self.present[..taken].iter().zip(pairs);
+            let (ends, starts) = (&before[lags.end * width..], &before[lags.start * width..]);
+            later.iter_mut().zip(ends).zip(starts).for_each(|((later, end), start)| *later = end - start);
+            let (ends, starts) = (&count_before[lags.end..][..taken], &count_before[lags.start..][..taken]);
+            let own = self.present[..taken].iter().zip(ends).zip(starts);
             self.counts[group] +=
-                own.map(|(present, (end, start))| usize::from(*present) * (end - start)).sum::<usize>();
+                own.map(|((present, end), start)| if *present { end - start } else { 0 }).sum::<usize>();
             let sums = &mut self.sums[group];
             if width == 1 {
                 sums[(0, 0)] += dot_in_lanes(rows, &later);

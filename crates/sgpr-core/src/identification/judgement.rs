@@ -1,5 +1,7 @@
 //! Whether a step makes a model better: on data that no step saw, beyond the standard error.
 
+use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
+
 /// Errors of two models on parts of the data that neither saw, compared part by part.
 ///
 /// Parts are blocks of time, logs or sessions: errors within one go together, so a part is one observation.
@@ -41,6 +43,18 @@ impl Judgement {
         Self { standard_error: self.standard_error * (self.parts as f64 / count).max(1.0).sqrt(), ..self }
     }
 
+    /// The gain in standard errors: the normal deviate that is as improbable as Student's t with as few parts.
+    pub fn deviate(&self) -> f64 {
+        if self.parts < 2 {
+            return 0.0;
+        }
+        let t = self.gain / self.standard_error.max(f64::MIN_POSITIVE);
+        let student = StudentsT::new(0.0, 1.0, self.parts as f64 - 1.0).expect("positive degrees of freedom");
+        // By the smaller tail, whose probability does not round to one.
+        let deviate = -Normal::standard().inverse_cdf(student.sf(t.abs()).max(f64::MIN_POSITIVE));
+        deviate.copysign(t)
+    }
+
     /// Whether the second model is better by more than the standard error.
     pub fn is_better(&self) -> bool {
         self.gain > self.standard_error
@@ -71,6 +85,16 @@ mod tests {
         let halves = of([0.1, 0.1, 0.7, 0.7]);
         assert!((halves.of_independent(2.0).standard_error / halves.standard_error - 2.0f64.sqrt()).abs() < 1e-12);
         assert_eq!(halves.of_independent(8.0), halves);
+    }
+
+    #[test]
+    fn few_parts_are_less_sure() {
+        let of = |parts| Judgement { gain: 3.0, standard_error: 1.0, parts };
+        // P(t > 3) is 0.1024 with one degree of freedom and 0.0150 with five: normal deviates 1.268 and 2.169.
+        assert!((of(2).deviate() - 1.268).abs() < 1e-3 && (of(6).deviate() - 2.169).abs() < 2e-3);
+        assert!((of(10_000).deviate() - 3.0).abs() < 1e-2);
+        assert_eq!(of(1).deviate(), 0.0);
+        assert!(Judgement { gain: -3.0, ..of(6) }.deviate() < -2.0);
     }
 
     #[test]

@@ -552,12 +552,15 @@ impl<'a> RowSource<'a> {
             let end = if count - start < piece + overlap { count } else { start + piece };
             let reach = start.saturating_sub(overlap)..(end + overlap).min(count);
             self.fill(trajectory, reach.clone());
-            if let Some(filter) = filter {
-                let rows = self.rows.par_iter_mut().zip(&self.layouts);
-                rows.try_for_each(|(rows, layout)| filter.apply(rows, layout.width()))?;
-            }
+            let rows = self.rows.par_iter_mut().zip(&self.layouts).enumerate();
+            let results = rows.map(|(joint, (rows, layout))| {
+                if let Some(filter) = filter {
+                    filter.apply(rows, layout.width())?;
+                }
+                require_squares(rows, layout.width(), joint, reach.start)
+            });
+            results.collect::<Vec<_>>().into_iter().collect::<Result<(), IdentificationError>>()?;
             let (layouts, buffers) = (&self.layouts[..], &self.rows[..]);
-            require_squares(buffers, layouts, reach.start)?;
             take(Piece { samples: start..end, before: start - reach.start, layouts, buffers });
             start = end;
         }
@@ -639,20 +642,17 @@ const LARGEST_SQUARES: f64 = 1e200;
 
 /// Refuses rows whose squares overflow: robot and channels have numbers that no arm has.
 ///
-/// - `rows`: of each joint, from the sample `first` on
-fn require_squares(rows: &[Vec<f64>], layouts: &[Layout], first: usize) -> Result<(), IdentificationError> {
-    for (joint, (rows, layout)) in rows.iter().zip(layouts).enumerate() {
-        // Not a number where a product was none.
-        if dot_in_lanes(rows, rows) <= LARGEST_SQUARES {
-            continue;
-        }
-        let size = |value: f64| if value.is_nan() { f64::INFINITY } else { value.abs() };
-        let most = rows.iter().copied().enumerate().max_by(|a, b| size(a.1).total_cmp(&size(b.1)));
-        if let Some((index, value)) = most {
-            return Err(IdentificationError::TooLarge { sample: first + index / layout.width(), joint, value });
-        }
+/// - `rows`: of a joint, from the sample `first` on
+fn require_squares(rows: &[f64], width: usize, joint: usize, first: usize) -> Result<(), IdentificationError> {
+    // Not a number where a product was none.
+    if dot_in_lanes(rows, rows) <= LARGEST_SQUARES {
+        return Ok(());
     }
-    Ok(())
+    let size = |value: f64| if value.is_nan() { f64::INFINITY } else { value.abs() };
+    let most = rows.iter().copied().enumerate().max_by(|a, b| size(a.1).total_cmp(&size(b.1)));
+    most.map_or(Ok(()), |(index, value)| {
+        Err(IdentificationError::TooLarge { sample: first + index / width, joint, value })
+    })
 }
 
 fn require_finite(arrays: &[(&'static str, &[f64])], n: usize) -> Result<(), IdentificationError> {

@@ -34,8 +34,8 @@ pub use identify::{
 };
 pub use payload::{identify_drive_gains, identify_payload};
 pub use record::{
-    Deviation, JointDeviation, ParameterDeviation, Record, RecordBlock, RecordDiagnosis, RecordError, RecordMemory,
-    RecordOptions, RecordedError, SessionCause, SessionComparison, SessionTest, Suspect, SuspectTest,
+    Deviation, JointDeviation, ParameterDeviation, Record, RecordBlock, RecordDiagnosis, RecordError, RecordFinding,
+    RecordMemory, RecordOptions, RecordedError, SessionCause, SessionComparison, SessionTest, Suspect, SuspectTest,
     choose_processing, compare_records, compare_sessions, copies_among, deviations, diagnose_records, identify_records,
     record,
 };

@@ -1,3 +1,4 @@
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sgpr_predict::internal::{identified, with_role};
 use sgpr_predict::model::StreamedModel;
@@ -362,7 +363,25 @@ impl TorqueModel {
             return self.predict_trajectory(&super::Trajectory::of_samples(samples));
         }
         let mut tau = vec![0.0; samples.q.len()];
-        rnea_batch(&self.dynamics, &mut BatchWorkspace::new(&self.dynamics), samples, &mut tau);
+        // Samples do not know of each other: it makes no difference to them how many threads there are.
+        crate::threads::prepare();
+        let blocks = tau.par_chunks_mut(PREDICTED_AT_ONCE * n).enumerate();
+        blocks.for_each_init(
+            || BatchWorkspace::new(&self.dynamics),
+            |ws, (block, tau)| {
+                let own = block * PREDICTED_AT_ONCE * n..block * PREDICTED_AT_ONCE * n + tau.len();
+                let samples =
+                    Samples { q: &samples.q[own.clone()], dq: &samples.dq[own.clone()], ddq: &samples.ddq[own] };
+                self.predict_block(ws, samples, tau);
+            },
+        );
+        tau
+    }
+
+    /// Torque of samples without terms, into `tau`.
+    fn predict_block(&self, ws: &mut BatchWorkspace, samples: Samples<'_>, tau: &mut [f64]) {
+        let n = self.robot.dof();
+        rnea_batch(&self.dynamics, ws, samples, tau);
         if self.set.len() > self.set.inertial() {
             for (k, tau) in tau.chunks_exact_mut(n).enumerate() {
                 let row = k * n..(k + 1) * n;
@@ -371,9 +390,11 @@ impl TorqueModel {
                 self.set.add_effect_torque(&self.parameters, &state, tau);
             }
         }
-        tau
     }
 }
+
+/// Samples that a thread predicts before it asks for more.
+const PREDICTED_AT_ONCE: usize = 4096;
 
 impl From<&TorqueModel> for StreamedModel {
     fn from(model: &TorqueModel) -> Self {

@@ -141,23 +141,29 @@ impl<'a> TermFit<'a> {
             values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
         };
         let session = span(&mut times.iter().flatten().copied());
-        let mut ranges = Vec::with_capacity(n);
-        for joint in 0..n {
-            let position = span(&mut motions.iter().flat_map(|m| m.q.iter().skip(joint).step_by(n).copied()));
-            let (mut squares, mut largest, mut count) = (0.0, 0.0f64, 0.0);
-            for motion in motions {
-                for tau in torque_of(motion)?.iter().skip(joint).step_by(n) {
-                    (squares, largest, count) = (squares + tau * tau, largest.max(tau.abs()), count + 1.0);
+        let mut positions = vec![[f64::INFINITY, f64::NEG_INFINITY]; n];
+        let (mut squares, mut largest, mut count) = (vec![0.0; n], vec![0.0f64; n], 0.0);
+        for motion in motions {
+            for q in motion.q.chunks_exact(n) {
+                for ([low, high], q) in positions.iter_mut().zip(q) {
+                    (*low, *high) = (low.min(*q), high.max(*q));
                 }
             }
-            ranges.push(JointRanges {
-                position,
-                torque: (squares / f64::max(count, 1.0)).sqrt(),
-                largest_torque: largest,
-                time: session,
-                band_hz: processing.cutoff_hz,
-            });
+            for tau in torque_of(motion)?.chunks_exact(n) {
+                for ((squares, largest), tau) in squares.iter_mut().zip(&mut largest).zip(tau) {
+                    (*squares, *largest) = (*squares + tau * tau, largest.max(tau.abs()));
+                }
+                count += 1.0;
+            }
         }
+        let of_joint = |joint: usize| JointRanges {
+            position: positions[joint],
+            torque: (squares[joint] / f64::max(count, 1.0)).sqrt(),
+            largest_torque: largest[joint],
+            time: session,
+            band_hz: processing.cutoff_hz,
+        };
+        let ranges = (0..n).map(of_joint).collect();
         Ok(Self { experiment, processing, clock, times, ranges })
     }
 

@@ -296,7 +296,10 @@ fn write_file(
 
 /// Seconds from one time stamp to another.
 pub(crate) fn seconds(from: i64, to: i64) -> f64 {
-    (i128::from(to) - i128::from(from)) as f64 / 1e9
+    match to.checked_sub(from) {
+        Some(step) => step as f64 / 1e9,
+        None => (i128::from(to) - i128::from(from)) as f64 / 1e9,
+    }
 }
 
 /// Joint names as a caller may ask for them: at least one, none twice.

@@ -3,6 +3,7 @@
 
 pub(crate) use sgpr_predict::internal::{LARGEST_POSITION, LARGEST_TORQUE, SMALLEST_TORQUE};
 
+use super::statistics::{first_change, first_place};
 use super::{Recording, seconds};
 
 /// Largest change of a position over a step of the time, rad/s (m/s): no joint is as fast, and
@@ -40,8 +41,8 @@ impl Recording {
             value,
             expected,
         };
-        let is_larger = |limit: f64| move |value: &f64| value.is_finite() && value.abs() > limit;
-        if let Some(index) = self.position.iter().position(is_larger(LARGEST_POSITION)) {
+        let is_larger = |limit: f64| move |value: f64| value.is_finite() && value.abs() > limit;
+        if let Some(index) = first_place(&self.position, is_larger(LARGEST_POSITION)) {
             let expected = format!("at most {LARGEST_POSITION:e} rad (m) are possible: give the unit of the position");
             return Some(at("position", index, self.position[index], expected));
         }
@@ -53,7 +54,7 @@ impl Recording {
             return Some(at("position", index, self.position[index], expected));
         }
         let torque = self.torque.as_deref()?;
-        let index = torque.iter().position(is_larger(LARGEST_TORQUE))?;
+        let index = first_place(torque, is_larger(LARGEST_TORQUE))?;
         let expected = format!(
             "at most {LARGEST_TORQUE:e} N·m (N) are possible: give the unit of the torque, or torque constants for \
              motor currents"
@@ -68,8 +69,11 @@ impl Recording {
         // Stamps of samples that were written together may be nearer to each other than the samples
         // were.
         let usual = Some(self.median_period()).filter(|period| *period > 0.0)?;
+        // No step is shorter than this, so nothing before the first change that is larger is impossible.
+        let shortest = LARGEST_SPEED * usual;
+        let first = first_change(&self.position, n, |before, now| (now - before).abs() > shortest)? / n - 1;
         let rows = self.position.chunks_exact(n).zip(self.position.chunks_exact(n).skip(1));
-        rows.zip(self.time.windows(2)).enumerate().find_map(|(sample, ((before, now), pair))| {
+        rows.zip(self.time.windows(2)).enumerate().skip(first).find_map(|(sample, ((before, now), pair))| {
             let farthest = LARGEST_SPEED * seconds(pair[0], pair[1]).max(usual);
             let joint = (0..n).find(|&joint| (now[joint] - before[joint]).abs() > farthest)?;
             Some((sample + 1) * n + joint)

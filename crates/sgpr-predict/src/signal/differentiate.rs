@@ -125,14 +125,18 @@ fn central_weights(accuracy: usize) -> Result<Vec<f64>, SignalError> {
 
 /// Weighted sum over a centred window, times `factor`; the ends hold the nearest full estimate.
 fn convolve(values: &[f64], columns: usize, weights: &[f64], factor: f64) -> Vec<f64> {
+    /// Values that stay in the cache while all weights are summed.
+    const AT_ONCE: usize = 1024;
     let half = weights.len() / 2;
     let mut result = vec![0.0; values.len()];
     let centre = half * columns..values.len() - half * columns;
-    for (offset, weight) in weights.iter().enumerate() {
-        let weight = weight * factor;
-        let shifted = &values[offset * columns..];
-        for (sum, value) in result[centre.clone()].iter_mut().zip(shifted) {
-            *sum += weight * value;
+    for (block, sums) in result[centre].chunks_mut(AT_ONCE).enumerate() {
+        for (offset, weight) in weights.iter().enumerate() {
+            let weight = weight * factor;
+            let shifted = &values[block * AT_ONCE + offset * columns..];
+            for (sum, value) in sums.iter_mut().zip(shifted) {
+                *sum += weight * value;
+            }
         }
     }
     hold_ends(&mut result, columns, half);

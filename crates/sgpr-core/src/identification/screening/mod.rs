@@ -126,6 +126,44 @@ pub enum Finding {
 }
 
 impl Finding {
+    /// What it is, for machines: `saturated`, `all_late`.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Negated { .. } => "negated",
+            Self::AllNegated => "all_negated",
+            Self::Driven { .. } => "driven",
+            Self::Scaled { .. } => "scaled",
+            Self::Contradiction { .. } => "contradiction",
+            Self::AllScaled { .. } => "all_scaled",
+            Self::AllLate { .. } => "all_late",
+            Self::Late { .. } => "late",
+            Self::Outliers { .. } => "outliers",
+            Self::Leverage { .. } => "leverage",
+            Self::Weak { .. } => "weak",
+            Self::Saturated { .. } => "saturated",
+            Self::Outside { .. } => "outside",
+        }
+    }
+
+    /// The joint that it is about; none if it is about all, or the motion.
+    pub fn joint(&self) -> Option<&str> {
+        match self {
+            Self::Negated { joint }
+            | Self::Driven { joint }
+            | Self::Scaled { joint, .. }
+            | Self::Contradiction { joint, .. }
+            | Self::Late { joint, .. }
+            | Self::Outliers { joint, .. }
+            | Self::Saturated { joint, .. }
+            | Self::Outside { joint, .. } => Some(joint),
+            Self::AllNegated
+            | Self::AllScaled { .. }
+            | Self::AllLate { .. }
+            | Self::Leverage { .. }
+            | Self::Weak { .. } => None,
+        }
+    }
+
     /// What to do about it: a note where it is right more often than it is a fault, or where the motion is to blame.
     pub fn severity(&self) -> Severity {
         match self {

@@ -4,17 +4,19 @@ use std::collections::BTreeMap;
 
 use super::super::IdentifyError;
 use super::super::experiment::{Columns, Experiment, require_torque, select_joints};
+use super::super::limits::beyond_limits;
 use super::super::torque_model::nominal_parameters;
+use super::super::torque_scale;
 use super::super::variable_projection;
 use super::suspects::{columns_of, suspects_of};
-use super::{JointExtent, Record, RecordBlock, RecordError, RecordMemory};
+use super::{JointExtent, Record, RecordBlock, RecordError, RecordFinding, RecordMemory};
 use crate::identification::{
-    BaseParameters, Equations, JointFactor, LagProducts, LeastSquares, Method, Observation, ParameterSet, Row,
-    Trajectory, piece_of, screen_factors, stacked,
+    BaseParameters, Equations, Finding, JointFactor, LagProducts, LeastSquares, Method, Observation, ParameterSet, Row,
+    Trajectory, piece_of, screen_factors, screen_scale, stacked,
 };
 use crate::model::identify::key_of;
 use crate::motion::{Conditioning, Motion, Processing};
-use crate::recording::{Recording, inspect};
+use crate::recording::{Issue, Recording, inspect};
 use crate::robot::Robot;
 
 /// What goes into a record.
@@ -31,7 +33,8 @@ pub struct RecordOptions {
     /// speaks for it.
     pub lags: bool,
     /// Effects that the equations lack and that are to be looked for
-    /// ([`diagnose_records`](super::diagnose_records)): names, `torque_ripple` or `cable_stiffness@joint_2`.
+    /// ([`diagnose_records`](super::diagnose_records)): names, `torque_ripple` or `cable_stiffness@joint_2`. Rows within a
+    /// period of the cut-off of a turn of their joint say nothing of them.
     pub suspects: Vec<String>,
     /// Names that the record keeps.
     pub labels: BTreeMap<String, String>,
@@ -74,16 +77,15 @@ pub fn record(
 ) -> Result<Record, RecordError> {
     assert!(options.blocks > 0, "at least one block");
     let effects = recorded_effects(robot, &options.effects)?;
-    let mut experiment = experiment(robot, recording, processing)?;
-    if let Some(counted) = options.counted {
-        experiment.motions.iter_mut().for_each(|motion| count_only(motion, counted));
-    }
+    let experiment = counted_experiment(robot, recording, processing, options)?;
     let set = ParameterSet::new(robot, &effects).map_err(IdentifyError::from)?;
     let base = BaseParameters::new(robot, &set);
     let mut record = record_of(robot, recording, (&experiment, None), (&set, &base), processing, options)?;
     let suspects = suspects_of(robot, &effects, &options.suspects)?;
     if !suspects.is_empty() {
-        let columns = columns_of(robot, &set, (&experiment, processing), &suspects)?;
+        let calm = Processing { turn_margin: processing.turn_margin.max(TURN_MARGIN), ..processing.clone() };
+        let experiment = counted_experiment(robot, recording, &calm, options)?;
+        let columns = columns_of(robot, &set, (&experiment, &calm), &suspects)?;
         let set = set.with_trajectory_columns(columns.parameters.clone());
         let base = BaseParameters::new(robot, &set);
         let parts = Parts::new(&experiment.motions, options);
@@ -93,6 +95,24 @@ pub fn record(
         record.blocks.iter_mut().zip(of_blocks).for_each(|(block, factors)| block.suspected = factors);
     }
     Ok(Record { effects, suspects, ..record })
+}
+
+/// Periods of the cut-off about turns of a joint in which its rows say nothing of suspects: dry friction jumps there, a sample
+/// stands on either side, and any friction that is large at creeping speed would take the error for its own.
+const TURN_MARGIN: f64 = 1.0;
+
+/// A log made ready, of which the part that the options name counts.
+fn counted_experiment(
+    robot: &Robot,
+    recording: &Recording,
+    processing: &Processing,
+    options: &RecordOptions,
+) -> Result<Experiment, RecordError> {
+    let mut experiment = experiment(robot, recording, processing)?;
+    if let Some(counted) = options.counted {
+        experiment.motions.iter_mut().for_each(|motion| count_only(motion, counted));
+    }
+    Ok(experiment)
 }
 
 /// Names of effects that are linear in the present motion, and at every joint.
@@ -133,13 +153,14 @@ pub(super) fn record_of(
     let factors = stacked(blocks.iter().flatten());
     let mut equations = Equations::new(robot, set, base, trajectories);
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
-    let mut findings: Vec<String> = inspect(recording).into_iter().map(|issue| issue.message).collect();
+    let mut findings = looked_at(robot, recording);
     let nominal = base.combine(&nominal_parameters(robot, set));
     // A log may be too short for a solution of its own.
     let center = match LeastSquares::new(Method::Wls).solve(&factors, base, &nominal) {
         Ok(estimate) => {
             let found = screen_factors(set, base, &joints, &factors, &estimate);
-            findings.extend(found.iter().map(ToString::to_string));
+            findings.extend(found.into_iter().map(RecordFinding::from));
+            findings.extend(screen_scale(set, base, &nominal, &factors).map(RecordFinding::from));
             estimate.values
         }
         Err(_) => nominal,
@@ -171,6 +192,34 @@ pub(super) fn record_of(
         memory,
         blocks: blocks.into_iter().enumerate().map(of_block).collect(),
     })
+}
+
+/// What the samples of a log tell, and the limits of the robot file.
+fn looked_at(robot: &Robot, recording: &Recording) -> Vec<RecordFinding> {
+    let issues = inspect(recording).into_iter().chain(torque_scale(robot, recording).ok().flatten());
+    let mut findings: Vec<RecordFinding> = issues.map(RecordFinding::from).collect();
+    if let Ok(recordings) = select_joints(robot, std::slice::from_ref(recording)) {
+        findings.extend(beyond_limits(robot, &recordings).into_iter().map(RecordFinding::from));
+    }
+    findings
+}
+
+impl From<Issue> for RecordFinding {
+    fn from(issue: Issue) -> Self {
+        let Issue { kind, severity, channel, message, .. } = issue;
+        Self { kind: kind.name().into(), rank: severity.rank().into(), subject: channel, message }
+    }
+}
+
+impl From<Finding> for RecordFinding {
+    fn from(finding: Finding) -> Self {
+        Self {
+            kind: finding.name().into(),
+            rank: finding.severity().rank().into(),
+            subject: finding.joint().map(String::from),
+            message: finding.to_string(),
+        }
+    }
 }
 
 /// Takes the rows outside a part of the log out.

@@ -27,6 +27,8 @@ pub use sessions::{SessionCause, SessionComparison, SessionTest, compare_session
 pub use sum::{RecordedError, compare_records, copies_among, identify_records};
 pub use suspects::{RecordDiagnosis, Suspect, SuspectTest, diagnose_records};
 
+use serde::{Deserialize, Serialize};
+
 use crate::identification::JointFactor;
 use crate::motion::Processing;
 
@@ -51,8 +53,8 @@ pub struct Record {
     pub time: [i64; 2],
     /// Samples that count.
     pub samples: usize,
-    /// What a look at the log found.
-    pub findings: Vec<String>,
+    /// What is suspicious in the log ([`RecordFinding`]).
+    pub findings: Vec<RecordFinding>,
     /// Names that the caller gives: the arm, the session, its tool.
     pub labels: BTreeMap<String, String>,
     /// Version of the library that made it.
@@ -69,6 +71,21 @@ pub struct Record {
     pub memory: Vec<RecordMemory>,
     /// Parts of the log in the order of time.
     pub blocks: Vec<RecordBlock>,
+}
+
+/// Something that a look at a log found, at its numbers, at the limits of the robot file or at the equations.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RecordFinding {
+    /// What it is: names of [`IssueKind`](crate::recording::IssueKind) and [`Finding`](crate::identification::Finding),
+    /// `frozen_torque`, `saturated`; `unnamed` in records of an earlier version.
+    pub kind: String,
+    /// How much it matters: `stop`, `look` or `know`.
+    pub rank: String,
+    /// The joint or column that it is about; none if it is about the whole log.
+    pub subject: Option<String>,
+    /// A sentence with numbers, and what to do.
+    pub message: String,
 }
 
 /// Products of a joint's rows with those some rows later, summed over the log by groups of lags: what any parameters leave

@@ -5,12 +5,13 @@ use std::collections::BTreeMap;
 use faer::Mat;
 use serde::{Deserialize, Serialize};
 
-use super::{JointExtent, Record, RecordBlock, RecordError, RecordMemory, Suspect};
+use super::{JointExtent, Record, RecordBlock, RecordError, RecordFinding, RecordMemory, Suspect};
 use crate::identification::{JointFactor, lag_groups};
 use crate::motion::Processing;
+use crate::recording::Severity;
 
 const FORMAT: &str = "sgpr record";
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// More columns have no equations of an arm.
 const MOST_COLUMNS: usize = 10_000;
@@ -31,7 +32,7 @@ struct Head {
     counted: Option<[i64; 2]>,
     time: [i64; 2],
     samples: usize,
-    findings: Vec<String>,
+    findings: Vec<FindingHead>,
     labels: BTreeMap<String, String>,
     /// Since version 2.
     #[serde(default)]
@@ -43,6 +44,25 @@ struct Head {
     center: Vec<f64>,
     memory: Vec<MemoryHead>,
     blocks: Vec<BlockHead>,
+}
+
+/// Until version 2 a sentence alone.
+#[derive(Serialize, Deserialize)]
+#[serde(untagged)]
+enum FindingHead {
+    Whole(RecordFinding),
+    Sentence(String),
+}
+
+impl From<FindingHead> for RecordFinding {
+    fn from(head: FindingHead) -> Self {
+        match head {
+            FindingHead::Whole(finding) => finding,
+            FindingHead::Sentence(message) => {
+                Self { kind: "unnamed".into(), rank: Severity::Note.rank().into(), subject: None, message }
+            }
+        }
+    }
 }
 
 #[derive(Serialize, Deserialize)]
@@ -105,7 +125,7 @@ impl Record {
             counted: record.counted,
             time: record.time,
             samples: record.samples,
-            findings: record.findings,
+            findings: record.findings.into_iter().map(FindingHead::Whole).collect(),
             labels: record.labels,
             extents: record.extents,
             key: record.key,
@@ -163,7 +183,7 @@ impl Record {
             counted: head.counted,
             time: head.time,
             samples: head.samples,
-            findings: head.findings,
+            findings: head.findings.into_iter().map(RecordFinding::from).collect(),
             labels: head.labels,
             extents: head.extents,
             key: head.key,

@@ -48,6 +48,9 @@ pub struct SuspectTest {
     pub parameters: Vec<(&'static str, &'static str, f64, f64)>,
     /// Others that would have saved as much in its place, up to the standard error: the logs do not tell which it is.
     pub alternatives: Vec<Suspect>,
+    /// Whether more of the joint's error goes on from row to row, as no noise does, than all that was found there explains:
+    /// it can be the shadow of an effect that is no suspect.
+    pub mostly_unexplained: bool,
 }
 
 /// What records say of effects that the model lacks.
@@ -58,6 +61,9 @@ pub struct RecordDiagnosis {
     /// Root mean square error of each joint on parts that were left out, without suspects and with those that were found,
     /// N·m (N); zero for a joint that never moves.
     pub left_out_errors: [Vec<f64>; 2],
+    /// Share of each joint's squared error, with what was found, that goes on from row to row, as no noise does: what the
+    /// model lacks still.
+    pub unexplained: Vec<f64>,
 }
 
 /// Parts that are left out one after the other.
@@ -66,8 +72,12 @@ const PARTS: usize = 10;
 /// What is found lowers the squared error of its joint by this share at least ...
 const MATTERS: f64 = 0.05;
 
-/// ... and by so many of its standard errors.
+/// ... and by so many of its standard errors, by the parts alike and by where the effect acts.
 const SURE: f64 = 2.5;
+
+/// Group of lags over which noise in the band of the equations has forgotten itself, 1 to 1 1/3 periods of the cut-off, and
+/// an effect that follows the motion has not.
+const LONGER_THAN_NOISE: usize = 3;
 
 /// More of one arm are no diagnosis.
 const MOST: usize = 12;
@@ -208,8 +218,25 @@ struct Search {
     all: Mat<f64>,
 }
 
-/// Squares on left-out parts, per part and joint.
-type Errors = Vec<Vec<f64>>;
+/// A part as the fit to the others predicts it.
+#[derive(Clone)]
+struct Predicted {
+    /// Parameters of that fit.
+    values: Vec<f64>,
+    /// Per joint, (N·m)² (N²).
+    squares: Vec<f64>,
+}
+
+/// Each part.
+type Errors = Vec<Predicted>;
+
+/// Something that is not taken yet, at its best constants.
+#[derive(Clone, Copy)]
+struct Open {
+    candidate: usize,
+    judgement: Judgement,
+    is_sure: bool,
+}
 
 /// Symbol, unit, value and standard deviation of a parameter.
 type FittedParameter = (&'static str, &'static str, f64, f64);
@@ -234,11 +261,11 @@ impl Search {
             }
         }
         let parts: Vec<Vec<JointFactor>> = of_parts.into_iter().filter(|part| !part.is_empty()).map(stacked).collect();
-        let factors = stacked(records.iter().flat_map(|record| factors_of(record)));
-        let first =
-            LeastSquares::new(Method::Wls).solve(&factors, base, &vec![0.0; rank]).map_err(IdentifyError::from)?;
+        let factors: Vec<JointFactor> =
+            stacked(parts.iter().flatten()).iter().map(|factor| restricted(factor, rank, &[])).collect();
+        let first = LeastSquares::new(Method::Wls).solve_unknowns(&factors, &vec![0.0; rank]);
         let mut levels = vec![[f64::INFINITY; 2]; robot.dof()];
-        for (factor, weight) in factors.iter().zip(&first.weights) {
+        for (factor, weight) in factors.iter().zip(&first.map_err(IdentifyError::from)?.weights) {
             levels[factor.joint][usize::from(factor.resting)] = *weight;
         }
         let products: Vec<Mat<f64>> = parts.iter().map(|part| products_of(part, &levels, width)).collect();
@@ -272,7 +299,7 @@ impl Search {
             let mut squares = vec![0.0; self.levels.len()];
             let moving = self.parts[part].iter().filter(|factor| !factor.resting);
             moving.for_each(|factor| squares[factor.joint] += residual_norm(factor, &values).powi(2));
-            squares
+            Predicted { values, squares }
         };
         (0..self.parts.len()).map(of_part).collect()
     }
@@ -289,6 +316,7 @@ impl Search {
     fn judge(&self, joint: usize, before: &Errors, after: &Errors) -> Judgement {
         let weight = |joint: usize| self.levels[joint][0].powi(-2);
         let pairs = before.iter().zip(after).map(|(before, after)| {
+            let (before, after) = (&before.squares, &after.squares);
             let saved: f64 =
                 (0..before.len()).filter(|j| weight(*j) > 0.0).map(|j| weight(j) * (before[j] - after[j])).sum();
             let own = weight(joint) * before[joint];
@@ -297,14 +325,58 @@ impl Search {
         Judgement::of(&pairs.collect::<Vec<_>>())
     }
 
+    /// Whether what errors `after` save of `before` is no chance. It matters, parts agree on it, Student's t for as few as they
+    /// are, the best of them does not carry it alone, and it helps wherever it acts, as
+    /// [`Self::where_it_acts`] says.
+    fn is_sure(&self, joint: usize, before: &Errors, after: &Errors) -> bool {
+        let judged = self.judge(joint, before, after);
+        if judged.gain <= MATTERS || judged.deviate() <= SURE {
+            return false;
+        }
+        let falls: Vec<f64> = before.iter().zip(after).map(|(b, a)| b.squares[joint] - a.squares[joint]).collect();
+        let best = (0..falls.len()).max_by(|a, b| falls[*a].total_cmp(&falls[*b])).unwrap_or(0);
+        let others = |errors: &Errors| -> Errors {
+            let others = errors.iter().enumerate().filter(|(part, _)| *part != best);
+            others.map(|(_, predicted)| predicted.clone()).collect()
+        };
+        self.judge(joint, &others(before), &others(after)).is_better()
+            && self.where_it_acts(joint, before, after) > SURE
+    }
+
+    /// The fall of a joint's squared error in its standard deviations. If the larger model is right the fall in each part is its
+    /// share of the squares of what the two predict differently, and varies with the noise by four times that.
+    fn where_it_acts(&self, joint: usize, before: &Errors, after: &Errors) -> f64 {
+        let variance =
+            after.iter().map(|part| part.squares[joint]).sum::<f64>() / f64::max(self.rows(joint) as f64, 1.0);
+        if variance <= 0.0 {
+            return f64::INFINITY;
+        }
+        let of_part = |((part, before), after): ((&Vec<JointFactor>, &Predicted), &Predicted)| {
+            let moving = part.iter().filter(|factor| factor.joint == joint && !factor.resting);
+            let apart: f64 = moving.map(|factor| difference(factor, &before.values, &after.values)).sum();
+            ((before.squares[joint] - after.squares[joint]) / variance, apart / variance)
+        };
+        let parts: Vec<(f64, f64)> = self.parts.iter().zip(before).zip(after).map(of_part).collect();
+        let (fall, size) = parts.iter().fold((0.0, 0.0), |(fall, size), part| (fall + part.0, size + part.1));
+        let rate = if size > 0.0 { fall / size } else { 0.0 };
+        let scatter: f64 = parts.iter().map(|(fall, size)| (fall - rate * size).powi(2)).sum();
+        fall / (4.0 * size).max(scatter).sqrt().max(f64::MIN_POSITIVE)
+    }
+
+    /// Rows of a joint in motion.
+    fn rows(&self, joint: usize) -> usize {
+        let own = self.parts.iter().flatten().filter(|factor| factor.joint == joint && !factor.resting);
+        own.map(|factor| factor.rows).sum()
+    }
+
     fn is_like(&self, one: usize, other: usize) -> bool {
         let [one, other] = [one, other].map(|k| &self.candidates[k].suspect);
         (&one.effect, one.joint) == (&other.effect, other.joint)
     }
 
     /// Of each effect at each joint that is not taken and can be what the logs make it: what its best constants save.
-    fn open(&self, taken: &[usize], before: &Errors) -> Vec<(usize, Judgement)> {
-        let mut best: Vec<(usize, Judgement)> = Vec::new();
+    fn open(&self, taken: &[usize], before: &Errors) -> Vec<Open> {
+        let mut best: Vec<Open> = Vec::new();
         let fresh = (0..self.candidates.len()).filter(|k| !taken.iter().any(|own| self.is_like(*own, *k)));
         for candidate in fresh {
             let joint = self.candidates[candidate].suspect.joint;
@@ -315,14 +387,16 @@ impl Search {
             if !self.is_plausible(&with) {
                 continue;
             }
-            let judged = self.judge(joint, before, &self.errors(&with));
-            match best.iter_mut().find(|(other, _)| self.is_like(*other, candidate)) {
-                Some(other) if judged.gain > other.1.gain => *other = (candidate, judged),
+            let after = self.errors(&with);
+            let judgement = self.judge(joint, before, &after);
+            let own = Open { candidate, judgement, is_sure: self.is_sure(joint, before, &after) };
+            match best.iter_mut().find(|other| self.is_like(other.candidate, candidate)) {
+                Some(other) if judgement.gain > other.judgement.gain => *other = own,
                 Some(_) => {}
-                None => best.push((candidate, judged)),
+                None => best.push(own),
             }
         }
-        best.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
+        best.sort_by(|a, b| b.judgement.gain.total_cmp(&a.judgement.gain));
         best
     }
 
@@ -332,59 +406,70 @@ impl Search {
         let mut alternatives: Vec<Vec<usize>> = Vec::new();
         let rest = loop {
             let open = self.open(&taken, &with);
-            let Some((best, judged)) = open.iter().find(|(_, judged)| is_sure(judged)).copied() else { break open };
+            let Some(Open { candidate: best, judgement: judged, .. }) = open.iter().find(|one| one.is_sure).copied()
+            else {
+                break open;
+            };
             if taken.len() == MOST {
                 break open;
             }
             let joint = self.candidates[best].suspect.joint;
-            let as_good = |(other, own): &&(usize, Judgement)| {
-                *other != best
-                    && self.candidates[*other].suspect.joint == joint
-                    && own.gain >= judged.gain - judged.standard_error
+            let as_good = |other: &&Open| {
+                other.candidate != best
+                    && self.candidates[other.candidate].suspect.joint == joint
+                    && other.judgement.gain >= judged.gain - judged.standard_error
             };
-            alternatives.push(open.iter().filter(as_good).map(|(other, _)| *other).collect());
+            alternatives.push(open.iter().filter(as_good).map(|other| other.candidate).collect());
             taken.push(best);
             with = self.errors(&taken);
         };
         // What was taken up early can be the shadow of what came later.
-        let own = |taken: &[usize], k: usize| {
+        let without = |taken: &[usize], k: usize| {
             let others: Vec<usize> = taken.iter().copied().filter(|other| *other != taken[k]).collect();
-            self.judge(self.candidates[taken[k]].suspect.joint, &self.errors(&others), &self.errors(taken))
+            self.errors(&others)
         };
-        while let Some(k) = (0..taken.len()).find(|k| !is_sure(&own(&taken, *k))) {
+        let joint_of = |candidate: usize| self.candidates[candidate].suspect.joint;
+        while let Some(k) =
+            (0..taken.len()).find(|k| !self.is_sure(joint_of(taken[*k]), &without(&taken, *k), &self.errors(&taken)))
+        {
             taken.remove(k);
             alternatives.remove(k);
         }
         with = self.errors(&taken);
         let parameters = self.parameters(&taken, records)?;
+        let mean_root = |errors: &Errors| -> Vec<f64> {
+            let sum = |joint: usize| errors.iter().map(|part| part.squares[joint]).sum::<f64>();
+            (0..self.levels.len()).map(|joint| (sum(joint) / f64::max(self.rows(joint) as f64, 1.0)).sqrt()).collect()
+        };
+        let left_out_errors = [mean_root(&plain), mean_root(&with)];
+        let going_on = going_on(records, self.levels.len());
+        // What was found does not go on any more.
+        let explained =
+            |joint: usize| 1.0 - (left_out_errors[1][joint] / left_out_errors[0][joint].max(f64::MIN_POSITIVE)).powi(2);
+        let unexplained = |joint: usize| {
+            let explained = explained(joint).clamp(0.0, 1.0);
+            ((going_on[joint] - explained) / (1.0 - explained).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
+        };
         let found = taken.iter().enumerate().map(|(k, candidate)| SuspectTest {
             suspect: self.candidates[*candidate].suspect.clone(),
-            judgement: own(&taken, k),
+            judgement: self.judge(joint_of(*candidate), &without(&taken, k), &with),
             found: true,
             parameters: parameters[k].clone(),
             alternatives: alternatives[k].iter().map(|other| self.candidates[*other].suspect.clone()).collect(),
+            mostly_unexplained: going_on[joint_of(*candidate)] > 2.0 * explained(joint_of(*candidate)),
         });
-        let others = rest.into_iter().filter(|(candidate, _)| !taken.contains(candidate));
-        let others = others.map(|(candidate, judgement)| SuspectTest {
+        let others = rest.into_iter().filter(|one| !taken.contains(&one.candidate));
+        let others = others.map(|Open { candidate, judgement, .. }| SuspectTest {
             suspect: self.candidates[candidate].suspect.clone(),
             judgement,
             found: false,
             parameters: vec![],
             alternatives: vec![],
+            mostly_unexplained: false,
         });
-        let rows = |joint: usize| -> usize {
-            let own = self.parts.iter().flatten().filter(|factor| factor.joint == joint && !factor.resting);
-            own.map(|factor| factor.rows).sum()
-        };
-        let mean_root = |errors: &Errors| -> Vec<f64> {
-            let of =
-                |joint: usize| errors.iter().map(|part| part[joint]).sum::<f64>() / f64::max(rows(joint) as f64, 1.0);
-            (0..self.levels.len()).map(|joint| of(joint).sqrt()).collect()
-        };
-        Ok(RecordDiagnosis {
-            tests: found.chain(others).collect(),
-            left_out_errors: [mean_root(&plain), mean_root(&with)],
-        })
+        let tests = found.chain(others).collect();
+        let unexplained = (0..self.levels.len()).map(unexplained).collect();
+        Ok(RecordDiagnosis { tests, left_out_errors, unexplained })
     }
 
     /// Parameters of what was found, fitted to all rows beside the base parameters, by weighted least squares. What the residual
@@ -392,19 +477,8 @@ impl Search {
     fn parameters(&self, taken: &[usize], records: &[&Record]) -> Result<Vec<Vec<FittedParameter>>, RecordError> {
         let extra: Vec<usize> =
             taken.iter().flat_map(|candidate| self.candidates[*candidate].columns.clone()).collect();
-        let place = |column: usize| match column.checked_sub(self.rank) {
-            None => Some(column),
-            Some(_) => Some(self.rank + extra.iter().position(|own| *own == column)?),
-        };
-        let chosen = |factor: &JointFactor| {
-            let count = factor.columns.len();
-            let kept: Vec<usize> = (0..count).filter(|k| place(factor.columns[*k]).is_some()).collect();
-            let columns = kept.iter().filter_map(|k| place(factor.columns[*k])).collect();
-            let column = |j: usize| kept.get(j).copied().unwrap_or(count);
-            let all = Mat::from_fn(count + 1, kept.len() + 1, |i, j| factor.factor[(i, column(j))]);
-            JointFactor { columns, factor: crate::linalg::triangle(all.as_ref()), ..factor.clone() }
-        };
-        let factors: Vec<JointFactor> = stacked(self.parts.iter().flatten()).iter().map(chosen).collect();
+        let all = stacked(self.parts.iter().flatten());
+        let factors: Vec<JointFactor> = all.iter().map(|factor| restricted(factor, self.rank, &extra)).collect();
         let unknowns = self.rank + extra.len();
         let mut solver = LeastSquares::new(Method::Wls);
         let plain = stacked(records.iter().flat_map(|record| factors_of(record)));
@@ -429,8 +503,46 @@ impl Search {
     }
 }
 
-fn is_sure(judged: &Judgement) -> bool {
-    judged.gain > MATTERS && judged.gain > SURE * judged.standard_error
+/// A factor with the base columns and some of the others, which come after them in this order.
+fn restricted(factor: &JointFactor, rank: usize, extra: &[usize]) -> JointFactor {
+    let place = |column: usize| match column < rank {
+        true => Some(column),
+        false => Some(rank + extra.iter().position(|own| *own == column)?),
+    };
+    let count = factor.columns.len();
+    let kept: Vec<usize> = (0..count).filter(|k| place(factor.columns[*k]).is_some()).collect();
+    let columns = kept.iter().filter_map(|k| place(factor.columns[*k])).collect();
+    let column = |j: usize| kept.get(j).copied().unwrap_or(count);
+    let all = Mat::from_fn(count + 1, kept.len() + 1, |i, j| factor.factor[(i, column(j))]);
+    JointFactor { columns, factor: crate::linalg::triangle(all.as_ref()), ..factor.clone() }
+}
+
+/// Squares of what two fits predict differently on the rows of a factor, (N·m)² (N²).
+fn difference(factor: &JointFactor, one: &[f64], other: &[f64]) -> f64 {
+    let apart: Vec<f64> = factor.columns.iter().map(|column| one[*column] - other[*column]).collect();
+    let row = |i: usize| (i..apart.len()).map(|j| factor.factor[(i, j)] * apart[j]).sum::<f64>();
+    (0..apart.len()).map(|i| row(i).powi(2)).sum()
+}
+
+/// Share of each joint's squared residual in motion, that of each log's own solution, which it has in common with that of
+/// rows so much later that noise has forgotten itself.
+fn going_on(records: &[&Record], joints: usize) -> Vec<f64> {
+    let of_joint = |joint: usize| {
+        let mut means = [0.0; 2];
+        for (mean, group) in means.iter_mut().zip([0, LONGER_THAN_NOISE]) {
+            let moving = records.iter().flat_map(|record| &record.memory);
+            let moving = moving.filter(|memory| memory.joint == joint && !memory.resting);
+            let sums = moving.filter_map(|memory| {
+                let sum = memory.sums.get(group)?;
+                let last = sum.ncols().checked_sub(1)?;
+                Some((sum[(last, last)], memory.counts.get(group).copied()?))
+            });
+            let (sum, count) = sums.fold((0.0, 0), |(sum, count), own| (sum + own.0, count + own.1));
+            *mean = sum / f64::max(count as f64, 1.0);
+        }
+        if means[0] > 0.0 { (means[1] / means[0]).clamp(0.0, 1.0) } else { 0.0 }
+    };
+    (0..joints).map(of_joint).collect()
 }
 
 /// Products of all columns and the torque, each joint in units of its noise.

@@ -189,8 +189,9 @@ pub fn inspect(recording: &Recording) -> Vec<Issue> {
 pub fn refusals(recording: &Recording) -> Vec<Issue> {
     let mut issues = time::issues(recording);
     issues.extend(values::errors(recording));
-    issues.extend(motion::positions_in_degrees(recording));
-    issues.extend(motion::wrapped_positions(recording));
+    let clean = motion::without_faults(recording);
+    issues.extend(motion::positions_in_degrees(&clean));
+    issues.extend(motion::wrapped_positions(&clean));
     let mut issues = sorted(recording, issues);
     issues.retain(|issue| issue.severity == Severity::Error);
     issues

@@ -2,10 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use super::values::{column, is_still};
+use super::values::{column, is_still_range};
 use super::{Issue, IssueKind, Severity, counted, duration};
 use crate::recording::resample::resample;
-use crate::recording::statistics::{self, rms};
+use crate::recording::statistics::{self, first_change, first_place, rms};
 use crate::recording::{GAP_FACTOR, Recording};
 
 /// Shortest stretch over which velocity and position are compared, s.
@@ -48,28 +48,32 @@ pub(super) fn issues(recording: &Recording, is_time_right: bool) -> Vec<Issue> {
 }
 
 /// Positions that look like degrees, or finer units of an angle.
-pub(super) fn positions_in_degrees(recording: &Recording) -> Vec<Issue> {
-    let clean = without_faults(recording);
-    let ratios: Vec<Option<Comparison>> = (0..clean.dof()).map(|joint| Comparison::of_joint(&clean, joint)).collect();
-    all_degrees(&clean, &ratios)
+///
+/// - `clean`: [`without_faults`]
+pub(super) fn positions_in_degrees(clean: &Recording) -> Vec<Issue> {
+    let ratios: Vec<Option<Comparison>> = (0..clean.dof()).map(|joint| Comparison::of_joint(clean, joint)).collect();
+    all_degrees(clean, &ratios)
 }
 
 /// Positions that are wrapped to a turn.
-pub(super) fn wrapped_positions(recording: &Recording) -> Vec<Issue> {
-    let clean = without_faults(recording);
-    let jumps = (0..clean.dof()).filter_map(|joint| jumps(&clean, joint));
+///
+/// - `clean`: [`without_faults`]
+pub(super) fn wrapped_positions(clean: &Recording) -> Vec<Issue> {
+    let jumps = (0..clean.dof()).filter_map(|joint| jumps(clean, joint));
     jumps.filter(|issue| issue.severity == Severity::Error).collect()
 }
 
 /// An error where half of the moving joints look so, else a warning.
 fn all_degrees(clean: &Recording, ratios: &[Option<Comparison>]) -> Vec<Issue> {
-    let joints: Vec<Range> = (0..clean.dof()).filter_map(|joint| Range::of_joint(clean, joint)).collect();
+    let ranges = statistics::ranges(clean.position(), clean.dof());
+    let of_joint = |(joint, range): (usize, &Option<[f64; 2]>)| Some(Range::of_joint(clean, joint, (*range)?));
+    let joints: Vec<Range> = ranges.iter().enumerate().filter_map(of_joint).collect();
     let usual = joints.iter().map(|range| range.usual);
     let finest = |comparison: &Option<Comparison>| comparison.is_some_and(|comparison| comparison.is_near(1e3));
     let suspected = Suspected::of_ranges(usual, ratios.iter().any(finest));
     let mut issues: Vec<Issue> =
         joints.iter().filter_map(|range| not_radians(clean, range, ratios[range.joint], suspected)).collect();
-    let moving = (0..clean.dof()).filter(|&joint| !is_still(clean, joint)).count();
+    let moving = ranges.iter().filter(|range| !range.is_some_and(is_still_range)).count();
     let (some, most) = (issues.len() < moving, 2 * issues.len() >= moving);
     for issue in &mut issues {
         if most {
@@ -84,7 +88,11 @@ fn all_degrees(clean: &Recording, ratios: &[Option<Comparison>]) -> Vec<Issue> {
 }
 
 /// The samples whose stamp is later than all before and whose values are finite.
-fn without_faults(recording: &Recording) -> Recording {
+pub(super) fn without_faults(recording: &Recording) -> Recording {
+    let runs_forward = recording.time().windows(2).all(|pair| pair[1] > pair[0]);
+    if runs_forward && recording.arrays().all(|(_, values)| first_place(values, |value| !value.is_finite()).is_none()) {
+        return recording.clone();
+    }
     let mut latest = i64::MIN;
     let mut keep = Vec::new();
     for (sample, &time) in recording.time().iter().enumerate() {
@@ -99,10 +107,9 @@ fn without_faults(recording: &Recording) -> Recording {
 /// Positions that no joint can have one after the other.
 fn jumps(recording: &Recording, joint: usize) -> Option<Issue> {
     let q: Vec<f64> = column(recording.position(), recording.dof(), joint).collect();
+    // Of most logs this is all.
+    first_change(&q, 1, |before, now| (now - before).abs() > JUMP)?;
     let changes: Vec<f64> = q.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
-    if changes.is_empty() {
-        return None;
-    }
     let steps = recording.steps();
     let usual = usual_change(&changes);
     let found: Vec<usize> =
@@ -191,11 +198,16 @@ struct Range {
 }
 
 impl Range {
-    fn of_joint(recording: &Recording, joint: usize) -> Option<Self> {
-        let mut q: Vec<f64> = column(recording.position(), recording.dof(), joint).collect();
-        let [low, high] = statistics::range(q.iter().copied())?;
-        let usual = statistics::quantile(&mut q, 0.99) - statistics::quantile(&mut q, 0.01);
-        Some(Self { joint, whole: high - low, usual })
+    fn of_joint(recording: &Recording, joint: usize, [low, high]: [f64; 2]) -> Self {
+        // Which part of a range that any joint has is the usual one does not matter.
+        let usual = match high - low > WIDEST_RANGE {
+            true => {
+                let mut q: Vec<f64> = column(recording.position(), recording.dof(), joint).collect();
+                statistics::quantile(&mut q, 0.99) - statistics::quantile(&mut q, 0.01)
+            }
+            false => high - low,
+        };
+        Self { joint, whole: high - low, usual }
     }
 }
 

@@ -1,8 +1,8 @@
 //! Issues of the time stamps.
 
 use super::{Issue, IssueKind, Severity, counted, duration, percent, rounded};
-use crate::recording::Recording;
 use crate::recording::statistics::{median, quantile};
+use crate::recording::{Recording, seconds};
 
 /// A step of the time longer than this many median steps is a gap.
 pub const GAP_FACTOR: f64 = 5.0;
@@ -18,9 +18,11 @@ pub(crate) const MOST_JITTER: f64 = 0.02;
 
 /// Median of steps, and their root mean square deviation from it as a share of it; `None` without steps.
 pub(crate) fn jitter(steps: &[i64]) -> Option<(i64, f64)> {
-    let mut sorted = steps.to_vec();
-    sorted.sort_unstable();
-    let median = *sorted.get(sorted.len() / 2)?;
+    if steps.is_empty() {
+        return None;
+    }
+    let mut copy = steps.to_vec();
+    let median = *copy.select_nth_unstable(steps.len() / 2).1;
     let deviation = |step: &i64| (*step as f64 / median as f64 - 1.0).powi(2);
     Some((median, (steps.iter().map(deviation).sum::<f64>() / steps.len() as f64).sqrt()))
 }
@@ -34,15 +36,14 @@ pub(super) fn issues(recording: &Recording) -> Vec<Issue> {
     issues.into_iter().flatten().collect()
 }
 
-struct Log {
-    /// s since the first sample
-    time: Vec<f64>,
+struct Log<'a> {
+    recording: &'a Recording,
     /// s
     steps: Vec<f64>,
     /// The same, ns.
     nanoseconds: Vec<i64>,
-    /// Speed that the fastest joint exceeds in a tenth of the steps, rad/s (m/s).
-    fastest: f64,
+    /// Median of the steps forward, s; none if there is no such step.
+    usual: Option<f64>,
     /// Steps without time in which the position changes.
     moves_at_once: usize,
 }
@@ -60,21 +61,25 @@ fn fastest(recording: &Recording) -> f64 {
     (0..n).map(of_joint).fold(0.0, f64::max)
 }
 
-impl Log {
-    fn new(recording: &Recording) -> Self {
+impl<'a> Log<'a> {
+    fn new(recording: &'a Recording) -> Self {
         let nanoseconds = recording.time().windows(2).map(|pair| pair[1].saturating_sub(pair[0])).collect();
-        let (fastest, n) = (fastest(recording), recording.dof());
+        let n = recording.dof();
         let position = |sample: usize| &recording.position()[sample * n..(sample + 1) * n];
         let steps = recording.steps();
         let moves = |step: &usize| steps[*step] == 0.0 && position(*step) != position(step + 1);
         let moves_at_once = (0..steps.len()).filter(moves).count();
-        Self { time: recording.time_seconds(), steps, nanoseconds, fastest, moves_at_once }
+        let mut forward: Vec<f64> = steps.iter().copied().filter(|&step| step > 0.0).collect();
+        let usual = Some(median(&mut forward)).filter(|period| period.is_finite());
+        Self { recording, steps, nanoseconds, usual, moves_at_once }
     }
 
     /// An issue of the steps `found`, unless there are none.
     fn issue(&self, kind: IssueKind, severity: Severity, found: &[usize], message: String) -> Option<Issue> {
         let first = *found.first()?;
-        Some(Issue { kind, severity, time: Some(self.time[first + 1]), channel: None, count: found.len(), message })
+        let time = self.recording.time();
+        let at = seconds(time[0], time[first + 1]);
+        Some(Issue { kind, severity, time: Some(at), channel: None, count: found.len(), message })
     }
 
     fn where_step(&self, is_bad: impl Fn(f64) -> bool) -> Vec<usize> {
@@ -109,7 +114,7 @@ impl Log {
             return None;
         }
         let found = self.where_step(|step| step == 0.0);
-        let resolution = self.usual_period().map_or_else(String::new, |period| format!(" of {}", duration(period)));
+        let resolution = self.usual.map_or_else(String::new, |period| format!(" of {}", duration(period)));
         let message = format!(
             "{} have the stamp of the one before: the time has a resolution{resolution}, which is coarser than the samples; if they came at a constant rate, give it with `sample_rate_hz`, or take another column for the time with `columns.time`",
             counted(found.len(), "sample"),
@@ -118,7 +123,7 @@ impl Log {
     }
 
     fn gaps(&self) -> Option<Issue> {
-        let usual = self.usual_period()?;
+        let usual = self.usual?;
         let found = self.where_step(|step| step > GAP_FACTOR * usual);
         let longest = found.iter().map(|&index| self.steps[index]).fold(0.0, f64::max);
         let message = format!(
@@ -131,7 +136,7 @@ impl Log {
     }
 
     fn irregular(&self) -> Option<Issue> {
-        let usual = self.usual_period()?;
+        let usual = self.usual?;
         if self.runs_backwards() {
             return None;
         }
@@ -169,36 +174,27 @@ impl Log {
     }
 
     fn unlikely_rate(&self) -> Option<Issue> {
-        let usual = self.usual_period()?;
+        let usual = self.usual?;
         if self.runs_backwards() {
             return None;
         }
-        let slow_arm = usual > SLOW_PERIOD && self.fastest < SLOW_MOTION && self.fastest > 0.0;
+        let fastest = if usual > SLOW_PERIOD { fastest(self.recording) } else { f64::INFINITY };
+        let slow_arm = fastest < SLOW_MOTION && fastest > 0.0;
         if (LIKELY_PERIOD[0]..=LIKELY_PERIOD[1]).contains(&usual) && !slow_arm {
             return None;
         }
         let message = format!(
             "the median step is {} s{}: if the log is not that {}, give the unit of the time with `units.time`; if it is, confirm it (accept: unlikely_rate)",
             rounded(usual),
-            if slow_arm {
-                format!(", and no joint is faster than {:.1e} rad/s (m/s)", self.fastest)
-            } else {
-                String::new()
-            },
+            if slow_arm { format!(", and no joint is faster than {fastest:.1e} rad/s (m/s)") } else { String::new() },
             if usual < LIKELY_PERIOD[0] { "fast" } else { "slow" }
         );
         let (kind, severity) = (IssueKind::UnlikelyRate, Severity::Error);
-        Some(Issue { kind, severity, time: None, channel: None, count: self.time.len(), message })
+        Some(Issue { kind, severity, time: None, channel: None, count: self.recording.len(), message })
     }
 
     /// Whether the order of the samples is to be mended before their steps say anything.
     fn runs_backwards(&self) -> bool {
         self.steps.iter().any(|&step| step < 0.0)
-    }
-
-    /// Median of the steps forward, s.
-    fn usual_period(&self) -> Option<f64> {
-        let mut forward: Vec<f64> = self.steps.iter().copied().filter(|&step| step > 0.0).collect();
-        Some(median(&mut forward)).filter(|period| period.is_finite())
     }
 }

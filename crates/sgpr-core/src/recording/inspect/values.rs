@@ -2,6 +2,7 @@
 
 use super::{Issue, IssueKind, Severity, counted, percent};
 use crate::recording::names::quoted;
+use crate::recording::statistics::first_place;
 use crate::recording::{Implausible, Recording, seconds, statistics};
 
 /// A joint that moves less than this, rad (m), stands still.
@@ -62,6 +63,12 @@ fn not_finite(recording: &Recording) -> Vec<Issue> {
     });
     let channels = recording.channels().iter();
     let of_channels = channels.map(|channel| (channel.name.clone(), 0, 1, &channel.values[..], Severity::Note));
+    let is_bad = |values: &[f64]| first_place(values, |value| !value.is_finite()).is_some();
+    if !recording.arrays().any(|(_, values)| is_bad(values))
+        && !recording.channels().iter().any(|channel| is_bad(&channel.values))
+    {
+        return vec![];
+    }
     let issue = |(name, first, step, values, severity): (String, usize, usize, &[f64], Severity)| {
         let bad = |(_, value): &(usize, f64)| !value.is_finite();
         let mut found = column(values, step, first).enumerate().filter(bad);
@@ -109,7 +116,10 @@ pub(in crate::recording) fn repeated_samples(recording: &Recording) -> Vec<usize
         recording.arrays().all(|(_, values)| values[(sample - 1) * n..][..n] == values[sample * n..][..n])
             && recording.channels().iter().all(|channel| same_channel(&channel.values, sample))
     };
-    let candidates: Vec<usize> = (1..recording.len()).filter(|&sample| same(sample)).collect();
+    // Nearly every sample differs in the first number.
+    let position = recording.position();
+    let begins_alike = |sample: &usize| n == 0 || position[(sample - 1) * n] == position[sample * n];
+    let candidates: Vec<usize> = (1..recording.len()).filter(begins_alike).filter(|&sample| same(sample)).collect();
     if candidates.is_empty() {
         return candidates;
     }
@@ -178,7 +188,12 @@ impl<'a> Motion<'a> {
 /// Whether a joint stands still, as far as an encoder can tell.
 pub(crate) fn is_still(recording: &Recording, joint: usize) -> bool {
     let range = statistics::range(column(recording.position(), recording.dof(), joint));
-    range.is_some_and(|[low, high]| high - low < STILL_RANGE)
+    range.is_some_and(is_still_range)
+}
+
+/// Whether a joint with positions in this range stands still.
+pub(super) fn is_still_range([low, high]: [f64; 2]) -> bool {
+    high - low < STILL_RANGE
 }
 
 fn still_joints(recording: &Recording) -> Option<Issue> {
@@ -278,20 +293,31 @@ fn in_stretches(count: usize) -> String {
     if count == 1 { "1 stretch".into() } else { format!("{count} stretches") }
 }
 
+type Column<'a> = std::iter::Copied<std::iter::StepBy<std::iter::Skip<std::slice::Iter<'a, f64>>>>;
+
 /// Numbers that leave one end of 16 bits and come back at the other.
 fn overflows(recording: &Recording) -> Vec<Issue> {
-    let (n, time) = (recording.dof(), recording.time_seconds());
-    let of_column = |(name, values): (String, Vec<f64>)| {
-        let [low, high] = statistics::range(values.iter().copied())?;
-        let changes: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+    let (n, time) = (recording.dof(), recording.time());
+    let of_column = |(name, values, range): (String, Column<'_>, Option<[f64; 2]>)| {
+        let [low, high] = range?;
         let visible = 1e-9 * (high - low);
-        let step = changes.iter().copied().filter(|change| *change > visible).fold(f64::INFINITY, f64::min);
-        if !(NEAR_THE_ENDS[0]..=1.0).contains(&((high - low) / (OF_16_BITS * step))) {
+        let share = |step: f64| (high - low) / (OF_16_BITS * step);
+        let changes =
+            || values.clone().zip(values.clone().skip(1)).map(|(before, now): (f64, f64)| (now - before).abs());
+        let mut step = f64::INFINITY;
+        for change in changes().filter(|change| *change > visible) {
+            step = step.min(change);
+            // Finer steps make the share only larger.
+            if share(step) > 1.0 {
+                return None;
+            }
+        }
+        if !(NEAR_THE_ENDS[0]..=1.0).contains(&share(step)) {
             return None;
         }
-        let across = |&k: &usize| changes[k] > NEAR_THE_ENDS[1] * (high - low);
-        let found: Vec<usize> = (0..changes.len()).filter(across).collect();
-        let at = time[found.first()? + 1];
+        let across = |(k, change): (usize, f64)| (change > NEAR_THE_ENDS[1] * (high - low)).then_some(k);
+        let found: Vec<usize> = changes().enumerate().filter_map(across).collect();
+        let at = seconds(time[0], time[found.first()? + 1]);
         Some(Issue {
             kind: IssueKind::Overflow,
             severity: Severity::Error,
@@ -304,9 +330,13 @@ fn overflows(recording: &Recording) -> Vec<Issue> {
             count: found.len(),
         })
     };
-    let columns = recording.joint_names().iter().enumerate().flat_map(|(joint, name)| {
-        let arrays = recording.arrays();
-        arrays.map(move |(array, values)| (format!("{name}_{array}"), column(values, n, joint).collect()))
+    let arrays = recording.arrays().map(|(array, values)| (array, values, statistics::ranges(values, n)));
+    let arrays: Vec<_> = arrays.collect();
+    let names = recording.joint_names().iter().enumerate();
+    let columns = names.flat_map(|(joint, name)| arrays.iter().map(move |array| (joint, name, array)));
+    let columns = columns.map(|(joint, name, (array, values, ranges))| {
+        let own: Column<'_> = values.iter().skip(joint).step_by(n).copied();
+        (format!("{name}_{array}"), own, ranges[joint])
     });
     columns.filter_map(of_column).collect()
 }

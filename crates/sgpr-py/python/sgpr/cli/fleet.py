@@ -11,7 +11,7 @@ from ..fleet.changes import FALSE_ALARMS, histories, to_dict
 from ..fleet.engine import kinds_of, make_records
 from ..fleet.files import iterate_records
 from ..fleet.logs import find
-from ..fleet.simulated import simulate_fleet
+from ..fleet.simulated import SECONDS, simulate_fleet
 from ..report.fleet import FleetPage
 from ..report.numbers import counted
 from ..report.versions import versions
@@ -128,6 +128,7 @@ def simulate(
     arms: Annotated[int, typer.Option("--arms")] = 40,
     days: Annotated[int, typer.Option("--days")] = 30,
     sessions: Annotated[int, typer.Option("--sessions", help="Per day.")] = 2,
+    seconds: Annotated[float, typer.Option("--seconds", help="Of each session.")] = SECONDS,
     faulty: Annotated[float, typer.Option("--faulty", help="Share of arms to which something happens.")] = 0.2,
     seed: Annotated[int, typer.Option("--seed")] = 0,
     workers: Annotated[int | None, typer.Option("--workers", metavar="N", show_default="all processors")] = None,
@@ -142,6 +143,7 @@ def simulate(
             arms=arms,
             days=days,
             sessions_per_day=sessions,
+            seconds=seconds,
             faulty=faulty,
             seed=seed,
             workers=workers,
@@ -205,6 +207,15 @@ def report(
     for history in found:
         for session in history.foreign:
             output.warning(f"{history.robot}, {session}: the reference explains nothing of its torque; left out")
+        for session, reason in history.left_out.items():
+            output.warning(f"{history.robot}, {session}: {reason}; left out")
+        for text in history.mixed:
+            output.warning(text)
+    doubts = [finding for history in found for finding in history.findings if finding.rank != "know"]
+    if doubts:
+        arms = sum(any(finding.rank != "know" for finding in history.findings) for history in found)
+        kinds = ", ".join(sorted({finding.kind.replace("_", " ") for finding in doubts}))
+        output.warning(f"a look at the logs of {counted(arms, 'arm')} found: {kinds}; see the report")
     output.line(f"report: {Path(out) / 'report.html'}")
     output.line(f"alarms: {Path(out) / 'alarms.json'}")
     output.result(data)

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .series import FEWEST_OF_BASELINE, ArmHistory, Array, Series
+from .series import FEWEST_OF_BASELINE, TOOL, ArmHistory, Array, Series
 
 NEAR = 3
 """Sessions by which jumps of one cause may lie apart."""
 LEAST_EFFECT = 0.01
 """Share of the parameter's scale (kg) that a change must exceed to matter, with 97.5 % certainty."""
-TOOL = "tool"
-"""The parameter, and the cause."""
 TOOL_SHARE, TOOL_SHARE_OF_ONE_JOINT = 0.3, 0.8
 """Shares of the residual that a tool explains: of several joints that changed, and where one did."""
 

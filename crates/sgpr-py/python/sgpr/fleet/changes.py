@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._sgpr import Model, Record, Robot, SgprError
-from .alarms import LEAST_EFFECT, TOOL, find_events, name_changes
+from .alarms import LEAST_EFFECT, find_events, name_changes
+from .doubtful import MixedTool, mixed_tools, of_two_arms, told_apart, without_doubles, without_wrong_clocks
 from .evidence import Track, find_jumps
-from .series import ArmHistory, Series, by_arm, history_of, start_of, tool_of, with_tool
+from .screening import findings_of
+from .series import TOOL, ArmHistory, Series, by_arm, history_of, session_of, start_of, tool_of, with_tool
 from .sisters import find_outliers, share_scatter, share_temperature
 
 FALSE_ALARMS = 0.5
@@ -59,34 +61,60 @@ def histories(
     SgprError
         If there is no record, or a type has no robot.
     """
-    arms = by_arm(records)
-    if not arms:
+    every_session = by_arm(records)
+    if not every_session:
         raise SgprError("there is no record")
-    found = []
-    for done, (kind, robot) in enumerate(arms):
+    arms, doubtful = without_wrong_clocks(every_session)
+
+    def history(key: tuple[str, str]) -> ArmHistory:
+        return history_of(*key, arms, robots[key[0]], temperature)
+
+    of_arms: dict[tuple[str, str], ArmHistory] = {}
+    for done, key in enumerate(arms):
+        kind, robot = key
         if kind not in robots:
             raise SgprError(f"there is no robot for the type `{kind}` of {robot}: give --robot {kind or 'ROBOT'}=...")
-        found.append(history_of(kind, robot, arms, robots[kind], temperature))
+        of_arms[key] = history(key)
         if progress is not None:
             progress("arms", done + 1, len(arms))
+    foreign = {key: own.foreign for key, own in of_arms.items()}
+    shared = of_two_arms(arms, foreign)
+    mixed: dict[tuple[str, str], list[MixedTool]] = {}
+    for key in arms:
+        reasons = shared.get(key, {})
+        single, doubles = without_doubles([one for one in arms[key] if session_of(one) not in reasons], foreign[key])
+        if reasons or doubles:
+            doubtful[key] |= reasons | doubles
+            arms[key] = single
+            of_arms[key] = history(key)
+        mixed[key] = mixed_tools(of_arms[key])
+        if mixed[key]:
+            arms[key] = told_apart(arms[key], mixed[key])
+            of_arms[key] = history(key)
+    found = list(of_arms.values())
     every = []
-    for kind in sorted({history.type for history in found}):
-        sisters = [history for history in found if history.type == kind]
+    for kind in sorted({own.type for own in found}):
+        sisters = [own for own in found if own.type == kind]
         _look(sisters, false_alarms)
-        anew = [_with_tools(history, arms, robots[kind], temperature) for history in sisters]
+        anew = [_with_tools(own, arms, robots[kind], temperature) for own in sisters]
         if any(anew):
-            again = [other or history for other, history in zip(anew, sisters, strict=True)]
+            again = [other or own for other, own in zip(anew, sisters, strict=True)]
             _look(again, false_alarms)
-            for other, history in zip(anew, sisters, strict=True):
+            for other, own in zip(anew, sisters, strict=True):
                 if other is not None:
-                    _keep_tools(other, history)
+                    _keep_tools(other, own)
             sisters = again
-        every += sorted(sisters, key=lambda history: history.robot)
+        every += sorted(sisters, key=lambda own: own.robot)
+    for own in every:
+        key = own.type, own.robot
+        own.findings, own.left_out = findings_of(every_session[key]), doubtful[key]
+        own.mixed = [one.text for one in mixed[key]]
     return every
 
 
 def to_dict(history: ArmHistory) -> dict[str, Any]:
-    """The alarms and events of an arm for machines, and what could have been seen (`shows`: the smallest change)."""
+    """An arm for machines: alarms and events, what could have been seen (`shows`: the smallest change), and what a look
+    at its logs found."""
     return {
         "robot": history.robot,
         "type": history.type,
@@ -97,6 +125,9 @@ def to_dict(history: ArmHistory) -> dict[str, Any]:
         "events": history.events,
         "outliers": history.outliers,
         "foreign": history.foreign,
+        "left_out": history.left_out,
+        "mixed_tools": history.mixed,
+        "findings": [finding.to_dict() for finding in history.findings],
         "watched": [
             {"joint": one.joint, "parameter": one.name, "shows": one.shows} for one in history.series if one.watched
         ],

@@ -307,9 +307,13 @@ def _place(out: Path, log: Log, kind: Kind, parts: tuple[int, bool]) -> Path:
 
 
 def _copies(out: Path) -> dict[str, str]:
-    """Logs whose samples are those of another log, with the first of these by name."""
-    records = list_records(sorted((out / "records").glob("*/*.parquet")))
-    return copies_of(sorted((one["labels"].get("path", one["source"]), one["content_hash"]) for one in records))
+    """Logs whose samples are those of another log of the same arm, with the first of these by name."""
+    of_arms: dict[str, list[tuple[str, str]]] = {}
+    for one in list_records(sorted((out / "records").glob("*/*.parquet"))):
+        labels = one["labels"]
+        own = of_arms.setdefault(labels.get("robot", ""), [])
+        own.append((labels.get("path", one["source"]), one["content_hash"]))
+    return {path: other for own in of_arms.values() for path, other in copies_of(sorted(own)).items()}
 
 
 def _tell(progress: Callable[[str, int, int], Any] | None, done: int, total: int) -> None:

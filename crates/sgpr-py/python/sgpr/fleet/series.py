@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._sgpr import Model, Record, Robot, SgprError, compare_records, deviations, identify_records
+from .screening import LogFinding
 
 if TYPE_CHECKING:
     from .alarms import Alarm
@@ -21,6 +22,8 @@ BASELINE_SHARE, FEWEST_OF_BASELINE, MOST_OF_BASELINE = 0.2, 5, 20
 RIGID = ("Ia",)
 """Parameters of effects that do not change while an arm works."""
 NAMES = {"Fv": "viscous friction", "Fc": "Coulomb friction", "tau0": "torque offset", "gain": "torque gain"}
+TOOL = "tool"
+"""The parameter that is the mass at the last link."""
 NOTHING, SUSPICIOUS = 1.0, 0.5
 """Error as a share of the torque, of the median joint, at which a model explains nothing of a session, and from which
 on those that a reference is fitted to are looked at one by one."""
@@ -84,6 +87,8 @@ class ArmHistory:
     - `tools`: declared tool of each session
     - `baseline`: sessions that the first reference is made of; `borrowed`: whether those of its sisters
     - `referred`: whether a session is one of those that its reference is made of
+    - `findings`: what a look at its logs found
+    - `left_out`: sessions that do not count, with the reasons; `mixed`: sentences on two tools under one name
     - `foreign`: sessions of whose torque the reference explains nothing: of another robot, or with other columns or
       units; they are left out of everything else
     """
@@ -108,6 +113,14 @@ class ArmHistory:
     events: list[dict[str, Any]] = field(default_factory=list)
     outliers: list[dict[str, Any]] = field(default_factory=list)
     foreign: list[str] = field(default_factory=list)
+    findings: list[LogFinding] = field(default_factory=list)
+    left_out: dict[str, str] = field(default_factory=dict)
+    mixed: list[str] = field(default_factory=list)
+
+    @property
+    def recorded(self) -> int:
+        """Sessions with a record, foreign ones included."""
+        return len(self.sessions) + len(self.foreign) + len(self.left_out)
 
     def find(self, joint: str, parameter: str) -> Series | None:
         """A parameter over the sessions."""
@@ -175,7 +188,7 @@ def history_of(
         Series(joint, symbol, column["unit"], column["reference"], _scale(joint, symbol, columns), *column["values"])
         for (joint, symbol), column in columns.items()
     ]
-    series.append(Series("", "tool", "kg", 0.0, 1.0, *mass))
+    series.append(Series("", TOOL, "kg", 0.0, 1.0, *mass))
     for one in series:
         # Sessions that do not determine a parameter say nothing of it.
         one.change, one.std, one.unsure = one.change / one.scale, one.std / one.scale, one.unsure / one.scale
@@ -185,7 +198,7 @@ def history_of(
         type=kind,
         joints=joints,
         units=first.robot.torque_units,
-        sessions=[_session(one) for one in own],
+        sessions=[session_of(one) for one in own],
         time=[start_of(one) for one in own],
         tools=[tool_of(one) for one in own],
         hours=sum((one.end_time - one.start_time) / 3600e9 for one in own),
@@ -197,7 +210,7 @@ def history_of(
         residual=residual,
         tool_gain=tool_gain,
         series=series,
-        foreign=[_session(one) for one in foreign],
+        foreign=[session_of(one) for one in foreign],
     )
 
 
@@ -241,7 +254,8 @@ def _is_foreign(reference: Model | None, one: Record) -> bool:
     return reference is not None and _unexplained(reference, one) >= NOTHING
 
 
-def _session(one: Record) -> str:
+def session_of(one: Record) -> str:
+    """Name of a session."""
     return one.labels.get("session", one.source)
 
 

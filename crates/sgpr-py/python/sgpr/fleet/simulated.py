@@ -21,8 +21,9 @@ Array = NDArray[np.float64]
 
 RATE_HZ = 100.0
 SECONDS = 20.0
+SHORTEST_SECONDS = 5.0
 START_SECONDS = 2.0
-STEP = 1e-3
+STEP = 2e-3
 FIRST_DAY = np.datetime64("2026-03-01T06:00:00", "ns")
 REFERENCE_CELSIUS = 25.0
 FRICTION_PER_DEGREE = -0.01
@@ -88,6 +89,7 @@ def simulate_fleet(
     arms: int = 40,
     days: int = 30,
     sessions_per_day: int = 2,
+    seconds: float = SECONDS,
     faulty: float = 0.2,
     spoiled: bool = True,
     seed: int = 0,
@@ -98,8 +100,8 @@ def simulate_fleet(
 
     Each arm has inertias, friction and torque offsets of its own around those of its type; friction follows the
     temperature, which is logged, wears slowly, and varies a little from session to session. Every third arm changes
-    between two tools, which the table says. Sessions are motions of `SECONDS` under computed torque, from the
-    library's simulator.
+    between two tools, which the table says. Sessions are motions under computed torque, from the library's
+    simulator.
 
     Parameters
     ----------
@@ -108,6 +110,8 @@ def simulate_fleet(
     types : dict of str to Robot, optional
         By default the PUMA 560 and a two-link arm.
     arms, days, sessions_per_day : int
+    seconds : float
+        Of each session, at least five.
     faulty : float
         Share of the arms to which something happens.
     spoiled : bool
@@ -129,12 +133,14 @@ def simulate_fleet(
     """
     if min(arms, days, sessions_per_day) < 1 or not 0.0 <= faulty <= 1.0:
         raise SgprError("a fleet has at least one arm, day and session, and a share of faulty arms from 0 to 1")
+    if not SHORTEST_SECONDS <= seconds <= 3600.0:
+        raise SgprError(f"seconds: got {seconds:g}, expected {SHORTEST_SECONDS:g} to 3600 of each session")
     types = dict(types) if types else {"puma560": robots.puma560(), "two_link": robots.two_link()}
     place = Path(out)
     (place / "logs").mkdir(parents=True, exist_ok=True)
     sessions = days * sessions_per_day
     fleet = _arms(types, arms, sessions, faulty, seed)
-    jobs = [(place, arm, types[arm.type], sessions, sessions_per_day) for arm in fleet]
+    jobs = [(place, arm, types[arm.type], sessions, sessions_per_day, seconds) for arm in fleet]
     with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=get_context("spawn")) as pool:
         for done, _ in enumerate(pool.map(_write_arm, jobs)):
             if progress is not None:
@@ -144,7 +150,7 @@ def simulate_fleet(
         for arm in fleet
         for k in range(sessions)
     ]
-    broken = _spoil(place, fleet, rows, types, seed) if spoiled else {}
+    broken = _spoil(place, fleet, rows, types, seed, seconds) if spoiled else {}
     with (place / "fleet.csv").open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows([["path", "robot", "session", "type", "tool"], *rows])
     truth = {
@@ -190,15 +196,15 @@ def _arms(types: Mapping[str, Robot], arms: int, sessions: int, faulty: float, s
     return fleet
 
 
-def _write_arm(job: tuple[Path, Arm, Robot, int, int]) -> None:
-    place, arm, robot, sessions, per_day = job
+def _write_arm(job: tuple[Path, Arm, Robot, int, int, float]) -> None:
+    place, arm, robot, sessions, per_day, seconds = job
     for session in range(sessions):
-        log = session_log(arm, robot, session, per_day)
+        log = session_log(arm, robot, session, per_day, seconds=seconds)
         _write_log(place / _log_name(arm, session), robot, log)
 
 
 def session_log(
-    arm: Arm, robot: Robot, session: int, sessions_per_day: int, *, tracked: bool = True
+    arm: Arm, robot: Robot, session: int, sessions_per_day: int, *, seconds: float = SECONDS, tracked: bool = True
 ) -> dict[str, Array]:
     """Columns of a session's log: `t` (ns), `q`, `tau`, `temperature`.
 
@@ -209,7 +215,7 @@ def session_log(
     rng = np.random.default_rng([arm.seed, 3, session])
     n = robot.dof
     links = robot.standard_parameters.reshape(n, 10) * own.normal(1.0, 0.05, size=(n, 1))
-    motion = _motion(robot, rng)
+    motion = _motion(robot, rng, seconds)
     size = _torque_size(robot)
     coulomb = 0.06 * size * own.lognormal(0.0, 0.15, n)
     viscous = 0.04 * size * own.lognormal(0.0, 0.15, n)
@@ -277,9 +283,9 @@ def _celsius(arm: Arm, day: float) -> float:
     return float(REFERENCE_CELSIUS + year + FORTNIGHTLY_CELSIUS * np.sin(0.45 * day + phases[1]))
 
 
-def _motion(robot: Robot, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+def _motion(robot: Robot, rng: np.random.Generator, seconds: float) -> tuple[Array, Array, Array]:
     """A motion of five harmonics of a tenth of a hertz, from rest about a pose of its own."""
-    t = np.arange(0.0, SECONDS, 1.0 / RATE_HZ)
+    t = np.arange(0.0, seconds, 1.0 / RATE_HZ)
     w = 2.0 * np.pi * 0.1 * np.arange(1, 6)
     a, b = rng.normal(size=(2, robot.dof, 5)) * 0.35 / np.arange(1, 6)
     sin, cos = np.sin(np.outer(t, w)), np.cos(np.outer(t, w))
@@ -297,7 +303,7 @@ def _motion(robot: Robot, rng: np.random.Generator) -> tuple[Array, Array, Array
 
 def _torque_size(robot: Robot) -> Array:
     """Root mean square torque of a motion, N·m, not below a hundredth of the largest."""
-    motion = _motion(robot, np.random.default_rng(0))
+    motion = _motion(robot, np.random.default_rng(0), SECONDS)
     size = np.sqrt(np.mean(np.asarray(Model.nominal(robot).predict(*motion)) ** 2, axis=0))
     return np.asarray(np.maximum(size, 0.05 * size.max()))
 
@@ -316,7 +322,7 @@ def _write_log(path: Path, robot: Robot, log: Mapping[str, Any]) -> None:
 
 
 def _spoil(
-    place: Path, fleet: list[Arm], rows: list[list[str]], types: Mapping[str, Robot], seed: int
+    place: Path, fleet: list[Arm], rows: list[list[str]], types: Mapping[str, Robot], seed: int, seconds: float
 ) -> dict[str, str]:
     """Breaks a few logs; returns what was done to which."""
     rng = np.random.default_rng([seed, 4])
@@ -334,11 +340,11 @@ def _spoil(
     broken[name] = f"a copy of {rows[copy][0]}"
     others = [arm for arm in fleet if arm.type != rows[foreign][3]]
     if others:
-        log = session_log(others[0], types[others[0].type], 0, 1)
+        log = session_log(others[0], types[others[0].type], 0, 1, seconds=seconds)
         _write_log(place / rows[foreign][0], types[others[0].type], log)
         broken[rows[foreign][0]] = f"of another robot, {others[0].type}"
     arm = next(arm for arm in fleet if arm.name == rows[back][1])
-    log = session_log(arm, types[arm.type], int(rows[back][2]), 1)
+    log = session_log(arm, types[arm.type], int(rows[back][2]), 1, seconds=seconds)
     log["t"][len(log["t"]) // 2 :] -= 3_000_000_000
     _write_log(place / rows[back][0], types[arm.type], log)
     broken[rows[back][0]] = "a clock that jumps back by 3 s"

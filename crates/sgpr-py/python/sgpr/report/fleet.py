@@ -10,6 +10,7 @@ import numpy as np
 
 from ..fleet.alarms import Alarm, date
 from ..fleet.changes import FEWEST_SESSIONS
+from ..fleet.screening import RANKS, LogFinding
 from ..fleet.series import ArmHistory, Series
 from .colours import AFTER, BEFORE, INTERVAL, MEASURED
 from .figures import axis, layout, rounded
@@ -83,13 +84,14 @@ class FleetPage:
             Section("arms", "Arms", self._arms()),
             Section("watched", "What could have been seen", self._watched()),
             Section("outliers", "Arms unlike their sisters, and single sessions", self._outliers()),
+            Section("findings", "What a look at the logs found", self._findings()),
             Section("aside", "Logs set aside", self._aside()),
             Section("how", "How sure", self._how()),
         ]
         hours = sum(history.hours for history in self.histories)
         sessions = sum(len(history.time) for history in self.histories)
         changed = counted(len({alarm.robot for alarm in alarms}), "arm") if alarms else "No arm"
-        strange = len(self.aside) + sum(len(history.foreign) for history in self.histories)
+        strange = len(self.aside) + sum(len(history.foreign) + len(history.left_out) for history in self.histories)
         text = (
             f"{changed} of {len(self.histories)} changed, in {counted(sessions, 'session')} and "
             f"{significant(hours)} h of logs. {counted(strange, 'log')} set aside. {self._share_watched()}"
@@ -264,6 +266,48 @@ class FleetPage:
             parts.append(_sortable(table("Single sessions", columns, events, text_columns=(0, 1, 2))))
         return join(parts) if parts else paragraph("None.")
 
+    def _findings(self) -> Html:
+        rows = [
+            [
+                history.robot,
+                finding.kind.replace("_", " "),
+                finding.subject or "the whole log",
+                Cell(f"{len(finding.sessions)} of {history.recorded}", order=len(finding.sessions)),
+                finding.sessions[0],
+                Cell(finding.rank, order=RANKS.index(finding.rank)),
+            ]
+            for history in self.histories
+            for finding in history.findings
+            if finding.rank != "know"
+        ]
+        notes = sum(finding.rank == "know" for history in self.histories for finding in history.findings)
+        more = f"{counted(notes, 'note')} on single arms are in alarms.json." if notes else ""
+        mixed = [text for history in self.histories for text in history.mixed]
+        if not rows:
+            nothing = paragraph(f"Nothing that speaks against them. {more}")
+            return join([items(map(prose, mixed)), nothing]) if mixed else nothing
+        said = dict.fromkeys(
+            f"{finding.kind.replace('_', ' ')}, as in {history.robot}, {finding.sessions[0]}: {finding.message}"
+            for history, finding in self._worst_of_each_kind()
+        )
+        columns = ["arm", "finding", "about", "sessions", "first", "what to do"]
+        return join(
+            [
+                _sortable(table("Findings", columns, rows, text_columns=(0, 1, 2, 4, 5))),
+                items(map(prose, [*mixed, *said])),
+                paragraph(more),
+            ]
+        )
+
+    def _worst_of_each_kind(self) -> list[tuple[ArmHistory, LogFinding]]:
+        """Of each kind of finding that is no mere note the one that most sessions have."""
+        every = [(history, one) for history in self.histories for one in history.findings if one.rank != "know"]
+        every.sort(key=lambda pair: -len(pair[1].sessions))
+        first: dict[str, tuple[ArmHistory, LogFinding]] = {}
+        for history, one in every:
+            first.setdefault(one.kind, (history, one))
+        return list(first.values())
+
     def _aside(self) -> Html:
         folder = _folder([*self.aside, *self.copies, *self.copies.values()])
         lines = [
@@ -275,6 +319,11 @@ class FleetPage:
             lines.append(f"{path.removeprefix(folder)}: {what}, counts once")
         why = "its reference explains nothing of the torque: of another robot, or with other columns or units"
         lines += [f"{history.robot}, {session}: {why}" for history in self.histories for session in history.foreign]
+        lines += [
+            f"{history.robot}, {session}: {reason}"
+            for history in self.histories
+            for session, reason in history.left_out.items()
+        ]
         if not lines:
             return paragraph("None.")
         where = [paragraph(f"Paths begin with {folder}")] if folder else []
