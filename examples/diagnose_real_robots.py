@@ -2,10 +2,11 @@
 
     python examples/diagnose_real_robots.py
     python examples/diagnose_real_robots.py --seconds 8 16
+    python examples/diagnose_real_robots.py --alike
 
 The logs are those of `real_robots.py`; SGPR_DATA names their folder. On the UR10e a second session has logs without
 and one with a payload of 2.805 kg one after the other. With `--seconds` each training log is diagnosed alone, of which
-only so many seconds are known.
+only so many seconds are known. With `--alike` the Panda is identified with either of two effects that look alike.
 """
 
 import argparse
@@ -15,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import sgpr
-from real_robots import DATASETS, EFFECTS, Dataset, Log, data_folder, recordings, robot_and_logs
+from real_robots import DATASETS, EFFECTS, Dataset, Log, data_folder, find_dataset, recordings, robot_and_logs
 
 PAUSE_S = 5.0
 NO_WORSE = 1.02
@@ -61,7 +62,8 @@ def payload_session(
 def told(finding: sgpr.Finding) -> str:
     """A finding in a few words."""
     where = f" at {', '.join(finding.joints)}" if finding.joints else ""
-    return f"{finding.effect}{where} ({finding.probability:.2f})"
+    mass = f", {finding.parameters['m'][0]:.2f} kg" if "m" in finding.parameters else ""
+    return f"{finding.effect}{where} ({finding.probability:.2f}{mass})"
 
 
 def row(name: str, model: sgpr.Model, train: list[sgpr.Recording], test: list[sgpr.Recording]) -> str:
@@ -97,12 +99,26 @@ def short_row(name: str, robot: sgpr.Robot, logs: list[list[sgpr.Recording]], se
     return f"| {name} | {seconds:.0f} | {len(ratios)} | {mean:.2f} | {max(ratios):.2f} | {worse} |"
 
 
+def alike() -> None:
+    """Print what models of the Panda leave, with either of two effects at all joints and without."""
+    robot, train, test = robot_and_logs(*find_dataset("panda"))
+    print("| effect at all joints | training log, % | unseen log, % |\n|---|---:|---:|")
+    for effect in ("none", "coulomb_transition", "presliding_friction"):
+        model = sgpr.identify(robot, train, effects=EFFECTS if effect == "none" else [*EFFECTS, effect])
+        errors = (sgpr.compare(model, logs).relative_error_percent for logs in (train, test))
+        print(f"| {effect} | {' | '.join(f'{error:.2f}' for error in errors)} |", flush=True)
+
+
 def main() -> int:
     """Diagnose every robot whose logs are there."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, help="folder of the logs (default: what SGPR_DATA names)")
     parser.add_argument("--seconds", type=float, nargs="+", default=[], help="short parts of each training log")
+    parser.add_argument("--alike", action="store_true", help="the Panda with either of two effects")
     options = parser.parse_args()
+    if options.alike:
+        alike()
+        return 0
     data = data_folder(options.data)
     found = [dataset for dataset in DATASETS if (data / dataset.folder / dataset.urdf).exists()]
     if not found:

@@ -1,6 +1,7 @@
 """The documentation as a site: built without a broken link, and with a page for all that it should explain."""
 
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,13 +12,57 @@ import sgpr
 ROOT = Path(__file__).resolve().parents[1]
 
 
-def test_the_site_is_built_without_a_broken_link(tmp_path: Path) -> None:
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+QUIET = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site, built without a broken link."""
     pytest.importorskip("mkdocs", reason="mkdocs is not installed: make docs")
     pytest.importorskip("material", reason="mkdocs-material is not installed: make docs")
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")]
+    site = tmp_path_factory.mktemp("documentation") / "site"
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(site)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr
-    site = tmp_path / "site"
+    return site
+
+
+# A page wider than the window, and names and figures that are broken over lines.
+FAULTS = """() => {
+  const found = [];
+  const over = document.documentElement.scrollWidth - document.documentElement.clientWidth;
+  if (over > 0) found.push(`the page is ${over} px too wide`);
+  for (const cell of document.querySelectorAll("article td")) {
+    const written = document.createRange();
+    written.selectNodeContents(cell);
+    const lines = written.getBoundingClientRect().height / parseFloat(getComputedStyle(cell).lineHeight);
+    if (/^[^ ]{1,12}$/.test(cell.textContent) && lines > 1.6) found.push(`broken: ${cell.textContent}`);
+  }
+  return found;
+}"""
+
+
+@pytest.mark.parametrize("width", [400, 1280])
+def test_no_page_is_too_wide_and_no_name_broken(site: Path, width: int) -> None:
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if CHROMIUM is None:
+        pytest.skip("no Chromium here: the site is not tested in a browser")
+    faults = {}
+    with playwright.sync_playwright() as program:
+        browser = program.chromium.launch(executable_path=CHROMIUM, args=QUIET)
+        page = browser.new_page(viewport={"width": width, "height": 900})
+        # Nothing from elsewhere: no fonts.
+        page.route(re.compile("^(?!file:)"), lambda route: route.abort())
+        for path in sorted(site.rglob("*.html")):
+            page.goto(path.as_uri(), wait_until="domcontentloaded")
+            faults[str(path.relative_to(site))] = page.evaluate(FAULTS)
+        browser.close()
+    assert len(faults) > 50
+    assert {path: found for path, found in faults.items() if found} == {}
+
+
+def test_the_site_has_a_page_for_everything(site: Path) -> None:
     effects = {effect["name"] for effect in sgpr.effects()}
     assert {path.stem for path in (site / "effects").glob("*.html")} == effects | {"index"}
     assert {path.stem for path in (site / "datasets").glob("*.html")} == set(sgpr.datasets.names())

@@ -162,3 +162,17 @@ fn an_offset_a_gain_and_a_tool_are_told_apart() {
     let mass = test_of(&found, SessionCause::Tool);
     assert!((mass.values[1] - mass.values[0] - 1.0).abs() < 0.05, "{mass:?}");
 }
+
+#[test]
+fn torques_of_another_sign_or_unit_are_answered_or_refused() {
+    let (robot, logs) = (robot(), logs());
+    for (joints, factor) in [(1..2, -1.0), (1..2, 1e-30), (0..6, -1.0), (0..6, 1e-30), (0..6, 1e9)] {
+        let other = with_torque(&logs[1], |joint, tau, _| if joints.contains(&joint) { factor * tau } else { tau });
+        let given = [("monday".to_string(), vec![logs[0].clone()]), ("tuesday".to_string(), vec![other])];
+        let found = compare_sessions(&robot, &given, &EFFECTS.map(String::from), &Default::default(), &());
+        match found {
+            Ok(found) => assert_ne!(changed(&found), vec![], "{joints:?} {factor}"),
+            Err(error) => assert!(error.to_string().len() > 30, "{error}"),
+        }
+    }
+}

@@ -1,8 +1,11 @@
 """What the tests share: bundled data, reference robots, and recordings that follow formulas."""
 
+import importlib
 import json
 import os
+import sys
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -20,6 +23,16 @@ REFERENCE_ROBOTS = [
     "scara",
     "gripper_tree",
 ]
+
+
+def example(name: str) -> ModuleType:
+    """One of the examples of the repository, which import each other."""
+    folder = str(Path(__file__).parents[3] / "examples")
+    sys.path.insert(0, folder)
+    try:
+        return importlib.import_module(name)
+    finally:
+        sys.path.remove(folder)
 
 
 def outside(name: str) -> Path:

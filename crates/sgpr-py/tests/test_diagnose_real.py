@@ -1,24 +1,8 @@
 """Real robots whose logs lack an effect that is documented."""
 
-import importlib
-import sys
-from pathlib import Path
-from types import ModuleType
-
 import pytest
 import sgpr
-from conftest import outside
-
-EXAMPLES = Path(__file__).parents[3] / "examples"
-
-
-def example(name: str) -> ModuleType:
-    """One of the examples, which import each other."""
-    sys.path.insert(0, str(EXAMPLES))
-    try:
-        return importlib.import_module(name)
-    finally:
-        sys.path.remove(str(EXAMPLES))
+from conftest import example, outside
 
 
 def robot_and_logs(name: str) -> tuple[sgpr.Robot, list[sgpr.Recording], list[sgpr.Recording]]:

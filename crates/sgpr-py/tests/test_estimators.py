@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sgpr
+from conftest import example
 
 EFFECTS = ["viscous_friction", "coulomb_friction", "rotor_inertia"]
 
@@ -287,96 +288,33 @@ def test_all_estimators_find_the_arm_behind_its_controller(method: str, closed_l
     assert model.report is not None and len(model.report.singular_values) == len(found)
 
 
-EXCITED = [(0.5, 0.9, 0.3), (0.4, 1.7, 2.1), (0.25, 2.6, 4.0), (0.2, 3.3, 5.2)]
-"""Amplitude, rad, circular frequency, rad/s, and phase of the waves of a reference; joints differ by a part of each."""
-
-
-def sticking_log(
-    robot: sgpr.Robot,
-    friction: list[tuple[float, float, float]],
-    gains: dict[str, list[float]],
-    step: float,
-    **options: Any,
-) -> tuple[sgpr.Recording, sgpr.Recording, np.ndarray]:
-    """Log and reference of an arm whose friction sticks, with an encoder of a given step; its base parameters.
-
-    - friction: rotor inertia, viscous and Coulomb friction of each joint
-    """
-    t = np.arange(0.0, 10.0, 1e-3)
-    q, dq, ddq = np.zeros((3, t.size, robot.dof))
-    for joint in range(robot.dof):
-        for size, rate, phase in EXCITED:
-            a, w, p = size * (1.0 - 0.07 * joint), rate * (1.0 + 0.09 * joint), phase + 1.3 * joint
-            q[:, joint] += a * np.sin(w * t + p)
-            dq[:, joint] += a * w * np.cos(w * t + p)
-            ddq[:, joint] -= a * w * w * np.sin(w * t + p)
-    # Like a robot the arm starts from rest: what a filter makes of the first samples is not where it started.
-    s = np.clip(t, 0.0, 1.0)[:, None]
-    f, df, ddf = (
-        s**3 * (10.0 - 15.0 * s + 6.0 * s**2),
-        30.0 * (s * (1.0 - s)) ** 2,
-        60.0 * s * (1.0 - s) * (1.0 - 2.0 * s),
-    )
-    q, dq, ddq = f * q, f * dq + df * q, f * ddq + 2.0 * df * dq + ddf * q
-    drives = [sgpr.Drive(rotor_inertia=i, viscous_friction=v, coulomb_friction=c) for i, v, c in friction]
-    run = sgpr.simulate(
-        robot,
-        (1000.0, q, dq, ddq),
-        controller="pd",
-        drives=drives,
-        position_resolution=np.full(robot.dof, step),
-        **gains,
-        **options,
-    )
-    time, names = (run.t * 1e9).round().astype(np.int64), robot.joint_names
-    log = sgpr.Recording(time, run.q_measured, None, run.tau_measured, joint_names=names, source="log")
-    wanted = sgpr.Recording(time, run.q_wanted, None, None, joint_names=names, source="reference")
-    rotors, viscous, coulomb = zip(*friction, strict=True)
-    truth = sgpr.Model.from_parameters(
-        robot, np.concatenate([robot.standard_parameters.ravel(), viscous, coulomb, rotors]), effects=EFFECTS
-    )
-    return log, wanted, truth.parameters.values
-
-
-TWO_LINK = ([(0.085, 0.21, 2.0), (0.087, 0.11, 0.8)], {"kp": [400.0, 300.0], "kd": [40.0, 30.0]}, [0.3, 0.3])
+output_error = example("simulated_output_error")
+"""Logs of arms that stick at their turns, and what output error makes of them."""
 
 
 @pytest.mark.parametrize("step", [1e-4, 5e-4, 1e-3])
 def test_output_error_finds_rotors_and_dry_friction_with_a_coarse_encoder(step: float) -> None:
-    robot = sgpr.robots.two_link()
-    friction, gains, noise = TWO_LINK
-    log, wanted, truth = sticking_log(robot, friction, gains, step, torque_noise=noise)
-    guess = robot.with_standard_parameters(1.1 * robot.standard_parameters)
+    arm = output_error.Arm.two_link()
+    log = arm.log(step, torque_noise=output_error.NOISE)
     for cutoff in (None, 30.0):
-        model = sgpr.identify(
-            guess, [log], effects=EFFECTS, method="output_error", instruments=[wanted], cutoff_hz=cutoff, **gains
-        )
+        model = arm.identified(*log, cutoff, guess=1.1)
         assert not [text for text in model.report.warnings if "simulation" in text]
-        errors = (model.parameters.values - truth) / model.parameters.standard_deviations
+        errors = np.array(list(arm.errors(model).values())) / model.parameters.standard_deviations
         assert np.abs(errors).max() < 3.0, dict(zip(model.parameters.names, errors.round(1), strict=True))
 
 
 def test_output_error_keeps_joints_that_stick_in_their_place() -> None:
     # Joint 1 of the PUMA sticks at its turns; where it crept, its friction was off by 0.19 of 5.8 and 26.
-    robot = sgpr.robots.puma560()
-    friction = [
-        (drive.rotor_inertia, float(np.mean(drive.viscous_friction)), float(np.mean(drive.coulomb_friction)))
-        for drive in sgpr.robots.puma560_drives()
-    ]
-    gains = {"kp": [2000.0, 2000.0, 1000.0, 100.0, 100.0, 100.0], "kd": [200.0, 200.0, 100.0, 10.0, 10.0, 10.0]}
+    arm = output_error.Arm.puma560()
     exact = {"integrator": "runge_kutta", "control_period": 2.5e-4, "record_period": 1e-3}
-    log, wanted, truth = sticking_log(robot, friction, gains, 1e-9, torque_noise=np.full(6, 1e-3), **exact)
-    model = sgpr.identify(
-        robot, [log], effects=EFFECTS, method="output_error", instruments=[wanted], cutoff_hz=20.0, **gains
-    )
-    errors = dict(zip(model.parameters.names, model.parameters.values - truth, strict=True))
+    errors = arm.errors(arm.identified(*arm.log(1e-9, torque_noise=np.full(6, 1e-3), **exact), 20.0))
     assert abs(errors["joint_1.Fv"]) < 0.05 and abs(errors["joint_1.Fc"]) < 0.05, errors
 
 
 def test_a_controller_that_does_not_hold_the_arm_is_named() -> None:
-    robot = sgpr.robots.two_link()
-    friction, gains, noise = TWO_LINK
-    log, wanted, _ = sticking_log(robot, friction, gains, 1e-4, torque_noise=noise)
-    wrong = {"kp": gains["kp"], "kd": [1e9 * gain for gain in gains["kd"]]}
+    arm = output_error.Arm.two_link()
+    log, wanted = arm.log(1e-4, torque_noise=output_error.NOISE)
+    wrong = {"kp": arm.gains["kp"], "kd": [1e9 * gain for gain in arm.gains["kd"]]}
+    options: dict[str, Any] = {"effects": EFFECTS, "method": "output_error", "instruments": [wanted]}
     with pytest.raises(sgpr.IdentificationError, match="simulation of trajectory 1 diverges: check sign and unit"):
-        sgpr.identify(robot, [log], effects=EFFECTS, method="output_error", instruments=[wanted], **wrong)
+        sgpr.identify(arm.robot, [log], **options, **wrong)

@@ -98,6 +98,17 @@ def test_one_worker_makes_the_same_and_a_worker_that_dies_loses_nothing(
     assert not any("worker" in reason for reason in outcome.aside.values())
 
 
+def test_workers_that_do_not_start_are_told_with_a_remedy(
+    table: Path, robots: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def busy(**options: Any) -> None:
+        raise RuntimeError("Nanny failed to start.")
+
+    monkeypatch.setattr(distributed, "LocalCluster", busy)
+    with pytest.raises(sgpr.SgprError, match=r"Nanny failed to start.*busy.*--workers 1"):
+        run(table, robots, tmp_path / "busy", workers=2)
+
+
 def test_a_run_that_is_killed_goes_on(table: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "sgpr", "fleet", "run", str(table), "--robot", "puma560=puma560"]
     command += ["two_link=two_link", "--out", str(tmp_path), "--workers", "1", "--json"]

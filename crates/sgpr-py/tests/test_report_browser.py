@@ -116,6 +116,27 @@ def test_nothing_is_cut_or_covered(pages: Path, browser: Any, command: str, widt
     page.close()
 
 
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of a small fleet."""
+    pytest.importorskip("pyarrow", reason="fleets need the extra `fleet`")
+    out = tmp_path_factory.mktemp("fleet")
+    robots = ("--robot", "two_link=two_link", "--quiet")
+    assert run("fleet", "simulate", *robots, "--arms", 3, "--days", 4, "--out", out / "logs").code == 0
+    found = run("fleet", "run", out / "logs" / "fleet.csv", *robots, "--out", out / "records")
+    assert found.code == 0, found.err
+    assert run("fleet", "report", out / "records", *robots, "--out", out / "page").code == 0
+    return out / "page" / "report.html"
+
+
+@pytest.mark.parametrize("width", [400, 1280])
+def test_nothing_of_a_fleet_is_cut_or_covered(fleet: Path, browser: Any, width: int) -> None:
+    page = browser.new_page(viewport={"width": width, "height": 900})
+    page.goto(fleet.as_uri())
+    assert page.evaluate(FAULTS) == []
+    page.close()
+
+
 @pytest.mark.parametrize("command", ["identify", "compare", "learn"])
 @pytest.mark.parametrize("width", [1400, 800])
 def test_report(results: Path, browser: Any, command: str, width: int) -> None:

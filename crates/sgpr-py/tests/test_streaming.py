@@ -28,6 +28,21 @@ def test_a_streamed_model_leaves_the_error_of_the_batch(model: sgpr.Model, demo_
     np.testing.assert_allclose(first, part.predicted[0], atol=1e-9)
 
 
+@pytest.mark.parametrize("causal", [False, True])
+def test_logs_of_one_name_keep_their_own_motion(
+    demo_model: sgpr.Model, demo_logs: list[sgpr.Recording], causal: bool
+) -> None:
+    # Logs made of arrays have one name, and their clocks begin at zero.
+    logs = [
+        sgpr.Recording(log.time_ns - log.time_ns[0], log.q, None, log.tau, joint_names=log.joint_names)
+        for log in demo_logs[:2]
+    ]
+    both = sgpr.compare_streaming(demo_model, logs, causal=causal)
+    for own, log in zip(both.logs, logs, strict=True):
+        alone = sgpr.compare_streaming(demo_model, [log], causal=causal)
+        assert np.array_equal(own.predicted, alone.logs[0].predicted)
+
+
 def test_hidden_states_are_carried_and_reset(model: sgpr.Model) -> None:
     predictor = model.predictor(rate_hz=250.0)
     assert (predictor.purpose, predictor.rate_hz, predictor.time) == ("expected_measurement", 250.0, 0.0)

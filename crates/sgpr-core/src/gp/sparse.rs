@@ -37,7 +37,7 @@ pub struct SparseGradient {
 }
 
 /// The bound, and what its gradient and the predictions need.
-struct Solution {
+struct SolvedBound {
     value: f64,
     posterior: InducedPosterior,
 }
@@ -156,7 +156,7 @@ impl<'a> SparseBound<'a> {
         inducing: &Features<f64>,
         evidence: &Evidence,
         noise: f64,
-    ) -> Result<Solution, GpError> {
+    ) -> Result<SolvedBound, GpError> {
         let (m, n) = (inducing.count(), self.data.len() as f64);
         let Evidence { products, projection, .. } = evidence;
         let posterior = InducedPosterior::new(plan, inducing, products, projection, noise, &self.compute)?;
@@ -165,10 +165,10 @@ impl<'a> SparseBound<'a> {
         let per_output = n * (std::f64::consts::TAU * noise).ln() + 2.0 * log_root;
         let unexplained = (n * plan.variance() - posterior.explained) / noise;
         let value = -0.5 * (self.data.outputs() as f64 * (per_output + unexplained) + fit);
-        Ok(Solution { value, posterior })
+        Ok(SolvedBound { value, posterior })
     }
 
-    fn adjoints(&self, plan: &Plan, evidence: &Evidence, solution: &Solution, noise: f64) -> Adjoints {
+    fn adjoints(&self, plan: &Plan, evidence: &Evidence, solution: &SolvedBound, noise: f64) -> Adjoints {
         let (m, par) = (solution.posterior.inner_factor.ncols(), self.compute.par());
         let (n, outputs) = (self.data.len() as f64, self.data.outputs() as f64);
         let inverse_of = |inverse_factor: &Mat<f64>| {
@@ -304,7 +304,7 @@ impl SparseGaussianProcess {
         let points = plan.features(data.x(), data.inputs());
         let induced = plan.features(&inducing, data.inputs());
         let evidence = bound.evidence(&plan, &points, &induced);
-        let Solution { value, posterior } = bound.solve(&plan, &induced, &evidence, covariance.noise_variance)?;
+        let SolvedBound { value, posterior } = bound.solve(&plan, &induced, &evidence, covariance.noise_variance)?;
         let process = InducedProcess::from_posterior(covariance, inducing, data.inputs(), &posterior, compute);
         Ok(Self { process, bound: value })
     }

@@ -92,7 +92,8 @@ pub fn block_bootstrap(
         if at.replace(now) != Some(now) {
             blocks.push((Mat::zeros(size, size), vec![0.0; size]));
         }
-        let noise = estimate.row_noise(group.index(&equation), equation.trajectory);
+        let Some(index) = group.index(&equation) else { return };
+        let noise = estimate.row_noise(index, equation.trajectory);
         if noise.is_finite() {
             let (gram, score) = blocks.last_mut().expect("just begun");
             row.fill(0.0);

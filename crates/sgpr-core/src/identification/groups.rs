@@ -14,25 +14,28 @@ pub(super) fn memories(
     let steps: Vec<usize> = equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
     equations.for_each(|equation| {
         let time = equation.sample / steps[equation.trajectory];
-        memories[group.index(&equation)].push(equation.trajectory, time, equation.residual(base));
+        if let Some(index) = group.index(&equation) {
+            memories[index].push(equation.trajectory, time, equation.residual(base));
+        }
     })?;
     Ok(memories)
 }
 
 /// Which factor an equation belongs to.
-pub(super) struct Groups(Vec<[usize; 2]>);
+pub(super) struct Groups(Vec<[Option<usize>; 2]>);
 
 impl Groups {
     pub fn of(factors: &[JointFactor]) -> Self {
         let joints = factors.iter().map(|factor| factor.joint + 1).max().unwrap_or(0);
-        let mut index = vec![[usize::MAX; 2]; joints];
+        let mut index = vec![[None; 2]; joints];
         for (position, factor) in factors.iter().enumerate() {
-            index[factor.joint][usize::from(factor.resting)] = position;
+            index[factor.joint][usize::from(factor.resting)] = Some(position);
         }
         Self(index)
     }
 
-    pub fn index(&self, equation: &Equation<'_>) -> usize {
-        self.0[equation.joint][usize::from(equation.resting)]
+    /// None for an equation that does not count: of a joint that stands still in all logs.
+    pub fn index(&self, equation: &Equation<'_>) -> Option<usize> {
+        self.0.get(equation.joint).and_then(|of_joint| of_joint[usize::from(equation.resting)])
     }
 }

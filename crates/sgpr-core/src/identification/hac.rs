@@ -143,7 +143,8 @@ fn for_each_score(
             scores.iter_mut().for_each(|score| score.fill(0.0));
         }
         at = Some(now);
-        let noise = estimate.row_noise(group.index(&equation), equation.trajectory);
+        let Some(index) = group.index(&equation) else { return };
+        let noise = estimate.row_noise(index, equation.trajectory);
         if noise.is_finite() {
             row.fill(0.0);
             directions.add_coordinates(equation.columns, &factors[..equation.columns.len()], 1.0 / noise, &mut row);

@@ -44,8 +44,9 @@ pub(super) fn estimate(
     for _ in 0..2 {
         let mut products: Vec<Products> = factors.iter().map(|factor| Products::new(factor.columns.len())).collect();
         equations.for_each_with_instruments(|equation, instrument| {
-            let residual = equation.residual(&values);
-            products[group.index(&equation)].add(equation.row, instrument, residual);
+            if let Some(index) = group.index(&equation) {
+                products[index].add(equation.row, instrument, equation.residual(&values));
+            }
         })?;
         let size = nominal.len();
         let mut left = Mat::<f64>::zeros(size, size);

@@ -64,7 +64,7 @@ impl<'a> LeftOut<'a> {
     }
 
     /// Base parameters by data and prior of all parts but some; none where rounding makes the equations indefinite.
-    fn without_parts(&self, prior: &ParameterPrior, left_out: impl Fn(usize) -> bool) -> Option<Solution> {
+    fn without_parts(&self, prior: &ParameterPrior, left_out: impl Fn(usize) -> bool) -> Option<NormalSolution> {
         let rows = prior.rows();
         let rank = prior.mean().len();
         let p = rows.as_ref().subcols(0, rank);
@@ -243,7 +243,7 @@ impl Missed {
 }
 
 /// What normal equations say.
-struct Solution {
+struct NormalSolution {
     values: Vec<f64>,
     /// R with RᵀR the information of the scaled parameters.
     root: Mat<f64>,
@@ -251,7 +251,7 @@ struct Solution {
     scale: Vec<f64>,
 }
 
-impl Solution {
+impl NormalSolution {
     /// Sum of the variances that uncertain parameters bring to the rows of a factor.
     fn spread(&self, factor: &JointFactor, prior: &ParameterPrior) -> f64 {
         let count = factor.columns.len();
@@ -293,7 +293,7 @@ impl Normal {
     }
 
     /// `None` if the equations are not definite by rounding.
-    fn solution(&self, prior: &ParameterPrior) -> Option<Solution> {
+    fn solution(&self, prior: &ParameterPrior) -> Option<NormalSolution> {
         let rank = self.information.nrows();
         let kept = |k: usize| prior.kept().contains(&k).then(|| prior.mean()[k]);
         let scale: Vec<f64> = (0..rank).map(|k| self.information[(k, k)].sqrt().recip()).collect();
@@ -312,7 +312,7 @@ impl Normal {
         solve_lower_triangular_in_place(root.transpose(), values.as_mut(), Par::Seq);
         solve_upper_triangular_in_place(root.as_ref(), values.as_mut(), Par::Seq);
         let values = (0..rank).map(|k| values[(k, 0)] * scale[k]).collect();
-        Some(Solution { values, root, scale })
+        Some(NormalSolution { values, root, scale })
     }
 }
 

@@ -69,7 +69,7 @@ struct SearchEnd {
 fn search(
     equations: &Equations<'_>,
     least_squares: &LeastSquares,
-    mut run: Run,
+    mut run: SimulatedArm,
     nominal: &[f64],
 ) -> Result<SearchEnd, IdentificationError> {
     let mut iteration = 1;
@@ -89,7 +89,7 @@ fn search(
 }
 
 /// The arm with some parameters under its controllers.
-struct Run {
+struct SimulatedArm {
     /// Base parameters.
     values: Vec<f64>,
     /// Rows of its motions beside the measured torque.
@@ -98,7 +98,7 @@ struct Run {
     misfit: f64,
 }
 
-impl Run {
+impl SimulatedArm {
     fn new(equations: &Equations<'_>, values: Vec<f64>) -> Result<Self, IdentificationError> {
         let (robot, base) = (equations.robot(), equations.base());
         let set = equations.parameter_set().clone().with_sticking_joints();
@@ -115,18 +115,22 @@ impl Run {
 /// The arms to start from that their controllers hold, the one with the smaller misfit first.
 ///
 /// Least squares on a noisy log can give an arm that no controller holds, the robot file one without any friction.
-fn starts(equations: &Equations<'_>, estimate: &[f64], nominal: &[f64]) -> Result<Vec<Run>, IdentificationError> {
-    let nominal = Run::new(equations, nominal.to_vec());
-    let Some(estimate) = held(Run::new(equations, estimate.to_vec()))? else {
+fn starts(
+    equations: &Equations<'_>,
+    estimate: &[f64],
+    nominal: &[f64],
+) -> Result<Vec<SimulatedArm>, IdentificationError> {
+    let nominal = SimulatedArm::new(equations, nominal.to_vec());
+    let Some(estimate) = held(SimulatedArm::new(equations, estimate.to_vec()))? else {
         return Ok(vec![nominal?]);
     };
-    let mut starts: Vec<Run> = held(nominal)?.into_iter().chain([estimate]).collect();
+    let mut starts: Vec<SimulatedArm> = held(nominal)?.into_iter().chain([estimate]).collect();
     starts.sort_by(|a, b| a.misfit.total_cmp(&b.misfit));
     Ok(starts)
 }
 
 /// A run that does not diverge.
-fn held(run: Result<Run, IdentificationError>) -> Result<Option<Run>, IdentificationError> {
+fn held(run: Result<SimulatedArm, IdentificationError>) -> Result<Option<SimulatedArm>, IdentificationError> {
     match run {
         Err(IdentificationError::Diverged { .. }) => Ok(None),
         run => run.map(Some),
@@ -134,10 +138,14 @@ fn held(run: Result<Run, IdentificationError>) -> Result<Option<Run>, Identifica
 }
 
 /// The first arm with a smaller misfit on the way from `run` to `values`, halved from the far end.
-fn run_toward(equations: &Equations<'_>, run: &Run, values: &[f64]) -> Result<Option<Run>, IdentificationError> {
+fn run_toward(
+    equations: &Equations<'_>,
+    run: &SimulatedArm,
+    values: &[f64],
+) -> Result<Option<SimulatedArm>, IdentificationError> {
     let mut trial = values.to_vec();
     for _ in 0..=HALVINGS {
-        let next = held(Run::new(equations, trial.clone()))?;
+        let next = held(SimulatedArm::new(equations, trial.clone()))?;
         if let Some(next) = next.filter(|next| next.misfit < run.misfit) {
             return Ok(Some(next));
         }
@@ -239,7 +247,7 @@ mod tests {
     fn a_step_ends_where_the_arm_is_better_and_a_start_where_it_is_held() {
         let case = Case::new();
         case.with(&case.tau(), |equations| {
-            let run = |values: &[f64]| Run::new(equations, values.to_vec());
+            let run = |values: &[f64]| SimulatedArm::new(equations, values.to_vec());
             // An arm of negative inertia runs away.
             let wild: Vec<f64> = case.truth.iter().map(|value| -0.2 * value).collect();
             assert!(matches!(run(&wild), Err(IdentificationError::Diverged { trajectory: 0 })));
@@ -282,8 +290,9 @@ mod tests {
                 assert!(travel < 1e-4, "{k}: {travel:e}");
             }
             // The rows of the motion give its torque, sticking or not.
-            let found = Run::new(equations, case.truth.clone()).expect("held");
-            let factors = case.with(&motion.tau, |equations| Run::new(equations, found.values).expect("held").factors);
+            let found = SimulatedArm::new(equations, case.truth.clone()).expect("held");
+            let factors =
+                case.with(&motion.tau, |equations| SimulatedArm::new(equations, found.values).expect("held").factors);
             for factor in &factors {
                 assert!(residual_norm(factor, &case.truth) < 1e-9);
             }

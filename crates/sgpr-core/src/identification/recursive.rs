@@ -127,7 +127,8 @@ pub(super) fn estimate(
         if at.replace(now).is_some_and(|before| before != now) {
             fit.forget();
         }
-        let noise = start.weights[group.index(&equation)];
+        let Some(index) = group.index(&equation) else { return };
+        let noise = start.weights[index];
         if noise.is_finite() {
             fit.row.fill(0.0);
             for (&column, factor) in equation.columns.iter().zip(equation.row) {
@@ -143,12 +144,16 @@ pub(super) fn estimate(
     let unknowns = nominal.len();
     let residual = |triangle: &Mat<f64>| triangle[(unknowns, unknowns)].powi(2);
     let rows: f64 = factors.iter().zip(&start.weights).filter(|(_, w)| w.is_finite()).map(|(f, _)| f.rows as f64).sum();
-    let unit = if residual(&start.whitened) > 0.0 {
+    let of_batch = if residual(&start.whitened) > 0.0 {
         (rows - unknowns as f64).max(1.0) / residual(&start.whitened)
     } else {
         1.0
     };
-    let variance = residual(&fit.factor) / (fit.effective_rows() - unknowns as f64).max(1.0) * unit;
+    let found = (residual(&fit.factor) / (fit.effective_rows() - unknowns as f64).max(1.0) * of_batch).sqrt();
+    // As many unknowns as rows leave no residual: the unit is then what rounding leaves of the torque.
+    let torque = fit.factor.col(unknowns).norm_l2();
+    let unit = found.max(1e-9 * torque / rows.max(1.0).sqrt()).max(f64::MIN_POSITIVE);
+    let variance = unit * unit;
     let mut covariance = faer::Scale(variance) * &solution.inverse;
     for (k, undetermined) in solution.undetermined.iter().enumerate() {
         if *undetermined {
@@ -159,8 +164,8 @@ pub(super) fn estimate(
     notes.push(format!("the estimate rests on the last {:.0} rows", fit.effective_rows()));
     Ok(Estimate {
         covariance,
-        whitened: faer::Scale(1.0 / variance.sqrt().max(f64::MIN_POSITIVE)) * &fit.factor,
-        unit: variance.sqrt().max(f64::MIN_POSITIVE),
+        whitened: faer::Scale(1.0 / unit) * &fit.factor,
+        unit,
         values: solution.values,
         notes,
         ..start

@@ -102,7 +102,7 @@ impl Huber<'_> {
             let mut weighted = empty(factors);
             let mut scaled_row = Vec::new();
             equations.for_each(|equation| {
-                let index = group.index(&equation);
+                let Some(index) = group.index(&equation) else { return };
                 let scale = scales.of(index, &equation);
                 let size = equation.residual(&values).abs() / scale;
                 let weight = if size > *threshold { (threshold / size).sqrt() } else { 1.0 };
@@ -138,7 +138,7 @@ impl Huber<'_> {
         let steps: Vec<usize> = equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
         let mut scaled_row = Vec::new();
         equations.for_each(|equation| {
-            let index = self.group.index(&equation);
+            let Some(index) = self.group.index(&equation) else { return };
             let scale = scales.of(index, &equation);
             let size = equation.residual(values) / scale;
             let kept = size.clamp(-threshold, threshold);
@@ -201,7 +201,9 @@ impl Scales {
         let trajectories = equations.trajectories().len();
         let mut sizes = vec![vec![Vec::new(); trajectories]; factors.len()];
         equations.for_each(|equation| {
-            sizes[group.index(&equation)][equation.trajectory].push(equation.residual(values).abs());
+            if let Some(index) = group.index(&equation) {
+                sizes[index][equation.trajectory].push(equation.residual(values).abs());
+            }
         })?;
         let all: Vec<f64> = sizes.iter().map(|of_logs| scale(&mut of_logs.concat())).collect();
         let all = floored(&all, factors, least);

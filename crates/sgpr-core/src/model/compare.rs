@@ -182,13 +182,13 @@ pub fn compare(
     recordings: &[Recording],
     processing: Option<&Processing>,
 ) -> Result<Comparison, IdentifyError> {
-    compare_by(model, &|motion| Ok(model.predict_motion(motion)), recordings, processing)
+    compare_by(model, &|motion, _| Ok(model.predict_motion(motion)), recordings, processing)
 }
 
 /// Compares what `predict` says; the gravity torque and the processing are those of `model`.
 pub(super) fn compare_by<E: From<IdentifyError>>(
     model: &TorqueModel,
-    predict: &dyn Fn(&Motion) -> Result<Vec<f64>, E>,
+    predict: &impl Fn(&Motion, &Recording) -> Result<Vec<f64>, E>,
     recordings: &[Recording],
     processing: Option<&Processing>,
 ) -> Result<Comparison, E> {
@@ -207,12 +207,14 @@ pub(super) fn compare_by<E: From<IdentifyError>>(
     let n = model.robot().dof();
     let mut sums = vec![Sums::default(); n];
     let mut logs = Vec::new();
-    for motion in motions(&recordings, processing).map_err(IdentifyError::from)? {
-        let predicted = predict(&motion)?;
-        let log = LogResidual::new(motion, predicted, processing)?;
-        let gravity = gravity(model, &log.motion);
-        sums.iter_mut().enumerate().for_each(|(joint, sums)| sums.add(&log, joint, &gravity));
-        logs.push(log);
+    for recording in recordings.iter() {
+        for motion in motions(std::slice::from_ref(recording), processing).map_err(IdentifyError::from)? {
+            let predicted = predict(&motion, recording)?;
+            let log = LogResidual::new(motion, predicted, processing)?;
+            let gravity = gravity(model, &log.motion);
+            sums.iter_mut().enumerate().for_each(|(joint, sums)| sums.add(&log, joint, &gravity));
+            logs.push(log);
+        }
     }
     let joints: Vec<JointComparison> =
         model.robot().joints().iter().zip(&sums).map(|(joint, sums)| sums.comparison(joint)).collect();

@@ -35,9 +35,9 @@ pub fn compare_streaming(
 ) -> Result<Comparison, IdentifyError> {
     let recordings = select_joints(model.robot(), recordings)?;
     let chosen = chosen(&recordings, processing.or(model.processing()))?;
-    let predict = |stretch: &Motion| {
+    let predict = |stretch: &Motion, log: &Recording| {
         let mut predictor = model.predictor(&at_rate(stretch))?;
-        streamed(&mut predictor, model, stretch, &Source { recordings: &recordings, processing: &chosen, motion })
+        streamed(&mut predictor, model, stretch, &StreamedLog { log, processing: &chosen, motion })
     };
     compare_by(model, &predict, &recordings, Some(&chosen))
 }
@@ -56,8 +56,8 @@ impl SemiParametricModel {
         let recordings = select_joints(physics.robot(), recordings).map_err(IdentifyError::from)?;
         let chosen = chosen(&recordings, physics.processing())?;
         let mean = PredictorOptions { variance_rank: Some(0), ..PredictorOptions::default() };
-        let source = Source { recordings: &recordings, processing: &chosen, motion };
-        let predict = |stretch: &Motion| {
+        let predict = |stretch: &Motion, log: &Recording| {
+            let source = StreamedLog { log, processing: &chosen, motion };
             let mut predictor = self.predictor(mean, &at_rate(stretch))?;
             Ok::<_, SemiParametricError>(streamed(&mut predictor, physics, stretch, &source)?)
         };
@@ -77,8 +77,8 @@ fn at_rate(stretch: &Motion) -> StreamOptions {
 }
 
 /// Where the motion comes from.
-struct Source<'a> {
-    recordings: &'a [Recording],
+struct StreamedLog<'a> {
+    log: &'a Recording,
     processing: &'a Processing,
     motion: StreamedMotion,
 }
@@ -88,7 +88,7 @@ fn streamed(
     predictor: &mut Predictor,
     model: &TorqueModel,
     stretch: &Motion,
-    source: &Source<'_>,
+    source: &StreamedLog<'_>,
 ) -> Result<Vec<f64>, IdentifyError> {
     let n = model.robot().dof();
     let time = model.time_of(stretch);
@@ -129,14 +129,11 @@ fn temperatures<'a>(robot: &'a Robot, stretch: &'a Motion) -> Option<Vec<&'a [f6
 }
 
 /// Position, velocity and acceleration, `[samples, n]`, from the logged positions up to each sample.
-fn causal_motion(source: &Source<'_>, stretch: &Motion, n: usize) -> Result<[Vec<f64>; 3], IdentifyError> {
-    let Source { recordings, processing, .. } = source;
+fn causal_motion(source: &StreamedLog<'_>, stretch: &Motion, n: usize) -> Result<[Vec<f64>; 3], IdentifyError> {
+    let StreamedLog { log, processing, .. } = source;
     let first = stretch.time.first().copied().unwrap_or_default();
-    let found = recordings.iter().filter(|log| log.source() == stretch.source).find_map(|log| {
-        let at = log.time().binary_search(&first).ok()?;
-        log.position().get(at * n..(at + stretch.len()) * n)
-    });
-    let mut q = found.expect("a stretch is made of rows of its recording").to_vec();
+    let at = log.time().binary_search(&first).expect("a stretch is made of rows of its recording");
+    let mut q = log.position()[at * n..(at + stretch.len()) * n].to_vec();
     LowPass::butterworth(processing.order, processing.cutoff_hz, stretch.rate_hz)?.apply_forwards(&mut q, n);
     let (mut dq, mut ddq) = (vec![0.0; q.len()], vec![0.0; q.len()]);
     for k in 2 * n..q.len() {

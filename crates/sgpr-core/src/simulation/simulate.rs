@@ -182,7 +182,7 @@ pub fn simulate(
     experiment: &Experiment,
     progress: &dyn Progress,
 ) -> Result<SimulationRecord, SimulationError> {
-    let mut run = Run::new(simulator, reference, duration, experiment)?;
+    let mut run = RunBuffers::new(simulator, reference, duration, experiment)?;
     run.all(simulator, controller, reference, experiment, progress)?;
     Ok(run.record)
 }
@@ -202,7 +202,7 @@ fn require_memory(samples: usize, commands: usize, joints: usize) -> Result<(), 
 }
 
 /// Buffers of a run.
-struct Run {
+struct RunBuffers {
     steps: usize,
     control_steps: usize,
     record_steps: usize,
@@ -221,7 +221,7 @@ struct Run {
     rest_delay: usize,
 }
 
-impl Run {
+impl RunBuffers {
     fn new(
         simulator: &mut Simulator,
         reference: &dyn Reference,

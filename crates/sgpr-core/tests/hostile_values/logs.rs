@@ -6,7 +6,7 @@ use sgpr_core::diagnosis::{DiagnosisOptions, diagnose};
 use sgpr_core::dynamics::{BatchWorkspace, Samples, rnea_batch};
 use sgpr_core::identification::{Consistency, Method};
 use sgpr_core::model::{
-    IdentifyOptions, SemiParametricOptions, TorqueModel, compare, fit_semi_parametric, identify, screen,
+    IdentifyOptions, SemiParametricOptions, TorqueModel, Uncertainty, compare, fit_semi_parametric, identify, screen,
 };
 use sgpr_core::recording::{IssueKind, Recording, Repair, Severity, inspect, repair};
 use sgpr_core::robot::{Robot, two_link};
@@ -60,6 +60,8 @@ enum Change {
     /// From sample to sample.
     AlternatePosition(f64),
     Constant(f64),
+    /// One joint does not move.
+    Still(usize),
     /// ns
     Period(i64),
     /// Of the clock in the middle, ns.
@@ -84,6 +86,7 @@ impl Change {
                 q.iter_mut().enumerate().for_each(|(k, q)| *q = if (k / n).is_multiple_of(2) { value } else { -value });
             }
             Self::Constant(value) => q.iter_mut().for_each(|q| *q = value),
+            Self::Still(joint) => q.iter_mut().skip(joint).step_by(n).for_each(|q| *q = 0.3),
             Self::Period(period) => time.iter_mut().enumerate().for_each(|(k, t)| *t = k as i64 * period),
             Self::Jump(step) => time.iter_mut().skip(SAMPLES / 2).for_each(|t| *t = t.saturating_add(step)),
             Self::WholeClock => {
@@ -116,6 +119,7 @@ pub(crate) fn options(method: Method) -> IdentifyOptions {
 
 /// Ways to identify.
 pub(crate) fn requests() -> Vec<IdentifyOptions> {
+    let with_uncertainty = |uncertainty| IdentifyOptions { uncertainty, ..options(Method::Wls) };
     let consistent = |cross_validated_prior| IdentifyOptions {
         consistency: Some(Consistency::default()),
         cross_validated_prior,
@@ -126,6 +130,13 @@ pub(crate) fn requests() -> Vec<IdentifyOptions> {
     all.push(IdentifyOptions { essential: true, ..options(Method::Wls) });
     all.push(IdentifyOptions { forecast: true, ..options(Method::Wls) });
     all.extend([consistent(false), consistent(true)]);
+    all.extend([Uncertainty::Hac, Uncertainty::Bootstrap { replicates: 20 }].map(with_uncertainty));
+    // Hardly more rows than parameters.
+    for method in [Method::Wls, Method::Recursive { forgetting: 0.9 }] {
+        let mut few = with_uncertainty(Uncertainty::Hac);
+        few.conditioning.decimation = Some(250);
+        all.push(IdentifyOptions { method, ..few });
+    }
     all
 }
 
@@ -186,6 +197,8 @@ fn odd() -> Vec<Change> {
         PositionSpikes(5e3),
         TorqueSpikes(1e14),
         Constant(1.0),
+        Still(0),
+        Still(1),
         Period(9_000_000_000),
         Jump(20_000_000_000_000),
     ]
@@ -216,6 +229,18 @@ fn values_that_no_arm_makes_are_named() {
     }
     let issues = inspect(&Change::ScaleTorque(1e300).apply(&log(0.0)));
     assert!(issues[0].kind == IssueKind::Implausible && issues[0].severity == Severity::Error, "{:?}", issues[0]);
+}
+
+#[test]
+fn an_arm_of_which_one_joint_stands_still_has_an_answer_from_every_estimator() {
+    let robot = two_link();
+    for options in requests() {
+        for joint in 0..2 {
+            let found = through_identification(&robot, &[Change::Still(joint).apply(&log(0.0))], &options);
+            let few = options.conditioning.decimation.is_some();
+            assert!(few || found.is_ok(), "{:?} {joint}: {found:?}", options.method);
+        }
+    }
 }
 
 #[test]
@@ -268,6 +293,7 @@ fn any_change() -> impl Strategy<Value = Change> {
         any_value().prop_map(TorqueSpikes),
         any_value().prop_map(AlternatePosition),
         any_value().prop_map(Constant),
+        (0usize..2).prop_map(Still),
         (0u32..18).prop_map(|exponent| Period(10i64.pow(exponent) / 1000 + 1)),
         (0u32..19, prop_oneof![Just(1), Just(-1)]).prop_map(|(exponent, sign)| Jump(sign * 10i64.pow(exponent))),
     ]

@@ -725,7 +725,8 @@ pub fn screen_rows(
     let mut coordinates = vec![0.0; directions.len()];
     let mut rows = 0usize;
     equations.for_each(|equation| {
-        let noise = estimate.row_noise(group.index(&equation), equation.trajectory);
+        let Some(index) = group.index(&equation) else { return };
+        let noise = estimate.row_noise(index, equation.trajectory);
         if equation.resting || !noise.is_finite() {
             return;
         }

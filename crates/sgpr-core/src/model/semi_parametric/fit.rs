@@ -317,7 +317,7 @@ fn errors_of_parts(
     for index in 0..unseen[0].parts.len() {
         let part = |joint: usize| &unseen[joint].parts[index].part;
         let is_in = |joint: usize, row: usize| part(joint).binary_search(&row).is_ok();
-        let mut together = Equations::new(model);
+        let mut together = NormalEquations::new(model);
         let mut processes = Vec::with_capacity(rows.len());
         for (joint, rest) in model.joints.iter().enumerate() {
             let found = rest.gp.as_ref().map(|gp| without_part(gp, rest, &rows[joint], part(joint), index, compute));
@@ -391,13 +391,13 @@ fn at_rows(rows: &ResidualRows, chosen: &[usize]) -> (Mat<f64>, Vec<f64>) {
 }
 
 /// Normal equations of the linear parameters, with the covariances of the processes.
-struct Equations<'a> {
+struct NormalEquations<'a> {
     model: &'a SemiParametricModel,
     information: Mat<f64>,
     projection: Mat<f64>,
 }
 
-impl<'a> Equations<'a> {
+impl<'a> NormalEquations<'a> {
     fn new(model: &'a SemiParametricModel) -> Self {
         let unknowns = basis::unknowns(&model.physics);
         Self { model, information: Mat::zeros(unknowns, unknowns), projection: Mat::zeros(unknowns, 1) }
@@ -437,7 +437,7 @@ fn estimate_again(
     terms: Vec<ProcessTerms>,
 ) -> Result<(), SemiParametricError> {
     let rank = model.physics.base.rank();
-    let mut equations = Equations::new(model);
+    let mut equations = NormalEquations::new(model);
     for (joint, (rest, terms)) in model.joints.iter().zip(&terms).enumerate() {
         match &rest.gp {
             Some(gp) => equations.add(gp.normal_equations(terms)),

@@ -304,7 +304,7 @@ impl SemiParametricModel {
     /// # Errors
     /// If a recording lacks a joint or torque, or cannot be differentiated.
     pub fn compare(&self, recordings: &[Recording]) -> Result<Comparison, SemiParametricError> {
-        let predict = |motion: &Motion| Ok(self.predict_motion(motion, false)?.tau);
+        let predict = |motion: &Motion, _: &Recording| Ok(self.predict_motion(motion, false)?.tau);
         compare_by(&self.physics, &predict, recordings, None)
     }
 
@@ -317,7 +317,7 @@ impl SemiParametricModel {
         recordings: &[Recording],
     ) -> Result<(Comparison, Vec<TorquePrediction>), SemiParametricError> {
         let predictions = RefCell::new(Vec::new());
-        let predict = |motion: &Motion| {
+        let predict = |motion: &Motion, _: &Recording| {
             let prediction = self.predict_motion(motion, true)?;
             let tau = prediction.tau.clone();
             predictions.borrow_mut().push(prediction);

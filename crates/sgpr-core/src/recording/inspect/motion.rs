@@ -32,7 +32,8 @@ const LONGEST_PIECE: usize = 20_000;
 /// - `is_time_right`: whether the unit of the time is beyond doubt
 pub(super) fn issues(recording: &Recording, is_time_right: bool) -> Vec<Issue> {
     let clean = without_faults(recording);
-    let ratios: Vec<Option<Comparison>> = (0..clean.dof()).map(|joint| Comparison::of_joint(&clean, joint)).collect();
+    let ratios: Vec<Option<PositionCheck>> =
+        (0..clean.dof()).map(|joint| PositionCheck::of_joint(&clean, joint)).collect();
     let mut issues = all_degrees(&clean, &ratios);
     let suspected: Vec<Option<String>> = issues.iter().map(|issue| issue.channel.clone()).collect();
     if is_time_right {
@@ -51,7 +52,8 @@ pub(super) fn issues(recording: &Recording, is_time_right: bool) -> Vec<Issue> {
 ///
 /// - `clean`: [`without_faults`]
 pub(super) fn positions_in_degrees(clean: &Recording) -> Vec<Issue> {
-    let ratios: Vec<Option<Comparison>> = (0..clean.dof()).map(|joint| Comparison::of_joint(clean, joint)).collect();
+    let ratios: Vec<Option<PositionCheck>> =
+        (0..clean.dof()).map(|joint| PositionCheck::of_joint(clean, joint)).collect();
     all_degrees(clean, &ratios)
 }
 
@@ -64,12 +66,12 @@ pub(super) fn wrapped_positions(clean: &Recording) -> Vec<Issue> {
 }
 
 /// An error where half of the moving joints look so, else a warning.
-fn all_degrees(clean: &Recording, ratios: &[Option<Comparison>]) -> Vec<Issue> {
+fn all_degrees(clean: &Recording, ratios: &[Option<PositionCheck>]) -> Vec<Issue> {
     let ranges = statistics::ranges(clean.position(), clean.dof());
     let of_joint = |(joint, range): (usize, &Option<[f64; 2]>)| Some(Range::of_joint(clean, joint, (*range)?));
     let joints: Vec<Range> = ranges.iter().enumerate().filter_map(of_joint).collect();
     let usual = joints.iter().map(|range| range.usual);
-    let finest = |comparison: &Option<Comparison>| comparison.is_some_and(|comparison| comparison.is_near(1e3));
+    let finest = |comparison: &Option<PositionCheck>| comparison.is_some_and(|comparison| comparison.is_near(1e3));
     let suspected = Suspected::of_ranges(usual, ratios.iter().any(finest));
     let mut issues: Vec<Issue> =
         joints.iter().filter_map(|range| not_radians(clean, range, ratios[range.joint], suspected)).collect();
@@ -150,13 +152,13 @@ pub(crate) fn is_turn(change: f64, step: f64, usual: f64) -> bool {
 
 /// The change of a position against the integral of its velocity.
 #[derive(Clone, Copy)]
-struct Comparison {
+struct PositionCheck {
     /// Size of the change over that of the integral, with the sign of their correlation.
     ratio: f64,
     correlation: f64,
 }
 
-impl Comparison {
+impl PositionCheck {
     fn of_joint(recording: &Recording, joint: usize) -> Option<Self> {
         let (n, velocity) = (recording.dof(), recording.velocity()?);
         let q: Vec<f64> = column(recording.position(), n, joint).collect();
@@ -251,7 +253,7 @@ impl Suspected {
 fn not_radians(
     recording: &Recording,
     range: &Range,
-    comparison: Option<Comparison>,
+    comparison: Option<PositionCheck>,
     suspected: Suspected,
 ) -> Option<Issue> {
     let name = format!("{}_position", recording.joint_names()[range.joint]);
@@ -284,8 +286,8 @@ const KNOWN_RATIOS: [(f64, &str); 6] = [
     (1.0 / 60.0, "the velocity looks like units per minute"),
 ];
 
-fn mismatch(recording: &Recording, joint: usize, comparison: Comparison) -> Option<Issue> {
-    let Comparison { ratio, correlation } = comparison;
+fn mismatch(recording: &Recording, joint: usize, comparison: PositionCheck) -> Option<Issue> {
+    let PositionCheck { ratio, correlation } = comparison;
     let known = KNOWN_RATIOS.iter().find(|(known, _)| comparison.is_near(*known));
     let finding = if correlation.abs() < 0.8 {
         let text = "is not the derivative of the position (correlation {}): check which columns belong together";
@@ -310,7 +312,7 @@ fn mismatch(recording: &Recording, joint: usize, comparison: Comparison) -> Opti
     })
 }
 
-fn lag(recording: &Recording, comparisons: &[Option<Comparison>]) -> Option<Issue> {
+fn lag(recording: &Recording, comparisons: &[Option<PositionCheck>]) -> Option<Issue> {
     let judged = |joint: &usize| comparisons[*joint].is_some_and(|comparison| comparison.correlation > 0.8);
     let joints: Vec<usize> = (0..recording.dof()).filter(judged).collect();
     let period = recording.median_period();

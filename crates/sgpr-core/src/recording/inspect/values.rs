@@ -123,7 +123,7 @@ pub(in crate::recording) fn repeated_samples(recording: &Recording) -> Vec<usize
     if candidates.is_empty() {
         return candidates;
     }
-    let motion = Motion::new(recording);
+    let motion = MovingRows::new(recording);
     candidates.into_iter().filter(|&sample| motion.is_moving(sample)).collect()
 }
 
@@ -151,13 +151,13 @@ fn repeated(recording: &Recording) -> Option<Issue> {
 }
 
 /// Where the arm moves.
-struct Motion<'a> {
+struct MovingRows<'a> {
     recording: &'a Recording,
     /// RMS change over the window, per joint; infinite for joints that stand still.
     usual: Vec<f64>,
 }
 
-impl<'a> Motion<'a> {
+impl<'a> MovingRows<'a> {
     fn new(recording: &'a Recording) -> Self {
         let mut motion = Self { recording, usual: Vec::new() };
         let usual = |joint| {

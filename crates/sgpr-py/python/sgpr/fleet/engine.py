@@ -219,13 +219,18 @@ def _cluster(scheduler: str | None, workers: int | None) -> Iterator[Any]:
         logging.getLogger(name).setLevel(logging.CRITICAL)
     # Ctrl-C is for this process: it ends its workers.
     with _without_interrupts():
-        cluster = dask.LocalCluster(
-            n_workers=workers or os.cpu_count() or 1,
-            threads_per_worker=1,
-            dashboard_address="127.0.0.1:0",
-            silence_logs=logging.CRITICAL,
-            env={"RAYON_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
-        )
+        try:
+            cluster = dask.LocalCluster(
+                n_workers=workers or os.cpu_count() or 1,
+                threads_per_worker=1,
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+                env={"RAYON_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+            )
+        except (OSError, RuntimeError) as error:
+            # What Dask says of workers that a busy machine does not start within a minute.
+            message = f"the workers did not start: {error}; the machine is busy, or allows no more processes: "
+            raise SgprError(message + "try again, or with fewer (--workers 1)") from None
     with cluster, dask.Client(cluster, set_as_default=False) as client:
         yield client
 

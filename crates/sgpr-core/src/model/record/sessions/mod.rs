@@ -94,6 +94,9 @@ const PART_SECONDS: f64 = 2.0;
 /// Fewer parts of a session do not say how much it scatters.
 const FEWEST_PARTS: usize = 3;
 
+/// A gain that is no drive's: larger, or smaller by as much, or negative, it is a torque in another unit or with another sign.
+const LARGEST_GAIN: f64 = 100.0;
+
 /// Finds what changed between sessions of one arm.
 ///
 /// - `sessions`: a name and the logs of each session
@@ -104,7 +107,8 @@ const FEWEST_PARTS: usize = 3;
 /// position, speed and load, that is common to all sessions.
 ///
 /// # Errors
-/// As [`record`](super::record), if the work is stopped, and if there are fewer than two sessions, or one has too little motion.
+/// As [`record`](super::record), if the work is stopped, and if there are fewer than two sessions, one has too little motion, or
+/// the gain of a joint changed as that of no drive does.
 pub fn compare_sessions(
     robot: &Robot,
     sessions: &[(String, Vec<Recording>)],
@@ -161,6 +165,7 @@ pub fn compare_sessions(
     let [flexible_records, plain_records] = [of_all(Some(&shapes))?, of_all(None)?];
     let arm = Arm::new(robot, &flexible, &bases[0], &flexible_records);
     let Changes { tests, own, gains } = Changes::of(&arm, progress)?;
+    tests.iter().filter(|test| test.changed).try_for_each(|test| test.check_gain(robot, sessions))?;
     let plain = Arm::new(robot, &set, &bases[1], &plain_records);
     let (state, correlation) = plain.fit_with_memory(&own, gains)?;
     let model = |(session, (name, _)): (usize, &(String, _))| plain.model((session, name), &own, &state, &correlation);
@@ -243,13 +248,39 @@ impl Changes {
                 let SessionCause::Gain { joint } = test.cause else { continue };
                 // The torque of all sessions together is the common one.
                 let mean = test.values.iter().sum::<f64>() / test.values.len() as f64;
-                gains.iter_mut().zip(&test.values).for_each(|(gains, value)| gains[joint] = value / mean);
+                let of_all: Vec<f64> = test.values.iter().map(|value| value / mean).collect();
+                if of_all.iter().all(|gain| is_of_a_drive(*gain)) {
+                    gains.iter_mut().zip(of_all).for_each(|(gains, gain)| gains[joint] = gain);
+                }
             }
         }
     }
 }
 
+/// Whether a drive can have so many times the gain of another session.
+fn is_of_a_drive(gain: f64) -> bool {
+    (1.0 / LARGEST_GAIN..=LARGEST_GAIN).contains(&gain)
+}
+
 impl SessionTest {
+    /// Refuses a gain that no drive has beside that of another session.
+    fn check_gain(&self, robot: &Robot, sessions: &[(String, Vec<Recording>)]) -> Result<(), RecordError> {
+        let SessionCause::Gain { joint } = self.cause else { return Ok(()) };
+        let mut known = (0..sessions.len()).filter(|session| self.deviations[*session].is_finite());
+        let Some(first) = known.next() else { return Ok(()) };
+        let ratio = |session: usize| self.values[session] / self.values[first];
+        let Some(other) = known.find(|session| !is_of_a_drive(ratio(*session))) else { return Ok(()) };
+        let message = format!(
+            "the torque of `{}` in session `{}` is {:.3e} times that in session `{}`, which no drive's gain explains: read both \
+             with the same unit, sign and torque constant, or leave one out",
+            robot.joints()[joint].name,
+            sessions[other].0,
+            ratio(other),
+            sessions[first].0
+        );
+        Err(RecordError::Sessions { message })
+    }
+
     /// Whether it is no chance, and matters.
     fn is_sure(&self, limit: f64) -> bool {
         let Judgement { gain, standard_error, .. } = self.judgement;
