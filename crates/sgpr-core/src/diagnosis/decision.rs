@@ -237,14 +237,13 @@ pub(super) fn imitations(
     let explained = explained_share(joint, &search.errors(&bare).left_out, &with_found);
     let of_smooth = weights(problem, &[&with_found, &with_smooth], &[0.0; 2], &[joint])[1];
     // A change that no log shows is confounded with all that logs differ in: it stands where nothing else is in question, or
-    // where whole logs are surely predicted better with it beside the function of the state.
+    // where it surely predicts whole logs better, of which only those before and after it know.
     let between = |k: &usize| search.is_between_logs(&fitted.terms()[*k]);
     let between: Vec<usize> = found.iter().copied().filter(between).collect();
     if !between.is_empty() && (left > 0.0 || of_smooth > 1.0 - CERTAIN) {
-        let others = search.refit(fitted, without(fitted.terms(), &between));
-        let [without, with] = [&others, fitted]
-            .map(|fit| processes.errors_of(&smooth, problem, &fit.part_fits(problem, noise), &[joint]));
-        if without.against(&with, problem, &[joint]).significance() < SURE {
+        let with_found = fitted.part_fits(problem, noise).errors();
+        let with_smooth = processes.errors_of(&smooth, problem, &bare.part_fits(problem, noise), &all);
+        if weights(problem, &[&with_found, &with_smooth], &[0.0; 2], &[joint])[1] > 1.0 - CERTAIN {
             return between;
         }
     }
@@ -372,21 +371,14 @@ fn judge_one(
     }
     let effects = models.len();
     let twins = effects - step.twins.len()..effects;
-    let joints = search.joints_of(term);
-    let processes = term.site.joint().map(|joint| &beside.processes[joint]);
-    let best = processes.and_then(|own| Some((own, own.best(&search.problem, &bare, &search.noise, &joints)?)));
-    if let Some((processes, (smooth, alone))) = best {
-        models.push(alone);
-        // A law of the state says nothing of what begins at a time: both may be there.
-        if term.times().next().is_some() {
-            let folds = fitted.folds(&search.problem, &search.noise);
-            models.push(processes.errors_of(&smooth, &search.problem, &folds, &joints));
-        }
+    if let Some(joint) = term.site.joint() {
+        let best = beside.processes[joint].best(&search.problem, &bare, &search.noise, &search.joints_of(term));
+        models.extend(best.map(|(_, errors)| errors));
     }
     // One of so many effects, and none, are as likely before any data.
-    let count = |k: usize| if k == 0 { 0.0 } else { 1.0 + f64::from(k == effects + 1) };
-    let prior: Vec<f64> = (0..models.len()).map(|k| -search.units.ln() * count(k)).collect();
+    let prior: Vec<f64> = (0..models.len()).map(|k| if k == 0 { 0.0 } else { -search.units.ln() }).collect();
     let models: Vec<&LeftOut> = models.iter().collect();
+    let joints = search.joints_of(term);
     let with_process = weights(&search.problem, &models, &prior, &joints);
     let weights = weights(&search.problem, &models[..effects], &prior[..effects], &joints);
     let is_form = |k: &usize| rivals[k - 2].site == term.site && says_the_same(models[1], models[*k], &joints);
@@ -396,7 +388,7 @@ fn judge_one(
     let probability = own / (1 + step.twins.len()) as f64;
     // A process that is about as good says the same with more freedom. One that is better for certain, and could explain
     // much beside the effect, says something else.
-    let of_process = with_process.get(effects).copied().unwrap_or_default();
+    let of_process: f64 = with_process[effects..].iter().sum();
     let explained = term.site.joint().map_or(0.0, |joint| explained_share(joint, models[0], own_errors));
     let something = if of_process > CERTAIN && is_much(left, explained) { 1.0 - of_process } else { 1.0 - weights[0] };
     let likely = forms.iter().filter(|k| weights[**k] > 1.0 - CERTAIN);
