@@ -280,10 +280,15 @@ def test_an_interrupt_stops_the_work(with_listener: bool) -> None:
         import sgpr
         robot = sgpr.Robot.from_urdf({str(DATA / "demo" / "robot.urdf")!r})
         log = sgpr.read({str(DATA / "demo" / "train_1.csv.gz")!r})
+        # Logs that differ: copies count once.
+        logs = [
+            sgpr.Recording(log.time_ns, log.q, log.dq, log.tau + 1e-6 * k, joint_names=log.joint_names)
+            for k in range(400)
+        ]
         listener = {"lambda *step: None" if with_listener else "None"}
         print("ready", flush=True)
         try:
-            sgpr.identify(robot, [log] * 400, progress=listener)
+            sgpr.identify(robot, logs, progress=listener)
         except KeyboardInterrupt:
             print("interrupted", flush=True)
         else:
