@@ -231,19 +231,20 @@ pub(super) fn imitations(
     }
     let (problem, noise) = (&search.problem, &search.noise);
     let bare = search.refit(fitted, without(fitted.terms(), found));
-    let all: Vec<usize> = (0..problem.dof()).collect();
-    let Some((smooth, with_smooth)) = processes.best(problem, &bare, noise, &all) else { return vec![] };
+    let Some((smooth, with_smooth)) = processes.best(problem, &bare, noise, &[joint]) else { return vec![] };
     let with_found = search.errors(fitted).left_out;
     let explained = explained_share(joint, &search.errors(&bare).left_out, &with_found);
-    let of_smooth = weights(problem, &[&with_found, &with_smooth], &[0.0; 2], &[joint])[1];
+    let weight_of_smooth =
+        |found: &LeftOut, smooth: &LeftOut| weights(problem, &[found, smooth], &[0.0; 2], &[joint])[1];
+    let of_smooth = weight_of_smooth(&with_found, &with_smooth);
     // A change that no log shows is confounded with all that logs differ in: it stands where nothing else is in question, or
     // where it surely predicts whole logs better, of which only those before and after it know.
     let between = |k: &usize| search.is_between_logs(&fitted.terms()[*k]);
     let between: Vec<usize> = found.iter().copied().filter(between).collect();
     if !between.is_empty() && (left > 0.0 || of_smooth > 1.0 - CERTAIN) {
         let with_found = fitted.part_fits(problem, noise).errors();
-        let with_smooth = processes.errors_of(&smooth, problem, &bare.part_fits(problem, noise), &all);
-        if weights(problem, &[&with_found, &with_smooth], &[0.0; 2], &[joint])[1] > 1.0 - CERTAIN {
+        let with_smooth = processes.errors_of(&smooth, problem, &bare.part_fits(problem, noise), &[joint]);
+        if weight_of_smooth(&with_found, &with_smooth) > 1.0 - CERTAIN {
             return between;
         }
     }

@@ -4,10 +4,9 @@
 //! block, so that what is hard to predict for both cancels. Noise has a memory, which is counted, and an effect that
 //! helps in some blocks and harms in others is less sure than one that helps wherever it acts.
 
-use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
-
 use super::basis::mean_square;
 use super::problem::{Column, Problem};
+use crate::identification::deviate_of_t;
 use crate::random::Random;
 
 /// Least gain on left-out blocks, in its standard deviations, of whatever is said to be there.
@@ -51,11 +50,7 @@ fn deviate_of_mean(values: &[f64]) -> f64 {
     let mean = values.iter().sum::<f64>() / count;
     let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (count - 1.0);
     let t = mean / (variance / count).sqrt().max(f64::MIN_POSITIVE);
-    let student = StudentsT::new(0.0, 1.0, count - 1.0).expect("positive degrees of freedom");
-    let normal = Normal::standard();
-    // By the smaller tail, whose probability does not round to one.
-    let deviate = -normal.inverse_cdf(student.sf(t.abs()).max(f64::MIN_POSITIVE));
-    deviate.copysign(t)
+    deviate_of_t(t, count - 1.0)
 }
 
 /// Longest memory of errors that is believed, s.

@@ -48,11 +48,7 @@ impl Judgement {
         if self.parts < 2 {
             return 0.0;
         }
-        let t = self.gain / self.standard_error.max(f64::MIN_POSITIVE);
-        let student = StudentsT::new(0.0, 1.0, self.parts as f64 - 1.0).expect("positive degrees of freedom");
-        // By the smaller tail, whose probability does not round to one.
-        let deviate = -Normal::standard().inverse_cdf(student.sf(t.abs()).max(f64::MIN_POSITIVE));
-        deviate.copysign(t)
+        deviate_of_t(self.gain / self.standard_error.max(f64::MIN_POSITIVE), self.parts as f64 - 1.0)
     }
 
     /// Whether the second model is better by more than the standard error.
@@ -64,6 +60,14 @@ impl Judgement {
     pub fn is_worse(&self) -> bool {
         self.gain < -self.standard_error
     }
+}
+
+/// The normal deviate that is as improbable as Student's t with so many degrees of freedom.
+pub(crate) fn deviate_of_t(t: f64, freedom: f64) -> f64 {
+    let student = StudentsT::new(0.0, 1.0, freedom).expect("positive degrees of freedom");
+    // By the smaller tail, whose probability does not round to one.
+    let deviate = -Normal::standard().inverse_cdf(student.sf(t.abs()).max(f64::MIN_POSITIVE));
+    deviate.copysign(t)
 }
 
 #[cfg(test)]

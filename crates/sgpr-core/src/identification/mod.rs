@@ -55,6 +55,7 @@ pub(crate) use forecast::{LONGER, STATES, deviation_of, either_way, equations_of
 pub use gautier_khalil::{Gain, Regrouping, regroupings};
 pub use hac::hac_covariance;
 pub use judgement::Judgement;
+pub(crate) use judgement::deviate_of_t;
 pub use least_squares::{Estimate, Excitation, LeastSquares, Method, SingularDirection};
 pub(crate) use least_squares::{residual_norm, stack, torque_sizes, triangular_solution, unit_covariance};
 pub(crate) use left_out::half_run;

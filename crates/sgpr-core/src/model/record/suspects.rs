@@ -429,13 +429,11 @@ impl Search {
             self.errors(&others)
         };
         let joint_of = |candidate: usize| self.candidates[candidate].suspect.joint;
-        while let Some(k) =
-            (0..taken.len()).find(|k| !self.is_sure(joint_of(taken[*k]), &without(&taken, *k), &self.errors(&taken)))
-        {
+        while let Some(k) = (0..taken.len()).find(|k| !self.is_sure(joint_of(taken[*k]), &without(&taken, *k), &with)) {
             taken.remove(k);
             alternatives.remove(k);
+            with = self.errors(&taken);
         }
-        with = self.errors(&taken);
         let parameters = self.parameters(&taken, records)?;
         let mean_root = |errors: &Errors| -> Vec<f64> {
             let sum = |joint: usize| errors.iter().map(|part| part.squares[joint]).sum::<f64>();
