@@ -7,11 +7,13 @@ use common::{data, largest_difference};
 use sgpr_core::dynamics::Samples;
 use sgpr_core::identification::{Finding, Method};
 use sgpr_core::model::{
-    IdentifyError, IdentifyOptions, Predictor, Start, TorqueModel, compare, cutoff_influence, identify, screen,
+    IdentificationReport, IdentifyError, IdentifyOptions, Predictor, Start, TorqueModel, compare, cutoff_influence,
+    identify, screen,
 };
 use sgpr_core::motion::{MotionError, TorqueBand, average_periods};
 use sgpr_core::recording::{Recording, csv};
 use sgpr_core::robot::{Robot, UrdfOptions, two_link};
+use sgpr_core::signal::LowPass;
 use sgpr_core::spatial::Vector3;
 
 fn robot() -> Robot {
@@ -364,6 +366,49 @@ fn mistakes_in_logs_are_named_and_good_logs_pass() {
         let found = found_in(|_, _, _| {}, samples);
         let [Finding::AllLate { seconds: named, .. }] = found[..] else { panic!("{found:?}") };
         assert!((named - seconds).abs() < 0.003, "{named} {seconds}");
+    }
+}
+
+/// The training logs with torques that a filter has passed over, forward and backward, if there is one.
+fn low_passed(cutoff_hz: Option<f64>) -> Vec<Recording> {
+    let filtered = |log: &Recording| {
+        let mut tau = log.torque().expect("logged").to_vec();
+        if let Some(hz) = cutoff_hz {
+            LowPass::butterworth(2, hz, 250.0).and_then(|filter| filter.apply(&mut tau, 6)).expect("below Nyquist");
+        }
+        let (joints, time) = (log.joint_names().to_vec(), log.time().to_vec());
+        Recording::new("log", joints, time, log.position().to_vec(), None, Some(tau), vec![]).expect("fits")
+    };
+    train().iter().map(filtered).collect()
+}
+
+#[test]
+fn torques_that_end_early_are_compared_up_to_there() {
+    let (robot, options) = (robot(), options());
+    let end = |report: &IdentificationReport| {
+        report.findings.iter().find_map(|finding| match finding {
+            Finding::TorqueEnds { hz, left_out, .. } => Some((*hz, *left_out)),
+            _ => None,
+        })
+    };
+    let (raw, report) = identify(&robot, &low_passed(None), &options, &()).expect("good logs");
+    assert_eq!(end(&report), None);
+    let error = |model: &TorqueModel| {
+        compare(model, &[read("test")], raw.processing()).expect("a good log").relative_error_percent
+    };
+    for cutoff_hz in [1.5, 2.5] {
+        let logs = low_passed(Some(cutoff_hz));
+        let (model, report) = identify(&robot, &logs, &options, &()).expect("good logs");
+        let (hz, left_out) = end(&report).expect("the torques end");
+        assert!(left_out && (hz / cutoff_hz - 1.0).abs() < 0.3, "{hz} for {cutoff_hz} Hz");
+        assert_eq!(model.processing().expect("identified").torque_cutoff_hz, Some(0.7 * hz));
+        let mut given = options.clone();
+        given.conditioning.cutoff_hz = model.processing().map(|processing| processing.cutoff_hz);
+        let (whole, report) = identify(&robot, &logs, &given, &()).expect("good logs");
+        assert!(matches!(end(&report), Some((_, false))), "a band that was given stays");
+        // Judged by torques that no filter has touched.
+        let [raw, ended, whole] = [&raw, &model, &whole].map(error);
+        assert!(ended < 1.1 * raw && ended - raw < 0.7 * (whole - raw), "{cutoff_hz} Hz: {raw} {ended} {whole}");
     }
 }
 

@@ -61,6 +61,17 @@ pub enum Finding {
         /// Share by which the residual falls if that is undone.
         gain: f64,
     },
+    /// The torques were low-passed before they were logged: they end, and the motion goes on.
+    TorqueEnds {
+        /// Where half of what the motion asks for is left, Hz.
+        hz: f64,
+        /// End of the band in which both sides are compared by the motion's noise, Hz.
+        band_hz: f64,
+        /// Up to where they can be compared, Hz.
+        compared_hz: f64,
+        /// Whether the rows above that are left out.
+        left_out: bool,
+    },
     /// Torque and motion of a joint are not simultaneous, and those of the others are, or less so.
     Late {
         /// Name of the joint.
@@ -136,6 +147,7 @@ impl Finding {
             Self::Contradiction { .. } => "contradiction",
             Self::AllScaled { .. } => "all_scaled",
             Self::AllLate { .. } => "all_late",
+            Self::TorqueEnds { .. } => "torque_ends",
             Self::Late { .. } => "late",
             Self::Outliers { .. } => "outliers",
             Self::Leverage { .. } => "leverage",
@@ -159,6 +171,7 @@ impl Finding {
             Self::AllNegated
             | Self::AllScaled { .. }
             | Self::AllLate { .. }
+            | Self::TorqueEnds { .. }
             | Self::Leverage { .. }
             | Self::Weak { .. } => None,
         }
@@ -167,7 +180,11 @@ impl Finding {
     /// What to do about it: a note where it is right more often than it is a fault, or where the motion is to blame.
     pub fn severity(&self) -> Severity {
         match self {
-            Self::Outliers { .. } | Self::Late { .. } | Self::Leverage { .. } | Self::Weak { .. } => Severity::Note,
+            Self::Outliers { .. }
+            | Self::Late { .. }
+            | Self::Leverage { .. }
+            | Self::Weak { .. }
+            | Self::TorqueEnds { left_out: true, .. } => Severity::Note,
             _ => Severity::Warning,
         }
     }
@@ -213,6 +230,17 @@ impl fmt::Display for Finding {
                  at which it was measured, or shift it; a drive that lags looks the same",
                 by(*seconds),
                 100.0 * gain
+            ),
+            Self::TorqueEnds { hz, band_hz, compared_hz, left_out } => write!(
+                f,
+                "the torques end at {hz:.1} Hz, while the motion goes on to {band_hz:.1} Hz: they were low-passed before they were \
+                 logged. {}. Log torques as they are measured; a filter that ran forward only made them late, too, as \
+                 `actuator_lag` does",
+                if *left_out {
+                    format!("Both sides are compared up to {compared_hz:.1} Hz")
+                } else {
+                    format!("Rows above say nothing of the arm: give a torque band of {compared_hz:.1} Hz")
+                }
             ),
             Self::Late { joint, seconds, gain } => write!(
                 f,

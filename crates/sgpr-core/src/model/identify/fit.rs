@@ -10,7 +10,7 @@ use crate::identification::{
     BaseParameters, Consistency, ConsistentParameters, Costs, Dispersion, Equations, Essential, Estimate, Finding,
     Forecast, Held, IdentificationError, JointFactor, KeptOut, LeastSquares, LeftOut, Method, ParameterPrior,
     ParameterSet, PriorWidth, block_bootstrap, essential_parameters, estimate, hac_covariance, nearest_load,
-    screen_factors, screen_scale, stacked, torque_sizes, weakest_good_deviation,
+    screen_factors, screen_scale, stack, stacked, torque_sizes, weakest_good_deviation,
 };
 use crate::linalg::symmetric_eigen;
 use crate::model::experiment::Experiment;
@@ -332,20 +332,25 @@ impl Setup<'_> {
     ) -> Result<(ConsistentParameters, Mat<f64>), IdentifyError> {
         let solve =
             |whitened: &Mat<f64>| consistency.solve(self.robot, self.set, self.base, whitened, self.start, torque);
-        // What the prior holds it holds here, too.
-        let holding = |whitened: Mat<f64>| match held {
-            Some(held) => held.prior.beside(&whitened),
-            None => whitened,
+        // What the prior holds it holds here, too, beside rows that count as they did there.
+        let mut whitened = match held {
+            Some(held) => held.prior.beside(&held.data),
+            None => estimate.whitened.clone(),
         };
-        let mut whitened = holding(estimate.whitened.clone());
         let mut found = solve(&whitened)?;
         for _ in 0..if self.options.method.reweights() { REWEIGHTINGS } else { 0 } {
             // What transforms make depends on the parameters.
             model.set_all_parameters(&found.parameters);
-            if let Some(factors) = self.source.anew(model)? {
+            let anew = self.source.anew(model)?;
+            let changed = anew.is_some();
+            if let Some(factors) = anew {
                 data.factors = factors;
             }
-            whitened = holding(estimate.whitened_at(&data.factors, &found.base, &data.correlation));
+            whitened = match held {
+                None => estimate.whitened_at(&data.factors, &found.base, &data.correlation),
+                Some(held) if changed => held.prior.beside(&stack(&data.factors, found.base.len(), &held.levels)),
+                Some(_) => break,
+            };
             found = solve(&whitened)?;
         }
         Ok((found, whitened))
