@@ -66,7 +66,7 @@ pub use payload::{Payload, PayloadOptions, identify_payload};
 pub(crate) use posterior::without_negative;
 pub use posterior::{Held, PriorWidth, estimate_with_prior};
 pub use prior::ParameterPrior;
-pub(crate) use prior::{EFFECT_SCALES, WIDTHS, role_of};
+pub(crate) use prior::{EFFECT_SCALES, WIDTHS, role_of, usual_speed};
 pub use recursive::RecursiveLeastSquares;
 pub use screening::{Finding, screen_delays, screen_factors, screen_rows, screen_scale};
 pub use sgpr_predict::model::{EffectColumn, ParameterSet, TrajectoryColumn};

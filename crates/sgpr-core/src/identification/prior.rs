@@ -19,7 +19,7 @@ use super::parameter_scales::parameter_scales;
 use super::{BaseParameters, JointFactor, ParameterSet};
 use crate::effects::{JointState, Role};
 use crate::linalg::{cholesky, triangle};
-use crate::robot::Robot;
+use crate::robot::{Joint, Robot};
 
 /// A normal prior on the base parameters: for every estimator, and for regressions that estimate them beside others.
 ///
@@ -49,8 +49,9 @@ pub struct ParameterPrior {
     kept: Vec<usize>,
 }
 
-/// Relative deviations of the robot file among which the data choose.
-pub(crate) const WIDTHS: [f64; 8] = [0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0];
+/// Relative deviations of the robot file among which the data choose. A file that is wrong by more than a few times a
+/// link's size is of another arm: what the model lacks looks so.
+pub(crate) const WIDTHS: [f64; 5] = [0.03, 0.1, 0.3, 1.0, 3.0];
 
 /// Torques of friction, offsets and gains as shares of what the robot file leaves, among which the data choose.
 pub(crate) const EFFECT_SCALES: [f64; 4] = [0.1, 0.3, 1.0, 3.0];
@@ -501,14 +502,18 @@ fn effect_deviations(
     deviations
 }
 
-/// Sizes of the effects' columns in a reference motion, by column: an oscillation of 1 rad (m) whose top speed v is half of
-/// the robot file's limit, 1 rad/s (m/s) where it has none; so at a speed of v and an acceleration of v².
-fn reference_columns(robot: &Robot, set: &ParameterSet) -> Vec<f64> {
-    let speed = |joint: &crate::robot::Joint| match joint.limits.velocity {
+/// Speed that a joint is made for, rad/s (m/s): half of the robot file's limit, one where it has none.
+pub(crate) fn usual_speed(joint: &Joint) -> f64 {
+    match joint.limits.velocity {
         Some(limit) if limit > 0.0 && limit.is_finite() => 0.5 * limit,
         _ => 1.0,
-    };
-    let dq: Vec<f64> = robot.joints().iter().map(speed).collect();
+    }
+}
+
+/// Sizes of the effects' columns in a reference motion, by column: an oscillation of 1 rad (m) at the usual speed v, so at
+/// a speed of v and an acceleration of v².
+fn reference_columns(robot: &Robot, set: &ParameterSet) -> Vec<f64> {
+    let dq: Vec<f64> = robot.joints().iter().map(usual_speed).collect();
     let ddq: Vec<f64> = dq.iter().map(|speed| speed * speed).collect();
     let q = vec![1.0; dq.len()];
     let mut sizes = vec![0.0; set.effect_columns().len()];

@@ -9,7 +9,8 @@ use crate::effects::Role;
 pub(super) use crate::identification::Held;
 use crate::identification::{
     BaseParameters, Dispersion, Equations, Estimate, IdentificationError, JointFactor, Judgement, LeftOut, Method,
-    ParameterPrior, ParameterSet, PriorWidth, equations_of, estimate, estimate_with_prior, variances, without_negative,
+    ParameterPrior, ParameterSet, PriorWidth, equations_of, estimate, estimate_with_prior, usual_speed, variances,
+    without_negative,
 };
 use crate::random::Random;
 use crate::robot::Robot;
@@ -48,15 +49,16 @@ pub(super) fn leave_out_joints_at_rest(factors: &mut Vec<JointFactor>) {
 /// parameters.
 const FLAT: f64 = 30.0;
 
-/// Relative deviation of bodies that are held although the file is wrong.
-const WIDE: f64 = 10.0;
-
 /// Torque of friction, offsets and gains under a prior that says next to nothing of them, in what
 /// the file leaves of a joint's.
 const FLAT_EFFECTS: f64 = 10.0;
 
 /// Times that the logs may be less sure of the torque of other motions than the robot file is wrong, before it holds them.
 const CLEARLY: f64 = 2.0;
+
+/// Times that they may be less sure of the torque of faster motions than with the prior, before it holds them: less is
+/// nothing that the prior adds.
+const FAR: f64 = 5.0;
 
 /// Samples of other motions.
 const OTHER_MOTIONS: usize = 200;
@@ -91,8 +93,7 @@ impl Task<'_> {
     ///
     /// It is bare if the logs know the torque of other motions better than the robot file does
     /// ([`Self::knows_more_than_file`]), and if the prior that makes them most probable does not save [`LEAST_GAIN`] for
-    /// certain, by one standard error, on parts that were left out: it takes what the model lacks for noise. For that
-    /// reason a wide prior takes its place where it costs errors for certain.
+    /// certain, by one standard error, on parts that were left out: it takes what the model lacks for noise.
     pub fn estimate(
         &self,
         method: &Method,
@@ -109,15 +110,13 @@ impl Task<'_> {
             if saved.gain - saved.standard_error < LEAST_GAIN || saved.parts < 2 {
                 let bare = self.bare(method, equations, &flat, correlation)?;
                 let wider = faer::Scale(self.dispersion(&held).deviation.powi(2));
-                let knows_more = |bare: &Estimate| self.knows_more_than_file(&(wider * &bare.covariance), &flat);
+                let with_prior = wider * &held.estimate.covariance;
+                let knows_more =
+                    |bare: &Estimate| self.knows_more_than_file(&(wider * &bare.covariance), &with_prior, &flat);
                 if let Some(bare) = bare.filter(knows_more) {
                     let (bare, refused) = without_negative(bare, flat.friction());
                     notes.extend(self.refused_note(&refused));
                     return Ok(HeldEstimate { estimate: bare, held: None, dispersion: Dispersion::NONE, notes });
-                }
-                if saved.is_worse() {
-                    let wide = flat.with_relative_deviation(WIDE).with_effect_scale(1.0);
-                    held = self.solve(method, equations, (&wide, PriorWidth::Given(WIDE)), correlation)?;
                 }
             }
         }
@@ -159,24 +158,39 @@ impl Task<'_> {
         }
     }
 
-    /// Whether an estimate of this covariance predicts the torque of every joint with a smaller standard deviation than
-    /// what the robot file leaves of it, in poses over the whole range of the joints at speeds and accelerations of the
-    /// logs, in both directions.
-    fn knows_more_than_file(&self, covariance: &Mat<f64>, prior: &ParameterPrior) -> bool {
+    /// Whether an estimate of this covariance predicts the torque of every joint with a standard deviation of at most
+    /// [`CLEARLY`] times what the robot file leaves of it, in poses over the whole range of the joints: at speeds and accelerations
+    /// of the logs, in both directions, and at those that the arm is made for. What the file leaves of these grows from the
+    /// logs' motion as its uncertainty does; and a prior that adds little there, less than [`FAR`] times, is no reason.
+    ///
+    /// - `with_prior`: covariance of the estimate that the prior holds
+    fn knows_more_than_file(&self, covariance: &Mat<f64>, with_prior: &Mat<f64>, prior: &ParameterPrior) -> bool {
         if (0..self.base.rank()).any(|k| !covariance[(k, k)].is_finite()) {
             return false;
         }
-        let Ok(factors) = self.other_motions() else { return false };
-        let certain = |factor: &JointFactor| {
-            (variances(covariance, factor) / factor.rows as f64).sqrt() <= CLEARLY * prior.left_by_file()[factor.joint]
+        let deviation = |covariance: &Mat<f64>, factors: &[JointFactor], joint: usize| {
+            let own = factors.iter().filter(|factor| factor.joint == joint && !factor.resting);
+            let (sum, rows) =
+                own.fold((0.0, 0), |(sum, rows), own| (sum + variances(covariance, own), rows + own.rows));
+            (sum / f64::max(rows as f64, 1.0)).sqrt()
         };
-        factors.iter().all(certain)
+        let left = |joint: usize| CLEARLY * prior.left_by_file()[joint];
+        let (Ok(seen), Ok(fast)) = (self.other_motions(false), self.other_motions(true)) else { return false };
+        let of_file = prior.clone().with_relative_deviation(1.0).with_effect_scale(1.0).covariance();
+        (0..self.robot.dof()).all(|joint| {
+            let known = deviation(covariance, &fast, joint);
+            let grows = (deviation(&of_file, &fast, joint) / deviation(&of_file, self.factors, joint)).max(1.0);
+            deviation(covariance, &seen, joint) <= left(joint)
+                && (known <= left(joint) * grows || known <= FAR * deviation(with_prior, &fast, joint))
+        })
     }
 
     /// Equations of other motions than those of the logs.
-    fn other_motions(&self) -> Result<Vec<JointFactor>, IdentificationError> {
+    ///
+    /// - `fast`: at speeds that the arm is made for, where the logs are slower
+    fn other_motions(&self, fast: bool) -> Result<Vec<JointFactor>, IdentificationError> {
         let n = self.robot.dof();
-        let ranges: Vec<[[f64; 2]; 3]> = (0..n).map(|joint| self.ranges(joint)).collect();
+        let ranges: Vec<[[f64; 2]; 3]> = (0..n).map(|joint| self.ranges(joint, fast)).collect();
         let mut random = Random::new(0);
         let mut draw = |quantity: usize| -> Vec<f64> {
             let of_joint = |[low, high]: [f64; 2], share: f64| low + share * (high - low);
@@ -187,8 +201,9 @@ impl Task<'_> {
     }
 
     /// Ranges of position, speed and acceleration of a joint: of position the limits, a whole turn where there are none; of
-    /// the others, in both directions, up to the largest of the logs.
-    fn ranges(&self, joint: usize) -> [[f64; 2]; 3] {
+    /// the others, in both directions, up to the largest of the logs; if `fast`, at least up to those of an oscillation of
+    /// 1 rad (m) at half the speed limit.
+    fn ranges(&self, joint: usize, fast: bool) -> [[f64; 2]; 3] {
         let JointExtent { position: seen, speed, acceleration, .. } = self.extents[joint];
         let of = &self.robot.joints()[joint];
         let turn = [-std::f64::consts::PI, std::f64::consts::PI];
@@ -197,6 +212,8 @@ impl Task<'_> {
             _ if of.kind.is_rotation() => turn,
             _ => seen,
         };
+        let usual = if fast { usual_speed(of) } else { 0.0 };
+        let (speed, acceleration) = (speed.max(usual), acceleration.max(usual * usual));
         [position, [-speed, speed], [-acceleration, acceleration]]
     }
 
