@@ -57,7 +57,9 @@ mod _sgpr {
         Record, choose_processing, compare_records, deviations, diagnose_records, identify_records, record,
     };
     #[pymodule_export]
-    use crate::recording::{Issue, Recording, Repaired, quantity_of_array, read_csv, read_mcap, write_mcap};
+    use crate::recording::{
+        Issue, Recording, Repaired, quantity_of_array, read_columns, read_csv, read_mcap, write_mcap,
+    };
     #[pymodule_export]
     use crate::robot::{BaseParameters, Robot, puma560, regroupings, two_link};
     #[pymodule_export]

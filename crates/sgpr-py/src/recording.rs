@@ -3,10 +3,10 @@
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-use numpy::{PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyDict, PySlice};
+use pyo3::types::{PyDict, PyList, PySlice};
 use sgpr_core::motion::average_periods;
 use sgpr_core::recording::csv::{self, ColumnMap, Columns, ReadOptions, Rows};
 use sgpr_core::recording::mcap::{self, Clock, McapOptions};
@@ -768,41 +768,150 @@ pub fn read_csv(
     sample_rate_hz: Option<f64>,
     limit_bytes: Option<u64>,
 ) -> PyResult<Recording> {
-    let (mut constants, mut named) = (None, Vec::new());
-    match torque_constants {
-        Some(given) if given.is_instance_of::<PyDict>() => {
-            for (joint, constant) in items("torque_constants", given)? {
-                named.push((joint, constant.extract()?));
-            }
-        }
-        Some(given) => constants = Some(Numbers::new("torque_constants", given)?),
-        None => {}
-    }
-    let rows = match (rows, seconds) {
-        (Some(_), Some(_)) => return Err(invalid("rows and seconds: give one of them")),
-        (Some((first, last)), None) if (1..=last).contains(&first) => {
-            let index = |row: i128| usize::try_from(row).unwrap_or(usize::MAX);
-            Some(Rows::Numbers(index(first)..=index(last)))
-        }
-        (Some((first, last)), None) => {
-            return Err(invalid(format!("rows = ({first}, {last}): expected 1 <= first <= last")));
-        }
-        (None, Some((start, end))) => Some(Rows::Seconds(range("seconds", start, end)?)),
-        (None, None) => None,
-    };
-    let options = ReadOptions {
-        joints: joints.map(|joints| texts("joints", joints)).transpose()?,
-        columns: columns.map_or(Ok(ColumnMap::default()), column_map)?,
-        units: units.map_or(Ok(Units::default()), unit_map)?,
-        torque_constants: constants.map(|numbers| numbers.values().to_vec()),
-        named_torque_constants: named,
-        accept: accept.map_or(Ok(Vec::new()), issue_kinds)?,
-        rows,
-        sample_rate_hz,
-        limit_bytes: limit_bytes.unwrap_or(ReadOptions::default().limit_bytes),
-    };
+    let given =
+        TableOptions { joints, columns, units, torque_constants, accept, rows, seconds, sample_rate_hz, limit_bytes };
+    let options = given.read()?;
     let recording = detached(py, || csv::read(&path, &options));
     recording.map(Recording::from).map_err(IntoPyErr::into_py_err)
+}
+
+/// Options of tables as Python gives them.
+struct TableOptions<'a, 'py> {
+    joints: Option<&'a Any<'py>>,
+    columns: Option<&'a Any<'py>>,
+    units: Option<&'a Any<'py>>,
+    torque_constants: Option<&'a Any<'py>>,
+    accept: Option<&'a Any<'py>>,
+    rows: Option<(i128, i128)>,
+    seconds: Option<(f64, f64)>,
+    sample_rate_hz: Option<f64>,
+    limit_bytes: Option<u64>,
+}
+
+impl TableOptions<'_, '_> {
+    fn read(self) -> PyResult<ReadOptions> {
+        let Self { joints, columns, units, torque_constants, accept, rows, seconds, sample_rate_hz, limit_bytes } =
+            self;
+        let (mut constants, mut named) = (None, Vec::new());
+        match torque_constants {
+            Some(given) if given.is_instance_of::<PyDict>() => {
+                for (joint, constant) in items("torque_constants", given)? {
+                    named.push((joint, constant.extract()?));
+                }
+            }
+            Some(given) => constants = Some(Numbers::new("torque_constants", given)?),
+            None => {}
+        }
+        let rows = match (rows, seconds) {
+            (Some(_), Some(_)) => return Err(invalid("rows and seconds: give one of them")),
+            (Some((first, last)), None) if (1..=last).contains(&first) => {
+                let index = |row: i128| usize::try_from(row).unwrap_or(usize::MAX);
+                Some(Rows::Numbers(index(first)..=index(last)))
+            }
+            (Some((first, last)), None) => {
+                return Err(invalid(format!("rows = ({first}, {last}): expected 1 <= first <= last")));
+            }
+            (None, Some((start, end))) => Some(Rows::Seconds(range("seconds", start, end)?)),
+            (None, None) => None,
+        };
+        Ok(ReadOptions {
+            joints: joints.map(|joints| texts("joints", joints)).transpose()?,
+            columns: columns.map_or(Ok(ColumnMap::default()), column_map)?,
+            units: units.map_or(Ok(Units::default()), unit_map)?,
+            torque_constants: constants.map(|numbers| numbers.values().to_vec()),
+            named_torque_constants: named,
+            accept: accept.map_or(Ok(Vec::new()), issue_kinds)?,
+            rows,
+            sample_rate_hz,
+            limit_bytes: limit_bytes.unwrap_or(ReadOptions::default().limit_bytes),
+        })
+    }
+}
+
+/// Reads a table in memory as `read_csv` reads one of text, by the same rules.
+///
+/// Parameters
+/// ----------
+/// source : str
+///     What the table is called in messages.
+/// names : list of str
+///     Names of the columns.
+/// values : list of array of shape (N,), or of list of str
+///     Numbers are float64 or int64; timedelta64[ns] are seconds, datetime64[ns] dates; text is as in the cells of a file.
+/// joints, **options
+///     As in `read_csv`; `limit_bytes` is that of the numbers.
+#[pyfunction]
+#[pyo3(signature = (source, names, values, joints=None, *, columns=None, units=None, torque_constants=None, accept=None,
+    rows=None, seconds=None, sample_rate_hz=None, limit_bytes=None))]
+#[expect(clippy::too_many_arguments, reason = "the options of a format")]
+pub fn read_columns(
+    py: Python<'_>,
+    source: &str,
+    names: Vec<String>,
+    values: Vec<Bound<'_, PyAny>>,
+    joints: Option<&Bound<'_, PyAny>>,
+    columns: Option<&Bound<'_, PyAny>>,
+    units: Option<&Bound<'_, PyAny>>,
+    torque_constants: Option<&Bound<'_, PyAny>>,
+    accept: Option<&Bound<'_, PyAny>>,
+    rows: Option<(i128, i128)>,
+    seconds: Option<(f64, f64)>,
+    sample_rate_hz: Option<f64>,
+    limit_bytes: Option<u64>,
+) -> PyResult<Recording> {
+    let given =
+        TableOptions { joints, columns, units, torque_constants, accept, rows, seconds, sample_rate_hz, limit_bytes };
+    let options = given.read()?;
+    let held = values.iter().map(HeldColumn::new).collect::<PyResult<Vec<_>>>()?;
+    let named = names.len() == held.len();
+    let mut columns = Vec::with_capacity(held.len());
+    for (name, held) in names.into_iter().zip(&held) {
+        columns.push(csv::Column { name, values: held.values()? });
+    }
+    let rows = columns.first().map_or(0, |column| column.values.rows());
+    if !named || columns.iter().any(|column| column.values.rows() != rows) {
+        return Err(invalid("columns: expected a name for each, and values for each row"));
+    }
+    let recording = detached(py, || csv::read_columns(source, &columns, &options));
+    recording.map(Recording::from).map_err(IntoPyErr::into_py_err)
+}
+
+/// A column borrowed from Python.
+enum HeldColumn<'py> {
+    Numbers(Numbers<'py>),
+    /// numpy's letter for what the integers are: `i`, `m` (durations) or `M` (dates).
+    Integers(char, PyReadonlyArrayDyn<'py, i64>),
+    Texts(Vec<String>),
+}
+
+impl<'py> HeldColumn<'py> {
+    fn new(values: &Any<'py>) -> PyResult<Self> {
+        if values.is_instance_of::<PyList>() {
+            return Ok(Self::Texts(values.extract()?));
+        }
+        match kind_of(values)? {
+            kind @ ('i' | 'm' | 'M') => {
+                let integers = values.call_method1("view", ("int64",))?.cast_into::<PyArrayDyn<i64>>()?;
+                Ok(Self::Integers(kind, integers.try_readonly().map_err(|_| invalid("a column is being written to"))?))
+            }
+            _ => Numbers::new("values", values).map(Self::Numbers),
+        }
+    }
+
+    fn values(&self) -> PyResult<csv::Values<'_>> {
+        Ok(match self {
+            Self::Numbers(numbers) => csv::Values::Numbers(numbers.values().into()),
+            Self::Integers(kind, integers) => {
+                let integers = integers.as_slice().map_err(|_| invalid("columns: expected contiguous arrays"))?.into();
+                match kind {
+                    'm' => csv::Values::Seconds(integers),
+                    'M' => csv::Values::Instants(integers),
+                    _ => csv::Values::Integers(integers),
+                }
+            }
+            Self::Texts(texts) => csv::Values::Texts(texts.clone()),
+        })
+    }
 }
 
 const QUANTITIES: [&str; 4] = ["time", "position", "velocity", "torque"];

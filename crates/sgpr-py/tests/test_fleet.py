@@ -17,7 +17,7 @@ import pytest
 import sgpr
 from conftest import DATA, outside
 from sgpr import fleet
-from sgpr.fleet import changes, engine
+from sgpr.fleet import changes, engine, simulated
 from sgpr.fleet.evidence import Track, find_jumps
 from sgpr.fleet.logs import find
 
@@ -504,3 +504,18 @@ def test_the_report_of_the_command(table: Path, tmp_path: Path) -> None:
         text=True,
     )
     assert wrong.returncode == 1 and "there is no robot for the type" in wrong.stderr
+
+
+@pytest.mark.parametrize("name", ["puma560", "two_link", "ur5e_like", "panda_like"])
+def test_simulated_motions_stay_within_the_limits_of_the_robot_file(name: str) -> None:
+    own = {"puma560": sgpr.robots.puma560, "two_link": sgpr.robots.two_link}
+    robot = own[name]() if name in own else sgpr.Robot.from_urdf(DATA / f"reference/urdf/{name}.urdf")
+    limits = robot.limits
+    for k in range(6):
+        tool = simulated.Fault("tool", robot.dof - 1, 0, 1.0)
+        log = simulated.session_log(simulated.Arm("arm", name, k, (tool,)), robot, k, 1, seconds=10.0)
+        speed = np.abs(np.gradient(log["q"], 1.0 / simulated.RATE_HZ, axis=0))
+        assert (log["q"] > limits["lower"]).all() and (log["q"] < limits["upper"]).all()
+        assert (speed < limits["velocity"]).all() and (np.abs(log["tau"]) < limits["effort"]).all()
+        # They still move.
+        assert (np.ptp(log["q"], axis=0) > 0.3).all()

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import re
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -511,3 +512,66 @@ def test_what_cannot_be_a_suspect_is_refused(
             sgpr.record(robot, logs[0], suspects=[name])
     with pytest.raises(sgpr.IdentificationError, match="make records with suspects"):
         sgpr.diagnose_records(robot, records)
+
+
+def late(log: sgpr.Recording, samples: int, joints: list[int]) -> sgpr.Recording:
+    """The log with torques of some joints that come some samples after their motion."""
+    assert log.tau is not None
+    tau = log.tau.copy()
+    tau[samples:, joints] = log.tau[: len(log) - samples, joints]
+    return sgpr.Recording(log.time_ns, log.q, tau=tau, joint_names=log.joint_names)
+
+
+def test_torques_that_are_late_are_in_the_findings_of_a_record(robot: sgpr.Robot, logs: list[sgpr.Recording]) -> None:
+    def found(log: sgpr.Recording) -> list[dict[str, Any]]:
+        processing = sgpr.choose_processing(robot, [log])
+        screening = sgpr.record(robot, log, processing=processing, lags=False).screening
+        return [finding for finding in screening if finding["kind"] in ("late", "all_late")]
+
+    def milliseconds(message: str) -> float:
+        return float(re.findall(r"([\d.]+) ms after", message)[0])
+
+    def of_all_rows(log: sgpr.Recording) -> list[str]:
+        model = quiet(sgpr.identify, robot, [log])
+        return [message for message in map(str, sgpr.screen(model, [log])) if " ms after" in message]
+
+    assert [found(log) for log in logs] == [[], [], []]
+    # Shifts by whole rows of the equations tell the time to one of them; these are three and four samples apart.
+    row = 4e3 / logs[0].sample_rate_hz
+    for samples in (5, 12, 25):
+        moved = late(logs[0], samples, list(range(robot.dof)))
+        (whole,), (slow, *_) = found(moved), of_all_rows(moved)
+        assert whole["kind"] == "all_late" and whole["rank"] == "look" and whole["subject"] is None
+        assert abs(milliseconds(whole["message"]) - milliseconds(slow)) < row
+    for samples in (12, 20):
+        moved = late(logs[1], samples, [2])
+        (alone,), (slow,) = found(moved), of_all_rows(moved)
+        assert alone["kind"] == "late" and alone["rank"] == "know" and alone["subject"] == robot.joint_names[2]
+        assert abs(milliseconds(alone["message"]) - milliseconds(slow)) < row
+
+
+def test_a_parquet_log_in_pieces_is_the_log(robot: sgpr.Robot, logs: list[sgpr.Recording], tmp_path: Path) -> None:
+    path = tmp_path / "log.parquet"
+    log = logs[0]
+    columns = {f"{name}_position": log.q[:, k] for k, name in enumerate(robot.joint_names)}
+    columns |= {f"{name}_torque": log.tau[:, k] for k, name in enumerate(robot.joint_names)}
+    parquet.write_table(arrow.table({"time_ns": log.time_ns, **columns}), path, row_group_size=700)
+    whole = sgpr.read(path, robot.joint_names)
+    pieces = list(fleet.read_pieces(path, robot.joint_names, samples=1500))
+    assert len(pieces) > 2 and all(piece.notes == whole.notes for piece in pieces)
+    for name in ("time_ns", "q", "tau"):
+        assert np.array_equal(np.concatenate([getattr(piece, name) for piece in pieces]), getattr(whole, name))
+    processing = sgpr.choose_processing(robot, [whole])
+    streamed = list(
+        fleet.record_pieces(robot, fleet.read_pieces(path, robot.joint_names, samples=1500), processing=processing)
+    )
+    together = identified(robot, streamed)
+    expected = identified(robot, [sgpr.record(robot, whole, processing=processing)])
+    assert relative(together.parameters.values, expected.parameters.values) < EXACT
+    with pytest.raises(TypeError, match="has no option `rows`"):
+        fleet.read_pieces(path, rows=(1, 2))
+    with pytest.raises(sgpr.SgprError, match="at least 1 in a piece"):
+        fleet.read_pieces(path, samples=0)
+    path.write_bytes(path.read_bytes()[:5000])
+    with pytest.raises(sgpr.RecordingError, match="not a Parquet file, or damaged"):
+        list(fleet.read_pieces(path))

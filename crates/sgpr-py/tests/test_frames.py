@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -49,6 +50,85 @@ def test_polars(log: sgpr.Recording) -> None:
 def test_what_is_no_frame() -> None:
     with pytest.raises(TypeError, match="expected a DataFrame"):
         sgpr.Recording.from_dataframe([[0.0]])
+
+
+def tables(log: sgpr.Recording) -> dict[str, pandas.DataFrame]:
+    """Tables with all that columns can hold, by what counts their time."""
+    rng, rows = np.random.default_rng(8), len(log)
+    scattered = rng.standard_normal((rows, 4)) * 10.0 ** rng.integers(-12, 6, (rows, 4))
+    columns = {
+        **{f"q{k + 1}_deg": scattered[:, k] for k in range(2)},
+        **{f"tau_{k + 1}": scattered[:, 2 + k] for k in range(2)},
+        "small": rng.standard_normal(rows).astype(np.float32),
+        "on": rng.integers(0, 2, rows).astype(bool),
+        "count": rng.integers(-(2**60), 2**60, rows),
+        "large": rng.integers(0, 2**63, rows, dtype=np.uint64) * 2 + 1,
+        "holes": np.where(rng.random(rows) < 0.2, np.nan, 1.0 / 3.0),
+    }
+    since = np.cumsum(rng.integers(10**6, 10**7, rows))
+    stamps = 1_700_000_000_123_456_789 + since
+    times = {
+        "seconds": {"t": since / 1e9},
+        "milliseconds": {"time_ms": since / 1e6},
+        "since 1970": {"time": stamps / 1e9},
+        "short": {"t": (since / 1e9).astype(np.float32)},
+        "whole": {"timestamp": stamps},
+        "stamps": {"header.stamp.sec": stamps // 10**9, "header.stamp.nanosec": stamps % 10**9},
+        "dates": {"time": pandas.to_datetime(stamps)},
+    }
+    return {name: pandas.DataFrame({**time, **columns}) for name, time in times.items()}
+
+
+def all_of(log: sgpr.Recording) -> list[Any]:
+    """Everything that a recording holds but its source."""
+    assert log.tau is not None
+    arrays = [log.time_ns, log.q, log.tau, *log.channels.values()]
+    issues = [(issue.kind, issue.rank, issue.message, issue.time, issue.count) for issue in log.issues]
+    return [*(array.tobytes() for array in arrays), list(log.channels), log.layout, log.joint_names, issues]
+
+
+def test_tables_in_memory_are_what_their_text_is(log: sgpr.Recording, tmp_path: Path) -> None:
+    polars, parquet = pytest.importorskip("polars"), pytest.importorskip("pyarrow.parquet")
+    arrow = pytest.importorskip("pyarrow")
+    for name, frame in tables(log).items():
+        frame.to_csv(tmp_path / "table.csv", index=False)
+        for part in ({}, {"rows": (3, 40)}, {"seconds": (0.1, 0.3)}):
+            text = sgpr.read(tmp_path / "table.csv", **part)
+            assert all_of(sgpr.read(frame, **part)) == all_of(text), name
+            assert all_of(sgpr.read(polars.from_pandas(frame), **part)) == all_of(text), name
+            if name not in ("short", "dates"):
+                # Parquet keeps 32 bits as they are, and counts dates.
+                wide = frame.astype({"small": np.float64})
+                wide.to_csv(tmp_path / "wide.csv", index=False)
+                parquet.write_table(arrow.Table.from_pandas(wide), tmp_path / "table.parquet")
+                assert all_of(sgpr.read(tmp_path / "table.parquet", **part)) == all_of(
+                    sgpr.read(tmp_path / "wide.csv", **part)
+                ), name
+
+
+def test_tables_in_memory_are_refused_as_their_text_is(tmp_path: Path) -> None:
+    for columns in (
+        {"t": [0.0, 1.0], "q_1": [1.0, "twelve"]},
+        {"t": [0.0, np.inf], "q_1": [1.0, 2.0]},
+        {"t": ["now", "later"], "q_1": [1.0, 2.0]},
+        {"t": [], "q_1": []},
+        {"a": [0.0], "b": [1.0]},
+        {0: [0.0], 1: [1.0]},
+        {"t": [0.0, 1.0], "q1 [%]": [0.1, 0.2]},
+    ):
+        frame = pandas.DataFrame(columns)
+        frame.to_csv(tmp_path / "table.csv", index=False)
+        with pytest.raises(sgpr.RecordingError) as of_text:
+            sgpr.read(tmp_path / "table.csv")
+        with pytest.raises(sgpr.RecordingError) as of_frame:
+            sgpr.read(frame)
+        assert str(of_frame.value) == str(of_text.value).replace(str(tmp_path / "table.csv"), "table")
+
+
+def test_a_line_of_units_in_a_frame_is_understood() -> None:
+    frame = pandas.DataFrame({"t": ["ms", "0", "4", "8"], "q_1": ["deg", "0", "90", "180"]})
+    assert_allclose(sgpr.read(frame).q[:, 0], [0.0, np.pi / 2, np.pi])
+    assert sgpr.read(frame).time_ns.tolist() == [0, 4_000_000, 8_000_000]
 
 
 def matlab_files(folder: Path, log: sgpr.Recording) -> list[Path]:

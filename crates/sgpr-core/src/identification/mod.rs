@@ -61,13 +61,14 @@ pub(crate) use least_squares::{residual_norm, stack, torque_sizes, triangular_so
 pub(crate) use left_out::half_run;
 pub use left_out::{Dispersion, LeftOut};
 pub use observation::{Equation, Equations, JointFactor, Observation, Row, Trajectory};
-pub(crate) use observation::{piece_of, stacked};
+pub(crate) use observation::{KeptRows, piece_of, stacked};
 pub use payload::{Payload, PayloadOptions, identify_payload};
 pub(crate) use posterior::without_negative;
 pub use posterior::{Held, PriorWidth, estimate_with_prior};
 pub use prior::ParameterPrior;
 pub(crate) use prior::{EFFECT_SCALES, WIDTHS, role_of, usual_speed};
 pub use recursive::RecursiveLeastSquares;
+pub(crate) use screening::ShiftedTorques;
 pub use screening::{Finding, screen_delays, screen_factors, screen_rows, screen_scale};
 pub use sgpr_predict::model::{EffectColumn, ParameterSet, TrajectoryColumn};
 

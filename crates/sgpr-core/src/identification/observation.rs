@@ -26,6 +26,43 @@ pub struct Observation<'a> {
     source: RowSource<'a>,
     /// Per part and joint: rows in motion, rows at rest.
     parts: Vec<Vec<[TriangularFactor; 2]>>,
+    /// Rows that are kept beside, if they are to be and are few enough.
+    kept: Option<KeptRows>,
+    /// Trajectories that were added.
+    trajectories: usize,
+}
+
+/// The rows of equations, kept for another pass through them.
+#[derive(Debug)]
+pub(crate) struct KeptRows {
+    joints: Vec<JointRows>,
+}
+
+#[derive(Debug)]
+struct JointRows {
+    columns: Vec<usize>,
+    /// `[rows, columns + 1]`, the torque last.
+    rows: Vec<f64>,
+    /// Trajectory and sample of each, and whether the joint stands.
+    of: Vec<(usize, usize, bool)>,
+}
+
+impl KeptRows {
+    /// Most numbers that are kept: 32 MB.
+    const MOST: usize = 1 << 22;
+
+    /// Visits every equation that is good for something, joint by joint, trajectory by trajectory, sample by sample.
+    pub fn for_each(&self, mut visit: impl FnMut(Equation<'_>)) {
+        for (joint, JointRows { columns, rows, of }) in self.joints.iter().enumerate() {
+            for (row, &(trajectory, sample, resting)) in rows.chunks_exact(columns.len() + 1).zip(of) {
+                visit(Equation { trajectory, sample, joint, resting, columns, row });
+            }
+        }
+    }
+
+    fn numbers(&self) -> usize {
+        self.joints.iter().map(|joint| joint.rows.len()).sum()
+    }
 }
 
 /// Which of `pieces` of as many samples each a sample lies in: piece k begins at sample `k * count / pieces`.
@@ -152,7 +189,20 @@ impl<'a> Observation<'a> {
             let layouts = source.layouts.iter();
             layouts.map(|layout| [(); 2].map(|()| TriangularFactor::new(layout.width()))).collect()
         };
-        Self { parts: (0..parts).map(factors).collect(), source }
+        Self { parts: (0..parts).map(factors).collect(), source, kept: None, trajectories: 0 }
+    }
+
+    /// The same, which keeps the rows that are added if they are few enough ([`Self::kept`]).
+    pub(crate) fn keeping_rows(mut self) -> Self {
+        let layouts = self.source.layouts.iter();
+        let joint = |layout: &Layout| JointRows { columns: layout.columns.clone(), rows: vec![], of: vec![] };
+        self.kept = Some(KeptRows { joints: layouts.map(joint).collect() });
+        self
+    }
+
+    /// The rows that were added; `None` if they were not to be kept, or too many.
+    pub(crate) fn kept(&mut self) -> Option<KeptRows> {
+        self.kept.take()
     }
 
     /// Adds the equations of samples as they are.
@@ -246,7 +296,8 @@ impl<'a> Observation<'a> {
         part: impl Fn(usize) -> usize + Sync,
     ) -> Result<(), IdentificationError> {
         let n = self.source.robot.dof();
-        let parts = &mut self.parts;
+        let (parts, kept, index) = (&mut self.parts, &mut self.kept, self.trajectories);
+        self.trajectories += 1;
         let count = parts.len();
         let Trajectory { use_as, decimation, .. } = *trajectory;
         let kind = |sample: usize, joint: usize| {
@@ -258,8 +309,24 @@ impl<'a> Observation<'a> {
             for part in parts.iter_mut() {
                 joints.iter_mut().zip(part).for_each(|(own, factors)| own.push(factors));
             }
-            joints.par_iter_mut().enumerate().for_each(|(joint, parts)| {
+            if kept.as_ref().is_some_and(|kept| kept.numbers() > KeptRows::MOST) {
+                *kept = None;
+            }
+            let mut keep: Vec<Option<&mut JointRows>> = match kept.as_mut() {
+                Some(kept) => kept.joints.iter_mut().map(Some).collect(),
+                None => (0..n).map(|_| None).collect(),
+            };
+            joints.par_iter_mut().zip(&mut keep).enumerate().for_each(|(joint, (parts, keep))| {
                 let (rows, width) = piece.rows(joint);
+                if let Some(keep) = keep {
+                    for (sample, row) in piece.samples.clone().zip(rows.chunks_exact(width)).step_by(decimation) {
+                        let row_kind = kind(sample, joint).1;
+                        if row_kind != Row::Skip {
+                            keep.rows.extend_from_slice(row);
+                            keep.of.push((index, sample, row_kind == Row::Resting));
+                        }
+                    }
+                }
                 let mut push = |(part, row): (usize, Row), rows: &[f64]| match row {
                     Row::Skip => {}
                     Row::Moving => parts[part][0].push_all(rows),
@@ -663,4 +730,44 @@ fn require_finite(arrays: &[(&'static str, &[f64])], n: usize) -> Result<(), Ide
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::two_link;
+
+    #[test]
+    fn rows_that_are_kept_are_those_that_are_made_again() {
+        let robot = two_link();
+        let set = ParameterSet::new(&robot, &["viscous_friction"]).expect("a known effect");
+        let base = BaseParameters::new(&robot, &set);
+        let samples = 3000;
+        let wave = |speed: f64, scale: f64| -> Vec<f64> {
+            (0..2 * samples).map(|k| scale * (speed * (k / 2) as f64 + (k % 2) as f64).sin()).collect()
+        };
+        let (q, dq, ddq, tau) = (wave(0.01, 1.0), wave(0.013, 2.0), wave(0.017, 3.0), wave(0.02, 9.0));
+        let kinds = [Row::Moving, Row::Skip, Row::Resting, Row::Moving, Row::Moving];
+        let use_as: Vec<Row> = (0..2 * samples).map(|k| kinds[k / 37 % kinds.len()]).collect();
+        let filter = LowPass::butterworth(4, 10.0, 200.0).expect("a filter");
+        let motion = Samples { q: &q, dq: &dq, ddq: &ddq };
+        let one =
+            Trajectory { use_as: Some(&use_as), filter: Some(&filter), decimation: 3, ..Trajectory::new(motion, &tau) };
+        let trajectories = vec![one, Trajectory { filter: None, decimation: 1, ..one }];
+
+        let mut observation = Observation::new(&robot, &set, &base).keeping_rows();
+        trajectories.iter().try_for_each(|trajectory| observation.add(trajectory)).expect("good data");
+        type Seen = (usize, usize, usize, bool, Vec<usize>, Vec<f64>);
+        let seen = |equation: Equation<'_>| -> Seen {
+            let Equation { trajectory, sample, joint, resting, columns, row } = equation;
+            (joint, trajectory, sample, resting, columns.to_vec(), row.to_vec())
+        };
+        let (mut kept, mut made) = (Vec::new(), Vec::new());
+        observation.kept().expect("few rows").for_each(|equation| kept.push(seen(equation)));
+        let mut equations = Equations::new(&robot, &set, &base, trajectories);
+        equations.for_each(|equation| made.push(seen(equation))).expect("good data");
+        made.sort_by_key(|(joint, trajectory, sample, ..)| (*joint, *trajectory, *sample));
+        assert!(kept.len() > samples && kept == made);
+        assert!(Observation::new(&robot, &set, &base).kept().is_none());
+    }
 }

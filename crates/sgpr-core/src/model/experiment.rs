@@ -44,15 +44,19 @@ impl Experiment {
     /// The same without the rows in which the ends of a log show.
     pub fn settled(mut self) -> Self {
         for (motion, filter) in self.motions.iter_mut().zip(&self.filters) {
-            let Some(filter) = filter else { continue };
-            let (settled, joints) = (motion.settled(filter), motion.use_as.len() / motion.len());
-            for (sample, rows) in motion.use_as.chunks_exact_mut(joints).enumerate() {
-                if !settled.contains(&sample) {
-                    rows.fill(Row::Skip);
-                }
-            }
+            let rows = std::mem::take(&mut motion.use_as);
+            motion.use_as = settled_rows(motion, filter.as_ref(), rows);
         }
         self
+    }
+
+    /// What the rows of each motion would be without those near turns of their joints, within `turn_margin` of another
+    /// processing, and without those in which the ends of a log show.
+    pub fn calm_rows(&self, processing: &Processing) -> Vec<Vec<Row>> {
+        let pairs = self.motions.iter().zip(&self.filters);
+        pairs
+            .map(|(motion, filter)| settled_rows(motion, filter.as_ref(), motion.rows_between_turns(processing)))
+            .collect()
     }
 
     /// One trajectory per motion.
@@ -102,9 +106,27 @@ impl Experiment {
         Ok(Columns { tau, values: vec![vec![]; self.motions.len()], parameters: vec![] })
     }
 
+    /// Rows of the equations per second, of each motion.
+    pub fn row_rates_hz(&self) -> Vec<f64> {
+        let step = |filter: &Option<LowPass>| if filter.is_some() { self.decimation as f64 } else { 1.0 };
+        self.motions.iter().zip(&self.filters).map(|(motion, filter)| motion.rate_hz / step(filter)).collect()
+    }
+
     pub fn rates_hz(&self) -> Vec<f64> {
         self.motions.iter().map(|motion| motion.rate_hz).collect()
     }
+}
+
+/// Rows of a motion without those in which the ends of a log show.
+fn settled_rows(motion: &Motion, filter: Option<&LowPass>, mut rows: Vec<Row>) -> Vec<Row> {
+    let Some(filter) = filter else { return rows };
+    let (settled, joints) = (motion.settled(filter), rows.len() / motion.len());
+    for (sample, rows) in rows.chunks_exact_mut(joints).enumerate() {
+        if !settled.contains(&sample) {
+            rows.fill(Row::Skip);
+        }
+    }
+    rows
 }
 
 /// Every stretch of every recording.

@@ -19,7 +19,7 @@ use crate::recording::{
     GAP_FACTOR, Implausible, MOST_JITTER, PERIODS, Recording, SMALLEST_TORQUE, jitter, seconds, stretches,
 };
 use crate::signal::LowPass;
-use standstill::separate_rests;
+use standstill::{rows_of, separate_rests};
 
 /// One uniformly sampled stretch of a log, processed. Arrays are `[samples, n]`, row-major, SI.
 #[derive(Clone, Debug, PartialEq)]
@@ -89,11 +89,7 @@ impl Motion {
         let threshold = &processing.standstill_speed;
         let period = rate_hz / processing.cutoff_hz;
         let mut use_as = separate_rests(&mut dq, &mut ddq, threshold, period, processing.turn_margin);
-        for (row, inner) in use_as.chunks_exact_mut(n).zip(&inner) {
-            if !inner {
-                row.fill(Row::Skip);
-            }
-        }
+        skip_ends(&mut use_as, &inner);
         Ok(Self {
             source: recording.source().into(),
             rate_hz,
@@ -106,6 +102,14 @@ impl Motion {
             inner,
             use_as,
         })
+    }
+
+    /// What `use_as` would be if the motion had been processed with another `turn_margin`.
+    pub(crate) fn rows_between_turns(&self, processing: &Processing) -> Vec<Row> {
+        let period = self.rate_hz / processing.cutoff_hz;
+        let mut rows = rows_of(&self.dq, &processing.standstill_speed, period, processing.turn_margin);
+        skip_ends(&mut rows, &self.inner);
+        rows
     }
 
     /// Number of samples.
@@ -136,6 +140,16 @@ impl Motion {
     /// The motion as the dynamics takes it.
     pub fn samples(&self) -> Samples<'_> {
         Samples { q: &self.q, dq: &self.dq, ddq: &self.ddq }
+    }
+}
+
+/// Takes the rows near the ends of a stretch out.
+fn skip_ends(use_as: &mut [Row], inner: &[bool]) {
+    let n = use_as.len() / inner.len();
+    for (row, inner) in use_as.chunks_exact_mut(n).zip(inner) {
+        if !inner {
+            row.fill(Row::Skip);
+        }
     }
 }
 

@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use crate::identification::Row;
 
 /// Says of every sample whether each joint moves, and stills those that rest.
@@ -21,29 +23,30 @@ pub(crate) fn separate_rests(
     turn_margin: f64,
 ) -> Vec<Row> {
     let n = threshold.len();
+    for joint in 0..n {
+        for resting in rests(dq, joint, threshold, period).into_iter().flatten() {
+            (dq[resting * n + joint], ddq[resting * n + joint]) = (0.0, 0.0);
+        }
+    }
+    rows_of(dq, threshold, period, turn_margin)
+}
+
+/// What [`separate_rests`] says of every sample of joints that it has stilled, with any margin near reversals.
+///
+/// - arguments and result as there
+pub(crate) fn rows_of(dq: &[f64], threshold: &[f64], period: f64, turn_margin: f64) -> Vec<Row> {
+    let n = threshold.len();
     let samples = dq.len() / n;
-    let window = ((0.5 * period).ceil() as usize).max(3);
+    let window = window(period);
     let turn = (turn_margin * period).ceil() as usize;
     let margin = window.max(turn);
     let mut rows = vec![Row::Moving; dq.len()];
     for joint in 0..n {
-        let mut k = 0;
-        while k < samples {
-            if dq[k * n + joint].abs() >= threshold[joint] {
-                k += 1;
-                continue;
+        for rest in rests(dq, joint, threshold, period) {
+            for near in rest.start.saturating_sub(margin)..rest.end.saturating_add(margin).min(samples) {
+                let inside = near >= rest.start + window && near + window < rest.end;
+                rows[near * n + joint] = if inside { Row::Resting } else { Row::Skip };
             }
-            let end = (k..samples).find(|&later| dq[later * n + joint].abs() >= threshold[joint]).unwrap_or(samples);
-            if end - k >= window {
-                for near in k.saturating_sub(margin)..end.saturating_add(margin).min(samples) {
-                    let inside = near >= k + window && near + window < end;
-                    rows[near * n + joint] = if inside { Row::Resting } else { Row::Skip };
-                }
-                for resting in k..end {
-                    (dq[resting * n + joint], ddq[resting * n + joint]) = (0.0, 0.0);
-                }
-            }
-            k = end;
         }
         if turn == 0 {
             continue;
@@ -63,6 +66,31 @@ pub(crate) fn separate_rests(
         }
     }
     rows
+}
+
+/// Samples that a rest has at least.
+fn window(period: f64) -> usize {
+    ((0.5 * period).ceil() as usize).max(3)
+}
+
+/// Where a joint rests.
+fn rests(dq: &[f64], joint: usize, threshold: &[f64], period: f64) -> Vec<Range<usize>> {
+    let n = threshold.len();
+    let mut found = Vec::new();
+    let mut start = None;
+    for (k, speeds) in dq.chunks_exact(n).enumerate() {
+        match (speeds[joint].abs() < threshold[joint], start) {
+            (true, None) => start = Some(k),
+            (false, Some(first)) => {
+                found.push(first..k);
+                start = None;
+            }
+            _ => {}
+        }
+    }
+    found.extend(start.map(|first| first..dq.len() / n));
+    found.retain(|rest| rest.len() >= window(period));
+    found
 }
 
 #[cfg(test)]
@@ -101,5 +129,7 @@ mod tests {
             assert_eq!(rows[2 * k + 1] == Row::Moving, !near_rest, "{k}");
             assert_eq!(rows[2 * k + 1] == Row::Resting, (85..105).contains(&k), "{k}");
         }
+        // Joints that are stilled give the rows of any margin.
+        assert_eq!(rows_of(&dq, &[0.01, 0.01], 10.0, 0.8), rows);
     }
 }

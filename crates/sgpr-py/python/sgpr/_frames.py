@@ -1,18 +1,20 @@
 """Tables in memory: pandas and polars frames, understood by the names of their columns as those of a CSV file."""
 
 import csv
-import tempfile
+import io
 from collections.abc import Mapping, Sequence
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._sgpr import Recording, RecordingError, SgprError, read_csv
+from ._sgpr import Recording, RecordingError, SgprError
+from ._sgpr import read_columns as _core_read_columns
 
 SOURCE = "table"
+
+Column = NDArray[Any] | list[str]
 
 
 def is_frame(value: object) -> bool:
@@ -22,61 +24,80 @@ def is_frame(value: object) -> bool:
 
 
 def read(frame: Any, joints: Sequence[str] | None = None, **options: Any) -> Recording:
-    """Goes through a temporary CSV file, every number exact: one set of rules for all tables."""
+    """Numbers and times go as they are, the rest as the text that a CSV file of it would have."""
     if not is_frame(frame):
         raise TypeError(f"frame: got {type(frame).__name__}, expected a DataFrame of pandas or polars")
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / "table.csv"
-        if type(frame).__module__.startswith("polars"):
-            frame.write_csv(copy)
-        else:
-            _with_time_column(frame).to_csv(copy, index=False)
-        try:
-            recording = read_csv(copy, joints, **options)
-        except RecordingError as error:
-            raise type(error)(str(error).replace(str(copy), SOURCE)) from None
-    return recording._from_source(SOURCE, [])
+    of_polars = type(frame).__module__.startswith("polars")
+    if not of_polars:
+        frame = _with_time_column(frame)
+    names = [str(name) for name in frame.columns]
+    series = [frame[name] if of_polars else frame.iloc[:, k] for k, name in enumerate(frame.columns)]
+    values = [_of_polars(column) if of_polars else _of_pandas(column) for column in series]
+    return _core_read_columns(SOURCE, names, values, joints, **options)
 
 
 def read_columns(
     table: Mapping[str, NDArray[Any]], source: str, joints: Sequence[str] | None, **options: Any
 ) -> Recording:
     """The same of columns of numbers, all of one length."""
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / "table.csv"
-        with copy.open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.writer(stream)
-            writer.writerow(table)
-            # repr of a float is exact.
-            writer.writerows(zip(*(map(repr, values.tolist()) for values in table.values()), strict=True))
-        try:
-            recording = read_csv(copy, joints, **options)
-        except RecordingError as error:
-            raise type(error)(str(error).replace(str(copy), source)) from None
-    return recording._from_source(source, [])
+    return _core_read_columns(source, list(table), [plain(values) for values in table.values()], joints, **options)
+
+
+def plain(values: NDArray[Any]) -> Column:
+    """What the core takes for these values: float64, int64, timedelta64[ns] or datetime64[ns], or else text."""
+    kind = values.dtype.kind
+    if kind == "f":
+        return np.ascontiguousarray(values, np.float64)
+    if kind in "bi" or (kind == "u" and int(values.max(initial=0)) <= np.iinfo(np.int64).max):
+        return np.ascontiguousarray(values, np.int64)
+    if kind in "mM":
+        return np.ascontiguousarray(values, f"{kind}8[ns]")
+    # repr of a number is exact.
+    return [repr(value) for value in values.tolist()]
+
+
+def _of_pandas(series: Any) -> Column:
+    kind, whole = getattr(series.dtype, "kind", "O"), not series.hasnans
+    if kind == "f":
+        return _shortest(series.to_numpy(f"f{series.dtype.itemsize}", na_value=np.nan))
+    if kind == "m" or (kind in "biuM" and whole):
+        numpy_kind = {"b": "bool", "m": "m8[ns]", "M": "M8[ns]"}.get(kind, f"{kind}{series.dtype.itemsize}")
+        return plain(series.to_numpy(numpy_kind))
+    return _cells(series.to_csv(index=False, header=False))
+
+
+def _of_polars(series: Any) -> Column:
+    kind, whole = series.dtype, series.null_count() == 0
+    if kind.is_float():
+        return _shortest(series.to_numpy())
+    if whole and (kind.is_integer() or str(kind) == "Boolean"):
+        return plain(series.to_numpy())
+    if whole and str(kind).startswith("Datetime"):
+        return np.ascontiguousarray(series.dt.epoch("ns").to_numpy()).view("M8[ns]")
+    return _cells(series.to_frame().write_csv(include_header=False))
+
+
+def _shortest(values: NDArray[Any]) -> NDArray[np.float64]:
+    """The shortest decimals of the numbers, as text has them: 0.1 in 32 bits is 0.1."""
+    return np.ascontiguousarray(values if values.dtype == np.float64 else values.astype(str), np.float64)
+
+
+def _cells(text: str) -> list[str]:
+    """The cells of a table of one column."""
+    try:
+        return [row[0] if row else "" for row in csv.reader(io.StringIO(text, newline=""))]
+    except csv.Error as error:
+        raise RecordingError(f"{SOURCE}: a column of text cannot be read: {error}") from None
 
 
 def _with_time_column(frame: Any) -> Any:
-    """A pandas frame whose index, if it is a time or has the name of one, is a column; durations are seconds."""
+    """A pandas frame whose index, if it is a time or has the name of one, is a column."""
     kind = type(frame.index).__name__
     if frame.index.name is not None or kind in ("DatetimeIndex", "TimedeltaIndex"):
         name = frame.index.name or "t"
         if name not in frame.columns:
-            frame = frame.rename_axis(name).reset_index()
-    durations = [name for name in frame.columns if frame[name].dtype.kind == "m"]
-    if durations:
-        seconds = {
-            name: [_seconds(int(ns)) for ns in frame[name].to_numpy("timedelta64[ns]").astype(np.int64)]
-            for name in durations
-        }
-        frame = frame.assign(**seconds)
+            return frame.rename_axis(name).reset_index()
     return frame
-
-
-def _seconds(nanoseconds: int) -> str:
-    sign = "-" if nanoseconds < 0 else ""
-    whole, part = divmod(abs(nanoseconds), 10**9)
-    return f"{sign}{whole}.{part:09d}"
 
 
 def to_dataframe(recording: Recording) -> Any:

@@ -82,6 +82,7 @@ __all__ = [
     "puma560",
     "puma560_drives",
     "quantity_of_array",
+    "read_columns",
     "read_csv",
     "read_mcap",
     "record",
@@ -300,6 +301,21 @@ class Repaired:
     def actions(self) -> list[str]: ...
 
 def quantity_of_array(name: str) -> str | None: ...
+def read_columns(
+    source: str,
+    names: Sequence[str],
+    values: Sequence[_Array | NDArray[Any] | list[str]],
+    joints: Sequence[str] | None = None,
+    *,
+    columns: Mapping[str, str | Sequence[str]] | None = None,
+    units: Mapping[str, str] | None = None,
+    torque_constants: Sequence[float] | _Array | Mapping[str, float] | None = None,
+    accept: Sequence[str] | None = None,
+    rows: tuple[int, int] | None = None,
+    seconds: tuple[float, float] | None = None,
+    sample_rate_hz: float | None = None,
+    limit_bytes: int | None = None,
+) -> Recording: ...
 def read_csv(
     path: _Path,
     joints: Sequence[str] | None = None,

@@ -22,11 +22,6 @@ pub fn screen_delays(
     joints: &[String],
     rates_hz: &[f64],
 ) -> Result<Vec<Finding>, IdentificationError> {
-    // Shares of the residual that are worth a message: one clock delays all joints, while what a model lacks at a single
-    // joint saves up to a fifth of its residual at one shift or another. And a shift that a sample clock explains.
-    const TOGETHER: f64 = 0.05;
-    const ALONE: f64 = 0.25;
-    const SAMPLES: f64 = 0.5;
     let rate = rates_hz.iter().copied().fold(f64::INFINITY, f64::min);
     // Ten milliseconds, or a few samples where they are farther apart.
     let coarse = (0.01 * rate).round().max(2.0) as isize;
@@ -55,6 +50,15 @@ pub fn screen_delays(
     }
     Ok(findings)
 }
+
+/// Share of the residual that a shift of all torques must save to be worth a message: one clock delays all joints ...
+pub(super) const TOGETHER: f64 = 0.05;
+
+/// ... and one of a single joint's: what a model lacks there saves up to a fifth at one shift or another.
+pub(super) const ALONE: f64 = 0.25;
+
+/// Shifts of fewer samples are explained by a sample clock.
+const SAMPLES: f64 = 0.5;
 
 /// What is left of the torques, shifted against the motion.
 struct ShiftedResiduals<'e, 'a> {
@@ -143,15 +147,15 @@ fn least_shift(
 
 /// Vertex of a parabola through the squared residuals at three shifts.
 #[derive(Clone, Copy, Debug)]
-struct Shift {
+pub(super) struct Shift {
     /// Positive where later torques fit the motion better.
-    samples: f64,
+    pub(super) samples: f64,
     /// Squared residual there.
     least: f64,
 }
 
 impl Shift {
-    fn new(centre: isize, step: isize, [before, here, after]: [f64; 3]) -> Option<Self> {
+    pub(super) fn new(centre: isize, step: isize, [before, here, after]: [f64; 3]) -> Option<Self> {
         let curvature = before + after - 2.0 * here;
         (curvature > 0.0 && here > 0.0).then(|| {
             // Beyond the three points nothing is known.
@@ -178,7 +182,7 @@ impl Shift {
     }
 
     /// Share of the residual that the shift saves.
-    fn gain(&self, here: f64) -> f64 {
+    pub(super) fn gain(&self, here: f64) -> f64 {
         1.0 - (self.least / here).clamp(0.0, 1.0).sqrt()
     }
 }

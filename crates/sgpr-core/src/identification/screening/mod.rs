@@ -4,12 +4,14 @@
 //! that is late, breaks what the other joints say, and the break tells which.
 
 mod delays;
+mod shifted_torques;
 
 use std::fmt;
 
 use faer::Mat;
 
 pub use delays::screen_delays;
+pub(crate) use shifted_torques::ShiftedTorques;
 
 use super::base_parameters::significant;
 use super::extended_factor::{ExtendedFactor, own_noise};

@@ -11,8 +11,8 @@ use super::super::variable_projection;
 use super::suspects::{columns_of, suspects_of};
 use super::{JointExtent, Record, RecordBlock, RecordError, RecordFinding, RecordMemory};
 use crate::identification::{
-    BaseParameters, Equations, Finding, JointFactor, LagProducts, LeastSquares, Method, Observation, ParameterSet, Row,
-    Trajectory, piece_of, screen_factors, screen_scale, stacked,
+    BaseParameters, Equation, Equations, Finding, JointFactor, KeptRows, LagProducts, LeastSquares, Method,
+    Observation, ParameterSet, Row, ShiftedTorques, Trajectory, piece_of, screen_factors, screen_scale, stacked,
 };
 use crate::model::identify::key_of;
 use crate::motion::{Conditioning, Motion, Processing};
@@ -77,42 +77,36 @@ pub fn record(
 ) -> Result<Record, RecordError> {
     assert!(options.blocks > 0, "at least one block");
     let effects = recorded_effects(robot, &options.effects)?;
-    let experiment = counted_experiment(robot, recording, processing, options)?;
+    let mut experiment = experiment(robot, recording, processing)?;
+    count_only(&mut experiment.motions, options.counted);
     let set = ParameterSet::new(robot, &effects).map_err(IdentifyError::from)?;
     let base = BaseParameters::new(robot, &set);
     let mut record = record_of(robot, recording, (&experiment, None), (&set, &base), processing, options)?;
     let suspects = suspects_of(robot, &effects, &options.suspects)?;
     if !suspects.is_empty() {
-        let calm = Processing { turn_margin: processing.turn_margin.max(TURN_MARGIN), ..processing.clone() };
-        let experiment = counted_experiment(robot, recording, &calm, options)?;
+        let calm = between_turns(processing);
+        experiment.motions.iter_mut().for_each(|motion| motion.use_as = motion.rows_between_turns(&calm));
+        count_only(&mut experiment.motions, options.counted);
         let columns = columns_of(robot, &set, (&experiment, &calm), &suspects)?;
         let set = set.with_trajectory_columns(columns.parameters.clone());
         let base = BaseParameters::new(robot, &set);
         let parts = Parts::new(&experiment.motions, options);
         let trajectories = experiment.trajectories_with(&[], &[], Some(&columns)).map_err(IdentifyError::from)?;
         let observation = Observation::in_parts(robot, &set, &base, options.blocks);
-        let of_blocks = block_factors(observation, &trajectories, &parts)?;
+        let (of_blocks, _) = block_factors(observation, &trajectories, &parts)?;
         record.blocks.iter_mut().zip(of_blocks).for_each(|(block, factors)| block.suspected = factors);
     }
     Ok(Record { effects, suspects, ..record })
 }
 
-/// Periods of the cut-off about turns of a joint in which its rows say nothing of suspects: dry friction jumps there, a sample
-/// stands on either side, and any friction that is large at creeping speed would take the error for its own.
+/// Periods of the cut-off about turns of a joint in which its rows say nothing of suspects and delays: dry friction jumps there,
+/// a sample stands on either side, and any friction that is large at creeping speed would take the error for its own, and a
+/// shift of the torque, too.
 const TURN_MARGIN: f64 = 1.0;
 
-/// A log made ready, of which the part that the options name counts.
-fn counted_experiment(
-    robot: &Robot,
-    recording: &Recording,
-    processing: &Processing,
-    options: &RecordOptions,
-) -> Result<Experiment, RecordError> {
-    let mut experiment = experiment(robot, recording, processing)?;
-    if let Some(counted) = options.counted {
-        experiment.motions.iter_mut().for_each(|motion| count_only(motion, counted));
-    }
-    Ok(experiment)
+/// The same processing without the rows near turns.
+fn between_turns(processing: &Processing) -> Processing {
+    Processing { turn_margin: processing.turn_margin.max(TURN_MARGIN), ..processing.clone() }
 }
 
 /// Names of effects that are linear in the present motion, and at every joint.
@@ -149,7 +143,8 @@ pub(super) fn record_of(
         return Err(RecordError::NothingCounts { source_name: recording.source().into() });
     }
     let trajectories = experiment.trajectories_with(&[], &[], columns).map_err(IdentifyError::from)?;
-    let blocks = block_factors(Observation::in_parts(robot, set, base, options.blocks), &trajectories, &parts)?;
+    let observation = Observation::in_parts(robot, set, base, options.blocks).keeping_rows();
+    let (blocks, kept) = block_factors(observation, &trajectories, &parts)?;
     let factors = stacked(blocks.iter().flatten());
     let mut equations = Equations::new(robot, set, base, trajectories);
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
@@ -165,7 +160,14 @@ pub(super) fn record_of(
         }
         Err(_) => nominal,
     };
-    let memory = memory(&mut equations, &factors, &center, options.lags)?;
+    let mut shifts = ShiftedTorques::new(&factors);
+    let calm = experiment.calm_rows(&between_turns(processing));
+    let memory = memory((&mut equations, kept), &factors, &center, options.lags, |equation, row| {
+        let is_calm = calm[equation.trajectory][equation.sample * robot.dof() + equation.joint] == Row::Moving;
+        shifts.push(equation, row, is_calm);
+    })?;
+    let rates: Vec<f64> = experiment.row_rates_hz();
+    findings.extend(shifts.findings(&joints, &rates).into_iter().map(RecordFinding::from));
     let of_block = |(index, factors): (usize, Vec<JointFactor>)| RecordBlock {
         time: parts.time(index..index + 1),
         channels: parts.channels(&experiment.motions, index),
@@ -222,12 +224,15 @@ impl From<Finding> for RecordFinding {
     }
 }
 
-/// Takes the rows outside a part of the log out.
-fn count_only(motion: &mut Motion, [start, end]: [i64; 2]) {
-    let n = motion.use_as.len() / motion.len().max(1);
-    for (time, rows) in motion.time.iter().zip(motion.use_as.chunks_exact_mut(n)) {
-        if !(start..end).contains(time) {
-            rows.fill(Row::Skip);
+/// Takes the rows outside a part of the log out; none if there is no part.
+fn count_only(motions: &mut [Motion], counted: Option<[i64; 2]>) {
+    let Some([start, end]) = counted else { return };
+    for motion in motions {
+        let n = motion.use_as.len() / motion.len().max(1);
+        for (time, rows) in motion.time.iter().zip(motion.use_as.chunks_exact_mut(n)) {
+            if !(start..end).contains(time) {
+                rows.fill(Row::Skip);
+            }
         }
     }
 }
@@ -293,38 +298,48 @@ impl Parts {
     }
 }
 
-/// Factors of each block, joints in motion first, then joints at rest.
+/// Factors of each block, joints in motion first, then joints at rest; and the rows if the observation kept them.
 fn block_factors(
     mut observation: Observation<'_>,
     trajectories: &[Trajectory<'_>],
     parts: &Parts,
-) -> Result<Vec<Vec<JointFactor>>, IdentifyError> {
+) -> Result<(Vec<Vec<JointFactor>>, Option<KeptRows>), IdentifyError> {
     for (stretch, trajectory) in trajectories.iter().enumerate() {
         observation.add_to(trajectory, |sample| parts.block(stretch, sample))?;
     }
-    Ok(observation.parts())
+    let kept = observation.kept();
+    Ok((observation.parts(), kept))
 }
 
 /// What the residual of each factor remembers.
 ///
+/// - `kept`: the rows of the equations, if they are there
 /// - `lags`: whether the products are those of all columns
+/// - `beside`: is shown every equation with its row's number in the trajectory
 fn memory(
-    equations: &mut Equations<'_>,
+    (equations, kept): (&mut Equations<'_>, Option<KeptRows>),
     factors: &[JointFactor],
     center: &[f64],
     lags: bool,
+    mut beside: impl FnMut(&Equation<'_>, usize),
 ) -> Result<Vec<RecordMemory>, IdentifyError> {
     let columns = |factor: &JointFactor| if lags { factor.columns.len() } else { 0 };
     let mut products: Vec<LagProducts> = factors.iter().map(|factor| LagProducts::new(columns(factor) + 1)).collect();
     let steps: Vec<usize> = equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
     let kinds: BTreeMap<(usize, bool), usize> =
         factors.iter().enumerate().map(|(index, factor)| ((factor.joint, factor.resting), index)).collect();
-    equations.for_each(|equation| {
+    let visit = |equation: Equation<'_>| {
         let index = kinds[&(equation.joint, equation.resting)];
         let own = equation.row[..columns(&factors[index])].iter().copied();
         let row = own.chain([equation.residual(center)]);
-        products[index].push(equation.trajectory, equation.sample / steps[equation.trajectory], row);
-    })?;
+        let place = equation.sample / steps[equation.trajectory];
+        products[index].push(equation.trajectory, place, row);
+        beside(&equation, place);
+    };
+    match kept {
+        Some(kept) => kept.for_each(visit),
+        None => equations.for_each(visit)?,
+    }
     let of_factor = |(factor, products): (&JointFactor, LagProducts)| {
         let (sums, counts) = products.finish();
         RecordMemory { joint: factor.joint, resting: factor.resting, sums, counts }

@@ -216,19 +216,28 @@ impl Header {
     }
 
     pub(super) fn columns(&self, path: &str) -> Result<Vec<String>, RecordingError> {
-        if self.line.is_empty() {
-            return Err(RecordingError::Empty { path: path.into() });
-        }
-        if is_numeric(&self.line) {
-            let first_line: String = String::from_utf8_lossy(&self.line).chars().take(40).collect();
-            return Err(RecordingError::NoHeader { path: path.into(), first_line });
-        }
-        let found = cells(&self.line, self.delimiter).len();
-        if found > MOST_COLUMNS {
-            return Err(RecordingError::TooManyColumns { path: path.into(), found, limit: MOST_COLUMNS });
-        }
+        require_names_in(path, &self.line, cells(&self.line, self.delimiter).len())?;
         Ok(self.names())
     }
+}
+
+/// Refuses what names no columns: nothing, numbers, or more than a log has.
+pub(super) fn require_names(path: &str, names: &[String]) -> Result<(), RecordingError> {
+    require_names_in(path, names.join(",").as_bytes(), names.len())
+}
+
+fn require_names_in(path: &str, line: &[u8], found: usize) -> Result<(), RecordingError> {
+    if line.is_empty() {
+        return Err(RecordingError::Empty { path: path.into() });
+    }
+    if is_numeric(line) {
+        let first_line: String = String::from_utf8_lossy(line).chars().take(40).collect();
+        return Err(RecordingError::NoHeader { path: path.into(), first_line });
+    }
+    if found > MOST_COLUMNS {
+        return Err(RecordingError::TooManyColumns { path: path.into(), found, limit: MOST_COLUMNS });
+    }
+    Ok(())
 }
 
 /// Text in UTF-8, else in Latin-1; signs that were UTF-8 and were written again as if they were Latin-1 are mended.

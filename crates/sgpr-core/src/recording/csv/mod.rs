@@ -1,4 +1,4 @@
-//! Logs as tables: `.csv` and `.csv.gz`.
+//! Logs as tables: `.csv` and `.csv.gz`, or columns in memory ([`read_columns`]).
 //!
 //! The first line names the columns; lines above it that name none, such as a title, are passed over. Comma, semicolon, tab
 //! and blanks separate them; after a semicolon, tab or blank a decimal comma is understood too. Lines that begin with `#` are
@@ -27,6 +27,7 @@
 //! A time column without a unit holds seconds, unless its first value is so large (10^11 and more) that it can only be
 //! milliseconds, microseconds or nanoseconds since 1970, or a date with a time (ISO 8601), or a time of day.
 
+mod columns;
 mod header;
 mod joints;
 mod lines;
@@ -34,12 +35,14 @@ mod mapping;
 mod quantity;
 mod read;
 mod source;
+mod table;
 mod words;
 mod write;
 
 use std::fmt;
 use std::ops::RangeInclusive;
 
+pub use columns::{Column, Values, read_columns};
 pub use header::quantity_of_array;
 pub use read::read;
 pub use write::write;

@@ -5,7 +5,7 @@ are read once.
 """
 
 from .files import load_records, save_records
-from .long_logs import record_pieces
+from .long_logs import read_pieces, record_pieces
 from .simulated import simulate_fleet
 
-__all__ = ["load_records", "record_pieces", "save_records", "simulate_fleet"]
+__all__ = ["load_records", "read_pieces", "record_pieces", "save_records", "simulate_fleet"]

@@ -1,6 +1,8 @@
 """Logs longer than memory: a record for each piece, as if the log had been whole."""
 
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +11,7 @@ from .._sgpr import Model, Processing, Record, Recording, Robot, SgprError, reco
 
 # As the core has it: periods of the log.
 _GAP = 5.0
+_OPTIONS_OF_PIECES = ("columns", "units", "torque_constants", "accept")
 
 
 def record_pieces(
@@ -71,6 +74,50 @@ def record_pieces(
     last = window.finish()
     if last is not None:
         yield record(robot, last, counted=window.counted, **options)
+
+
+def read_pieces(
+    path: str | os.PathLike[str], joints: Sequence[str] | None = None, *, samples: int = 50_000, **options: Any
+) -> Iterator[Recording]:
+    """A long Parquet log as consecutive pieces for `record_pieces`; one of them is in memory at a time.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        A Parquet file with columns of numbers.
+    joints : list of str, optional
+        As in `sgpr.read`.
+    samples : int, default 50000
+        Rows of a piece.
+    **options
+        `columns`, `units`, `torque_constants` and `accept`, as in `sgpr.read`. Each piece is understood by itself:
+        state the unit of a time whose size is to tell it.
+
+    Returns
+    -------
+    iterator of Recording
+
+    Raises
+    ------
+    RecordingError
+        As `sgpr.read`, and if the file holds lists.
+
+    Examples
+    --------
+    >>> log = sgpr.read("train.csv.gz")
+    >>> log.to_dataframe().to_parquet("train.parquet")
+    >>> [len(piece) for piece in sgpr.fleet.read_pieces("train.parquet", samples=2000)]
+    [2000, 2000, 1001]
+    """
+    if samples < 1:
+        raise SgprError(f"samples: got {samples}, expected at least 1 in a piece")
+    for name in options:
+        if name not in _OPTIONS_OF_PIECES:
+            raise TypeError(f"read_pieces() has no option `{name}`; those are {', '.join(_OPTIONS_OF_PIECES)}")
+    # Readers need the whole package.
+    from .. import _parquet
+
+    return _parquet.read_pieces(Path(path), joints, samples, options)
 
 
 class _Window:

@@ -38,6 +38,9 @@ TOOLS = (("gripper", 0.0), ("spindle", 0.8))
 """Tools that an arm changes, and what they weigh beyond the first, kg."""
 TOOL_DAYS = (5.0, 25.0)
 """Days between two changes of the tool, from and to."""
+USED_OF_LIMITS, USED_OF_EFFORT = 0.95, 0.7
+"""Shares of range and speed of a joint that motions use at most, and of its effort without friction and tools."""
+MOST_REDUCTIONS = 8
 EFFECTS = ("viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset")
 FAULTS = ("wear", "friction", "torque_gain", "torque_offset", "tool", "collision")
 
@@ -101,7 +104,7 @@ def simulate_fleet(
     Each arm has inertias, friction and torque offsets of its own around those of its type; friction follows the
     temperature, which is logged, wears slowly, and varies a little from session to session. Every third arm changes
     between two tools, which the table says. Sessions are motions under computed torque, from the library's
-    simulator.
+    simulator, within the limits of position, velocity and effort that the robot files have.
 
     Parameters
     ----------
@@ -284,7 +287,7 @@ def _celsius(arm: Arm, day: float) -> float:
 
 
 def _motion(robot: Robot, rng: np.random.Generator, seconds: float) -> tuple[Array, Array, Array]:
-    """A motion of five harmonics of a tenth of a hertz, from rest about a pose of its own."""
+    """A motion of five harmonics of a tenth of a hertz, from rest, within the limits of the robot file."""
     t = np.arange(0.0, seconds, 1.0 / RATE_HZ)
     w = 2.0 * np.pi * 0.1 * np.arange(1, 6)
     a, b = rng.normal(size=(2, robot.dof, 5)) * 0.35 / np.arange(1, 6)
@@ -297,8 +300,28 @@ def _motion(robot: Robot, rng: np.random.Generator, seconds: float) -> tuple[Arr
     r = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
     dr = 30.0 * x**2 * (1.0 - x) ** 2 / START_SECONDS
     ddr = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / START_SECONDS**2
-    q, dq, ddq = r * s, dr * s + r * ds, ddr * s + 2.0 * dr * ds + r * dds
-    return q, dq, ddq
+    return _within_limits(robot, r * s, dr * s + r * ds, ddr * s + 2.0 * dr * ds + r * dds)
+
+
+def _within_limits(robot: Robot, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array, Array]:
+    """The motion about the pose nearest to zero that its joints can have there, smaller where it would leave the limits
+    of the robot file."""
+    limits = robot.limits
+    room = limits["upper"] - limits["lower"]
+    lowest, highest, fastest = q.min(axis=0), q.max(axis=0), np.abs(dq).max(axis=0)
+    scale = np.minimum(1.0, USED_OF_LIMITS * np.minimum(room / (highest - lowest), limits["velocity"] / fastest))
+    margin = np.where(np.isfinite(room), 0.5 * (1.0 - USED_OF_LIMITS) * room, 0.0)
+    lowest_pose = limits["lower"] + margin - scale * lowest
+    highest_pose = np.maximum(limits["upper"] - margin - scale * highest, lowest_pose)
+    pose = np.clip(0.0, lowest_pose, highest_pose)
+    if np.isfinite(limits["effort"]).any():
+        nominal = Model.nominal(robot)
+        for _ in range(MOST_REDUCTIONS):
+            torque = np.abs(nominal.predict(pose + scale * q, scale * dq, scale * ddq)).max(axis=0)
+            if (torque <= USED_OF_EFFORT * limits["effort"]).all():
+                break
+            scale = 0.8 * scale
+    return pose + scale * q, scale * dq, scale * ddq
 
 
 def _torque_size(robot: Robot) -> Array:
