@@ -46,6 +46,7 @@ pub enum Row {
 
 /// R of the rows of one joint: RᵀR = [W tau]ᵀ[W tau].
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct JointFactor {
     /// Joint.
     pub joint: usize,

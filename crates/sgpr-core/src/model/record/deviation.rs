@@ -28,6 +28,7 @@ pub struct Deviation {
 
 /// What a part of a log says about a joint.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct JointDeviation {
     /// Joint.
     pub joint: usize,
