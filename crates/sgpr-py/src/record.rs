@@ -214,7 +214,7 @@ impl Record {
 /// Parameters
 /// ----------
 /// robot : Robot
-/// recordings : list of Recording
+/// recordings : list of Recording or LogSet
 /// **options
 ///     Wishes, as those of `identify`: `cutoff_hz`, `filter_order`, `differentiation`, `torque_band`, `decimation`,
 ///     `standstill_speed`, `turn_margin`.

@@ -89,7 +89,7 @@ impl SessionComparison {
 /// Parameters
 /// ----------
 /// robot : Robot
-/// sessions : dict of str to list of Recording
+/// sessions : dict of str to list of Recording or LogSet
 ///     Logs of each session; changes are told against the first one.
 /// **options
 ///     As those of `identify`: `effects`, each a linear function of the present motion and at every joint, `cutoff_hz`,

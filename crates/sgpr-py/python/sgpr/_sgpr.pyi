@@ -13,6 +13,7 @@ from .semi_parametric import SemiParametricModel
 _Array = NDArray[np.float64]
 _Purpose = Literal["expected_measurement", "feed_forward"]
 _Path = str | PathLike[str]
+_Logs = Sequence[Recording] | LogSet
 _Progress = Callable[[str, int, int], object]
 
 __all__ = [
@@ -293,6 +294,21 @@ class Recording:
     def _from_source(self, source: str, notes: Sequence[str], layout: dict[str, Any] | None = None) -> Recording: ...
 
 @final
+class LogSet:
+    def __new__(cls, recordings: _Logs, *, whole: bool = False) -> LogSet: ...
+    @property
+    def logs(self) -> list[Recording]: ...
+    @property
+    def origins(self) -> list[int]: ...
+    @property
+    def notes(self) -> list[str]: ...
+    def __len__(self) -> int: ...
+    def __getitem__(self, index: int, /) -> Recording: ...
+    def __iter__(self) -> Iterator[Recording]: ...
+    @staticmethod
+    def _of(logs: Sequence[Recording]) -> LogSet: ...
+
+@final
 class Repaired:
     @property
     def recordings(self) -> list[Recording]: ...
@@ -461,7 +477,7 @@ class _RecordsOptions(_OfSums, total=False):
 class _Estimation(_Equations, _OfSums, total=False):
     forecast: bool
     uncertainty: str
-    instruments: Sequence[Recording]
+    instruments: _Logs
     kp: ArrayLike | None
     kd: ArrayLike | None
 
@@ -494,7 +510,7 @@ class _MotionOptions(TypedDict, total=False):
     max_tip_speed: float | None
 
 def choose_processing(
-    robot: Robot, recordings: Sequence[Recording], **options: Unpack[_EquationOptions]
+    robot: Robot, recordings: _Logs, **options: Unpack[_EquationOptions]
 ) -> Processing: ...
 def record(
     robot: Robot,
@@ -527,7 +543,7 @@ class SessionComparison:
     def model(self, name: str) -> Model: ...
 
 def compare_sessions(
-    robot: Robot, sessions: Mapping[str, Sequence[Recording]], **options: Unpack[_EquationOptions]
+    robot: Robot, sessions: Mapping[str, _Logs], **options: Unpack[_EquationOptions]
 ) -> SessionComparison: ...
 
 @final
@@ -564,7 +580,7 @@ class Model:
     @property
     def library_version(self) -> str: ...
     def plus(self, error: Model) -> Model: ...
-    def add(self, finding: Finding | str, train: Sequence[Recording] | None = None) -> Model: ...
+    def add(self, finding: Finding | str, train: _Logs | None = None) -> Model: ...
     def __add__(self, error: Model, /) -> Model: ...
     def __radd__(self, model: Model, /) -> Model: ...
     @overload
@@ -609,8 +625,8 @@ class Model:
         keep: Sequence[str] | None = None,
     ) -> None: ...
     def save(self, path: _Path) -> None: ...
-    def plot(self, recordings: Sequence[Recording]) -> Any: ...  # plotly.graph_objects.Figure
-    def save_report(self, path: _Path, recordings: Sequence[Recording]) -> None: ...
+    def plot(self, recordings: _Logs) -> Any: ...  # plotly.graph_objects.Figure
+    def save_report(self, path: _Path, recordings: _Logs) -> None: ...
     def _repr_html_(self) -> str: ...
     @property
     def reading(self) -> dict[str, Any] | None: ...
@@ -647,7 +663,7 @@ class MomentumObserver:
         bandwidth_hz: float = 2.0,
         false_alarms_per_hour: float = 1.0,
         deviation: ArrayLike | None = None,
-        without_contact: Sequence[Recording] | None = None,
+        without_contact: _Logs | None = None,
     ) -> MomentumObserver: ...
     @property
     def errors(self) -> _Array: ...  # (n, 3): moving, resting, N·m; speed, rad/s
@@ -718,7 +734,7 @@ class CutoffInfluence:
 def effects() -> list[dict[str, Any]]: ...  # name, summary, parameters [(name, unit, unit_prismatic)], formula, ...
 def identify(
     robot: Robot,
-    recordings: Sequence[Recording],
+    recordings: _Logs,
     *,
     effects: Sequence[str] = ("viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"),
     method: str = "wls",  # "ols", "irls:1.345", "ridge:1.0", "tls:0.001", "iv", "output_error", "rls:0.999"
@@ -738,14 +754,14 @@ def identify(
     essential: bool = False,
     forecast: bool = False,
     uncertainty: str = "memory",  # "hac", "bootstrap:500"
-    instruments: Sequence[Recording] = (),
+    instruments: _Logs = (),
     kp: ArrayLike | None = None,
     kd: ArrayLike | None = None,
     progress: _Progress | None = None,
 ) -> Model: ...
 def cutoff_influence(
     robot: Robot,
-    recordings: Sequence[Recording],
+    recordings: _Logs,
     model: Model,
     *,
     progress: _Progress | None = None,
@@ -753,8 +769,8 @@ def cutoff_influence(
 ) -> list[CutoffInfluence]: ...
 def diagnose(
     model: Model,
-    train: Sequence[Recording],
-    test: Sequence[Recording] = (),
+    train: _Logs,
+    test: _Logs = (),
     *,
     effects: Sequence[str | Effect] | None = None,
     add: Sequence[str] | None = None,  # by hand, without a search: torque_ripple@joint_2
@@ -925,8 +941,8 @@ class DriveGains:
 
 def identify_payload(
     robot: Robot,
-    unloaded: Sequence[Recording],
-    loaded: Sequence[Recording],
+    unloaded: _Logs,
+    loaded: _Logs,
     *,
     link: str | None = None,
     friction_may_change: bool = False,
@@ -935,8 +951,8 @@ def identify_payload(
 ) -> Payload: ...
 def identify_drive_gains(
     robot: Robot,
-    unloaded: Sequence[Recording],
-    loaded: Sequence[Recording],
+    unloaded: _Logs,
+    loaded: _Logs,
     *,
     payload: Mapping[str, float],
     link: str | None = None,
@@ -944,9 +960,9 @@ def identify_drive_gains(
     lowest: ArrayLike | None = None,
     **options: Unpack[_GainOptions],
 ) -> DriveGains: ...
-def repeated_share(known: Sequence[Recording], new: Recording) -> float | None: ...
-def shared_samples(known: Sequence[Recording], new: Recording) -> list[tuple[int, int, int]]: ...
-def screen(model: Model, recordings: Sequence[Recording]) -> list[str]: ...
+def repeated_share(known: _Logs, new: Recording) -> float | None: ...
+def shared_samples(known: _Logs, new: Recording) -> list[tuple[int, int, int]]: ...
+def screen(model: Model, recordings: _Logs) -> list[str]: ...
 def regroupings(rows: Sequence[Mapping[str, Any]]) -> list[list[str]]: ...
 
 @final
@@ -1035,13 +1051,13 @@ class Comparison:
 
 def compare(
     model: Model | Robot,
-    recordings: Sequence[Recording],
+    recordings: _Logs,
     *,
     processing: Model | Processing | None = None,  # default: as the model was identified, else chosen from the logs
 ) -> Comparison: ...
 def compare_streaming(
     model: Model | Any,  # or a SemiParametricModel
-    recordings: Sequence[Recording],
+    recordings: _Logs,
     *,
     processing: Model | Processing | None = None,
     causal: bool = False,
@@ -1128,12 +1144,12 @@ class FittedSemiParametric:
     def predict(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, with_std: bool
     ) -> tuple[_Array, list[_Array] | None]: ...  # std, half the interval of 95 %, novelty
-    def compare(self, recordings: Sequence[Recording]) -> Comparison: ...
+    def compare(self, recordings: _Logs) -> Comparison: ...
     def compare_with_spread(
-        self, recordings: Sequence[Recording]
+        self, recordings: _Logs
     ) -> tuple[Comparison, list[list[_Array]]]: ...  # std, half the interval of 95 %, novelty of each log
-    def score(self, recordings: Sequence[Recording]) -> float: ...
-    def coverage(self, recordings: Sequence[Recording], following: bool) -> list[dict[str, Any]]: ...
+    def score(self, recordings: _Logs) -> float: ...
+    def coverage(self, recordings: _Logs, following: bool) -> list[dict[str, Any]]: ...
     @property
     def reports(self) -> list[dict[str, Any]]: ...
     def predictor(
@@ -1158,7 +1174,7 @@ class SemiParametricPredictor:
 
 def fit_semi_parametric(
     robot: Robot,
-    recordings: Sequence[Recording],
+    recordings: _Logs,
     *,
     physics: Model | None,
     mean: str,
