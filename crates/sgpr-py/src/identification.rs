@@ -632,7 +632,7 @@ impl IdentificationReport {
     /// How much data is enough, or None if that was not asked for.
     ///
     /// Parameters that are not known exactly make the torque of other motion uncertain: motion in which every joint has a
-    /// position, speed and acceleration that it had in the logs, or on the way back, each joint at another time. "deviation", `[k, n]`, is that
+    /// position, speed and acceleration that it had in the logs, or on the way back, each joint at another time. "standard_deviation", `[k, n]`, is that
     /// standard deviation, N·m (N), after "seconds", `[k]`, of logs: those that there are, then 2, 4, 8 and 16 times as long.
     /// It is enough if it is a third of "noise", `[n]`, what the model leaves of the torque: then it adds a twentieth to the
     /// error. "seconds_to_go" of such motion are needed for that, None if sixteen times the logs are not enough for some
@@ -656,7 +656,7 @@ pub fn forecast_dict<'py>(py: Python<'py>, found: &core::Forecast) -> PyResult<B
     let (dict, n) = (PyDict::new(py), found.noise.len());
     let enough: Vec<Option<f64>> = (0..n).map(|joint| found.enough_at(joint)).collect();
     dict.set_item("seconds", array(py, &[found.seconds.len()], found.seconds.clone())?)?;
-    dict.set_item("deviation", array(py, &[found.seconds.len(), n], found.deviation.concat())?)?;
+    dict.set_item("standard_deviation", array(py, &[found.seconds.len(), n], found.deviation.concat())?)?;
     dict.set_item("noise", array(py, &[n], found.noise.clone())?)?;
     dict.set_item("enough_at", enough)?;
     dict.set_item("seconds_to_go", found.seconds_to_go())?;

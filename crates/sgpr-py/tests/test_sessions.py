@@ -35,7 +35,7 @@ def test_friction_that_grew_is_told_and_modelled(logs: list[sgpr.Recording]) -> 
     assert sentence.endswith(" % higher in after than in before")
     [test] = changed
     difference = test["values"][1] - test["values"][0]
-    assert abs(difference - GROWN * 5.2) < 4.0 * np.hypot(*test["std"])
+    assert abs(difference - GROWN * 5.2) < 4.0 * np.hypot(*test["standard_deviations"])
     assert test["unit"] == "N·m"
     assert test["chance"] < 1e-4
     errors = {name: sgpr.compare(found.model(name), [worn]).joints[1].rmse for name in found.names}

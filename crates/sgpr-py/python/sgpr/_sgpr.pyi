@@ -13,7 +13,6 @@ from .semi_parametric import SemiParametricModel
 _Array = NDArray[np.float64]
 _Purpose = Literal["expected_measurement", "feed_forward"]
 _Path = str | PathLike[str]
-_Logs = Sequence[Recording] | LogSet
 _Progress = Callable[[str, int, int], object]
 
 __all__ = [
@@ -38,6 +37,7 @@ __all__ = [
     "JointComparison",
     "Kernel",
     "LogResidual",
+    "LogSet",
     "Model",
     "ModelFileError",
     "MomentumObserver",
@@ -308,6 +308,8 @@ class LogSet:
     @staticmethod
     def _of(logs: Sequence[Recording]) -> LogSet: ...
 
+_Logs = Sequence[Recording] | LogSet
+
 @final
 class Repaired:
     @property
@@ -509,9 +511,7 @@ class _MotionOptions(TypedDict, total=False):
     link_shapes: Any
     max_tip_speed: float | None
 
-def choose_processing(
-    robot: Robot, recordings: _Logs, **options: Unpack[_EquationOptions]
-) -> Processing: ...
+def choose_processing(robot: Robot, recordings: _Logs, **options: Unpack[_EquationOptions]) -> Processing: ...
 def record(
     robot: Robot,
     recording: Recording,
@@ -526,7 +526,8 @@ def record(
 ) -> Record: ...
 def identify_records(robot: Robot, records: Sequence[Record], **options: Unpack[_RecordsOptions]) -> Model: ...
 
-# tests (effect joint constants found gain gain_std parameters alternatives), left_out_errors (joint without with)
+# tests (effect joint constants found gain gain_standard_error parameters alternatives),
+# left_out_errors (joint without with)
 def diagnose_records(robot: Robot, records: Sequence[Record]) -> dict[str, Any]: ...
 def compare_records(model: Model, records: Sequence[Record]) -> list[dict[str, Any]]: ...  # joint, rows, rmse, torque
 def deviations(model: Model, record: Record, *, by_block: bool = False) -> list[dict[str, Any]]: ...
@@ -537,7 +538,7 @@ class SessionComparison:
     def names(self) -> list[str]: ...
     @property
     def sentences(self) -> list[str]: ...
-    # Keys: cause joint unit values std chance saved_percent saved_percent_std changed
+    # Keys: cause joint unit values standard_deviations chance saved_percent saved_percent_standard_error changed
     @property
     def tests(self) -> list[dict[str, Any]]: ...
     def model(self, name: str) -> Model: ...
@@ -816,7 +817,7 @@ class _Structure(TypedDict):
 class _Constant(TypedDict):
     name: str
     value: float
-    std: float | None
+    standard_deviation: float | None
     unit: str
 
 class _Detectable(TypedDict):

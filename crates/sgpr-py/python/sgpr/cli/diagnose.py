@@ -250,7 +250,7 @@ def show(result: Result, data: dict[str, Any], output: Output) -> None:
         output.heading(f"{number}. {finding['effect']} ({at}), probability {finding['probability']:.2f}")
         output.line(f"   {finding['evidence']}")
         for parameter in finding["parameters"]:
-            value, deviation = with_deviation(parameter["value"], parameter["std"])
+            value, deviation = with_deviation(parameter["value"], parameter["standard_deviation"])
             output.line(f"   {parameter['name']} = {value} ± {deviation} {parameter['unit']}")
         if finding["confusable_with"]:
             output.line(f"   could also be {', '.join(finding['confusable_with'])}; {finding['separating_experiment']}")
