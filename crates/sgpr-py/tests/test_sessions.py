@@ -88,6 +88,18 @@ def test_sessions_that_cannot_be_compared(logs: list[sgpr.Recording]) -> None:
         sgpr.compare_sessions(robot, {"a": logs[:1], "b": logs[1:2]}, prior=None)
 
 
+def test_a_torque_with_the_other_sign_is_named(logs: list[sgpr.Recording], tmp_path: Path) -> None:
+    log, turned = logs[2], tmp_path / "turned.csv"
+    sign = np.where(np.arange(log.dof) == 1, -1.0, 1.0)
+    sgpr.Recording(log.time_ns, log.q, log.dq, sign * log.tau, joint_names=log.joint_names).save(turned)
+    pairs = [f"before={DEMO_TRAIN[0]}", f"before={DEMO_TRAIN[1]}", f"after={turned}"]
+    found = run("sessions", "--robot", DEMO_ROBOT, "--logs", *pairs)
+    assert found.code == 1
+    said = " ".join(found.err.split())
+    assert "the torque of joint_2 has the other sign in `after`, where friction would drive the joint" in said
+    assert "negate it there, or leave that session out" in said
+
+
 def test_identify_tells_that_logs_are_of_several_days(logs: list[sgpr.Recording], tmp_path: Path) -> None:
     march = 1_772_600_000 * 10**9
     starts = [march, march + 600 * 10**9, march + 3 * 86_400 * 10**9]
