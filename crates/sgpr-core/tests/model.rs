@@ -411,7 +411,10 @@ fn a_set_of_logs_is_conditioned_once_and_says_what_its_list_says() {
     let streamed = compare_streaming(&model, set.clone(), None, StreamedMotion::Filtered).expect("good logs");
     for others in [&before, &streamed] {
         let pairs = own.logs.iter().zip(&others.logs);
-        assert!(pairs.clone().all(|(a, b)| Arc::ptr_eq(&a.motion, &b.motion)), "the motion of the set, clones included");
+        assert!(
+            pairs.clone().all(|(a, b)| Arc::ptr_eq(&a.motion, &b.motion)),
+            "the motion of the set, clones included"
+        );
     }
     // Processed otherwise, it is another motion.
     let hz = 0.5 * model.processing().expect("identified").cutoff_hz;

@@ -258,7 +258,7 @@ pub(super) fn compare_set<E: From<IdentifyError>>(
     };
     let conditioned = Conditioned::of(set, model.robot(), processing)?;
     let n = model.robot().dof();
-    let mut sums = vec![Sums::default(); n];
+    let mut sums = vec![ErrorSums::default(); n];
     let mut logs = Vec::new();
     for (recording, motions) in &conditioned.logs {
         for motion in motions {
@@ -271,7 +271,7 @@ pub(super) fn compare_set<E: From<IdentifyError>>(
     }
     let joints: Vec<JointComparison> =
         model.robot().joints().iter().zip(&sums).map(|(joint, sums)| sums.comparison(joint)).collect();
-    let total = |select: fn(&Sums) -> f64| sums.iter().map(select).sum::<f64>();
+    let total = |select: fn(&ErrorSums) -> f64| sums.iter().map(select).sum::<f64>();
     let relative_error_percent = 100.0 * (total(|s| s.residual) / total(|s| s.measured)).sqrt();
     let relative_error_with_rests_percent = 100.0 * (total(|s| s.any_residual) / total(|s| s.any_measured)).sqrt();
     Ok(Comparison { joints, relative_error_percent, relative_error_with_rests_percent, logs })
@@ -291,7 +291,7 @@ fn gravity(model: &TorqueModel, motion: &Motion) -> Vec<f32> {
 
 /// Sums over the samples of a joint.
 #[derive(Clone, Debug, Default)]
-struct Sums {
+struct ErrorSums {
     count: f64,
     /// Of squares, except `mean`.
     residual: f64,
@@ -307,7 +307,7 @@ struct Sums {
     largest_time: f64,
 }
 
-impl Sums {
+impl ErrorSums {
     /// The samples of a joint.
     ///
     /// - `gravity`: torque of the model, `[samples, n]`

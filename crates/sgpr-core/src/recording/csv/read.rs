@@ -3,7 +3,7 @@ use std::io::BufRead;
 use std::path::Path;
 
 use super::header;
-use super::joints::Source;
+use super::joints::ColumnSource;
 use super::joints::expand;
 use super::lines::{Lines, decoded};
 use super::mapping::{Mapping, TimeSource};
@@ -53,7 +53,7 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Recording, 
         if table.passes_over() {
             continue;
         }
-        table.take_row(Row::new(&name, &columns, &lines)?)?;
+        table.take_row(TextRow::new(&name, &columns, &lines)?)?;
     }
     table.finish()
 }
@@ -126,7 +126,7 @@ fn stated_by_caller(units: &Units) -> Vec<IssueKind> {
 }
 
 /// One row of text.
-struct Row<'a> {
+struct TextRow<'a> {
     path: &'a str,
     columns: &'a [String],
     line: u64,
@@ -134,7 +134,7 @@ struct Row<'a> {
     decimal_comma: bool,
 }
 
-impl<'a> Row<'a> {
+impl<'a> TextRow<'a> {
     fn new(path: &'a str, columns: &'a [String], lines: &'a Lines<impl BufRead>) -> Result<Self, RecordingError> {
         let (line, mut cells, decimal_comma) = (lines.number(), lines.cells(), lines.has_decimal_comma());
         // Some loggers end each row, but not the header, with a separator.
@@ -197,18 +197,18 @@ impl<'a> Row<'a> {
 
 /// One value per joint and sample.
 struct Array {
-    sources: Vec<Source>,
+    sources: Vec<ColumnSource>,
     /// Row-major.
     values: Vec<f64>,
 }
 
 impl Array {
-    fn new(sources: Vec<Source>) -> Self {
+    fn new(sources: Vec<ColumnSource>) -> Self {
         Self { sources, values: Vec::new() }
     }
 
-    fn take(&mut self, row: &Row) -> Result<(), RecordingError> {
-        for Source { index, factor, .. } in &self.sources {
+    fn take(&mut self, row: &TextRow) -> Result<(), RecordingError> {
+        for ColumnSource { index, factor, .. } in &self.sources {
             self.values.push(row.number(*index).ok_or_else(|| row.not_a_number(*index))? * factor);
         }
         Ok(())
@@ -227,7 +227,7 @@ struct ChannelColumn {
 
 impl ChannelColumn {
     /// A column that begins with text is text; text after numbers is an error.
-    fn take(&mut self, row: &Row) -> Result<(), RecordingError> {
+    fn take(&mut self, row: &TextRow) -> Result<(), RecordingError> {
         match row.number(self.index) {
             _ if self.text => {}
             Some(value) => {
@@ -302,7 +302,7 @@ impl<'a> LogTable<'a> {
         matches!(&self.options.rows, Some(Rows::Numbers(numbers)) if !numbers.contains(&self.rows))
     }
 
-    fn take_row(&mut self, row: Row) -> Result<(), RecordingError> {
+    fn take_row(&mut self, row: TextRow) -> Result<(), RecordingError> {
         self.timed += 1;
         let time = self.time_of(&row)?;
         self.span = [if self.timed == 1 { time } else { self.span[0] }, time];
@@ -316,7 +316,7 @@ impl<'a> LogTable<'a> {
         self.require_room()
     }
 
-    fn time_of(&mut self, row: &Row) -> Result<i64, RecordingError> {
+    fn time_of(&mut self, row: &TextRow) -> Result<i64, RecordingError> {
         if let (1, TimeSource::Column { index, unit }) = (self.timed, self.clock) {
             self.clock = self.clock_of(row, index, unit);
         }
@@ -342,7 +342,7 @@ impl<'a> LogTable<'a> {
     }
 
     /// What the first row tells of a time column.
-    fn clock_of(&mut self, row: &Row, index: usize, unit: Option<TimeUnit>) -> TimeSource {
+    fn clock_of(&mut self, row: &TextRow, index: usize, unit: Option<TimeUnit>) -> TimeSource {
         if let Some(moment) = row.moment(index) {
             let before = if let Moment::TimeOfDay(now) = moment { now } else { 0 };
             return TimeSource::Calendar { index, midnights: 0, before };

@@ -9,7 +9,7 @@ mod evidence;
 mod shapes;
 mod signs;
 
-use arm::{Arm, Gains, Own};
+use arm::{Arm, Own, SessionGains};
 use shapes::Shapes;
 use signs::OtherSign;
 
@@ -214,7 +214,7 @@ impl Ready {
 struct Changes {
     tests: Vec<SessionTest>,
     own: Own,
-    gains: Gains,
+    gains: SessionGains,
 }
 
 impl Changes {

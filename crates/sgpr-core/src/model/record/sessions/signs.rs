@@ -8,7 +8,7 @@ use faer::Mat;
 
 use super::super::RecordError;
 use super::super::deviation::predicted;
-use super::arm::{Arm, Gains, Own};
+use super::arm::{Arm, Own, SessionGains};
 use super::{FALSE_ALARM, MATTERS, SessionCause, SessionTest};
 use crate::identification::JointFactor;
 use crate::linalg::triangle;
@@ -51,7 +51,7 @@ impl Arm<'_> {
 
     /// Signs of the torques by session and joint, 1 or -1, with which one set of parameters leaves least of each joint's
     /// torque, its offset and the tool those of each session; 1 unless -1 is better by as much as matters.
-    fn signs(&self) -> Gains {
+    fn signs(&self) -> SessionGains {
         let mut signs = self.no_gains();
         for joint in 0..self.robot.dof() {
             let all: Vec<(usize, &JointFactor)> = self.moving().filter(|(_, factor)| factor.joint == joint).collect();
