@@ -31,7 +31,17 @@ ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 
 PYTHON = {
-    "Robots, logs, reading": ["Robot", "robots", "read", "read_csv", "read_mcap", "Recording", "Repaired", "Issue"],
+    "Robots, logs, reading": [
+        "Robot",
+        "robots",
+        "read",
+        "read_csv",
+        "read_mcap",
+        "Recording",
+        "LogSet",
+        "Repaired",
+        "Issue",
+    ],
     "Identification": [
         "identify",
         "Model",

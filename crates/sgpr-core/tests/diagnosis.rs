@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use common::hidden_case;
-use sgpr_core::diagnosis::{DiagnosisError, DiagnosisOptions, Verdict, add, diagnose};
+use sgpr_core::diagnosis::{DiagnosisError, DiagnosisOptions, Finding, Verdict, add, diagnose};
 use sgpr_core::dynamics::Samples;
 use sgpr_core::effects::{Context, Effect, EffectParameter, Entry, Site, by_name, sgn};
 use sgpr_core::model::{IdentifyOptions, Term, TorqueModel, Trajectory, compare, identify};
@@ -541,4 +541,18 @@ fn what_a_person_adds_is_fitted_and_judged_and_stays() {
         let message = by_hand(text).expect_err("cannot be added").to_string();
         assert!(message.contains(reason), "{message}");
     }
+}
+
+#[test]
+fn a_finding_is_written_in_full_words_and_read_in_those_of_before() {
+    let text = r#"{"effect": "torque_ripple", "joints": ["joint_1"], "probability": 0.9, "score": 12.0,
+        "parameters": [{"name": "joint_1.Ts", "value": 0.4, "std": 0.02, "unit": "N·m"}], "rmse_before": {},
+        "rmse_after": {}, "evidence": "", "confusable_with": [], "separating_experiment": ""}"#;
+    let model = TorqueModel::nominal(&two_link());
+    let found = Finding::from_json(text, &model, &model).expect("a finding of version 1");
+    assert_eq!(found.parameters[0].std, Some(0.02));
+    let written = found.to_json();
+    assert!(written.contains(r#""standard_deviation":0.02"#) && !written.contains(r#""std""#), "{written}");
+    let again = Finding::from_json(&written, &model, &model).expect("just written");
+    assert_eq!(again.parameters, found.parameters);
 }

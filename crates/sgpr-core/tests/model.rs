@@ -3,15 +3,17 @@
 
 mod common;
 
+use std::sync::Arc;
+
 use common::{data, largest_difference};
 use sgpr_core::dynamics::Samples;
 use sgpr_core::identification::{Finding, Method};
 use sgpr_core::model::{
-    IdentificationReport, IdentifyError, IdentifyOptions, Predictor, Start, TorqueModel, compare, cutoff_influence,
-    identify, screen,
+    IdentificationReport, IdentifyError, IdentifyOptions, Predictor, Start, StreamedMotion, TorqueModel, compare,
+    compare_streaming, cutoff_influence, identify, screen,
 };
-use sgpr_core::motion::{MotionError, TorqueBand, average_periods};
-use sgpr_core::recording::{Recording, csv};
+use sgpr_core::motion::{MotionError, Processing, TorqueBand, average_periods};
+use sgpr_core::recording::{LogSet, Recording, csv};
 use sgpr_core::robot::{Robot, UrdfOptions, two_link};
 use sgpr_core::signal::LowPass;
 use sgpr_core::spatial::Vector3;
@@ -429,6 +431,49 @@ fn nothing_is_compared_with_nothing() {
     let (model, _) = identify(&robot(), &train()[..1], &options(), &()).expect("good logs");
     let error = compare(&model, &[], None).expect_err("no log");
     assert!(matches!(error, IdentifyError::Motion(MotionError::NoRecording)), "{error}");
+}
+
+#[test]
+fn a_set_of_logs_is_conditioned_once_and_says_what_its_list_says() {
+    let (robot, [train, test]) = (robot(), ["train_1", "test"].map(read));
+    let half = train.len() / 2;
+    // The second shares a quarter of the log with the first.
+    let list = [train.slice(0..half), train.slice(half / 2..train.len())];
+    let set = LogSet::new(&list);
+    assert_eq!((set.len(), set.notes().len()), (2, 1));
+    let [model, of_list] =
+        [&set[..], &list[..]].map(|logs| identify(&robot, logs, &options(), &()).expect("good logs").0);
+    assert_eq!(model.parameters(), of_list.parameters());
+
+    let nominal = TorqueModel::nominal(&robot);
+    let own = compare(&model, &set, None).expect("good logs");
+    assert_eq!(own, compare(&model, &list, None).expect("good logs"));
+    let total: usize = own.logs.iter().map(|log| log.motion.len()).sum();
+    assert_eq!(total, train.len(), "every sample once");
+    let before = compare(&nominal, &set, model.processing()).expect("good logs");
+    assert_eq!(before, compare(&nominal, &list, model.processing()).expect("good logs"));
+    let streamed = compare_streaming(&model, set.clone(), None, StreamedMotion::Filtered).expect("good logs");
+    for others in [&before, &streamed] {
+        let pairs = own.logs.iter().zip(&others.logs);
+        assert!(
+            pairs.clone().all(|(a, b)| Arc::ptr_eq(&a.motion, &b.motion)),
+            "the motion of the set, clones included"
+        );
+    }
+    // Processed otherwise, it is another motion.
+    let hz = 0.5 * model.processing().expect("identified").cutoff_hz;
+    let slower = Processing { cutoff_hz: hz, ..model.processing().expect("identified").clone() };
+    let other = compare(&model, &set, Some(&slower)).expect("good logs");
+    assert!(!Arc::ptr_eq(&other.logs[0].motion, &own.logs[0].motion));
+    assert_eq!(other, compare(&model, &list, Some(&slower)).expect("good logs"));
+
+    // Logs that share nothing: each counts as it is, whichever way they are given.
+    let apart = [train, test];
+    let whole = compare(&model, LogSet::whole(&apart), None).expect("good logs");
+    assert_eq!(whole, compare(&model, &apart, None).expect("good logs"));
+    let copies = [apart[1].clone(), apart[1].clone()];
+    assert_eq!(compare(&model, &copies, None).expect("good logs").logs.len(), 1);
+    assert_eq!(compare(&model, LogSet::whole(&copies), None).expect("good logs").logs.len(), 2);
 }
 
 #[test]

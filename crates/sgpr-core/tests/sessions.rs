@@ -164,6 +164,35 @@ fn an_offset_a_gain_and_a_tool_are_told_apart() {
 }
 
 #[test]
+fn a_torque_with_the_other_sign_is_named_with_its_session() {
+    let (robot, logs) = (robot(), logs());
+    let ask = |given: &[(String, Vec<Recording>)]| {
+        let found = compare_sessions(&robot, given, &EFFECTS.map(String::from), &Default::default(), &());
+        found.expect_err("no gain of a drive").to_string()
+    };
+    let negated = |log: &Recording, joint: usize| with_torque(log, |k, tau, _| if k == joint { -tau } else { tau });
+    for joint in 0..robot.dof() {
+        let said = ask(&[
+            ("monday".into(), logs[..2].to_vec()),
+            ("tuesday".into(), logs[2..].iter().map(|log| negated(log, joint)).collect()),
+        ]);
+        let name = &robot.joints()[joint].name;
+        assert!(said.contains(&format!("the torque of {name} has the other sign in `tuesday`,")), "{said}");
+        assert_eq!(said.matches("has the other sign").count(), 1, "{said}");
+    }
+    // The first session is the wrong one, of three; and all joints at once.
+    let said = ask(&[
+        ("monday".into(), vec![negated(&logs[0], 1)]),
+        ("tuesday".into(), vec![logs[1].clone()]),
+        ("friday".into(), logs[2..].to_vec()),
+    ]);
+    assert!(said.contains("the torque of joint_2 has the other sign in `monday`,"), "{said}");
+    let all = |log: &Recording| with_torque(log, |_, tau, _| -tau);
+    let said = ask(&[("monday".into(), vec![logs[0].clone()]), ("tuesday".into(), vec![all(&logs[1])])]);
+    assert_eq!(said.matches("has the other sign in `tuesday`,").count(), robot.dof(), "{said}");
+}
+
+#[test]
 fn torques_of_another_sign_or_unit_are_answered_or_refused() {
     let (robot, logs) = (robot(), logs());
     for (joints, factor) in [(1..2, -1.0), (1..2, 1e-30), (0..6, -1.0), (0..6, 1e-30), (0..6, 1e9)] {

@@ -17,6 +17,7 @@ use crate::detached::detached;
 use crate::diagnosis::as_python;
 use crate::errors::{IntoPyErr, invalid};
 use crate::identification::{recordings, warn};
+use crate::log_set::{LogSet, log_set};
 use crate::model::{Model, Processing, figure, html_table};
 use crate::recording::Recording;
 use crate::robot::Robot;
@@ -30,7 +31,8 @@ type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 /// ----------
 /// model : Model or Robot
 ///     A robot stands for the model that its file describes.
-/// recordings : list of Recording
+/// recordings : list of Recording or LogSet
+///     Samples that two of them share count once. A set keeps its filtered motion for the next comparison.
 /// processing : Model or Processing, optional
 ///     How the logs are processed: by default as the model was identified, else as is chosen from the logs. Give the
 ///     same to compare two models in the same band.
@@ -65,11 +67,13 @@ pub fn compare(
     if let Some(other) = processing.as_ref().map(|one| one.standstill_speed.len()).filter(|other| *other != dof) {
         return Err(invalid(format!("processing: it is for {other} joints, the model has {dof}")));
     }
-    let recordings = self::recordings(recordings)?;
+    let logs = log_set(py, recordings)?;
     let comparison =
-        detached(py, || core::compare(&model, &recordings, processing.as_ref())).map_err(IntoPyErr::into_py_err)?;
-    let of = Compared { model, recordings: Arc::new(recordings) };
-    warn(py, &of.notes())?;
+        detached(py, || core::compare(&model, &logs, processing.as_ref())).map_err(IntoPyErr::into_py_err)?;
+    let of = Compared { model, logs };
+    // A set told what it left out when it was made.
+    let told = if recordings.is_instance_of::<LogSet>() { of.model.clock_notes(&of.logs) } else { of.notes() };
+    warn(py, &told)?;
     Comparison::new(py, comparison, of)
 }
 
@@ -79,7 +83,7 @@ pub fn compare(
 /// Parameters
 /// ----------
 /// model : Model or SemiParametricModel
-/// recordings : list of Recording
+/// recordings : list of Recording or LogSet
 /// processing : Model or Processing, optional
 ///     As for `compare`; not for a SemiParametricModel.
 /// causal : bool
@@ -110,19 +114,19 @@ pub fn compare_streaming(
 ) -> PyResult<Comparison> {
     let motion = if causal { StreamedMotion::Causal } else { StreamedMotion::Filtered };
     let processing = processing.map(processing_of).transpose()?.flatten();
-    let recordings = self::recordings(recordings)?;
+    let logs = log_set(py, recordings)?;
     let (comparison, model) = if let Ok(model) = model.cast::<Model>() {
         let model = model.get().inner.clone();
-        let found = detached(py, || core::compare_streaming(&model, &recordings, processing.as_ref(), motion));
+        let found = detached(py, || core::compare_streaming(&model, &logs, processing.as_ref(), motion));
         (found.map_err(IntoPyErr::into_py_err)?, model)
     } else if let Some(fitted) = semi_parametric(model)? {
         let fitted = fitted.get().inner.clone();
-        let found = detached(py, || fitted.compare_streaming(&recordings, motion));
+        let found = detached(py, || fitted.compare_streaming(&logs, motion));
         (found.map_err(IntoPyErr::into_py_err)?, Arc::new(fitted.physics().clone()))
     } else {
         return Err(wrong_type("model", model, "Model or SemiParametricModel"));
     };
-    Comparison::new(py, comparison, Compared { model, recordings: Arc::new(recordings) })
+    Comparison::new(py, comparison, Compared { model, logs })
 }
 
 pub fn processing_of(given: &Bound<'_, PyAny>) -> PyResult<Option<sgpr_core::motion::Processing>> {
@@ -155,12 +159,12 @@ pub struct Comparison {
 #[derive(Clone)]
 pub struct Compared {
     pub model: Arc<TorqueModel>,
-    pub recordings: Arc<Vec<logs::Recording>>,
+    pub logs: logs::LogSet,
 }
 
 impl Compared {
     fn notes(&self) -> Vec<String> {
-        self.model.clock_notes(&self.recordings)
+        [self.logs.notes(), &self.model.clock_notes(&self.logs)].concat()
     }
 }
 
@@ -219,7 +223,8 @@ impl Comparison {
         self.relative_error_with_rests_percent
     }
 
-    /// What the reader should know: logs that effects of time take as ones after the session of the model.
+    /// What the reader should know: samples that logs share, which count once; logs that effects of time take as ones after
+    /// the session of the model.
     #[getter]
     fn notes(&self) -> Vec<String> {
         self.of.notes()
@@ -297,15 +302,15 @@ impl Comparison {
     /// path : path
     ///     Of the HTML file, which needs no other; complete or not there.
     fn report(slf: &Bound<'_, Self>, path: PathBuf) -> PyResult<()> {
-        let Compared { model, recordings } = slf.get().of.clone();
-        let arguments = (slf, path, Model { inner: model, report: None }, as_python(&recordings));
+        let Compared { model, logs } = slf.get().of.clone();
+        let arguments = (slf, path, Model { inner: model, report: None }, as_python(&logs));
         slf.py().import("sgpr._pages")?.call_method1("comparison_page", arguments).map(drop)
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Parts<'py>)> {
         let py = slf.py();
         let own = slf.get();
-        let of = (Model { inner: own.of.model.clone(), report: None }, as_python(&own.of.recordings));
+        let of = (Model { inner: own.of.model.clone(), report: None }, as_python(&own.of.logs));
         let joints = own.joints.iter().map(|joint| joint_parts(joint.clone())).collect();
         let errors = (own.relative_error_percent, own.relative_error_with_rests_percent);
         let logs = own.logs.iter().map(|log| log_parts(log.bind(py))).collect::<PyResult<_>>()?;
@@ -321,7 +326,7 @@ impl Comparison {
         of: (PyRef<'_, Model>, Bound<'_, PyAny>),
     ) -> PyResult<Self> {
         let (model, recordings) = of;
-        let of = Compared { model: model.inner.clone(), recordings: Arc::new(self::recordings(&recordings)?) };
+        let of = Compared { model: model.inner.clone(), logs: logs::LogSet::whole(&self::recordings(&recordings)?) };
         let joints: Vec<core::JointComparison> = joints.into_iter().map(joint_of).collect();
         let dof = joints.len();
         let residual = |log: &Bound<'_, PyDict>| Py::new(py, LogResidual { inner: log_of(log, dof)?, dof });

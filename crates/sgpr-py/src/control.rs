@@ -50,7 +50,7 @@ fn list(name: &'static str, values: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<f
 ///     Of the whole arm.
 /// deviation : array of shape (n,), optional
 ///     Standard deviation of the model's torque per joint, N·m (N); by default that of the fit.
-/// without_contact : list of Recording, optional
+/// without_contact : list of Recording or LogSet, optional
 ///     Logs at `rate_hz` with velocity and torque, those of the fit or better others, of motions such as it will see.
 ///     Thresholds then come from what the observer says along them, and are those of a moving joint or of one that
 ///     rests.

@@ -30,9 +30,9 @@ use crate::user_effect::{UserEffect, known_effects, registered};
 /// ----------
 /// model : Model
 ///     As identified from `train`.
-/// train : list of Recording
+/// train : list of Recording or LogSet
 ///     Logs to learn from; the first is enough if it is long.
-/// test : list of Recording, optional
+/// test : list of Recording or LogSet, optional
 ///     Unseen logs, only for the errors that are reported.
 /// effects : list of str or Effect, optional
 ///     What to look for, by name or an effect of your own; all effects of the library by default.

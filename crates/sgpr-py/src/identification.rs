@@ -17,6 +17,7 @@ use sgpr_core::signal::{CutoffChoice as CoreChoice, Differentiation};
 use crate::convert::{Numbers, array, choice, not_negative, positive, texts, view, whole};
 use crate::errors::{IntoPyErr, invalid};
 use crate::estimators::{ConsistencyArguments, method, uncertainty};
+use crate::log_set::LogSet;
 use crate::model::Model;
 use crate::progress::listen;
 use crate::recording::{Recording, require_usable};
@@ -29,8 +30,12 @@ type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 pub fn recordings(given: &Bound<'_, PyAny>) -> PyResult<Vec<logs::Recording>> {
     let wrong = |found: &Bound<'_, PyAny>| {
         let found = found.get_type().name().map_or_else(|_| "?".into(), |name| name.to_string());
-        PyTypeError::new_err(format!("recordings: got {found}, expected a list of Recording"))
+        PyTypeError::new_err(format!("recordings: got {found}, expected a list of Recording or a LogSet"))
     };
+    // What it holds was looked at when it was made.
+    if let Ok(set) = given.cast::<LogSet>() {
+        return Ok(set.get().inner.to_vec());
+    }
     if given.is_instance_of::<Recording>() {
         return Err(wrong(given));
     }
@@ -81,7 +86,7 @@ pub fn warn(py: Python<'_>, texts: &[String]) -> PyResult<()> {
 ///
 /// Parameters
 /// ----------
-/// known : list of Recording
+/// known : list of Recording or LogSet
 /// new : Recording
 ///
 /// Returns
@@ -117,7 +122,7 @@ pub fn repeated_share(known: &Bound<'_, PyAny>, new: &Bound<'_, Recording>) -> P
 ///
 /// Parameters
 /// ----------
-/// known : list of Recording
+/// known : list of Recording or LogSet
 /// new : Recording
 ///
 /// Returns
@@ -340,7 +345,7 @@ pub fn differentiation_name(method: Differentiation) -> String {
 /// Parameters
 /// ----------
 /// robot : Robot
-/// recordings : list of Recording
+/// recordings : list of Recording or LogSet
 ///     With torque; each one a trajectory of its own.
 /// effects : list of str
 ///     Physics beside the rigid body, see `effects`, at all joints or at one: "cable_stiffness",
@@ -450,7 +455,7 @@ pub fn identify(
 /// Parameters
 /// ----------
 /// robot : Robot
-/// recordings : list of Recording
+/// recordings : list of Recording or LogSet
 /// model : Model
 ///     What `identify` returned for them.
 /// progress : callable, optional
@@ -627,7 +632,7 @@ impl IdentificationReport {
     /// How much data is enough, or None if that was not asked for.
     ///
     /// Parameters that are not known exactly make the torque of other motion uncertain: motion in which every joint has a
-    /// position, speed and acceleration that it had in the logs, or on the way back, each joint at another time. "deviation", `[k, n]`, is that
+    /// position, speed and acceleration that it had in the logs, or on the way back, each joint at another time. "standard_deviation", `[k, n]`, is that
     /// standard deviation, N·m (N), after "seconds", `[k]`, of logs: those that there are, then 2, 4, 8 and 16 times as long.
     /// It is enough if it is a third of "noise", `[n]`, what the model leaves of the torque: then it adds a twentieth to the
     /// error. "seconds_to_go" of such motion are needed for that, None if sixteen times the logs are not enough for some
@@ -651,7 +656,7 @@ pub fn forecast_dict<'py>(py: Python<'py>, found: &core::Forecast) -> PyResult<B
     let (dict, n) = (PyDict::new(py), found.noise.len());
     let enough: Vec<Option<f64>> = (0..n).map(|joint| found.enough_at(joint)).collect();
     dict.set_item("seconds", array(py, &[found.seconds.len()], found.seconds.clone())?)?;
-    dict.set_item("deviation", array(py, &[found.seconds.len(), n], found.deviation.concat())?)?;
+    dict.set_item("standard_deviation", array(py, &[found.seconds.len(), n], found.deviation.concat())?)?;
     dict.set_item("noise", array(py, &[n], found.noise.clone())?)?;
     dict.set_item("enough_at", enough)?;
     dict.set_item("seconds_to_go", found.seconds_to_go())?;

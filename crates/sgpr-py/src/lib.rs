@@ -11,6 +11,7 @@ mod estimators;
 mod excitation;
 mod gp;
 mod identification;
+mod log_set;
 mod model;
 mod online;
 mod payload;
@@ -46,6 +47,8 @@ mod _sgpr {
         CutoffChoice, CutoffInfluence, IdentificationReport, cutoff_influence, effects, identify, repeated_share,
         shared_samples,
     };
+    #[pymodule_export]
+    use crate::log_set::LogSet;
     #[pymodule_export]
     use crate::model::{Model, Parameter, Parameters, Predictor, Processing, load};
     #[pymodule_export]

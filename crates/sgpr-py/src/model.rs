@@ -285,7 +285,7 @@ impl Model {
     /// ----------
     /// finding : Finding or str
     ///     What `diagnose` found; or an effect by hand, ``torque_ripple@joint_2`` (`diagnose` with ``add`` says more of it).
-    /// train : list of Recording, optional
+    /// train : list of Recording or LogSet, optional
     ///     Logs to fit to: for a finding those in which it was found; for an effect by hand they must be given.
     #[pyo3(signature = (finding, train=None))]
     fn add(slf: &Bound<'_, Self>, finding: &Bound<'_, PyAny>, train: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {

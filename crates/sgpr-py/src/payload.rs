@@ -160,7 +160,7 @@ const BODIES: [&str; 3] = ["prior", "prior_deviation", "bounds"];
 /// Parameters
 /// ----------
 /// robot : Robot
-/// unloaded, loaded : list of Recording
+/// unloaded, loaded : list of Recording or LogSet
 ///     Without and with the payload; the motions need not be the same.
 /// link : str, optional
 ///     Joint whose link holds it; the last one by default.
@@ -213,7 +213,7 @@ pub fn identify_payload(
 /// Parameters
 /// ----------
 /// robot : Robot
-/// unloaded, loaded : list of Recording
+/// unloaded, loaded : list of Recording or LogSet
 ///     Their torques are currents, or currents times constants that are in doubt.
 /// payload : dict of str to float
 ///     What is known of it, about the origin of the frame of the link that holds it: {"m": 2.805}, and any of mx, my, mz,
@@ -301,7 +301,7 @@ pub fn identify_drive_gains(
 /// ----------
 /// model : Model
 ///     As `identify` returned it.
-/// recordings : list of Recording
+/// recordings : list of Recording or LogSet
 ///
 /// Returns
 /// -------

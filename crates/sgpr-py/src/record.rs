@@ -214,7 +214,7 @@ impl Record {
 /// Parameters
 /// ----------
 /// robot : Robot
-/// recordings : list of Recording
+/// recordings : list of Recording or LogSet
 /// **options
 ///     Wishes, as those of `identify`: `cutoff_hz`, `filter_order`, `differentiation`, `torque_band`, `decimation`,
 ///     `standstill_speed`, `turn_margin`.
@@ -448,9 +448,9 @@ pub fn compare_records<'py>(
 /// Returns
 /// -------
 /// list of dict
-///     One, or one per block: "tool_mass" (kg beyond the reference), "tool_mass_std", "tool_share" of the residual that the tool
+///     One, or one per block: "tool_mass" (kg beyond the reference), "tool_mass_standard_deviation", "tool_share" of the residual that the tool
 ///     explains, and "joints", each with "joint", "rows", "memory", "torque", "error" (root mean squares, N·m (N)),
-///     "error_after" fitting the effects, "error_with_tool" if the last link's mass and moments alone had changed, and "parameters", each with "name", "unit", "reference", "change", "std" and
+///     "error_after" fitting the effects, "error_with_tool" if the last link's mass and moments alone had changed, and "parameters", each with "name", "unit", "reference", "change", "standard_deviation" and
 ///     "error_alone", the error if this parameter alone had changed; the last is the "gain".
 ///
 /// Examples
@@ -478,7 +478,7 @@ pub fn deviations<'py>(
             dict.set_item("unit", parameter.unit)?;
             dict.set_item("reference", parameter.reference)?;
             dict.set_item("change", parameter.change)?;
-            dict.set_item("std", parameter.standard_deviation)?;
+            dict.set_item("standard_deviation", parameter.standard_deviation)?;
             dict.set_item("error_alone", parameter.error_alone)?;
             parameters.append(dict)?;
         }
@@ -498,7 +498,7 @@ pub fn deviations<'py>(
     let block = |deviation: &Deviation| {
         let figures = [
             ("tool_mass", deviation.tool_mass),
-            ("tool_mass_std", deviation.tool_mass_deviation),
+            ("tool_mass_standard_deviation", deviation.tool_mass_deviation),
             ("tool_share", deviation.tool_share),
         ];
         let dict = figures.into_py_dict(py)?;
@@ -524,8 +524,8 @@ pub fn deviations<'py>(
 /// -------
 /// dict
 ///     "tests", what was found first, each with "effect", "joint", "constants" (those of the grid that save most), "found",
-///     "gain" (share of the joint's squared error on left-out parts that it saves) and "gain_std", "parameters" of what was
-///     found ("symbol", "unit", "value", "std"), "alternatives", suspects that would have saved as much in its
+///     "gain" (share of the joint's squared error on left-out parts that it saves) and "gain_standard_error", "parameters" of what was
+///     found ("symbol", "unit", "value", "standard_deviation"), "alternatives", suspects that would have saved as much in its
 ///     place, and "mostly_unexplained": more of the joint's error goes on from row to row, as no noise does, than what was
 ///     found there explains, so that it can be the shadow of an effect that is no suspect; and "left_out_errors": per joint
 ///     "joint", "without" and "with" what was found, N·m (N), and "unexplained", the share of the squared error that still
@@ -558,14 +558,14 @@ pub fn diagnose_records<'py>(
         let dict = described(py, &test.suspect, &joints)?;
         dict.set_item("found", test.found)?;
         dict.set_item("gain", test.judgement.gain)?;
-        dict.set_item("gain_std", test.judgement.standard_error)?;
+        dict.set_item("gain_standard_error", test.judgement.standard_error)?;
         let parameters = PyList::empty(py);
         for (symbol, unit, value, deviation) in &test.parameters {
             let one = PyDict::new(py);
             one.set_item("symbol", symbol)?;
             one.set_item("unit", unit)?;
             one.set_item("value", value)?;
-            one.set_item("std", deviation)?;
+            one.set_item("standard_deviation", deviation)?;
             parameters.append(one)?;
         }
         dict.set_item("parameters", parameters)?;

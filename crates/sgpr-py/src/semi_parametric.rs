@@ -9,6 +9,7 @@ use pyo3::types::{PyBytes, PyDict};
 use sgpr_core::model::{
     self as core, Inputs, Mean, Predictor, SemiParametricError, SemiParametricOptions, StreamOptions,
 };
+use sgpr_core::recording::LogSet;
 
 use crate::compare::{Compared, Comparison};
 use crate::convert::{Numbers, Samples, array, choice, whole};
@@ -17,6 +18,7 @@ use crate::dynamics::motion;
 use crate::errors::{IntoPyErr, invalid};
 use crate::gp::{predictor_options, shape, status_name};
 use crate::identification::{Arguments, recordings};
+use crate::log_set::log_set;
 use crate::model::{Model, start_of_stream, stream_options, temperatures};
 use crate::progress::listen_and_keep;
 use crate::robot::Robot;
@@ -31,8 +33,8 @@ pub struct FittedSemiParametric {
 }
 
 impl FittedSemiParametric {
-    fn compared(&self, recordings: Vec<sgpr_core::recording::Recording>) -> Compared {
-        Compared { model: Arc::new(self.inner.physics().clone()), recordings: Arc::new(recordings) }
+    fn compared(&self, logs: LogSet) -> Compared {
+        Compared { model: Arc::new(self.inner.physics().clone()), logs }
     }
 }
 
@@ -151,9 +153,9 @@ impl FittedSemiParametric {
 
     /// Compares with recordings, as `sgpr.compare` does.
     fn compare(&self, py: Python<'_>, recordings: &Bound<'_, PyAny>) -> PyResult<Comparison> {
-        let recordings = self::recordings(recordings)?;
-        let comparison = detached(py, || self.inner.compare(&recordings)).map_err(IntoPyErr::into_py_err)?;
-        Comparison::new(py, comparison, self.compared(recordings))
+        let logs = log_set(py, recordings)?;
+        let comparison = detached(py, || self.inner.compare(&logs)).map_err(IntoPyErr::into_py_err)?;
+        Comparison::new(py, comparison, self.compared(logs))
     }
 
     /// The same, and for each of the comparison's logs the standard deviation, half the interval of 95 % and the novelty
@@ -163,8 +165,8 @@ impl FittedSemiParametric {
         py: Python<'py>,
         recordings: &Bound<'py, PyAny>,
     ) -> PyResult<(Comparison, Vec<[Array<'py>; 3]>)> {
-        let recordings = self::recordings(recordings)?;
-        let found = detached(py, || self.inner.compare_with_spread(&recordings));
+        let logs = log_set(py, recordings)?;
+        let found = detached(py, || self.inner.compare_with_spread(&logs));
         let (comparison, predictions) = found.map_err(IntoPyErr::into_py_err)?;
         let n = self.inner.physics().robot().dof();
         let spread = |prediction: core::TorquePrediction| -> PyResult<[Array<'py>; 3]> {
@@ -173,13 +175,13 @@ impl FittedSemiParametric {
             Ok([result(standard_deviation)?, result(interval_95)?, result(novelty)?])
         };
         let spreads = predictions.into_iter().map(spread).collect::<PyResult<_>>()?;
-        Ok((Comparison::new(py, comparison, self.compared(recordings))?, spreads))
+        Ok((Comparison::new(py, comparison, self.compared(logs))?, spreads))
     }
 
     /// Mean over joints of the share of the variance that is explained.
     fn score(&self, py: Python<'_>, recordings: &Bound<'_, PyAny>) -> PyResult<f64> {
-        let recordings = self::recordings(recordings)?;
-        detached(py, || self.inner.score(&recordings)).map_err(IntoPyErr::into_py_err)
+        let logs = log_set(py, recordings)?;
+        detached(py, || self.inner.score(&logs)).map_err(IntoPyErr::into_py_err)
     }
 
     /// One dict per joint: how many measurements fall within their predicted intervals.
@@ -189,8 +191,8 @@ impl FittedSemiParametric {
         recordings: &Bound<'py, PyAny>,
         following: bool,
     ) -> PyResult<Vec<Bound<'py, PyDict>>> {
-        let recordings = self::recordings(recordings)?;
-        let rows = detached(py, || self.inner.coverage(&recordings, following)).map_err(IntoPyErr::into_py_err)?;
+        let logs = log_set(py, recordings)?;
+        let rows = detached(py, || self.inner.coverage(&logs, following)).map_err(IntoPyErr::into_py_err)?;
         let describe = |row: core::Coverage| {
             let dict = PyDict::new(py);
             dict.set_item("joint", row.joint)?;

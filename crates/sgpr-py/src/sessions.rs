@@ -37,8 +37,8 @@ impl SessionComparison {
     }
 
     /// All that the logs can test: "cause" ("tool", "friction", "offset" or "gain"), "joint" (None for the tool), "values" and
-    /// "std" of each session with their "unit", "chance" (the probability that chance makes sessions differ as much),
-    /// "saved_percent" and "saved_percent_std" (by how much values of its own for each session lower the error on parts that
+    /// "standard_deviations" of each session with their "unit", "chance" (the probability that chance makes sessions differ as much),
+    /// "saved_percent" and "saved_percent_standard_error" (by how much values of its own for each session lower the error on parts that
     /// were left out, squared), "changed".
     #[getter]
     fn tests<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
@@ -56,10 +56,10 @@ impl SessionComparison {
             dict.set_item("joint", joint.map(|joint| &robot.joints()[joint].name))?;
             dict.set_item("unit", test.unit)?;
             dict.set_item("values", array(py, &[count], test.values.clone())?)?;
-            dict.set_item("std", array(py, &[count], test.deviations.clone())?)?;
+            dict.set_item("standard_deviations", array(py, &[count], test.deviations.clone())?)?;
             dict.set_item("chance", test.chance)?;
             dict.set_item("saved_percent", 100.0 * test.judgement.gain)?;
-            dict.set_item("saved_percent_std", 100.0 * test.judgement.standard_error)?;
+            dict.set_item("saved_percent_standard_error", 100.0 * test.judgement.standard_error)?;
             dict.set_item("changed", test.changed)?;
             Ok(dict)
         };
@@ -89,7 +89,7 @@ impl SessionComparison {
 /// Parameters
 /// ----------
 /// robot : Robot
-/// sessions : dict of str to list of Recording
+/// sessions : dict of str to list of Recording or LogSet
 ///     Logs of each session; changes are told against the first one.
 /// **options
 ///     As those of `identify`: `effects`, each a linear function of the present motion and at every joint, `cutoff_hz`,

@@ -82,7 +82,7 @@ def test_whether_a_log_is_enough_is_said(tmp_path: Path) -> None:
     said = data["screening"]["how_much_data"]
     assert said["seconds_to_go"] is None or said["seconds_to_go"] > 1.0
     assert "record another" in said["answer"]
-    assert [len(joint["deviation"]) for joint in said["joints"]] == [len(said["seconds"])] * 6
+    assert [len(joint["standard_deviations"]) for joint in said["joints"]] == [len(said["seconds"])] * 6
 
     def one_way(table: np.ndarray) -> np.ndarray:
         # The second joint turns one way only, and the first one both ways.

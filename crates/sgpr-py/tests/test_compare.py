@@ -158,3 +158,46 @@ def test_another_log_at_the_stamps_of_the_session_is_told(
     with pytest.warns(UserWarning, match=r"test\.csv: another log at the time stamps .*friction_warmup.* one clock"):
         found = sgpr.compare(warming, [second])
     assert len(found.notes) == 1
+
+
+def test_a_set_of_logs_goes_wherever_a_list_goes(
+    demo_robot: sgpr.Robot, demo_model: sgpr.Model, demo_logs: list[sgpr.Recording]
+) -> None:
+    log, other, _ = demo_logs
+    half = len(log) // 2
+    pieces = [log[:half], log[half // 2 :]]
+    with pytest.warns(UserWarning, match="would count twice"):
+        logs = sgpr.LogSet(pieces)
+    assert [len(own) for own in logs] == [half, len(log) - half]
+    assert (logs.origins, len(logs.notes), logs[-1].source) == ([0, 1], 1, log.source)
+    with pytest.raises(IndexError):
+        logs[2]
+    again = pickle.loads(pickle.dumps(logs))
+    assert [own.content_hash for own in again] == [own.content_hash for own in logs]
+
+    def figures(found: sgpr.Comparison) -> list[float]:
+        return [found.relative_error_percent, *found.rmse]
+
+    with pytest.warns(UserWarning, match="would count twice"):
+        of_list = sgpr.compare(demo_model, pieces)
+    of_set = sgpr.compare(demo_model, logs)
+    assert figures(of_set) == figures(of_list)
+    assert of_set.notes == of_list.notes == logs.notes
+    assert sum(len(part.t) for part in of_set.logs) == len(log)
+    assert figures(sgpr.compare_streaming(demo_model, logs)) == figures(sgpr.compare_streaming(demo_model, pieces))
+    before = sgpr.compare(demo_robot, logs, processing=demo_model)
+    whole = sgpr.LogSet(pieces, whole=True)
+    assert sum(len(part.t) for part in sgpr.compare(demo_model, whole).logs) == sum(map(len, pieces))
+    assert before.relative_error_percent > of_set.relative_error_percent
+
+    own = list(logs)
+    model = sgpr.identify(demo_robot, logs)
+    np.testing.assert_array_equal(model.all_parameters, sgpr.identify(demo_robot, own).all_parameters)
+    assert sgpr.screen(model, logs) == sgpr.screen(model, own)
+    assert repr(sgpr.choose_processing(demo_robot, logs)) == repr(sgpr.choose_processing(demo_robot, own))
+    assert sgpr.repeated_share(logs, log) == sgpr.repeated_share(own, log)
+    assert sgpr.shared_samples(logs, log) == sgpr.shared_samples(own, log)
+    joined = sgpr.compare_sessions(demo_robot, {"a": logs, "b": [other]})
+    apart = sgpr.compare_sessions(demo_robot, {"a": own, "b": [other]})
+    assert joined.sentences == apart.sentences
+    assert joined.tests[0]["saved_percent"] == apart.tests[0]["saved_percent"]

@@ -150,12 +150,18 @@ def test_an_effect_that_cannot_act_there_is_refused_at_once(model: sgpr.Model, l
 
 def test_plain_data_has_the_keys_of_the_file(diagnosis: sgpr.Diagnosis) -> None:
     data = diagnosis.to_dict()
-    assert data["schema"] == 1
+    assert data["schema"] == 2
     assert data["verdict"] == diagnosis.verdict
     keys = {"effect", "joints", "probability", "parameters", "rmse_before", "rmse_after", "evidence"}
     keys |= {"confusable_with", "separating_experiment", "error_gained_percent"}
     assert keys <= set(data["findings"][0])
-    assert set(data["joints"]["joint_1"]) == {"rmse_before", "rmse_after", "noise", "fit_before", "fit_after"}
+    assert set(data["joints"]["joint_1"]) == {
+        "rmse_before",
+        "rmse_after",
+        "noise",
+        "fit_percent_before",
+        "fit_percent_after",
+    }
     assert "temperature_dependent_friction" in diagnosis.not_testable
     assert data["detectable"] == diagnosis.detectable
     offset = next(one for one in diagnosis.detectable if one["effect"] == "torque_offset")

@@ -361,7 +361,7 @@ def test_deviations_find_what_was_put_in(robot: sgpr.Robot, logs: list[sgpr.Reco
     found = sgpr.deviations(model, sgpr.record(robot, changed, processing=model, blocks=1))[0]
     second, third = found["joints"][1], found["joints"][2]
     friction = next(one for one in second["parameters"] if one["name"] == "joint_2.Fc")
-    assert friction["change"] == pytest.approx(2.0, abs=5 * friction["std"] + 0.05)
+    assert friction["change"] == pytest.approx(2.0, abs=5 * friction["standard_deviation"] + 0.05)
     assert min(second["parameters"], key=lambda one: one["error_alone"]) is friction
     gain = third["parameters"][-1]
     assert gain["name"] == "joint_3.gain" and gain["change"] == pytest.approx(0.1, abs=0.005)
@@ -425,7 +425,7 @@ def test_an_effect_that_the_model_lacks_is_found_in_records(
     from_logs = bare(robot, with_a_spring, effects=effects, **options)
     stiffness = next(iter(from_logs.terms[0]["parameters"].values()))[0]
     assert spring["parameters"][0]["value"] == pytest.approx(stiffness, rel=1e-8)
-    assert abs(spring["parameters"][0]["value"] - 6.0) < 5 * spring["parameters"][0]["std"]
+    assert abs(spring["parameters"][0]["value"] - 6.0) < 5 * spring["parameters"][0]["standard_deviation"]
     before, after = (found["left_out_errors"][2][key] for key in ("without", "with"))
     assert after < 0.5 * before
     # What goes on from row to row was the spring.

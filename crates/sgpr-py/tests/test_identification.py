@@ -375,7 +375,7 @@ def test_a_forecast_is_the_scatter_of_what_is_identified() -> None:
         scatter = np.sqrt(torques.var(axis=0, ddof=1).mean(axis=0))
         reports = [model.report for model in short]
         said = np.mean(
-            [report.forecast["deviation"][known] for report in reports if report and report.forecast], axis=0
+            [report.forecast["standard_deviation"][known] for report in reports if report and report.forecast], axis=0
         )
         np.testing.assert_allclose(said, scatter, rtol=0.35)
     report = short[0].report

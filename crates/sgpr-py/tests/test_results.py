@@ -50,13 +50,17 @@ def test_the_schema_is_one() -> None:
     known = {f"#/$defs/{name}" for name in SCHEMA["$defs"]}
     used = set(json.dumps(SCHEMA).split('"')) & {f"#/$defs/{name}" for name in (*SCHEMA["$defs"], "nothing")}
     assert used == known, "a definition that no file uses"
+    words = {word for word in json.dumps(SCHEMA).split('"') if word.isidentifier()}
+    short = {word for word in words if {"std", "dev", "sigma", "deviation", "deviations"} & set(word.split("_"))}
+    endings = ("standard_deviation", "standard_deviations", "relative_standard_deviation_percent")
+    assert [word for word in sorted(short) if not word.endswith(endings)] == []
 
 
 @pytest.mark.parametrize("name", FILES)
 def test_a_file_is_as_published(folder: Path, name: str) -> None:
     data = json.loads((folder / f"{name}.json").read_text())
     assert faults(name, data) == []
-    assert data["schema"] == 1 and data["robot"]["joints"] == ["joint_1", "joint_2"]
+    assert data["schema"] == 2 and data["robot"]["joints"] == ["joint_1", "joint_2"]
     # A key that is not published, and one that is missing, are told.
     for change in ({**data, "new": 1}, {key: value for key, value in data.items() if key != "robot"}):
         assert len(faults(name, change)) == 1
@@ -82,4 +86,4 @@ def test_json_of_the_other_commands_has_the_same_head(folder: Path, tmp_path: Pa
         ("simulate", "two_link", log, "--out", tmp_path / "run.csv"),
     ):
         data = json.loads(run(*command, "--json").out)
-        assert data["schema"] == 1 and faults("versions", data["versions"]) == []
+        assert data["schema"] == 2 and faults("versions", data["versions"]) == []

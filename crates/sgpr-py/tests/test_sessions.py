@@ -35,7 +35,7 @@ def test_friction_that_grew_is_told_and_modelled(logs: list[sgpr.Recording]) -> 
     assert sentence.endswith(" % higher in after than in before")
     [test] = changed
     difference = test["values"][1] - test["values"][0]
-    assert abs(difference - GROWN * 5.2) < 4.0 * np.hypot(*test["std"])
+    assert abs(difference - GROWN * 5.2) < 4.0 * np.hypot(*test["standard_deviations"])
     assert test["unit"] == "N·m"
     assert test["chance"] < 1e-4
     errors = {name: sgpr.compare(found.model(name), [worn]).joints[1].rmse for name in found.names}
@@ -86,6 +86,18 @@ def test_sessions_that_cannot_be_compared(logs: list[sgpr.Recording]) -> None:
         sgpr.compare_sessions(robot, {"a": logs[:1], "b": logs[1:2]}, effects=["stribeck_friction"])
     with pytest.raises(TypeError, match="prior"):
         sgpr.compare_sessions(robot, {"a": logs[:1], "b": logs[1:2]}, prior=None)
+
+
+def test_a_torque_with_the_other_sign_is_named(logs: list[sgpr.Recording], tmp_path: Path) -> None:
+    log, turned = logs[2], tmp_path / "turned.csv"
+    sign = np.where(np.arange(log.dof) == 1, -1.0, 1.0)
+    sgpr.Recording(log.time_ns, log.q, log.dq, sign * log.tau, joint_names=log.joint_names).save(turned)
+    pairs = [f"before={DEMO_TRAIN[0]}", f"before={DEMO_TRAIN[1]}", f"after={turned}"]
+    found = run("sessions", "--robot", DEMO_ROBOT, "--logs", *pairs)
+    assert found.code == 1
+    said = " ".join(found.err.split())
+    assert "the torque of joint_2 has the other sign in `after`, where friction would drive the joint" in said
+    assert "negate it there, or leave that session out" in said
 
 
 def test_identify_tells_that_logs_are_of_several_days(logs: list[sgpr.Recording], tmp_path: Path) -> None:

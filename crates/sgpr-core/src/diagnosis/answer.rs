@@ -32,6 +32,7 @@ pub struct FoundParameter {
     /// Value.
     pub value: f64,
     /// Standard deviation; none if the logs do not determine the parameter.
+    #[serde(rename = "standard_deviation", alias = "std")]
     pub std: Option<f64>,
     /// Unit.
     pub unit: String,
@@ -90,8 +91,10 @@ pub struct JointErrors {
     /// Noise of the torque, N·m (N).
     pub noise: f64,
     /// 100 (1 - |residual| / |measured - its mean|) before, percent; none for a joint that never moves.
+    #[serde(rename = "fit_percent_before", alias = "fit_before")]
     pub fit_before: Option<f64>,
     /// The same after.
+    #[serde(rename = "fit_percent_after", alias = "fit_after")]
     pub fit_after: Option<f64>,
 }
 

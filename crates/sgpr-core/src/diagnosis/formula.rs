@@ -24,6 +24,7 @@ pub struct FormulaTerm {
     /// Factor.
     pub coefficient: f64,
     /// Its standard deviation.
+    #[serde(rename = "standard_deviation", alias = "std")]
     pub std: f64,
     /// Its unit.
     pub unit: String,

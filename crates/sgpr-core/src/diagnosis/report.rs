@@ -71,7 +71,7 @@ pub(super) fn report(
         (false, true) => Verdict::NothingMissing,
     };
     Ok(Diagnosis {
-        schema: 1,
+        schema: 2,
         verdict,
         probability_nothing_missing: decision.nothing_missing(),
         probability_unexplained: decision.unexplained(),

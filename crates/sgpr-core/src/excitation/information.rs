@@ -18,7 +18,7 @@ use crate::spatial::{PARAMETERS_PER_LINK, Vector3};
 /// Directions that one number carries: two AVX2 registers, one of AVX-512.
 const DIRECTIONS: usize = 8;
 
-type Dual = simd::Dual<f64, DIRECTIONS>;
+type DualState = simd::Dual<f64, DIRECTIONS>;
 
 /// Observation matrix of base parameters along a motion.
 #[derive(Debug)]
@@ -36,8 +36,8 @@ pub(super) struct Information<'a> {
     full: Vec<f64>,
     /// W Σ^-1/2, `[samples n, parameters]`.
     pub rows: Vec<f64>,
-    bodies: Vec<Body<Dual>>,
-    axes: Vec<[Vector3<Dual>; 2]>,
+    bodies: Vec<Body<DualState>>,
+    axes: Vec<[Vector3<DualState>; 2]>,
 }
 
 impl<'a> Information<'a> {
@@ -243,7 +243,7 @@ impl<'a> Information<'a> {
                 self.robot.chain(),
                 &mut self.bodies,
                 &mut self.axes,
-                |joint, link, block: [Dual; 10]| {
+                |joint, link, block: [DualState; 10]| {
                     for (entry, factor) in block.iter().zip(&factors[joint * n + link]) {
                         for k in 0..DIRECTIONS {
                             sum[k] += factor * entry.slope[k];
@@ -290,10 +290,10 @@ impl<'a> Information<'a> {
 }
 
 /// Puts a motion into the bodies, the variables from `first` on (q, then dq, then ddq) as directions.
-pub(super) fn set_motion(bodies: &mut [Body<Dual>], [q, dq, ddq]: [&[f64]; 3], first: usize) {
+pub(super) fn set_motion(bodies: &mut [Body<DualState>], [q, dq, ddq]: [&[f64]; 3], first: usize) {
     let n = bodies.len();
     for (joint, body) in bodies.iter_mut().enumerate() {
-        let variable = |kind: usize, value: f64| Dual::variable(value, (kind * n + joint).checked_sub(first));
+        let variable = |kind: usize, value: f64| DualState::variable(value, (kind * n + joint).checked_sub(first));
         body.q = variable(0, q[joint]);
         let (sin, cos) = q[joint].sin_cos();
         body.sin = body.q.chain(sin, cos);

@@ -11,7 +11,7 @@ use crate::identification::{BaseParameters, ParameterSet};
 use crate::linalg::dot;
 use crate::model::{Term, TorqueModel, Trajectory as Motion};
 use crate::robot::Robot;
-use crate::simulation::Noise;
+use crate::simulation::NormalNumbers;
 
 /// Columns of the observation matrix beside those that the present joint motion gives: derivatives of the torque by the
 /// parameters and constants of effects, at nominal values. A motion that makes a criterion of them small is good for
@@ -24,12 +24,12 @@ use crate::simulation::Noise;
 #[derive(Clone, Debug)]
 pub struct NominalEffects {
     model: TorqueModel,
-    columns: Vec<Column>,
+    columns: Vec<TermColumn>,
     hidden: Vec<String>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Column {
+struct TermColumn {
     term: usize,
     of: Of,
 }
@@ -120,7 +120,7 @@ impl NominalEffects {
 
     /// The nominal value of each column's parameter.
     pub fn values(&self) -> Vec<f64> {
-        let value = |column: &Column| {
+        let value = |column: &TermColumn| {
             let term = &self.model.terms()[column.term];
             match column.of {
                 Of::Coefficient(index) => term.coefficients[index],
@@ -140,7 +140,7 @@ impl NominalEffects {
         self.model.terms()
     }
 
-    fn name(&self, column: &Column) -> String {
+    fn name(&self, column: &TermColumn) -> String {
         let term = &self.model.terms()[column.term];
         let symbol = match column.of {
             Of::Coefficient(index) => term.effect.parameters()[index].symbol,
@@ -168,7 +168,7 @@ impl NominalEffects {
         let context = self.model.context(&motion, &rigid);
         let mut of_term: Option<(usize, Vec<Vec<f64>>)> = None;
         let mut out = Vec::with_capacity(self.columns.len());
-        for Column { term: index, of } in &self.columns {
+        for TermColumn { term: index, of } in &self.columns {
             let term = &self.model.terms()[*index];
             match of {
                 Of::Coefficient(parameter) => {
@@ -306,7 +306,7 @@ fn middle(constant: &Constant) -> f64 {
     }
 }
 
-fn columns_of(model: &TorqueModel) -> Vec<Column> {
+fn columns_of(model: &TorqueModel) -> Vec<TermColumn> {
     let of_term = |(term, own): (usize, &Term)| {
         let coefficients = (0..own.coefficients.len()).map(Of::Coefficient);
         let constants = own.constants.iter().zip(own.effect.constants()).enumerate();
@@ -323,7 +323,7 @@ fn columns_of(model: &TorqueModel) -> Vec<Column> {
             };
             Of::Constant(index, [(value - step).max(low), (value + step).min(high)])
         });
-        coefficients.chain(constants).map(move |of| Column { term, of }).collect::<Vec<_>>()
+        coefficients.chain(constants).map(move |of| TermColumn { term, of }).collect::<Vec<_>>()
     };
     model.terms().iter().enumerate().flat_map(of_term).collect()
 }
@@ -335,7 +335,7 @@ fn range(robot: &Robot, joint: usize) -> [f64; 2] {
 
 /// A smooth motion of all joints, wide and fast enough to show what an effect does.
 fn some_motion(robot: &Robot, duration: f64, seed: u64) -> TrajectorySamples {
-    let (n, mut noise) = (robot.dof(), Noise::new(seed));
+    let (n, mut noise) = (robot.dof(), NormalNumbers::new(seed));
     let basis = Basis::fourier(1.0 / duration, 5);
     let mut start = Vec::with_capacity(n);
     let mut coefficients = Vec::with_capacity(n * basis.len());

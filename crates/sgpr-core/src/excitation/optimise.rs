@@ -23,7 +23,7 @@ use crate::effects::Role;
 use crate::identification::{BaseParameters, Forecast, ParameterSet};
 use crate::progress::{Interrupted, Progress};
 use crate::robot::Robot;
-use crate::simulation::{Noise, Reference};
+use crate::simulation::{NormalNumbers, Reference};
 
 /// Names of the effects that a motion is to reveal beside the rigid body unless others are named.
 pub fn usual_effects() -> Vec<String> {
@@ -170,7 +170,7 @@ pub fn optimise(
     options: &ExciteOptions,
     progress: &dyn Progress,
 ) -> Result<Excitation, ExcitationError> {
-    let search = Search::new(robot, set, base, options)?;
+    let search = MotionSearch::new(robot, set, base, options)?;
     let (total, stop) = (options.starts * options.evaluations, AtomicBool::new(false));
     let (next, done, finished) = (AtomicUsize::new(0), AtomicUsize::new(0), AtomicUsize::new(0));
     let results: Mutex<Vec<SearchResult>> = Mutex::new(Vec::new());
@@ -230,7 +230,7 @@ pub fn random_motion(
     limits.require_valid(robot)?;
     require_start(robot, limits, start)?;
     let free = basis.free_directions();
-    let motion = random_variables(&mut Noise::new(seed), robot.dof(), &free, basis);
+    let motion = random_variables(&mut NormalNumbers::new(seed), robot.dof(), &free, basis);
     let motion = trajectory(basis, &free, start, &motion);
     let set = ParameterSet::new(robot, &[] as &[&str]).expect("no effects");
     let used = peaks(robot, &set, &robot.standard_parameters(), &motion).motion_utilisation(limits, start);
@@ -244,7 +244,7 @@ const WITHIN: f64 = 1.0 - 1e-9;
 const STILL: f64 = 1e-4;
 
 /// Normally distributed, every component of the motion alike in acceleration.
-fn random_variables(noise: &mut Noise, n: usize, free: &[Vec<f64>], basis: &Basis) -> Vec<f64> {
+fn random_variables(noise: &mut NormalNumbers, n: usize, free: &[Vec<f64>], basis: &Basis) -> Vec<f64> {
     let middle = 0.37 * basis.duration();
     let mut functions = [vec![0.0; basis.len()], vec![0.0; basis.len()], vec![0.0; basis.len()]];
     let [value, slope, curvature] = &mut functions;
@@ -260,7 +260,7 @@ fn random_variables(noise: &mut Noise, n: usize, free: &[Vec<f64>], basis: &Basi
     (0..n * free.len()).map(|k| noise.normal() / sizes[k % free.len()]).collect()
 }
 
-struct Search<'a> {
+struct MotionSearch<'a> {
     robot: &'a Robot,
     set: &'a ParameterSet,
     base: &'a BaseParameters,
@@ -283,7 +283,7 @@ struct SearchResult {
     history: Vec<SearchStep>,
 }
 
-impl<'a> Search<'a> {
+impl<'a> MotionSearch<'a> {
     fn new(
         robot: &'a Robot,
         set: &'a ParameterSet,
@@ -369,7 +369,8 @@ impl<'a> Search<'a> {
     /// criterion: jumps of friction can keep the other from getting anywhere.
     fn from(&self, start: usize, stop: &AtomicBool, done: &AtomicUsize) -> SearchResult {
         let mut problem = self.problem(None);
-        let mut noise = Noise::new(self.options.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(start as u64));
+        let mut noise =
+            NormalNumbers::new(self.options.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(start as u64));
         let mut draw = || {
             let x = random_variables(&mut noise, self.robot.dof(), &self.free, &self.options.basis);
             let motion = self.scaled(trajectory(&self.options.basis, &self.free, &self.start, &x), None);

@@ -59,9 +59,9 @@ pub(super) struct FormulaProgram {
 
 /// Inputs of a tape, each once.
 #[derive(Default)]
-struct Inputs(Vec<FormulaInput>);
+struct TapeInputs(Vec<FormulaInput>);
 
-impl Inputs {
+impl TapeInputs {
     fn of(&mut self, input: FormulaInput) -> Expr {
         self.0.push(input);
         Expr::input(self.0.len() - 1)
@@ -77,7 +77,7 @@ impl FormulaProgram {
         let rate_hz = options.rate_hz.unwrap_or(f64::NAN);
         let mut sampler = Sampler::<Expr>::new(&streamed, options, &terms, rate_hz);
         sampler.robot = sampler.robot.clone().with_exact_right_angles();
-        let mut inputs = Inputs::default();
+        let mut inputs = TapeInputs::default();
         let carriers = set_inputs(&mut sampler, &mut inputs, model);
         let time = if rate_hz.is_nan() { Expr::constant(f64::NAN) } else { inputs.of(FormulaInput::Time) };
         let start =
@@ -123,7 +123,7 @@ impl FormulaProgram {
 }
 
 /// Makes everything that the torque of a sample depends on an input; what each hidden state belongs to.
-fn set_inputs(sampler: &mut Sampler<Expr>, inputs: &mut Inputs, model: &TorqueModel) -> Vec<String> {
+fn set_inputs(sampler: &mut Sampler<Expr>, inputs: &mut TapeInputs, model: &TorqueModel) -> Vec<String> {
     let buffers = &mut sampler.buffers;
     let kinds = [FormulaInput::Q as fn(usize) -> FormulaInput, FormulaInput::Dq, FormulaInput::Ddq];
     for (values, kind) in buffers.motion.iter_mut().zip(kinds) {

@@ -1,6 +1,6 @@
 //! Errors that neighbours in time share, without a matrix of them.
 
-use super::minimise::{Limits, minimise};
+use super::minimise::{StoppingCriteria, minimise};
 use super::{Covariance, GpError, Shape};
 
 /// Independent errors, and errors whose covariance fades exponentially over an input such as time.
@@ -105,7 +105,7 @@ impl FadingNoise {
             (moved(STEP) - moved(-STEP)) / (2.0 * STEP)
         };
         let mut evaluate = |theta: &[f64]| Ok((cost(theta).1, vec![slope(theta, 0), slope(theta, 1)]));
-        let limits = Limits { evaluations: 40, gain: 1e-9, gradient: 1e-6 };
+        let limits = StoppingCriteria { evaluations: 40, gain: 1e-9, gradient: 1e-6 };
         let minimum = minimise(&start, &[ratios.0, lengths.0], &[ratios.1, lengths.1], limits, &mut evaluate)?;
         let (scale, _) = cost(&minimum.at);
         let relative = at(&minimum.at);

@@ -212,7 +212,7 @@ impl InducedProcess {
     /// If `x` does not hold whole points, or a value is not finite.
     pub fn predict(&self, x: &[f64], with_variance: bool) -> Result<Prediction, GpError> {
         let mut variance = vec![];
-        let mut add = |parts: VarianceParts| variance.push((parts.unseen + parts.unknown).max(0.0));
+        let mut add = |parts: InducedVariance| variance.push((parts.unseen + parts.unknown).max(0.0));
         let mean = self.predict_parts(x, if with_variance { Some(&mut add) } else { None })?;
         Ok(Prediction { mean, variance })
     }
@@ -221,7 +221,7 @@ impl InducedProcess {
     pub(super) fn predict_parts(
         &self,
         x: &[f64],
-        mut each: Option<&mut dyn FnMut(VarianceParts)>,
+        mut each: Option<&mut dyn FnMut(InducedVariance)>,
     ) -> Result<Vec<f64>, GpError> {
         require_points(x, self.inputs)?;
         let mut mean = vec![0.0; x.len() / self.inputs * self.weights.len()];
@@ -231,7 +231,7 @@ impl InducedProcess {
                 let norms = self.inverse_factors.each_ref().map(|factor| factor * cross.as_ref());
                 for k in 0..cross.ncols() {
                     let [seen, unknown] = norms.each_ref().map(|norms| norms.col(k).squared_norm_l2());
-                    each(VarianceParts { unseen: prior - seen, unknown });
+                    each(InducedVariance { unseen: prior - seen, unknown });
                 }
             }
         });
@@ -242,7 +242,7 @@ impl InducedProcess {
 }
 
 /// Variance of the signal.
-pub(super) struct VarianceParts {
+pub(super) struct InducedVariance {
     /// What the inducing points do not see.
     pub unseen: f64,
     /// What data leave unknown of the values at the inducing points.

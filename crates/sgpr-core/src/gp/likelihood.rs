@@ -2,7 +2,9 @@ use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_uppe
 use faer::{Mat, MatRef};
 
 use super::kernels::Plan;
-use super::matrix::{InverseSums, Number, Storage, assemble_and_factor, invert_in_place, likelihood_gradient, panel};
+use super::matrix::{
+    FloatNumber, InverseSums, Storage, assemble_and_factor, invert_in_place, likelihood_gradient, panel,
+};
 use super::{Compute, Covariance, Data, GpError};
 use crate::linalg::{Svd, cholesky};
 
@@ -142,7 +144,7 @@ impl<'a> Likelihood<'a> {
     }
 
     /// From L, which it overwrites, in the precision in which the matrix is; and how far K⁻¹ y is from alpha, relative.
-    fn gradient<T: Number>(&mut self, covariance: &Covariance, factored: &Factored) -> (Vec<f64>, f64) {
+    fn gradient<T: FloatNumber>(&mut self, covariance: &Covariance, factored: &Factored) -> (Vec<f64>, f64) {
         let Factored { plan, alpha, explained, .. } = factored;
         let LikelihoodMemory { matrix, panel } = &mut self.memory;
         invert_in_place::<T>(matrix.view_mut(), panel.view_mut(), self.compute.par());

@@ -22,10 +22,10 @@ const FIRST_JITTER: f64 = 1e-10;
 const LARGEST_JITTER: f64 = 1e-4;
 
 /// Double or single precision.
-pub(super) trait Number: Element + RealField + bytemuck::Pod {}
+pub(super) trait FloatNumber: Element + RealField + bytemuck::Pod {}
 
-impl Number for f64 {}
-impl Number for f32 {}
+impl FloatNumber for f64 {}
+impl FloatNumber for f32 {}
 
 /// Memory of a matrix, by columns: of doubles, or of singles in the first half of each column.
 #[derive(Clone, Debug)]
@@ -54,13 +54,13 @@ impl Storage {
         self.columns
     }
 
-    pub fn view<T: Number>(&self) -> MatRef<'_, T> {
+    pub fn view<T: FloatNumber>(&self) -> MatRef<'_, T> {
         let stride = self.stride * size_of::<f64>() / size_of::<T>();
         let numbers = bytemuck::cast_slice(&self.numbers);
         MatRef::from_column_major_slice_with_stride(numbers, self.rows, self.columns, stride)
     }
 
-    pub fn view_mut<T: Number>(&mut self) -> MatMut<'_, T> {
+    pub fn view_mut<T: FloatNumber>(&mut self) -> MatMut<'_, T> {
         let stride = self.stride * size_of::<f64>() / size_of::<T>();
         let numbers = bytemuck::cast_slice_mut(&mut self.numbers);
         MatMut::from_column_major_slice_with_stride_mut(numbers, self.rows, self.columns, stride)
@@ -152,7 +152,7 @@ pub(super) struct InverseSums {
 /// off the diagonal and half of it on the diagonal: the gradient of the log marginal likelihood (GPML eq. 5.9).
 ///
 /// The inverse is K⁻¹ - G Gᵀ with `explained` = G, if there is one, and K⁻¹ = L⁻ᵀ L⁻¹; some of its columns at a time, in `panel`.
-pub(super) fn likelihood_gradient<T: Number>(
+pub(super) fn likelihood_gradient<T: FloatNumber>(
     plan: &Plan,
     data: &Data,
     alpha: &[Vec<f64>],
@@ -199,7 +199,7 @@ pub(super) fn likelihood_gradient<T: Number>(
 }
 
 /// Adds A y for a symmetric A with this first column and zeros elsewhere.
-fn add_symmetric_product<T: Number>(column: &[T], y: &[f64], product: &mut [f64]) {
+fn add_symmetric_product<T: FloatNumber>(column: &[T], y: &[f64], product: &mut [f64]) {
     let mut sum = 0.0;
     for ((value, y_below), product) in column.iter().zip(y).zip(product.iter_mut()).skip(1) {
         let value = value.to_f64();
@@ -210,7 +210,7 @@ fn add_symmetric_product<T: Number>(column: &[T], y: &[f64], product: &mut [f64]
 }
 
 /// The first columns of L⁻ᵀ L⁻¹, of which the lower triangle counts: a sum over blocks of rows of L⁻¹.
-fn inverse_columns<T: Number>(inverse_factor: MatRef<'_, T>, mut out: MatMut<'_, T>, par: Par) {
+fn inverse_columns<T: FloatNumber>(inverse_factor: MatRef<'_, T>, mut out: MatMut<'_, T>, par: Par) {
     let one = T::from_f64(1.0);
     let (n, width) = (inverse_factor.nrows(), out.ncols());
     let top = inverse_factor.submatrix(0, 0, width, width);
@@ -240,7 +240,7 @@ struct LikelihoodGradient<'a, T> {
     columns: MatRef<'a, T>,
 }
 
-impl<T: Number> WithSimd for LikelihoodGradient<'_, T> {
+impl<T: FloatNumber> WithSimd for LikelihoodGradient<'_, T> {
     type Output = Vec<f64>;
 
     #[inline(always)]
@@ -344,7 +344,7 @@ fn block(n: usize, par: Par) -> usize {
 }
 
 /// out += factor * a b, a block of rows after the other.
-fn add_product<T: Number>(mut out: MatMut<'_, T>, a: MatRef<'_, T>, b: MatRef<'_, T>, factor: T, par: Par) {
+fn add_product<T: FloatNumber>(mut out: MatMut<'_, T>, a: MatRef<'_, T>, b: MatRef<'_, T>, factor: T, par: Par) {
     let rows = out.nrows();
     for start in (0..rows).step_by(PANEL) {
         let height = PANEL.min(rows - start);
@@ -359,7 +359,7 @@ pub(super) fn invert_factor(factor: MatRef<'_, f64>, out: MatMut<'_, f64>, par: 
 }
 
 /// The same in place of L, `panel` as for [`likelihood_gradient`]: the columns of a block of the identity by forward substitution.
-pub(super) fn invert_in_place<T: Number>(mut lower: MatMut<'_, T>, mut panel: MatMut<'_, T>, par: Par) {
+pub(super) fn invert_in_place<T: FloatNumber>(mut lower: MatMut<'_, T>, mut panel: MatMut<'_, T>, par: Par) {
     let n = lower.nrows();
     for start in (0..n).step_by(PANEL) {
         let width = PANEL.min(n - start);
@@ -394,7 +394,7 @@ pub(super) fn inverse_diagonal(lower: MatRef<'_, f64>, par: Par) -> Vec<f64> {
 }
 
 /// L⁻¹ times `columns`, in place.
-fn substitute<T: Number>(lower: MatRef<'_, T>, columns: MatMut<'_, T>, par: Par) {
+fn substitute<T: FloatNumber>(lower: MatRef<'_, T>, columns: MatMut<'_, T>, par: Par) {
     if matches!(par, Par::Seq) {
         substitute_here(lower, columns);
     } else {
@@ -404,7 +404,7 @@ fn substitute<T: Number>(lower: MatRef<'_, T>, columns: MatMut<'_, T>, par: Par)
 }
 
 /// The same on one thread.
-fn substitute_here<T: Number>(lower: MatRef<'_, T>, mut columns: MatMut<'_, T>) {
+fn substitute_here<T: FloatNumber>(lower: MatRef<'_, T>, mut columns: MatMut<'_, T>) {
     let n = lower.nrows();
     for start in (0..n).step_by(PANEL) {
         let height = PANEL.min(n - start);

@@ -33,7 +33,7 @@ pub(crate) struct Minimum {
 
 /// When a minimisation ends.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Limits {
+pub(crate) struct StoppingCriteria {
     pub evaluations: usize,
     /// Gain of a step, relative to the value, below which there is no use in going on.
     pub gain: f64,
@@ -56,13 +56,13 @@ pub(crate) fn minimise(
     start: &[f64],
     lower: &[f64],
     upper: &[f64],
-    limits: Limits,
+    limits: StoppingCriteria,
     evaluate: &mut Evaluate<'_>,
 ) -> Result<Minimum, GpError> {
     let start: Vec<f64> = start.iter().zip(lower.iter().zip(upper)).map(|(x, (l, u))| x.clamp(*l, *u)).collect();
-    let state = RefCell::new(State { evaluate, best: None, evaluations: 0, ended: None });
+    let state = RefCell::new(MinimiserState { evaluate, best: None, evaluations: 0, ended: None });
     let objective =
-        Objective { lower: lower.to_vec(), upper: upper.to_vec(), limit: limits.evaluations, state: &state };
+        BoundedFunction { lower: lower.to_vec(), upper: upper.to_vec(), limit: limits.evaluations, state: &state };
     let solver = Lbfgs::new()
         .with_relative_cost_reduction_tolerance(limits.gain)
         .with_absolute_projected_gradient_tolerance(limits.gradient);
@@ -75,7 +75,7 @@ pub(crate) fn minimise(
         Err(_) => SearchStatus::NoProgress,
     };
     drop(outcome);
-    let State { best, evaluations, ended, .. } = state.into_inner();
+    let MinimiserState { best, evaluations, ended, .. } = state.into_inner();
     let status = match &ended {
         Some(GpError::Interrupted(_)) => SearchStatus::Stopped,
         Some(_) => SearchStatus::NoProgress,
@@ -89,14 +89,14 @@ pub(crate) fn minimise(
     }
 }
 
-struct Objective<'s, 'a, 'b> {
+struct BoundedFunction<'s, 'a, 'b> {
     lower: Vec<f64>,
     upper: Vec<f64>,
     limit: usize,
-    state: &'s RefCell<State<'a, 'b>>,
+    state: &'s RefCell<MinimiserState<'a, 'b>>,
 }
 
-struct State<'a, 'b> {
+struct MinimiserState<'a, 'b> {
     evaluate: &'a mut Evaluate<'b>,
     best: Option<(f64, Vec<f64>)>,
     evaluations: usize,
@@ -107,7 +107,7 @@ struct State<'a, 'b> {
 #[derive(Debug)]
 struct Ended;
 
-impl Constraints for Objective<'_, '_, '_> {
+impl Constraints for BoundedFunction<'_, '_, '_> {
     type Set = ConstraintSet<BoxBounds<Vec<f64>>>;
 
     fn constraints(&self) -> <Self::Set as ConstraintDescription>::Borrowed<'_> {
@@ -115,7 +115,7 @@ impl Constraints for Objective<'_, '_, '_> {
     }
 }
 
-impl CostFunction for Objective<'_, '_, '_> {
+impl CostFunction for BoundedFunction<'_, '_, '_> {
     type Param = Vec<f64>;
     type Output = f64;
     type Error = Ended;
@@ -125,7 +125,7 @@ impl CostFunction for Objective<'_, '_, '_> {
     }
 }
 
-impl Gradient for Objective<'_, '_, '_> {
+impl Gradient for BoundedFunction<'_, '_, '_> {
     type Gradient = Vec<f64>;
 
     fn gradient(&self, x: &Vec<f64>) -> Result<Vec<f64>, Ended> {
@@ -172,7 +172,7 @@ mod tests {
         (a * a + 100.0 * b * b, vec![-2.0 * a - 400.0 * b * x[0], 200.0 * b])
     }
 
-    const LIMITS: Limits = Limits { evaluations: 200, gain: 1e-15, gradient: 1e-9 };
+    const LIMITS: StoppingCriteria = StoppingCriteria { evaluations: 200, gain: 1e-15, gradient: 1e-9 };
 
     #[test]
     fn finds_a_minimum_inside_and_on_a_bound() {
@@ -197,7 +197,7 @@ mod tests {
         };
         let stopped = minimise(&[-1.2, 1.0], &[-5.0; 2], &[5.0; 2], LIMITS, &mut stopping).expect("seven points");
         assert_eq!((stopped.status, stopped.value), (SearchStatus::Stopped, best));
-        let few = Limits { evaluations: 5, ..LIMITS };
+        let few = StoppingCriteria { evaluations: 5, ..LIMITS };
         let few = minimise(&[-1.2, 1.0], &[-5.0; 2], &[5.0; 2], few, &mut |x| Ok(rosenbrock(x))).expect("five");
         assert_eq!((few.status, few.evaluations), (SearchStatus::EvaluationLimit, 5));
         let none = minimise(&[0.0; 2], &[-5.0; 2], &[5.0; 2], LIMITS, &mut |_| Err(Interrupted.into()));

@@ -1,7 +1,7 @@
 use faer::Mat;
 use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
 use sgpr_predict::gp::{GpPredictor, Precision};
-use sgpr_predict::internal::{Parts, Rows, VarianceParts};
+use sgpr_predict::internal::{Parts, VarianceParts, WeightRows};
 
 use super::exact::Prediction;
 use super::kernels::{Grid, Plan};
@@ -70,7 +70,7 @@ impl GaussianProcess {
         let at = |i, j| matrix.as_ref().map_or(0.0, |matrix: &Mat<f64>| matrix[(i, j)]);
         let rows = |matrix: &Mat<f64>| matrix.nrows();
         let subtracted =
-            matrix.as_ref().map(rows).map(|rows| Rows { at: &at, rows, columns: n, triangle: leading.is_none() });
+            matrix.as_ref().map(rows).map(|rows| WeightRows { at: &at, rows, columns: n, triangle: leading.is_none() });
         let variance = subtracted.map(|subtracted| VarianceParts { subtracted, added: None });
         let parts = Parts {
             variance,
@@ -99,7 +99,7 @@ impl InducedProcess {
         let [prior, data] = &self.inverse_factors;
         let m = prior.nrows();
         let (of_prior, of_data) = (|i, j| prior[(i, j)], |i, j| data[(i, j)]);
-        let triangle = |at| Rows { at, rows: m, columns: m, triangle: true };
+        let triangle = |at| WeightRows { at, rows: m, columns: m, triangle: true };
         let variance = (options.variance_rank != Some(0))
             .then(|| VarianceParts { subtracted: triangle(&of_prior), added: Some(triangle(&of_data)) });
         let parts = Parts {
@@ -116,10 +116,10 @@ impl InducedProcess {
 }
 
 /// What a process predicts at some points, with standard deviations or without.
-type Process<'a> = dyn Fn(&[f64], bool) -> Result<Prediction, GpError> + 'a;
+type PredictedProcess<'a> = dyn Fn(&[f64], bool) -> Result<Prediction, GpError> + 'a;
 
 /// Measures the differences of a predictor to its process at points of the data.
-fn measure(predictor: &mut GpPredictor, x: &[f64], options: PredictorOptions, process: &Process<'_>) {
+fn measure(predictor: &mut GpPredictor, x: &[f64], options: PredictorOptions, process: &PredictedProcess<'_>) {
     predictor.measure(x, options.variance_rank != Some(0), &|x, with_variance| {
         let Prediction { mean, variance } = process(x, with_variance).expect("points of the data");
         (mean, variance)

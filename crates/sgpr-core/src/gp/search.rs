@@ -1,7 +1,7 @@
 use faer::MatRef;
 
 use super::kernels::spreads;
-use super::minimise::{Limits, Minimum, SearchStatus, minimise};
+use super::minimise::{Minimum, SearchStatus, StoppingCriteria, minimise};
 use super::{Compute, Covariance, Data, GpError, Kernel, Likelihood};
 use crate::progress::{Interrupted, Progress};
 use crate::random::Random;
@@ -99,7 +99,7 @@ pub fn search(
     start.validate(data.inputs())?;
     compute.check(data.len(), 1)?;
     let bounds = options.bounds_for(data, start)?;
-    let mut run = Run { start, options, compute, progress, bounds: &bounds, jitter: 0.0, stopped: false };
+    let mut run = SearchRun { start, options, compute, progress, bounds: &bounds, jitter: 0.0, stopped: false };
     let SubsetSearch { best, starts, evaluations: evaluations_on_subset } = run.on_subset(data)?;
     let minimum = run.search(data, &options.terms, &best, "hyperparameters")?;
     let covariance = start.with_theta(&minimum.at);
@@ -125,7 +125,7 @@ pub(super) fn at_bounds(covariance: &Covariance, bounds: &[(f64, f64)]) -> Vec<S
 }
 
 /// A search under way.
-pub(super) struct Run<'a> {
+pub(super) struct SearchRun<'a> {
     pub start: &'a Covariance,
     pub options: &'a SearchOptions,
     pub compute: &'a Compute,
@@ -143,7 +143,7 @@ pub(super) struct SubsetSearch {
     pub evaluations: usize,
 }
 
-impl Run<'_> {
+impl SearchRun<'_> {
     /// Tries all starts on a random subset of the points, unless there is but one start and few points.
     pub fn on_subset(&mut self, data: &Data) -> Result<SubsetSearch, GpError> {
         let Self { options, start, .. } = *self;
@@ -194,7 +194,7 @@ impl Run<'_> {
         };
         let (lower, upper): (Vec<f64>, Vec<f64>) = self.bounds.iter().copied().unzip();
         // The gradient grows with the number of points.
-        let limits = Limits {
+        let limits = StoppingCriteria {
             evaluations: self.options.evaluations,
             gain: self.options.gain,
             gradient: 1e-5 * (data.len() as f64).sqrt(),

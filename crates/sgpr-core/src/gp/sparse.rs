@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::exact::Prediction;
 use super::induced::{
-    CHUNK, Evidence, InducedPosterior, InducedProcess, JITTER, VarianceParts, cross_covariances, mirror, outputs_of,
+    CHUNK, Evidence, InducedPosterior, InducedProcess, InducedVariance, JITTER, cross_covariances, mirror, outputs_of,
     plan,
 };
 use super::kernels::{Features, Plan, TILE};
@@ -346,7 +346,7 @@ impl SparseGaussianProcess {
         let mut parts = Vec::with_capacity(data.len());
         let mean = self.process.predict_parts(data.x(), Some(&mut |point| parts.push(point)))?;
         // Rounding may leave a point that is seen by itself alone nothing.
-        let left = |point: &VarianceParts| (1.0 - point.unknown / noise).max(1e-9);
+        let left = |point: &InducedVariance| (1.0 - point.unknown / noise).max(1e-9);
         let variance = parts.iter().map(|point| noise + point.unseen.max(0.0) + point.unknown / left(point)).collect();
         let errors = data.y().iter().zip(&mean).enumerate();
         let errors: Vec<f64> = errors.map(|(k, (y, mean))| (y - mean) / left(&parts[k / data.outputs()])).collect();

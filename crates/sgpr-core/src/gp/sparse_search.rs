@@ -1,5 +1,5 @@
-use super::minimise::{Limits, SearchStatus, minimise};
-use super::search::{Run, SubsetSearch, at_bounds, log_prior};
+use super::minimise::{SearchStatus, StoppingCriteria, minimise};
+use super::search::{SearchRun, SubsetSearch, at_bounds, log_prior};
 use super::subset::informative_points;
 use super::{Compute, Covariance, Data, GpError, SearchOptions, SparseBound, SparseGaussianProcess};
 use crate::progress::{Interrupted, Progress};
@@ -72,7 +72,8 @@ pub fn search_sparse(
         evaluations: options.search.evaluations.max(SearchOptions::default().evaluations),
         ..options.search.clone()
     };
-    let run = Run { start, options: &on_subsets, compute, progress, bounds: &bounds, jitter: 0.0, stopped: false };
+    let run =
+        SearchRun { start, options: &on_subsets, compute, progress, bounds: &bounds, jitter: 0.0, stopped: false };
     let OnSubsets { best, evaluations: evaluations_on_subset, stopped } = search_subsets(run, data, options.inducing)?;
     let chosen = informative_points(&start.with_theta(&best).signal, data.x(), data.inputs(), options.inducing);
     let unknowns = Unknowns {
@@ -88,8 +89,11 @@ pub fn search_sparse(
     // The search works on the bound per point: its first step is along the gradient, and as long, and that of a million
     // points would end in a corner of the bounds.
     let points = data.len() as f64;
-    let limits =
-        Limits { evaluations: options.search.evaluations, gain: options.search.gain, gradient: 1e-5 / points.sqrt() };
+    let limits = StoppingCriteria {
+        evaluations: options.search.evaluations,
+        gain: options.search.gain,
+        gradient: 1e-5 / points.sqrt(),
+    };
     let mut done = 0;
     let mut evaluate = |at: &[f64]| {
         if done > 0 {
@@ -133,7 +137,7 @@ struct OnSubsets {
 }
 
 /// Searches a small subset from all starts, then a larger one, whose evaluations cost what those on all points do.
-fn search_subsets(mut run: Run<'_>, data: &Data, inducing: usize) -> Result<OnSubsets, GpError> {
+fn search_subsets(mut run: SearchRun<'_>, data: &Data, inducing: usize) -> Result<OnSubsets, GpError> {
     let SubsetSearch { mut best, mut evaluations, .. } = run.on_subset(data)?;
     let inducing = inducing as f64;
     let affordable = ((3.0 * data.len() as f64 * inducing * inducing).cbrt() as usize).min(LARGEST_SUBSET);

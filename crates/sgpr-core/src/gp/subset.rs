@@ -91,7 +91,7 @@ pub fn spread_points(kernel: &Kernel, x: &[f64], inputs: usize, count: usize) ->
     let mut chosen = Vec::new();
     let mut next = 0;
     while chosen.len() < count {
-        let similarity = Arch::new().dispatch(Row { plan: &plan, features: &features, point: next });
+        let similarity = Arch::new().dispatch(CovarianceRow { plan: &plan, features: &features, point: next });
         let variance = plan.variance() as f32;
         for (unlike, k) in unlike.iter_mut().zip(similarity) {
             *unlike = unlike.min(f64::from(variance - k));
@@ -114,17 +114,17 @@ fn largest_of(values: &[f64]) -> (usize, f64) {
 }
 
 fn covariances(plan: &Plan, features: &Features<f64>, point: usize) -> Vec<f64> {
-    Arch::new().dispatch(Row { plan, features, point })
+    Arch::new().dispatch(CovarianceRow { plan, features, point })
 }
 
 /// Covariances of a point with all points.
-struct Row<'a, T> {
+struct CovarianceRow<'a, T> {
     plan: &'a Plan,
     features: &'a Features<T>,
     point: usize,
 }
 
-impl<T: super::kernels::Element> WithSimd for Row<'_, T> {
+impl<T: super::kernels::Element> WithSimd for CovarianceRow<'_, T> {
     type Output = Vec<T>;
 
     #[inline(always)]

@@ -80,7 +80,7 @@ impl ClosedLoop<'_> {
         let count = self.reference.count(n);
         assert_eq!((parameters.len(), q.len(), dq.len()), (set.len(), n, n), "parameters and state of this robot");
         assert_eq!((self.kp.len(), self.kd.len()), (n, n), "gains of every joint");
-        let mut arm = Arm::new(robot, set, parameters);
+        let mut arm = ControlledArm::new(robot, set, parameters);
         if set.sticks() {
             arm.widths = self.widths_at_rest(robot, set, parameters);
         }
@@ -129,7 +129,7 @@ impl ClosedLoop<'_> {
     fn widths_at_rest(&self, robot: &Robot, set: &ParameterSet, parameters: &[f64]) -> Vec<f64> {
         let n = robot.dof();
         let count = self.reference.count(n);
-        let mut arm = Arm::new(robot, set, parameters);
+        let mut arm = ControlledArm::new(robot, set, parameters);
         let mut widths = vec![0.0f64; n];
         let (mut forwards, mut backwards) = (vec![0.0; n], vec![0.0; n]);
         let (mut still, mut pushed) = (vec![0.0; n], vec![0.0; n]);
@@ -159,7 +159,7 @@ impl ClosedLoop<'_> {
     }
 
     /// Derivative of the state [q, dq, share of its friction that the spring of each joint holds] at a time in samples.
-    fn slope(&self, arm: &mut Arm<'_>, time: f64, state: &[f64], out: &mut [f64]) {
+    fn slope(&self, arm: &mut ControlledArm<'_>, time: f64, state: &[f64], out: &mut [f64]) {
         let n = self.kp.len();
         let [q, dq, held] = [0, 1, 2].map(|part| &state[part * n..(part + 1) * n]);
         let last = self.reference.q.len() / n - 1;
@@ -204,7 +204,7 @@ fn speed_or_friction(speed: f64, held: f64, width: f64) -> f64 {
     if share.abs() < 1.0 { share * BARELY_MOVING } else { speed.abs().max(BARELY_MOVING).copysign(share) }
 }
 
-struct Arm<'a> {
+struct ControlledArm<'a> {
     robot: Robot,
     ws: Workspace,
     set: &'a ParameterSet,
@@ -220,7 +220,7 @@ struct Arm<'a> {
     widths: Vec<f64>,
 }
 
-impl<'a> Arm<'a> {
+impl<'a> ControlledArm<'a> {
     fn new(robot: &Robot, set: &'a ParameterSet, parameters: &'a [f64]) -> Self {
         let n = robot.dof();
         Self {

@@ -18,14 +18,14 @@ pub struct Regrouping {
     /// The parameter that goes, an index into [`STANDARD_PARAMETER_NAMES`].
     pub source: usize,
     /// What the parameters of the link before gain for each unit of it.
-    pub before: Vec<Gain>,
+    pub before: Vec<RegroupingFactor>,
     /// What its own link's parameters gain.
-    pub own: Vec<Gain>,
+    pub own: Vec<RegroupingFactor>,
 }
 
 /// A factor on a parameter.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Gain {
+pub struct RegroupingFactor {
     /// The parameter that gains, an index into [`STANDARD_PARAMETER_NAMES`].
     pub parameter: usize,
     /// The factor as a formula: `2 r cos(alpha)`.
@@ -47,10 +47,10 @@ pub struct Gain {
 /// ```
 pub fn regroupings(row: &DhRow) -> Vec<Regrouping> {
     let values = [row.a, row.d, row.alpha.sin(), row.alpha.cos(), row.theta.sin(), row.theta.cos()];
-    let gains = |terms: &[(usize, Polynomial)]| -> Vec<Gain> {
+    let gains = |terms: &[(usize, Polynomial)]| -> Vec<RegroupingFactor> {
         terms
             .iter()
-            .map(|(parameter, factor)| Gain {
+            .map(|(parameter, factor)| RegroupingFactor {
                 parameter: *parameter,
                 formula: formula(factor),
                 value: factor.iter().map(|monomial| value(monomial, &values)).sum(),
@@ -75,7 +75,7 @@ pub fn regroupings(row: &DhRow) -> Vec<Regrouping> {
 impl fmt::Display for Regrouping {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let gain = |link: &'static str| {
-            move |gain: &Gain| {
+            move |gain: &RegroupingFactor| {
                 let sign = if gain.formula.starts_with('-') { "" } else { "+ " };
                 let formula =
                     gain.formula.strip_prefix('-').map_or_else(|| gain.formula.clone(), |rest| format!("- {rest}"));

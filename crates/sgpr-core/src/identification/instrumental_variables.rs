@@ -16,7 +16,7 @@ use super::{Equations, Estimate, IdentificationError, JointFactor, Trajectory, o
 use crate::linalg::solve_general;
 
 /// Sums over the rows of a factor.
-struct Products {
+struct InstrumentProducts {
     /// Zᵀ W, `[columns, columns]`.
     with_rows: Mat<f64>,
     /// Zᵀ residual, `[columns]`.
@@ -42,7 +42,8 @@ pub(super) fn estimate(
     let mut values = nominal.to_vec();
     let mut projected = Mat::<f64>::zeros(0, 0);
     for _ in 0..2 {
-        let mut products: Vec<Products> = factors.iter().map(|factor| Products::new(factor.columns.len())).collect();
+        let mut products: Vec<InstrumentProducts> =
+            factors.iter().map(|factor| InstrumentProducts::new(factor.columns.len())).collect();
         equations.for_each_with_instruments(|equation, instrument| {
             if let Some(index) = group.index(&equation) {
                 products[index].add(equation.row, instrument, equation.residual(&values));
@@ -97,7 +98,7 @@ fn simulated(
     estimate(&mut Equations::new(robot, set, base, trajectories.collect()), factors, start, nominal)
 }
 
-impl Products {
+impl InstrumentProducts {
     fn new(columns: usize) -> Self {
         Self { with_rows: Mat::zeros(columns, columns), with_residual: vec![0.0; columns] }
     }

@@ -112,7 +112,7 @@ pub struct Estimate {
     /// Root mean square of the torque residual per factor, N·m (N).
     pub noise: Vec<f64>,
     /// What the motion excited.
-    pub excitation: Excitation,
+    pub excitation: ParameterExcitation,
     /// Triangular factor of [W tau] weighted as in this estimate, in units of its noise (memory of the noise included),
     /// `[rank + 1, rank + 1]`: all that the data say about the parameters.
     pub whitened: Mat<f64>,
@@ -149,7 +149,7 @@ impl Estimate {
 
 /// How well the motion excites the base parameters.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Excitation {
+pub struct ParameterExcitation {
     /// Singular values of W, largest first.
     pub singular_values: Vec<f64>,
     /// cond(W), the ratio of the largest and smallest singular value (thesis eq. 3-10); infinite if one is zero.
@@ -218,7 +218,7 @@ impl LeastSquares {
         }
         let ignored = |weight: f64, used: &bool| if *used { weight } else { f64::INFINITY };
         let ones: Vec<f64> = used.iter().map(|used| ignored(1.0, used)).collect();
-        let excitation = Excitation::of(&stack(factors, unknowns, &ones));
+        let excitation = ParameterExcitation::of(&stack(factors, unknowns, &ones));
         let freedom = degrees_of_freedom(factors, unknowns);
         let residual = |weights: &[f64]| {
             let system = stack(factors, unknowns, weights);
@@ -578,7 +578,7 @@ impl Scaled {
     }
 }
 
-impl Excitation {
+impl ParameterExcitation {
     pub(super) fn of(triangle: &Mat<f64>) -> Self {
         let unknowns = triangle.ncols() - 1;
         let singular_values = Svd::new(triangle.as_ref().submatrix(0, 0, unknowns, unknowns)).values;

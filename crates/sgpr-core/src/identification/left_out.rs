@@ -15,7 +15,7 @@ pub struct LeftOut<'a> {
     parts: &'a [Vec<JointFactor>],
     /// Noise level of the rows of each factor, N·m (N); infinite for those that are left out.
     levels: Vec<Vec<f64>>,
-    normal: Vec<Normal>,
+    normal: Vec<PartEquations>,
     /// Number of base parameters.
     rank: usize,
 }
@@ -35,7 +35,7 @@ impl<'a> LeftOut<'a> {
     pub fn new(parts: &'a [Vec<JointFactor>], level: impl Fn(&JointFactor) -> f64, rank: usize) -> Self {
         let levels: Vec<Vec<f64>> = parts.iter().map(|part| part.iter().map(&level).collect()).collect();
         let pairs = parts.iter().zip(&levels);
-        let normal = pairs.map(|(part, levels)| Normal::of(part, levels, rank)).collect();
+        let normal = pairs.map(|(part, levels)| PartEquations::of(part, levels, rank)).collect();
         Self { parts, levels, normal, rank }
     }
 
@@ -69,14 +69,14 @@ impl<'a> LeftOut<'a> {
         let rank = prior.mean().len();
         let p = rows.as_ref().subcols(0, rank);
         let information = p.transpose() * p;
-        let mut data = Normal { information: Mat::zeros(rank, rank), projection: Mat::zeros(rank, 1) };
+        let mut data = PartEquations { information: Mat::zeros(rank, rank), projection: Mat::zeros(rank, 1) };
         let others = self.normal.iter().enumerate().filter(|(part, _)| !left_out(*part));
         others.for_each(|(_, part)| data.add(part));
         let mut center = prior.mean().to_vec();
         let mut solution = None;
         for _ in 0..PULLS {
             let mean = Mat::from_fn(rank, 1, |k, _| center[k]);
-            let mut all = Normal { information: information.clone(), projection: &information * mean };
+            let mut all = PartEquations { information: information.clone(), projection: &information * mean };
             all.add(&data);
             let found = all.solution(prior)?;
             center.clone_from(&found.values);
@@ -267,12 +267,12 @@ impl NormalSolution {
 
 /// Normal equations.
 #[derive(Clone, Debug)]
-struct Normal {
+struct PartEquations {
     information: Mat<f64>,
     projection: Mat<f64>,
 }
 
-impl Normal {
+impl PartEquations {
     fn of(factors: &[JointFactor], levels: &[f64], rank: usize) -> Self {
         let weights: Vec<f64> = levels.iter().map(|level| level.powi(-2)).collect();
         let used: Vec<bool> = weights.iter().map(|weight| *weight > 0.0).collect();

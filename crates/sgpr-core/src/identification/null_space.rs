@@ -32,8 +32,8 @@ const TOLERANCE: f64 = 1e-6;
 /// A rotor adds to the square of its joint's speed, a constant offset to what gravity does at its joint; other effects are
 /// functions of their own joint's motion and get a row each.
 pub(super) fn identifiable_rows(robot: &Robot, set: &ParameterSet) -> Vec<Vec<f64>> {
-    let base = Reach { potential: potential(robot.gravity()), ..Reach::default() };
-    let mut reached: Vec<Reach> = Vec::new();
+    let base = LinkReach { potential: potential(robot.gravity()), ..LinkReach::default() };
+    let mut reached: Vec<LinkReach> = Vec::new();
     let mut rows = Vec::new();
     for (index, joint) in robot.joints().iter().enumerate() {
         let before = joint.parent.map_or(&base, |parent| &reached[parent]);
@@ -76,7 +76,7 @@ pub(super) fn identifiable_rows(robot: &Robot, set: &ParameterSet) -> Vec<Vec<f6
         let mut all = energies;
         crossed.into_iter().chain([square]).for_each(|energy| all.add(energy));
         velocities.add(own);
-        reached.push(Reach { velocities, energies: all, potential, shifts });
+        reached.push(LinkReach { velocities, energies: all, potential, shifts });
     }
     for (offset, column) in set.effect_columns().iter().enumerate() {
         if ![ROTOR, OFFSET].map(Some).contains(&set.effects()[column.effect].role()) {
@@ -93,7 +93,7 @@ const OFFSET: Role = Role::Offset;
 
 /// What the motion of all joints up to a link can reach there.
 #[derive(Clone, Debug, Default)]
-struct Reach {
+struct LinkReach {
     velocities: Span<6>,
     /// Vectors of kinetic energy.
     energies: Span<PARAMETERS_PER_LINK>,

@@ -83,6 +83,7 @@ pub enum Row {
 
 /// R of the rows of one joint: RᵀR = [W tau]ᵀ[W tau].
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct JointFactor {
     /// Joint.
     pub joint: usize,
@@ -124,7 +125,7 @@ fn reduced(group: &[&JointFactor]) -> JointFactor {
 
 /// Which base parameters stand in the rows of a joint, and where.
 #[derive(Clone, Debug)]
-struct Layout {
+struct RowLayout {
     columns: Vec<usize>,
     /// Per link: (parameter of the link, position in the row).
     of_link: Vec<Vec<(usize, usize)>>,
@@ -134,7 +135,7 @@ struct Layout {
     of_trajectory: Vec<(usize, usize)>,
 }
 
-impl Layout {
+impl RowLayout {
     fn new(joint: usize, robot: &Robot, set: &ParameterSet, base: &BaseParameters) -> Self {
         let effects = set.effect_parameters_of(joint);
         let mut layout =
@@ -195,7 +196,7 @@ impl<'a> Observation<'a> {
     /// The same, which keeps the rows that are added if they are few enough ([`Self::kept`]).
     pub(crate) fn keeping_rows(mut self) -> Self {
         let layouts = self.source.layouts.iter();
-        let joint = |layout: &Layout| JointRows { columns: layout.columns.clone(), rows: vec![], of: vec![] };
+        let joint = |layout: &RowLayout| JointRows { columns: layout.columns.clone(), rows: vec![], of: vec![] };
         self.kept = Some(KeptRows { joints: layouts.map(joint).collect() });
         self
     }
@@ -261,7 +262,7 @@ impl<'a> Observation<'a> {
             let joints = self.source.layouts.iter().zip(factors).enumerate();
             joints.map(move |(joint, (layout, factors))| (joint, layout, &factors[usize::from(resting)], resting))
         };
-        let factor = |(joint, layout, factor, resting): (usize, &Layout, &TriangularFactor, bool)| JointFactor {
+        let factor = |(joint, layout, factor, resting): (usize, &RowLayout, &TriangularFactor, bool)| JointFactor {
             joint,
             resting,
             columns: layout.columns.clone(),
@@ -547,7 +548,7 @@ impl<'a> Equations<'a> {
 struct RowSource<'a> {
     robot: &'a Robot,
     set: &'a ParameterSet,
-    layouts: Vec<Layout>,
+    layouts: Vec<RowLayout>,
     /// One per thread.
     workspaces: Vec<BatchWorkspace>,
     /// Rows of each joint in the present piece of a trajectory, `[samples, columns + 1]`, the torque last.
@@ -559,7 +560,7 @@ struct Piece<'a> {
     samples: Range<usize>,
     /// Samples before them in the buffers.
     before: usize,
-    layouts: &'a [Layout],
+    layouts: &'a [RowLayout],
     buffers: &'a [Vec<f64>],
 }
 
@@ -577,7 +578,7 @@ impl Piece<'_> {
 
 impl<'a> RowSource<'a> {
     fn new(robot: &'a Robot, set: &'a ParameterSet, base: &BaseParameters) -> Self {
-        let layouts: Vec<_> = (0..robot.dof()).map(|joint| Layout::new(joint, robot, set, base)).collect();
+        let layouts: Vec<_> = (0..robot.dof()).map(|joint| RowLayout::new(joint, robot, set, base)).collect();
         crate::threads::prepare();
         let workspaces = (0..rayon::current_num_threads()).map(|_| BatchWorkspace::new(robot)).collect();
         Self { robot, set, rows: vec![Vec::new(); layouts.len()], layouts, workspaces }
@@ -658,7 +659,7 @@ impl<'a> RowSource<'a> {
 fn fill_rows(
     robot: &Robot,
     set: &ParameterSet,
-    layouts: &[Layout],
+    layouts: &[RowLayout],
     trajectory: &Trajectory<'_>,
     range: Range<usize>,
     (ws, rows): (&mut BatchWorkspace, &mut [&mut [f64]]),

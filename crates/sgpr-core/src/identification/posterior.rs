@@ -3,8 +3,8 @@
 use faer::Mat;
 
 use super::least_squares::{
-    Excitation, MOST_ITERATIONS, SAME_WEIGHTS, floored, least_noise, residual_noise, stack, triangular_solution,
-    unit_noise,
+    MOST_ITERATIONS, ParameterExcitation, SAME_WEIGHTS, floored, least_noise, residual_noise, stack,
+    triangular_solution, unit_noise,
 };
 use super::prior::{ParameterPrior, Posterior, non_negative, refused};
 use super::{Equations, Estimate, IdentificationError, JointFactor, LeastSquares, Method, estimate};
@@ -176,7 +176,7 @@ impl LeastSquares {
             if settled {
                 let noise = residual_noise(factors, &posterior.values, &now.freedom);
                 let covariance = posterior.covariance(&of_estimate(&data, &now.covariance));
-                let Start { weights, excitation, iterations, .. } = now;
+                let WeightStart { weights, excitation, iterations, .. } = now;
                 let estimate = Estimate {
                     values: posterior.values,
                     covariance,
@@ -197,7 +197,7 @@ impl LeastSquares {
 
     /// Where the iteration begins: with least squares where that is well determined, else with what the expected parameters
     /// leave over.
-    fn start(&self, factors: &[JointFactor], prior: &ParameterPrior) -> Result<Start, IdentificationError> {
+    fn start(&self, factors: &[JointFactor], prior: &ParameterPrior) -> Result<WeightStart, IdentificationError> {
         let unknowns = prior.mean().len();
         let used: Vec<bool> = factors.iter().map(|factor| self.uses(factor)).collect();
         let rows = |(factor, used): (&JointFactor, &bool)| if *used { factor.rows } else { 0 };
@@ -210,14 +210,14 @@ impl LeastSquares {
             let Estimate { values, covariance, weights, noise, excitation, iterations, .. } =
                 self.solve_unknowns(factors, prior.mean())?;
             let freedom = super::least_squares::degrees_of_freedom(factors, values.len());
-            return Ok(Start { weights, noise, freedom, covariance, excitation, iterations, few });
+            return Ok(WeightStart { weights, noise, freedom, covariance, excitation, iterations, few });
         }
         let freedom: Vec<f64> = factors.iter().map(|factor| factor.rows as f64).collect();
         let noise = residual_noise(factors, prior.mean(), &freedom);
         let floors = floored(&noise, factors, &vec![0.0; factors.len()]);
         let ignored = |weight: f64, used: bool| if used { weight } else { f64::INFINITY };
         let ones: Vec<f64> = used.iter().map(|used| ignored(1.0, *used)).collect();
-        let excitation = Excitation::of(&stack(factors, unknowns, &ones));
+        let excitation = ParameterExcitation::of(&stack(factors, unknowns, &ones));
         let weights = match &self.method {
             Method::Ols => ones,
             Method::WlsKnown(known) => {
@@ -229,7 +229,7 @@ impl LeastSquares {
             _ => floors.iter().zip(&used).map(|(noise, used)| ignored(*noise, *used)).collect(),
         };
         let covariance = Mat::from_fn(unknowns, unknowns, |_, _| f64::INFINITY);
-        Ok(Start { weights, noise, freedom, covariance, excitation, iterations: 0, few })
+        Ok(WeightStart { weights, noise, freedom, covariance, excitation, iterations: 0, few })
     }
 
     /// Whether parameters could follow the rows, of all factors or of a joint in motion.
@@ -245,20 +245,20 @@ impl LeastSquares {
     }
 }
 
-struct Start {
+struct WeightStart {
     /// Noise level by which the rows of each factor are divided, infinite for those left out.
     weights: Vec<f64>,
     noise: Vec<f64>,
     freedom: Vec<f64>,
     /// Of least squares, not finite where it does not know.
     covariance: Mat<f64>,
-    excitation: Excitation,
+    excitation: ParameterExcitation,
     iterations: usize,
     /// Whether the parameters could follow the rows of a factor.
     few: bool,
 }
 
-impl Start {
+impl WeightStart {
     /// Noise of each factor with its memory counted; infinite for those left out. Rows at rest that
     /// least squares follows, fewer than their columns, have the noise that it weighed them by.
     fn levels(&self, factors: &[JointFactor], inflation: &[f64]) -> Vec<f64> {

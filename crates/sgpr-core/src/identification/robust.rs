@@ -46,7 +46,7 @@ pub(super) fn estimate(
     let ones = used.iter().map(|used| if *used { 1.0 } else { f64::INFINITY }).collect();
     let huber = Huber { threshold, factors, group: Groups::of(factors), used, ones, nominal };
     let (values, scales, system) = huber.solve(equations, &mut start)?;
-    let Spread { covariance, inflation, down } = huber.spread(equations, &values, &scales)?;
+    let EstimateSpread { covariance, inflation, down } = huber.spread(equations, &values, &scales)?;
 
     let used = &huber.used;
     let rows: usize = factors.iter().zip(used).map(|(factor, used)| if *used { factor.rows } else { 0 }).sum();
@@ -78,7 +78,7 @@ struct Huber<'a> {
 }
 
 /// What an estimate is known to.
-struct Spread {
+struct EstimateSpread {
     covariance: Mat<f64>,
     /// Per factor: rows that carry as much as one independent row.
     inflation: Vec<f64>,
@@ -128,7 +128,7 @@ impl Huber<'_> {
         equations: &mut Equations<'_>,
         values: &[f64],
         scales: &Scales,
-    ) -> Result<Spread, IdentificationError> {
+    ) -> Result<EstimateSpread, IdentificationError> {
         let Self { factors, used, .. } = self;
         let threshold = self.threshold;
         let mut slope = empty(factors);
@@ -157,7 +157,7 @@ impl Huber<'_> {
         let inside = Solution::new(&self.stacked(&slope), self.nominal);
         let inflation: Vec<f64> = memory.into_iter().map(Memory::rows_per_independent_row).collect();
         let outside = weighted_gram(&with_factors(factors, &square), used, &inflation, self.nominal.len());
-        Ok(Spread { covariance: inside.sandwich(&outside), inflation, down })
+        Ok(EstimateSpread { covariance: inside.sandwich(&outside), inflation, down })
     }
 
     /// The triangle of rows that are scaled already.

@@ -25,12 +25,12 @@ pub struct TriangularFactor {
     rows: usize,
     /// Rows waiting, row-major.
     pending: Vec<f64>,
-    stage: Option<Stage>,
+    stage: Option<BlockStage>,
 }
 
 /// A factor P, its inverse, and the Gram matrix of all rows times that inverse.
 #[derive(Clone, Debug)]
-struct Stage {
+struct BlockStage {
     first: Mat<f64>,
     inverse: Mat<f64>,
     gram: Mat<f64>,
@@ -129,7 +129,7 @@ impl TriangularFactor {
             return;
         }
         let block = MatRef::from_row_major_slice(rows, rows.len() / self.columns, self.columns);
-        self.stage.get_or_insert_with(|| Stage::of_block(block)).absorb(block);
+        self.stage.get_or_insert_with(|| BlockStage::of_block(block)).absorb(block);
     }
 }
 
@@ -139,7 +139,7 @@ const SHIFT: f64 = 1e-7;
 /// Rows times P⁻¹ that are longer than this come from motion of which P knows nothing.
 const STRANGE: f64 = 30.0;
 
-impl Stage {
+impl BlockStage {
     /// No rows yet, P from a block.
     fn of_block(block: MatRef<'_, f64>) -> Self {
         let k = block.ncols();

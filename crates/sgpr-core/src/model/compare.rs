@@ -1,11 +1,14 @@
 //! Model against measurement, on logs that no fit has seen.
 
-use super::experiment::{motions, select_joints, torque_of};
+use std::sync::Arc;
+
+use super::experiment::{select_joints, torque_of};
 use super::{IdentifyError, TorqueModel};
 use crate::dynamics::{Workspace, gravity_torque};
 use crate::identification::Row;
 use crate::motion::{Motion, MotionError, Processing};
-use crate::recording::Recording;
+use crate::recording::{LogSet, Recording};
+use crate::robot::Robot;
 use crate::signal::LowPass;
 
 /// How well a model predicts the torque of some logs.
@@ -68,8 +71,9 @@ pub struct JointComparison {
 pub struct LogResidual {
     /// By the model.
     pub predicted: Vec<f64>,
-    /// Joint motion that was predicted from, and the torque as logged.
-    pub motion: Motion,
+    /// Joint motion that was predicted from, and the torque as logged; shared by all that were compared with one
+    /// [`LogSet`].
+    pub motion: Arc<Motion>,
     processing: Processing,
     filter: Option<LowPass>,
 }
@@ -100,7 +104,12 @@ impl LogResidual {
     ///
     /// # Panics
     /// If `predicted` is not as long as the motion.
-    pub fn new(motion: Motion, predicted: Vec<f64>, processing: &Processing) -> Result<Self, IdentifyError> {
+    pub fn new(
+        motion: impl Into<Arc<Motion>>,
+        predicted: Vec<f64>,
+        processing: &Processing,
+    ) -> Result<Self, IdentifyError> {
+        let motion = motion.into();
         assert_eq!(torque_of(&motion)?.len(), predicted.len(), "a torque of every joint at every sample");
         let filter = processing.band_filter(motion.rate_hz)?;
         if let Some(filter) = &filter {
@@ -173,44 +182,88 @@ impl LogResidual {
     }
 }
 
-/// Compares `model` with recordings, processed as `processing` says, by default as the model was identified.
+/// Compares `model` with logs, processed as `processing` says, by default as the model was identified.
+///
+/// - `logs`: a [`LogSet`], or recordings (`&[Recording]`, `&Vec<Recording>`), of which one is made: samples that two of them
+///   share count once. The motion in a set is kept with it, so that another model is compared without the filters.
 ///
 /// # Errors
 /// If a recording lacks a joint or torque, or cannot be differentiated.
 pub fn compare(
     model: &TorqueModel,
-    recordings: &[Recording],
+    logs: impl Into<LogSet>,
     processing: Option<&Processing>,
 ) -> Result<Comparison, IdentifyError> {
-    compare_by(model, &|motion, _| Ok(model.predict_motion(motion)), recordings, processing)
+    compare_set(model, &|motion, _| Ok(model.predict_motion(motion)), &logs.into(), processing)
 }
 
-/// Compares what `predict` says; the gravity torque and the processing are those of `model`.
+/// The motion in a set of logs.
+struct Conditioned {
+    joints: Vec<String>,
+    processing: Processing,
+    /// Each log, with the joints alone, and its stretches.
+    logs: Vec<(Recording, Vec<Arc<Motion>>)>,
+}
+
+impl Conditioned {
+    fn new(set: &LogSet, robot: &Robot, processing: &Processing) -> Result<Self, IdentifyError> {
+        let stretches = |recording: &Recording| -> Result<_, IdentifyError> {
+            let motions = Motion::from_recording(recording, processing)?;
+            Ok((recording.clone(), motions.into_iter().map(Arc::new).collect()))
+        };
+        Ok(Self {
+            joints: robot.joint_names().map(String::from).collect(),
+            processing: processing.clone(),
+            logs: select_joints(robot, set)?.iter().map(stretches).collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// The motion as it was last found in the set, if it was processed in the same way.
+    fn of(set: &LogSet, robot: &Robot, processing: &Processing) -> Result<Arc<Self>, IdentifyError> {
+        let fits = |known: &Self| {
+            known.processing == *processing && robot.joint_names().eq(known.joints.iter().map(String::as_str))
+        };
+        set.derived(fits, |set| Self::new(set, robot, processing))
+    }
+}
+
+/// Compares what `predict` says of recordings as they are.
 pub(super) fn compare_by<E: From<IdentifyError>>(
     model: &TorqueModel,
     predict: &impl Fn(&Motion, &Recording) -> Result<Vec<f64>, E>,
     recordings: &[Recording],
     processing: Option<&Processing>,
 ) -> Result<Comparison, E> {
-    if recordings.is_empty() {
+    compare_set(model, predict, &LogSet::whole(recordings), processing)
+}
+
+/// Compares what `predict` says; the gravity torque and the processing are those of `model`.
+pub(super) fn compare_set<E: From<IdentifyError>>(
+    model: &TorqueModel,
+    predict: &impl Fn(&Motion, &Recording) -> Result<Vec<f64>, E>,
+    set: &LogSet,
+    processing: Option<&Processing>,
+) -> Result<Comparison, E> {
+    if set.is_empty() {
         return Err(IdentifyError::from(MotionError::NoRecording).into());
     }
-    let recordings = select_joints(model.robot(), recordings).map_err(IdentifyError::from)?;
     let chosen;
     let processing = match processing.or(model.processing()) {
         Some(processing) => processing,
         None => {
+            let recordings = select_joints(model.robot(), set).map_err(IdentifyError::from)?;
             chosen = Processing::choose(&recordings, &Default::default()).map_err(IdentifyError::from)?.0;
             &chosen
         }
     };
+    let conditioned = Conditioned::of(set, model.robot(), processing)?;
     let n = model.robot().dof();
-    let mut sums = vec![Sums::default(); n];
+    let mut sums = vec![ErrorSums::default(); n];
     let mut logs = Vec::new();
-    for recording in recordings.iter() {
-        for motion in motions(std::slice::from_ref(recording), processing).map_err(IdentifyError::from)? {
-            let predicted = predict(&motion, recording)?;
-            let log = LogResidual::new(motion, predicted, processing)?;
+    for (recording, motions) in &conditioned.logs {
+        for motion in motions {
+            let predicted = predict(motion, recording)?;
+            let log = LogResidual::new(motion.clone(), predicted, processing)?;
             let gravity = gravity(model, &log.motion);
             sums.iter_mut().enumerate().for_each(|(joint, sums)| sums.add(&log, joint, &gravity));
             logs.push(log);
@@ -218,7 +271,7 @@ pub(super) fn compare_by<E: From<IdentifyError>>(
     }
     let joints: Vec<JointComparison> =
         model.robot().joints().iter().zip(&sums).map(|(joint, sums)| sums.comparison(joint)).collect();
-    let total = |select: fn(&Sums) -> f64| sums.iter().map(select).sum::<f64>();
+    let total = |select: fn(&ErrorSums) -> f64| sums.iter().map(select).sum::<f64>();
     let relative_error_percent = 100.0 * (total(|s| s.residual) / total(|s| s.measured)).sqrt();
     let relative_error_with_rests_percent = 100.0 * (total(|s| s.any_residual) / total(|s| s.any_measured)).sqrt();
     Ok(Comparison { joints, relative_error_percent, relative_error_with_rests_percent, logs })
@@ -238,7 +291,7 @@ fn gravity(model: &TorqueModel, motion: &Motion) -> Vec<f32> {
 
 /// Sums over the samples of a joint.
 #[derive(Clone, Debug, Default)]
-struct Sums {
+struct ErrorSums {
     count: f64,
     /// Of squares, except `mean`.
     residual: f64,
@@ -254,7 +307,7 @@ struct Sums {
     largest_time: f64,
 }
 
-impl Sums {
+impl ErrorSums {
     /// The samples of a joint.
     ///
     /// - `gravity`: torque of the model, `[samples, n]`

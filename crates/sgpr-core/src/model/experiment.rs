@@ -20,7 +20,7 @@ pub(super) struct Experiment {
 }
 
 /// Torques and columns of all motions, with the constants of a model as they are.
-pub(super) struct Columns {
+pub(super) struct TermColumns {
     /// Per motion: measured torque less what transforms make, `[samples, n]`.
     pub tau: Vec<Vec<f64>>,
     /// Per motion and parameter, as [`Trajectory::columns`].
@@ -76,7 +76,7 @@ impl Experiment {
         &'a self,
         instruments: &'a [Motion],
         loops: &'a [ClosedLoop<'a>],
-        columns: Option<&'a Columns>,
+        columns: Option<&'a TermColumns>,
     ) -> Result<Vec<Trajectory<'a>>, MotionError> {
         let pairs = self.motions.iter().zip(&self.filters).enumerate();
         pairs
@@ -98,12 +98,12 @@ impl Experiment {
     /// The torques times gains, without terms.
     ///
     /// - `gains`: `[n]`
-    pub fn with_gains(&self, gains: &[f64]) -> Result<Columns, MotionError> {
+    pub fn with_gains(&self, gains: &[f64]) -> Result<TermColumns, MotionError> {
         let gained = |motion: &Motion| -> Result<Vec<f64>, MotionError> {
             Ok(torque_of(motion)?.iter().zip(gains.iter().cycle()).map(|(tau, gain)| tau * gain).collect())
         };
         let tau = self.motions.iter().map(gained).collect::<Result<_, _>>()?;
-        Ok(Columns { tau, values: vec![vec![]; self.motions.len()], parameters: vec![] })
+        Ok(TermColumns { tau, values: vec![vec![]; self.motions.len()], parameters: vec![] })
     }
 
     /// Rows of the equations per second, of each motion.

@@ -122,7 +122,7 @@ impl TorqueModel {
 
     /// The file's content.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let head = Head {
+        let head = ModelHead {
             format: FORMAT.into(),
             version: VERSION,
             provenance: self.provenance.clone(),
@@ -172,12 +172,12 @@ impl TorqueModel {
     pub fn from_bytes_with(bytes: &[u8], origin: &str, effects: &[Arc<dyn Effect>]) -> Result<Self, ModelFileError> {
         let malformed = |message: String| ModelFileError::Malformed { path: origin.into(), message };
         let (head, tensors) = open(bytes, origin, FORMAT, VERSION)?;
-        let head: Head = serde_json::from_str(&head).map_err(|error| malformed(format!("its head: {error}")))?;
+        let head: ModelHead = serde_json::from_str(&head).map_err(|error| malformed(format!("its head: {error}")))?;
         Self::from_head(head, &tensors, effects).map_err(malformed)
     }
 
-    fn from_head(head: Head, tensors: &SafeTensors<'_>, known: &[Arc<dyn Effect>]) -> Result<Self, String> {
-        let Head { robot, effects, parameter_names, provenance, processing, fit, terms, clock_start, .. } = head;
+    fn from_head(head: ModelHead, tensors: &SafeTensors<'_>, known: &[Arc<dyn Effect>]) -> Result<Self, String> {
+        let ModelHead { robot, effects, parameter_names, provenance, processing, fit, terms, clock_start, .. } = head;
         let described = Described { effects, parameter_names, terms, robot };
         let (robot, set, parameters, terms) = described.parts(known, |name, length| array(tensors, name, length))?;
         if let Some(processing) = &processing {
@@ -227,7 +227,7 @@ fn check_figures(fit: &Fit, joints: usize) -> Result<(), String> {
 
 /// What the head of a file says, in the order in which a person reads it.
 #[derive(Serialize, Deserialize)]
-struct Head {
+struct ModelHead {
     format: String,
     version: u32,
     provenance: Provenance,
@@ -244,7 +244,7 @@ struct Head {
 
 /// The part of the head that every version has.
 #[derive(Deserialize)]
-struct Kind {
+struct FileKind {
     format: String,
     version: u32,
 }
@@ -275,7 +275,7 @@ pub(super) fn open<'a>(
     let tensors = SafeTensors::deserialize(bytes).map_err(|error| malformed(error.to_string()))?;
     let head = header.metadata().as_ref().and_then(|entries| entries.get(HEAD));
     let head = head.ok_or_else(|| malformed(format!("its head has no entry `{HEAD}`")))?;
-    let Kind { format, version } =
+    let FileKind { format, version } =
         serde_json::from_str(head).map_err(|error| malformed(format!("its head: {error}")))?;
     if format != expected {
         return Err(malformed(format!("its head says `{format}`, not `{expected}`")));

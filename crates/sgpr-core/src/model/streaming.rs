@@ -1,6 +1,6 @@
 //! How well a streamed model predicts the torque of logs.
 
-use super::compare::compare_by;
+use super::compare::compare_set;
 use super::{
     Comparison, IdentifyError, Predictor, SemiParametricError, SemiParametricModel, StreamOptions, TorqueModel,
     select_joints,
@@ -8,7 +8,7 @@ use super::{
 use crate::effects::Context;
 use crate::gp::PredictorOptions;
 use crate::motion::{Motion, Processing};
-use crate::recording::Recording;
+use crate::recording::{LogSet, Recording};
 use crate::robot::Robot;
 use crate::signal::LowPass;
 
@@ -22,24 +22,24 @@ pub enum StreamedMotion {
     Causal,
 }
 
-/// Compares what a model says one sample after the other with recordings, processed as `processing` says, by default as the
-/// model was identified. Figures are those of [`crate::model::compare`], and the torque is what a log would show.
+/// Compares what a model says one sample after the other with logs, processed as `processing` says, by default as the model
+/// was identified. Logs and figures are those of [`crate::model::compare`], and the torque is what a log would show.
 ///
 /// # Errors
 /// As [`crate::model::compare`]; if the model cannot be streamed.
 pub fn compare_streaming(
     model: &TorqueModel,
-    recordings: &[Recording],
+    logs: impl Into<LogSet>,
     processing: Option<&Processing>,
     motion: StreamedMotion,
 ) -> Result<Comparison, IdentifyError> {
-    let recordings = select_joints(model.robot(), recordings)?;
-    let chosen = chosen(&recordings, processing.or(model.processing()))?;
+    let set = logs.into();
+    let chosen = chosen(model.robot(), &set, processing.or(model.processing()))?;
     let predict = |stretch: &Motion, log: &Recording| {
         let mut predictor = model.predictor(&at_rate(stretch))?;
         streamed(&mut predictor, model, stretch, &StreamedLog { log, processing: &chosen, motion })
     };
-    compare_by(model, &predict, &recordings, Some(&chosen))
+    compare_set(model, &predict, &set, Some(&chosen))
 }
 
 impl SemiParametricModel {
@@ -49,26 +49,25 @@ impl SemiParametricModel {
     /// As [`compare_streaming`].
     pub fn compare_streaming(
         &self,
-        recordings: &[Recording],
+        logs: impl Into<LogSet>,
         motion: StreamedMotion,
     ) -> Result<Comparison, SemiParametricError> {
-        let physics = self.physics();
-        let recordings = select_joints(physics.robot(), recordings).map_err(IdentifyError::from)?;
-        let chosen = chosen(&recordings, physics.processing())?;
+        let (physics, set) = (self.physics(), logs.into());
+        let chosen = chosen(physics.robot(), &set, physics.processing())?;
         let mean = PredictorOptions { variance_rank: Some(0), ..PredictorOptions::default() };
         let predict = |stretch: &Motion, log: &Recording| {
             let source = StreamedLog { log, processing: &chosen, motion };
             let mut predictor = self.predictor(mean, &at_rate(stretch))?;
             Ok::<_, SemiParametricError>(streamed(&mut predictor, physics, stretch, &source)?)
         };
-        compare_by(physics, &predict, &recordings, Some(&chosen))
+        compare_set(physics, &predict, &set, Some(&chosen))
     }
 }
 
-fn chosen(recordings: &[Recording], given: Option<&Processing>) -> Result<Processing, IdentifyError> {
+fn chosen(robot: &Robot, set: &LogSet, given: Option<&Processing>) -> Result<Processing, IdentifyError> {
     match given {
         Some(processing) => Ok(processing.clone()),
-        None => Ok(Processing::choose(recordings, &Default::default())?.0),
+        None => Ok(Processing::choose(&select_joints(robot, set)?, &Default::default())?.0),
     }
 }
 

@@ -157,6 +157,7 @@ impl Certificate {
 
 /// Where a model comes from.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Provenance {
     /// Version of this library.
     pub library_version: String,

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use sgpr_predict::internal::{JointRanges, points_of};
 
 use super::correlation::correlation;
-use super::experiment::{Columns, Experiment, torque_of};
+use super::experiment::{Experiment, TermColumns, torque_of};
 use super::terms::{common_clock, seconds_since};
 use super::{IdentifyError, Rigid, Term, TorqueModel, Trajectory};
 use crate::effects::{self, Constant, Effect, Entry, Reach, Scale};
@@ -379,12 +379,12 @@ impl<'a> TermFit<'a> {
     }
 
     /// Torques and columns of the linear parameters of all terms.
-    pub fn columns(&self, model: &TorqueModel) -> Result<Columns, MotionError> {
+    pub fn columns(&self, model: &TorqueModel) -> Result<TermColumns, MotionError> {
         self.columns_with(model, &[])
     }
 
     /// The same, and tangents by constants behind them.
-    fn columns_with(&self, model: &TorqueModel, unknowns: &[Unknown]) -> Result<Columns, MotionError> {
+    fn columns_with(&self, model: &TorqueModel, unknowns: &[Unknown]) -> Result<TermColumns, MotionError> {
         let parameters = self.parameters(model, unknowns);
         let of_motion = |(motion, times): (&Motion, &Vec<f64>)| -> Result<(Vec<f64>, Vec<Vec<f64>>), MotionError> {
             let mut tau = torque_of(motion)?.to_vec();
@@ -408,7 +408,7 @@ impl<'a> TermFit<'a> {
         };
         let motions = self.experiment.motions.par_iter().zip(&self.times);
         let (tau, values) = motions.map(of_motion).collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
-        let mut columns = Columns { tau, values, parameters };
+        let mut columns = TermColumns { tau, values, parameters };
         for (k, parameter) in columns.parameters.iter_mut().enumerate() {
             let (squares, count) = columns.values.iter().fold((0.0, 0), |(sum, count), values| {
                 (sum + values[k].iter().map(|x| x * x).sum::<f64>(), count + values[k].len())
@@ -535,7 +535,7 @@ impl Linear {
     fn new(
         model: &TorqueModel,
         experiment: &Experiment,
-        columns: Columns,
+        columns: TermColumns,
         constants: usize,
         present: Vec<usize>,
     ) -> Result<Self, IdentifyError> {
@@ -627,7 +627,7 @@ pub(super) fn factors(
     set: &ParameterSet,
     base: &BaseParameters,
     experiment: &Experiment,
-    columns: &Columns,
+    columns: &TermColumns,
 ) -> Result<Vec<JointFactor>, IdentifyError> {
     let mut observation = Observation::new(robot, set, base);
     for trajectory in experiment.trajectories_with(&[], &[], Some(columns))? {

@@ -1,9 +1,12 @@
 //! The logs of one robot as a set: what is in two of them counts once, and their order does not matter.
 
+use std::any::Any;
 use std::cmp::Ordering;
 use std::collections::HashMap;
+use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
-use std::ops::Range;
+use std::ops::{Deref, Range};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::Recording;
 
@@ -12,6 +15,10 @@ use super::Recording;
 /// A log that is a copy of another, under whatever name, is left out; of logs that overlap, the samples that a log before
 /// has are left out, as recorders write them that cut a stream into files. Samples are the same if all positions and torques
 /// of a run of them are the same numbers: those of another run of the same motion have other noise.
+///
+/// A set goes wherever logs go, as a slice of its logs, and results are those of the list that it was made of. It never
+/// changes, and its clones share all that it holds. [`compare`](crate::model::compare()) keeps the motion that it found in a
+/// set, as it was last processed: several models are compared with a set that was filtered and differentiated once.
 ///
 /// # Examples
 /// ```
@@ -26,15 +33,20 @@ use super::Recording;
 /// let samples: Vec<usize> = set.logs().iter().map(Recording::len).collect();
 /// assert_eq!(samples, [500, 400]);
 /// assert_eq!(set.notes().len(), 2);
+/// assert_eq!(set[1].source(), "two");
 /// # Ok::<(), sgpr_core::recording::RecordingError>(())
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct LogSet {
-    logs: Vec<Recording>,
+    logs: Arc<[Recording]>,
     /// Of each log: which of those that were looked at it is of.
-    origins: Vec<usize>,
-    notes: Vec<String>,
+    origins: Arc<[usize]>,
+    notes: Arc<[String]>,
+    derived: Derived,
 }
+
+/// What was last made of the logs of a set, by a room above this one.
+type Derived = Arc<Mutex<Option<Arc<dyn Any + Send + Sync>>>>;
 
 /// Shorter runs may be alike by chance, where an arm stands and numbers are coarse: so many samples that differ from the
 /// one before. Shorter rests between runs are not worth a log.
@@ -46,21 +58,27 @@ const BETWEEN: usize = 32;
 impl LogSet {
     /// The logs in the order given.
     pub fn new(recordings: &[Recording]) -> Self {
-        let mut set = Self { logs: Vec::with_capacity(recordings.len()), origins: vec![], notes: vec![] };
+        let (mut logs, mut origins, mut notes) = (Vec::with_capacity(recordings.len()), vec![], vec![]);
         let mut known = Known::default();
         for (origin, log) in recordings.iter().enumerate() {
             let shared = known.runs_of(log);
             let own = rest(log.len(), shared.iter().map(|(run, _)| run));
-            set.notes.extend(note(log, &shared, &own, &known));
+            notes.extend(note(log, &shared, &own, &known));
             if shared.is_empty() {
-                set.logs.push(log.clone());
+                logs.push(log.clone());
             } else {
-                set.logs.extend(own.into_iter().map(|range| log.slice(range)));
+                logs.extend(own.into_iter().map(|range| log.slice(range)));
             }
-            set.origins.resize(set.logs.len(), origin);
+            origins.resize(logs.len(), origin);
             known.add(log);
         }
-        set
+        Self { logs: logs.into(), origins: origins.into(), notes: notes.into(), derived: Derived::default() }
+    }
+
+    /// Every log whole, whatever others hold of it: for predictions of each, not for figures over all.
+    pub fn whole(recordings: &[Recording]) -> Self {
+        let origins = (0..recordings.len()).collect();
+        Self { logs: recordings.into(), origins, notes: [].into(), derived: Derived::default() }
     }
 
     /// The logs in an order that follows from what is in them, by their first stamps and then by their content: whatever
@@ -84,6 +102,63 @@ impl LogSet {
     /// What was left out, in sentences.
     pub fn notes(&self) -> &[String] {
         &self.notes
+    }
+
+    /// What `make` makes of the set; what it made last, for any clone of the set, if that `fits`.
+    pub(crate) fn derived<T: Any + Send + Sync, E>(
+        &self,
+        fits: impl Fn(&T) -> bool,
+        make: impl FnOnce(&Self) -> Result<T, E>,
+    ) -> Result<Arc<T>, E> {
+        // A value is whole or not there, so a panic elsewhere left nothing half.
+        let mut last = self.derived.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = last.clone().and_then(|known| known.downcast::<T>().ok()).filter(|known| fits(known)) {
+            return Ok(known);
+        }
+        // What was there is not needed while the next is made.
+        *last = None;
+        let made = Arc::new(make(self)?);
+        *last = Some(made.clone());
+        Ok(made)
+    }
+}
+
+impl Deref for LogSet {
+    type Target = [Recording];
+
+    fn deref(&self) -> &[Recording] {
+        &self.logs
+    }
+}
+
+impl fmt::Debug for LogSet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { logs, origins, notes, .. } = self;
+        f.debug_struct("LogSet").field("logs", logs).field("origins", origins).field("notes", notes).finish()
+    }
+}
+
+impl From<&LogSet> for LogSet {
+    fn from(set: &LogSet) -> Self {
+        set.clone()
+    }
+}
+
+impl From<&[Recording]> for LogSet {
+    fn from(recordings: &[Recording]) -> Self {
+        Self::new(recordings)
+    }
+}
+
+impl From<&Vec<Recording>> for LogSet {
+    fn from(recordings: &Vec<Recording>) -> Self {
+        Self::new(recordings)
+    }
+}
+
+impl<const COUNT: usize> From<&[Recording; COUNT]> for LogSet {
+    fn from(recordings: &[Recording; COUNT]) -> Self {
+        Self::new(recordings)
     }
 }
 

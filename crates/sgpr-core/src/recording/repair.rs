@@ -65,7 +65,7 @@ pub enum Resample {
 /// ```
 pub fn repair(recording: &Recording, request: &Repair) -> Result<(Vec<Recording>, Vec<String>), RecordingError> {
     request.check()?;
-    let mut work = Work { recording: recording.clone(), actions: Vec::new() };
+    let mut work = RepairWork { recording: recording.clone(), actions: Vec::new() };
     if let Some(window) = &request.trim {
         let time = recording.time_seconds();
         let what = format!("outside {} to {} s", window.start(), window.end());
@@ -130,12 +130,12 @@ fn require_increasing_time(recording: &Recording) -> Result<(), RecordingError> 
 }
 
 /// A recording under repair, with what was done.
-struct Work {
+struct RepairWork {
     recording: Recording,
     actions: Vec<String>,
 }
 
-impl Work {
+impl RepairWork {
     fn note(&mut self, action: String) {
         self.actions.push(format!("{}: {action}", self.recording.source()));
     }

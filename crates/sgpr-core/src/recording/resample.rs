@@ -20,7 +20,8 @@ pub(super) fn resample(recording: &Recording, period: u64) -> Recording {
     let n = recording.dof();
     let seconds = recording.time_seconds();
     let linear = |values: &[f64]| -> Vec<f64> {
-        let row = |place: &Place| (0..n).map(|joint| place.linear(|i| values[i * n + joint])).collect::<Vec<_>>();
+        let row =
+            |place: &BetweenSamples| (0..n).map(|joint| place.linear(|i| values[i * n + joint])).collect::<Vec<_>>();
         places.iter().flat_map(row).collect()
     };
     let of_channel = |channel: &Channel| places.iter().map(|place| place.linear(|i| channel.values[i])).collect();
@@ -40,12 +41,12 @@ pub(super) fn resample(recording: &Recording, period: u64) -> Recording {
 }
 
 /// A stamp among samples: `fraction` of the way from sample `before` to the next one.
-pub(super) struct Place {
+pub(super) struct BetweenSamples {
     pub(super) before: usize,
     pub(super) fraction: f64,
 }
 
-impl Place {
+impl BetweenSamples {
     /// The value between two samples.
     pub(super) fn linear(&self, value: impl Fn(usize) -> f64) -> f64 {
         if self.fraction == 0.0 {
@@ -57,7 +58,7 @@ impl Place {
 }
 
 /// Where each of the increasing `stamps` lies in the strictly increasing `time`, which spans them.
-fn places(time: &[i64], stamps: &[i64]) -> Vec<Place> {
+fn places(time: &[i64], stamps: &[i64]) -> Vec<BetweenSamples> {
     let mut before = 0;
     let place = |&stamp: &i64| {
         while before + 1 < time.len() && time[before + 1] <= stamp {
@@ -65,15 +66,15 @@ fn places(time: &[i64], stamps: &[i64]) -> Vec<Place> {
         }
         let passed = time[before].abs_diff(stamp);
         let fraction = if passed == 0 { 0.0 } else { passed as f64 / time[before].abs_diff(time[before + 1]) as f64 };
-        Place { before, fraction }
+        BetweenSamples { before, fraction }
     };
     stamps.iter().map(place).collect()
 }
 
-fn cubic(values: &[f64], n: usize, seconds: &[f64], places: &[Place]) -> Vec<f64> {
+fn cubic(values: &[f64], n: usize, seconds: &[f64], places: &[BetweenSamples]) -> Vec<f64> {
     let slopes = slopes(values, n, seconds);
     let mut result = Vec::with_capacity(places.len() * n);
-    for Place { before, fraction } in places {
+    for BetweenSamples { before, fraction } in places {
         for joint in 0..n {
             let from = before * n + joint;
             if *fraction == 0.0 {

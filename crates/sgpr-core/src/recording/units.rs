@@ -74,6 +74,7 @@ macro_rules! unit {
 
 /// Unit of a joint position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum PositionUnit {
     /// rad
     Radian,
@@ -113,6 +114,7 @@ impl PositionUnit {
 
 /// Unit of a joint velocity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum VelocityUnit {
     /// rad/s
     RadianPerSecond,
@@ -152,6 +154,7 @@ impl VelocityUnit {
 
 /// Unit of a joint torque or force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum TorqueUnit {
     /// N·m
     NewtonMetre,
@@ -204,6 +207,7 @@ impl CurrentUnit {
 
 /// Unit of a time stamp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum TimeUnit {
     /// s
     Second,

@@ -23,7 +23,7 @@ pub use error::SimulationError;
 pub use pick_up::{PickUp, simulate_pick_up};
 pub(crate) use reference::quintic;
 pub use reference::{Reference, SampledReference, StandStill};
-pub(crate) use sensors::Noise;
+pub(crate) use sensors::NormalNumbers;
 pub use sensors::{Sensors, VelocitySensor};
 pub use side_torque::{DrivesAndSideTorques, SideTorque, drives_from_model, drives_from_parameters};
 pub use simulate::{Experiment, SimulationRecord, simulate};

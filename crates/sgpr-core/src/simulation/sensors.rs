@@ -31,12 +31,12 @@ pub enum VelocitySensor {
 
 /// Normally distributed numbers from ChaCha8 by the method of Box and Muller.
 #[derive(Debug)]
-pub(crate) struct Noise {
+pub(crate) struct NormalNumbers {
     random: ChaCha8Rng,
     spare: Option<f64>,
 }
 
-impl Noise {
+impl NormalNumbers {
     pub fn new(seed: u64) -> Self {
         Self { random: ChaCha8Rng::seed_from_u64(seed), spare: None }
     }
@@ -67,7 +67,7 @@ impl Sensors {
         ]
     }
 
-    pub(super) fn measure_position(&self, noise: &mut Noise, q: &[f64], measured: &mut [f64]) {
+    pub(super) fn measure_position(&self, noise: &mut NormalNumbers, q: &[f64], measured: &mut [f64]) {
         add_noise(noise, &self.position_noise, q, measured);
         for (value, resolution) in measured.iter_mut().zip(&self.position_resolution) {
             if *resolution > 0.0 {
@@ -78,7 +78,7 @@ impl Sensors {
 }
 
 /// `noisy` = `values` + noise of these standard deviations.
-pub(super) fn add_noise(noise: &mut Noise, deviations: &[f64], values: &[f64], noisy: &mut [f64]) {
+pub(super) fn add_noise(noise: &mut NormalNumbers, deviations: &[f64], values: &[f64], noisy: &mut [f64]) {
     noisy.copy_from_slice(values);
     for (value, deviation) in noisy.iter_mut().zip(deviations) {
         if *deviation > 0.0 {
@@ -93,7 +93,7 @@ mod tests {
 
     #[test]
     fn noise_is_normal() {
-        let mut noise = Noise::new(1);
+        let mut noise = NormalNumbers::new(1);
         let values: Vec<f64> = (0..200_000).map(|_| noise.normal()).collect();
         let moment = |p: i32| values.iter().map(|x| x.powi(p)).sum::<f64>() / values.len() as f64;
         // Five standard errors of each moment: sqrt(var / 200 000).

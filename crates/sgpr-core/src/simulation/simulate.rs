@@ -1,7 +1,7 @@
 //! A whole experiment: an arm, a controller, a motion to follow.
 
 use super::controller::{Controller, Measurement, Setpoint};
-use super::sensors::{Noise, Sensors, VelocitySensor, add_noise};
+use super::sensors::{NormalNumbers, Sensors, VelocitySensor, add_noise};
 use super::{Reference, SimulationError, Simulator};
 use crate::progress::Progress;
 use crate::recording::Recording;
@@ -206,7 +206,7 @@ struct RunBuffers {
     steps: usize,
     control_steps: usize,
     record_steps: usize,
-    noise: Noise,
+    noise: NormalNumbers,
     record: SimulationRecord,
     wanted: [Vec<f64>; 3],
     q: Vec<f64>,
@@ -277,7 +277,7 @@ impl RunBuffers {
             steps,
             control_steps,
             record_steps,
-            noise: Noise::new(experiment.seed),
+            noise: NormalNumbers::new(experiment.seed),
             record: SimulationRecord::with_capacity(names, steps.div_ceil(record_steps)),
             wanted,
             q: zeros.clone(),

@@ -23,7 +23,7 @@ pub struct JointError {
 }
 
 /// What an observer said along a log without contact, and the speeds of the joint.
-pub(super) struct Seen {
+pub(super) struct ContactFree {
     pub error: Vec<f64>,
     pub speed: Vec<f64>,
 }
@@ -58,10 +58,11 @@ impl JointError {
     /// - `blend`: share of a new sample in what the observer says
     ///
     /// None if there is no error at all.
-    pub(super) fn fit(logs: &[Seen], blend: f64) -> Option<Self> {
+    pub(super) fn fit(logs: &[ContactFree], blend: f64) -> Option<Self> {
         let samples: usize = logs.iter().map(|log| log.error.len()).sum();
-        let mean_square =
-            |of: fn(&Seen) -> &[f64]| logs.iter().flat_map(of).map(|x| x * x).sum::<f64>() / samples.max(1) as f64;
+        let mean_square = |of: fn(&ContactFree) -> &[f64]| {
+            logs.iter().flat_map(of).map(|x| x * x).sum::<f64>() / samples.max(1) as f64
+        };
         let (error, speed) = (mean_square(|log| &log.error), mean_square(|log| &log.speed));
         if !(error > 0.0 && error.is_finite()) {
             return None;
@@ -79,11 +80,11 @@ impl JointError {
 
 /// The variances of largest likelihood by Fisher's scoring, and what is left of the negative logarithm of it per
 /// sample, doubled.
-fn fit_variances(logs: &[Seen], speed: f64, mean_square: f64, blend: f64) -> (JointError, f64) {
+fn fit_variances(logs: &[ContactFree], speed: f64, mean_square: f64, blend: f64) -> (JointError, f64) {
     let shape = JointError { moving: 0.0, resting: 0.0, speed };
     let mut rests = Vec::new();
     for log in logs {
-        let mut rest = Rest::default();
+        let mut rest = RestShare::default();
         rests.extend(log.speed.iter().map(|dq| rest.next(&shape, *dq, blend)));
     }
     let squares = || logs.iter().flat_map(|log| &log.error).map(|error| error * error).zip(&rests);
@@ -121,9 +122,9 @@ fn fit_variances(logs: &[Seen], speed: f64, mean_square: f64, blend: f64) -> (Jo
 /// sample at first. The square of a mean of errors is at most the mean of their squares, so that this is at most too
 /// much.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Rest<S = f64>(Option<S>);
+pub(super) struct RestShare<S = f64>(Option<S>);
 
-impl<S: simd::Number> Rest<S> {
+impl<S: simd::Number> RestShare<S> {
     pub(super) fn next(&mut self, of: &JointError, dq: S, blend: f64) -> S {
         let now = of.rest(dq);
         let last = self.0.unwrap_or(now);

@@ -2,7 +2,7 @@ use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use super::JointError;
-use super::joint_error::{Rest, Seen};
+use super::joint_error::{ContactFree, RestShare};
 use crate::dynamics::Momentum;
 use crate::effects::Role;
 #[cfg(not(feature = "std"))]
@@ -132,7 +132,7 @@ pub struct MomentumObserver<F: Plain = f64> {
     step: f64,
     z: f64,
     errors: Vec<JointError>,
-    rests: Vec<Rest<F::Number>>,
+    rests: Vec<RestShare<F::Number>>,
     /// At the last sample.
     thresholds: Vec<F>,
     integral: Vec<F::Number>,
@@ -140,12 +140,12 @@ pub struct MomentumObserver<F: Plain = f64> {
     external: Vec<F>,
     /// Before the first sample there is no momentum to start from.
     started: bool,
-    room: Room<F::Number>,
+    room: ObserverBuffers<F::Number>,
 }
 
 /// Arrays of `[n]`.
 #[derive(Debug)]
-struct Room<S> {
+struct ObserverBuffers<S> {
     q: Vec<S>,
     dq: Vec<S>,
     momentum: Vec<S>,
@@ -198,13 +198,13 @@ impl<F: Plain> MomentumObserver<F> {
             step: 1.0 / rate_hz,
             z,
             errors: deviation.iter().map(|deviation| JointError::even(*deviation)).collect(),
-            rests: vec![Rest::default(); n],
+            rests: vec![RestShare::default(); n],
             thresholds: deviation.iter().map(|deviation| F::of_f64(z * deviation)).collect(),
             integral: numbers(),
             zeros: vec![F::default(); n],
             external: vec![F::default(); n],
             started: false,
-            room: Room { q: numbers(), dq: numbers(), momentum: numbers(), change: numbers() },
+            room: ObserverBuffers { q: numbers(), dq: numbers(), momentum: numbers(), change: numbers() },
         })
     }
 
@@ -217,7 +217,7 @@ impl<F: Plain> MomentumObserver<F> {
     /// that is not finite, or the logs have too few samples.
     pub fn calibrated(mut self, logs: &[MeasuredMotion<'_>]) -> Result<Self, ObserverError> {
         let n = self.external.len();
-        let mut seen: Vec<Vec<Seen>> = (0..n).map(|_| Vec::new()).collect();
+        let mut seen: Vec<Vec<ContactFree>> = (0..n).map(|_| Vec::new()).collect();
         let rate_hz = 1.0 / self.step;
         for (index, log) in logs.iter().enumerate() {
             let same_rate = (log.rate_hz / rate_hz - 1.0).abs() < 0.01;
@@ -230,7 +230,7 @@ impl<F: Plain> MomentumObserver<F> {
                 }
             }
             self.reset();
-            seen.iter_mut().for_each(|joint| joint.push(Seen { error: Vec::new(), speed: Vec::new() }));
+            seen.iter_mut().for_each(|joint| joint.push(ContactFree { error: Vec::new(), speed: Vec::new() }));
             let [mut q, mut dq, mut tau] = [const { Vec::new() }; 3];
             for k in (0..log.q.len()).step_by(n) {
                 for (own, given) in [&mut q, &mut dq, &mut tau].into_iter().zip([log.q, log.dq, log.tau]) {
@@ -250,7 +250,7 @@ impl<F: Plain> MomentumObserver<F> {
             return Err(few);
         }
         let blend = self.blend();
-        let fit = |joint: &Vec<Seen>| JointError::fit(joint, blend).ok_or_else(|| few.clone());
+        let fit = |joint: &Vec<ContactFree>| JointError::fit(joint, blend).ok_or_else(|| few.clone());
         self.errors = seen.iter().map(fit).collect::<Result<_, _>>()?;
         self.reset();
         Ok(self)
@@ -291,7 +291,7 @@ impl<F: Plain> MomentumObserver<F> {
         self.predictor.reset();
         self.integral.fill(F::Number::zero(()));
         self.external.fill(F::default());
-        self.rests.fill(Rest::default());
+        self.rests.fill(RestShare::default());
         self.thresholds.iter_mut().zip(&self.errors).for_each(|(own, error)| *own = F::of_f64(self.z * error.moving));
         self.started = false;
     }

@@ -56,7 +56,7 @@ impl BatchWorkspace {
     fn run<A: OnLanes>(&mut self, robot: &Robot, samples: Samples<'_>, algorithm: A) {
         assert_eq!(self.dof, robot.dof(), "the workspace was made for a robot with another number of joints");
         let Self { arch, scratch, .. } = self;
-        arch.dispatch(Run { robot, samples, scratch: &mut **scratch, algorithm });
+        arch.dispatch(BatchRun { robot, samples, scratch: &mut **scratch, algorithm });
     }
 }
 
@@ -69,7 +69,7 @@ impl BatchWorkspace {
 pub fn rnea_batch(robot: &Robot, ws: &mut BatchWorkspace, samples: Samples<'_>, tau: &mut [f64]) {
     assert_eq!(tau.len(), samples.q.len(), "one torque per position");
     samples.count(robot.dof());
-    ws.run(robot, samples, InverseDynamics { tau });
+    ws.run(robot, samples, InverseDynamicsOfBatch { tau });
 }
 
 /// Regressor of every sample, as [`regressor`](super::regressor): the rigid-body part of the observation matrix W.
@@ -82,7 +82,7 @@ pub fn regressor_batch(robot: &Robot, ws: &mut BatchWorkspace, samples: Samples<
     let n = robot.dof();
     let rows = samples.count(n) * n;
     assert_eq!(matrix.len(), rows * n * PARAMETERS_PER_LINK, "10 n columns per row");
-    ws.run(robot, samples, Regressor { matrix });
+    ws.run(robot, samples, RegressorOfBatch { matrix });
 }
 
 /// Calls `sink(joint, link, first, count, block)` for every pair where the joint carries the link and every group of
@@ -99,7 +99,7 @@ pub fn for_each_regressor_block(
     sink: impl FnMut(usize, usize, usize, usize, &[[f64; MAX_LANES]; PARAMETERS_PER_LINK]),
 ) {
     samples.count(robot.dof());
-    ws.run(robot, samples, Blocks { sink });
+    ws.run(robot, samples, LaneBlocks { sink });
 }
 
 /// A recursion over as many samples as a register has lanes.
@@ -107,11 +107,11 @@ trait OnLanes {
     fn run<S: Simd>(&mut self, simd: S, robot: &Robot, scratch: &mut Scratch<Lanes<S>>, first: usize, count: usize);
 }
 
-struct InverseDynamics<'a> {
+struct InverseDynamicsOfBatch<'a> {
     tau: &'a mut [f64],
 }
 
-impl OnLanes for InverseDynamics<'_> {
+impl OnLanes for InverseDynamicsOfBatch<'_> {
     #[inline(always)]
     fn run<S: Simd>(&mut self, simd: S, robot: &Robot, scratch: &mut Scratch<Lanes<S>>, first: usize, count: usize) {
         let n = robot.dof();
@@ -126,11 +126,11 @@ impl OnLanes for InverseDynamics<'_> {
     }
 }
 
-struct Regressor<'a> {
+struct RegressorOfBatch<'a> {
     matrix: &'a mut [f64],
 }
 
-impl OnLanes for Regressor<'_> {
+impl OnLanes for RegressorOfBatch<'_> {
     #[inline(always)]
     fn run<S: Simd>(&mut self, simd: S, robot: &Robot, scratch: &mut Scratch<Lanes<S>>, first: usize, count: usize) {
         let n = robot.dof();
@@ -156,11 +156,11 @@ impl OnLanes for Regressor<'_> {
     }
 }
 
-struct Blocks<F> {
+struct LaneBlocks<F> {
     sink: F,
 }
 
-impl<F: FnMut(usize, usize, usize, usize, &[[f64; MAX_LANES]; PARAMETERS_PER_LINK])> OnLanes for Blocks<F> {
+impl<F: FnMut(usize, usize, usize, usize, &[[f64; MAX_LANES]; PARAMETERS_PER_LINK])> OnLanes for LaneBlocks<F> {
     #[inline(always)]
     fn run<S: Simd>(&mut self, simd: S, robot: &Robot, scratch: &mut Scratch<Lanes<S>>, first: usize, count: usize) {
         let Scratch { bodies, axes, .. } = scratch;
@@ -212,14 +212,14 @@ impl Angles {
     }
 }
 
-struct Run<'a, A> {
+struct BatchRun<'a, A> {
     robot: &'a Robot,
     samples: Samples<'a>,
     scratch: &'a mut (dyn Any + Send),
     algorithm: A,
 }
 
-impl<A: OnLanes> WithSimd for Run<'_, A> {
+impl<A: OnLanes> WithSimd for BatchRun<'_, A> {
     type Output = ();
 
     #[inline(always)]

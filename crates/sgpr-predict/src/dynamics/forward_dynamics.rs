@@ -1,7 +1,7 @@
 //! Forward dynamics by the articulated-body algorithm.
 
 use super::body::Body;
-use super::workspace::{OnOneSample, Scalar, Scratch, Workspace};
+use super::workspace::{LoneNumber, OnOneSample, Scratch, Workspace};
 use crate::robot::{Member, Robot};
 use crate::simd::Real;
 use crate::spatial::{LinkInertia, Matrix3, Vector3};
@@ -115,7 +115,7 @@ struct ArticulatedBody<'a> {
 
 impl OnOneSample for ArticulatedBody<'_> {
     #[inline(always)]
-    fn run<T: Scalar>(self, robot: &Robot, scratch: &mut Scratch<T>) {
+    fn run<T: LoneNumber>(self, robot: &Robot, scratch: &mut Scratch<T>) {
         let Scratch { bodies, articulated, .. } = scratch;
         for (k, body) in bodies.iter_mut().enumerate() {
             body.dq = T::splat((), self.dq[k]);
@@ -182,7 +182,7 @@ impl OnOneSample for ArticulatedBody<'_> {
 
 /// Poses, angular velocities, and in `a`, `dw` the acceleration that each link would have if its parent had none.
 #[inline(always)]
-fn forward_velocity<T: Scalar>(members: &[Member], bodies: &mut [Body<T>]) {
+fn forward_velocity<T: LoneNumber>(members: &[Member], bodies: &mut [Body<T>]) {
     for (index, member) in members.iter().enumerate() {
         let (before, rest) = bodies.split_at_mut(index);
         let body = &mut rest[0];

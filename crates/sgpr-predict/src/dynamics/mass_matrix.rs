@@ -1,7 +1,7 @@
 //! Joint-space mass matrix by the composite-rigid-body algorithm.
 
 use super::body::along_axis;
-use super::workspace::{OnOneSample, Scalar, Scratch, Workspace};
+use super::workspace::{LoneNumber, OnOneSample, Scratch, Workspace};
 use crate::robot::Robot;
 use crate::simd::Real;
 use crate::spatial::{LinkInertia, Matrix3, Vector3};
@@ -29,7 +29,7 @@ struct CompositeRigidBody<'a> {
 
 impl OnOneSample for CompositeRigidBody<'_> {
     #[inline(always)]
-    fn run<T: Scalar>(self, robot: &Robot, scratch: &mut Scratch<T>) {
+    fn run<T: LoneNumber>(self, robot: &Robot, scratch: &mut Scratch<T>) {
         let n = robot.dof();
         let Scratch { bodies, composite, .. } = scratch;
         let members = &robot.chain().members;

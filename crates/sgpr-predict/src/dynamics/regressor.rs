@@ -1,7 +1,7 @@
 //! The matrix that the inertial parameters multiply.
 
 use super::body::{Body, forward_pass};
-use super::workspace::{OnOneSample, Scalar, Scratch, Workspace};
+use super::workspace::{LoneNumber, OnOneSample, Scratch, Workspace};
 use crate::robot::{Chain, Robot};
 use crate::simd::Real;
 use crate::spatial::{PARAMETERS_PER_LINK, Vector3};
@@ -36,7 +36,7 @@ struct Regressor<'a> {
 
 impl OnOneSample for Regressor<'_> {
     #[inline(always)]
-    fn run<T: Scalar>(self, robot: &Robot, scratch: &mut Scratch<T>) {
+    fn run<T: LoneNumber>(self, robot: &Robot, scratch: &mut Scratch<T>) {
         for (k, body) in scratch.bodies.iter_mut().enumerate() {
             body.dq = T::splat((), self.dq[k]);
             body.ddq = T::splat((), self.ddq[k]);

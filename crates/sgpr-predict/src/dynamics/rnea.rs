@@ -1,7 +1,7 @@
 //! Inverse dynamics by the recursive Newton-Euler algorithm.
 
 use super::body::{Body, along_axis, forward_pass};
-use super::workspace::{OnOneSample, Scalar, Scratch, Workspace};
+use super::workspace::{LoneNumber, OnOneSample, Scratch, Workspace};
 use crate::robot::{Chain, Robot};
 use crate::simd::Real;
 
@@ -62,20 +62,20 @@ fn inverse_dynamics<'ws>(
     ddq: Option<&[f64]>,
 ) -> &'ws [f64] {
     let mut tau = core::mem::take(&mut ws.tau);
-    ws.run(robot, q, InverseDynamics { dq, ddq, tau: &mut tau });
+    ws.run(robot, q, NewtonEuler { dq, ddq, tau: &mut tau });
     ws.tau = tau;
     &ws.tau
 }
 
-struct InverseDynamics<'a> {
+struct NewtonEuler<'a> {
     dq: Option<&'a [f64]>,
     ddq: Option<&'a [f64]>,
     tau: &'a mut [f64],
 }
 
-impl OnOneSample for InverseDynamics<'_> {
+impl OnOneSample for NewtonEuler<'_> {
     #[inline(always)]
-    fn run<T: Scalar>(self, robot: &Robot, scratch: &mut Scratch<T>) {
+    fn run<T: LoneNumber>(self, robot: &Robot, scratch: &mut Scratch<T>) {
         for (k, body) in scratch.bodies.iter_mut().enumerate() {
             body.dq = T::splat((), self.dq.map_or(0.0, |dq| dq[k]));
             body.ddq = T::splat((), self.ddq.map_or(0.0, |ddq| ddq[k]));

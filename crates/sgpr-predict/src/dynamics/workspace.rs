@@ -80,11 +80,11 @@ impl<T: Real> Scratch<T> {
 }
 
 /// A number that stands for itself.
-pub(super) trait Scalar: Real<Token = (), Constant = f64> {
+pub(super) trait LoneNumber: Real<Token = (), Constant = f64> {
     fn value(self) -> f64;
 }
 
-impl Scalar for f64 {
+impl LoneNumber for f64 {
     #[inline(always)]
     fn value(self) -> f64 {
         self
@@ -92,7 +92,7 @@ impl Scalar for f64 {
 }
 
 #[cfg(feature = "simd")]
-impl Scalar for Fused {
+impl LoneNumber for Fused {
     #[inline(always)]
     fn value(self) -> f64 {
         self.0
@@ -101,5 +101,5 @@ impl Scalar for Fused {
 
 /// A recursion over one sample; `run` is compiled once for every instruction set.
 pub(super) trait OnOneSample {
-    fn run<T: Scalar>(self, robot: &Robot, scratch: &mut Scratch<T>);
+    fn run<T: LoneNumber>(self, robot: &Robot, scratch: &mut Scratch<T>);
 }

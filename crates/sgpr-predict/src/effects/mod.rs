@@ -608,7 +608,7 @@ pub fn registry() -> Vec<Arc<dyn Effect>> {
         Arc::new(base_tilt::BaseTilt),
         Arc::new(base_compliance::BaseCompliance),
         Arc::new(external_drag::ExternalDrag),
-        Arc::new(payload::Payload),
+        Arc::new(payload::PayloadBody),
         Arc::new(payload_change::PayloadChange),
         Arc::new(link_inertia_error::LinkInertiaError),
         Arc::new(link_length_error::LinkLengthError),

@@ -16,11 +16,11 @@ use super::{
 /// Briot, Global identification of joint drive gains and dynamic parameters of robots, ASME J. Dyn. Syst. 136(5)
 /// (2014).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Payload;
+pub(super) struct PayloadBody;
 
 const PARAMETERS: [EffectParameter; 10] = of_a_link(EffectParameter::positive("m", "kg", "kg"));
 
-impl Effect for Payload {
+impl Effect for PayloadBody {
     fn name(&self) -> &str {
         "payload"
     }

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 
 use super::kernels::Plan;
 use super::triangular::Square;
-use super::{Covariance, GpPredictor, Parts, Precision, Rows, VarianceParts};
+use super::{Covariance, GpPredictor, Parts, Precision, VarianceParts, WeightRows};
 
 /// A process and what it has seen.
 #[derive(Clone, Debug)]
@@ -130,8 +130,8 @@ impl LearnedProcess {
         let (seen, unknown) = (&factors.seen, factors.unknown.as_ref());
         let of_seen = |i: usize, j: usize| seen.row(i)[j];
         let of_unknown = |i: usize, j: usize| unknown.map_or(0.0, |unknown| unknown.row(i)[j]);
-        let subtracted = Rows { at: &of_seen, rows: size, columns: size, triangle: true };
-        let added = unknown.map(|_| Rows { at: &of_unknown, ..subtracted });
+        let subtracted = WeightRows { at: &of_seen, rows: size, columns: size, triangle: true };
+        let added = unknown.map(|_| WeightRows { at: &of_unknown, ..subtracted });
         let signal = &self.covariance.signal;
         let weights = [self.weights.clone()];
         let variance = Some(VarianceParts { subtracted, added });

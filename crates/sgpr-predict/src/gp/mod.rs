@@ -20,13 +20,13 @@ pub use error::KernelError;
 pub use kernels::{Input, Kernel, Shape, Stationary};
 pub(crate) use learned::{LearnedProcess, Seen};
 pub use predictor::{GpPredictor, Precision};
-pub(crate) use predictor::{Parts, Rows, VarianceParts};
+pub(crate) use predictor::{Parts, VarianceParts, WeightRows};
 
 /// For [`crate::internal`].
 pub(crate) mod parts {
     #[cfg(feature = "simd")]
     pub use super::kernels::Grid;
     pub use super::kernels::{Element, Features, Plan, TILE, padded, spreads};
-    pub use super::predictor::{Parts, Rows, VarianceParts};
+    pub use super::predictor::{Parts, VarianceParts, WeightRows};
 }
 pub use shared_predictor::{SharedPredictor, WeightedKernel};

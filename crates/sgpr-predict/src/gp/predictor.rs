@@ -153,13 +153,13 @@ pub type Exact<'a> = &'a dyn Fn(&[f64], bool) -> (Vec<f64>, Vec<f64>);
 #[derive(Debug)]
 pub struct VarianceParts<'a> {
     /// What is explained.
-    pub subtracted: Rows<'a>,
+    pub subtracted: WeightRows<'a>,
     /// What of that is not known, after all.
-    pub added: Option<Rows<'a>>,
+    pub added: Option<WeightRows<'a>>,
 }
 
 /// A matrix, to be multiplied with k.
-pub struct Rows<'a> {
+pub struct WeightRows<'a> {
     /// The number at a row and a column.
     pub at: &'a dyn Fn(usize, usize) -> f64,
     /// Number of rows.
@@ -170,7 +170,7 @@ pub struct Rows<'a> {
     pub triangle: bool,
 }
 
-impl core::fmt::Debug for Rows<'_> {
+impl core::fmt::Debug for WeightRows<'_> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.debug_struct("Rows").field("rows", &self.rows).field("columns", &self.columns).finish_non_exhaustive()
     }
@@ -406,8 +406,8 @@ impl<T: Element> VarianceOf<T> {
 }
 
 impl<T: Element> Packed<T> {
-    fn new(matrix: &Rows<'_>) -> Self {
-        let Rows { at, rows: count, columns, triangle } = *matrix;
+    fn new(matrix: &WeightRows<'_>) -> Self {
+        let WeightRows { at, rows: count, columns, triangle } = *matrix;
         let (mut values, mut lengths) = (Vec::new(), Vec::new());
         for first in (0..count).step_by(4) {
             let used = if triangle { (first + 4).min(columns) } else { columns };

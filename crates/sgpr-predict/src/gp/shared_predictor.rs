@@ -27,16 +27,16 @@ use crate::simd::{Arch, Simd, WithSimd};
 /// ```
 #[derive(Clone, Debug)]
 pub struct SharedPredictor {
-    kind: Kind,
+    kind: SharedKind,
     means: Vec<f64>,
     error: f64,
     inputs: usize,
 }
 
 #[derive(Clone, Debug)]
-enum Kind {
-    Double(Core<f64>),
-    Single(Core<f32>),
+enum SharedKind {
+    Double(SharedCore<f64>),
+    Single(SharedCore<f32>),
 }
 
 /// The mean of a process: k(x, X) times weights.
@@ -56,13 +56,13 @@ pub struct WeightedKernel<'a> {
 const WIDEST: usize = 6;
 
 #[derive(Clone, Debug)]
-struct Core<T> {
+struct SharedCore<T> {
     /// Inputs that any kernel looks at, and their centres, subtracted so that single precision keeps its digits.
     columns: Vec<(usize, f64)>,
     /// A tile after the other: its columns, each [`TILE`] long.
     points: Vec<T>,
     count: usize,
-    kernels: Vec<Group<T>>,
+    kernels: Vec<KernelGroup<T>>,
     query: Vec<T>,
     squares: Vec<T>,
     values: Vec<T>,
@@ -70,7 +70,7 @@ struct Core<T> {
 
 /// Up to [`WIDEST`] kernels.
 #[derive(Clone, Debug)]
-struct Group<T> {
+struct KernelGroup<T> {
     shapes: Vec<Shape>,
     /// One over the squared length scales, `[columns, kernels]`; zero for an input that the kernel does not look at.
     weights: Weights<T>,
@@ -135,8 +135,8 @@ impl SharedPredictor {
         }
         let means = vec![0.0; sums.len()];
         let kind = match precision {
-            Precision::Double => Kind::Double(Core::new(sums)),
-            Precision::Single => Kind::Single(Core::new(sums)),
+            Precision::Double => SharedKind::Double(SharedCore::new(sums)),
+            Precision::Single => SharedKind::Single(SharedCore::new(sums)),
         };
         let mut predictor = Self { kind, means, error: 0.0, inputs: *inputs };
         if precision == Precision::Single {
@@ -163,8 +163,8 @@ impl SharedPredictor {
     pub fn means(&mut self, x: &[f64]) -> &[f64] {
         assert_eq!(x.len(), self.inputs, "one number per input");
         match &mut self.kind {
-            Kind::Double(core) => Arch::new().dispatch(Predict { core, x, means: &mut self.means }),
-            Kind::Single(core) => Arch::new().dispatch(Predict { core, x, means: &mut self.means }),
+            SharedKind::Double(core) => Arch::new().dispatch(PredictShared { core, x, means: &mut self.means }),
+            SharedKind::Single(core) => Arch::new().dispatch(PredictShared { core, x, means: &mut self.means }),
         }
         &self.means
     }
@@ -181,7 +181,7 @@ impl SharedPredictor {
     }
 }
 
-impl<T: Element> Core<T> {
+impl<T: Element> SharedCore<T> {
     fn new(sums: &[WeightedKernel<'_>]) -> Self {
         let leaves: Vec<_> = sums.iter().map(|sum| sum.signal.single_leaf().expect("checked")).collect();
         let WeightedKernel { x, inputs, .. } = sums[0];
@@ -219,7 +219,7 @@ impl<T: Element> Core<T> {
             let of = |column: usize| leaf.inputs.iter().position(|input| input.index == column);
             columns.iter().map(|(input, _)| of(*input).map_or(0.0, |k| leaf.scale(k).powi(-2))).collect()
         };
-        let group = |(kernels, processes): (&[usize], &[OfKernel<T>])| Group {
+        let group = |(kernels, processes): (&[usize], &[OfKernel<T>])| KernelGroup {
             shapes: kernels.iter().map(|&index| leaves[index].1.shape).collect(),
             weights: Weights::new(&kernels.iter().map(weights).collect::<Vec<_>>()),
             processes: processes.to_vec(),
@@ -236,18 +236,18 @@ impl<T: Element> Core<T> {
     }
 }
 
-struct Predict<'a, T> {
-    core: &'a mut Core<T>,
+struct PredictShared<'a, T> {
+    core: &'a mut SharedCore<T>,
     x: &'a [f64],
     means: &'a mut [f64],
 }
 
-impl<T: Element> WithSimd for Predict<'_, T> {
+impl<T: Element> WithSimd for PredictShared<'_, T> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { core: Core { columns, points, count, kernels, query, squares, values }, x, means } = self;
+        let Self { core: SharedCore { columns, points, count, kernels, query, squares, values }, x, means } = self;
         for (value, (input, centre)) in query.iter_mut().zip(&*columns) {
             *value = T::from_f64(x[*input] - centre);
         }
@@ -255,7 +255,7 @@ impl<T: Element> WithSimd for Predict<'_, T> {
         for (tile, x) in points.chunks_exact(columns.len() * TILE).enumerate() {
             let start = tile * TILE;
             let length = (*count - start).min(TILE).next_multiple_of(BLOCK);
-            for Group { shapes, weights, processes } in &*kernels {
+            for KernelGroup { shapes, weights, processes } in &*kernels {
                 weights.distances(simd, x, length, query, squares);
                 for ((shape, processes), squares) in shapes.iter().zip(processes).zip(squares.chunks_exact(TILE)) {
                     T::shape::<S, false>(simd, *shape, &squares[..length], &mut values[..length], &mut []);

@@ -12,7 +12,7 @@ use serde::Deserialize;
 
 use super::rest::{LearnedBasis, LearnedJoint};
 use super::term::TermDescription;
-use super::{ParameterSet, Rest, StreamedModel, Term};
+use super::{LearnedRest, ParameterSet, StreamedModel, Term};
 use crate::effects::{self, Effect};
 use crate::gp::{Covariance, LearnedProcess, Seen};
 use crate::robot::Robot;
@@ -119,20 +119,20 @@ impl Described {
 
 /// The head, but for what only identification knows.
 #[derive(Deserialize)]
-struct Head {
-    fit: Option<Fit>,
+struct PhysicsHead {
+    fit: Option<StoredFit>,
     #[serde(flatten)]
     described: Described,
 }
 
 #[derive(Deserialize)]
-struct Fit {
+struct StoredFit {
     noise: Vec<f64>,
 }
 
 /// The part of the head that every version has.
 #[derive(Deserialize)]
-struct Kind {
+struct KindOfFile {
     format: String,
     version: u32,
 }
@@ -177,7 +177,7 @@ impl StreamedModel {
         let malformed = |message: String| ModelError::Malformed { origin: origin.into(), message };
         let archive = Archive::open(bytes).map_err(malformed)?;
         let of_head = |error: serde_json::Error| malformed(format!("its head: {error}"));
-        let Kind { format, version } = serde_json::from_str(&archive.head).map_err(of_head)?;
+        let KindOfFile { format, version } = serde_json::from_str(&archive.head).map_err(of_head)?;
         let learned = format == LEARNED_FORMAT;
         if format != FORMAT && (within || !learned) {
             return Err(ModelError::Kind { origin: origin.into(), found: format });
@@ -193,7 +193,7 @@ impl StreamedModel {
             model.rest = Some(Arc::new(rest(head, &model, identified, &archive).map_err(malformed)?));
             return Ok(model);
         }
-        let Head { fit, described } = serde_json::from_str(&archive.head).map_err(of_head)?;
+        let PhysicsHead { fit, described } = serde_json::from_str(&archive.head).map_err(of_head)?;
         let read = |name: &str, length: usize| archive.array(name, length);
         let (robot, set, parameters, terms) = described.parts(effects, read).map_err(malformed)?;
         let noise = fit.map_or_else(Vec::new, |fit| fit.noise);
@@ -232,7 +232,7 @@ fn rest(
     model: &StreamedModel,
     identified: Option<StreamedModel>,
     archive: &Archive<'_>,
-) -> Result<Rest, String> {
+) -> Result<LearnedRest, String> {
     let n = model.dof();
     if head.joints.len() != n || identified.as_ref().is_some_and(|identified| identified.dof() != n) {
         return Err("what was learned is of another robot than the physics".into());
@@ -253,7 +253,7 @@ fn rest(
         None => None,
         Some(independent) => Some(basis(independent, model, &joints, archive)?),
     };
-    Ok(Rest { joints, identified, basis, knows_parameters })
+    Ok(LearnedRest { joints, identified, basis, knows_parameters })
 }
 
 fn process(
@@ -333,7 +333,7 @@ struct Archive<'a> {
 }
 
 #[derive(Deserialize)]
-struct Header {
+struct TensorHeader {
     #[serde(rename = "__metadata__", default)]
     metadata: BTreeMap<String, String>,
     #[serde(flatten)]
@@ -349,7 +349,8 @@ struct ArrayOf {
 impl<'a> Archive<'a> {
     fn open(bytes: &'a [u8]) -> Result<Self, String> {
         let (header, numbers) = header_and_numbers(bytes)?;
-        let Header { mut metadata, arrays } = serde_json::from_slice(header).map_err(|error| error.to_string())?;
+        let TensorHeader { mut metadata, arrays } =
+            serde_json::from_slice(header).map_err(|error| error.to_string())?;
         let head = metadata.remove("sgpr").ok_or("its head has no entry `sgpr`")?;
         Ok(Self { head, arrays, numbers })
     }

@@ -8,7 +8,7 @@ mod term;
 
 pub use file::ModelError;
 pub use parameter_set::{EffectColumn, ParameterSet, TrajectoryColumn};
-pub(crate) use rest::Rest;
+pub(crate) use rest::LearnedRest;
 pub use streamed::StreamedModel;
 pub use term::Term;
 

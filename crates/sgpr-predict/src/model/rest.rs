@@ -9,7 +9,7 @@ const MOST_FOR_DEVIATION: usize = 5_000;
 
 /// What a semi-parametric model has learned of what its physics leaves over.
 #[derive(Clone, Debug)]
-pub(crate) struct Rest {
+pub(crate) struct LearnedRest {
     pub joints: Vec<LearnedJoint>,
     /// The physics as it was identified, for the joints without a process, if there are some and it differs.
     pub identified: Option<StreamedModel>,
@@ -37,7 +37,7 @@ pub(crate) struct LearnedBasis {
     pub rows: Vec<Option<Vec<f64>>>,
 }
 
-impl Rest {
+impl LearnedRest {
     /// Whether a standard deviation can be computed; if not, for which joint, and why.
     pub fn check_deviation(&self) -> Result<(), (usize, String)> {
         if !self.knows_parameters {

@@ -2,7 +2,7 @@ use alloc::string::String;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
-use super::{ParameterSet, Rest, Term};
+use super::{LearnedRest, ParameterSet, Term};
 use crate::effects::{Role, UnknownEffect};
 use crate::robot::Robot;
 
@@ -19,7 +19,7 @@ pub struct StreamedModel {
     parameters: Vec<f64>,
     terms: Vec<Term>,
     noise: Vec<f64>,
-    pub(crate) rest: Option<Arc<Rest>>,
+    pub(crate) rest: Option<Arc<LearnedRest>>,
 }
 
 impl StreamedModel {

@@ -59,12 +59,12 @@ impl Robot {
             written += &text[from..span.replace.start];
             from = span.replace.end;
             match (span.shape, element.as_str()) {
-                (Shape::Element, element) => written += element,
+                (TagShape::Element, element) => written += element,
                 (_, "") => written += &text[span.replace.clone()],
-                (Shape::OpenTag, element) => {
+                (TagShape::OpenTag, element) => {
                     let _ = write!(written, "{}\n    {element}", &text[span.replace.clone()]);
                 }
-                (Shape::EmptyTag, element) => {
+                (TagShape::EmptyTag, element) => {
                     let open = text[span.replace.clone()].trim_end_matches('>').trim_end_matches('/').trim_end();
                     let _ = write!(written, "{open}>\n    {element}\n  </{}>", span.outer);
                 }
@@ -221,14 +221,14 @@ fn inertial_element(link: &str, body: &LinkInertia) -> Result<String, RobotError
 }
 
 /// What an element replaces in the text.
-struct Span {
+struct TextSpan {
     replace: Range<usize>,
-    shape: Shape,
+    shape: TagShape,
     /// The element around it.
     outer: &'static str,
 }
 
-enum Shape {
+enum TagShape {
     /// The element itself.
     Element,
     /// The tag `<link name="...">` of a link, or joint, without one.
@@ -238,14 +238,14 @@ enum Shape {
 }
 
 /// Where `<inner>` stands, or would stand, in each named `<outer>` of a robot: the inertia of links, the friction of joints.
-fn spans(text: &str, outer: &'static str, inner: &str) -> Result<HashMap<String, Span>, String> {
+fn spans(text: &str, outer: &'static str, inner: &str) -> Result<HashMap<String, TextSpan>, String> {
     let mut reader = Reader::from_str(text);
     let mut spans = HashMap::new();
     // Names of the elements around.
     let mut open: Vec<Vec<u8>> = Vec::new();
     let mut named = None;
     let mut inner_from = 0;
-    let span = |replace: Range<usize>, shape| Span { replace, shape, outer };
+    let span = |replace: Range<usize>, shape| TextSpan { replace, shape, outer };
     loop {
         let from = reader.buffer_position() as usize;
         let event = reader.read_event().map_err(|error| error.to_string())?;
@@ -258,7 +258,7 @@ fn spans(text: &str, outer: &'static str, inner: &str) -> Result<HashMap<String,
                 let name = tag.name().as_ref().to_vec();
                 if in_robot && name == outer.as_bytes() {
                     let own = name_of(&tag)?;
-                    spans.insert(own.clone(), span(from..to, Shape::OpenTag));
+                    spans.insert(own.clone(), span(from..to, TagShape::OpenTag));
                     named = Some(own);
                 } else if in_outer(&open) && name == inner.as_bytes() {
                     inner_from = from;
@@ -266,16 +266,16 @@ fn spans(text: &str, outer: &'static str, inner: &str) -> Result<HashMap<String,
                 open.push(name);
             }
             Event::Empty(tag) if in_robot && tag.name().as_ref() == outer.as_bytes() => {
-                spans.insert(name_of(&tag)?, span(from..to, Shape::EmptyTag));
+                spans.insert(name_of(&tag)?, span(from..to, TagShape::EmptyTag));
             }
             Event::Empty(tag) if in_outer(&open) && tag.name().as_ref() == inner.as_bytes() => {
-                spans.insert(named.clone().expect("inside a named element"), span(from..to, Shape::Element));
+                spans.insert(named.clone().expect("inside a named element"), span(from..to, TagShape::Element));
             }
             Event::End(_) => {
                 let name = open.pop();
                 if in_outer(&open) && name.as_deref() == Some(inner.as_bytes()) {
                     let named = named.clone().expect("inside a named element");
-                    spans.insert(named, span(inner_from..to, Shape::Element));
+                    spans.insert(named, span(inner_from..to, TagShape::Element));
                 }
             }
             Event::Eof => return Ok(spans),

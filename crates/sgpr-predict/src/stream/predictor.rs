@@ -54,7 +54,7 @@ pub struct Predictor<F: Plain = f64> {
     /// What a constant torque becomes at each joint, and its largest value.
     gains: Vec<[f64; 2]>,
     options: StreamOptions,
-    clock: Clock,
+    clock: SessionClock,
     /// Effect and joint that need a temperature.
     warm: Option<(String, usize)>,
     /// Whether steps must not be shorter than half of what the rate says: of a torque that is late or early.
@@ -69,7 +69,7 @@ pub struct Predictor<F: Plain = f64> {
 
 /// The time of the session.
 #[derive(Clone, Copy, Debug)]
-struct Clock {
+struct SessionClock {
     /// Nominal, Hz; NaN if it is not known.
     rate_hz: f64,
     /// At the last step of another length, s.
@@ -80,7 +80,7 @@ struct Clock {
     at_start: bool,
 }
 
-impl Clock {
+impl SessionClock {
     fn time(&self) -> f64 {
         if self.steps == 0 { self.origin } else { self.origin + self.steps as f64 / self.rate_hz }
     }
@@ -176,7 +176,7 @@ impl StreamedModel {
             warm: warm.map(|term| (term.effect.name().into(), term.site.joint().unwrap_or_default())),
             delays: terms.iter().any(held),
             options: options.clone(),
-            clock: Clock { rate_hz, origin: 0.0, steps: 0, at_start: true },
+            clock: SessionClock { rate_hz, origin: 0.0, steps: 0, at_start: true },
             start: StreamStart::AtRest,
             rest: None,
             tau: vec![F::default(); n],
@@ -291,7 +291,7 @@ impl<F: Plain> Predictor<F> {
         if !time.is_finite() {
             return Err(StreamError::OutOfRange { name: "time".into(), found: time, expected: "a finite number" });
         }
-        self.clock = Clock { origin: time, steps: 0, at_start: true, ..self.clock };
+        self.clock = SessionClock { origin: time, steps: 0, at_start: true, ..self.clock };
         identified(&mut self.rest).map_or(Ok(()), |other| other.set_time(time))
     }
 
@@ -309,7 +309,7 @@ impl<F: Plain> Predictor<F> {
     /// Forgets all samples: the clock is at zero, and the hidden states start at rest at the next sample, as a trajectory
     /// does at its first.
     pub fn reset(&mut self) {
-        self.clock = Clock { origin: 0.0, steps: 0, at_start: true, ..self.clock };
+        self.clock = SessionClock { origin: 0.0, steps: 0, at_start: true, ..self.clock };
         self.sampler.forget();
         self.start = StreamStart::AtRest;
         if let Some(other) = identified(&mut self.rest) {
@@ -573,7 +573,7 @@ pub struct SavedStates<F: Plain = f64> {
     transforms: Vec<F::Number>,
     last_ddq: Vec<F::Number>,
     /// Clock, start, and whether there is an acceleration before.
-    run: Option<(Clock, StreamStart<F::Number>, F::Number)>,
+    run: Option<(SessionClock, StreamStart<F::Number>, F::Number)>,
     /// Of the model of joints without a process, if it is another.
     other: Option<Box<SavedStates<F>>>,
 }

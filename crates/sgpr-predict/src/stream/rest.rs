@@ -10,7 +10,7 @@ use crate::effects::JointState;
 use crate::gp::{GpPredictor, LearnedProcess, Precision, SharedPredictor, WeightedKernel};
 #[cfg(not(feature = "std"))]
 use crate::math::Float;
-use crate::model::{ParameterSet, Rest, StreamedModel};
+use crate::model::{LearnedRest, ParameterSet, StreamedModel};
 use crate::spatial::PARAMETERS_PER_LINK;
 
 /// How the processes of a learned model are asked.
@@ -97,7 +97,7 @@ impl<F: Plain> RestPredictor<F> {
     /// Of a model file.
     pub(super) fn of_file(
         model: &StreamedModel,
-        rest: &Rest,
+        rest: &LearnedRest,
         stream: &StreamOptions,
         options: &RestOptions,
     ) -> Result<Self, StreamError> {

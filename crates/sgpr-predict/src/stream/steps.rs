@@ -11,7 +11,7 @@ use crate::model::Term;
 
 /// An effect at its site, and where its hidden state is.
 #[derive(Clone, Debug)]
-struct Step {
+struct EffectStep {
     effect: Arc<dyn Effect>,
     site: Site,
     constants: Vec<f64>,
@@ -20,7 +20,7 @@ struct Step {
     columns: Range<usize>,
 }
 
-impl Step {
+impl EffectStep {
     fn at(&self) -> (Site, &[f64]) {
         (self.site, &self.constants)
     }
@@ -33,7 +33,7 @@ impl Step {
 /// Torques of effects at single sites, sample by sample. Nothing but [`Self::new`] allocates, unless an effect does.
 #[derive(Clone, Debug)]
 pub struct TermSteps<S = f64> {
-    steps: Vec<Step>,
+    steps: Vec<EffectStep>,
     hidden: Vec<S>,
     /// Of the last sample, one after the other.
     columns: Vec<S>,
@@ -110,7 +110,7 @@ impl<S: Stepped> TermSteps<S> {
 
     /// Effect and site of each hidden state.
     pub fn carriers(&self) -> impl Iterator<Item = (&str, Site)> {
-        self.steps.iter().flat_map(Step::carriers)
+        self.steps.iter().flat_map(EffectStep::carriers)
     }
 
     /// Hidden states.
@@ -125,7 +125,7 @@ impl<S: Stepped> TermSteps<S> {
 }
 
 fn start_each<S: Stepped>(
-    steps: &[Step],
+    steps: &[EffectStep],
     hidden: &mut [S],
     start: &StreamStart<S>,
     input: &SampleInput<'_, S>,
@@ -139,8 +139,8 @@ fn start_each<S: Stepped>(
     }
 }
 
-fn step(term: &Term, hidden: Range<usize>, columns: Range<usize>) -> Step {
-    Step {
+fn step(term: &Term, hidden: Range<usize>, columns: Range<usize>) -> EffectStep {
+    EffectStep {
         effect: Arc::clone(&term.effect),
         site: term.site,
         constants: term.constants.clone(),
@@ -154,9 +154,9 @@ fn step(term: &Term, hidden: Range<usize>, columns: Range<usize>) -> Step {
 #[derive(Clone, Debug)]
 pub struct TransformSteps<S = f64> {
     /// Those that move links.
-    movers: Vec<Step>,
+    movers: Vec<EffectStep>,
     /// All, with the hidden state of each joint.
-    transmitters: Vec<Step>,
+    transmitters: Vec<EffectStep>,
     hidden: Vec<S>,
 }
 
@@ -233,9 +233,9 @@ impl<S: Stepped> TransformSteps<S> {
 
     /// Effect and site of each hidden state.
     pub fn carriers(&self) -> Vec<(&str, Site)> {
-        let mut steps: Vec<&Step> = self.movers.iter().chain(&self.transmitters).collect();
+        let mut steps: Vec<&EffectStep> = self.movers.iter().chain(&self.transmitters).collect();
         steps.sort_by_key(|step| step.hidden.start);
-        steps.into_iter().flat_map(Step::carriers).collect()
+        steps.into_iter().flat_map(EffectStep::carriers).collect()
     }
 
     pub fn hidden(&self) -> &[S] {

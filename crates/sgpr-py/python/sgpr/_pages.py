@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ._files import make_folder_of
-from ._sgpr import Comparison, Diagnosis, Model, Recording, compare, residual_structure
+from ._sgpr import Comparison, Diagnosis, LogSet, Model, Recording, compare, residual_structure
 
 
 def write_page(path: str | os.PathLike[str], text: str) -> None:
@@ -27,8 +27,8 @@ def diagnosis_page(
     diagnosis: Diagnosis,
     path: str | os.PathLike[str],
     before: Model,
-    train: Sequence[Recording],
-    test: Sequence[Recording],
+    train: Sequence[Recording] | LogSet,
+    test: Sequence[Recording] | LogSet,
 ) -> None:
     """The page of `sgpr diagnose`."""
     # The commands need this package themselves.
@@ -53,13 +53,13 @@ def diagnosis_page(
     write_page(path, result.page(data).html())
 
 
-def model_page(model: Model, path: str | os.PathLike[str], recordings: Sequence[Recording]) -> None:
+def model_page(model: Model, path: str | os.PathLike[str], recordings: Sequence[Recording] | LogSet) -> None:
     """The page of `sgpr compare`."""
     comparison_page(compare(model, list(recordings)), path, model, recordings)
 
 
 def comparison_page(
-    found: Comparison, path: str | os.PathLike[str], model: Model, recordings: Sequence[Recording]
+    found: Comparison, path: str | os.PathLike[str], model: Model, recordings: Sequence[Recording] | LogSet
 ) -> None:
     """The same of a comparison that there is."""
     from .cli import describe
@@ -82,7 +82,9 @@ def comparison_page(
     write_page(path, page.html())
 
 
-def rest_page(model: Any, path: str | os.PathLike[str], train: Sequence[Recording], test: Sequence[Recording]) -> None:
+def rest_page(
+    model: Any, path: str | os.PathLike[str], train: Sequence[Recording] | LogSet, test: Sequence[Recording] | LogSet
+) -> None:
     """The page of `sgpr learn`."""
     from .cli import learn as command
     from .cli.screening import repeated
@@ -93,7 +95,7 @@ def rest_page(model: Any, path: str | os.PathLike[str], train: Sequence[Recordin
     write_page(path, result.page(data).html())
 
 
-def _logs(recordings: Sequence[Recording]) -> list[Any]:
+def _logs(recordings: Sequence[Recording] | LogSet) -> list[Any]:
     from .cli.reading import Log
 
     return [Log(recording.source, recording, [recording], []) for recording in recordings]

@@ -37,6 +37,7 @@ __all__ = [
     "JointComparison",
     "Kernel",
     "LogResidual",
+    "LogSet",
     "Model",
     "ModelFileError",
     "MomentumObserver",
@@ -294,6 +295,23 @@ class Recording:
     def _from_source(self, source: str, notes: Sequence[str], layout: dict[str, Any] | None = None) -> Recording: ...
 
 @final
+class LogSet:
+    def __new__(cls, recordings: _Logs, *, whole: bool = False) -> LogSet: ...
+    @property
+    def logs(self) -> list[Recording]: ...
+    @property
+    def origins(self) -> list[int]: ...
+    @property
+    def notes(self) -> list[str]: ...
+    def __len__(self) -> int: ...
+    def __getitem__(self, index: int, /) -> Recording: ...
+    def __iter__(self) -> Iterator[Recording]: ...
+    @staticmethod
+    def _of(logs: Sequence[Recording]) -> LogSet: ...
+
+_Logs = Sequence[Recording] | LogSet
+
+@final
 class Repaired:
     @property
     def recordings(self) -> list[Recording]: ...
@@ -477,7 +495,7 @@ class _RecordsOptions(_OfSums, total=False):
 class _Estimation(_Equations, _OfSums, total=False):
     forecast: bool
     uncertainty: str
-    instruments: Sequence[Recording]
+    instruments: _Logs
     kp: ArrayLike | None
     kd: ArrayLike | None
 
@@ -509,9 +527,7 @@ class _MotionOptions(TypedDict, total=False):
     link_shapes: Any
     max_tip_speed: float | None
 
-def choose_processing(
-    robot: Robot, recordings: Sequence[Recording], **options: Unpack[_EquationOptions]
-) -> Processing: ...
+def choose_processing(robot: Robot, recordings: _Logs, **options: Unpack[_EquationOptions]) -> Processing: ...
 def record(
     robot: Robot,
     recording: Recording,
@@ -526,7 +542,8 @@ def record(
 ) -> Record: ...
 def identify_records(robot: Robot, records: Sequence[Record], **options: Unpack[_RecordsOptions]) -> Model: ...
 
-# tests (effect joint constants found gain gain_std parameters alternatives), left_out_errors (joint without with)
+# tests (effect joint constants found gain gain_standard_error parameters alternatives),
+# left_out_errors (joint without with)
 def diagnose_records(robot: Robot, records: Sequence[Record]) -> dict[str, Any]: ...
 def compare_records(model: Model, records: Sequence[Record]) -> list[dict[str, Any]]: ...  # joint, rows, rmse, torque
 def deviations(model: Model, record: Record, *, by_block: bool = False) -> list[dict[str, Any]]: ...
@@ -537,13 +554,13 @@ class SessionComparison:
     def names(self) -> list[str]: ...
     @property
     def sentences(self) -> list[str]: ...
-    # Keys: cause joint unit values std chance saved_percent saved_percent_std changed
+    # Keys: cause joint unit values standard_deviations chance saved_percent saved_percent_standard_error changed
     @property
     def tests(self) -> list[dict[str, Any]]: ...
     def model(self, name: str) -> Model: ...
 
 def compare_sessions(
-    robot: Robot, sessions: Mapping[str, Sequence[Recording]], **options: Unpack[_EquationOptions]
+    robot: Robot, sessions: Mapping[str, _Logs], **options: Unpack[_EquationOptions]
 ) -> SessionComparison: ...
 
 @final
@@ -580,7 +597,7 @@ class Model:
     @property
     def library_version(self) -> str: ...
     def plus(self, error: Model) -> Model: ...
-    def add(self, finding: Finding | str, train: Sequence[Recording] | None = None) -> Model: ...
+    def add(self, finding: Finding | str, train: _Logs | None = None) -> Model: ...
     def __add__(self, error: Model, /) -> Model: ...
     def __radd__(self, model: Model, /) -> Model: ...
     @overload
@@ -625,8 +642,8 @@ class Model:
         keep: Sequence[str] | None = None,
     ) -> None: ...
     def save(self, path: _Path) -> None: ...
-    def plot(self, recordings: Sequence[Recording]) -> Any: ...  # plotly.graph_objects.Figure
-    def save_report(self, path: _Path, recordings: Sequence[Recording]) -> None: ...
+    def plot(self, recordings: _Logs) -> Any: ...  # plotly.graph_objects.Figure
+    def save_report(self, path: _Path, recordings: _Logs) -> None: ...
     def _repr_html_(self) -> str: ...
     @property
     def reading(self) -> dict[str, Any] | None: ...
@@ -663,7 +680,7 @@ class MomentumObserver:
         bandwidth_hz: float = 2.0,
         false_alarms_per_hour: float = 1.0,
         deviation: ArrayLike | None = None,
-        without_contact: Sequence[Recording] | None = None,
+        without_contact: _Logs | None = None,
     ) -> MomentumObserver: ...
     @property
     def errors(self) -> _Array: ...  # (n, 3): moving, resting, N·m; speed, rad/s
@@ -734,7 +751,7 @@ class CutoffInfluence:
 def effects() -> list[dict[str, Any]]: ...  # name, summary, parameters [(name, unit, unit_prismatic)], formula, ...
 def identify(
     robot: Robot,
-    recordings: Sequence[Recording],
+    recordings: _Logs,
     *,
     effects: Sequence[str] = ("viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"),
     method: str = "wls",  # "ols", "irls:1.345", "ridge:1.0", "tls:0.001", "iv", "output_error", "rls:0.999"
@@ -754,14 +771,14 @@ def identify(
     essential: bool = False,
     forecast: bool = False,
     uncertainty: str = "memory",  # "hac", "bootstrap:500"
-    instruments: Sequence[Recording] = (),
+    instruments: _Logs = (),
     kp: ArrayLike | None = None,
     kd: ArrayLike | None = None,
     progress: _Progress | None = None,
 ) -> Model: ...
 def cutoff_influence(
     robot: Robot,
-    recordings: Sequence[Recording],
+    recordings: _Logs,
     model: Model,
     *,
     progress: _Progress | None = None,
@@ -769,8 +786,8 @@ def cutoff_influence(
 ) -> list[CutoffInfluence]: ...
 def diagnose(
     model: Model,
-    train: Sequence[Recording],
-    test: Sequence[Recording] = (),
+    train: _Logs,
+    test: _Logs = (),
     *,
     effects: Sequence[str | Effect] | None = None,
     add: Sequence[str] | None = None,  # by hand, without a search: torque_ripple@joint_2
@@ -816,7 +833,7 @@ class _Structure(TypedDict):
 class _Constant(TypedDict):
     name: str
     value: float
-    std: float | None
+    standard_deviation: float | None
     unit: str
 
 class _Detectable(TypedDict):
@@ -941,8 +958,8 @@ class DriveGains:
 
 def identify_payload(
     robot: Robot,
-    unloaded: Sequence[Recording],
-    loaded: Sequence[Recording],
+    unloaded: _Logs,
+    loaded: _Logs,
     *,
     link: str | None = None,
     friction_may_change: bool = False,
@@ -951,8 +968,8 @@ def identify_payload(
 ) -> Payload: ...
 def identify_drive_gains(
     robot: Robot,
-    unloaded: Sequence[Recording],
-    loaded: Sequence[Recording],
+    unloaded: _Logs,
+    loaded: _Logs,
     *,
     payload: Mapping[str, float],
     link: str | None = None,
@@ -960,9 +977,9 @@ def identify_drive_gains(
     lowest: ArrayLike | None = None,
     **options: Unpack[_GainOptions],
 ) -> DriveGains: ...
-def repeated_share(known: Sequence[Recording], new: Recording) -> float | None: ...
-def shared_samples(known: Sequence[Recording], new: Recording) -> list[tuple[int, int, int]]: ...
-def screen(model: Model, recordings: Sequence[Recording]) -> list[str]: ...
+def repeated_share(known: _Logs, new: Recording) -> float | None: ...
+def shared_samples(known: _Logs, new: Recording) -> list[tuple[int, int, int]]: ...
+def screen(model: Model, recordings: _Logs) -> list[str]: ...
 def regroupings(rows: Sequence[Mapping[str, Any]]) -> list[list[str]]: ...
 
 @final
@@ -1051,13 +1068,13 @@ class Comparison:
 
 def compare(
     model: Model | Robot,
-    recordings: Sequence[Recording],
+    recordings: _Logs,
     *,
     processing: Model | Processing | None = None,  # default: as the model was identified, else chosen from the logs
 ) -> Comparison: ...
 def compare_streaming(
     model: Model | Any,  # or a SemiParametricModel
-    recordings: Sequence[Recording],
+    recordings: _Logs,
     *,
     processing: Model | Processing | None = None,
     causal: bool = False,
@@ -1144,12 +1161,12 @@ class FittedSemiParametric:
     def predict(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, with_std: bool
     ) -> tuple[_Array, list[_Array] | None]: ...  # std, half the interval of 95 %, novelty
-    def compare(self, recordings: Sequence[Recording]) -> Comparison: ...
+    def compare(self, recordings: _Logs) -> Comparison: ...
     def compare_with_spread(
-        self, recordings: Sequence[Recording]
+        self, recordings: _Logs
     ) -> tuple[Comparison, list[list[_Array]]]: ...  # std, half the interval of 95 %, novelty of each log
-    def score(self, recordings: Sequence[Recording]) -> float: ...
-    def coverage(self, recordings: Sequence[Recording], following: bool) -> list[dict[str, Any]]: ...
+    def score(self, recordings: _Logs) -> float: ...
+    def coverage(self, recordings: _Logs, following: bool) -> list[dict[str, Any]]: ...
     @property
     def reports(self) -> list[dict[str, Any]]: ...
     def predictor(
@@ -1174,7 +1191,7 @@ class SemiParametricPredictor:
 
 def fit_semi_parametric(
     robot: Robot,
-    recordings: Sequence[Recording],
+    recordings: _Logs,
     *,
     physics: Model | None,
     mean: str,

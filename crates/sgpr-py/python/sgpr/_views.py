@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._sgpr import Comparison, Diagnosis, Excitation, Finding, Model, Recording, Robot, Simulation, compare
+from ._sgpr import Comparison, Diagnosis, Excitation, Finding, LogSet, Model, Recording, Robot, Simulation, compare
 from .report.colours import AFTER, BEFORE, line_of
 from .report.figures import axis, layout
 from .report.markup import prose
@@ -227,7 +227,7 @@ def plot_recording(log: Recording) -> Any:
     return _over_time([(title, log.t, values, log.joint_names) for title, values in rows], log.source)
 
 
-def plot_model(model: Model, logs: Sequence[Recording]) -> Any:
+def plot_model(model: Model, logs: Sequence[Recording] | LogSet) -> Any:
     """A Plotly figure of measured and predicted torque of logs, joint by joint, one stretch after the other."""
     return plot_comparison([("predicted", AFTER, compare(model, list(logs)))])
 
@@ -444,7 +444,7 @@ def semi_parametric_html(model: Any) -> str:
     return table_html(caption, head, rows, model.physics_.history)
 
 
-def plot_semi_parametric(model: Any, logs: Sequence[Recording]) -> Any:
+def plot_semi_parametric(model: Any, logs: Sequence[Recording] | LogSet) -> Any:
     """A Plotly figure of measured torque, that of the physics and that with the processes."""
     found = [
         ("physics", BEFORE, compare(model.physics_, list(logs))),

@@ -12,6 +12,7 @@ from ._files import make_folder_of
 from ._sgpr import (
     Comparison,
     FittedSemiParametric,
+    LogSet,
     Model,
     Recording,
     Robot,
@@ -128,12 +129,12 @@ class SemiParametricModel(Estimator):
         self.progress = progress
         self.options = options
 
-    def fit(self, recordings: Sequence[Recording]) -> Self:
+    def fit(self, recordings: Sequence[Recording] | LogSet) -> Self:
         """Identify the physics, then learn what it leaves over.
 
         Parameters
         ----------
-        recordings : list of Recording
+        recordings : list of Recording or LogSet
             With torque; each one a trajectory of its own.
 
         Returns
@@ -217,12 +218,12 @@ class SemiParametricModel(Estimator):
             return tau
         return tau, *(values for values, wanted in zip(spread, asked, strict=True) if wanted)
 
-    def compare(self, recordings: Sequence[Recording]) -> Comparison:
+    def compare(self, recordings: Sequence[Recording] | LogSet) -> Comparison:
         """Compare with recordings, best with logs that no fit has seen, as `sgpr.compare` does."""
         fitted: FittedSemiParametric = self._require_fitted("_fitted")
         return fitted.compare(recordings)
 
-    def compare_with_spread(self, recordings: Sequence[Recording]) -> tuple[Comparison, list[list[_Array]]]:
+    def compare_with_spread(self, recordings: Sequence[Recording] | LogSet) -> tuple[Comparison, list[list[_Array]]]:
         """Compare with recordings, and say how sure the predictions are.
 
         Returns
@@ -234,17 +235,17 @@ class SemiParametricModel(Estimator):
         fitted: FittedSemiParametric = self._require_fitted("_fitted")
         return fitted.compare_with_spread(recordings)
 
-    def score(self, recordings: Sequence[Recording]) -> float:
+    def score(self, recordings: Sequence[Recording] | LogSet) -> float:
         """Share of the variance of the torque that is explained on recordings, the mean over joints; at most one."""
         fitted: FittedSemiParametric = self._require_fitted("_fitted")
         return fitted.score(recordings)
 
-    def coverage(self, recordings: Sequence[Recording], *, following: bool = False) -> list[dict[str, Any]]:
+    def coverage(self, recordings: Sequence[Recording] | LogSet, *, following: bool = False) -> list[dict[str, Any]]:
         """How many measurements fall within their predicted intervals.
 
         Parameters
         ----------
-        recordings : sequence of Recording
+        recordings : list of Recording or LogSet
             Logs that no fit has seen.
         following : bool
             Whether the intervals follow the errors of the torques measured before (adaptive conformal inference),
@@ -296,7 +297,7 @@ class SemiParametricModel(Estimator):
         fitted: FittedSemiParametric = self._require_fitted("_fitted")
         return fitted.predictor((single_precision, variance_rank, compact), (rate_hz, purpose, list(keep)))
 
-    def plot(self, recordings: Sequence[Recording]) -> Any:
+    def plot(self, recordings: Sequence[Recording] | LogSet) -> Any:
         """Plot measured torque of recordings, that of the physics and that with the processes, joint by joint.
 
         Returns
@@ -308,16 +309,18 @@ class SemiParametricModel(Estimator):
         self._require_fitted("_fitted")
         return plot_semi_parametric(self, recordings)
 
-    def report(self, path: str | PathLike[str], train: Sequence[Recording], test: Sequence[Recording] = ()) -> None:
+    def report(
+        self, path: str | PathLike[str], train: Sequence[Recording] | LogSet, test: Sequence[Recording] | LogSet = ()
+    ) -> None:
         """Write the page of `sgpr learn`: what was learned, how sure it is, and the errors with and without it.
 
         Parameters
         ----------
         path : path
             Of the HTML file, which needs no other; complete or not there.
-        train : list of Recording
+        train : list of Recording or LogSet
             The logs of `fit`.
-        test : list of Recording, optional
+        test : list of Recording or LogSet, optional
             Unseen logs to judge by.
         """
         from ._pages import rest_page

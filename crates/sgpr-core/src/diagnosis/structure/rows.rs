@@ -72,7 +72,7 @@ impl JointRows {
         let total: usize = logs.iter().map(|log| log.motion.len()).sum();
         let every = decimation.max(1) * (total / decimation.max(1)).div_ceil(MOST_ROWS).max(1);
         let clock = common_clock(logs);
-        let blocks = Blocks::new(logs.iter().map(|log| &log.motion), BLOCK_S);
+        let blocks = Blocks::new(logs.iter().map(|log| &*log.motion), BLOCK_S);
         for (index, log) in logs.iter().enumerate() {
             let mut run = 0;
             let in_band = log.in_band(joint);

@@ -152,7 +152,7 @@ impl Consistency {
         nominal: &[f64],
         torque: &[f64],
     ) -> Result<ConsistentParameters, IdentificationError> {
-        let task = Task::new(&self.bounds, robot, set, base, whitened, nominal, torque)?;
+        let task = ConsistencyTask::new(&self.bounds, robot, set, base, whitened, nominal, torque)?;
         let deviation = self.prior.relative_deviation;
         super::check_prior_deviation(deviation)?;
         // Where data that are almost without noise meet a pull that is almost none, the solver may give up: a distance that
@@ -191,7 +191,7 @@ impl Consistency {
 }
 
 /// Data and limits of a program of consistent parameters.
-struct Task<'a> {
+struct ConsistencyTask<'a> {
     robot: &'a Robot,
     set: &'a ParameterSet,
     base: &'a BaseParameters,
@@ -210,11 +210,11 @@ struct Task<'a> {
 enum Limit {
     /// The link is a body.
     Body(usize),
-    /// One of [`Task::bounds`].
+    /// One of [`ConsistencyTask::bounds`].
     Bound(usize),
 }
 
-impl<'a> Task<'a> {
+impl<'a> ConsistencyTask<'a> {
     fn new(
         bounds: &PhysicalBounds,
         robot: &'a Robot,

@@ -7,7 +7,7 @@ use faer::Mat;
 use serde::{Deserialize, Serialize};
 
 use super::program::ConicStatus;
-use super::{ACTIVE, Consistency, Distance, Limit, MARGIN, Prior, Task, added_residual};
+use super::{ACTIVE, Consistency, ConsistencyTask, Distance, Limit, MARGIN, Prior, added_residual};
 use crate::identification::parameter_scales::nominal_links;
 use crate::identification::{BaseParameters, IdentificationError, ParameterSet};
 use crate::robot::Robot;
@@ -69,7 +69,7 @@ impl Consistency {
         nominal: &[f64],
         torque: &[f64],
     ) -> Result<Costs, IdentificationError> {
-        let task = Task::new(&self.bounds, robot, set, base, whitened, nominal, torque)?;
+        let task = ConsistencyTask::new(&self.bounds, robot, set, base, whitened, nominal, torque)?;
         let prior = Prior { distance: Distance::Euclidean, ..self.prior };
         let Some(all) = task.relaxed(prior, &[]).filter(|all| all.added >= 1.0) else { return Ok(Costs::default()) };
         let least = task.whitened[(base.rank(), base.rank())].powi(2);
@@ -111,7 +111,7 @@ struct Relaxed {
     added: f64,
 }
 
-impl Task<'_> {
+impl ConsistencyTask<'_> {
     /// None if the solver gives up.
     fn relaxed(&self, prior: Prior, without: &[Limit]) -> Option<Relaxed> {
         let outcome = self.program(prior, without).0.solve();

@@ -4,7 +4,7 @@ use super::IdentifyError;
 use crate::identification::{Equations, Finding, LeastSquares, Method, screen_delays, screen_factors, screen_rows};
 use crate::model::TorqueModel;
 use crate::model::correlation::correlation;
-use crate::model::experiment::{Columns, Experiment, select_joints, torque_of};
+use crate::model::experiment::{Experiment, TermColumns, select_joints, torque_of};
 use crate::motion::Processing;
 use crate::recording::Recording;
 
@@ -25,7 +25,7 @@ pub fn screen(model: &TorqueModel, recordings: &[Recording]) -> Result<Vec<Findi
         let torques = torque_of(motion)?.iter().zip(whole.iter().zip(&own));
         tau.push(torques.map(|(tau, (whole, own))| tau - (whole - own)).collect());
     }
-    let columns = Columns { tau, values: vec![vec![]; experiment.motions.len()], parameters: vec![] };
+    let columns = TermColumns { tau, values: vec![vec![]; experiment.motions.len()], parameters: vec![] };
     let equations = Equations::new(robot, set, base, experiment.trajectories_with(&[], &[], Some(&columns))?);
     let factors = equations.factors()?;
     let memory = correlation(model, &experiment.motions, processing, &factors)?;

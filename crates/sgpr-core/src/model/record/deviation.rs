@@ -28,6 +28,7 @@ pub struct Deviation {
 
 /// What a part of a log says about a joint.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct JointDeviation {
     /// Joint.
     pub joint: usize,
@@ -71,7 +72,7 @@ pub struct ParameterDeviation {
 pub fn deviations(model: &TorqueModel, record: &Record, by_block: bool) -> Result<Vec<Deviation>, RecordError> {
     let (set, base) = check(model.robot(), &[record])?;
     let parameters = parameters_in(model, &set, record)?;
-    let reference = Reference { set: &set, values: base.combine(&parameters), parameters, base: &base };
+    let reference = ReferenceModel { set: &set, values: base.combine(&parameters), parameters, base: &base };
     let moving = |blocks: &[RecordBlock]| -> Vec<JointFactor> {
         let factors = blocks.iter().flat_map(|block| &block.factors).filter(|factor| !factor.resting);
         stacked(factors)
@@ -80,7 +81,7 @@ pub fn deviations(model: &TorqueModel, record: &Record, by_block: bool) -> Resul
     Ok(record.blocks.chunks(at_once).map(|blocks| reference.deviation(record, &moving(blocks))).collect())
 }
 
-struct Reference<'a> {
+struct ReferenceModel<'a> {
     set: &'a ParameterSet,
     base: &'a BaseParameters,
     parameters: Vec<f64>,
@@ -88,7 +89,7 @@ struct Reference<'a> {
     values: Vec<f64>,
 }
 
-impl Reference<'_> {
+impl ReferenceModel<'_> {
     fn deviation(&self, record: &Record, factors: &[JointFactor]) -> Deviation {
         let memory = correlation(&[record], factors, &record.center);
         let mut joints: Vec<JointDeviation> =

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::super::IdentifyError;
-use super::super::experiment::{Columns, Experiment, require_torque, select_joints};
+use super::super::experiment::{Experiment, TermColumns, require_torque, select_joints};
 use super::super::limits::beyond_limits;
 use super::super::torque_model::nominal_parameters;
 use super::super::torque_scale;
@@ -90,7 +90,7 @@ pub fn record(
         let columns = columns_of(robot, &set, (&experiment, &calm), &suspects)?;
         let set = set.with_trajectory_columns(columns.parameters.clone());
         let base = BaseParameters::new(robot, &set);
-        let parts = Parts::new(&experiment.motions, options);
+        let parts = BlockParts::new(&experiment.motions, options);
         let trajectories = experiment.trajectories_with(&[], &[], Some(&columns)).map_err(IdentifyError::from)?;
         let observation = Observation::in_parts(robot, &set, &base, options.blocks);
         let (of_blocks, _) = block_factors(observation, &trajectories, &parts)?;
@@ -133,12 +133,12 @@ pub(super) fn experiment(
 pub(super) fn record_of(
     robot: &Robot,
     recording: &Recording,
-    (experiment, columns): (&Experiment, Option<&Columns>),
+    (experiment, columns): (&Experiment, Option<&TermColumns>),
     (set, base): (&ParameterSet, &BaseParameters),
     processing: &Processing,
     options: &RecordOptions,
 ) -> Result<Record, RecordError> {
-    let parts = Parts::new(&experiment.motions, options);
+    let parts = BlockParts::new(&experiment.motions, options);
     if parts.samples == 0 {
         return Err(RecordError::NothingCounts { source_name: recording.source().into() });
     }
@@ -239,14 +239,14 @@ fn count_only(motions: &mut [Motion], counted: Option<[i64; 2]>) {
 
 /// Which block a sample of a stretch belongs to: each stretch is cut into as many parts of equal length, as for the parts
 /// that are left out one after the other.
-struct Parts {
+struct BlockParts {
     blocks: usize,
     /// Per stretch: samples that count, and the stamps of all.
     stretches: Vec<(std::ops::Range<usize>, Vec<i64>)>,
     samples: usize,
 }
 
-impl Parts {
+impl BlockParts {
     fn new(motions: &[Motion], options: &RecordOptions) -> Self {
         let stretch = |motion: &Motion| {
             let [start, end] = options.counted.unwrap_or([i64::MIN, i64::MAX]);
@@ -302,7 +302,7 @@ impl Parts {
 fn block_factors(
     mut observation: Observation<'_>,
     trajectories: &[Trajectory<'_>],
-    parts: &Parts,
+    parts: &BlockParts,
 ) -> Result<(Vec<Vec<JointFactor>>, Option<KeptRows>), IdentifyError> {
     for (stretch, trajectory) in trajectories.iter().enumerate() {
         observation.add_to(trajectory, |sample| parts.block(stretch, sample))?;

@@ -34,6 +34,7 @@ use crate::motion::Processing;
 
 /// What a log says about the parameters of a robot.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Record {
     /// [`Robot::fingerprint`](crate::robot::Robot::fingerprint) of the robot.
     pub robot: String,
@@ -105,6 +106,7 @@ pub struct RecordMemory {
 
 /// A part of a log.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct RecordBlock {
     /// Stamps of its first and last sample, ns.
     pub time: [i64; 2],

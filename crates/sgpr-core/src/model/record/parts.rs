@@ -19,7 +19,7 @@ const MOST_COLUMNS: usize = 10_000;
 /// Everything but the numbers of the factors and products.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Head {
+struct RecordHead {
     format: String,
     version: u32,
     library_version: String,
@@ -112,7 +112,7 @@ impl Record {
             MemoryHead { joint, resting, width: memory.sums.first().map_or(0, Mat::ncols), counts: counts.clone() }
         };
         let record = self.clone();
-        let head = Head {
+        let head = RecordHead {
             format: FORMAT.into(),
             version: VERSION,
             library_version: record.library_version,
@@ -147,7 +147,7 @@ impl Record {
     /// If they are no record, damaged, or of a later version.
     pub fn from_parts(head: &str, numbers: &[f64]) -> Result<Self, RecordError> {
         let wrong = |message: String| RecordError::Malformed { message };
-        let head: Head = serde_json::from_str(head).map_err(|error| wrong(format!("its head: {error}")))?;
+        let head: RecordHead = serde_json::from_str(head).map_err(|error| wrong(format!("its head: {error}")))?;
         if head.format != FORMAT {
             return Err(wrong(format!("its head says `{}`, not `{FORMAT}`", head.format)));
         }
@@ -196,7 +196,7 @@ impl Record {
     }
 }
 
-impl Head {
+impl RecordHead {
     fn check(&self) -> Result<(), RecordError> {
         let wrong = |message: &str| Err(RecordError::Malformed { message: message.into() });
         self.processing

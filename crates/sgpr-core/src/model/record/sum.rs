@@ -38,7 +38,7 @@ pub fn identify_records(
     require_sums(options)?;
     let (set, base) = check(robot, records)?;
     let (records, copies) = ordered(records);
-    let source = Sums { base: &base, records: &records };
+    let source = RecordSums { base: &base, records: &records };
     if let Some(older) = records.iter().find(|record| options.prior.is_some() && record.extents.is_empty()) {
         return Err(RecordError::Older { source_name: older.source.clone(), version: older.library_version.clone() });
     }
@@ -83,12 +83,12 @@ fn require_sums(options: &IdentifyOptions) -> Result<(), RecordError> {
 }
 
 /// Records as where equations come from.
-struct Sums<'a> {
+struct RecordSums<'a> {
     base: &'a BaseParameters,
     records: &'a [&'a Record],
 }
 
-impl<'a> Sums<'a> {
+impl<'a> RecordSums<'a> {
     /// Blocks of all records, put together by the part that each belongs to.
     fn by_part(&self, parts: usize, part: impl Fn(usize, usize) -> usize) -> Vec<Vec<JointFactor>> {
         let mut of_parts: Vec<Vec<&JointFactor>> = vec![vec![]; parts];
@@ -113,7 +113,7 @@ pub(super) fn place_of(record: &Record) -> Place<'_> {
     Place { source, time: *time, key: *key, samples: *samples, blocks: blocks.len() }
 }
 
-impl Source for Sums<'_> {
+impl Source for RecordSums<'_> {
     fn parts(&self, parts: usize, _progress: &dyn Progress) -> Result<Vec<Vec<JointFactor>>, IdentifyError> {
         Ok(self.consecutive(parts))
     }

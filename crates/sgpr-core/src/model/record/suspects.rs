@@ -8,7 +8,7 @@ use faer::{Mat, Par};
 use serde::{Deserialize, Serialize};
 use sgpr_predict::internal::points_of;
 
-use super::super::experiment::{Columns, Experiment};
+use super::super::experiment::{Experiment, TermColumns};
 use super::super::identify::parts_of_blocks;
 use super::super::torque_model::nominal_parameters;
 use super::super::variable_projection::TermFit;
@@ -140,7 +140,7 @@ pub(super) fn columns_of(
     set: &ParameterSet,
     (experiment, processing): (&Experiment, &Processing),
     suspects: &[Suspect],
-) -> Result<Columns, RecordError> {
+) -> Result<TermColumns, RecordError> {
     let term = |suspect: &Suspect| {
         let effect = effects::by_name(&suspect.effect).map_err(IdentifyError::from)?;
         Ok(Term::new(effect, Site::Joint(suspect.joint), suspect.constants.clone()))
@@ -169,7 +169,7 @@ pub fn diagnose_records(robot: &Robot, records: &[&Record]) -> Result<RecordDiag
         return Err(RecordError::Different { first, other, what: "suspects" });
     }
     let (records, _) = ordered(records);
-    let search = Search::new(robot, &base, &records)?;
+    let search = SuspectSearch::new(robot, &base, &records)?;
     search.diagnosis(&records)
 }
 
@@ -197,14 +197,14 @@ fn require_columns(robot: &Robot, rank: usize, records: &[&Record]) -> Result<()
 }
 
 /// A suspect with its columns.
-struct Candidate {
+struct SuspectColumns {
     suspect: Suspect,
     effect: Arc<dyn Effect>,
     columns: std::ops::Range<usize>,
 }
 
-struct Search {
-    candidates: Vec<Candidate>,
+struct SuspectSearch {
+    candidates: Vec<SuspectColumns>,
     /// Number of base parameters, of columns with those of suspects.
     rank: usize,
     width: usize,
@@ -241,7 +241,7 @@ struct Open {
 /// Symbol, unit, value and standard deviation of a parameter.
 type FittedParameter = (&'static str, &'static str, f64, f64);
 
-impl Search {
+impl SuspectSearch {
     fn new(robot: &Robot, base: &BaseParameters, records: &[&Record]) -> Result<Self, RecordError> {
         let rank = base.rank();
         let mut width = rank;
@@ -250,7 +250,7 @@ impl Search {
             let effect = effects::by_name(&suspect.effect).map_err(IdentifyError::from)?;
             let columns = width..width + effect.parameters().len();
             width = columns.end;
-            candidates.push(Candidate { suspect: suspect.clone(), effect, columns });
+            candidates.push(SuspectColumns { suspect: suspect.clone(), effect, columns });
         }
         let places: Vec<_> = records.iter().map(|record| place_of(record)).collect();
         let of_blocks = parts_of_blocks(&places, PARTS);
@@ -307,7 +307,7 @@ impl Search {
     /// Whether the last of some candidates comes out as its effect can be, friction not negative.
     fn is_plausible(&self, taken: &[usize]) -> bool {
         taken.last().is_none_or(|last| {
-            let Candidate { effect, columns, .. } = &self.candidates[*last];
+            let SuspectColumns { effect, columns, .. } = &self.candidates[*last];
             effect.is_plausible(&self.values(taken, None)[columns.clone()])
         })
     }
@@ -490,7 +490,7 @@ impl Search {
         let deviations = estimate.standard_deviations();
         let mut next = self.rank;
         let mut of_candidate = |candidate: &usize| {
-            let Candidate { effect, .. } = &self.candidates[*candidate];
+            let SuspectColumns { effect, .. } = &self.candidates[*candidate];
             let own = effect.parameters().iter().map(|parameter| {
                 next += 1;
                 (parameter.symbol, parameter.unit, estimate.values[next - 1], deviations[next - 1])

@@ -10,7 +10,7 @@ use crate::recording::{IssueKind, RecordingError};
 
 /// A column and what one of its units is in SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Source {
+pub(super) struct ColumnSource {
     pub(super) index: usize,
     /// The unit that somebody stated.
     pub(super) unit: Option<StatedUnit>,
@@ -102,10 +102,10 @@ impl<'a> JointColumns<'a> {
         quantity: Quantity,
         columns: Vec<usize>,
         given: Option<StatedUnit>,
-    ) -> Result<Vec<Source>, RecordingError> {
+    ) -> Result<Vec<ColumnSource>, RecordingError> {
         let source = |index| {
             let unit = given.map_or_else(|| self.stated_unit(quantity, index), |unit| Ok(Some(unit)))?;
-            Ok(Source { index, unit, factor: unit.map_or(1.0, |unit| unit.factor), constant: None })
+            Ok(ColumnSource { index, unit, factor: unit.map_or(1.0, |unit| unit.factor), constant: None })
         };
         columns.into_iter().map(source).collect()
     }

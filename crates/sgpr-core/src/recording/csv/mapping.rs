@@ -1,7 +1,7 @@
 //! Which column is the time, and which belong to which joint.
 
 use super::header;
-use super::joints::{JointColumns, QuantityColumns, Source, expand};
+use super::joints::{ColumnSource, JointColumns, QuantityColumns, expand};
 use super::quantity::{Label, Quantity, StatedUnit};
 use super::{Columns, ReadOptions};
 use crate::recording::names::{quoted, suggestion};
@@ -26,9 +26,9 @@ pub(super) enum TimeSource {
 pub(super) struct Mapping {
     pub(super) joints: Vec<String>,
     pub(super) clock: TimeSource,
-    pub(super) position: Vec<Source>,
-    pub(super) velocity: Option<Vec<Source>>,
-    pub(super) torque: Option<Vec<Source>>,
+    pub(super) position: Vec<ColumnSource>,
+    pub(super) velocity: Option<Vec<ColumnSource>>,
+    pub(super) torque: Option<Vec<ColumnSource>>,
     pub(super) notes: Vec<String>,
     pub(super) layout: Layout,
 }
@@ -76,15 +76,15 @@ impl Mapping {
 
 /// The columns of the joints, by quantity.
 struct Arrays<'a> {
-    position: &'a [Source],
-    velocity: Option<&'a [Source]>,
-    torque: Option<&'a [Source]>,
+    position: &'a [ColumnSource],
+    velocity: Option<&'a [ColumnSource]>,
+    torque: Option<&'a [ColumnSource]>,
 }
 
 impl Arrays<'_> {
     /// The layout without its time, which the rows tell.
     fn layout(&self, joints: &[String], columns: &[String]) -> Layout {
-        let column = |quantity: Quantity, source: &Source| {
+        let column = |quantity: Quantity, source: &ColumnSource| {
             let assumed = if source.constant.is_some() { Quantity::Current } else { quantity }.usual_unit();
             ColumnLayout {
                 column: columns[source.index].clone(),
@@ -217,7 +217,7 @@ impl Mapper<'_> {
         }
     }
 
-    fn torque(&self, agreed: Option<&[u32]>) -> Result<Option<Vec<Source>>, RecordingError> {
+    fn torque(&self, agreed: Option<&[u32]>) -> Result<Option<Vec<ColumnSource>>, RecordingError> {
         let Some(QuantityColumns { columns, .. }) = self.find(Quantity::Torque, agreed)? else { return Ok(None) };
         let given = self.options.units.torque.map(StatedUnit::from);
         if given.is_none() && self.table.are_currents(&columns) {
@@ -227,13 +227,13 @@ impl Mapper<'_> {
         self.table.sources(Quantity::Torque, columns, given).map(Some)
     }
 
-    fn torque_from_current(&self, agreed: Option<&[u32]>) -> Result<Vec<Source>, RecordingError> {
+    fn torque_from_current(&self, agreed: Option<&[u32]>) -> Result<Vec<ColumnSource>, RecordingError> {
         self.check_constants()?;
         let columns = self.find(Quantity::Current, agreed)?;
         let found = columns.ok_or_else(|| self.table.incomplete(Quantity::Current, self.table.joints.clone()))?;
         let constants = self.constants(found.numbers.is_some())?;
         let currents = self.table.sources(Quantity::Current, found.columns, None)?;
-        let scaled = |(current, constant): (Source, f64)| Source {
+        let scaled = |(current, constant): (ColumnSource, f64)| ColumnSource {
             factor: current.factor * constant,
             constant: Some(constant),
             ..current

@@ -66,15 +66,15 @@ pub(super) fn open(path: &Path, limit: u64) -> Result<BufReader<Bounded>, Record
 pub(super) fn explain(path: &str, limit: u64, error: io::Error) -> RecordingError {
     let path = path.to_string();
     match error.get_ref().and_then(|cause| cause.downcast_ref()) {
-        Some(Excess::Total) => RecordingError::TooLarge { path, limit },
-        Some(Excess::Line(line)) => RecordingError::LongLine { path, line: *line, limit: LONGEST_LINE },
+        Some(TooMuchText::Total) => RecordingError::TooLarge { path, limit },
+        Some(TooMuchText::Line(line)) => RecordingError::LongLine { path, line: *line, limit: LONGEST_LINE },
         None => RecordingError::Unreadable { path, source: error },
     }
 }
 
 /// Too much text.
 #[derive(Debug, thiserror::Error)]
-enum Excess {
+enum TooMuchText {
     #[error("too much text")]
     Total,
     #[error("line {0} is too long")]
@@ -99,11 +99,11 @@ impl Read for Bounded {
             }
             result => result?,
         };
-        self.left = self.left.checked_sub(count as u64).ok_or_else(|| io::Error::other(Excess::Total))?;
+        self.left = self.left.checked_sub(count as u64).ok_or_else(|| io::Error::other(TooMuchText::Total))?;
         for part in buffer[..count].split_inclusive(|&byte| byte == b'\n') {
             self.line_length += part.len();
             if self.line_length > LONGEST_LINE {
-                return Err(io::Error::other(Excess::Line(self.line)));
+                return Err(io::Error::other(TooMuchText::Line(self.line)));
             }
             if part.ends_with(b"\n") {
                 self.line += 1;

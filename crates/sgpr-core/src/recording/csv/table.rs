@@ -1,6 +1,6 @@
 //! The rows of a table, text or numbers, to the arrays of a recording.
 
-use super::joints::Source;
+use super::joints::ColumnSource;
 use super::mapping::{Mapping, TimeSource};
 use super::{ReadOptions, Rows};
 use crate::recording::calendar::Moment;
@@ -100,18 +100,18 @@ impl Names<'_> {
 
 /// One value per joint and sample.
 struct Array {
-    sources: Vec<Source>,
+    sources: Vec<ColumnSource>,
     /// Row-major.
     values: Vec<f64>,
 }
 
 impl Array {
-    fn new(sources: Vec<Source>) -> Self {
+    fn new(sources: Vec<ColumnSource>) -> Self {
         Self { sources, values: Vec::new() }
     }
 
     fn take(&mut self, row: &impl Row, names: Names<'_>) -> Result<(), RecordingError> {
-        for Source { index, factor, .. } in &self.sources {
+        for ColumnSource { index, factor, .. } in &self.sources {
             self.values.push(row.number(*index).ok_or_else(|| names.not_a_number(row, *index))? * factor);
         }
         Ok(())

@@ -293,12 +293,12 @@ fn in_stretches(count: usize) -> String {
     if count == 1 { "1 stretch".into() } else { format!("{count} stretches") }
 }
 
-type Column<'a> = std::iter::Copied<std::iter::StepBy<std::iter::Skip<std::slice::Iter<'a, f64>>>>;
+type ValueColumn<'a> = std::iter::Copied<std::iter::StepBy<std::iter::Skip<std::slice::Iter<'a, f64>>>>;
 
 /// Numbers that leave one end of 16 bits and come back at the other.
 fn overflows(recording: &Recording) -> Vec<Issue> {
     let (n, time) = (recording.dof(), recording.time());
-    let of_column = |(name, values, range): (String, Column<'_>, Option<[f64; 2]>)| {
+    let of_column = |(name, values, range): (String, ValueColumn<'_>, Option<[f64; 2]>)| {
         let [low, high] = range?;
         let visible = 1e-9 * (high - low);
         let share = |step: f64| (high - low) / (OF_16_BITS * step);
@@ -335,7 +335,7 @@ fn overflows(recording: &Recording) -> Vec<Issue> {
     let names = recording.joint_names().iter().enumerate();
     let columns = names.flat_map(|(joint, name)| arrays.iter().map(move |array| (joint, name, array)));
     let columns = columns.map(|(joint, name, (array, values, ranges))| {
-        let own: Column<'_> = values.iter().skip(joint).step_by(n).copied();
+        let own: ValueColumn<'_> = values.iter().skip(joint).step_by(n).copied();
         (format!("{name}_{array}"), own, ranges[joint])
     });
     columns.filter_map(of_column).collect()

@@ -4,12 +4,12 @@ use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
 
 use super::McapOptions;
-use super::collect::{Collector, JointState, Series, TopicLog};
+use super::collect::{Collector, JointStateMessage, Series, TopicLog};
 use super::message::MOST_JOINTS;
 use super::scan::Topic;
 use crate::recording::names::quoted;
 use crate::recording::part::numbered;
-use crate::recording::resample::Place;
+use crate::recording::resample::BetweenSamples;
 use crate::recording::statistics::median;
 use crate::recording::{Channel, GAP_FACTOR, Recording, RecordingError, seconds};
 
@@ -103,7 +103,7 @@ impl TopicLog {
         }
     }
 
-    fn value(&self, state: &JointState, array: usize, column: usize) -> f64 {
+    fn value(&self, state: &JointStateMessage, array: usize, column: usize) -> f64 {
         state.starts[array].map_or(f64::NAN, |start| self.values[start + column])
     }
 }
@@ -211,10 +211,10 @@ fn merge(
     let tracks: Vec<Track> = streams.iter().map(|stream| Track::new(&logs[stream.log], stream)).collect();
     let all: Vec<i64> =
         leader.states.iter().map(|(state, _)| logs[leader.log].time(&logs[leader.log].states[*state])).collect();
-    let rows: Vec<(i64, Vec<Place>)> = if streams.len() == 1 {
-        (0..all.len()).map(|before| (all[before], vec![Place { before, fraction: 0.0 }])).collect()
+    let rows: Vec<(i64, Vec<BetweenSamples>)> = if streams.len() == 1 {
+        (0..all.len()).map(|before| (all[before], vec![BetweenSamples { before, fraction: 0.0 }])).collect()
     } else {
-        let places = |time: i64| tracks.iter().map(|track| track.place(time)).collect::<Option<Vec<Place>>>();
+        let places = |time: i64| tracks.iter().map(|track| track.place(time)).collect::<Option<Vec<BetweenSamples>>>();
         all.iter().filter_map(|&time| Some((time, places(time)?))).collect()
     };
     if rows.is_empty() {
@@ -247,7 +247,7 @@ fn merge(
     Ok(Merged { time: rows.into_iter().map(|(time, _)| time).collect(), arrays })
 }
 
-fn merge_note(logs: &[TopicLog], streams: &[Stream], all: usize, rows: &[(i64, Vec<Place>)]) -> String {
+fn merge_note(logs: &[TopicLog], streams: &[Stream], all: usize, rows: &[(i64, Vec<BetweenSamples>)]) -> String {
     let topics: Vec<String> = streams.iter().map(|stream| logs[stream.log].topic.name.clone()).collect();
     let between = rows.iter().filter(|(_, places)| places.iter().any(|place| place.fraction != 0.0)).count();
     format!(
@@ -277,14 +277,14 @@ impl<'a> Track<'a> {
     }
 
     /// Where `time` lies in the order; `None` if no messages are near enough.
-    fn place(&self, time: i64) -> Option<Place> {
+    fn place(&self, time: i64) -> Option<BetweenSamples> {
         let before = self.order.partition_point(|(stamp, _)| *stamp <= time).checked_sub(1)?;
         let from = self.order[before].0;
         if from == time {
-            return Some(Place { before, fraction: 0.0 });
+            return Some(BetweenSamples { before, fraction: 0.0 });
         }
         let step = seconds(from, self.order.get(before + 1)?.0);
-        (step <= self.longest).then(|| Place { before, fraction: seconds(from, time) / step })
+        (step <= self.longest).then(|| BetweenSamples { before, fraction: seconds(from, time) / step })
     }
 
     fn has(&self, array: usize) -> bool {
@@ -292,7 +292,7 @@ impl<'a> Track<'a> {
     }
 
     /// Puts the values of the joints at `place` into a row of all joints.
-    fn fill(&self, row: &mut [f64], place: &Place, array: usize) {
+    fn fill(&self, row: &mut [f64], place: &BetweenSamples, array: usize) {
         for (position, &joint) in self.stream.joints.iter().enumerate() {
             row[joint] = place.linear(|index| {
                 let (state, columns) = &self.stream.states[self.order[index].1];

@@ -1,7 +1,7 @@
 //! Reading numbers and strings from bytes that may be anything.
 
 /// What is wrong with a message, in words.
-pub(super) type Fault = String;
+pub(super) type MessageFault = String;
 
 /// A place in bytes, and the byte order.
 #[derive(Clone)]
@@ -13,7 +13,7 @@ pub(super) struct Bytes<'a> {
 
 macro_rules! number {
     ($name:ident, $type:ty) => {
-        pub(super) fn $name(&mut self) -> Result<$type, Fault> {
+        pub(super) fn $name(&mut self) -> Result<$type, MessageFault> {
             let bytes = self.take(size_of::<$type>())?.try_into().expect("as many bytes as were taken");
             Ok(if self.little_endian { <$type>::from_le_bytes(bytes) } else { <$type>::from_be_bytes(bytes) })
         }
@@ -44,7 +44,7 @@ impl<'a> Bytes<'a> {
         &self.bytes[self.at..]
     }
 
-    pub(super) fn take(&mut self, count: usize) -> Result<&'a [u8], Fault> {
+    pub(super) fn take(&mut self, count: usize) -> Result<&'a [u8], MessageFault> {
         if count > self.left() {
             return Err(format!("{count} bytes are needed at byte {}, but {} are left", self.at, self.left()));
         }
@@ -53,7 +53,7 @@ impl<'a> Bytes<'a> {
     }
 
     /// A length that as many elements of at least `size` bytes must still follow.
-    pub(super) fn length(&mut self, size: usize) -> Result<usize, Fault> {
+    pub(super) fn length(&mut self, size: usize) -> Result<usize, MessageFault> {
         let at = self.at;
         let count = self.u32()? as usize;
         if count.saturating_mul(size) > self.left() {
@@ -63,7 +63,7 @@ impl<'a> Bytes<'a> {
     }
 
     /// Text after its length.
-    pub(super) fn text(&mut self) -> Result<std::borrow::Cow<'a, str>, Fault> {
+    pub(super) fn text(&mut self) -> Result<std::borrow::Cow<'a, str>, MessageFault> {
         let length = self.length(1)?;
         self.take(length).map(String::from_utf8_lossy)
     }

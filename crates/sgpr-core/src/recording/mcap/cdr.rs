@@ -4,13 +4,13 @@
 
 use std::borrow::Cow;
 
-use super::bytes::{Bytes, Fault};
+use super::bytes::{Bytes, MessageFault};
 
 /// A message being read.
 pub(super) struct Cdr<'a>(Bytes<'a>);
 
 impl<'a> Cdr<'a> {
-    pub(super) fn new(message: &'a [u8]) -> Result<Self, Fault> {
+    pub(super) fn new(message: &'a [u8]) -> Result<Self, MessageFault> {
         match message {
             [0, order @ (0 | 1), _, _, body @ ..] => Ok(Self(Bytes::new(body, *order == 1))),
             [first, second, _, _, ..] => Err(format!(
@@ -20,43 +20,43 @@ impl<'a> Cdr<'a> {
         }
     }
 
-    fn align(&mut self, size: usize) -> Result<(), Fault> {
+    fn align(&mut self, size: usize) -> Result<(), MessageFault> {
         let padding = self.0.at().next_multiple_of(size) - self.0.at();
         self.0.take(padding).map(drop)
     }
 
-    fn length(&mut self, size: usize) -> Result<usize, Fault> {
+    fn length(&mut self, size: usize) -> Result<usize, MessageFault> {
         self.align(4)?;
         self.0.length(size)
     }
 
-    pub(super) fn i32(&mut self) -> Result<i32, Fault> {
+    pub(super) fn i32(&mut self) -> Result<i32, MessageFault> {
         self.align(4)?;
         self.0.i32()
     }
 
-    pub(super) fn u32(&mut self) -> Result<u32, Fault> {
+    pub(super) fn u32(&mut self) -> Result<u32, MessageFault> {
         self.align(4)?;
         self.0.u32()
     }
 
-    pub(super) fn f32(&mut self) -> Result<f32, Fault> {
+    pub(super) fn f32(&mut self) -> Result<f32, MessageFault> {
         self.align(4)?;
         self.0.f32()
     }
 
-    pub(super) fn f64(&mut self) -> Result<f64, Fault> {
+    pub(super) fn f64(&mut self) -> Result<f64, MessageFault> {
         self.align(8)?;
         self.0.f64()
     }
 
-    pub(super) fn text(&mut self) -> Result<Cow<'a, str>, Fault> {
+    pub(super) fn text(&mut self) -> Result<Cow<'a, str>, MessageFault> {
         let length = self.length(1)?;
         let bytes = self.0.take(length)?;
         Ok(String::from_utf8_lossy(bytes.strip_suffix(&[0]).unwrap_or(bytes)))
     }
 
-    pub(super) fn texts(&mut self, most: usize) -> Result<Vec<Cow<'a, str>>, Fault> {
+    pub(super) fn texts(&mut self, most: usize) -> Result<Vec<Cow<'a, str>>, MessageFault> {
         let count = self.length(4)?;
         if count > most {
             return Err(format!("{count} names, at most {most} are read"));
@@ -64,13 +64,13 @@ impl<'a> Cdr<'a> {
         (0..count).map(|_| self.text()).collect()
     }
 
-    pub(super) fn f64s(&mut self) -> Result<Vec<f64>, Fault> {
+    pub(super) fn f64s(&mut self) -> Result<Vec<f64>, MessageFault> {
         let count = self.length(8)?;
         (0..count).map(|_| self.f64()).collect()
     }
 
     /// `std_msgs/msg/Header`: the stamp in ns.
-    pub(super) fn header(&mut self) -> Result<i64, Fault> {
+    pub(super) fn header(&mut self) -> Result<i64, MessageFault> {
         let (seconds, nanoseconds) = (self.i32()?, self.u32()?);
         self.text()?;
         Ok(i64::from(seconds) * 1_000_000_000 + i64::from(nanoseconds))

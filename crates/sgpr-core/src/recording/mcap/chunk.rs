@@ -2,7 +2,7 @@
 
 use std::io::{self, Read};
 
-use super::bytes::{Bytes, Fault};
+use super::bytes::{Bytes, MessageFault};
 
 /// A chunk: records, packed or not.
 pub(super) struct Chunk<'a> {
@@ -15,7 +15,7 @@ pub(super) struct Chunk<'a> {
 }
 
 impl<'a> Chunk<'a> {
-    pub(super) fn parse(body: &'a [u8], whole: bool) -> Result<Self, Fault> {
+    pub(super) fn parse(body: &'a [u8], whole: bool) -> Result<Self, MessageFault> {
         let mut bytes = Bytes::new(body, true);
         bytes.take(16)?; // first and last time
         let (size, checksum) = (bytes.u64()?, bytes.u32()?);
@@ -29,7 +29,7 @@ impl<'a> Chunk<'a> {
     }
 
     /// The unpacked bytes, as many as could be had and never more than claimed, and why they are not all.
-    pub(super) fn unpack(&self) -> (Vec<u8>, Option<Fault>) {
+    pub(super) fn unpack(&self) -> (Vec<u8>, Option<MessageFault>) {
         let mut records = Vec::new();
         let result = match self.compression.as_str() {
             "" => (&mut &self.packed[..]).take(self.size).read_to_end(&mut records),

@@ -38,7 +38,7 @@ pub(super) struct TopicLog {
     /// Distinct lists of joint names, in order of appearance; `None` for joints without names.
     pub(super) sets: Vec<JointSet>,
     set_index: HashMap<(Option<Vec<String>>, usize), usize>,
-    pub(super) states: Vec<JointState>,
+    pub(super) states: Vec<JointStateMessage>,
     /// Values of all states.
     pub(super) values: Vec<f64>,
     /// Numbers beside the joints.
@@ -53,7 +53,7 @@ pub(super) struct JointSet {
 }
 
 /// One joint state: where its values are.
-pub(super) struct JointState {
+pub(super) struct JointStateMessage {
     times: Times,
     pub(super) set: usize,
     /// Start of position, velocity and effort in `values`, if measured.
@@ -219,7 +219,7 @@ impl TopicLog {
             }
             None => return Err(format!("more than {MOST_KINDS} different lists of joints on one topic")),
         };
-        self.states.push(JointState { times, set, starts });
+        self.states.push(JointStateMessage { times, set, starts });
         Ok(())
     }
 
@@ -228,7 +228,7 @@ impl TopicLog {
     }
 
     /// Time of a joint state, ns.
-    pub(super) fn time(&self, state: &JointState) -> i64 {
+    pub(super) fn time(&self, state: &JointStateMessage) -> i64 {
         self.time_of(state.times)
     }
 

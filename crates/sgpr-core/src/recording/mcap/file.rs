@@ -12,7 +12,7 @@ use std::path::Path;
 use flate2::Crc;
 use mcap::records::op;
 
-use super::bytes::Fault;
+use super::bytes::MessageFault;
 use crate::recording::RecordingError;
 
 /// Opcode and length in front of each record.
@@ -34,7 +34,7 @@ pub(super) enum FilePart {
     /// A checksum that does not fit.
     Wrong {
         byte: u64,
-        cause: Fault,
+        cause: MessageFault,
     },
     End,
 }

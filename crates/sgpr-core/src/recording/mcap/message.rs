@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::bytes::Fault;
+use super::bytes::MessageFault;
 use super::cdr::Cdr;
 use super::scan::Topic;
 use crate::recording::TimeUnit;
@@ -75,7 +75,7 @@ impl JointValues {
         self.names.as_ref().map_or(self.position.len(), Vec::len)
     }
 
-    fn checked(self) -> Result<Self, Fault> {
+    fn checked(self) -> Result<Self, MessageFault> {
         let count = self.count();
         for (array, values) in ["positions", "velocities", "efforts"].into_iter().zip(self.arrays()) {
             if !values.is_empty() && values.len() != count {
@@ -95,7 +95,7 @@ impl JointValues {
 }
 
 /// Reads a message.
-pub(super) fn content(format: Format, data: &[u8]) -> Result<Content, Fault> {
+pub(super) fn content(format: Format, data: &[u8]) -> Result<Content, MessageFault> {
     if format == Format::Json {
         return json(data);
     }
@@ -120,7 +120,7 @@ pub(super) fn content(format: Format, data: &[u8]) -> Result<Content, Fault> {
 }
 
 /// `std_msgs/msg/Float64MultiArray`: the data, whatever their layout.
-fn multi_array(cdr: &mut Cdr) -> Result<Vec<f64>, Fault> {
+fn multi_array(cdr: &mut Cdr) -> Result<Vec<f64>, MessageFault> {
     for _ in 0..cdr.u32()? {
         cdr.text()?; // label
         cdr.u32()?; // size
@@ -135,7 +135,7 @@ fn numbered(name: &str, values: &[f64]) -> Vec<(String, f64)> {
     values.iter().enumerate().map(|(index, value)| (format!("{name}{separator}{}", index + 1), *value)).collect()
 }
 
-fn json(data: &[u8]) -> Result<Content, Fault> {
+fn json(data: &[u8]) -> Result<Content, MessageFault> {
     if data.len() > LONGEST_JSON {
         return Err(format!("a JSON message of {} bytes, at most {LONGEST_JSON} are read", data.len()));
     }

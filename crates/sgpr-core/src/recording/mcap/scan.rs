@@ -7,7 +7,7 @@ use std::rc::Rc;
 use flate2::Crc;
 use mcap::records::op;
 
-use super::bytes::{Bytes, Fault};
+use super::bytes::{Bytes, MessageFault};
 use super::chunk::Chunk;
 use super::file::{FilePart, RecordFile};
 use crate::recording::RecordingError;
@@ -35,7 +35,7 @@ pub(super) struct Message<'a> {
 #[derive(Debug)]
 pub(super) enum Damage {
     Truncated { byte: u64 },
-    Corrupt { byte: u64, cause: Fault },
+    Corrupt { byte: u64, cause: MessageFault },
 }
 
 /// What a scan found besides messages.
@@ -123,7 +123,7 @@ impl<F: FnMut(Message) -> Result<(), RecordingError>> MessageReader<'_, F> {
         Ok(())
     }
 
-    fn corrupt(&mut self, byte: u64, cause: Fault) {
+    fn corrupt(&mut self, byte: u64, cause: MessageFault) {
         self.damage.get_or_insert(Damage::Corrupt { byte, cause });
     }
 
@@ -149,13 +149,13 @@ impl<F: FnMut(Message) -> Result<(), RecordingError>> MessageReader<'_, F> {
         Ok(())
     }
 
-    fn schema(&mut self, mut bytes: Bytes) -> Result<(), Fault> {
+    fn schema(&mut self, mut bytes: Bytes) -> Result<(), MessageFault> {
         let (id, name) = (bytes.u16()?, bytes.text()?);
         self.schemas.insert(id, name.into_owned());
         Ok(())
     }
 
-    fn channel(&mut self, mut bytes: Bytes) -> Result<(), Fault> {
+    fn channel(&mut self, mut bytes: Bytes) -> Result<(), MessageFault> {
         let (id, schema, name, encoding) = (bytes.u16()?, bytes.u16()?, bytes.text()?, bytes.text()?);
         if !self.topics.contains_key(&id) {
             let schema = self.schemas.get(&schema).cloned().unwrap_or_default();
@@ -170,7 +170,7 @@ impl<F: FnMut(Message) -> Result<(), RecordingError>> MessageReader<'_, F> {
         let head = (|| {
             let (channel, _sequence, log_time, _publish_time) =
                 (bytes.u16()?, bytes.u32()?, bytes.u64()?, bytes.u64()?);
-            Ok::<_, Fault>((channel, log_time))
+            Ok::<_, MessageFault>((channel, log_time))
         })();
         let (channel, log_time) = match head {
             Ok(head) => head,
@@ -225,8 +225,8 @@ impl<F: FnMut(Message) -> Result<(), RecordingError>> MessageReader<'_, F> {
         while bytes.left() > 0 {
             let record = (|| {
                 let opcode = bytes.take(1)?[0];
-                let length = usize::try_from(bytes.u64()?).map_err(|_| Fault::from("a record without end"))?;
-                Ok::<_, Fault>((opcode, bytes.take(length)?))
+                let length = usize::try_from(bytes.u64()?).map_err(|_| MessageFault::from("a record without end"))?;
+                Ok::<_, MessageFault>((opcode, bytes.take(length)?))
             })();
             match record {
                 Ok((opcode, body)) if opcode != op::CHUNK => self.record(opcode, body, byte, true)?,

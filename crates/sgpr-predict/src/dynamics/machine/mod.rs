@@ -10,7 +10,7 @@ pub(super) use plain::Machine;
 #[cfg(feature = "simd")]
 pub(super) use widest::Machine;
 
-use super::workspace::{OnOneSample, Scalar, Scratch};
+use super::workspace::{LoneNumber, OnOneSample, Scratch};
 use crate::robot::Robot;
 
 /// Joint positions, and where their sines and cosines go, `[n]` each.
@@ -22,7 +22,7 @@ pub(super) struct Positions<'a> {
 
 /// Runs an algorithm with the joint positions set, and their sines and cosines.
 #[inline(always)]
-fn run_on<T: Scalar>(robot: &Robot, scratch: &mut Scratch<T>, at: &Positions<'_>, algorithm: impl OnOneSample) {
+fn run_on<T: LoneNumber>(robot: &Robot, scratch: &mut Scratch<T>, at: &Positions<'_>, algorithm: impl OnOneSample) {
     for (k, body) in scratch.bodies.iter_mut().enumerate() {
         body.q = T::splat((), at.q[k]);
         body.sin = T::splat((), at.sin[k]);

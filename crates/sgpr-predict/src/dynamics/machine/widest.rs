@@ -2,7 +2,7 @@ use std::any::Any;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{OnOneSample, Positions, Robot, Scalar, Scratch, run_on};
+use super::{LoneNumber, OnOneSample, Positions, Robot, Scratch, run_on};
 use crate::simd::{Fused, sin_cos_slice};
 
 /// The instructions of the machine that the program runs on.
@@ -60,7 +60,7 @@ struct Run<'a, A> {
 
 impl<A: OnOneSample> Run<'_, A> {
     #[inline(always)]
-    fn with_scalar<T: Scalar>(self) {
+    fn with_scalar<T: LoneNumber>(self) {
         let scratch =
             self.scratch.downcast_mut::<Scratch<T>>().expect("made in `Machine::new` for the same instruction set");
         run_on(self.robot, scratch, &self.at, self.algorithm);

@@ -13,15 +13,15 @@ use crate::simd::{Arch, Simd, WithSimd};
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// Children before parents; the last one is the kernel.
-    nodes: Vec<Node>,
+    nodes: Vec<KernelNode>,
     leaves: Vec<Leaf>,
-    columns: Vec<Column>,
+    columns: Vec<Coordinate>,
     theta_len: usize,
     variance: f64,
 }
 
 #[derive(Clone, Debug)]
-enum Node {
+enum KernelNode {
     Leaf(usize),
     Scaled { variance: f64, theta: usize, child: usize },
     Sum(Vec<usize>),
@@ -41,7 +41,7 @@ struct Leaf {
 
 /// A coordinate of the space in which distances are Euclidean.
 #[derive(Clone, Debug)]
-struct Column {
+struct Coordinate {
     input: usize,
     /// Of an input on a circle: (2 pi / period, phase), so that the coordinate is a cosine or sine.
     wave: Option<(f64, f64)>,
@@ -53,7 +53,7 @@ struct Column {
     centre: f64,
 }
 
-impl Column {
+impl Coordinate {
     fn coordinate(&self, x: &[f64]) -> f64 {
         let x = x[self.input];
         match self.wave {
@@ -195,7 +195,7 @@ impl Plan {
     /// Index of the variance that multiplies the whole kernel, if there is one.
     pub fn scale(&self) -> Option<usize> {
         match self.nodes.last() {
-            Some(Node::Scaled { theta, .. }) => Some(*theta),
+            Some(KernelNode::Scaled { theta, .. }) => Some(*theta),
             _ => None,
         }
     }
@@ -218,7 +218,7 @@ impl Plan {
                 let single = (stationary.length_scales.len() == 1).then(|| self.next_theta());
                 for (k, input) in stationary.inputs.iter().enumerate() {
                     let theta = single.unwrap_or_else(|| self.next_theta());
-                    let column = |wave, size: f64| Column {
+                    let column = |wave, size: f64| Coordinate {
                         input: input.index,
                         wave,
                         factor: size / stationary.scale(k),
@@ -238,14 +238,14 @@ impl Plan {
                 let shape = stationary.shape;
                 let mixture = matches!(shape, Shape::RationalQuadratic { .. }).then(|| self.next_theta());
                 self.leaves.push(Leaf { shape, columns: first..self.columns.len(), single, mixture });
-                Node::Leaf(self.leaves.len() - 1)
+                KernelNode::Leaf(self.leaves.len() - 1)
             }
             Kernel::Scaled { variance, kernel } => {
                 let theta = self.next_theta();
-                Node::Scaled { variance: *variance, theta, child: self.add(kernel) }
+                KernelNode::Scaled { variance: *variance, theta, child: self.add(kernel) }
             }
-            Kernel::Sum(parts) => Node::Sum(parts.iter().map(|part| self.add(part)).collect()),
-            Kernel::Product(parts) => Node::Product(parts.iter().map(|part| self.add(part)).collect()),
+            Kernel::Sum(parts) => KernelNode::Sum(parts.iter().map(|part| self.add(part)).collect()),
+            Kernel::Product(parts) => KernelNode::Product(parts.iter().map(|part| self.add(part)).collect()),
         };
         self.nodes.push(node);
         self.nodes.len() - 1
@@ -310,7 +310,7 @@ impl Plan {
             let out = &mut rest[..length];
             let child = |child: usize| &before[child * TILE..][..length];
             match node {
-                Node::Leaf(leaf) => {
+                KernelNode::Leaf(leaf) => {
                     let tile = leaf * TILE..leaf * TILE + length;
                     let Leaf { shape, columns, .. } = &self.leaves[*leaf];
                     let squares = &mut work.squares[tile.clone()];
@@ -318,15 +318,15 @@ impl Plan {
                     points.squared_distances(simd, *leaf, start, c, squares);
                     T::shape::<S, SLOPES>(simd, *shape, squares, out, &mut work.slopes[tile]);
                 }
-                Node::Scaled { variance, child: index, .. } => {
+                KernelNode::Scaled { variance, child: index, .. } => {
                     let variance = T::from_f64(*variance);
                     T::scale(variance, child(*index), out);
                 }
-                Node::Sum(children) => {
+                KernelNode::Sum(children) => {
                     out.copy_from_slice(child(children[0]));
                     children[1..].iter().for_each(|index| T::add_to(child(*index), out));
                 }
-                Node::Product(children) => {
+                KernelNode::Product(children) => {
                     out.copy_from_slice(child(children[0]));
                     children[1..].iter().for_each(|index| T::multiply_to(child(*index), out));
                 }
@@ -357,7 +357,7 @@ impl Plan {
             let (before, rest) = work.adjoints.split_at_mut(index * TILE);
             let adjoint = &rest[..length];
             match node {
-                Node::Leaf(leaf) => {
+                KernelNode::Leaf(leaf) => {
                     let tile = leaf * TILE..leaf * TILE + length;
                     let Leaf { shape, columns, single, mixture } = &self.leaves[*leaf];
                     let squares = &work.squares[tile.clone()];
@@ -384,16 +384,16 @@ impl Plan {
                         }
                     }
                 }
-                Node::Scaled { variance, theta, child } => {
+                KernelNode::Scaled { variance, theta, child } => {
                     gradient[*theta] += T::dot(simd, adjoint, &work.values[index * TILE..][..length]);
                     T::scale(T::from_f64(*variance), adjoint, &mut before[child * TILE..][..length]);
                 }
-                Node::Sum(children) => {
+                KernelNode::Sum(children) => {
                     for child in children {
                         before[child * TILE..][..length].copy_from_slice(adjoint);
                     }
                 }
-                Node::Product(children) => {
+                KernelNode::Product(children) => {
                     for child in children {
                         let product = &mut work.products[..length];
                         product.copy_from_slice(adjoint);
@@ -424,10 +424,10 @@ impl Plan {
         let mut values = vec![1.0; self.nodes.len()];
         for (index, node) in self.nodes.iter().enumerate() {
             values[index] = match node {
-                Node::Leaf(_) => 1.0,
-                Node::Scaled { variance, child, .. } => variance * values[*child],
-                Node::Sum(children) => children.iter().map(|child| values[*child]).sum(),
-                Node::Product(children) => children.iter().map(|child| values[*child]).product(),
+                KernelNode::Leaf(_) => 1.0,
+                KernelNode::Scaled { variance, child, .. } => variance * values[*child],
+                KernelNode::Sum(children) => children.iter().map(|child| values[*child]).sum(),
+                KernelNode::Product(children) => children.iter().map(|child| values[*child]).product(),
             };
         }
         let mut adjoints = vec![0.0; self.nodes.len()];
@@ -435,13 +435,13 @@ impl Plan {
         for (index, node) in self.nodes.iter().enumerate().rev() {
             let adjoint = adjoints[index];
             match node {
-                Node::Leaf(_) => {}
-                Node::Scaled { variance, theta, child } => {
+                KernelNode::Leaf(_) => {}
+                KernelNode::Scaled { variance, theta, child } => {
                     gradient[*theta] += adjoint * values[index];
                     adjoints[*child] = adjoint * variance;
                 }
-                Node::Sum(children) => children.iter().for_each(|child| adjoints[*child] = adjoint),
-                Node::Product(children) => {
+                KernelNode::Sum(children) => children.iter().for_each(|child| adjoints[*child] = adjoint),
+                KernelNode::Product(children) => {
                     children.iter().for_each(|child| adjoints[*child] = adjoint * values[index] / values[*child]);
                 }
             }

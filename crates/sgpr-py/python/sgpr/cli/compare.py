@@ -8,8 +8,8 @@ import typer
 
 from .. import (
     Comparison,
+    LogSet,
     Model,
-    Recording,
     SemiParametricModel,
     SgprError,
     compare_streaming,
@@ -90,7 +90,7 @@ def compare(
         models = {against if against != model else f"{against} (again)": other, model: main_model}
     folder = OutputFolder(out) if out else None
     logs = read_logs(files, reading, names, output, _physics(main_model).reading)
-    recordings = stretches(logs)
+    recordings = LogSet(stretches(logs))
     physics = {name: _physics(each) for name, each in models.items()}
     processed = [*physics.values()][::-1]
     processing = next((each for each in processed if each.processing), None)
@@ -158,7 +158,7 @@ def compare(
 
 
 def _streamed(
-    model: Model | SemiParametricModel, recordings: Sequence[Recording], processing: Model | None
+    model: Model | SemiParametricModel, recordings: LogSet, processing: Model | None
 ) -> dict[str, Comparison]:
     """The model one sample after the other, over the filtered motion and over one known from past samples alone."""
     own = None if isinstance(model, SemiParametricModel) else processing

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import Comparison, Diagnosis, Model, Robot
+from .. import Comparison, Diagnosis, LogSet, Model, Robot
 from .. import compare as compare_with
 from .. import diagnose as diagnose_model
 from .. import effects as registry
@@ -219,7 +219,9 @@ def run(
         if not isinstance(model, Model):
             model = identify_from(model, training, effects=known, progress=progress)
         diagnosis = diagnose_model(model, training, unseen, effects=look_for, add=add, progress=progress)
-    judged = unseen or training
+    judged = LogSet(unseen or training)
+    for text in judged.notes if unseen else []:
+        output.warning(text)
     after = diagnosis.model
     return Result(
         diagnosis=diagnosis,
@@ -248,7 +250,7 @@ def show(result: Result, data: dict[str, Any], output: Output) -> None:
         output.heading(f"{number}. {finding['effect']} ({at}), probability {finding['probability']:.2f}")
         output.line(f"   {finding['evidence']}")
         for parameter in finding["parameters"]:
-            value, deviation = with_deviation(parameter["value"], parameter["std"])
+            value, deviation = with_deviation(parameter["value"], parameter["standard_deviation"])
             output.line(f"   {parameter['name']} = {value} ± {deviation} {parameter['unit']}")
         if finding["confusable_with"]:
             output.line(f"   could also be {', '.join(finding['confusable_with'])}; {finding['separating_experiment']}")

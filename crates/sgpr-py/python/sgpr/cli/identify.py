@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import Comparison, CutoffInfluence, Model, Recording, Robot, cutoff_influence
+from .. import Comparison, CutoffInfluence, LogSet, Model, Recording, Robot, cutoff_influence
 from .. import compare as compare_with
 from .. import identify as identify_from
 from .. import screen as screen_with
@@ -251,7 +251,9 @@ def run(robot: Robot, train: Sequence[Log], test: Sequence[Log], options: dict[s
     with output.progress() as progress:
         model = identify_from(robot, training, progress=progress, **options)
         influence = cutoff_influence(robot, training, model, progress=progress, **options)
-    judged = stretches(test) or training
+    judged = LogSet(stretches(test) or training)
+    for text in judged.notes if test else []:
+        output.warning(text)
     nominal = Model.nominal(robot)
     return Result(
         model=model,

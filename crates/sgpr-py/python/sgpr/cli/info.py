@@ -361,7 +361,7 @@ def show_how_much_data(found: dict[str, Any], output: Output) -> None:
     """What uncertain parameters bring to the torque of other motion, and whether that is little enough."""
     output.line(of_command_line(found["answer"]))
     rows = [
-        [joint["name"], significant(joint["noise"], 2), *(significant(value, 2) for value in joint["deviation"])]
+        [joint["name"], *(significant(value, 2) for value in (joint["noise"], *joint["standard_deviations"]))]
         for joint in found["joints"]
     ]
     after = [f"{significant(seconds, 2)} s" for seconds in found["seconds"]]

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import Comparison, Model, SemiParametricModel
+from .. import Comparison, LogSet, Model, SemiParametricModel
 from .. import compare as compare_with
 from ..report.numbers import counted, percent, significant
 from ..report.rest import INPUTS, RestPage, fewer_rows_were_better, points_of, too_narrow
@@ -122,6 +122,8 @@ def learn(
         )
         fit(model, train_logs, output)
     result = Result.of(model, train_logs, test_logs)
+    for text in LogSet(stretches(test_logs)).notes:
+        output.warning(text)
     data = result.to_dict()
     data["settings"] = {
         "robot": robot,
@@ -187,7 +189,7 @@ class Result:
     @classmethod
     def of(cls, model: SemiParametricModel, train: list[Log], test: list[Log]) -> "Result":
         """Compares on the test logs, or without them on the training logs."""
-        judged = stretches(test) or stretches(train)
+        judged = LogSet(stretches(test) or stretches(train))
         after, spread = model.compare_with_spread(judged)
         before = compare_with(model.physics_, judged)
         return cls(model, train, test, before, after, spread, model.coverage(judged))

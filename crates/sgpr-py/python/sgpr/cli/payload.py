@@ -125,7 +125,7 @@ def payload(
                 **options,
             )
             data["mass"] = found.mass
-            data["mass_deviation"] = found.mass_deviation
+            data["mass_standard_deviation"] = found.mass_deviation
             data["centre"] = found.centre
             data["parameters"] = found.to_dict()
     if folder:
@@ -154,7 +154,7 @@ def _known(pairs: list[str]) -> dict[str, float]:
 
 def show_payload(data: dict[str, Any], output: Output) -> None:
     """The payload for people."""
-    mass, deviation = with_deviation(data["mass"], data["mass_deviation"])
+    mass, deviation = with_deviation(data["mass"], data["mass_standard_deviation"])
     centre = ", ".join(significant(float(value), 3) for value in data["centre"])
     output.heading(f"payload of {mass} ± {deviation} kg on {data['link']}, centre of mass at ({centre}) m in its frame")
     rows = []

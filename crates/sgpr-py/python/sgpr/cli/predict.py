@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from .. import Comparison, Model, Recording, SemiParametricModel
+from .. import Comparison, LogSet, Model, Recording, SemiParametricModel
 from .. import compare as compare_with
 from ..report.numbers import counted
 from .console import Output
@@ -71,11 +71,11 @@ def predict(
             log = replace(log, raw=_with_torque(log.raw), stretches=[_with_torque(part) for part in log.stretches])
         columns = {PREDICTED: "predicted"}
         if isinstance(loaded, SemiParametricModel):
-            found, spread = loaded.compare_with_spread(log.stretches)
+            found, spread = loaded.compare_with_spread(LogSet(log.stretches, whole=True))
             [row] = predictions([log], {PREDICTED: found, **spread_of(found, spread)}, names)
             columns |= {STD: STD, INTERVAL: INTERVAL}
         else:
-            found = compare_with(loaded, log.stretches)
+            found = compare_with(loaded, LogSet(log.stretches, whole=True))
             bands = {} if out.endswith(".mcap") or loaded.fit is None else _bands(loaded, found)
             [row] = predictions([log], {PREDICTED: found, **bands}, names)
             columns |= {name: name for name in bands}

@@ -74,12 +74,15 @@ def predictions(
     """What each model predicts at the samples of each log; the first one of `comparisons` is a comparison.
 
     A log that was resampled is predicted at its new samples; the predictions are brought back to its own by linear
-    interpolation. Samples of stretches that are too short to be filtered are left out.
+    interpolation. Samples of stretches that are too short to be filtered are left out, and those that a log before has.
     """
     grouped = {name: residuals_by_log(logs, comparison) for name, comparison in comparisons.items()}
     result = []
     for index, log in enumerate(logs):
         pieces = {name: groups[index] for name, groups in grouped.items()}
+        # All that it holds is in logs before it.
+        if not any(pieces.values()):
+            continue
         result.append(_at_own_samples(log, pieces, joints) if log.is_resampled else _as_compared(log, pieces))
     return result
 

@@ -9,7 +9,7 @@ from . import describe
 from .predictions import AFTER, BEFORE
 from .reading import Log
 
-SCHEMA = 1
+SCHEMA = 2
 """Grows when a key goes away or means something else."""
 
 

@@ -47,7 +47,7 @@ def screened(
 
 def how_much_data(robot: Robot, forecast: dict[str, Any]) -> dict[str, Any]:
     """Whether a log is enough, in words, and what uncertain parameters bring to the torque of each joint."""
-    seconds, deviation, noise = (forecast[key] for key in ("seconds", "deviation", "noise"))
+    seconds, deviation, noise = (forecast[key] for key in ("seconds", "standard_deviation", "noise"))
     to_go, advice = forecast["seconds_to_go"], forecast["advice"]
     names = robot.joint_names
     if to_go == 0.0:
@@ -88,13 +88,15 @@ def how_much_to_record(robot: Robot, forecast: dict[str, Any]) -> dict[str, Any]
 
 
 def _amounts(robot: Robot, forecast: dict[str, Any], answer: str) -> dict[str, Any]:
-    joints = zip(robot.joint_names, forecast["noise"], forecast["deviation"].T, forecast["enough_at"], strict=True)
+    joints = zip(
+        robot.joint_names, forecast["noise"], forecast["standard_deviation"].T, forecast["enough_at"], strict=True
+    )
     return {
         "answer": answer,
         "seconds_to_go": forecast["seconds_to_go"],
         "seconds": forecast["seconds"].tolist(),
         "joints": [
-            {"name": name, "noise": float(left), "deviation": own.tolist(), "enough_at_s": at}
+            {"name": name, "noise": float(left), "standard_deviations": own.tolist(), "enough_at_s": at}
             for name, left, own, at in joints
         ],
     }

@@ -165,7 +165,7 @@ def show(data: dict[str, Any], output: Output) -> None:
         output.line("the least alike, all of them within chance or too small to matter:")
     rows = []
     for test in shown:
-        for name, value, deviation in zip(data["sessions"], test["values"], test["std"], strict=True):
+        for name, value, deviation in zip(data["sessions"], test["values"], test["standard_deviations"], strict=True):
             written, spread = with_deviation(float(value), float(deviation))
             rows.append(
                 [

@@ -177,7 +177,7 @@ def history_of(
     for k, deviation in enumerate(found):
         if deviation is None:
             continue
-        mass[:, k] = deviation["tool_mass"], deviation["tool_mass_std"], deviation["tool_share"], 0.0
+        mass[:, k] = deviation["tool_mass"], deviation["tool_mass_standard_deviation"], deviation["tool_share"], 0.0
         for joint in deviation["joints"]:
             place = k, joints.index(joint["joint"])
             error[place], residual[place] = joint["error"] / max(joint["torque"], 1e-300), joint["error"]
@@ -229,7 +229,7 @@ def _enter(
     # Counted from one reference, whatever the tool.
     change = parameter["change"] + parameter["reference"] - column["reference"]
     explained = joint["error"] ** 2 - parameter["error_alone"] ** 2
-    column["values"][:, k] = change, parameter["std"], explained, unsure
+    column["values"][:, k] = change, parameter["standard_deviation"], explained, unsure
 
 
 def _standard_deviations(reference: Model | None) -> dict[str, float]:

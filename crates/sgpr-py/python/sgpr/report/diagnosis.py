@@ -141,7 +141,7 @@ class DiagnosisPage:
             parts.append(paragraph(f"Probability {finding['probability']:.2f}. {finding['evidence']}."))
             rows = []
             for parameter in finding["parameters"]:
-                value, deviation = with_deviation(parameter["value"], parameter["std"])
+                value, deviation = with_deviation(parameter["value"], parameter["standard_deviation"])
                 rows.append([parameter["name"], value, deviation, parameter["unit"]])
             parts.append(
                 table(
@@ -203,7 +203,7 @@ class DiagnosisPage:
         rows = []
         for formula in formulas:
             for number, term in enumerate(formula["terms"]):
-                value, deviation = with_deviation(term["coefficient"], term["std"])
+                value, deviation = with_deviation(term["coefficient"], term["standard_deviation"])
                 rows.append(
                     [
                         formula["joint"] if number == 0 else "",

@@ -161,7 +161,7 @@ class MotionPage:
                 "hovertemplate": "%{x:.3g} s: %{y:.2g}<extra>%{fullData.name}</extra>",
             }
             for k, (joint, deviation, noise) in enumerate(
-                zip(self.robot.joint_names, forecast["deviation"].T, forecast["noise"], strict=True)
+                zip(self.robot.joint_names, forecast["standard_deviation"].T, forecast["noise"], strict=True)
             )
         ]
         enough = {

@@ -88,7 +88,10 @@ class SessionsPage:
     def _tests(self) -> Html:
         rows = []
         for test in self.data["tests"]:
-            values = [with_deviation(float(v), float(s)) for v, s in zip(test["values"], test["std"], strict=True)]
+            values = [
+                with_deviation(float(v), float(s))
+                for v, s in zip(test["values"], test["standard_deviations"], strict=True)
+            ]
             rows.append(
                 [
                     test["joint"] or "last link",
@@ -96,7 +99,7 @@ class SessionsPage:
                     *(f"{value} ± {spread}" for value, spread in values),
                     test["unit"],
                     chance(test["chance"]),
-                    f"{percent(test['saved_percent'])} ± {percent(test['saved_percent_std'])}",
+                    f"{percent(test['saved_percent'])} ± {percent(test['saved_percent_standard_error'])}",
                     "changed" if test["changed"] else "",
                 ]
             )
@@ -117,8 +120,8 @@ class SessionsPage:
 
 def _change(test: dict[str, Any], session: int, relative: bool) -> tuple[float, float]:
     """Change from the first session and its standard deviation."""
-    first, of_first = float(test["values"][0]), float(test["std"][0])
-    value, deviation = float(test["values"][session]), float(test["std"][session])
+    first, of_first = float(test["values"][0]), float(test["standard_deviations"][0])
+    value, deviation = float(test["values"][session]), float(test["standard_deviations"][session])
     spread = 0.0 if session == 0 else float(np.hypot(deviation, of_first))
     scale = 100.0 / abs(first) if relative and first != 0.0 else 1.0
     return (value - first) * scale, spread * scale

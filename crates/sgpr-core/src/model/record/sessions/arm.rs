@@ -26,7 +26,7 @@ const OF_TOOL: usize = 4;
 pub(super) type Own = BTreeSet<SessionCause>;
 
 /// Factors on the torque of each joint, by session.
-pub(super) type Gains = Vec<Vec<f64>>;
+pub(super) type SessionGains = Vec<Vec<f64>>;
 
 pub(super) struct Arm<'a> {
     pub robot: &'a Robot,
@@ -46,12 +46,12 @@ pub(super) struct Arm<'a> {
 }
 
 /// Values of a fit.
-pub(super) struct State {
+pub(super) struct SessionFit {
     /// Base parameters of each session, its tool included.
     pub values: Vec<Vec<f64>>,
     /// Tool of each session beyond that of the first.
     pub tool: Vec<Vec<f64>>,
-    pub gains: Gains,
+    pub gains: SessionGains,
     /// Noise of each joint in motion, zero where it never moves.
     pub noise: Vec<f64>,
     estimate: Estimate,
@@ -103,7 +103,7 @@ impl<'a> Arm<'a> {
     }
 
     /// Gains of an arm that did not change.
-    pub fn no_gains(&self) -> Gains {
+    pub fn no_gains(&self) -> SessionGains {
         vec![vec![1.0; self.robot.dof()]; self.records.len()]
     }
 
@@ -126,7 +126,7 @@ impl<'a> Arm<'a> {
     }
 
     /// All parameters, of which some are those of a session each.
-    pub fn fit(&self, own: &Own, gains: Gains) -> Result<State, RecordError> {
+    pub fn fit(&self, own: &Own, gains: SessionGains) -> Result<SessionFit, RecordError> {
         let (rank, sessions) = (self.base.rank(), self.records.len());
         let columns = self.own_columns(own);
         let with_tool = own.contains(&SessionCause::Tool);
@@ -173,11 +173,11 @@ impl<'a> Arm<'a> {
             *rows += factor.rows;
         }
         let noise = squares.into_iter().map(|(sum, rows)| (sum / rows.max(1) as f64).sqrt()).collect();
-        Ok(State { values, tool, gains, noise, estimate, factors })
+        Ok(SessionFit { values, tool, gains, noise, estimate, factors })
     }
 
     /// The same, and per factor the rows that carry as much as one independent row: the estimates stay, their spread grows.
-    pub fn fit_with_memory(&self, own: &Own, gains: Gains) -> Result<(State, Vec<f64>), RecordError> {
+    pub fn fit_with_memory(&self, own: &Own, gains: SessionGains) -> Result<(SessionFit, Vec<f64>), RecordError> {
         let mut state = self.fit(own, gains)?;
         let of_session = |session: usize| {
             let records: Vec<&Record> = self.records[session].iter().collect();
@@ -217,7 +217,13 @@ impl<'a> Arm<'a> {
         ((0..sessions).map(value).collect(), tools)
     }
 
-    pub fn model(&self, (session, name): (usize, &str), own: &Own, state: &State, correlation: &[f64]) -> TorqueModel {
+    pub fn model(
+        &self,
+        (session, name): (usize, &str),
+        own: &Own,
+        state: &SessionFit,
+        correlation: &[f64],
+    ) -> TorqueModel {
         let (rank, columns) = (self.base.rank(), self.own_columns(own));
         let unknowns = state.estimate.values.len();
         let first_of_tool = rank + (self.records.len() - 1) * columns.len();

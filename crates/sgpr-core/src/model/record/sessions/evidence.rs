@@ -4,7 +4,7 @@ use faer::{Col, Mat};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::super::deviation::predicted;
-use super::arm::{Arm, State, residual};
+use super::arm::{Arm, SessionFit, residual};
 use super::{SessionCause, SessionTest};
 use crate::effects::Role;
 use crate::identification::{JointFactor, Judgement, role_of};
@@ -24,20 +24,20 @@ struct Scatter {
 }
 
 /// Normal equations of a cause.
-struct Sums {
+struct CauseSums {
     parts: Vec<Part>,
     /// Of each session, and its values.
-    sessions: Vec<Normal>,
+    sessions: Vec<SessionEquations>,
     values: Vec<Col<f64>>,
     inverses: Vec<Inverse>,
     /// Of all sessions, and values that they have in common.
-    total: Normal,
+    total: SessionEquations,
     common: Col<f64>,
     rank: usize,
 }
 
 /// Gram matrix and products with what is to be explained.
-struct Normal {
+struct SessionEquations {
     gram: Mat<f64>,
     right: Col<f64>,
 }
@@ -59,8 +59,8 @@ struct Part {
 impl Arm<'_> {
     /// Whether values of a cause that each session has for itself predict better, and differ by more than chance; none if
     /// the logs cannot tell.
-    pub fn examine(&self, cause: SessionCause, state: &State) -> Option<SessionTest> {
-        let sums = Sums::new(self.parts(cause, state), self.records.len())?;
+    pub fn examine(&self, cause: SessionCause, state: &SessionFit) -> Option<SessionTest> {
+        let sums = CauseSums::new(self.parts(cause, state), self.records.len())?;
         let Scatter { variance, freedom } = sums.scatter()?;
         let errors = sums.left_out();
         let noise = match cause {
@@ -83,7 +83,7 @@ impl Arm<'_> {
     }
 
     /// What is told of a cause.
-    fn told_of(&self, cause: SessionCause, count: usize, state: &State) -> Told {
+    fn told_of(&self, cause: SessionCause, count: usize, state: &SessionFit) -> Told {
         // The first number tells: the offset, the factor, the mass.
         let first = Col::from_fn(count, |k| f64::from(u8::from(k == 0)));
         let joint = match cause {
@@ -117,7 +117,7 @@ impl Arm<'_> {
     }
 
     /// The equations of each part of the sessions for the numbers of a cause, everything else as fitted.
-    fn parts(&self, cause: SessionCause, state: &State) -> Vec<Part> {
+    fn parts(&self, cause: SessionCause, state: &SessionFit) -> Vec<Part> {
         let mut parts = Vec::new();
         for (session, records) in self.records.iter().enumerate() {
             for block in records.iter().flat_map(|record| &record.blocks) {
@@ -140,7 +140,7 @@ impl Arm<'_> {
         cause: SessionCause,
         session: usize,
         factor: &JointFactor,
-        state: &State,
+        state: &SessionFit,
     ) -> Option<(Vec<Vec<f64>>, Vec<f64>)> {
         let (joint, values) = (factor.joint, &state.values[session]);
         let gain = state.gains[session][joint];
@@ -178,12 +178,12 @@ impl Arm<'_> {
     }
 }
 
-impl Sums {
+impl CauseSums {
     /// None without parts.
     fn new(parts: Vec<Part>, sessions: usize) -> Option<Self> {
         let count = parts.first()?.right.nrows();
-        let zero = || Normal { gram: Mat::zeros(count, count), right: Col::zeros(count) };
-        let mut sums: Vec<Normal> = (0..sessions).map(|_| zero()).collect();
+        let zero = || SessionEquations { gram: Mat::zeros(count, count), right: Col::zeros(count) };
+        let mut sums: Vec<SessionEquations> = (0..sessions).map(|_| zero()).collect();
         let mut total = zero();
         for part in &parts {
             for sum in [&mut sums[part.session], &mut total] {
@@ -226,7 +226,7 @@ impl Sums {
 
     /// Squares by which the sessions are apart from the common values.
     fn between(&self) -> f64 {
-        let of = |(session, values): (&Normal, &Col<f64>)| {
+        let of = |(session, values): (&SessionEquations, &Col<f64>)| {
             let off = values - &self.common;
             off.transpose() * &session.gram * &off
         };
@@ -246,7 +246,7 @@ impl Sums {
 
     /// Standard deviations of a combination of the numbers of each session; infinite where it does not determine it.
     fn deviations(&self, share: &Col<f64>, variance: f64) -> Vec<f64> {
-        let of = |(session, Inverse { matrix, .. }): (&Normal, &Inverse)| {
+        let of = |(session, Inverse { matrix, .. }): (&SessionEquations, &Inverse)| {
             let seen = &session.gram * (matrix * share);
             let determined = (seen - share).norm_max() <= 1e-6 * share.norm_max();
             let own = (share.transpose() * matrix * share).max(0.0);

@@ -7,9 +7,11 @@
 mod arm;
 mod evidence;
 mod shapes;
+mod signs;
 
-use arm::{Arm, Gains, Own};
+use arm::{Arm, Own, SessionGains};
 use shapes::Shapes;
+use signs::OtherSign;
 
 use super::super::experiment::Experiment;
 use super::super::{IdentifyError, TorqueModel};
@@ -108,7 +110,7 @@ const LARGEST_GAIN: f64 = 100.0;
 ///
 /// # Errors
 /// As [`record`](super::record), if the work is stopped, and if there are fewer than two sessions, one has too little motion, or
-/// the gain of a joint changed as that of no drive does.
+/// the gain of a joint changed as that of no drive does: a session has its torque with the other sign, or in another unit.
 pub fn compare_sessions(
     robot: &Robot,
     sessions: &[(String, Vec<Recording>)],
@@ -164,6 +166,11 @@ pub fn compare_sessions(
     };
     let [flexible_records, plain_records] = [of_all(Some(&shapes))?, of_all(None)?];
     let arm = Arm::new(robot, &flexible, &bases[0], &flexible_records);
+    let turned = arm.other_signs()?;
+    if !turned.is_empty() {
+        let message = turned.iter().map(|one| one.sentence(robot, sessions)).collect::<Vec<_>>().join("; ");
+        return Err(RecordError::Sessions { message });
+    }
     let Changes { tests, own, gains } = Changes::of(&arm, progress)?;
     tests.iter().filter(|test| test.changed).try_for_each(|test| test.check_gain(robot, sessions))?;
     let plain = Arm::new(robot, &set, &bases[1], &plain_records);
@@ -207,7 +214,7 @@ impl Ready {
 struct Changes {
     tests: Vec<SessionTest>,
     own: Own,
-    gains: Gains,
+    gains: SessionGains,
 }
 
 impl Changes {
@@ -260,6 +267,33 @@ impl Changes {
 /// Whether a drive can have so many times the gain of another session.
 fn is_of_a_drive(gain: f64) -> bool {
     (1.0 / LARGEST_GAIN..=LARGEST_GAIN).contains(&gain)
+}
+
+impl OtherSign {
+    /// Which session it is, and what to do.
+    fn sentence(&self, robot: &Robot, sessions: &[(String, Vec<Recording>)]) -> String {
+        let joint = &robot.joints()[self.joint].name;
+        let named = |wanted: &dyn Fn(usize) -> bool| {
+            let names = sessions.iter().enumerate().filter(|(session, _)| wanted(*session));
+            names.map(|(_, (name, _))| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+        };
+        let values = &self.test.values;
+        if self.wrong.is_empty() {
+            let [plus, minus] = [named(&|session| values[session] >= 0.0), named(&|session| values[session] < 0.0)];
+            return format!(
+                "the torque of {joint} has another sign in {minus} than in {plus}: negate it in the wrong sessions, or leave \
+                 them out"
+            );
+        }
+        let wrong = named(&|session| self.wrong.contains(&session));
+        let gains: Vec<String> =
+            values.iter().zip(&self.test.deviations).map(|(value, d)| format!("{value:.3} ± {d:.3}")).collect();
+        format!(
+            "the torque of {joint} has the other sign in {wrong}, where friction would drive the joint (gains by session: {}): \
+             negate it there, or leave that session out",
+            gains.join(", ")
+        )
+    }
 }
 
 impl SessionTest {

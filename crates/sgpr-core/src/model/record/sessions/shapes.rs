@@ -1,6 +1,6 @@
 //! A torque of any shape that sessions have in common.
 
-use super::super::super::experiment::Columns;
+use super::super::super::experiment::TermColumns;
 use super::super::super::experiment::torque_of;
 use super::Ready;
 use crate::dynamics::{Workspace, gravity_torque};
@@ -60,7 +60,7 @@ impl<'a> Shapes<'a> {
         joints.flat_map(|(index, joint)| (0..SHAPES).map(move |k| of(joint, index, k))).collect()
     }
 
-    pub fn columns(&self, motions: &[Motion]) -> Result<Columns, MotionError> {
+    pub fn columns(&self, motions: &[Motion]) -> Result<TermColumns, MotionError> {
         let n = self.robot.dof();
         let mut ws = Workspace::new(self.robot);
         let mut of_motion = |motion: &Motion| {
@@ -80,7 +80,7 @@ impl<'a> Shapes<'a> {
         };
         let values = motions.iter().map(&mut of_motion).collect();
         let tau = motions.iter().map(|motion| torque_of(motion).map(<[f64]>::to_vec)).collect::<Result<_, _>>()?;
-        Ok(Columns { tau, values, parameters: vec![] })
+        Ok(TermColumns { tau, values, parameters: vec![] })
     }
 
     fn values(&self, joint: usize, q: f64, dq: f64, load: f64) -> [f64; SHAPES] {

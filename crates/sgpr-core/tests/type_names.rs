@@ -1,0 +1,79 @@
+//! One meaning for each name of a type: the list of names that several modules define only gets shorter.
+#![allow(missing_docs)]
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Names with several meanings, and why they stay.
+const KNOWN: [(&str, &str); 19] = [
+    ("Basis", "of whitened columns in the diagnosis; of motions in the interface of the excitation"),
+    ("Candidate", "an effect in the diagnosis; a selection of inputs in the interface of the model"),
+    ("Comparison", "of two models on blocks in the diagnosis; of model and logs in the interface"),
+    ("Controller", "of a reference log, two gains; of a simulated arm, any law: both in the interface"),
+    ("Experiment", "filtered logs inside of the model; a simulated run in the interface"),
+    ("Factor", "of Cholesky, and of a formula, both inside of the diagnosis"),
+    ("Finding", "of the diagnosis, and of the screening of logs: both in the interface"),
+    ("Group", "of variables in the diagnosis, and of parts that are left out together"),
+    ("Held", "a prior in the diagnosis; an estimate and its prior in the interface"),
+    ("Input", "of a residual's structure, and of a kernel: both in the interface"),
+    ("Joint", "of a robot; what a file of a semi-parametric model keeps of it"),
+    ("LeftOut", "errors in the diagnosis; parts of the data in the interface"),
+    ("Machine", "two files of which a processor has one"),
+    ("PayloadOptions", "of an estimate from logs, and of one while the arm runs: both in the interface"),
+    ("Plan", "of an experiment in the diagnosis; of a kernel's evaluation"),
+    ("Process", "as the diagnosis tries it, and as the model has it"),
+    ("Smooth", "a smoother, and a process, both inside of the diagnosis"),
+    ("Trajectory", "excited, identified from, predicted: all in the interface"),
+    ("Variable", "of a joint, and of any joint, both inside of the diagnosis"),
+];
+
+/// Files of a crate, but for those of tests.
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+    let entries = std::fs::read_dir(folder).expect("a folder of sources");
+    for path in entries.map(|entry| entry.expect("a readable entry").path()) {
+        if path.is_dir() {
+            sources(&path, found);
+        } else if path.extension().is_some_and(|ending| ending == "rs") && !path.ends_with("tests.rs") {
+            found.push(path);
+        }
+    }
+}
+
+/// The type that a line of code defines; those in blocks of implementations are not counted.
+fn defined(line: &str) -> Option<&str> {
+    let code = line.trim_start();
+    let code = match code.strip_prefix("pub") {
+        Some(rest) if rest.starts_with('(') => rest.split_once(") ").map_or(rest, |(_, rest)| rest),
+        Some(rest) => rest.trim_start(),
+        None => code,
+    };
+    let (kind, rest) = code.split_once(' ')?;
+    let counts = matches!(kind, "struct" | "enum" | "trait" | "union") || kind == "type" && !line.starts_with(' ');
+    let end = rest.find(|letter: char| !letter.is_alphanumeric() && letter != '_').unwrap_or(rest.len());
+    (counts && rest.starts_with(char::is_uppercase)).then(|| &rest[..end])
+}
+
+#[test]
+fn no_more_names_of_types_have_several_meanings() {
+    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
+    // Beside it in the repository, not in a package.
+    let folders = [own.join("src"), own.join("../sgpr-predict/src")];
+    let mut files = vec![];
+    folders.iter().filter(|folder| folder.is_dir()).for_each(|folder| sources(folder, &mut files));
+    let mut places: BTreeMap<String, Vec<&Path>> = BTreeMap::new();
+    for file in &files {
+        let text = std::fs::read_to_string(file).expect("a source file");
+        let code = text.split("#[cfg(test)]\nmod ").next().expect("the first part");
+        for name in code.lines().filter_map(defined) {
+            places.entry(name.into()).or_default().push(file);
+        }
+    }
+    assert!(places.len() > 300, "{} types: is this the folder of the sources?", places.len());
+    places.retain(|_, files| files.len() > 1);
+    let new: Vec<_> = places.iter().filter(|(name, _)| !KNOWN.iter().any(|(known, _)| known == name)).collect();
+    assert!(new.is_empty(), "names that have a meaning already; take the field's word for this one: {new:#?}");
+    if folders.iter().all(|folder| folder.is_dir()) {
+        let gone: Vec<_> = KNOWN.iter().filter(|(name, _)| !places.contains_key(*name)).collect();
+        assert!(gone.is_empty(), "they have one meaning now; shorten the list: {gone:#?}");
+    }
+}
