@@ -415,6 +415,22 @@ fn torques_that_end_early_are_compared_up_to_there() {
 }
 
 #[test]
+fn a_slow_log_is_held_by_the_robot_file_at_speeds_that_it_does_not_reach() {
+    let (robot, test) = (robot(), [read("test")]);
+    let slow = read("train_3");
+    for seconds in [4, 8] {
+        let (model, _) = identify(&robot, &[slow.slice(0..seconds * 250)], &options(), &()).expect("a good log");
+        let found = compare(&model, &test, None).expect("a good log").relative_error_percent;
+        let file = compare(&TorqueModel::nominal(&robot), &test, model.processing()).expect("a good log");
+        let bare = IdentifyOptions { prior: None, ..options() };
+        let (bare, _) = identify(&robot, &[slow.slice(0..seconds * 250)], &bare, &()).expect("a good log");
+        let bare = compare(&bare, &test, None).expect("a good log").relative_error_percent;
+        let file = file.relative_error_percent;
+        assert!(found < 0.7 * file && file < bare, "{seconds} s: {found} %, of the file {file} %, bare {bare} %");
+    }
+}
+
+#[test]
 fn torques_in_another_unit_than_the_robot_file_are_named() {
     let (robot, log) = (robot(), read("train_1"));
     let tau = log.torque().expect("logged").iter().map(|tau| 1000.0 * tau).collect();
