@@ -14,7 +14,17 @@ use crate::closed_loop::{Plant, STEP, follow};
 use crate::law::{FORMS, Law, State, UNKNOWN};
 
 const BASE: [&str; 3] = ["viscous_friction", "coulomb_friction", "rotor_inertia"];
-const SECONDS: f64 = 20.0;
+
+/// What the logs are like.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Quality {
+    /// 20 s each at 125 Hz or more, torque with white noise, encoders of 17 bits or more.
+    Good,
+    /// The noise of the torque has a memory (0.9 from sample to sample), and encoders have steps of 0.1 mrad.
+    Rough,
+    /// The same, 8 to 12 s each at 50 or 100 Hz.
+    Poor,
+}
 
 /// Effects that are hidden one at a time, in turn.
 ///
@@ -62,11 +72,39 @@ pub const CLOSED: [&str; 8] = [
     "coulomb_friction",
 ];
 
+/// Pairs that are hidden at one joint.
+pub const ONE_JOINT: [[&str; 2]; 6] = [
+    ["stribeck_friction", "cable_stiffness"],
+    ["torque_ripple", "load_dependent_friction"],
+    ["quadratic_viscous_friction", "spring_balancer"],
+    ["presliding_friction", "torque_ripple"],
+    ["asymmetric_viscous_friction", "cable_stiffness"],
+    ["position_dependent_friction", "torque_offset"],
+];
+
+/// Effects that are hidden in poor logs, and beside laws that no catalogue has.
+pub const POOR: [&str; 12] = [
+    "cable_stiffness",
+    "torque_ripple",
+    "stribeck_friction",
+    "load_dependent_friction",
+    "quadratic_viscous_friction",
+    "asymmetric_viscous_friction",
+    "viscous_friction",
+    "coulomb_friction",
+    "torque_offset",
+    "torque_gain_error",
+    "base_tilt",
+    "position_dependent_friction",
+];
+
 /// How an arm moves in its logs.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Style {
     /// Exactly as told, along series of five harmonics.
     Exact,
+    /// The same, and what is hidden is at one joint.
+    OneJoint,
     /// Under a controller, with friction that sticks.
     Closed,
     /// Exactly, but each joint with one frequency all the time, and what is hidden is small: effects look alike.
@@ -193,27 +231,31 @@ struct Truth {
 /// Case number `seed` of a kind: the effects hidden in it, `[]` for none. Draws under which the arm runs away are left
 /// out.
 ///
-/// - `rough`: the noise of the torque has a memory (0.9 from sample to sample), and encoders have steps of 0.1 mrad
-pub fn make(seed: u64, effects: &[&str], style: Style, rough: bool) -> Case {
-    let draws = (0..).map(|k| attempt(seed + 10_000_000 * k, effects, style, rough));
+pub fn make(seed: u64, effects: &[&str], style: Style, quality: Quality) -> Case {
+    let draws = (0..).map(|k| attempt(seed + 10_000_000 * k, effects, style, quality));
     draws.flatten().next().expect("an arm that follows")
 }
 
-fn attempt(seed: u64, effects: &[&str], style: Style, rough: bool) -> Option<Case> {
+fn attempt(seed: u64, effects: &[&str], style: Style, quality: Quality) -> Option<Case> {
     /// Farthest that an arm may be from what it is told, rad.
     const FARTHEST: f64 = 0.3;
     let mut random = Random(seed.wrapping_mul(0x5851_F42D_4C95_7F2D) ^ 0xD1A6);
     let robot = arm(&mut random);
     let n = robot.dof();
     let closed = style == Style::Closed;
-    let every = [2usize, 4, 8, 16][random.below(4)].max(if closed { 4 } else { 2 });
+    let poor = quality == Quality::Poor;
+    let every = match poor {
+        true => [20, 40][random.below(2)],
+        false => [2usize, 4, 8, 16][random.below(4)].max(if closed { 4 } else { 2 }),
+    };
+    let length = if poor { random.between(8.0, 12.0) } else { 20.0 };
     let rate = 1.0 / (STEP * every as f64);
     let slow = random.between(3.0, 6.0);
     let motions: Vec<Motion> = match style {
         Style::Swinging => Motion::swinging(n, &mut random, 4),
         _ => [1.0, 1.0, slow, 1.0].iter().map(|s| Motion::new(n, &mut random, *s)).collect(),
     };
-    let samples = (SECONDS * rate) as usize;
+    let samples = (length * rate) as usize;
 
     // Torques of the rigid body set the sizes.
     let motion = sampled(&motions[0], rate, samples);
@@ -245,8 +287,11 @@ fn attempt(seed: u64, effects: &[&str], style: Style, rough: bool) -> Option<Cas
         // The rotor of the first joint turns with its link.
         let is_hidden = |joint| used.contains(&joint) || (*effect == "rotor_inertia" && joint == 0);
         let mut joint = random.below(n);
-        while is_hidden(joint) {
+        while style != Style::OneJoint && is_hidden(joint) {
             joint = random.below(n);
+        }
+        if let (Style::OneJoint, Some(first)) = (style, used.first()) {
+            joint = *first;
         }
         used.push(joint);
         let wish = Wish { effect, joint, size: &size, noise: &seen, motion: &motion, rate };
@@ -259,13 +304,13 @@ fn attempt(seed: u64, effects: &[&str], style: Style, rough: bool) -> Option<Cas
     let guess = perturbed(&bare.robot, &mut random);
     let (seed_noise, resolution) = (random.0, TAU / f64::from(1u32 << (17 + random.below(4))));
     let names: Vec<String> = guess.joint_names().map(String::from).collect();
-    let (memory, resolution) = if rough { (0.9, 1e-4) } else { (0.0, resolution) };
+    let (memory, resolution) = if quality == Quality::Good { (0.0, resolution) } else { (0.9, 1e-4) };
     let sensors = Sensors { names, noise, memory, resolution };
     let record = |truth: &Truth| -> Option<Vec<Recording>> {
         let mut random = Random(seed_noise);
         let mut logs = Vec::new();
         for (index, motion) in motions.iter().enumerate() {
-            let start = index as f64 * SECONDS;
+            let start = index as f64 * length;
             let [q, dq, tau] = if closed {
                 let plant = Plant {
                     robot: &truth.robot,
@@ -274,7 +319,7 @@ fn attempt(seed: u64, effects: &[&str], style: Style, rough: bool) -> Option<Cas
                     rotor: &truth.base[2],
                     terms: &truth.terms,
                 };
-                let log = follow(&plant, &guess, motion, start, SECONDS, every);
+                let log = follow(&plant, &guess, motion, start, length, every);
                 let wanted = sampled(motion, rate, samples);
                 let near = log[0].iter().zip(&wanted[0]).all(|(q, wanted)| (q - wanted).abs() < FARTHEST);
                 if !near {
@@ -303,7 +348,8 @@ fn attempt(seed: u64, effects: &[&str], style: Style, rough: bool) -> Option<Cas
     let mut alone = vec![];
     let mut terms = truth.terms.iter();
     for effect in effects.iter().filter(|_| effects.len() > 1) {
-        let term = if BASE.contains(effect) { None } else { terms.next() };
+        let of_catalogue = !BASE.contains(effect) && !UNKNOWN.iter().any(|law| law.name == *effect);
+        let term = if of_catalogue { terms.next() } else { None };
         let logs = |term: &Term| -> Option<[Vec<Recording>; 2]> {
             let one =
                 Truth { robot: bare.robot.clone(), base: bare.base.clone(), terms: vec![term.clone()], unknown: None };

@@ -1,29 +1,33 @@
-//! Measures the diagnosis on random arms with random hidden effects, noise and rates, half of them under a controller
-//! with friction that sticks:
+//! Measures the diagnosis on random arms with random hidden effects, noise and rates, some of them under a controller
+//! with friction that sticks, and on logs of real arms to whose torque an effect was added:
 //!
-//! `cargo run --release --example diagnosis_bench -- [--seed 1] [--rounds 1] [--only exact|closed|null|pairs|unknown|forms|next]
-//! [--effect NAME] [--case SEED] [--rough]`
+//! `cargo run --release --example diagnosis_bench -- [--seed 1] [--rounds 1] [--only KIND] [--effect NAME] [--case SEED] [--rough]`
 //!
-//! With `--rough` the noise of the torque has a memory and encoders have steps of 0.1 mrad.
+//! Kinds are `exact`, `pairs`, `joint` (two at one joint), `null`, `closed`, `unknown`, `beside` (an unknown law beside a known
+//! effect), `forms`, `poor` and `poornull` (short, slowly sampled, noise with a memory), `real` (with `SGPR_DATA`), and `next`. With
+//! `--rough` the noise of the torque has a memory and encoders have steps of 0.1 mrad.
 
 mod arm;
 mod case;
 mod closed_loop;
 mod law;
+mod real;
+mod table;
 
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use case::{AMBIGUOUS, CLOSED, Case, SINGLES, Style, make};
+use case::{AMBIGUOUS, CLOSED, Case, ONE_JOINT, POOR, Quality, SINGLES, Style, make};
 use law::{FORMS, UNKNOWN};
 use sgpr_core::diagnosis::{Diagnosis, DiagnosisOptions, Finding, Verdict, add, diagnose};
 use sgpr_core::model::{IdentifyOptions, TorqueModel, compare, identify};
 use sgpr_core::recording::Recording;
+use table::{Row, Table};
 
 type Failure = Box<dyn std::error::Error>;
 
 /// Kinds of cases, and how many there are in a round.
-const KINDS: [(&str, usize); 7] = [
+const KINDS: [(&str, usize); 11] = [
     ("exact", SINGLES.len()),
     ("pairs", 10),
     ("null", 6),
@@ -31,7 +35,28 @@ const KINDS: [(&str, usize); 7] = [
     ("unknown", UNKNOWN.len()),
     ("forms", FORMS.len()),
     ("next", AMBIGUOUS.len()),
+    ("joint", ONE_JOINT.len()),
+    ("beside", UNKNOWN.len()),
+    ("poor", POOR.len()),
+    ("poornull", 4),
 ];
+
+/// The same in words.
+fn title(kind: &str) -> &str {
+    match kind {
+        "exact" => "one effect",
+        "pairs" => "two effects, two joints",
+        "joint" => "two effects at one joint",
+        "null" => "nothing hidden",
+        "closed" => "one effect, under a controller",
+        "unknown" => "a law of no catalogue",
+        "beside" => "such a law, and an effect",
+        "forms" => "an effect in another form",
+        "poor" => "one effect, poor logs",
+        "poornull" => "nothing hidden, poor logs",
+        other => other,
+    }
+}
 
 /// What is hidden in a case, and how its arm moves.
 fn hidden(kind: &str, index: usize, seed: u64) -> (Vec<&'static str>, Style) {
@@ -45,6 +70,10 @@ fn hidden(kind: &str, index: usize, seed: u64) -> (Vec<&'static str>, Style) {
         "closed" => (vec![CLOSED[index]], Style::Closed),
         "unknown" => (vec![UNKNOWN[index].name], Style::Exact),
         "forms" => (vec![FORMS[index].name], Style::Exact),
+        "joint" => (ONE_JOINT[index].to_vec(), Style::OneJoint),
+        "beside" => (vec![UNKNOWN[index].name, POOR[index]], Style::Exact),
+        "poor" => (vec![POOR[index]], Style::Exact),
+        "poornull" => (vec![], Style::Exact),
         _ => (vec![AMBIGUOUS[index]], Style::Swinging),
     }
 }
@@ -58,6 +87,11 @@ fn main() -> Result<(), Failure> {
     let effect = value("--effect").map(String::as_str);
     let case: Option<u64> = value("--case").map(|text| text.parse()).transpose()?;
     let rough = arguments.iter().any(|argument| argument == "--rough");
+    let quality = |kind: &str| match (kind, rough) {
+        ("poor" | "poornull", _) => Quality::Poor,
+        (_, true) => Quality::Rough,
+        _ => Quality::Good,
+    };
     let mut totals = Totals::default();
     for round in 0..rounds {
         for (kind, (name, count)) in (0..).zip(KINDS) {
@@ -72,8 +106,17 @@ fn main() -> Result<(), Failure> {
                 if repeated || !wanted {
                     continue;
                 }
-                let case = make(seed, &effects, style, rough);
-                if name == "next" { totals.take_next(&case)? } else { totals.take(&case)? }
+                let case = make(seed, &effects, style, quality(name));
+                if name == "next" { totals.take_next(&case)? } else { totals.take(title(name), &case)? }
+            }
+        }
+    }
+    if only.is_empty() || only == "real" {
+        for robot in real::ROBOTS {
+            let effect = effect.filter(|_| only == "real");
+            match real::row(robot, first, rounds, effect)? {
+                Some(row) => totals.table.add(&format!("one effect, added to real logs: {robot}"), row),
+                None => println!("skipped: SGPR_DATA names no folder with real/{robot}"),
             }
         }
     }
@@ -83,27 +126,11 @@ fn main() -> Result<(), Failure> {
 
 #[derive(Default)]
 struct Totals {
-    /// Detectable single effects: right effect first, right effect and joint first, among the first three, with others
-    /// that are not there, all.
-    singles: [usize; 5],
+    table: Table,
     /// Parameters of effects that are found, alone and first: within a tenth or two standard deviations, all.
     parameters: [usize; 2],
-    /// Single effects that are too weak to be seen: silent, all.
-    weak: [usize; 2],
-    /// Effects hidden together: found, all.
-    together: [usize; 2],
-    /// Nothing hidden: silent, all.
-    nulls: [usize; 2],
-    /// Outside of the catalogue: said so, all.
-    unknown: [usize; 2],
     /// Where another motion was proposed: first finding right without it, with it, all.
     next: [usize; 3],
-    cases: usize,
-    false_findings: usize,
-    closures: Vec<f64>,
-    seconds: Vec<f64>,
-    /// (Probability, whether right).
-    calibration: Vec<(f64, bool)>,
     /// Hidden -> first finding -> count.
     confusion: BTreeMap<String, BTreeMap<String, usize>>,
 }
@@ -162,7 +189,7 @@ fn parameters(case: &Case, diagnosis: &Diagnosis) -> [usize; 2] {
 }
 
 impl Totals {
-    fn take(&mut self, case: &Case) -> Result<(), Failure> {
+    fn take(&mut self, kind: &str, case: &Case) -> Result<(), Failure> {
         let fit = |logs: &[Recording]| identified(case, logs);
         let model = fit(&case.train)?;
         let clock = Instant::now();
@@ -188,7 +215,8 @@ impl Totals {
         }
         let detectable = worse(&before);
         let closure = (excess(&before) - excess(&after)) / excess(&before).max(1e-9);
-        self.score(case, &diagnosis, detectable, &visible, closure, seconds);
+        let row = self.score(case, &diagnosis, detectable, &visible, closure, seconds);
+        self.table.add(kind, row);
         Ok(())
     }
 
@@ -226,7 +254,7 @@ impl Totals {
         visible: &[bool],
         closure: f64,
         seconds: f64,
-    ) {
+    ) -> Row {
         let names: Vec<&str> = case.guess.joint_names().collect();
         let truth: Vec<(String, Option<&str>)> =
             case.hidden.iter().map(|(effect, joint)| (plain(effect), joint.map(|j| names[j]))).collect();
@@ -239,108 +267,72 @@ impl Totals {
                 joints.into_iter().map(|joint| (plain(&f.effect), joint, f.probability))
             })
             .collect();
-        let right = |f: &(String, Option<&str>, f64)| truth.iter().any(|(e, j)| *e == f.0 && *j == f.1);
-        let wrong = found.iter().filter(|f| !right(f)).count();
-        self.cases += 1;
-        self.seconds.push(seconds);
-        self.calibration.extend(found.iter().map(|f| (f.2, right(f))));
+        let is = |f: &(String, Option<&str>, f64), t: &(String, Option<&str>)| t.0 == f.0 && t.1 == f.1;
+        let right = |f: &(String, Option<&str>, f64)| truth.iter().any(|t| is(f, t));
         let unknown = truth.iter().any(|(effect, _)| effect.starts_with("unknown"));
-        if !unknown {
-            self.false_findings += wrong;
+        let is_wanted = |k: usize| {
+            let seen = if truth.len() == 1 { detectable } else { visible[k] };
+            seen && !truth[k].0.starts_with("unknown")
+        };
+        let wanted: Vec<usize> = (0..truth.len()).filter(|k| is_wanted(*k)).collect();
+        let hits = wanted.iter().filter(|k| found.iter().any(|f| is(f, &truth[**k]))).count();
+        let silent = found.is_empty() && diagnosis.verdict == Verdict::NothingMissing;
+        let mut row = Row {
+            cases: 1,
+            wanted: wanted.len(),
+            found: hits,
+            first: usize::from(!wanted.is_empty() && found.first().is_some_and(right)),
+            asked_first: usize::from(!wanted.is_empty()),
+            wrong: found.iter().filter(|f| !right(f)).count(),
+            seconds: vec![seconds],
+            probabilities: found.iter().map(|f| (f.2, right(f))).collect(),
+            ..Row::default()
+        };
+        if unknown || truth.is_empty() {
+            row.to_be_said = 1;
+            row.said = usize::from(if unknown { diagnosis.probability_unexplained >= 0.5 } else { silent });
         }
-        let mut mark = ' ';
-        if unknown {
-            let said = diagnosis.verdict == Verdict::UnexplainedStructure;
-            self.unknown[0] += usize::from(said);
-            self.unknown[1] += 1;
-            mark = if said { '+' } else { '-' };
-        } else if truth.is_empty() {
-            self.nulls[0] += usize::from(found.is_empty() && diagnosis.verdict == Verdict::NothingMissing);
-            self.nulls[1] += 1;
-        } else if detectable {
-            if truth.len() == 1 {
-                let first = found.first();
-                let effect = first.is_some_and(|f| f.0 == truth[0].0);
-                self.singles[0] += usize::from(effect);
-                self.singles[1] += usize::from(first.is_some_and(right));
-                self.singles[2] += usize::from(found.iter().take(3).any(right));
-                self.singles[3] += usize::from(wrong > 0);
-                self.singles[4] += 1;
-                let [close, all] = parameters(case, diagnosis);
-                self.parameters[0] += close;
-                self.parameters[1] += all;
-                mark = if first.is_some_and(right) { '+' } else { '-' };
-                let row = self.confusion.entry(truth[0].0.clone()).or_default();
-                *row.entry(first.map_or("nothing".into(), |f| f.0.clone())).or_default() += 1;
-            } else {
-                let wanted = || truth.iter().zip(visible).filter(|(_, visible)| **visible);
-                let hits = wanted().filter(|(t, _)| found.iter().any(|f| f.0 == t.0 && f.1 == t.1)).count();
-                self.together[0] += hits;
-                self.together[1] += wanted().count();
-                mark = if hits == wanted().count() { '+' } else { '-' };
-            }
-            self.closures.push(closure);
-        } else if truth.len() == 1 {
-            self.weak[0] += usize::from(found.is_empty());
-            self.weak[1] += 1;
+        if !wanted.is_empty() {
+            row.closed.push(closure);
         }
+        if truth.len() == 1 && !wanted.is_empty() {
+            let [close, all] = parameters(case, diagnosis);
+            self.parameters[0] += close;
+            self.parameters[1] += all;
+            let first = found.first().map_or("nothing".into(), |f| f.0.clone());
+            *self.confusion.entry(truth[0].0.clone()).or_default().entry(first).or_default() += 1;
+        }
+        let well = row.found == row.wanted && row.said == row.to_be_said;
+        let mark = if well { '+' } else { '-' };
         let place = |joint: &Option<&str>| joint.map_or("", |j| j.trim_start_matches("joint")).to_string();
         let hidden: Vec<String> = truth.iter().map(|(effect, joint)| format!("{effect}{}", place(joint))).collect();
         let told: Vec<String> =
             found.iter().map(|(effect, joint, p)| format!("{effect}{} {p:.2}", place(joint))).collect();
         println!(
-            "{mark} {:<13} {:?} [{}] found [{}] {wrong} false, closure {closure:.2}{}, left {:?} {seconds:.1} s",
+            "{mark} {:<13} {:?} [{}] found [{}] {} false, closure {closure:.2}{}, left {:?} {seconds:.1} s",
             case.name,
             diagnosis.verdict,
             hidden.join(", "),
             told.join(", "),
+            row.wrong,
             if detectable { "" } else { " (not detectable)" },
             diagnosis.probability_unexplained,
         );
-        if mark == '-' {
+        if !well {
             let best = diagnosis.candidates.iter().take(6);
             let list: Vec<String> =
                 best.map(|c| format!("{} {} {:.0}", c.effect, c.joints.join(" "), c.score)).collect();
             println!("    most evidence: {}", list.join(", "));
         }
+        row
     }
 
-    fn print(&mut self) {
-        let share = |[part, all]: [usize; 2]| format!("{part}/{all}");
-        let [effect, joint, among, more, all] = self.singles;
-        println!("\nsingle effects, right effect first: {}", share([effect, all]));
-        println!("single effects, right effect and joint first: {}", share([joint, all]));
-        println!("single effects, right effect and joint among the first three: {}", share([among, all]));
-        println!("single effects with findings too many: {}", share([more, all]));
-        println!("parameters within a tenth or two standard deviations: {}", share(self.parameters));
-        println!("single effects that lower no error by a twentieth, and nothing said: {}", share(self.weak));
-        println!("two at once, visible ones found: {}", share(self.together));
-        println!("nothing hidden and nothing said: {}", share(self.nulls));
-        println!("outside of the catalogue and said so: {}", share(self.unknown));
+    fn print(&self) {
+        println!("\n{}", self.table);
+        let [close, all] = self.parameters;
+        println!("parameters of effects found first, within a tenth or two standard deviations: {close}/{all}");
         let [was, is, all] = self.next;
         println!("with a motion proposed, first finding right before and after it: {was}/{all}, {is}/{all}");
-        println!("false findings per case: {:.2}", self.false_findings as f64 / self.cases.max(1) as f64);
-        let quantile = |values: &mut Vec<f64>, p: f64| {
-            values.sort_by(f64::total_cmp);
-            values.get(((values.len() as f64 - 1.0) * p).round() as usize).copied().unwrap_or(f64::NAN)
-        };
-        let [least, tenth, median] = [0.0, 0.1, 0.5].map(|p| quantile(&mut self.closures, p));
-        println!("share of the error closed: median {median:.3}, 10 % below {tenth:.3}, least {least:.3}");
-        let [median, worst] = [0.5, 1.0].map(|p| quantile(&mut self.seconds, p));
-        println!("seconds: median {median:.1}, worst {worst:.1}");
-        let count = self.calibration.len().max(1) as f64;
-        let miss = |(p, right): &(f64, bool)| p - f64::from(u8::from(*right));
-        let brier = self.calibration.iter().map(|found| miss(found).powi(2)).sum::<f64>() / count;
-        let of_bin = |bin: usize| self.calibration.iter().filter(move |(p, _)| ((10.0 * p) as usize).min(9) == bin);
-        let error = (0..10).map(|bin| of_bin(bin).map(miss).sum::<f64>().abs()).sum::<f64>() / count;
-        println!("probabilities of findings: Brier score {brier:.3}, calibration error in ten bins {error:.3}");
-        println!("\n| probability | findings | right |\n|---|---|---|");
-        for bin in 0..5 {
-            let inside = |p: f64| ((5.0 * p) as usize).min(4) == bin;
-            let own: Vec<bool> = self.calibration.iter().filter(|(p, _)| inside(*p)).map(|(_, right)| *right).collect();
-            let right = own.iter().filter(|right| **right).count();
-            println!("| {:.1} to {:.1} | {} | {right} |", 0.2 * bin as f64, 0.2 * (bin + 1) as f64, own.len());
-        }
         println!("\n| hidden | first finding |\n|---|---|");
         for (hidden, found) in &self.confusion {
             let list: Vec<String> = found.iter().map(|(name, count)| format!("{name} {count}")).collect();

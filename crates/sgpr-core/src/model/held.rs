@@ -56,8 +56,10 @@ const FLAT_EFFECTS: f64 = 10.0;
 /// Times that the logs may be less sure of the torque of other motions than the robot file is wrong, before it holds them.
 const CLEARLY: f64 = 2.0;
 
-/// Times that they may be less sure of the torque of faster motions than with the prior, before it holds them: less is
-/// nothing that the prior adds.
+/// The same of faster motions, where what the file is wrong by is itself a guess ...
+const CLEARLY_FASTER: f64 = 3.0;
+
+/// ... unless they are at most this many times less sure with the prior: it adds little then.
 const FAR: f64 = 5.0;
 
 /// Samples of other motions.
@@ -160,8 +162,9 @@ impl Task<'_> {
 
     /// Whether an estimate of this covariance predicts the torque of every joint with a standard deviation of at most
     /// [`CLEARLY`] times what the robot file leaves of it, in poses over the whole range of the joints: at speeds and accelerations
-    /// of the logs, in both directions, and at those that the arm is made for. What the file leaves of these grows from the
-    /// logs' motion as its uncertainty does; and a prior that adds little there, less than [`FAR`] times, is no reason.
+    /// of the logs, in both directions; and, by [`CLEARLY_FASTER`], at those that the arm is made for. What the file leaves of these
+    /// grows from the logs' motion as its uncertainty does; and a prior that adds little there, less than [`FAR`] times, is no
+    /// reason.
     ///
     /// - `with_prior`: covariance of the estimate that the prior holds
     fn knows_more_than_file(&self, covariance: &Mat<f64>, with_prior: &Mat<f64>, prior: &ParameterPrior) -> bool {
@@ -174,14 +177,14 @@ impl Task<'_> {
                 own.fold((0.0, 0), |(sum, rows), own| (sum + variances(covariance, own), rows + own.rows));
             (sum / f64::max(rows as f64, 1.0)).sqrt()
         };
-        let left = |joint: usize| CLEARLY * prior.left_by_file()[joint];
+        let left = |joint: usize| prior.left_by_file()[joint];
         let (Ok(seen), Ok(fast)) = (self.other_motions(false), self.other_motions(true)) else { return false };
         let of_file = prior.clone().with_relative_deviation(1.0).with_effect_scale(1.0).covariance();
         (0..self.robot.dof()).all(|joint| {
             let known = deviation(covariance, &fast, joint);
             let grows = (deviation(&of_file, &fast, joint) / deviation(&of_file, self.factors, joint)).max(1.0);
-            deviation(covariance, &seen, joint) <= left(joint)
-                && (known <= left(joint) * grows || known <= FAR * deviation(with_prior, &fast, joint))
+            deviation(covariance, &seen, joint) <= CLEARLY * left(joint)
+                && (known <= CLEARLY_FASTER * left(joint) * grows || known <= FAR * deviation(with_prior, &fast, joint))
         })
     }
 

@@ -21,7 +21,7 @@ const HELD: usize = 2 * REACH + 1;
 /// Of so many rows one counts: neighbours say the same.
 const STEP: usize = 4;
 /// Rows for each parameter without which a small residual means nothing.
-const ROWS: usize = 3;
+const ROWS: usize = 6;
 /// Share of a column's square that is added to it, so that columns without content have a solution.
 const RIDGE: f64 = 1e-12;
 /// Shifts by less of a row are within what its neighbours tell.
