@@ -580,3 +580,27 @@ fn a_load_of_the_ur10e_is_torque_from_outside() {
     assert!(quiet.iter().map(|seen| seen.events).sum::<usize>() <= 3);
     assert!(heavy.iter().all(|seen| seen.first.is_some_and(|first| first < 5.0)));
 }
+
+/// The first seconds of slow logs of simulated arms with a hidden effect: the logs know their own motion, and nothing of
+/// inertia, so that the estimate without prior is worse than the robot file where the arm moves as it can.
+#[test]
+fn slow_logs_are_held_at_speeds_that_they_do_not_reach() {
+    for (name, seconds) in [("dev01", 5.0), ("dev10", 5.0), ("dev21", 3.0)] {
+        let Some(folder) = outside::outside(&format!("hidden_effects/{name}")) else { return };
+        let read = |file: &str| csv::read(folder.join(file), &ReadOptions::default()).expect("a readable log");
+        let text = std::fs::read_to_string(folder.join("case.json")).expect("a description");
+        let description: serde_json::Value = serde_json::from_str(&text).expect("valid JSON");
+        let effects = serde_json::from_value(description["model_effects"].clone()).expect("names");
+        let robot = Robot::from_urdf(folder.join("robot.urdf"), &UrdfOptions::default()).expect("a valid robot");
+        let (slow, test) = (read("train_3.csv"), [read("test.csv")]);
+        let end = slow.time_seconds().iter().position(|time| *time >= seconds + slow.time_seconds()[0]);
+        let train = [slow.slice(0..end.expect("longer"))];
+        let held = IdentifyOptions { effects, ..IdentifyOptions::default() };
+        let bare = IdentifyOptions { prior: None, ..held.clone() };
+        let [held, bare] = [held, bare].map(|options| identify(&robot, &train, &options, &()).expect("good logs").0);
+        let error = |model| compare(model, &test, held.processing()).expect("a good log").relative_error_percent;
+        let (held, bare, file) = (error(&held), error(&bare), error(&TorqueModel::nominal(&robot)));
+        println!("{name}: {held:.1} %, without prior {bare:.1} %, robot file {file:.1} %");
+        assert!(held < 0.5 * file && bare > 1.5 * held, "{name}: {held} {bare} {file}");
+    }
+}

@@ -52,9 +52,6 @@ pub struct ParameterPrior {
 /// Relative deviations of the robot file among which the data choose.
 pub(crate) const WIDTHS: [f64; 8] = [0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0];
 
-/// Most that the file is taken to be wrong: one that is off by more is of another arm, and what the model lacks looks so.
-const WIDEST: f64 = 3.0;
-
 /// Torques of friction, offsets and gains as shares of what the robot file leaves, among which the data choose.
 pub(crate) const EFFECT_SCALES: [f64; 4] = [0.1, 0.3, 1.0, 3.0];
 
@@ -185,7 +182,7 @@ impl ParameterPrior {
                 let logarithms = known.iter().map(|(pair, evidence)| probability(*evidence) / all * pair[of].ln());
                 logarithms.sum::<f64>().exp()
             };
-            (self.relative_deviation, self.effect_scale) = (mean(0).min(WIDEST), mean(1));
+            (self.relative_deviation, self.effect_scale) = (mean(0), mean(1));
         }
         self
     }

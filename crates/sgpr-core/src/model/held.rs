@@ -49,6 +49,9 @@ pub(super) fn leave_out_joints_at_rest(factors: &mut Vec<JointFactor>) {
 /// parameters.
 const FLAT: f64 = 30.0;
 
+/// Relative deviation of bodies that are held although the file is wrong.
+const WIDE: f64 = 10.0;
+
 /// Torque of friction, offsets and gains under a prior that says next to nothing of them, in what
 /// the file leaves of a joint's.
 const FLAT_EFFECTS: f64 = 10.0;
@@ -94,8 +97,10 @@ impl Task<'_> {
     /// The estimate, and, with `keeping`, the robot file for joints that it predicts better.
     ///
     /// It is bare if the logs know the torque of other motions better than the robot file does
-    /// ([`Self::knows_more_than_file`]), and if the prior that makes them most probable does not save [`LEAST_GAIN`] for
-    /// certain, by one standard error, on parts that were left out: it takes what the model lacks for noise.
+    /// ([`Self::knows_more_than_file`]), of faster ones unless the prior costs errors for certain on parts that were left out,
+    /// and if the prior that makes them most probable does not save [`LEAST_GAIN`] for
+    /// certain, by one standard error, on parts that were left out: it takes what the model lacks for noise. For that
+    /// reason a wide prior takes its place where it costs errors for certain.
     pub fn estimate(
         &self,
         method: &Method,
@@ -113,12 +118,18 @@ impl Task<'_> {
                 let bare = self.bare(method, equations, &flat, correlation)?;
                 let wider = faer::Scale(self.dispersion(&held).deviation.powi(2));
                 let with_prior = wider * &held.estimate.covariance;
-                let knows_more =
-                    |bare: &Estimate| self.knows_more_than_file(&(wider * &bare.covariance), &with_prior, &flat);
+                let knows_more = |bare: &Estimate| {
+                    let [seen, fast] = self.knows_more_than_file(&(wider * &bare.covariance), &with_prior, &flat);
+                    seen && (fast || saved.is_worse())
+                };
                 if let Some(bare) = bare.filter(knows_more) {
                     let (bare, refused) = without_negative(bare, flat.friction());
                     notes.extend(self.refused_note(&refused));
                     return Ok(HeldEstimate { estimate: bare, held: None, dispersion: Dispersion::NONE, notes });
+                }
+                if saved.is_worse() {
+                    let wide = flat.with_relative_deviation(WIDE).with_effect_scale(1.0);
+                    held = self.solve(method, equations, (&wide, PriorWidth::Given(WIDE)), correlation)?;
                 }
             }
         }
@@ -161,15 +172,15 @@ impl Task<'_> {
     }
 
     /// Whether an estimate of this covariance predicts the torque of every joint with a standard deviation of at most
-    /// [`CLEARLY`] times what the robot file leaves of it, in poses over the whole range of the joints: at speeds and accelerations
-    /// of the logs, in both directions; and, by [`CLEARLY_FASTER`], at those that the arm is made for. What the file leaves of these
-    /// grows from the logs' motion as its uncertainty does; and a prior that adds little there, less than [`FAR`] times, is no
-    /// reason.
+    /// [`CLEARLY`] times what the robot file leaves of it, in poses over the whole range of the joints at speeds and accelerations
+    /// of the logs, in both directions; and whether so, by [`CLEARLY_FASTER`], at those that the arm is made for. What the file
+    /// leaves of these grows from the logs' motion as its uncertainty does; and a prior that adds little there, less than
+    /// [`FAR`] times, is no reason.
     ///
     /// - `with_prior`: covariance of the estimate that the prior holds
-    fn knows_more_than_file(&self, covariance: &Mat<f64>, with_prior: &Mat<f64>, prior: &ParameterPrior) -> bool {
+    fn knows_more_than_file(&self, covariance: &Mat<f64>, with_prior: &Mat<f64>, prior: &ParameterPrior) -> [bool; 2] {
         if (0..self.base.rank()).any(|k| !covariance[(k, k)].is_finite()) {
-            return false;
+            return [false; 2];
         }
         let deviation = |covariance: &Mat<f64>, factors: &[JointFactor], joint: usize| {
             let own = factors.iter().filter(|factor| factor.joint == joint && !factor.resting);
@@ -178,14 +189,16 @@ impl Task<'_> {
             (sum / f64::max(rows as f64, 1.0)).sqrt()
         };
         let left = |joint: usize| prior.left_by_file()[joint];
-        let (Ok(seen), Ok(fast)) = (self.other_motions(false), self.other_motions(true)) else { return false };
+        let (Ok(seen), Ok(fast)) = (self.other_motions(false), self.other_motions(true)) else { return [false; 2] };
         let of_file = prior.clone().with_relative_deviation(1.0).with_effect_scale(1.0).covariance();
-        (0..self.robot.dof()).all(|joint| {
+        let knows_seen = |joint| deviation(covariance, &seen, joint) <= CLEARLY * left(joint);
+        let knows_fast = |joint| {
             let known = deviation(covariance, &fast, joint);
             let grows = (deviation(&of_file, &fast, joint) / deviation(&of_file, self.factors, joint)).max(1.0);
-            deviation(covariance, &seen, joint) <= CLEARLY * left(joint)
-                && (known <= CLEARLY_FASTER * left(joint) * grows || known <= FAR * deviation(with_prior, &fast, joint))
-        })
+            known <= CLEARLY_FASTER * left(joint) * grows || known <= FAR * deviation(with_prior, &fast, joint)
+        };
+        let joints = 0..self.robot.dof();
+        [joints.clone().all(knows_seen), joints.into_iter().all(knows_fast)]
     }
 
     /// Equations of other motions than those of the logs.

@@ -71,8 +71,6 @@ pub enum Finding {
         band_hz: f64,
         /// Up to where they can be compared, Hz.
         compared_hz: f64,
-        /// Whether the rows above that are left out.
-        left_out: bool,
     },
     /// Torque and motion of a joint are not simultaneous, and those of the others are, or less so.
     Late {
@@ -182,11 +180,7 @@ impl Finding {
     /// What to do about it: a note where it is right more often than it is a fault, or where the motion is to blame.
     pub fn severity(&self) -> Severity {
         match self {
-            Self::Outliers { .. }
-            | Self::Late { .. }
-            | Self::Leverage { .. }
-            | Self::Weak { .. }
-            | Self::TorqueEnds { left_out: true, .. } => Severity::Note,
+            Self::Outliers { .. } | Self::Late { .. } | Self::Leverage { .. } | Self::Weak { .. } => Severity::Note,
             _ => Severity::Warning,
         }
     }
@@ -233,16 +227,11 @@ impl fmt::Display for Finding {
                 by(*seconds),
                 100.0 * gain
             ),
-            Self::TorqueEnds { hz, band_hz, compared_hz, left_out } => write!(
+            Self::TorqueEnds { hz, band_hz, compared_hz } => write!(
                 f,
                 "the torques end at {hz:.1} Hz, while the motion goes on to {band_hz:.1} Hz: they were low-passed before they were \
-                 logged. {}. Log torques as they are measured; a filter that ran forward only made them late, too, as \
-                 `actuator_lag` does",
-                if *left_out {
-                    format!("Both sides are compared up to {compared_hz:.1} Hz")
-                } else {
-                    format!("Rows above say nothing of the arm: give a torque band of {compared_hz:.1} Hz")
-                }
+                 logged, and rows above say nothing of the arm. Compare both sides up to {compared_hz:.1} Hz (torque_band), or log \
+                 torques as they are measured; a filter that ran forward only made them late, too, as `actuator_lag` does"
             ),
             Self::Late { joint, seconds, gain } => write!(
                 f,

@@ -4,7 +4,7 @@ use super::fit::fit;
 use super::{Given, IdentifyError, IdentifyOptions, set_of};
 use crate::model::TorqueModel;
 use crate::model::experiment::select_joints;
-use crate::motion::{Processing, TorqueBand};
+use crate::motion::Processing;
 use crate::progress::Progress;
 use crate::recording::{LogSet, Recording};
 use crate::robot::Robot;
@@ -50,12 +50,6 @@ pub fn cutoff_influence(
         progress.step("other cut-offs", index, factors.len())?;
         let mut conditioning = options.conditioning.clone();
         conditioning.cutoff_hz = Some(factor * processing.cutoff_hz);
-        // A band that ends where the torques do stays in proportion.
-        if let Some(hz) = processing.torque_cutoff_hz.filter(|hz| *hz != processing.cutoff_hz)
-            && conditioning.torque_band == TorqueBand::AsPosition
-        {
-            conditioning.torque_band = TorqueBand::Hz(factor * hz);
-        }
         let Ok((processing, _)) = Processing::choose(&recordings, &conditioning) else { continue };
         let other = match fit(robot, &recordings, options, &processing, Given::default(), &()) {
             Ok((model, _)) => model,

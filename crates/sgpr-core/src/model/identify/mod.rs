@@ -13,14 +13,14 @@ pub(super) use fit::{Setup, require_one_arm};
 pub use screening::screen;
 use sgpr_predict::internal::with_role;
 pub(super) use source::{PARTS, Place, Source, key_of, parts_of_blocks};
-use torque_end::torque_end_hz;
+use torque_end::torque_end;
 
 use super::experiment::{require_torque, select_joints};
 use super::limits::beyond_limits;
 use super::{IdentifyError, Term, TorqueModel};
 use crate::effects::Role;
 use crate::identification::{Consistency, Essential, Estimate, Finding, Forecast, Method, PriorWidth};
-use crate::motion::{Conditioning, Processing, TorqueBand};
+use crate::motion::{Conditioning, Processing};
 use crate::progress::Progress;
 use crate::recording::{LogSet, Recording};
 use crate::robot::Robot;
@@ -131,18 +131,10 @@ pub struct IdentificationReport {
     pub forecast: Option<Forecast>,
 }
 
-/// Both sides are compared up to this share of the end: a filter of second order that ran forward and backward leaves four
-/// fifths there, and of what it takes the standard deviations know nothing.
-const COMPARED: f64 = 0.7;
-
-/// An end of the torques that is lower by less than this is the same.
-const SAME: f64 = 0.9;
-
 /// Identifies the torque model of `robot` from recordings.
 ///
 /// The joints of each recording are picked by the names of the robot's joints. Samples that two recordings share count once
-/// ([`LogSet`]), and a warning says so. Where torques end below the cut-off that the motion asks for, as they were low-passed
-/// before they were logged, both sides are compared below that end, unless the options say up to where, and a finding says so. `progress` hears of every log; `&()` for
+/// ([`LogSet`]), and a warning says so. `progress` hears of every log; `&()` for
 /// silence.
 ///
 /// # Errors
@@ -159,25 +151,10 @@ pub fn identify(
     let recordings = select_joints(robot, recordings)?;
     require_torque(robot, &recordings)?;
     let (processing, cutoff_choices) = Processing::choose(&recordings, &options.conditioning)?;
-    let fitted =
-        |processing: &Processing| fit::fit(robot, &recordings, options, processing, Given::default(), progress);
-    let (mut model, mut outcome) = fitted(&processing)?;
-    let given = &options.conditioning;
-    let left_out = given.cutoff_hz.is_none() && given.torque_band == TorqueBand::AsPosition;
-    let mut end_hz: Option<f64> = None;
-    // Rows above the end bend the model that tells where it is: once more with the one that leaves them out.
-    while let Some(hz) =
-        torque_end_hz(&model, &recordings, &processing)?.filter(|hz| end_hz.is_none_or(|before| *hz < SAME * before))
-    {
-        end_hz = Some(hz);
-        if !left_out {
-            break;
-        }
-        let conditioning = Conditioning { torque_band: TorqueBand::Hz(COMPARED * hz), ..given.clone() };
-        (model, outcome) = fitted(&Processing::choose(&recordings, &conditioning)?.0)?;
-    }
-    if let (Some(hz), Some(band_hz)) = (end_hz, processing.torque_cutoff_hz) {
-        outcome.findings.push(Finding::TorqueEnds { hz, band_hz, compared_hz: COMPARED * hz, left_out });
+    let (model, mut outcome) = fit::fit(robot, &recordings, options, &processing, Given::default(), progress)?;
+    // What a controller adds to an internal model ends where the controller does.
+    if options.start == Start::RobotFile {
+        outcome.findings.extend(torque_end(&model, &recordings, &processing)?);
     }
     outcome.findings.extend(beyond_limits(robot, &recordings));
     let samples = recordings.iter().map(Recording::len).sum();

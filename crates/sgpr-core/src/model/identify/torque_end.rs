@@ -1,7 +1,7 @@
 //! Torques that were low-passed before they were logged.
 
 use crate::effects::Role;
-use crate::identification::role_of;
+use crate::identification::{Finding, role_of};
 use crate::model::TorqueModel;
 use crate::model::experiment::{motions, torque_of};
 use crate::motion::{Motion, MotionError, Processing};
@@ -24,8 +24,11 @@ const HALF: f64 = 0.5;
 /// have 0.6 and more there, as friction and noise come to it.
 const LITTLE: f64 = 0.25;
 
-/// Frequency at which the torques of `recordings` end although their motion goes on, Hz; `None` if they do not end within
-/// the band of `processing`.
+/// Both sides can be compared up to this share of the end: a filter of second order that ran forward and backward leaves four
+/// fifths there, and of what it takes the standard deviations know nothing.
+const COMPARED: f64 = 0.7;
+
+/// Whether the torques of `recordings` end within the band of `processing` although their motion goes on.
 ///
 /// A low-pass before the log takes from the torque what the motion asks for at high frequencies: its share of the model's
 /// torque, by bands, falls and does not come back. Rows above say nothing of the arm, and nothing new: what is left there
@@ -34,11 +37,11 @@ const LITTLE: f64 = 0.25;
 ///
 /// # Errors
 /// If a recording has no torque or cannot be differentiated.
-pub(super) fn torque_end_hz(
+pub(super) fn torque_end(
     model: &TorqueModel,
     recordings: &[Recording],
     processing: &Processing,
-) -> Result<Option<f64>, MotionError> {
+) -> Result<Option<Finding>, MotionError> {
     let Some(band) = processing.torque_cutoff_hz else { return Ok(None) };
     let motions = motions(recordings, processing)?;
     let ends = |shares: &[(f64, f64)]| shares.last().is_some_and(|(_, last)| *last < LITTLE);
@@ -50,7 +53,8 @@ pub(super) fn torque_end_hz(
     let Some(above) = shares.iter().rposition(|(_, share)| *share >= HALF) else { return Ok(None) };
     let [(low, much), (high, little)] = [shares[above], shares[above + 1]];
     let along = (much / HALF).ln() / (much / little.max(f64::MIN_POSITIVE)).ln();
-    Ok(Some(low * (high / low).powf(along)))
+    let hz = low * (high / low).powf(along);
+    Ok(Some(Finding::TorqueEnds { hz, band_hz: band, compared_hz: COMPARED * hz }))
 }
 
 /// Amplitude of the measured torque as a share of the model's, median of the joints, by bands below `highest` Hz, each with

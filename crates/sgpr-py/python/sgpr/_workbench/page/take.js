@@ -27,7 +27,7 @@ export function update(root, state, app) {
   fill(root, h("h2", {}, "Take away"), h("p", { class: "lead" }, `“${step.name}”`),
     step.history.map((line) => h("p", { class: "soft" }, line)),
     FILES.map(([what, title, about]) => h("div", { class: "bar" }, button(`${title} (${what})`, get_it(what), { class: what === "model.sgpr" ? "main" : null }), h("span", { class: "soft" }, about))),
-    ["commands.sh", "repeat.py"].map((what) => [h("h3", {}, what), h("pre", { id: what, tabindex: 0, "aria-label": what })]));
+    ["commands.sh", "repeat.py"].map((what) => [h("h3", {}, what), h("pre", { id: what, tabindex: 0, role: "region", "aria-label": what })]));
   for (const what of ["commands.sh", "repeat.py"]) {
     get(`take/${what}`).then((answer) => answer.text()).then((text) => { const place = document.getElementById(what); if (place) place.textContent = text; }).catch((error) => app.notice(error.message));
   }
