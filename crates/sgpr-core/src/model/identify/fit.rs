@@ -5,6 +5,7 @@ use faer::Mat;
 use super::notes::{cost_note, cross_validation_note, dearest_joint, describe, dispersed, essential_note};
 use super::references::{instruments, loops};
 use super::source::{Logs, PARTS, Source};
+use super::torque_end::torque_end;
 use super::{FitOutcome, Given, IdentifyError, IdentifyOptions, Start, Uncertainty};
 use crate::identification::{
     BaseParameters, Consistency, ConsistentParameters, Costs, Dispersion, Equations, Essential, Estimate, Finding,
@@ -83,7 +84,11 @@ pub(super) fn fit(
         start: &start,
     };
     let mut equations = Equations::new(robot, &set, &base, trajectories.clone());
-    let outcome = setup.fit(&mut model, &mut equations, progress)?;
+    let mut outcome = setup.fit(&mut model, &mut equations, progress)?;
+    // What a controller adds to an internal model ends where the controller does.
+    if options.start == Start::RobotFile {
+        outcome.findings.extend(torque_end(&model, &experiment.motions, processing)?);
+    }
     model.provenance.logs = recordings.iter().map(|recording| recording.source().to_string()).collect();
     let span = |recording: &Recording| Some([*recording.time().first()?, *recording.time().last()?]);
     model.provenance.spans = recordings.iter().filter_map(span).collect();

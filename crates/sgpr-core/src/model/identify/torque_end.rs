@@ -3,9 +3,8 @@
 use crate::effects::Role;
 use crate::identification::{Finding, role_of};
 use crate::model::TorqueModel;
-use crate::model::experiment::{motions, torque_of};
+use crate::model::experiment::torque_of;
 use crate::motion::{Motion, MotionError, Processing};
-use crate::recording::Recording;
 use crate::signal::Spectrum;
 
 /// Bands in which torques are compared, so many to the octave, and so many octaves below the cut-off.
@@ -28,7 +27,7 @@ const LITTLE: f64 = 0.25;
 /// fifths there, and of what it takes the standard deviations know nothing.
 const COMPARED: f64 = 0.7;
 
-/// Whether the torques of `recordings` end within the band of `processing` although their motion goes on.
+/// Whether the torques along `motions` end within the band of `processing` although their motion goes on.
 ///
 /// A low-pass before the log takes from the torque what the motion asks for at high frequencies: its share of the model's
 /// torque, by bands, falls and does not come back. Rows above say nothing of the arm, and nothing new: what is left there
@@ -36,17 +35,16 @@ const COMPARED: f64 = 0.7;
 /// beside inertia and gravity, too, and where beside the whole model.
 ///
 /// # Errors
-/// If a recording has no torque or cannot be differentiated.
+/// If a recording has no torque.
 pub(super) fn torque_end(
     model: &TorqueModel,
-    recordings: &[Recording],
+    motions: &[Motion],
     processing: &Processing,
 ) -> Result<Option<Finding>, MotionError> {
     let Some(band) = processing.torque_cutoff_hz else { return Ok(None) };
-    let motions = motions(recordings, processing)?;
     let ends = |shares: &[(f64, f64)]| shares.last().is_some_and(|(_, last)| *last < LITTLE);
-    let shares = shares_by_band(model, &motions, band)?;
-    if !ends(&shares) || !ends(&shares_by_band(&smooth_part(model), &motions, band)?) {
+    let shares = shares_by_band(model, motions, band)?;
+    if !ends(&shares) || !ends(&shares_by_band(&smooth_part(model), motions, band)?) {
         return Ok(None);
     }
     // Between the last band with more than half and the one above it.
