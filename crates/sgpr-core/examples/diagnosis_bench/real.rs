@@ -173,7 +173,7 @@ fn term(
 ) -> Result<Option<Term>, Failure> {
     let n = logs.robot.dof();
     let column = |values: &dyn Fn(&Recording) -> Option<Vec<f64>>| -> Vec<f64> {
-        logs.train.iter().filter_map(|log| values(log)).flat_map(|v| v.into_iter().skip(joint).step_by(n)).collect()
+        logs.train.iter().filter_map(values).flat_map(|v| v.into_iter().skip(joint).step_by(n)).collect()
     };
     let (q, tau) = (column(&|log| Some(log.position().to_vec())), column(&|log| log.torque().map(<[f64]>::to_vec)));
     let [low, high] = [f64::min, f64::max].map(|of| q.iter().copied().reduce(of).unwrap_or_default());
