@@ -866,7 +866,7 @@ pub fn read_columns(
     let named = names.len() == held.len();
     let mut columns = Vec::with_capacity(held.len());
     for (name, held) in names.into_iter().zip(&held) {
-        columns.push(csv::Column { name, values: held.values()? });
+        columns.push(csv::NamedColumn { name, values: held.values()? });
     }
     let rows = columns.first().map_or(0, |column| column.values.rows());
     if !named || columns.iter().any(|column| column.values.rows() != rows) {

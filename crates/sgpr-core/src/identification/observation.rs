@@ -35,11 +35,11 @@ pub struct Observation<'a> {
 /// The rows of equations, kept for another pass through them.
 #[derive(Debug)]
 pub(crate) struct KeptRows {
-    joints: Vec<JointRows>,
+    joints: Vec<KeptJointRows>,
 }
 
 #[derive(Debug)]
-struct JointRows {
+struct KeptJointRows {
     columns: Vec<usize>,
     /// `[rows, columns + 1]`, the torque last.
     rows: Vec<f64>,
@@ -53,7 +53,7 @@ impl KeptRows {
 
     /// Visits every equation that is good for something, joint by joint, trajectory by trajectory, sample by sample.
     pub fn for_each(&self, mut visit: impl FnMut(Equation<'_>)) {
-        for (joint, JointRows { columns, rows, of }) in self.joints.iter().enumerate() {
+        for (joint, KeptJointRows { columns, rows, of }) in self.joints.iter().enumerate() {
             for (row, &(trajectory, sample, resting)) in rows.chunks_exact(columns.len() + 1).zip(of) {
                 visit(Equation { trajectory, sample, joint, resting, columns, row });
             }
@@ -196,7 +196,7 @@ impl<'a> Observation<'a> {
     /// The same, which keeps the rows that are added if they are few enough ([`Self::kept`]).
     pub(crate) fn keeping_rows(mut self) -> Self {
         let layouts = self.source.layouts.iter();
-        let joint = |layout: &RowLayout| JointRows { columns: layout.columns.clone(), rows: vec![], of: vec![] };
+        let joint = |layout: &RowLayout| KeptJointRows { columns: layout.columns.clone(), rows: vec![], of: vec![] };
         self.kept = Some(KeptRows { joints: layouts.map(joint).collect() });
         self
     }
@@ -313,7 +313,7 @@ impl<'a> Observation<'a> {
             if kept.as_ref().is_some_and(|kept| kept.numbers() > KeptRows::MOST) {
                 *kept = None;
             }
-            let mut keep: Vec<Option<&mut JointRows>> = match kept.as_mut() {
+            let mut keep: Vec<Option<&mut KeptJointRows>> = match kept.as_mut() {
                 Some(kept) => kept.joints.iter_mut().map(Some).collect(),
                 None => (0..n).map(|_| None).collect(),
             };

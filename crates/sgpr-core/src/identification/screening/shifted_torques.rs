@@ -30,10 +30,10 @@ const LEAST_SHIFT: f64 = 0.1;
 /// Products of the rows of moving joints with shifted torques.
 pub(crate) struct ShiftedTorques {
     /// By joint; none without rows in motion.
-    joints: Vec<Option<Products>>,
+    joints: Vec<Option<ShiftProducts>>,
 }
 
-struct Products {
+struct ShiftProducts {
     /// Columns of a row without its torque.
     columns: usize,
     /// The last rows, each at its number modulo [`HELD`], the torque last; and whether they are calm.
@@ -52,9 +52,9 @@ impl ShiftedTorques {
     /// Of the rows in motion that these factors have.
     pub fn new(factors: &[JointFactor]) -> Self {
         let count = factors.iter().map(|factor| factor.joint + 1).max().unwrap_or_default();
-        let mut joints: Vec<Option<Products>> = (0..count).map(|_| None).collect();
+        let mut joints: Vec<Option<ShiftProducts>> = (0..count).map(|_| None).collect();
         for factor in factors.iter().filter(|factor| !factor.resting) {
-            joints[factor.joint] = Some(Products::new(factor.columns.len()));
+            joints[factor.joint] = Some(ShiftProducts::new(factor.columns.len()));
         }
         Self { joints }
     }
@@ -126,7 +126,7 @@ fn best(squares: &[f64; SHIFTS.len()]) -> Option<(Shift, f64)> {
     is_inside.then(|| (fit, fit.gain(squares[MIDDLE])))
 }
 
-impl Products {
+impl ShiftProducts {
     fn new(columns: usize) -> Self {
         let width = columns + SHIFTS.len();
         Self {

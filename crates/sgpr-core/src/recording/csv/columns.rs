@@ -6,14 +6,14 @@ use super::ReadOptions;
 use super::lines::{decoded, require_names};
 use super::mapping::Mapping;
 use super::read::are_units;
-use super::table::{LogTable, Row, check, number_of};
+use super::table::{LogTable, TableRow, check, number_of};
 use crate::recording::calendar::{Moment, moment};
 use crate::recording::decimal::nanoseconds;
 use crate::recording::{Recording, RecordingError, TimeUnit};
 
 /// A column of a table in memory.
 #[derive(Clone, Debug)]
-pub struct Column<'a> {
+pub struct NamedColumn<'a> {
     /// Its name, as it would stand above the numbers of a file.
     pub name: String,
     /// One value per row.
@@ -59,15 +59,19 @@ impl Values<'_> {
 ///
 /// # Examples
 /// ```
-/// use sgpr_core::recording::csv::{Column, ReadOptions, Values, read_columns};
-/// let column = |name: &str, values: &'static [f64]| Column { name: name.into(), values: Values::Numbers(values.into()) };
+/// use sgpr_core::recording::csv::{NamedColumn, ReadOptions, Values, read_columns};
+/// let column = |name: &str, values: &'static [f64]| NamedColumn { name: name.into(), values: Values::Numbers(values.into()) };
 /// let columns = [column("t_ms", &[0.0, 4.0]), column("q1_deg", &[0.0, 180.0])];
 /// let recording = read_columns("table", &columns, &ReadOptions::default())?;
 /// assert_eq!(recording.time(), [0, 4_000_000]);
 /// assert_eq!(recording.position(), [0.0, std::f64::consts::PI]);
 /// # Ok::<(), sgpr_core::recording::RecordingError>(())
 /// ```
-pub fn read_columns(source: &str, columns: &[Column<'_>], options: &ReadOptions) -> Result<Recording, RecordingError> {
+pub fn read_columns(
+    source: &str,
+    columns: &[NamedColumn<'_>],
+    options: &ReadOptions,
+) -> Result<Recording, RecordingError> {
     let rows = columns.first().map_or(0, |column| column.values.rows());
     assert!(columns.iter().all(|column| column.values.rows() == rows), "one value per row in every column");
     check(source, options)?;
@@ -75,7 +79,7 @@ pub fn read_columns(source: &str, columns: &[Column<'_>], options: &ReadOptions)
     require_names(source, &names)?;
     let row = |index| ColumnsRow { columns, index };
     // A line of units makes text of all columns.
-    let is_text = |column: &Column<'_>| matches!(column.values, Values::Texts(_));
+    let is_text = |column: &NamedColumn<'_>| matches!(column.values, Values::Texts(_));
     let units = if rows > 0 && columns.iter().all(is_text) {
         let cells: Vec<String> = (0..columns.len()).map(|column| row(0).text(column).trim().to_string()).collect();
         are_units(&cells, &names, options).then_some(cells)
@@ -95,11 +99,11 @@ pub fn read_columns(source: &str, columns: &[Column<'_>], options: &ReadOptions)
 /// One row of columns.
 #[derive(Clone, Copy)]
 struct ColumnsRow<'a> {
-    columns: &'a [Column<'a>],
+    columns: &'a [NamedColumn<'a>],
     index: usize,
 }
 
-impl Row for ColumnsRow<'_> {
+impl TableRow for ColumnsRow<'_> {
     fn line(&self) -> u64 {
         self.index as u64 + 2
     }

@@ -42,7 +42,7 @@ mod write;
 use std::fmt;
 use std::ops::RangeInclusive;
 
-pub use columns::{Column, Values, read_columns};
+pub use columns::{NamedColumn, Values, read_columns};
 pub use header::quantity_of_array;
 pub use read::read;
 pub use write::write;

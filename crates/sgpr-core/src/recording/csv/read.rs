@@ -7,7 +7,7 @@ use super::joints::expand;
 use super::lines::{Lines, decoded};
 use super::mapping::Mapping;
 use super::quantity::Quantity;
-use super::table::{LogTable, Row, check, number_of};
+use super::table::{LogTable, TableRow, check, number_of};
 use super::{Columns, ReadOptions, source};
 use crate::recording::calendar::{Moment, moment};
 use crate::recording::decimal::nanoseconds;
@@ -123,7 +123,7 @@ impl<'a> TextRow<'a> {
     }
 }
 
-impl Row for TextRow<'_> {
+impl TableRow for TextRow<'_> {
     fn line(&self) -> u64 {
         self.line
     }

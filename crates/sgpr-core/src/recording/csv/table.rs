@@ -8,7 +8,7 @@ use crate::recording::names::quoted;
 use crate::recording::{self, Channel, IssueKind, Layout, Recording, RecordingError, TimeUnit, Units};
 
 /// What the columns of a table hold in one row.
-pub(super) trait Row {
+pub(super) trait TableRow {
     /// Number of the line that holds it, from 1; the names stand in the first.
     fn line(&self) -> u64;
 
@@ -74,7 +74,7 @@ impl Names<'_> {
     /// Letters of a cell that a message shows.
     const SHOWN: usize = 40;
 
-    fn not_a_number(&self, row: &impl Row, column: usize) -> RecordingError {
+    fn not_a_number(&self, row: &impl TableRow, column: usize) -> RecordingError {
         RecordingError::NotANumber {
             path: self.path.into(),
             line: row.line(),
@@ -83,11 +83,11 @@ impl Names<'_> {
         }
     }
 
-    fn time(&self, row: &impl Row, column: usize, unit: TimeUnit) -> Result<i64, RecordingError> {
+    fn time(&self, row: &impl TableRow, column: usize, unit: TimeUnit) -> Result<i64, RecordingError> {
         row.time(column, unit).ok_or_else(|| self.not_a_time(row, column, unit.name()))
     }
 
-    fn not_a_time(&self, row: &impl Row, column: usize, unit: &str) -> RecordingError {
+    fn not_a_time(&self, row: &impl TableRow, column: usize, unit: &str) -> RecordingError {
         RecordingError::NotATime {
             path: self.path.into(),
             line: row.line(),
@@ -110,7 +110,7 @@ impl Array {
         Self { sources, values: Vec::new() }
     }
 
-    fn take(&mut self, row: &impl Row, names: Names<'_>) -> Result<(), RecordingError> {
+    fn take(&mut self, row: &impl TableRow, names: Names<'_>) -> Result<(), RecordingError> {
         for ColumnSource { index, factor, .. } in &self.sources {
             self.values.push(row.number(*index).ok_or_else(|| names.not_a_number(row, *index))? * factor);
         }
@@ -130,7 +130,7 @@ struct ChannelColumn {
 
 impl ChannelColumn {
     /// A column that begins with text is text; text after numbers is an error.
-    fn take(&mut self, row: &impl Row, names: Names<'_>) -> Result<(), RecordingError> {
+    fn take(&mut self, row: &impl TableRow, names: Names<'_>) -> Result<(), RecordingError> {
         if self.text {
             return Ok(());
         }
@@ -205,7 +205,7 @@ impl<'a> LogTable<'a> {
         matches!(&self.options.rows, Some(Rows::Numbers(numbers)) if !numbers.contains(&self.rows))
     }
 
-    pub(super) fn take_row(&mut self, row: &impl Row) -> Result<(), RecordingError> {
+    pub(super) fn take_row(&mut self, row: &impl TableRow) -> Result<(), RecordingError> {
         self.timed += 1;
         let time = self.time_of(row)?;
         self.span = [if self.timed == 1 { time } else { self.span[0] }, time];
@@ -220,7 +220,7 @@ impl<'a> LogTable<'a> {
         self.require_room()
     }
 
-    fn time_of(&mut self, row: &impl Row) -> Result<i64, RecordingError> {
+    fn time_of(&mut self, row: &impl TableRow) -> Result<i64, RecordingError> {
         if let (1, TimeSource::Column { index, unit }) = (self.timed, self.clock) {
             self.clock = self.clock_of(row, index, unit);
         }
@@ -246,7 +246,7 @@ impl<'a> LogTable<'a> {
     }
 
     /// What the first row tells of a time column.
-    fn clock_of(&mut self, row: &impl Row, index: usize, unit: Option<TimeUnit>) -> TimeSource {
+    fn clock_of(&mut self, row: &impl TableRow, index: usize, unit: Option<TimeUnit>) -> TimeSource {
         if let Some(moment) = row.moment(index) {
             let before = if let Moment::TimeOfDay(now) = moment { now } else { 0 };
             return TimeSource::Calendar { index, midnights: 0, before };
