@@ -51,7 +51,9 @@ def hidden(work: Path) -> str:
     found: dict[str, Any] = json.loads((work / "diagnosis.json").read_text())
     rows = ["| found | at | probability | size | error of that joint, unseen log, N·m |", "|---|---|---|---|---|"]
     for finding in found["findings"]:
-        sizes = ", ".join(f"{each['value']:.3f} ± {each['standard_deviation']:.3f} {each['unit']}" for each in finding["parameters"])
+        sizes = ", ".join(
+            f"{each['value']:.3f} ± {each['standard_deviation']:.3f} {each['unit']}" for each in finding["parameters"]
+        )
         joint = found["joints"][finding["joints"][0]]
         rows.append(
             f"| `{finding['effect']}` | {', '.join(finding['joints'])} | {finding['probability']:.2f} | {sizes} "
