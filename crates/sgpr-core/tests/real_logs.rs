@@ -6,7 +6,7 @@
 //! |torque| of all joints, in percent.
 #![allow(missing_docs)]
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use sgpr_core::control::{MeasuredMotion, MomentumObserver, ObserverOptions};
 use sgpr_core::diagnosis::{DiagnosisOptions, diagnose};
@@ -20,50 +20,12 @@ use sgpr_core::recording::csv::{self, ReadOptions, Rows};
 use sgpr_core::recording::{IssueKind, Recording, Repair, Resample, repair};
 use sgpr_core::robot::{Robot, UrdfOptions};
 
-#[path = "common/outside.rs"]
-mod outside;
+#[path = "common/real_robot.rs"]
+mod real_robot;
 
-/// The folder of a robot, if the logs are there.
-fn folder(name: &str) -> Option<PathBuf> {
-    outside::outside(&format!("real/{name}"))
-}
-
-/// Robot and logs as `dataset.json` describes them: which are for training and which for tests, useful rows, and
-/// torque constants where a log has motor currents.
-struct Case {
-    robot: Robot,
-    train: Vec<Recording>,
-    test: Vec<Recording>,
-}
+use real_robot::{Case, folder, outside};
 
 impl Case {
-    /// `request` makes the logs uniform.
-    fn read(folder: &Path, request: &Repair) -> Self {
-        let text = std::fs::read_to_string(folder.join("dataset.json")).expect("a description");
-        let description: serde_json::Value = serde_json::from_str(&text).expect("valid JSON");
-        let urdf = folder.join(description["urdf"].as_str().expect("a file"));
-        let robot = Robot::from_urdf(urdf, &UrdfOptions::default()).expect("a valid robot");
-        let logs = |role: &str| -> Vec<Recording> {
-            let files = description["files"].as_object().expect("files").iter();
-            let wanted = files.filter(|(_, details)| details["role"].as_str().expect("a role").starts_with(role));
-            let read = |(file, details): (&String, &serde_json::Value)| {
-                let rows: Option<[usize; 2]> = serde_json::from_value(details["rows_1based"].clone()).expect("rows");
-                let options = ReadOptions {
-                    joints: Some(robot.joint_names().map(String::from).collect()),
-                    accept: vec![IssueKind::JointsByOrder],
-                    rows: rows.map(|[first, last]| Rows::Numbers(first..=last)),
-                    torque_constants: serde_json::from_value(description["drive_gain_Nm_per_A"].clone())
-                        .expect("gains"),
-                    ..ReadOptions::default()
-                };
-                let log = csv::read(folder.join(file), &options).expect("a readable log");
-                repair(&log, request).expect("time increases").0
-            };
-            wanted.flat_map(read).collect()
-        };
-        Self { train: logs("train"), test: logs("test"), robot }
-    }
-
     fn identify(&self, effects: &[&str], conditioning: Conditioning) -> TorqueModel {
         let effects = effects.iter().map(|effect| (*effect).into()).collect();
         let options = IdentifyOptions { effects, conditioning, ..IdentifyOptions::default() };
@@ -586,7 +548,7 @@ fn a_load_of_the_ur10e_is_torque_from_outside() {
 #[test]
 fn slow_logs_are_held_at_speeds_that_they_do_not_reach() {
     for (name, seconds) in [("dev01", 5.0), ("dev10", 5.0), ("dev21", 3.0)] {
-        let Some(folder) = outside::outside(&format!("hidden_effects/{name}")) else { return };
+        let Some(folder) = outside(&format!("hidden_effects/{name}")) else { return };
         let read = |file: &str| csv::read(folder.join(file), &ReadOptions::default()).expect("a readable log");
         let text = std::fs::read_to_string(folder.join("case.json")).expect("a description");
         let description: serde_json::Value = serde_json::from_str(&text).expect("valid JSON");

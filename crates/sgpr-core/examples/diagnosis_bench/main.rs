@@ -12,6 +12,8 @@ mod case;
 mod closed_loop;
 mod law;
 mod real;
+#[path = "../../tests/common/real_robot.rs"]
+mod real_robot;
 mod table;
 
 use std::collections::BTreeMap;
@@ -114,9 +116,9 @@ fn main() -> Result<(), Failure> {
     if only.is_empty() || only == "real" {
         for robot in real::ROBOTS {
             let effect = effect.filter(|_| only == "real");
-            match real::row(robot, first, rounds, effect)? {
-                Some(row) => totals.table.add(&format!("one effect, added to real logs: {robot}"), row),
-                None => println!("skipped: SGPR_DATA names no folder with real/{robot}"),
+            // Without logs the reason is said.
+            if let Some(row) = real::row(robot, first, rounds, effect)? {
+                totals.table.add(&format!("one effect, added to real logs: {robot}"), row);
             }
         }
     }

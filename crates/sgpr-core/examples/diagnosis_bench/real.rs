@@ -1,19 +1,17 @@
 //! Logs of real arms to whose torque an effect is added: real noise, a model that lacks much, and one thing that is known.
 
 use std::f64::consts::SQRT_2;
-use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use sgpr_core::diagnosis::{Diagnosis, DiagnosisOptions, diagnose};
 use sgpr_core::effects::{Site, by_name};
 use sgpr_core::model::{IdentifyOptions, Term, TorqueModel, compare, identify};
 use sgpr_core::motion::Motion;
-use sgpr_core::recording::csv::{self, ReadOptions, Rows};
-use sgpr_core::recording::{IssueKind, Recording, Repair, Resample, repair};
-use sgpr_core::robot::{Robot, UrdfOptions};
+use sgpr_core::recording::{Recording, Repair, Resample};
 
 use crate::Failure;
 use crate::arm::Random;
+use crate::real_robot::{Case, folder};
 use crate::table::Row;
 
 /// Folders of the logs (`docs/real-data.md`).
@@ -38,40 +36,7 @@ const ALIKE: [[&str; 2]; 3] = [
     ["quadratic_viscous_friction", "nonlinear_viscous_friction"],
 ];
 
-struct Logs {
-    robot: Robot,
-    train: Vec<Recording>,
-    test: Vec<Recording>,
-}
-
-impl Logs {
-    /// As `dataset.json` describes them, at even time steps.
-    fn read(folder: &Path) -> Result<Self, Failure> {
-        let description: serde_json::Value =
-            serde_json::from_str(&std::fs::read_to_string(folder.join("dataset.json"))?)?;
-        let urdf = description["urdf"].as_str().ok_or("no robot")?;
-        let robot = Robot::from_urdf(folder.join(urdf), &UrdfOptions::default())?;
-        let even = Repair { resample: Some(Resample::MedianRate), ..Repair::default() };
-        let (mut train, mut test) = (vec![], vec![]);
-        for (file, details) in description["files"].as_object().ok_or("no logs")? {
-            let logs = match details["role"].as_str().unwrap_or_default() {
-                role if role.starts_with("train") => &mut train,
-                role if role.starts_with("test") => &mut test,
-                _ => continue,
-            };
-            let rows: Option<[usize; 2]> = serde_json::from_value(details["rows_1based"].clone())?;
-            let options = ReadOptions {
-                joints: Some(robot.joint_names().map(String::from).collect()),
-                accept: vec![IssueKind::JointsByOrder],
-                rows: rows.map(|[first, last]| Rows::Numbers(first..=last)),
-                torque_constants: serde_json::from_value(description["drive_gain_Nm_per_A"].clone())?,
-                ..ReadOptions::default()
-            };
-            logs.extend(repair(&csv::read(folder.join(file), &options)?, &even)?.0);
-        }
-        Ok(Self { robot, train, test })
-    }
-
+impl Case {
     fn identify(&self) -> Result<TorqueModel, Failure> {
         Ok(identify(&self.robot, &self.train, &IdentifyOptions::default(), &())?.0)
     }
@@ -107,9 +72,9 @@ fn is_alike(found: &str, added: &str) -> bool {
 /// The figures of a robot; none without its logs. Each effect is added once a round, with one or two times the error that the
 /// identified model leaves at the joint. Findings that the logs have without it are neither right nor wrong.
 pub fn row(robot: &str, seed: u64, rounds: u64, only: Option<&str>) -> Result<Option<Row>, Failure> {
-    let folder = std::env::var_os("SGPR_DATA").map(|data| PathBuf::from(data).join("real").join(robot));
-    let Some(folder) = folder.filter(|folder| folder.is_dir()) else { return Ok(None) };
-    let logs = Logs::read(&folder)?;
+    let Some(folder) = folder(robot) else { return Ok(None) };
+    let even = Repair { resample: Some(Resample::MedianRate), ..Repair::default() };
+    let logs = Case::read(&folder, &even);
     let model = logs.identify()?;
     let errors = |model: &TorqueModel, logs: &[Recording]| -> Result<Vec<f64>, Failure> {
         Ok(compare(model, logs, None)?.joints.iter().map(|joint| joint.rmse).collect())
@@ -168,7 +133,7 @@ fn term(
     effect: &str,
     joint: usize,
     size: f64,
-    (model, logs): (&TorqueModel, &Logs),
+    (model, logs): (&TorqueModel, &Case),
     random: &mut Random,
 ) -> Result<Option<Term>, Failure> {
     let n = logs.robot.dof();

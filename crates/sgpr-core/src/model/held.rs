@@ -76,6 +76,13 @@ fn total(judged: &[Judgement]) -> f64 {
     judged.iter().map(|judgement| judgement.gain).sum()
 }
 
+/// Root mean square of the standard deviations of a joint's torque over its rows in motion, N·m (N).
+fn deviation(covariance: &Mat<f64>, factors: &[JointFactor], joint: usize) -> f64 {
+    let own = factors.iter().filter(|factor| factor.joint == joint && !factor.resting);
+    let (sum, rows) = own.fold((0.0, 0), |(sum, rows), own| (sum + variances(covariance, own), rows + own.rows));
+    (sum / f64::max(rows as f64, 1.0)).sqrt()
+}
+
 impl Task<'_> {
     /// Noise of each joint's rows in motion, N·m (N): of what the parameters leave of the rows that they follow and of what
     /// they leave of parts that they do not know, the geometric mean. A row that a fit follows by a share h of it is left
@@ -117,10 +124,11 @@ impl Task<'_> {
             if saved.gain - saved.standard_error < LEAST_GAIN || saved.parts < 2 {
                 let bare = self.bare(method, equations, &flat, correlation)?;
                 let wider = faer::Scale(self.dispersion(&held).deviation.powi(2));
-                let with_prior = wider * &held.estimate.covariance;
                 let knows_more = |bare: &Estimate| {
-                    let [seen, fast] = self.knows_more_than_file(&(wider * &bare.covariance), &with_prior, &flat);
-                    seen && (fast || saved.is_worse())
+                    let covariance = wider * &bare.covariance;
+                    let with_prior = || wider * &held.estimate.covariance;
+                    self.knows_more_than_file(&covariance, &flat)
+                        && (saved.is_worse() || self.knows_faster_motions(&covariance, &with_prior(), &flat))
                 };
                 if let Some(bare) = bare.filter(knows_more) {
                     let (bare, refused) = without_negative(bare, flat.friction());
@@ -173,32 +181,30 @@ impl Task<'_> {
 
     /// Whether an estimate of this covariance predicts the torque of every joint with a standard deviation of at most
     /// [`CLEARLY`] times what the robot file leaves of it, in poses over the whole range of the joints at speeds and accelerations
-    /// of the logs, in both directions; and whether so, by [`CLEARLY_FASTER`], at those that the arm is made for. What the file
-    /// leaves of these grows from the logs' motion as its uncertainty does; and a prior that adds little there, less than
-    /// [`FAR`] times, is no reason.
+    /// of the logs, in both directions.
+    fn knows_more_than_file(&self, covariance: &Mat<f64>, prior: &ParameterPrior) -> bool {
+        if (0..self.base.rank()).any(|k| !covariance[(k, k)].is_finite()) {
+            return false;
+        }
+        let Ok(seen) = self.other_motions(false) else { return false };
+        let certain = |joint| deviation(covariance, &seen, joint) <= CLEARLY * prior.left_by_file()[joint];
+        (0..self.robot.dof()).all(certain)
+    }
+
+    /// Whether it does so, by [`CLEARLY_FASTER`], at speeds that the arm is made for. What the file leaves of these grows from
+    /// the logs' motion as its uncertainty does; and a prior that adds little there, less than [`FAR`] times, is no reason.
     ///
     /// - `with_prior`: covariance of the estimate that the prior holds
-    fn knows_more_than_file(&self, covariance: &Mat<f64>, with_prior: &Mat<f64>, prior: &ParameterPrior) -> [bool; 2] {
-        if (0..self.base.rank()).any(|k| !covariance[(k, k)].is_finite()) {
-            return [false; 2];
-        }
-        let deviation = |covariance: &Mat<f64>, factors: &[JointFactor], joint: usize| {
-            let own = factors.iter().filter(|factor| factor.joint == joint && !factor.resting);
-            let (sum, rows) =
-                own.fold((0.0, 0), |(sum, rows), own| (sum + variances(covariance, own), rows + own.rows));
-            (sum / f64::max(rows as f64, 1.0)).sqrt()
-        };
-        let left = |joint: usize| prior.left_by_file()[joint];
-        let (Ok(seen), Ok(fast)) = (self.other_motions(false), self.other_motions(true)) else { return [false; 2] };
+    fn knows_faster_motions(&self, covariance: &Mat<f64>, with_prior: &Mat<f64>, prior: &ParameterPrior) -> bool {
+        let Ok(fast) = self.other_motions(true) else { return false };
         let of_file = prior.clone().with_relative_deviation(1.0).with_effect_scale(1.0).covariance();
-        let knows_seen = |joint| deviation(covariance, &seen, joint) <= CLEARLY * left(joint);
-        let knows_fast = |joint| {
+        let certain = |joint| {
             let known = deviation(covariance, &fast, joint);
             let grows = (deviation(&of_file, &fast, joint) / deviation(&of_file, self.factors, joint)).max(1.0);
-            known <= CLEARLY_FASTER * left(joint) * grows || known <= FAR * deviation(with_prior, &fast, joint)
+            let left = prior.left_by_file()[joint] * grows;
+            known <= CLEARLY_FASTER * left || known <= FAR * deviation(with_prior, &fast, joint)
         };
-        let joints = 0..self.robot.dof();
-        [joints.clone().all(knows_seen), joints.into_iter().all(knows_fast)]
+        (0..self.robot.dof()).all(certain)
     }
 
     /// Equations of other motions than those of the logs.

@@ -52,7 +52,7 @@ pub fn cutoff_influence(
         conditioning.cutoff_hz = Some(factor * processing.cutoff_hz);
         let Ok((processing, _)) = Processing::choose(&recordings, &conditioning) else { continue };
         let other = match fit(robot, &recordings, options, &processing, Given::default(), &()) {
-            Ok((model, _)) => model,
+            Ok((model, ..)) => model,
             // Twice the cut-off can lie beyond what the sampling rate holds.
             Err(IdentifyError::Signal(_) | IdentifyError::Motion(_)) => continue,
             Err(error) => return Err(error),

@@ -5,7 +5,6 @@ use faer::Mat;
 use super::notes::{cost_note, cross_validation_note, dearest_joint, describe, dispersed, essential_note};
 use super::references::{instruments, loops};
 use super::source::{Logs, PARTS, Source};
-use super::torque_end::torque_end;
 use super::{FitOutcome, Given, IdentifyError, IdentifyOptions, Start, Uncertainty};
 use crate::identification::{
     BaseParameters, Consistency, ConsistentParameters, Costs, Dispersion, Equations, Essential, Estimate, Finding,
@@ -18,7 +17,7 @@ use crate::model::experiment::Experiment;
 use crate::model::torque_model::{Certificate, Fit, nominal_parameters};
 use crate::model::variable_projection::{self, Placed, TermFit};
 use crate::model::{Term, TorqueModel, held};
-use crate::motion::Processing;
+use crate::motion::{Motion, Processing};
 use crate::progress::Progress;
 use crate::recording::Recording;
 use crate::robot::Robot;
@@ -29,6 +28,7 @@ const REWEIGHTINGS: usize = 3;
 /// Squares of consistency's cost per parameter that noise explains.
 const CHANCE: f64 = 0.25;
 
+/// A model of recordings, how its fit went, and the motion in them.
 pub(super) fn fit(
     robot: &Robot,
     recordings: &[Recording],
@@ -36,7 +36,7 @@ pub(super) fn fit(
     processing: &Processing,
     given: Given,
     progress: &dyn Progress,
-) -> Result<(TorqueModel, FitOutcome), IdentifyError> {
+) -> Result<(TorqueModel, FitOutcome, Vec<Motion>), IdentifyError> {
     let (of_state, others) = variable_projection::split(robot, &options.effects)?;
     let set = ParameterSet::new(robot, &of_state)?;
     let mut start = match options.start {
@@ -84,15 +84,11 @@ pub(super) fn fit(
         start: &start,
     };
     let mut equations = Equations::new(robot, &set, &base, trajectories.clone());
-    let mut outcome = setup.fit(&mut model, &mut equations, progress)?;
-    // What a controller adds to an internal model ends where the controller does.
-    if options.start == Start::RobotFile {
-        outcome.findings.extend(torque_end(&model, &experiment.motions, processing)?);
-    }
+    let outcome = setup.fit(&mut model, &mut equations, progress)?;
     model.provenance.logs = recordings.iter().map(|recording| recording.source().to_string()).collect();
     let span = |recording: &Recording| Some([*recording.time().first()?, *recording.time().last()?]);
     model.provenance.spans = recordings.iter().filter_map(span).collect();
-    Ok((model, outcome))
+    Ok((model, outcome, experiment.motions))
 }
 
 pub(in crate::model) fn require_one_arm(options: &IdentifyOptions) -> Result<(), IdentifyError> {

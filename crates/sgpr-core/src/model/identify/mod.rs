@@ -13,6 +13,7 @@ pub(super) use fit::{Setup, require_one_arm};
 pub use screening::screen;
 use sgpr_predict::internal::with_role;
 pub(super) use source::{PARTS, Place, Source, key_of, parts_of_blocks};
+use torque_end::torque_end;
 
 use super::experiment::{require_torque, select_joints};
 use super::limits::beyond_limits;
@@ -150,7 +151,11 @@ pub fn identify(
     let recordings = select_joints(robot, recordings)?;
     require_torque(robot, &recordings)?;
     let (processing, cutoff_choices) = Processing::choose(&recordings, &options.conditioning)?;
-    let (model, mut outcome) = fit::fit(robot, &recordings, options, &processing, Given::default(), progress)?;
+    let (model, mut outcome, motions) = fit::fit(robot, &recordings, options, &processing, Given::default(), progress)?;
+    // What a controller adds to an internal model ends where the controller does.
+    if options.start == Start::RobotFile {
+        outcome.findings.extend(torque_end(&model, &motions, &processing)?);
+    }
     outcome.findings.extend(beyond_limits(robot, &recordings));
     let samples = recordings.iter().map(Recording::len).sum();
     let report = outcome.report(&model, said.to_vec(), samples);
@@ -182,7 +187,7 @@ pub(crate) fn identify_again(
         consistency: consistency.cloned(),
         ..IdentifyOptions::default()
     };
-    let (mut again, _) = fit::fit(&model.robot, &recordings, &options, &processing, given, &())?;
+    let (mut again, ..) = fit::fit(&model.robot, &recordings, &options, &processing, given, &())?;
     again.provenance.history = model.provenance.history.clone();
     Ok(again)
 }

@@ -6,8 +6,8 @@ use super::ReadOptions;
 use super::lines::{decoded, require_names};
 use super::mapping::Mapping;
 use super::read::are_units;
-use super::table::{LogTable, TableRow, check, number_of};
-use crate::recording::calendar::{Moment, moment};
+use super::table::{LogTable, TableRow, check, moment_of, number_of};
+use crate::recording::calendar::Moment;
 use crate::recording::decimal::nanoseconds;
 use crate::recording::{Recording, RecordingError, TimeUnit};
 
@@ -131,10 +131,7 @@ impl TableRow for ColumnsRow<'_> {
     fn moment(&self, column: usize) -> Option<Moment> {
         match &self.columns[column].values {
             Values::Instants(values) => Some(Moment::Instant(values[self.index])),
-            Values::Texts(values) => {
-                let text = values[self.index].trim();
-                if text.parse::<f64>().is_ok() { None } else { moment(text) }
-            }
+            Values::Texts(values) => moment_of(values[self.index].trim()),
             _ => None,
         }
     }

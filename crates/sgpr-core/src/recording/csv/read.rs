@@ -7,7 +7,7 @@ use super::joints::expand;
 use super::lines::{Lines, decoded};
 use super::mapping::Mapping;
 use super::quantity::Quantity;
-use super::table::{LogTable, TableRow, check, number_of};
+use super::table::{LogTable, TableRow, check, moment_of, number_of};
 use super::{Columns, ReadOptions, source};
 use crate::recording::calendar::{Moment, moment};
 use crate::recording::decimal::nanoseconds;
@@ -137,8 +137,7 @@ impl TableRow for TextRow<'_> {
     }
 
     fn moment(&self, column: usize) -> Option<Moment> {
-        let text = self.cell(column);
-        if text.parse::<f64>().is_ok() { None } else { moment(&text) }
+        moment_of(&self.cell(column))
     }
 
     fn time(&self, column: usize, unit: TimeUnit) -> Option<i64> {

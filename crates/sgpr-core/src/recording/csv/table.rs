@@ -3,7 +3,7 @@
 use super::joints::ColumnSource;
 use super::mapping::{Mapping, TimeSource};
 use super::{ReadOptions, Rows};
-use crate::recording::calendar::Moment;
+use crate::recording::calendar::{Moment, moment};
 use crate::recording::names::quoted;
 use crate::recording::{self, Channel, IssueKind, Layout, Recording, RecordingError, TimeUnit, Units};
 
@@ -33,6 +33,11 @@ pub(super) fn number_of(text: &str) -> Option<f64> {
         "false" | "False" | "FALSE" => Some(0.0),
         text => text.parse().ok(),
     }
+}
+
+/// The date or the time of day in text, if there is one and no number.
+pub(super) fn moment_of(text: &str) -> Option<Moment> {
+    if text.parse::<f64>().is_ok() { None } else { moment(text) }
 }
 
 /// Refuses options that no log could satisfy.
