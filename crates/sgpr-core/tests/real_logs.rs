@@ -544,10 +544,12 @@ fn a_load_of_the_ur10e_is_torque_from_outside() {
 }
 
 /// The first seconds of slow logs of simulated arms with a hidden effect: the logs know their own motion, and nothing of
-/// inertia, so that the estimate without prior is worse than the robot file where the arm moves as it can.
+/// inertia, so that the estimate without prior is worse than the robot file where the arm moves as it can. Of the last three
+/// they make a prior probable that is ten times as wide as a link, and worse as well.
 #[test]
 fn slow_logs_are_held_at_speeds_that_they_do_not_reach() {
-    for (name, seconds) in [("dev01", 5.0), ("dev10", 5.0), ("dev21", 3.0)] {
+    let cases = [("dev01", 5.0, 0.5), ("dev10", 5.0, 0.5), ("dev21", 3.0, 0.5), ("closed05", 5.0, 0.5)];
+    for (name, seconds, most) in cases.into_iter().chain([("dev24", 5.0, 0.9), ("closed03", 5.0, 0.9)]) {
         let Some(folder) = outside(&format!("hidden_effects/{name}")) else { return };
         let read = |file: &str| csv::read(folder.join(file), &ReadOptions::default()).expect("a readable log");
         let text = std::fs::read_to_string(folder.join("case.json")).expect("a description");
@@ -563,6 +565,6 @@ fn slow_logs_are_held_at_speeds_that_they_do_not_reach() {
         let error = |model| compare(model, &test, held.processing()).expect("a good log").relative_error_percent;
         let (held, bare, file) = (error(&held), error(&bare), error(&TorqueModel::nominal(&robot)));
         println!("{name}: {held:.1} %, without prior {bare:.1} %, robot file {file:.1} %");
-        assert!(held < 0.5 * file && bare > 1.5 * held, "{name}: {held} {bare} {file}");
+        assert!(held < most * file && bare > 1.5 * held, "{name}: {held} {bare} {file}");
     }
 }

@@ -9,9 +9,10 @@ use crate::effects::Role;
 pub(super) use crate::identification::Held;
 use crate::identification::{
     BaseParameters, Dispersion, Equations, Estimate, IdentificationError, JointFactor, Judgement, LeftOut, Method,
-    ParameterPrior, ParameterSet, PriorWidth, equations_of, estimate, estimate_with_prior, usual_speed, variances,
-    without_negative,
+    ParameterPrior, ParameterSet, PriorWidth, WIDTHS, equations_of, estimate, estimate_with_prior, usual_speed,
+    variances, without_negative,
 };
+use crate::intervals::place_of_share;
 use crate::random::Random;
 use crate::robot::Robot;
 use crate::spatial::PARAMETERS_PER_LINK;
@@ -59,10 +60,10 @@ const FLAT_EFFECTS: f64 = 10.0;
 /// Times that the logs may be less sure of the torque of other motions than the robot file is wrong, before it holds them.
 const CLEARLY: f64 = 2.0;
 
-/// The same of faster motions, where what the file is wrong by is itself a guess ...
+/// The same of faster motions under a prior, where what the file is wrong by is itself a guess, before it is too wide.
 const CLEARLY_FASTER: f64 = 3.0;
 
-/// ... unless they are at most this many times less sure with the prior: it adds little then.
+/// An estimate that is at most this many times less sure of faster motions without a prior than with it needs none for these.
 const FAR: f64 = 5.0;
 
 /// Samples of other motions.
@@ -104,10 +105,10 @@ impl Task<'_> {
     /// The estimate, and, with `keeping`, the robot file for joints that it predicts better.
     ///
     /// It is bare if the logs know the torque of other motions better than the robot file does
-    /// ([`Self::knows_more_than_file`]), of faster ones unless the prior costs errors for certain on parts that were left out,
-    /// and if the prior that makes them most probable does not save [`LEAST_GAIN`] for
-    /// certain, by one standard error, on parts that were left out: it takes what the model lacks for noise. For that
-    /// reason a wide prior takes its place where it costs errors for certain.
+    /// ([`Self::knows_more_than_file`]), of faster ones at the median joint ([`Self::doubt`]), and if the prior that makes
+    /// them most probable does not save [`LEAST_GAIN`] for certain, by one standard error, on parts that were left out: it
+    /// takes what the model lacks for noise. For that reason a wide prior takes its place where it costs errors for certain.
+    /// Parts of slow logs are slow: a prior that leaves faster motions in more doubt than the file is too wide for them.
     pub fn estimate(
         &self,
         method: &Method,
@@ -126,9 +127,9 @@ impl Task<'_> {
                 let wider = faer::Scale(self.dispersion(&held).deviation.powi(2));
                 let knows_more = |bare: &Estimate| {
                     let covariance = wider * &bare.covariance;
-                    let with_prior = || wider * &held.estimate.covariance;
-                    self.knows_more_than_file(&covariance, &flat)
-                        && (saved.is_worse() || self.knows_faster_motions(&covariance, &with_prior(), &flat))
+                    let doubt = self.doubt(&covariance, &flat);
+                    let of_held = || self.doubt(&(wider * &held.estimate.covariance), &flat);
+                    self.knows_more_than_file(&covariance, &flat) && (doubt <= CLEARLY || doubt <= FAR * of_held())
                 };
                 if let Some(bare) = bare.filter(knows_more) {
                     let (bare, refused) = without_negative(bare, flat.friction());
@@ -140,6 +141,7 @@ impl Task<'_> {
                     held = self.solve(method, equations, (&wide, PriorWidth::Given(WIDE)), correlation)?;
                 }
             }
+            held = self.with_less_doubt(method, equations, held, correlation)?;
         }
         if keeping {
             let judged = self.judge(&held);
@@ -191,20 +193,48 @@ impl Task<'_> {
         (0..self.robot.dof()).all(certain)
     }
 
-    /// Whether it does so, by [`CLEARLY_FASTER`], at speeds that the arm is made for. What the file leaves of these grows from
-    /// the logs' motion as its uncertainty does; and a prior that adds little there, less than [`FAR`] times, is no reason.
-    ///
-    /// - `with_prior`: covariance of the estimate that the prior holds
-    fn knows_faster_motions(&self, covariance: &Mat<f64>, with_prior: &Mat<f64>, prior: &ParameterPrior) -> bool {
-        let Ok(fast) = self.other_motions(true) else { return false };
-        let of_file = prior.clone().with_relative_deviation(1.0).with_effect_scale(1.0).covariance();
-        let certain = |joint| {
-            let known = deviation(covariance, &fast, joint);
-            let grows = (deviation(&of_file, &fast, joint) / deviation(&of_file, self.factors, joint)).max(1.0);
-            let left = prior.left_by_file()[joint] * grows;
-            known <= CLEARLY_FASTER * left || known <= FAR * deviation(with_prior, &fast, joint)
+    /// The estimate, or one that a narrower prior holds, the first that does not leave faster motions in doubt; if all do, the
+    /// one that does it least.
+    fn with_less_doubt(
+        &self,
+        method: &Method,
+        equations: &mut Equations<'_>,
+        held: Held,
+        correlation: &[f64],
+    ) -> Result<Held, IdentificationError> {
+        let doubt = |held: &Held| {
+            let covariance = faer::Scale(self.dispersion(held).deviation.powi(2)) * &held.estimate.covariance;
+            self.doubt(&covariance, &held.prior)
         };
-        (0..self.robot.dof()).all(certain)
+        let (mut least, mut best) = (doubt(&held), held);
+        let chosen = best.prior.relative_deviation();
+        for width in WIDTHS.into_iter().rev().filter(|width| *width < chosen) {
+            if least <= CLEARLY_FASTER {
+                break;
+            }
+            let prior = best.prior.clone().with_relative_deviation(width);
+            let narrower = self.solve(method, equations, (&prior, PriorWidth::Given(width)), correlation)?;
+            let now = doubt(&narrower);
+            if now < least {
+                (least, best) = (now, narrower);
+            }
+        }
+        Ok(best)
+    }
+
+    /// Standard deviation of the torque at speeds that the arm is made for, of an estimate of this covariance, in what the robot
+    /// file leaves there: of the median joint. What the file leaves grows from the logs' motion as its uncertainty does.
+    fn doubt(&self, covariance: &Mat<f64>, prior: &ParameterPrior) -> f64 {
+        let Ok(fast) = self.other_motions(true) else { return f64::INFINITY };
+        let of_file = prior.clone().with_relative_deviation(1.0).with_effect_scale(1.0).covariance();
+        let ratio = |joint| {
+            let grows = (deviation(&of_file, &fast, joint) / deviation(&of_file, self.factors, joint)).max(1.0);
+            let known = deviation(covariance, &fast, joint);
+            if known > 0.0 { known / (prior.left_by_file()[joint] * grows) } else { 0.0 }
+        };
+        let mut ratios: Vec<f64> = (0..self.robot.dof()).map(ratio).collect();
+        ratios.sort_unstable_by(f64::total_cmp);
+        ratios[place_of_share(0.5, ratios.len())]
     }
 
     /// Equations of other motions than those of the logs.
