@@ -321,8 +321,16 @@ def test_without_a_server_the_message_says_so(origin: Origin, tmp_path: Path) ->
     gone = dataclasses.replace(
         dataset, sources=tuple(dataclasses.replace(s, url=f"http://127.0.0.1:1/{s.file}") for s in dataset.sources)
     )
-    with pytest.raises(datasets.DatasetError, match="cannot be reached; is there a network"):
+    with pytest.raises(datasets.DatasetError, match="cannot be reached; is there a network") as refused:
         datasets.fetch(gone, tmp_path / "emps")
+    # What the message offers: files that came another way.
+    place = Path(str(refused.value).rpartition(" as ")[2])
+    place.parent.mkdir(parents=True, exist_ok=True)
+    for source in gone.sources:
+        (place.parent / source.file).write_bytes(origin.files[source.file])
+    assert datasets.fetch(gone, tmp_path / "by_hand").paths("test")[0].exists()
+    for source in gone.sources:
+        (place.parent / source.file).unlink()
     origin.files = {}
     with pytest.raises(datasets.DatasetError, match="404"):
         datasets.fetch(dataset, tmp_path / "emps")
