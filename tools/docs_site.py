@@ -134,6 +134,15 @@ def on_page_markdown(markdown: str, *, page: Page, config: MkDocsConfig, files: 
     return re.sub(r"(?<!!)\[([^\]]+)\]\(([^)\s]+)\)", replace, markdown)
 
 
+def on_page_content(html: str, *, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """An option in a line of text stays in one piece; browsers would break it behind its first hyphen."""
+
+    def replace(match: re.Match[str]) -> str:
+        return re.sub(r"(?<![\w-])--?[a-z][a-z-]*", r'<span class="option">\g<0></span>', match.group())
+
+    return re.sub(r"(?<!<pre>)<code>[^<]*</code>", replace, html)
+
+
 def _generated() -> dict[str, str]:
     """Page -> text."""
     pages = {
