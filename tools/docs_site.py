@@ -160,7 +160,8 @@ def command_line() -> Iterator[str]:
     """Every command with its options, as `--help` says."""
     yield "# Command line\n"
     yield "From the parser of the program: what `sgpr COMMAND --help` says. Options whose value ends in ..."
-    yield "take several values. Exit code: 0 success, 1 bad data or a limit that fails, 2 wrong use, 130 Ctrl-C.\n"
+    yield "take several values. Exit code: 0 success, 1 bad data (with `--strict` also a limit that is not met, or a "
+    yield "model worse than the one before), 2 wrong use, 130 Ctrl-C.\n"
     program = typer.main.get_command(app)
     yield from _commands(program, "sgpr")
 
@@ -296,6 +297,9 @@ def dataset(name: str) -> Iterator[str]:
     if known.robot_file:
         command += _wrapped(identify_command(found))
     yield f"```text\n{command}\n```\n"
+    if known.program:
+        yield f"```python\n{known.program.strip()}\n```\n"
+        yield f"*Expected*: {known.expected}.\n"
     if known.unseen_percent is not None:
         yield f"*Expected*: {known.unseen_percent:g} % of the torque of the test logs is left, while a joint moves.\n"
     if known.published:

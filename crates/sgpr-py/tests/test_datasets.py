@@ -422,6 +422,15 @@ def test_names_and_origins_are_sound() -> None:
         assert all(Path(file).name == file for file in [log.file for log in dataset.logs])
 
 
+def test_every_set_says_what_to_do_with_it_and_what_comes_out() -> None:
+    for name in datasets.names():
+        dataset = datasets.describe(name)
+        if dataset.robot_file:
+            assert dataset.files("train") and dataset.files("test") and dataset.unseen_percent, name
+        else:
+            assert dataset.program and dataset.expected, name
+
+
 def test_the_command_lists_and_gets(origin: Origin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     listed = run("data", "list")
     assert listed.code == 0 and all(name in listed.out for name in datasets.names())
@@ -466,3 +475,17 @@ def test_the_expected_figure_is_what_comes_out(name: str, tmp_path: Path) -> Non
     model = sgpr.identify(found.load_robot(), found.recordings("train"), effects=list(dataset.effects))
     unseen = sgpr.compare(model, found.recordings("test"))
     assert unseen.relative_error_percent == pytest.approx(dataset.unseen_percent, abs=0.05)
+
+
+@pytest.mark.skipif(DATA is None, reason="SGPR_DATA does not name the folder that holds logs of real robots")
+def test_the_program_of_sarcos_prints_what_is_expected(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert DATA is not None
+    real = Path(DATA) / "real" if (Path(DATA) / "real").is_dir() else Path(DATA)
+    if not (real / "sarcos").exists():
+        pytest.skip(f"no sarcos in {real}")
+    dataset = datasets.describe("sarcos")
+    monkeypatch.setattr(datasets, "fetch", lambda name, out: datasets.Fetched(dataset, real / "sarcos"))
+    exec(dataset.program, {})
+    assert float(capsys.readouterr().out) == pytest.approx(float(dataset.expected.split()[0]), abs=0.0005)

@@ -47,6 +47,7 @@ OPTIONS = {
     r"`rows`": "`--rows`",
     r"`seconds`": "`--trim`",
     r"`clock`": "`--clock`",
+    r" \(for a table of another name: read_csv\)": "; a table of another name needs one of these endings",
     r"`speed_limit`": "`--speed-limit`",
     r"`position_range`": "`--position-range`",
     r"`max_velocity`": "`--max-velocity`",
