@@ -80,6 +80,28 @@ PYTHON = {
 }
 """What stands first; every other public name comes under "More"."""
 
+PARTS = {
+    "recording": "Logs",
+    "robot": "Robots",
+    "motion": "Motion",
+    "signal": "Filters",
+    "identification": "Identification",
+    "effects": "Effects",
+    "diagnosis": "Diagnosis",
+    "model/record": "Records of logs",
+    "model/semi_parametric": "Learned models",
+    "model": "Models",
+    "gp": "Gaussian processes",
+    "excitation": "Excitation",
+    "simulation": "Simulation",
+    "export": "Export",
+    "stream": "Control loop",
+    "control": "Torque from outside",
+    "online": "Models that learn while the arm runs",
+    "progress": "Interrupted work",
+}
+"""Where messages come from, in the words of a user."""
+
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Leaves out pages that do not exist, fills in those of folders, and adds those that the list does not know."""
@@ -272,14 +294,18 @@ def diagnosis_numbers() -> Iterator[str]:
 def messages() -> Iterator[str]:
     """Every error message of the crates that compute, by the part of the library that says it."""
     yield "\n## All messages\n\nWords in braces stand for what was found: a file, a joint, a number.\n"
+    by_part: dict[str, list[str]] = {title: [] for title in PARTS.values()}
     sources = [ROOT / f"crates/sgpr-{crate}/src" for crate in ("core", "predict")]
-    for path in sorted(path for source in sources for path in source.rglob("*.rs")):
-        texts = re.findall(r'#\[error\("((?:[^"\\]|\\.)*)"', path.read_text())
-        said = [text for text in texts if re.sub(r"\{[^}]*\}", "", text).strip(": ")]
-        if said:
-            yield f"### {path.with_suffix('').as_posix().split('/src/')[-1]}\n"
-            yield from (f"- `{text.replace('`', '')}`" for text in said)
-            yield ""
+    for source in sources:
+        for path in sorted(source.rglob("*.rs")):
+            texts = re.findall(r'#\[error\("((?:[^"\\]|\\.)*)"', path.read_text())
+            if said := [text for text in texts if re.sub(r"\{[^}]*\}", "", text).strip(": ")]:
+                place = path.relative_to(source).as_posix()
+                by_part[next(title for part, title in PARTS.items() if place.startswith(part))] += said
+    for title, said in by_part.items():
+        yield f"### {title}\n"
+        yield from (f"- `{text.replace('`', '')}`" for text in said)
+        yield ""
 
 
 def dataset(name: str) -> Iterator[str]:
