@@ -271,7 +271,7 @@ fn files_of_another_kind() {
     }
 }
 
-/// As a spreadsheet writes "Unicode text": either order of bytes, and signs of two units across the blocks that are read.
+/// As a spreadsheet writes "Unicode text": either order of bytes, signs of two units across blocks.
 #[test]
 fn utf_16() {
     let name = "\u{1f44d}".repeat(20_001);
