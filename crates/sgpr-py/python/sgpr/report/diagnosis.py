@@ -126,7 +126,10 @@ class DiagnosisPage:
         places = (
             table("Places that hold far more of the error than of the samples", columns, rows, text_columns=(0, 1))
             if rows
-            else paragraph("The error is spread evenly over positions, speeds and time.")
+            else paragraph(
+                "No place holds far more of the error than of the samples: what depends on a variable does so over all "
+                "of its range."
+            )
         )
         return join([note, structure, places]), plots
 
