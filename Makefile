@@ -122,6 +122,7 @@ $(VENV)/.docs: docs/requirements.txt | $(VENV)/.built
 docs: build $(VENV)/.docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 	@echo "site: $(OUT)/site/index.html"
+	@echo "with its search, which needs a server: $(BIN)/python -m http.server --directory $(OUT)/site"
 
 ## The figures of the documentation, from the logs in data/.
 figures: build

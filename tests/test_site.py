@@ -28,7 +28,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return site
 
 
-# A page wider than the window, and names and figures that are broken over lines.
+# A page wider than the window, names, figures and options broken over lines, and list items without their list.
 FAULTS = """() => {
   const found = [];
   const over = document.documentElement.scrollWidth - document.documentElement.clientWidth;
@@ -38,6 +38,12 @@ FAULTS = """() => {
     written.selectNodeContents(cell);
     const lines = written.getBoundingClientRect().height / parseFloat(getComputedStyle(cell).lineHeight);
     if (/^[^ ]{1,12}$/.test(cell.textContent) && lines > 1.6) found.push(`broken: ${cell.textContent}`);
+  }
+  for (const option of document.querySelectorAll("article .option")) {
+    if (option.getClientRects().length > 1) found.push(`broken: ${option.textContent}`);
+  }
+  for (const list of document.querySelectorAll("article ol")) {
+    if (list.children.length === 1) found.push(`a list of one: ${list.textContent.slice(0, 40)}`);
   }
   return found;
 }"""
@@ -59,6 +65,7 @@ def test_no_page_is_too_wide_and_no_name_broken(site: Path, width: int) -> None:
             faults[str(path.relative_to(site))] = page.evaluate(FAULTS)
         browser.close()
     assert len(faults) > 50
+    assert 'class="option">--remember<' in (site / "first-hour.html").read_text()
     assert {path: found for path, found in faults.items() if found} == {}
 
 

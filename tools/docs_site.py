@@ -80,6 +80,28 @@ PYTHON = {
 }
 """What stands first; every other public name comes under "More"."""
 
+PARTS = {
+    "recording": "Logs",
+    "robot": "Robots",
+    "motion": "Motion",
+    "signal": "Filters",
+    "identification": "Identification",
+    "effects": "Effects",
+    "diagnosis": "Diagnosis",
+    "model/record": "Records of logs",
+    "model/semi_parametric": "Learned models",
+    "model": "Models",
+    "gp": "Gaussian processes",
+    "excitation": "Excitation",
+    "simulation": "Simulation",
+    "export": "Export",
+    "stream": "Control loop",
+    "control": "Torque from outside",
+    "online": "Models that learn while the arm runs",
+    "progress": "Interrupted work",
+}
+"""Where messages come from, in the words of a user."""
+
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Leaves out pages that do not exist, fills in those of folders, and adds those that the list does not know."""
@@ -134,6 +156,15 @@ def on_page_markdown(markdown: str, *, page: Page, config: MkDocsConfig, files: 
     return re.sub(r"(?<!!)\[([^\]]+)\]\(([^)\s]+)\)", replace, markdown)
 
 
+def on_page_content(html: str, *, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """An option in a line of text stays in one piece; browsers would break it behind its first hyphen."""
+
+    def replace(match: re.Match[str]) -> str:
+        return re.sub(r"(?<![\w-])--?[a-z][a-z-]*", r'<span class="option">\g<0></span>', match.group())
+
+    return re.sub(r"(?<!<pre>)<code>[^<]*</code>", replace, html)
+
+
 def _generated() -> dict[str, str]:
     """Page -> text."""
     pages = {
@@ -151,7 +182,8 @@ def command_line() -> Iterator[str]:
     """Every command with its options, as `--help` says."""
     yield "# Command line\n"
     yield "From the parser of the program: what `sgpr COMMAND --help` says. Options whose value ends in ..."
-    yield "take several values. Exit code: 0 success, 1 bad data or a limit that fails, 2 wrong use, 130 Ctrl-C.\n"
+    yield "take several values. Exit code: 0 success, 1 bad data (with `--strict` also a limit that is not met, or a "
+    yield "model worse than the one before), 2 wrong use, 130 Ctrl-C.\n"
     program = typer.main.get_command(app)
     yield from _commands(program, "sgpr")
 
@@ -262,14 +294,18 @@ def diagnosis_numbers() -> Iterator[str]:
 def messages() -> Iterator[str]:
     """Every error message of the crates that compute, by the part of the library that says it."""
     yield "\n## All messages\n\nWords in braces stand for what was found: a file, a joint, a number.\n"
+    by_part: dict[str, list[str]] = {title: [] for title in PARTS.values()}
     sources = [ROOT / f"crates/sgpr-{crate}/src" for crate in ("core", "predict")]
-    for path in sorted(path for source in sources for path in source.rglob("*.rs")):
-        texts = re.findall(r'#\[error\("((?:[^"\\]|\\.)*)"', path.read_text())
-        said = [text for text in texts if re.sub(r"\{[^}]*\}", "", text).strip(": ")]
-        if said:
-            yield f"### {path.with_suffix('').as_posix().split('/src/')[-1]}\n"
-            yield from (f"- `{text.replace('`', '')}`" for text in said)
-            yield ""
+    for source in sources:
+        for path in sorted(source.rglob("*.rs")):
+            texts = re.findall(r'#\[error\("((?:[^"\\]|\\.)*)"', path.read_text())
+            if said := [text for text in texts if re.sub(r"\{[^}]*\}", "", text).strip(": ")]:
+                place = path.relative_to(source).as_posix()
+                by_part[next(title for part, title in PARTS.items() if place.startswith(part))] += said
+    for title, said in by_part.items():
+        yield f"### {title}\n"
+        yield from (f"- `{text.replace('`', '')}`" for text in said)
+        yield ""
 
 
 def dataset(name: str) -> Iterator[str]:
@@ -287,6 +323,9 @@ def dataset(name: str) -> Iterator[str]:
     if known.robot_file:
         command += _wrapped(identify_command(found))
     yield f"```text\n{command}\n```\n"
+    if known.program:
+        yield f"```python\n{known.program.strip()}\n```\n"
+        yield f"*Expected*: {known.expected}.\n"
     if known.unseen_percent is not None:
         yield f"*Expected*: {known.unseen_percent:g} % of the torque of the test logs is left, while a joint moves.\n"
     if known.published:

@@ -30,7 +30,8 @@ type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 pub fn recordings(given: &Bound<'_, PyAny>) -> PyResult<Vec<logs::Recording>> {
     let wrong = |found: &Bound<'_, PyAny>| {
         let found = found.get_type().name().map_or_else(|_| "?".into(), |name| name.to_string());
-        PyTypeError::new_err(format!("recordings: got {found}, expected a list of Recording or a LogSet"))
+        let read = if found == "str" || found.ends_with("Path") { " (`sgpr.read` reads a file)" } else { "" };
+        PyTypeError::new_err(format!("recordings: got {found}, expected a list of Recording or a LogSet{read}"))
     };
     // What it holds was looked at when it was made.
     if let Ok(set) = given.cast::<LogSet>() {

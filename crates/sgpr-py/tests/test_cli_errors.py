@@ -87,6 +87,12 @@ def test_unknown_joint(log: str) -> None:
     assert "elbow" in message_of_bad_data("info", DEMO_ROBOT, "--joints", "elbow")
 
 
+def test_options_of_another_kind_of_file(log: str) -> None:
+    message = message_of_bad_data("info", log, "--logged-joints", "axis1", "axis2")
+    known = "`--columns`, `--rows`, `--rate`, `--trim`, `--torque-constants`, `--units`"
+    assert f"the option `--logged-joints` does not apply to CSV files; those that do: {known}" in message
+
+
 def test_robot_and_log_that_do_not_fit(log: str, tmp_path: Path) -> None:
     message = message_of_bad_data("identify", "--robot", DEMO_ROBOT, "--train", log, "--out", tmp_path)
     assert "joint_3" in message

@@ -107,6 +107,8 @@ def test_simulate_follows_a_motion(excited: Path, tmp_path: Path) -> None:
     assert max(data["tracking_rmse"]) < 1.0
     page = (tmp_path / "run.html").read_text()
     assert "Position minus wanted position" in page and "joint_2" in page
+    told = run("simulate", "two_link", motion, "--out", tmp_path / "told.csv").out.splitlines()[-1]
+    assert told == f"next: sgpr identify --robot two_link --train {tmp_path / 'told.csv'} --out result"
     again = run("simulate", "two_link", motion, "--out", tmp_path / "again.csv", "--torque-noise", 0.1, "--quiet")
     assert (again.code, again.out, again.err) == (0, "", "")
     assert np.array_equal(sgpr.read(tmp_path / "again.csv").tau, recording.tau)

@@ -321,8 +321,16 @@ def test_without_a_server_the_message_says_so(origin: Origin, tmp_path: Path) ->
     gone = dataclasses.replace(
         dataset, sources=tuple(dataclasses.replace(s, url=f"http://127.0.0.1:1/{s.file}") for s in dataset.sources)
     )
-    with pytest.raises(datasets.DatasetError, match="cannot be reached; is there a network"):
+    with pytest.raises(datasets.DatasetError, match="cannot be reached; is there a network") as refused:
         datasets.fetch(gone, tmp_path / "emps")
+    # What the message offers: files that came another way.
+    place = Path(str(refused.value).rpartition(" as ")[2])
+    place.parent.mkdir(parents=True, exist_ok=True)
+    for source in gone.sources:
+        (place.parent / source.file).write_bytes(origin.files[source.file])
+    assert datasets.fetch(gone, tmp_path / "by_hand").paths("test")[0].exists()
+    for source in gone.sources:
+        (place.parent / source.file).unlink()
     origin.files = {}
     with pytest.raises(datasets.DatasetError, match="404"):
         datasets.fetch(dataset, tmp_path / "emps")
@@ -414,6 +422,15 @@ def test_names_and_origins_are_sound() -> None:
         assert all(Path(file).name == file for file in [log.file for log in dataset.logs])
 
 
+def test_every_set_says_what_to_do_with_it_and_what_comes_out() -> None:
+    for name in datasets.names():
+        dataset = datasets.describe(name)
+        if dataset.robot_file:
+            assert dataset.files("train") and dataset.files("test") and dataset.unseen_percent, name
+        else:
+            assert dataset.program and dataset.expected, name
+
+
 def test_the_command_lists_and_gets(origin: Origin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     listed = run("data", "list")
     assert listed.code == 0 and all(name in listed.out for name in datasets.names())
@@ -458,3 +475,17 @@ def test_the_expected_figure_is_what_comes_out(name: str, tmp_path: Path) -> Non
     model = sgpr.identify(found.load_robot(), found.recordings("train"), effects=list(dataset.effects))
     unseen = sgpr.compare(model, found.recordings("test"))
     assert unseen.relative_error_percent == pytest.approx(dataset.unseen_percent, abs=0.05)
+
+
+@pytest.mark.skipif(DATA is None, reason="SGPR_DATA does not name the folder that holds logs of real robots")
+def test_the_program_of_sarcos_prints_what_is_expected(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert DATA is not None
+    real = Path(DATA) / "real" if (Path(DATA) / "real").is_dir() else Path(DATA)
+    if not (real / "sarcos").exists():
+        pytest.skip(f"no sarcos in {real}")
+    dataset = datasets.describe("sarcos")
+    monkeypatch.setattr(datasets, "fetch", lambda name, out: datasets.Fetched(dataset, real / "sarcos"))
+    exec(dataset.program, {})
+    assert float(capsys.readouterr().out) == pytest.approx(float(dataset.expected.split()[0]), abs=0.0005)

@@ -7,6 +7,7 @@ import sys
 import textwrap
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -160,11 +161,30 @@ def test_windows_at_their_limits(demo_robot: sgpr.Robot, demo_logs: list[sgpr.Re
         sgpr.identify(demo_robot, demo_logs[:1], differentiation=text)
 
 
+def test_mechanics_that_scale_with_time_have_the_same_errors(
+    demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording], demo_test: sgpr.Recording
+) -> None:
+    errors = []
+    for slower in (1.0, 10.0):
+        heavier = slower**2
+        arm = demo_robot.with_standard_parameters(heavier * demo_robot.standard_parameters)
+        arm = arm.with_gravity([0.0, 0.0, -9.81 / heavier])
+        train, test = (
+            [sgpr.Recording(slower * log.t, log.q, tau=log.tau) for log in logs]
+            for logs in (demo_logs[:1], [demo_test])
+        )
+        model = sgpr.identify(arm, train, cutoff_hz=27.0 / slower, standstill_speed=1e-3 / slower)
+        errors.append(sgpr.compare(model, test).relative_error_percent)
+    np.testing.assert_allclose(errors[1], errors[0], rtol=1e-9)
+
+
 def test_arguments_of_the_wrong_type(demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording]) -> None:
     with pytest.raises(TypeError, match="recordings: got Recording, expected a list of Recording"):
         sgpr.identify(demo_robot, demo_logs[0])  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="recordings: got ndarray, expected a list of Recording"):
         sgpr.identify(demo_robot, [demo_logs[0].q])  # type: ignore[list-item]
+    with pytest.raises(TypeError, match=r"recordings: got PosixPath, .* a LogSet \(`sgpr.read` reads a file\)"):
+        sgpr.identify(demo_robot, [Path("log.csv")])  # type: ignore[list-item]
     with pytest.raises(TypeError, match="unexpected keyword argument 'cutof_hz'; options are effects, method"):
         sgpr.identify(demo_robot, demo_logs, cutof_hz=3.0)  # type: ignore[call-arg]
     with pytest.raises(TypeError, match="effects: got a str"):

@@ -386,7 +386,8 @@ def test_options_that_do_not_apply(data: Path, log: sgpr.Recording, tmp_path: Pa
     with pytest.raises(sgpr.RecordingError, match="the option `columns` does not apply to MCAP files; those that do: "):
         sgpr.read(mcap, columns={"time": "t"})
     log.save(tmp_path / "log.csv")
-    with pytest.raises(sgpr.RecordingError, match="the option `topics` does not apply to CSV files"):
+    known = "those that do: `columns`, `rows`, `sample_rate_hz`, `seconds`, `torque_constants`, `units`$"
+    with pytest.raises(sgpr.RecordingError, match=f"the option `topics` does not apply to CSV files; {known}"):
         sgpr.read(tmp_path / "log.csv", topics=["/a"])
     with pytest.raises(sgpr.RecordingError, match="the option `recover` does not apply to ROS bag files"):
         (tmp_path / "log.bag").touch()

@@ -70,7 +70,7 @@ def browser() -> Iterator[Any]:
 
 
 # Of each plot: text that leaves it, text on text, and no room for the plot beside its labels. Of each table: figures
-# that are broken over lines, and a first column that hides the rest.
+# that are broken over lines, a first column that hides the rest, and high rows for a cell out of sight.
 FAULTS = """() => {
   const found = [];
   const size = (element) => element.getBoundingClientRect();
@@ -100,6 +100,10 @@ FAULTS = """() => {
     const name = table.querySelector("tbody th");
     if (name && table.clientWidth < table.scrollWidth && size(name).width > 0.75 * table.clientWidth)
       found.push(`only names: ${name.textContent}`);
+    // Nobody sees why the rows are that high.
+    if (table.clientWidth < table.scrollWidth)
+      for (const cell of table.querySelectorAll("td"))
+        if (size(cell).height > 160 && size(cell).left > size(table).right) found.push(`high: ${cell.textContent}`);
   }
   const over = document.documentElement.scrollWidth - document.documentElement.clientWidth;
   if (over > 0) found.push(`the page is ${over} px too wide`);

@@ -1,10 +1,13 @@
 """The building blocks of the reports."""
 
 import json
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from sgpr.report.diagnosis import in_one_line
+from sgpr.report.errors import verdict
 from sgpr.report.markup import Cell, Html, Section, element, paragraph, table
 from sgpr.report.page import page
 from sgpr.report.steps import steps_at_once
@@ -78,3 +81,14 @@ def test_a_finding_that_is_not_certain_says_so_in_the_first_lines() -> None:
     assert in_one_line({**finding, "confusable_with": []}) == "torque gain error at j2 (probability 0.50)"
     certain = {**finding, "probability": 0.97, "confusable_with": ["tilted_mount"]}
     assert in_one_line(certain) == "torque gain error at j2"
+
+
+def test_an_error_that_grows_is_told_with_its_size_and_no_trifle_is() -> None:
+    def errors(*rmse: float) -> Any:
+        one = {"samples": 9, "unit": "N·m", "relative_error_percent": 1.0, "rmse_gravity": 9.0, "rmse_zero": 9.0}
+        joints = [SimpleNamespace(joint=f"j{k}", rmse=value, **one) for k, value in enumerate(rmse)]
+        return SimpleNamespace(joints=joints, relative_error_percent=1.0)
+
+    told = str(verdict(errors(1.0, 1.0, 0.0), errors(1.006, 1.1, 0.1), "On 1 log", "before it was"))
+    assert "Here the error has grown instead: j1 (by 10.0 %), j2." in told
+    assert "grown" not in str(verdict(errors(1.0), errors(1.006), "On 1 log", "before it was"))

@@ -112,6 +112,8 @@ def test_six_clicks(browser: Any, tmp_path: Path) -> None:
         if PICTURES:
             page.screenshot(path=str(Path(PICTURES) / f"workbench_{name}.png"))
 
+    findings = page.locator("p", has_text="belongs to no real body")
+    assert findings.first.locator("code").inner_text() == "joint_1"
     fit = page.locator("button:enabled", has_text="Fit the model")
     page.get_by_role("progressbar").wait_for(state="detached")
     fit.wait_for()

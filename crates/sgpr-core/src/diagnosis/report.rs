@@ -283,7 +283,8 @@ fn as_finding(search: &Search<'_>, candidate: &Candidate, without: &[f64]) -> Fi
     } else if candidate.impossible {
         "explains part of the leftover only with an impossible sign: the shape, not this effect".into()
     } else {
-        format!("log Bayes factor {:.0} alone against the model", candidate.score)
+        // Rounded to zero it has no sign.
+        format!("log Bayes factor {:.0} alone against the model", candidate.score.round() + 0.0)
     };
     let errors = |errors: &[f64]| -> ByJoint {
         let own = robot.joint_names().zip(errors);

@@ -114,7 +114,7 @@ impl Processing {
             if let Some(hz) = hz.filter(|hz| !is_cutoff(*hz)) {
                 return wrong(
                     option,
-                    format!("{hz} Hz"),
+                    format!("{hz:?} Hz"),
                     format!("from {LOWEST_CUTOFF_HZ:e} to {HIGHEST_CUTOFF_HZ:e} Hz"),
                 );
             }

@@ -263,15 +263,31 @@ fn files_without_data() {
 
 #[test]
 fn files_of_another_kind() {
-    for (start, kind) in [
-        (&b"\x89MCAP0\r\n"[..], "an MCAP file"),
-        (b"PK\x03\x04", "a zip archive"),
-        (b"\xff\xfet\0", "UTF-16"),
-        (b"\x7fELF\0\0", "a binary file"),
-    ] {
+    for (start, kind) in
+        [(&b"\x89MCAP0\r\n"[..], "an MCAP file"), (b"PK\x03\x04", "a zip archive"), (b"\x7fELF\0\0", "a binary file")]
+    {
         let error = csv_error(start);
         assert!(error.starts_with("log.csv: this is") && error.contains(kind), "{error}");
     }
+}
+
+/// As a spreadsheet writes "Unicode text": either order of bytes, signs of two units across blocks.
+#[test]
+fn utf_16() {
+    let name = "\u{1f44d}".repeat(20_001);
+    let text = format!("t\tq_1 [°]\tx{name}\r\n0,5\t1,5\t1\r\n0,6\t2,5\t2\r\n");
+    let encoded = |bytes: fn(u16) -> [u8; 2], mark: [u8; 2]| {
+        mark.into_iter().chain(text.encode_utf16().flat_map(bytes)).collect::<Vec<u8>>()
+    };
+    let little = encoded(u16::to_le_bytes, [0xff, 0xfe]);
+    for bytes in [&little, &encoded(u16::to_be_bytes, [0xfe, 0xff]), &packed(&little)] {
+        let (_folder, path) = file(if bytes[0] == 0x1f { "log.csv.gz" } else { "log.csv" }, bytes);
+        let log = csv::read(&path, &ReadOptions::default()).expect("UTF-16");
+        assert_eq!(log.position(), [1.5_f64.to_radians(), 2.5_f64.to_radians()]);
+        assert_eq!(log.channels()[0].name, format!("x{name}"));
+    }
+    // Half a unit at the end is no number.
+    assert!(csv_error(&little[..little.len() - 5]).starts_with("log.csv:3: "));
 }
 
 #[test]

@@ -114,7 +114,7 @@ def read(path: str | os.PathLike[str] | Any, joints: Sequence[str] | None = None
             known = ", ".join(sorted(_TABLE_OPTIONS | _MCAP.options | {"accept"}))
             raise TypeError(f"read() got an unexpected keyword argument '{name}'; options are {known}")
         if name not in chosen.options:
-            allowed = ", ".join(sorted(chosen.options))
+            allowed = ", ".join(f"`{option}`" for option in sorted(chosen.options - {"limit_bytes"}))
             raise RecordingError(
                 f"{file}: the option `{name}` does not apply to {chosen.name} files; those that do: {allowed}"
             )

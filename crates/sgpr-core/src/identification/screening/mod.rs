@@ -218,7 +218,11 @@ impl fmt::Display for Finding {
                 f,
                 "the torques are {} times what the masses of the robot file need: check their unit (mN·m, currents without \
                  their torque constants, the motor's side of a gear), or the masses",
-                if *factor < 1.0 { format!("{factor:.2e}") } else { format!("{factor:.0}") }
+                match *factor {
+                    1.0.. => format!("{factor:.0}"),
+                    0.01.. => format!("{factor:.3}"),
+                    _ => format!("{factor:.2e}"),
+                }
             ),
             Self::AllLate { seconds, gain } => write!(
                 f,

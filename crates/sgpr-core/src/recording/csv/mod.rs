@@ -3,7 +3,7 @@
 //! The first line names the columns; lines above it that name none, such as a title, are passed over. Comma, semicolon, tab
 //! and blanks separate them; after a semicolon, tab or blank a decimal comma is understood too. Lines that begin with `#` are
 //! comments; one right above the numbers (as NumPy and `rostopic` write) is the header if there is no other. A line of units may stand
-//! between names and numbers. Text is UTF-8 or Latin-1.
+//! between names and numbers. Text is UTF-8, UTF-16 or Latin-1.
 //!
 //! # Which column is what
 //! Without further word, names like these are understood, with or without a unit at their end

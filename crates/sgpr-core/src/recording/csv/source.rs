@@ -12,11 +12,9 @@ use crate::recording::RecordingError;
 const LONGEST_LINE: usize = 1 << 20;
 
 /// Beginnings of files that users take for CSV, what they are, and what to do.
-const FOREIGN: [(&[u8], &str, &str); 6] = [
+const FOREIGN: [(&[u8], &str, &str); 4] = [
     (b"\x89MCAP", "an MCAP file", "read it with the MCAP reader"),
     (b"PK\x03\x04", "a zip archive or an Excel workbook", "save it as CSV"),
-    (b"\xff\xfe", "UTF-16 text", "save it as UTF-8"),
-    (b"\xfe\xff", "UTF-16 text", "save it as UTF-8"),
     (b"\x28\xb5\x2f\xfd", "a zstd archive", "unpack it or compress it with gzip"),
     (b"SQLite format 3", "an SQLite data base", "convert a ROS 2 bag with `ros2 bag convert` to MCAP"),
 ];
@@ -35,7 +33,9 @@ pub(super) fn open(path: &Path, limit: u64) -> Result<BufReader<Bounded>, Record
     let unreadable = |source| RecordingError::Unreadable { path: name.clone(), source };
     let mut file = BufReader::with_capacity(1 << 16, File::open(path).map_err(unreadable)?);
     let packed = file.fill_buf().map_err(unreadable)?.starts_with(b"\x1f\x8b");
-    let text: Box<dyn Read> = if packed { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) };
+    let bytes: Box<dyn BufRead> =
+        if packed { Box::new(BufReader::new(MultiGzDecoder::new(file))) } else { Box::new(file) };
+    let text = decoded(bytes).map_err(|error| unreadable(if packed { damaged(error) } else { error }))?;
     let bounded = Bounded { text, packed, left: limit, line: 1, line_length: 0 };
     let mut reader = BufReader::with_capacity(1 << 16, bounded);
 
@@ -93,10 +93,7 @@ pub(super) struct Bounded {
 impl Read for Bounded {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let count = match self.text.read(buffer) {
-            Err(error) if self.packed && error.kind() != io::ErrorKind::Interrupted => {
-                let text = format!("the gzip data are truncated or damaged ({error})");
-                return Err(io::Error::new(error.kind(), text));
-            }
+            Err(error) if self.packed && error.kind() != io::ErrorKind::Interrupted => return Err(damaged(error)),
             result => result?,
         };
         self.left = self.left.checked_sub(count as u64).ok_or_else(|| io::Error::other(TooMuchText::Total))?;
@@ -111,5 +108,58 @@ impl Read for Bounded {
             }
         }
         Ok(count)
+    }
+}
+
+/// What a broken archive is called.
+fn damaged(error: io::Error) -> io::Error {
+    io::Error::new(error.kind(), format!("the gzip data are truncated or damaged ({error})"))
+}
+
+/// `bytes` as UTF-8 if they begin with the mark of UTF-16, as spreadsheets write "Unicode text"; else as they are.
+fn decoded(mut bytes: Box<dyn BufRead>) -> io::Result<Box<dyn Read>> {
+    let unit = match bytes.fill_buf()? {
+        [0xff, 0xfe, ..] => u16::from_le_bytes,
+        [0xfe, 0xff, ..] => u16::from_be_bytes,
+        _ => return Ok(Box::new(bytes)),
+    };
+    bytes.consume(2);
+    Ok(Box::new(Utf16 { bytes, unit, text: io::Cursor::default() }))
+}
+
+struct Utf16 {
+    bytes: Box<dyn BufRead>,
+    unit: fn([u8; 2]) -> u16,
+    text: io::Cursor<Vec<u8>>,
+}
+
+impl Utf16 {
+    /// The next unit; half a one at the end is a sign of its own that no number holds.
+    fn next(&mut self) -> io::Result<Option<u16>> {
+        let mut pair = Vec::with_capacity(2);
+        self.bytes.by_ref().take(2).read_to_end(&mut pair)?;
+        Ok(match pair[..] {
+            [first, second] => Some((self.unit)([first, second])),
+            [_] => Some(char::REPLACEMENT_CHARACTER as u16),
+            _ => None,
+        })
+    }
+}
+
+impl Read for Utf16 {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        const UNITS: usize = 1 << 14;
+        if self.text.position() == self.text.get_ref().len() as u64 {
+            let mut units = Vec::with_capacity(UNITS);
+            // A character of two units stays whole.
+            while units.len() < UNITS || units.last().is_some_and(|unit| (0xd800..0xdc00).contains(unit)) {
+                match self.next()? {
+                    Some(unit) => units.push(unit),
+                    None => break,
+                }
+            }
+            self.text = io::Cursor::new(String::from_utf16_lossy(&units).into_bytes());
+        }
+        self.text.read(buffer)
     }
 }

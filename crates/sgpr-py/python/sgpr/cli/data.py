@@ -51,10 +51,14 @@ def get(
         output.line(f"published: {dataset.published}")
     if dataset.unseen_percent is not None:
         output.line(f"expected: {dataset.unseen_percent} % of the torque unexplained on the test logs")
+    if dataset.expected:
+        output.line(f"expected: {dataset.expected}")
     for log in dataset.logs:
         output.line(f"  {found.folder / log.file}  {log.role}{f': {log.what}' if log.what else ''}")
     if found.robot_file:
         output.next(*identify_command(found))
+    if dataset.program:
+        output.line(f"next, in Python:\n{dataset.program.strip()}")
     output.result(about(dataset) | {"folder": str(found.folder)})
 
 

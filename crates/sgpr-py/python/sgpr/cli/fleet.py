@@ -151,6 +151,8 @@ def simulate(
         )
     output.line(f"table: {table}")
     output.line(f"truth: {Path(out) / 'truth.json'}")
+    of_types = robot or ["puma560=puma560", "two_link=two_link"]
+    output.next("sgpr", "fleet", "run", str(table), "--robot", *of_types, "--out", str(Path(out) / "records"))
     output.result({"command": "fleet simulate", "table": str(table)})
 
 

@@ -139,6 +139,10 @@ def simulate(
     output.line(f"{len(run)} samples written to {out}")
     if report is not None:
         output.line(f"report: {report}")
+    if not isinstance(truth, Robot):
+        output.next("sgpr", "compare", arm, out, "--out", "comparison", why="how good is a model on this log?")
+    else:
+        output.next("sgpr", "identify", "--robot", arm, "--train", out, "--out", "result")
     output.result(data)
 
 

@@ -53,6 +53,7 @@ class Dataset:
     - `settings`: text of the `sgpr.toml` that is laid beside the logs
     - `physics`: what is known of the robot, for people
     - `published`: figures of others, and where they stand
+    - `program`: Python in place of `sgpr identify`, where there is no robot; its last line prints what is `expected`
     - `unseen_percent`: |residual| / |torque| on the test logs after `sgpr identify` with these effects, measured
     """
 
@@ -71,6 +72,8 @@ class Dataset:
     settings: str = ""
     physics: str = ""
     published: str = ""
+    program: str = ""
+    expected: str = ""
     unseen_percent: float | None = None
 
     @property

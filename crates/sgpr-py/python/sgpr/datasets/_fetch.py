@@ -121,7 +121,11 @@ def _downloaded(source: Source, folder: Path, progress: Progress | None) -> Path
             source.url, f"sha256:{source.sha256}", fname=source.file, path=folder, downloader=stream
         )
     except requests.RequestException as error:
-        raise DatasetError(f"{source.url}: cannot be downloaded: {_reason(error)}") from None
+        place = folder / source.file
+        raise DatasetError(
+            f"{source.url}: cannot be downloaded: {_reason(error)} A file that was downloaded elsewhere is taken, too: "
+            f"as {place}"
+        ) from None
     except ValueError as error:
         if isinstance(error, DatasetError):
             raise
@@ -157,11 +161,11 @@ def _reason(error: Exception) -> str:
     """What a person can do something about."""
     response = getattr(error, "response", None)
     if response is not None:
-        return f"the server answers {response.status_code} {response.reason}"
+        return f"the server answers {response.status_code} {response.reason}."
     if "Timeout" in type(error).__name__:
-        return f"the server has been silent for {TIMEOUT_S:.0f} s; try again later"
+        return f"the server has been silent for {TIMEOUT_S:.0f} s; try again later."
     if "ChunkedEncoding" in type(error).__name__:
-        return "the connection broke off; try again"
+        return "the connection broke off; try again."
     return "the server cannot be reached; is there a network, and does it need a proxy (HTTPS_PROXY)?"
 
 

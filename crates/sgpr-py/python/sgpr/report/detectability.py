@@ -58,4 +58,6 @@ def _size(value: float | None) -> str:
 def _doubt(effect: str, place: str, entry: Mapping[str, Any]) -> Html:
     size = entry["told_apart_from"]
     until = "at any size" if size is None else f"below {significant(size, 2)} {entry['unit']}"
-    return prose(f"`{effect}` at {place} looks like {entry['mistaken_for']} {until}")
+    return prose(
+        f"`{effect}` at {'the whole arm' if place == ARM else place} looks like {entry['mistaken_for']} {until}"
+    )

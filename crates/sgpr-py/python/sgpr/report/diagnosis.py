@@ -9,7 +9,7 @@ from .detectability import detectability_section
 from .errors import errors_section, verdict
 from .experiment import experiment_section
 from .logs import logs_section
-from .markup import Html, Section, element, items, join, paragraph, prose, table
+from .markup import Cell, Html, Section, element, items, join, paragraph, prose, table
 from .numbers import counted, percent, with_deviation
 from .page import page
 from .residual import residual_section
@@ -126,7 +126,10 @@ class DiagnosisPage:
         places = (
             table("Places that hold far more of the error than of the samples", columns, rows, text_columns=(0, 1))
             if rows
-            else paragraph("The error is spread evenly over positions, speeds and time.")
+            else paragraph(
+                "No place holds far more of the error than of the samples: what depends on a variable does so over all "
+                "of its range."
+            )
         )
         return join([note, structure, places]), plots
 
@@ -240,7 +243,7 @@ class DiagnosisPage:
                 "–" if one["score"] <= -1e6 else f"{one['score']:z.0f}",
                 f"{one['probability']:.2f}",
                 f"{one['error_gained_percent']:z.1f} %" if one["error_gained_percent"] else "–",
-                one["evidence"],
+                Cell(one["evidence"], "listed"),
             ]
             for one in shown
         ]

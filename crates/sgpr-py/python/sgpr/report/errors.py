@@ -11,7 +11,8 @@ from .markup import Cell, Html, element, join, legend, paragraph, plot, table
 from .numbers import MISSING, percent, significant
 
 ROW_HEIGHT = 30
-NOTICEABLE = 1.005
+NOTICEABLE = 1.02
+"""Errors that differ by less are the same to a reader."""
 PLOT = "errors-plot"
 
 
@@ -47,7 +48,11 @@ def verdict(
         "(root mean square).",
     ]
     pairs = zip(before.joints, after.joints, strict=True) if before is not None else ()
-    worse = [a.joint for b, a in pairs if a.samples and a.rmse > NOTICEABLE * b.rmse]
+    worse = [
+        f"{a.joint} (by {percent(100.0 * (a.rmse / b.rmse - 1.0))} %)" if b.rmse else a.joint
+        for b, a in pairs
+        if a.samples and a.rmse > NOTICEABLE * b.rmse
+    ]
     if worse:
         sentences.append(f"Here the error has grown instead: {', '.join(worse)}.")
     useless = [joint.joint for joint in scored if joint.rmse > joint.rmse_gravity or joint.rmse > joint.rmse_zero]

@@ -33,8 +33,8 @@ def structure_section(
         "Where what is left comes from. Smooth functions of position, speed, acceleration and load, and of time, are "
         "fitted to some blocks of time and judged on the others: what they explain there is their share of the "
         "variance. The rest is noise, or depends on something that was not looked at. The p of whiteness tests that "
-        "rest (Ljung and Box): below 0.001 it is not noise alone. Times count from the first sample of the earliest "
-        "log."
+        "rest (Ljung and Box): below 0.001 it is not noise alone. Times are the stamps of the logs; stamps that begin "
+        "more than an hour from zero count from the first sample of the earliest log."
     )
     rows: list[list[object]] = []
     for joint in structure:
@@ -48,7 +48,7 @@ def structure_section(
                 *(percent(100 * joint["shares"][key]) for key, _, _ in SHARES),
                 _probability(joint["whiteness"]),
                 significant(joint["independent_rows"]),
-                "; ".join(correlated) or MISSING,
+                Cell("; ".join(correlated), "listed") if correlated else MISSING,
                 since,
             ]
         )

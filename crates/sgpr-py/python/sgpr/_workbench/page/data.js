@@ -56,7 +56,7 @@ export const robotStage = {
       h("div", { class: "bar" }, choice("Robot", "robot", names, state.robot.name ?? "", (name) => name && app.act("set_robot", { name }))),
       state.robot.problem ? h("p", { class: "bad" }, state.robot.problem) : null,
       state.robot.joints.length ? h("p", { class: "soft" }, `Joints: ${state.robot.joints.join(", ")}`) : null,
-      state.robot.warnings.map((text) => h("p", { class: "soft" }, text)),
+      state.robot.warnings.map((text) => h("p", { class: "soft" }, ...prose(text))),
       h("h3", {}, "Logs"), state.logs.length ? logTable(state, app) : h("p", {}, "There is no log in the folder yet."),
       drop(app), state.logs.map((log) => reading(log, app)));
   },
