@@ -13,7 +13,7 @@
 use rayon::prelude::*;
 
 use super::evidence::{EVEN, LeftOut, SURE, probability_of_fall, weights};
-use super::fit::{Fitted, left_out_parts, left_out_states};
+use super::fit::{Fitted, is_in_one_part, left_out_parts, left_out_states};
 use super::search::{Accepted, EVIDENCE, MATERIAL, Outcome, Search, is_limit, without};
 use super::unknown::{self, Leftover, Processes};
 use crate::effects::Site;
@@ -187,14 +187,14 @@ fn without_imitations(search: &mut Search<'_>, mut outcome: Outcome, beside: &Be
 const HOLDS: f64 = 2.0;
 
 /// `outcome` without the effects that do not predict parts of the logs better which are far from what they were fitted to,
-/// the least sure first: blocks of time between others may be predicted by what this motion alone looks like. What begins
-/// or ends at a time is not asked, for its part may be the only one.
+/// the least sure first: blocks of time between others may be predicted by what this motion alone looks like. What is
+/// in one part alone is not asked.
 fn without_chance(search: &Search<'_>, mut outcome: Outcome) -> Outcome {
     let (problem, noise) = (&search.problem, &search.noise);
     loop {
         let fitted = &outcome.fitted;
         let with = left_out_parts(problem, fitted, noise);
-        let is_asked = |k: &usize| !is_limit(&fitted.terms()[*k]) && fitted.terms()[*k].times().next().is_none();
+        let is_asked = |k: &usize| !is_limit(&fitted.terms()[*k]) && !is_in_one_part(problem, &fitted.terms()[*k]);
         let sure = |k: usize| {
             let bare = search.refit(fitted, without(fitted.terms(), &[k]));
             let joints = search.joints_of(&fitted.terms()[k]);

@@ -462,11 +462,31 @@ pub(super) fn by_log(problem: &Problem, errors: &LeftOut) -> Vec<ByLog> {
     errors.rows.iter().enumerate().map(of_joint).collect()
 }
 
+/// Whether a term begins or ends at a time such that fewer than two parts of the logs are mostly before it or mostly after it:
+/// other parts cannot predict such a part.
+pub(super) fn is_in_one_part(problem: &Problem, term: &Term) -> bool {
+    if term.times().next().is_none() {
+        return false;
+    }
+    let is_there = |row: &(usize, usize)| {
+        let now = problem.time_of(*row);
+        term.times().filter(|time| *time <= now).count() % 2 == 1
+    };
+    // Of every part: rows in which it is there, and those in which it is not.
+    let mut rows: Vec<[usize; 2]> = Vec::new();
+    for (row, part) in problem.rows.iter().flatten().zip(problem.parts().into_iter().flatten()) {
+        rows.resize(rows.len().max(part + 1), [0; 2]);
+        rows[part][usize::from(!is_there(row))] += 1;
+    }
+    let there = rows.iter().filter(|[there, not]| there > not).count();
+    there.min(rows.len() - there) < 2
+}
+
 /// Errors in the band, on parts of the logs that were left out of the fit. What begins or ends at a time may be in one part
-/// alone, which the others cannot predict: its torque counts as known.
+/// alone ([`is_in_one_part`]): its torque counts as known.
 pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) -> LeftOut {
-    let is_timed = |term: &Term| term.times().next().is_some();
-    if !fitted.terms().iter().any(is_timed) {
+    let is_known = |term: &Term| is_in_one_part(problem, term);
+    if !fitted.terms().iter().any(is_known) {
         return fitted.part_fits(problem, noise).errors();
     }
     let mut target = fitted.target.to_vec();
@@ -475,7 +495,7 @@ pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) 
     let mut precision = fitted.precision[..at].to_vec();
     for term in fitted.terms() {
         for factor in &term.coefficients {
-            if is_timed(term) {
+            if is_known(term) {
                 for (target, column) in target.iter_mut().zip(fitted.columns[at].iter()) {
                     target.iter_mut().zip(column).for_each(|(target, x)| *target -= factor * x);
                 }
