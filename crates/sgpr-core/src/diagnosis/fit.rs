@@ -465,21 +465,26 @@ pub(super) fn by_log(problem: &Problem, errors: &LeftOut) -> Vec<ByLog> {
 /// Whether a term begins or ends at a time such that fewer than two parts of the logs are mostly before it or mostly after it:
 /// other parts cannot predict such a part.
 pub(super) fn is_in_one_part(problem: &Problem, term: &Term) -> bool {
-    if term.times().next().is_none() {
-        return false;
-    }
-    let is_there = |row: &(usize, usize)| {
-        let now = problem.time_of(*row);
-        term.times().filter(|time| *time <= now).count() % 2 == 1
-    };
+    let times: Vec<f64> = term.times().collect();
+    let parts = problem.parts();
+    let rows = problem.rows.iter().flatten().zip(parts.into_iter().flatten());
+    !times.is_empty() && is_alone(&times, rows.map(|(row, part)| (problem.time_of(*row), part)))
+}
+
+/// Whether what begins at the first of some times, ends at the second and so on is there in most rows of fewer than two parts, or
+/// of all but fewer than two.
+///
+/// - `rows`: time, s, and part
+fn is_alone(times: &[f64], rows: impl Iterator<Item = (f64, usize)>) -> bool {
     // Of every part: rows in which it is there, and those in which it is not.
-    let mut rows: Vec<[usize; 2]> = Vec::new();
-    for (row, part) in problem.rows.iter().flatten().zip(problem.parts().into_iter().flatten()) {
-        rows.resize(rows.len().max(part + 1), [0; 2]);
-        rows[part][usize::from(!is_there(row))] += 1;
+    let mut counts: Vec<[usize; 2]> = Vec::new();
+    for (now, part) in rows {
+        counts.resize(counts.len().max(part + 1), [0; 2]);
+        let is_there = times.iter().filter(|time| **time <= now).count() % 2 == 1;
+        counts[part][usize::from(!is_there)] += 1;
     }
-    let there = rows.iter().filter(|[there, not]| there > not).count();
-    there.min(rows.len() - there) < 2
+    let parts = |kind: usize| counts.iter().filter(|rows| rows[kind] > rows[1 - kind]).count();
+    parts(0).min(parts(1)) < 2
 }
 
 /// Errors in the band, on parts of the logs that were left out of the fit. What begins or ends at a time may be in one part
@@ -552,5 +557,19 @@ impl LogSums {
 impl From<crate::signal::SignalError> for DiagnosisError {
     fn from(error: crate::signal::SignalError) -> Self {
         Self::Model(error.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_change_is_predicted_by_parts_on_both_sides_of_it() {
+        // Five parts of 10 s.
+        let is_alone = |times: &[f64]| is_alone(times, (0..500).map(|row| (0.1 * f64::from(row), row as usize / 100)));
+        assert!(!is_alone(&[18.0]) && !is_alone(&[32.0]) && !is_alone(&[12.0, 34.0]));
+        // One part before it, mostly; one after it; a contact in one part.
+        assert!(is_alone(&[14.0]) && is_alone(&[36.0]) && is_alone(&[21.0, 29.0]));
     }
 }
