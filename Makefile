@@ -249,7 +249,7 @@ fuzz-count:
 
 ## Millions of calls of a predictor and a thousand identifications, in which memory must not grow; how long the slowest calls take.
 SOAK_CALLS ?= 10000000
-SOAK_FITS ?= 1000
+SOAK_FITS ?= 10000
 soak:
 	SGPR_SOAK_CALLS=$(SOAK_CALLS) SGPR_SOAK_FITS=$(SOAK_FITS) cargo test --locked --release --package sgpr-core --test soak
 	SGPR_SOAK_CALLS=$(SOAK_CALLS) cargo test --locked --release --package sgpr-predict --features simd --test endurance
