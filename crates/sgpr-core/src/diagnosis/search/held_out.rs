@@ -49,11 +49,15 @@ impl HeldOut {
         self.total().iter().zip(after.total()).any(|(own, after)| after > TIMES * own)
     }
 
-    /// Whether a load or a contact makes the errors of some joints larger by more than it makes those of others smaller.
-    pub(super) fn is_worse_for_arm(&self, after: &Self, term: &Term) -> bool {
-        let falls =
-            self.total().into_iter().zip(after.total()).map(|(own, after)| (own.max(TINY) / after.max(TINY)).ln());
-        term.effect.reach() == Reach::All && !term.is_transform() && falls.sum::<f64>() < 0.0
+    /// Whether a torque makes the errors of the joints on which it acts larger: of a load or a contact, of some by more than it
+    /// makes those of others smaller. What lowers them in the band may ring beyond it.
+    pub(super) fn is_worse_with(&self, after: &Self, term: &Term) -> bool {
+        let acts = |joint: usize| term.effect.reach() == Reach::All || term.site.joint().is_none_or(|own| own == joint);
+        let totals = self.total().into_iter().zip(after.total()).enumerate();
+        let fall = |(joint, (own, after)): (usize, (f64, f64))| {
+            if acts(joint) { (own.max(TINY) / after.max(TINY)).ln() } else { 0.0 }
+        };
+        !term.is_transform() && totals.map(fall).sum::<f64>() < 0.0
     }
 
     /// Largest fall on a joint with one more term, as a share of what is left, in all logs or in one: an effect of fast
@@ -180,7 +184,7 @@ mod tests {
     use crate::effects::{Site, by_name};
 
     #[test]
-    fn a_load_that_helps_one_joint_and_harms_two_is_none() {
+    fn what_helps_one_joint_and_harms_two_or_rings_beyond_the_band_is_none() {
         let errors = |own: [f64; 3]| HeldOut {
             left_out: LeftOut { rows: vec![] },
             in_band: own.map(|e| vec![e]).to_vec(),
@@ -189,8 +193,10 @@ mod tests {
         let before = errors([1.0, 1.0, 1.0]);
         let of = |name: &str, site: Site| Term::new(by_name(name).expect("in the library"), site, vec![5.0]);
         let load = of("payload_change", Site::Arm);
-        assert!(before.is_worse_for_arm(&errors([0.95, 1.1, 1.1]), &load));
-        assert!(!before.is_worse_for_arm(&errors([0.95, 1.02, 1.02]), &load));
-        assert!(!before.is_worse_for_arm(&errors([0.95, 1.1, 1.1]), &of("friction_step", Site::Joint(0))));
+        assert!(before.is_worse_with(&errors([0.95, 1.1, 1.1]), &load));
+        assert!(!before.is_worse_with(&errors([0.95, 1.02, 1.02]), &load));
+        assert!(!before.is_worse_with(&errors([0.95, 1.1, 1.1]), &of("friction_step", Site::Joint(0))));
+        let rings = HeldOut { beyond: vec![vec![6.0], vec![0.0], vec![0.0]], ..errors([0.5, 1.0, 1.0]) };
+        assert!(before.is_worse_with(&rings, &of("link_flexibility", Site::Joint(0))));
     }
 }
