@@ -40,7 +40,7 @@ const KINDS: [(&str, usize); 11] = [
     ("joint", ONE_JOINT.len()),
     ("beside", UNKNOWN.len()),
     ("poor", POOR.len()),
-    ("poornull", 4),
+    ("poornull", 16),
 ];
 
 /// The same in words.
