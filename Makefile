@@ -247,7 +247,7 @@ fuzz-count:
 	@awk '{ sum[$$1] += $$2; all += $$2 } END { for (target in sum) printf "| `%s` | %d |\n", target, sum[target] | "sort"; \
 		close("sort"); printf "| all | %d |\n", all }' fuzz/executions.txt
 
-## Millions of calls of a predictor and a thousand identifications, in which memory must not grow; how long the slowest calls take.
+## Millions of calls of a predictor and ten thousand identifications, in which memory must not grow; how long the slowest calls take.
 SOAK_CALLS ?= 10000000
 SOAK_FITS ?= 10000
 soak:

@@ -466,9 +466,11 @@ pub(super) fn by_log(problem: &Problem, errors: &LeftOut) -> Vec<ByLog> {
 /// other parts cannot predict such a part.
 pub(super) fn is_in_one_part(problem: &Problem, term: &Term) -> bool {
     let times: Vec<f64> = term.times().collect();
-    let parts = problem.parts();
-    let rows = problem.rows.iter().flatten().zip(parts.into_iter().flatten());
-    !times.is_empty() && is_alone(&times, rows.map(|(row, part)| (problem.time_of(*row), part)))
+    if times.is_empty() {
+        return false;
+    }
+    let rows = problem.rows.iter().flatten().zip(problem.parts().into_iter().flatten());
+    is_alone(&times, rows.map(|(row, part)| (problem.time_of(*row), part)))
 }
 
 /// Whether what begins at the first of some times, ends at the second and so on is there in most rows of fewer than two parts, or
@@ -490,17 +492,17 @@ fn is_alone(times: &[f64], rows: impl Iterator<Item = (f64, usize)>) -> bool {
 /// Errors in the band, on parts of the logs that were left out of the fit. What begins or ends at a time may be in one part
 /// alone ([`is_in_one_part`]): its torque counts as known.
 pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) -> LeftOut {
-    let is_known = |term: &Term| is_in_one_part(problem, term);
-    if !fitted.terms().iter().any(is_known) {
+    let known: Vec<bool> = fitted.terms().iter().map(|term| is_in_one_part(problem, term)).collect();
+    if !known.contains(&true) {
         return fitted.part_fits(problem, noise).errors();
     }
     let mut target = fitted.target.to_vec();
     let mut at = problem.base.rank();
     let mut columns = fitted.columns[..at].to_vec();
     let mut precision = fitted.precision[..at].to_vec();
-    for term in fitted.terms() {
+    for (term, known) in fitted.terms().iter().zip(known) {
         for factor in &term.coefficients {
-            if is_known(term) {
+            if known {
                 for (target, column) in target.iter_mut().zip(fitted.columns[at].iter()) {
                     target.iter_mut().zip(column).for_each(|(target, x)| *target -= factor * x);
                 }

@@ -127,9 +127,12 @@ impl Task<'_> {
                 let wider = faer::Scale(self.dispersion(&held).deviation.powi(2));
                 let knows_more = |bare: &Estimate| {
                     let covariance = wider * &bare.covariance;
-                    let doubt = self.doubt(&covariance, &flat);
-                    let of_held = || self.doubt(&(wider * &held.estimate.covariance), &flat);
-                    self.knows_more_than_file(&covariance, &flat) && (doubt <= CLEARLY || doubt <= FAR * of_held())
+                    let clear = || {
+                        let doubt = self.doubt(&covariance, &flat);
+                        let of_held = || self.doubt(&(wider * &held.estimate.covariance), &flat);
+                        doubt <= CLEARLY || doubt <= FAR * of_held()
+                    };
+                    self.knows_more_than_file(&covariance, &flat) && clear()
                 };
                 if let Some(bare) = bare.filter(knows_more) {
                     let (bare, refused) = without_negative(bare, flat.friction());

@@ -189,7 +189,7 @@ impl Search<'_> {
                     step.score = step.first_score;
                 }
                 let matters = size >= asked_of(term) && self.is_sure(errors, &with, term);
-                let harms = errors.is_worse_with(&with, term) || is_out_of_range(term);
+                let harms = self.is_worse_with(errors, &with, term) || is_out_of_range(term);
                 let stays = step.score >= EVIDENCE && matters && !harms;
                 if !stays && may_go(step) && weakest.as_ref().is_none_or(|(s, ..)| size < *s) {
                     weakest = Some((size, k, without));

@@ -459,7 +459,7 @@ impl Search<'_> {
             let fitted_term = trial.terms().last().unwrap_or(&candidate.term);
             let matters = without.largest_fall_to(&with, fitted_term) >= asked_of(fitted_term)
                 && self.is_sure(without, &with, fitted_term);
-            let harms = without.explodes_to(&with) || without.is_worse_with(&with, fitted_term);
+            let harms = without.explodes_to(&with) || self.is_worse_with(without, &with, fitted_term);
             if !matters || harms || is_out_of_range(fitted_term) {
                 continue;
             }

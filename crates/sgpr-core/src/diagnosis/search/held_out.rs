@@ -49,15 +49,10 @@ impl HeldOut {
         self.total().iter().zip(after.total()).any(|(own, after)| after > TIMES * own)
     }
 
-    /// Whether a torque makes the errors of the joints on which it acts larger: of a load or a contact, of some by more than it
-    /// makes those of others smaller. What lowers them in the band may ring beyond it.
-    pub(super) fn is_worse_with(&self, after: &Self, term: &Term) -> bool {
-        let acts = |joint: usize| term.effect.reach() == Reach::All || term.site.joint().is_none_or(|own| own == joint);
-        let totals = self.total().into_iter().zip(after.total()).enumerate();
-        let fall = |(joint, (own, after)): (usize, (f64, f64))| {
-            if acts(joint) { (own.max(TINY) / after.max(TINY)).ln() } else { 0.0 }
-        };
-        !term.is_transform() && totals.map(fall).sum::<f64>() < 0.0
+    /// Whether the errors of some joints together are larger after, of some by more than those of others are smaller.
+    fn is_worse_at(&self, after: &Self, joints: &[usize]) -> bool {
+        let [own, after] = [self, after].map(Self::total);
+        joints.iter().map(|&joint| (own[joint].max(TINY) / after[joint].max(TINY)).ln()).sum::<f64>() < 0.0
     }
 
     /// Largest fall on a joint with one more term, as a share of what is left, in all logs or in one: an effect of fast
@@ -169,6 +164,11 @@ impl Search<'_> {
         !asked || self.comparison(without, with, term).significance() >= SURE
     }
 
+    /// Whether a torque makes the errors of the joints on which it acts larger: what lowers them in the band may ring beyond it.
+    pub(super) fn is_worse_with(&self, without: &HeldOut, with: &HeldOut, term: &Term) -> bool {
+        !term.is_transform() && without.is_worse_at(with, &self.joints_of(term))
+    }
+
     /// Joints on which a term acts.
     pub(in super::super) fn joints_of(&self, term: &Term) -> Vec<usize> {
         match term.site.joint().filter(|_| term.effect.reach() == Reach::Own && !term.is_transform()) {
@@ -181,7 +181,6 @@ impl Search<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::{Site, by_name};
 
     #[test]
     fn what_helps_one_joint_and_harms_two_or_rings_beyond_the_band_is_none() {
@@ -191,12 +190,11 @@ mod tests {
             beyond: vec![vec![0.0]; 3],
         };
         let before = errors([1.0, 1.0, 1.0]);
-        let of = |name: &str, site: Site| Term::new(by_name(name).expect("in the library"), site, vec![5.0]);
-        let load = of("payload_change", Site::Arm);
-        assert!(before.is_worse_with(&errors([0.95, 1.1, 1.1]), &load));
-        assert!(!before.is_worse_with(&errors([0.95, 1.02, 1.02]), &load));
-        assert!(!before.is_worse_with(&errors([0.95, 1.1, 1.1]), &of("friction_step", Site::Joint(0))));
+        let arm = [0, 1, 2];
+        assert!(before.is_worse_at(&errors([0.95, 1.1, 1.1]), &arm));
+        assert!(!before.is_worse_at(&errors([0.95, 1.02, 1.02]), &arm));
+        assert!(!before.is_worse_at(&errors([0.95, 1.1, 1.1]), &[0]));
         let rings = HeldOut { beyond: vec![vec![6.0], vec![0.0], vec![0.0]], ..errors([0.5, 1.0, 1.0]) };
-        assert!(before.is_worse_with(&rings, &of("link_flexibility", Site::Joint(0))));
+        assert!(before.is_worse_at(&rings, &[0]));
     }
 }
