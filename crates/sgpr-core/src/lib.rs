@@ -24,6 +24,8 @@
 //! - [`linalg`]: the factors and selections behind the identification
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+mod conditioned_once;
 pub mod diagnosis;
 pub mod excitation;
 pub mod export;

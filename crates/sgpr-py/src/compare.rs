@@ -32,7 +32,7 @@ type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 /// model : Model or Robot
 ///     A robot stands for the model that its file describes.
 /// recordings : list of Recording or LogSet
-///     Samples that two of them share count once. A set keeps its filtered motion for the next comparison.
+///     Samples that two of them share count once. A set keeps its filtered motion for whatever looks at it next.
 /// processing : Model or Processing, optional
 ///     How the logs are processed: by default as the model was identified, else as is chosen from the logs. Give the
 ///     same to compare two models in the same band.

@@ -17,7 +17,9 @@ use crate::recording::Recording;
 /// of at least fifty are the same numbers. Lists of recordings are taken as such sets by all that learns from them or
 /// judges by them, with the same results.
 ///
-/// `compare` and `compare_streaming` keep the filtered motion with the set: more models are compared with it in less time.
+/// What filters and derivatives make of the logs is kept with the set, of the two ways of processing that were asked for last:
+/// all that takes sets finds the motion of a log once, be it `identify`, `compare`, `diagnose` or what learns. A set so takes up
+/// to four times the memory of its logs.
 ///
 /// Parameters
 /// ----------

@@ -16,10 +16,9 @@ use crate::effects::{Context, Reach, sgn};
 use crate::identification::{BaseParameters, EFFECT_SCALES, JointFactor, ParameterPrior, ParameterSet, Row, WIDTHS};
 use crate::linalg::{dot_in_lanes, triangle};
 use crate::model::{
-    Rigid, Term, TorqueModel, Trajectory, common_clock, motions, nominal_parameters, seconds_since, select_joints,
-    torque_of,
+    Rigid, Term, TorqueModel, Trajectory, common_clock, nominal_parameters, seconds_since, select_joints, torque_of,
 };
-use crate::motion::{Motion, Processing};
+use crate::motion::{Motion, Processing, all_stretches};
 use crate::recording::Recording;
 use crate::signal::LowPass;
 use crate::spatial::{PARAMETERS_PER_LINK, Vector3};
@@ -72,7 +71,7 @@ fn block_seconds(seconds: f64, band_hz: f64) -> f64 {
 /// One processed stretch of a log.
 #[derive(Debug)]
 pub(super) struct Stretch {
-    pub motion: Motion,
+    pub motion: Arc<Motion>,
     /// On the clock of the session, s; empty if the logs share none.
     pub time: Vec<f64>,
     filter: LowPass,
@@ -125,7 +124,7 @@ pub(super) struct Problem {
     /// Torque, per joint.
     pub y: Column,
     /// The logs as the model's own processing has them, against which the torque as logged is held.
-    logged: Vec<Motion>,
+    logged: Vec<Arc<Motion>>,
     /// Stamp at which the clock of the session starts, ns, if the logs share one.
     pub clock: Option<i64>,
     /// Cut-off of the equations, Hz.
@@ -145,18 +144,18 @@ impl Problem {
     pub fn new(model: &TorqueModel, train: &[Recording], processing: &Processing) -> Result<Self, DiagnosisError> {
         let recordings = select_joints(model.robot(), train)?;
         let quiet = quiet_band(model, &recordings, processing)?;
-        let logged = motions(&recordings, processing)?;
+        let logged = all_stretches(&recordings, processing)?;
         let Some(hz) = quiet else {
             return Self::with_motions(model, logged.clone(), logged, processing, None);
         };
-        let narrow = motions(&recordings, &Processing { cutoff_hz: hz, ..processing.clone() })?;
+        let narrow = all_stretches(&recordings, &Processing { cutoff_hz: hz, ..processing.clone() })?;
         Self::with_motions(model, narrow, logged, processing, quiet)
     }
 
     fn with_motions(
         model: &TorqueModel,
-        motions: Vec<Motion>,
-        logged: Vec<Motion>,
+        motions: Vec<Arc<Motion>>,
+        logged: Vec<Arc<Motion>>,
         processing: &Processing,
         quiet: Option<f64>,
     ) -> Result<Self, DiagnosisError> {
@@ -300,7 +299,7 @@ impl Problem {
 
     fn lay_out_rows(&mut self) {
         let n = self.dof();
-        let blocks = Blocks::new(self.stretches.iter().map(|stretch| &stretch.motion), self.block_s);
+        let blocks = Blocks::new(self.stretches.iter().map(|stretch| &*stretch.motion), self.block_s);
         self.rows.iter_mut().for_each(Vec::clear);
         self.run.iter_mut().for_each(Vec::clear);
         self.fold.iter_mut().for_each(Vec::clear);

@@ -13,7 +13,7 @@ use super::written::Written;
 use super::{DiagnosisError, detectability, experiment, formula, structure, whereabouts};
 use crate::effects::{Entry, Scale, Site};
 use crate::model::{Term, TorqueModel, compare};
-use crate::recording::Recording;
+use crate::recording::{LogSet, Recording};
 use crate::robot::Robot;
 
 /// A rival with this share of a finding's evidence is named beside it.
@@ -400,7 +400,8 @@ fn joint_errors(
         return Ok(errors);
     }
     let processing = search.problem.nominal.processing();
-    let (old, new) = (compare(before, test, processing)?, compare(after, test, processing)?);
+    let test = LogSet::new(test);
+    let (old, new) = (compare(before, &test, processing)?, compare(after, &test, processing)?);
     let finite = |value: f64| value.is_finite().then_some(value);
     let beyond = super::fit::beyond(&search.problem, fitted);
     let noise = beyond.iter().zip(&search.noise.level).map(|(beyond, in_band)| beyond[0].hypot(*in_band));

@@ -6,9 +6,8 @@ use super::experiment::{select_joints, torque_of};
 use super::{IdentifyError, TorqueModel};
 use crate::dynamics::{Workspace, gravity_torque};
 use crate::identification::Row;
-use crate::motion::{Motion, MotionError, Processing};
+use crate::motion::{Motion, MotionError, Processing, stretches_of};
 use crate::recording::{LogSet, Recording};
-use crate::robot::Robot;
 use crate::signal::LowPass;
 
 /// How well a model predicts the torque of some logs.
@@ -197,36 +196,6 @@ pub fn compare(
     compare_set(model, &|motion, _| Ok(model.predict_motion(motion)), &logs.into(), processing)
 }
 
-/// The motion in a set of logs.
-struct Conditioned {
-    joints: Vec<String>,
-    processing: Processing,
-    /// Each log, with the joints alone, and its stretches.
-    logs: Vec<(Recording, Vec<Arc<Motion>>)>,
-}
-
-impl Conditioned {
-    fn new(set: &LogSet, robot: &Robot, processing: &Processing) -> Result<Self, IdentifyError> {
-        let stretches = |recording: &Recording| -> Result<_, IdentifyError> {
-            let motions = Motion::from_recording(recording, processing)?;
-            Ok((recording.clone(), motions.into_iter().map(Arc::new).collect()))
-        };
-        Ok(Self {
-            joints: robot.joint_names().map(String::from).collect(),
-            processing: processing.clone(),
-            logs: select_joints(robot, set)?.iter().map(stretches).collect::<Result<_, _>>()?,
-        })
-    }
-
-    /// The motion as it was last found in the set, if it was processed in the same way.
-    fn of(set: &LogSet, robot: &Robot, processing: &Processing) -> Result<Arc<Self>, IdentifyError> {
-        let fits = |known: &Self| {
-            known.processing == *processing && robot.joint_names().eq(known.joints.iter().map(String::as_str))
-        };
-        set.derived(fits, |set| Self::new(set, robot, processing))
-    }
-}
-
 /// Compares what `predict` says of recordings as they are.
 pub(super) fn compare_by<E: From<IdentifyError>>(
     model: &TorqueModel,
@@ -247,23 +216,22 @@ pub(super) fn compare_set<E: From<IdentifyError>>(
     if set.is_empty() {
         return Err(IdentifyError::from(MotionError::NoRecording).into());
     }
+    let recordings = select_joints(model.robot(), set).map_err(IdentifyError::from)?;
     let chosen;
     let processing = match processing.or(model.processing()) {
         Some(processing) => processing,
         None => {
-            let recordings = select_joints(model.robot(), set).map_err(IdentifyError::from)?;
             chosen = Processing::choose(&recordings, &Default::default()).map_err(IdentifyError::from)?.0;
             &chosen
         }
     };
-    let conditioned = Conditioned::of(set, model.robot(), processing)?;
     let n = model.robot().dof();
     let mut sums = vec![ErrorSums::default(); n];
     let mut logs = Vec::new();
-    for (recording, motions) in &conditioned.logs {
-        for motion in motions {
-            let predicted = predict(motion, recording)?;
-            let log = LogResidual::new(motion.clone(), predicted, processing)?;
+    for recording in recordings.iter() {
+        for motion in stretches_of(recording, processing).map_err(IdentifyError::from)? {
+            let predicted = predict(&motion, recording)?;
+            let log = LogResidual::new(motion, predicted, processing)?;
             let gravity = gravity(model, &log.motion);
             sums.iter_mut().enumerate().for_each(|(joint, sums)| sums.add(&log, joint, &gravity));
             logs.push(log);

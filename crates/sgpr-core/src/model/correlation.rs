@@ -1,5 +1,7 @@
 //! How much the residual of a model remembers.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::experiment::torque_of;
@@ -11,7 +13,7 @@ use crate::motion::{Motion, Processing};
 /// it drowns in its own noise.
 pub(super) fn correlation(
     model: &TorqueModel,
-    motions: &[Motion],
+    motions: &[Arc<Motion>],
     processing: &Processing,
     factors: &[JointFactor],
 ) -> Result<Vec<f64>, IdentifyError> {

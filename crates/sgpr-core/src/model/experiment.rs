@@ -2,17 +2,18 @@
 
 use std::borrow::Cow;
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::IdentifyError;
 use crate::identification::{ClosedLoop, Row, Trajectory, TrajectoryColumn};
-use crate::motion::{Motion, MotionError, Processing};
+use crate::motion::{Motion, MotionError, Processing, stretches_of};
 use crate::recording::{Recording, RecordingError, SMALLEST_TORQUE, is_still};
 use crate::robot::Robot;
 use crate::signal::LowPass;
 
 /// The motion in some recordings with the filters of their equations.
 pub(super) struct Experiment {
-    pub motions: Vec<Motion>,
+    pub motions: Vec<Arc<Motion>>,
     /// The stretches of each recording that has one.
     pub logs: Vec<Range<usize>>,
     filters: Vec<Option<LowPass>>,
@@ -33,21 +34,12 @@ impl Experiment {
         let (mut motions, mut logs) = (Vec::new(), Vec::new());
         for recording in recordings {
             let first = motions.len();
-            motions.extend(Motion::from_recording(recording, processing)?);
+            motions.extend(stretches_of(recording, processing)?);
             logs.push(first..motions.len());
         }
         logs.retain(|stretches| !stretches.is_empty());
-        let filters = motions.iter().map(|motion: &Motion| processing.band_filter(motion.rate_hz));
+        let filters = motions.iter().map(|motion: &Arc<Motion>| processing.band_filter(motion.rate_hz));
         Ok(Self { filters: filters.collect::<Result<_, _>>()?, motions, logs, decimation: processing.decimation })
-    }
-
-    /// The same without the rows in which the ends of a log show.
-    pub fn settled(mut self) -> Self {
-        for (motion, filter) in self.motions.iter_mut().zip(&self.filters) {
-            let rows = std::mem::take(&mut motion.use_as);
-            motion.use_as = settled_rows(motion, filter.as_ref(), rows);
-        }
-        self
     }
 
     /// What the rows of each motion would be without those near turns of their joints, within `turn_margin` of another
@@ -65,7 +57,7 @@ impl Experiment {
     /// - `loops`: the controller of each motion; none for none
     pub fn trajectories<'a>(
         &'a self,
-        instruments: &'a [Motion],
+        instruments: &'a [Arc<Motion>],
         loops: &'a [ClosedLoop<'a>],
     ) -> Result<Vec<Trajectory<'a>>, MotionError> {
         self.trajectories_with(instruments, loops, None)
@@ -74,7 +66,7 @@ impl Experiment {
     /// The same with the columns of terms, and the torque that these leave to linear equations.
     pub fn trajectories_with<'a>(
         &'a self,
-        instruments: &'a [Motion],
+        instruments: &'a [Arc<Motion>],
         loops: &'a [ClosedLoop<'a>],
         columns: Option<&'a TermColumns>,
     ) -> Result<Vec<Trajectory<'a>>, MotionError> {
@@ -87,7 +79,7 @@ impl Experiment {
                     use_as: Some(&motion.use_as),
                     filter: filter.as_ref(),
                     decimation: if filter.is_some() { self.decimation } else { 1 },
-                    instruments: instruments.get(index).map(Motion::samples),
+                    instruments: instruments.get(index).map(|motion| motion.samples()),
                     closed_loop: loops.get(index),
                     columns: columns.map_or(&[], |columns| &columns.values[index]),
                 })
@@ -99,7 +91,7 @@ impl Experiment {
     ///
     /// - `gains`: `[n]`
     pub fn with_gains(&self, gains: &[f64]) -> Result<TermColumns, MotionError> {
-        let gained = |motion: &Motion| -> Result<Vec<f64>, MotionError> {
+        let gained = |motion: &Arc<Motion>| -> Result<Vec<f64>, MotionError> {
             Ok(torque_of(motion)?.iter().zip(gains.iter().cycle()).map(|(tau, gain)| tau * gain).collect())
         };
         let tau = self.motions.iter().map(gained).collect::<Result<_, _>>()?;
@@ -127,15 +119,6 @@ fn settled_rows(motion: &Motion, filter: Option<&LowPass>, mut rows: Vec<Row>) -
         }
     }
     rows
-}
-
-/// Every stretch of every recording.
-pub(crate) fn motions(recordings: &[Recording], processing: &Processing) -> Result<Vec<Motion>, MotionError> {
-    let mut motions = Vec::new();
-    for recording in recordings {
-        motions.extend(Motion::from_recording(recording, processing)?);
-    }
-    Ok(motions)
 }
 
 pub(crate) fn torque_of(motion: &Motion) -> Result<&[f64], MotionError> {

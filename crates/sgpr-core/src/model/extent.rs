@@ -1,5 +1,7 @@
 //! What joints did in logs, as far as it is asked beside the equations.
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 use crate::identification::Row;
@@ -21,7 +23,7 @@ pub struct JointExtent {
 
 impl JointExtent {
     /// Of each joint in some motions.
-    pub(super) fn of(motions: &[Motion], joints: usize) -> Vec<Self> {
+    pub(super) fn of(motions: &[Arc<Motion>], joints: usize) -> Vec<Self> {
         let mut extents =
             vec![Self { position: [f64::MAX, f64::MIN], speed: 0.0, acceleration: 0.0, samples: [0; 2] }; joints];
         for motion in motions {

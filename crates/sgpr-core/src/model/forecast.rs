@@ -1,6 +1,8 @@
 //! How much data is enough, after recording: what uncertain parameters bring to the torque of other motion, after these logs
 //! and after more of their kind.
 
+use std::sync::Arc;
+
 use super::held::{Held, Task};
 use crate::dynamics::Samples;
 use crate::identification::{
@@ -45,14 +47,14 @@ pub(super) fn states_of(
     robot: &Robot,
     set: &ParameterSet,
     base: &BaseParameters,
-    motions: &[Motion],
+    motions: &[Arc<Motion>],
 ) -> Result<Vec<JointFactor>, IdentificationError> {
     let n = robot.dof();
     let mut random = Random::new(0);
     let mut motion = [const { vec![] }; 3].map(|_: Vec<f64>| vec![0.0; STATES * n]);
     for joint in 0..n {
         let rows = |moving: bool| -> Vec<(usize, usize)> {
-            let of_log = |(log, motion): (usize, &Motion)| {
+            let of_log = |(log, motion): (usize, &Arc<Motion>)| {
                 let used = (0..motion.len()).filter(move |k| !moving || motion.use_as[k * n + joint] == Row::Moving);
                 used.map(move |k| (log, k * n + joint)).collect::<Vec<_>>()
             };

@@ -1,5 +1,6 @@
 use std::collections::BTreeSet;
 use std::path::Path;
+use std::sync::Arc;
 
 use sgpr_predict::model::Term;
 
@@ -228,7 +229,7 @@ const NEAR_ZERO: u64 = 3_600_000_000_000;
 
 /// The earliest stamp, if no two logs overlap in time and all belong to one session. A clock that
 /// starts near zero starts at zero.
-pub(crate) fn common_clock(motions: &[Motion]) -> Option<i64> {
+pub(crate) fn common_clock(motions: &[Arc<Motion>]) -> Option<i64> {
     let mut spans: Vec<(i64, i64)> = motions.iter().filter_map(|m| Some((*m.time.first()?, *m.time.last()?))).collect();
     spans.sort_unstable();
     let apart = spans.windows(2).all(|pair| pair[0].1 <= pair[1].0);

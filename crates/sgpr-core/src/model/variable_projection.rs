@@ -386,7 +386,7 @@ impl<'a> TermFit<'a> {
     /// The same, and tangents by constants behind them.
     fn columns_with(&self, model: &TorqueModel, unknowns: &[Unknown]) -> Result<TermColumns, MotionError> {
         let parameters = self.parameters(model, unknowns);
-        let of_motion = |(motion, times): (&Motion, &Vec<f64>)| -> Result<(Vec<f64>, Vec<Vec<f64>>), MotionError> {
+        let of_motion = |(motion, times): (&Arc<Motion>, &Vec<f64>)| -> Result<(Vec<f64>, Vec<Vec<f64>>), MotionError> {
             let mut tau = torque_of(motion)?.to_vec();
             if parameters.is_empty() && model.terms().is_empty() {
                 return Ok((tau, vec![]));

@@ -3,12 +3,18 @@
 //! What is done to a log is decided once, by [`Processing::choose`] from the training logs, kept with the model, and
 //! done in the same way to every log that is compared with it.
 
+mod conditioned;
+#[cfg(test)]
+mod counted;
 mod error;
 mod periods;
 mod pieces;
 mod processing;
 mod standstill;
 
+pub(crate) use conditioned::{all_stretches, stretches_of};
+#[cfg(test)]
+pub(crate) use counted::times_conditioned;
 pub use error::MotionError;
 pub use periods::{PeriodAverage, average_periods};
 pub use processing::{Conditioning, Processing, TorqueBand};
@@ -55,6 +61,8 @@ impl Motion {
     /// be done.
     pub fn from_recording(recording: &Recording, processing: &Processing) -> Result<Vec<Self>, MotionError> {
         processing.check(recording.dof())?;
+        #[cfg(test)]
+        counted::count(recording.source());
         let mut motions = Vec::new();
         let mut too_short = None;
         for stretch in stretches(recording, GAP_FACTOR) {

@@ -159,20 +159,13 @@ impl Processing {
         let mut slowest = f64::INFINITY;
         let mut top_speed: Vec<f64> = Vec::new();
         for recording in recordings {
-            // The longest stretch speaks for a log.
-            let stretches = stretches(recording, GAP_FACTOR);
-            let Some(longest) = stretches.max_by_key(|stretch| stretch.len()) else { continue };
-            let rate = uniform_rate(&longest)?;
-            let n = longest.dof();
-            choices.push(choose_cutoff(longest.position(), n, rate));
-            slowest = slowest.min(rate);
-            top_speed.resize(n, 0.0);
-            let stride = (0.05 * rate).ceil() as usize;
-            for (joint, top) in top_speed.iter_mut().enumerate() {
-                let coarse: Vec<f64> = longest.position().iter().skip(joint).step_by(n * stride).copied().collect();
-                let speed = |pair: &[f64]| (pair[1] - pair[0]).abs() * rate / stride as f64;
-                *top = coarse.windows(2).map(speed).fold(*top, f64::max);
-            }
+            let fits = |known: &Spectra| known.joints == recording.joint_names();
+            let spectra = recording.keeping(fits, || Spectra::new(recording))?;
+            let Some(choice) = &spectra.choice else { continue };
+            choices.push(choice.clone());
+            slowest = slowest.min(spectra.rate_hz);
+            top_speed.resize(recording.dof(), 0.0);
+            top_speed.iter_mut().zip(&spectra.top_speed).for_each(|(top, own)| *top = top.max(*own));
         }
         if choices.is_empty() {
             return Err(MotionError::NoRecording);
@@ -216,5 +209,35 @@ impl Processing {
         };
         processing.check(top_speed.len())?;
         Ok((processing, choices))
+    }
+}
+
+/// What choices are made from, of one log.
+struct Spectra {
+    joints: Vec<String>,
+    /// None of a log without samples.
+    choice: Option<CutoffChoice>,
+    rate_hz: f64,
+    /// Per joint, from coarse steps: noise makes little of it, rad/s (m/s).
+    top_speed: Vec<f64>,
+}
+
+impl Spectra {
+    fn new(recording: &Recording) -> Result<Self, MotionError> {
+        let n = recording.dof();
+        let mut spectra =
+            Self { joints: recording.joint_names().to_vec(), choice: None, rate_hz: 0.0, top_speed: vec![0.0; n] };
+        // The longest stretch speaks for a log.
+        let stretches = stretches(recording, GAP_FACTOR);
+        let Some(longest) = stretches.max_by_key(|stretch| stretch.len()) else { return Ok(spectra) };
+        spectra.rate_hz = uniform_rate(&longest)?;
+        spectra.choice = Some(choose_cutoff(longest.position(), n, spectra.rate_hz));
+        let stride = (0.05 * spectra.rate_hz).ceil() as usize;
+        for (joint, top) in spectra.top_speed.iter_mut().enumerate() {
+            let coarse: Vec<f64> = longest.position().iter().skip(joint).step_by(n * stride).copied().collect();
+            let speed = |pair: &[f64]| (pair[1] - pair[0]).abs() * spectra.rate_hz / stride as f64;
+            *top = coarse.windows(2).map(speed).fold(0.0, f64::max);
+        }
+        Ok(spectra)
     }
 }

@@ -1,12 +1,10 @@
 //! The logs of one robot as a set: what is in two of them counts once, and their order does not matter.
 
-use std::any::Any;
 use std::cmp::Ordering;
 use std::collections::HashMap;
-use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::{Deref, Range};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use super::Recording;
 
@@ -17,8 +15,9 @@ use super::Recording;
 /// of a run of them are the same numbers: those of another run of the same motion have other noise.
 ///
 /// A set goes wherever logs go, as a slice of its logs, and results are those of the list that it was made of. It never
-/// changes, and its clones share all that it holds. [`compare`](crate::model::compare()) keeps the motion that it found in a
-/// set, as it was last processed: several models are compared with a set that was filtered and differentiated once.
+/// changes, and its clones share all that it holds. What filters and derivatives make of its logs is kept with them, of the
+/// two ways of processing that were asked for last: identification, comparison, diagnosis and processes find the motion of a
+/// log of a set once.
 ///
 /// # Examples
 /// ```
@@ -36,17 +35,13 @@ use super::Recording;
 /// assert_eq!(set[1].source(), "two");
 /// # Ok::<(), sgpr_core::recording::RecordingError>(())
 /// ```
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct LogSet {
     logs: Arc<[Recording]>,
     /// Of each log: which of those that were looked at it is of.
     origins: Arc<[usize]>,
     notes: Arc<[String]>,
-    derived: Derived,
 }
-
-/// What was last made of the logs of a set, by a room above this one.
-type Derived = Arc<Mutex<Option<Arc<dyn Any + Send + Sync>>>>;
 
 /// Shorter runs may be alike by chance, where an arm stands and numbers are coarse: so many samples that differ from the
 /// one before. Shorter rests between runs are not worth a log.
@@ -72,13 +67,17 @@ impl LogSet {
             origins.resize(logs.len(), origin);
             known.add(log);
         }
-        Self { logs: logs.into(), origins: origins.into(), notes: notes.into(), derived: Derived::default() }
+        Self::of(logs, origins, notes)
     }
 
     /// Every log whole, whatever others hold of it: for predictions of each, not for figures over all.
     pub fn whole(recordings: &[Recording]) -> Self {
-        let origins = (0..recordings.len()).collect();
-        Self { logs: recordings.into(), origins, notes: [].into(), derived: Derived::default() }
+        Self::of(recordings.to_vec(), (0..recordings.len()).collect(), vec![])
+    }
+
+    fn of(mut logs: Vec<Recording>, origins: Vec<usize>, notes: Vec<String>) -> Self {
+        logs.iter_mut().for_each(|log| log.kept = log.kept.on());
+        Self { logs: logs.into(), origins: origins.into(), notes: notes.into() }
     }
 
     /// The logs in an order that follows from what is in them, by their first stamps and then by their content: whatever
@@ -103,24 +102,6 @@ impl LogSet {
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
-
-    /// What `make` makes of the set; what it made last, for any clone of the set, if that `fits`.
-    pub(crate) fn derived<T: Any + Send + Sync, E>(
-        &self,
-        fits: impl Fn(&T) -> bool,
-        make: impl FnOnce(&Self) -> Result<T, E>,
-    ) -> Result<Arc<T>, E> {
-        // A value is whole or not there, so a panic elsewhere left nothing half.
-        let mut last = self.derived.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(known) = last.clone().and_then(|known| known.downcast::<T>().ok()).filter(|known| fits(known)) {
-            return Ok(known);
-        }
-        // What was there is not needed while the next is made.
-        *last = None;
-        let made = Arc::new(make(self)?);
-        *last = Some(made.clone());
-        Ok(made)
-    }
 }
 
 impl Deref for LogSet {
@@ -128,13 +109,6 @@ impl Deref for LogSet {
 
     fn deref(&self) -> &[Recording] {
         &self.logs
-    }
-}
-
-impl fmt::Debug for LogSet {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { logs, origins, notes, .. } = self;
-        f.debug_struct("LogSet").field("logs", logs).field("origins", origins).field("notes", notes).finish()
     }
 }
 

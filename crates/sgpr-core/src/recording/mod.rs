@@ -6,6 +6,7 @@
 mod calendar;
 pub mod csv;
 mod decimal;
+mod derived;
 mod error;
 mod inspect;
 mod layout;
@@ -20,12 +21,14 @@ mod resample;
 mod statistics;
 mod units;
 
+use std::any::Any;
 use std::io::{self, BufWriter};
 use std::path::Path;
 use std::sync::Arc;
 
 use tempfile::NamedTempFile;
 
+use derived::Derived;
 pub use error::RecordingError;
 pub use inspect::{GAP_FACTOR, Issue, IssueKind, Severity, inspect, refusals};
 pub(crate) use inspect::{MOST_JITTER, is_still, jitter};
@@ -56,6 +59,7 @@ pub struct Recording {
     notes: Vec<String>,
     layout: Option<Layout>,
     accepted: Vec<IssueKind>,
+    kept: Derived,
 }
 
 impl Recording {
@@ -106,6 +110,7 @@ impl Recording {
             notes: Vec::new(),
             layout: None,
             accepted: Vec::new(),
+            kept: Derived::default(),
         })
     }
 
@@ -118,6 +123,7 @@ impl Recording {
     #[must_use]
     pub fn with_source(mut self, source: impl Into<String>) -> Self {
         self.source = source.into();
+        self.kept = Derived::default();
         self
     }
 
@@ -157,6 +163,7 @@ impl Recording {
         require_joint_list(&self.source, &names)?;
         self.layout = self.layout.map(|layout| layout.renamed(&names));
         self.joint_names = names;
+        self.kept = Derived::default();
         Ok(self)
     }
 
@@ -276,6 +283,22 @@ impl Recording {
     /// Steps of the time, `[samples - 1]`, s.
     fn steps(&self) -> Vec<f64> {
         self.time.windows(2).map(|pair| seconds(pair[0], pair[1])).collect()
+    }
+
+    /// The same log, of which nothing is kept that is made from it on.
+    pub(crate) fn apart(&self) -> Self {
+        Self { kept: Derived::default(), ..self.clone() }
+    }
+
+    /// What `make` makes of the log; if it is one of a [`LogSet`], what was made before of it or of its joints and `fits`.
+    ///
+    /// - `fits`: has to know what it is made with, the joints among it
+    pub(crate) fn keeping<T: Any + Send + Sync, E>(
+        &self,
+        fits: impl Fn(&T) -> bool,
+        make: impl FnOnce() -> Result<T, E>,
+    ) -> Result<Arc<T>, E> {
+        self.kept.or_make(fits, make)
     }
 
     /// The arrays that are there, with their names.

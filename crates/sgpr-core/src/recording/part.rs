@@ -5,6 +5,7 @@ use std::fmt::Display;
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::derived::Derived;
 use super::{Channel, IssueKind, Recording, RecordingError, require_joint_list, seconds};
 
 impl Recording {
@@ -120,6 +121,7 @@ impl Recording {
             notes: self.notes.clone(),
             layout: self.layout.clone(),
             accepted: self.accepted.clone(),
+            kept: Derived::default(),
         }
     }
 

@@ -65,7 +65,7 @@ pub enum Resample {
 /// ```
 pub fn repair(recording: &Recording, request: &Repair) -> Result<(Vec<Recording>, Vec<String>), RecordingError> {
     request.check()?;
-    let mut work = RepairWork { recording: recording.clone(), actions: Vec::new() };
+    let mut work = RepairWork { recording: recording.apart(), actions: Vec::new() };
     if let Some(window) = &request.trim {
         let time = recording.time_seconds();
         let what = format!("outside {} to {} s", window.start(), window.end());

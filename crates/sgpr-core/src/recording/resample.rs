@@ -36,6 +36,7 @@ pub(super) fn resample(recording: &Recording, period: u64) -> Recording {
         notes: recording.notes.clone(),
         layout: recording.layout.clone(),
         accepted: recording.accepted.clone(),
+        kept: Default::default(),
         time: Arc::new(stamps),
     }
 }

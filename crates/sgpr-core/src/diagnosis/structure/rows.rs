@@ -46,7 +46,7 @@ impl JointRows {
         let n = problem.dof();
         let mut rows = Self::new(joint, n);
         let every = problem.rows[joint].len().div_ceil(MOST_ROWS).max(1);
-        let blocks = Blocks::new(problem.stretches.iter().map(|stretch| &stretch.motion), BLOCK_S);
+        let blocks = Blocks::new(problem.stretches.iter().map(|stretch| &*stretch.motion), BLOCK_S);
         for (k, &(index, sample)) in problem.rows[joint].iter().enumerate() {
             let run = problem.run[joint][k] / every;
             if !problem.run[joint][k].is_multiple_of(every) {

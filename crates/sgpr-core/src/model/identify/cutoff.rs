@@ -35,6 +35,8 @@ pub fn cutoff_influence(
 ) -> Result<Vec<CutoffInfluence>, IdentifyError> {
     let set = set_of(recordings, options);
     let recordings = select_joints(robot, set.as_ref().map_or(recordings, LogSet::logs))?;
+    // Nothing else looks at their motion in these bands.
+    let apart: Vec<Recording> = recordings.iter().map(Recording::apart).collect();
     let (Some(processing), Some(reference)) = (&model.processing, &model.fit) else { return Ok(vec![]) };
     // The pull that the data chose stays what it was.
     let mut options = options.clone();
@@ -51,7 +53,7 @@ pub fn cutoff_influence(
         let mut conditioning = options.conditioning.clone();
         conditioning.cutoff_hz = Some(factor * processing.cutoff_hz);
         let Ok((processing, _)) = Processing::choose(&recordings, &conditioning) else { continue };
-        let other = match fit(robot, &recordings, options, &processing, Given::default(), &()) {
+        let other = match fit(robot, &apart, options, &processing, Given::default(), &()) {
             Ok((model, ..)) => model,
             // Twice the cut-off can lie beyond what the sampling rate holds.
             Err(IdentifyError::Signal(_) | IdentifyError::Motion(_)) => continue,

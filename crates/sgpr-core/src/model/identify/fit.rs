@@ -1,5 +1,7 @@
 //! From logs to a model, stage by stage: set up, observe, estimate, leave out or hold, and write down.
 
+use std::sync::Arc;
+
 use faer::Mat;
 
 use super::notes::{cost_note, cross_validation_note, dearest_joint, describe, dispersed, essential_note};
@@ -36,7 +38,7 @@ pub(super) fn fit(
     processing: &Processing,
     given: Given,
     progress: &dyn Progress,
-) -> Result<(TorqueModel, FitOutcome, Vec<Motion>), IdentifyError> {
+) -> Result<(TorqueModel, FitOutcome, Vec<Arc<Motion>>), IdentifyError> {
     let (of_state, others) = variable_projection::split(robot, &options.effects)?;
     let set = ParameterSet::new(robot, &of_state)?;
     let mut start = match options.start {

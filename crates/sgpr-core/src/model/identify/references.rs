@@ -1,9 +1,11 @@
 //! The motion without noise: references of the controller, or simulated from them.
 
+use std::sync::Arc;
+
 use super::{Controller, IdentifyError, IdentifyOptions};
 use crate::identification::{ClosedLoop, Method};
 use crate::model::experiment::select_joints;
-use crate::motion::{Motion, Processing};
+use crate::motion::{Motion, Processing, stretches_of};
 use crate::recording::Recording;
 use crate::robot::Robot;
 
@@ -12,8 +14,8 @@ pub(super) fn instruments(
     robot: &Robot,
     options: &IdentifyOptions,
     processing: &Processing,
-    motions: &[Motion],
-) -> Result<Vec<Motion>, IdentifyError> {
+    motions: &[Arc<Motion>],
+) -> Result<Vec<Arc<Motion>>, IdentifyError> {
     if options.instruments.is_empty() {
         return Ok(Vec::new());
     }
@@ -22,10 +24,10 @@ pub(super) fn instruments(
     for recording in recordings.iter() {
         let as_controlled = reference_processing(processing, recording);
         let processing = if options.controller.is_some() { &as_controlled } else { processing };
-        instruments.extend(Motion::from_recording(recording, processing)?);
+        instruments.extend(stretches_of(recording, processing)?);
     }
     let (samples, wanted): (Vec<usize>, Vec<usize>) =
-        (instruments.iter().map(Motion::len).collect(), motions.iter().map(Motion::len).collect());
+        (instruments.iter().map(|m| m.len()).collect(), motions.iter().map(|m| m.len()).collect());
     if samples != wanted {
         let (found, expected) = (samples.len(), wanted.len());
         return Err(IdentifyError::Instruments { found, samples, expected, wanted });
@@ -50,7 +52,7 @@ const LONGEST_STEP: f64 = 2.5e-4;
 pub(super) fn loops<'a>(
     robot: &Robot,
     options: &'a IdentifyOptions,
-    references: &'a [Motion],
+    references: &'a [Arc<Motion>],
 ) -> Result<Vec<ClosedLoop<'a>>, IdentifyError> {
     let Some(Controller { kp, kd }) = &options.controller else {
         return if options.method == Method::OutputError { Err(IdentifyError::NoController) } else { Ok(Vec::new()) };
@@ -61,7 +63,7 @@ pub(super) fn loops<'a>(
     if let Some(gains) = [kp, kd].into_iter().find(|gains| gains.len() != robot.dof()) {
         return Err(IdentifyError::Gains { found: gains.len(), joints: robot.dof() });
     }
-    let of_motion = |reference: &'a Motion| ClosedLoop {
+    let of_motion = |reference: &'a Arc<Motion>| ClosedLoop {
         reference: reference.samples(),
         feed_forward: reference.tau.as_deref(),
         kp,

@@ -35,9 +35,11 @@ pub fn screen(model: &TorqueModel, recordings: &[Recording]) -> Result<Vec<Findi
     let mut findings = screen_factors(set, base, &joints, &factors, &estimate);
     // Dry friction near turns looks like a torque at another time, and like outliers, as do the ends of a log.
     let calm = Processing { turn_margin: processing.turn_margin.max(1.0), ..processing.clone() };
-    let calm = Experiment::new(&recordings, &calm)?.settled();
-    let mut equations = Equations::new(robot, set, base, calm.trajectories_with(&[], &[], Some(&columns))?);
-    findings.extend(screen_rows(&mut equations, &joints, &calm.rates_hz(), &factors, &estimate)?);
-    findings.extend(screen_delays(&equations, &joints, &calm.rates_hz())?);
+    let rows = experiment.calm_rows(&calm);
+    let mut trajectories = experiment.trajectories_with(&[], &[], Some(&columns))?;
+    trajectories.iter_mut().zip(&rows).for_each(|(trajectory, rows)| trajectory.use_as = Some(rows));
+    let mut equations = Equations::new(robot, set, base, trajectories);
+    findings.extend(screen_rows(&mut equations, &joints, &experiment.rates_hz(), &factors, &estimate)?);
+    findings.extend(screen_delays(&equations, &joints, &experiment.rates_hz())?);
     Ok(findings)
 }

@@ -123,7 +123,7 @@ impl Logs<'_> {
         let place = |stretches: &Range<usize>| {
             let (first, last) = (&motions[stretches.start], &motions[stretches.end - 1]);
             let time = [first.time.first(), last.time.last()].map(|stamp| stamp.copied().unwrap_or(0));
-            let samples = motions[stretches.clone()].iter().map(Motion::len).sum();
+            let samples = motions[stretches.clone()].iter().map(|motion| motion.len()).sum();
             Place { source: &first.source, time, key: key_of(first), samples, blocks: PARTS }
         };
         logs.iter().map(place).collect()

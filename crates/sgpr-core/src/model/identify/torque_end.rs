@@ -1,5 +1,7 @@
 //! Torques that were low-passed before they were logged.
 
+use std::sync::Arc;
+
 use crate::effects::Role;
 use crate::identification::{Finding, role_of};
 use crate::model::TorqueModel;
@@ -38,7 +40,7 @@ const COMPARED: f64 = 0.7;
 /// If a recording has no torque.
 pub(super) fn torque_end(
     model: &TorqueModel,
-    motions: &[Motion],
+    motions: &[Arc<Motion>],
     processing: &Processing,
 ) -> Result<Option<Finding>, MotionError> {
     let Some(band) = processing.torque_cutoff_hz else { return Ok(None) };
@@ -57,7 +59,7 @@ pub(super) fn torque_end(
 
 /// Amplitude of the measured torque as a share of the model's, median of the joints, by bands below `highest` Hz, each with
 /// its middle in Hz.
-fn shares_by_band(model: &TorqueModel, motions: &[Motion], highest: f64) -> Result<Vec<(f64, f64)>, MotionError> {
+fn shares_by_band(model: &TorqueModel, motions: &[Arc<Motion>], highest: f64) -> Result<Vec<(f64, f64)>, MotionError> {
     let n = model.robot.dof();
     let edge = |k: usize| highest * (k as f64 / BANDS_PER_OCTAVE as f64 - OCTAVES as f64).exp2();
     let bands = OCTAVES * BANDS_PER_OCTAVE;

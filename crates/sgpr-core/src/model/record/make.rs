@@ -1,6 +1,7 @@
 //! From a log to its record.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use super::super::IdentifyError;
 use super::super::experiment::{Experiment, TermColumns, require_torque, select_joints};
@@ -85,7 +86,10 @@ pub fn record(
     let suspects = suspects_of(robot, &effects, &options.suspects)?;
     if !suspects.is_empty() {
         let calm = between_turns(processing);
-        experiment.motions.iter_mut().for_each(|motion| motion.use_as = motion.rows_between_turns(&calm));
+        experiment.motions.iter_mut().for_each(|motion| {
+            let motion = Arc::make_mut(motion);
+            motion.use_as = motion.rows_between_turns(&calm);
+        });
         count_only(&mut experiment.motions, options.counted);
         let columns = columns_of(robot, &set, (&experiment, &calm), &suspects)?;
         let set = set.with_trajectory_columns(columns.parameters.clone());
@@ -188,7 +192,7 @@ pub(super) fn record_of(
         labels: options.labels.clone(),
         suspects: vec![],
         extents: JointExtent::of(&experiment.motions, robot.dof()),
-        key: experiment.motions.first().map_or([0.0; 2], key_of),
+        key: experiment.motions.first().map_or([0.0; 2], |motion| key_of(motion)),
         library_version: env!("CARGO_PKG_VERSION").into(),
         center,
         memory,
@@ -225,9 +229,9 @@ impl From<Finding> for RecordFinding {
 }
 
 /// Takes the rows outside a part of the log out; none if there is no part.
-fn count_only(motions: &mut [Motion], counted: Option<[i64; 2]>) {
+fn count_only(motions: &mut [Arc<Motion>], counted: Option<[i64; 2]>) {
     let Some([start, end]) = counted else { return };
-    for motion in motions {
+    for motion in motions.iter_mut().map(Arc::make_mut) {
         let n = motion.use_as.len() / motion.len().max(1);
         for (time, rows) in motion.time.iter().zip(motion.use_as.chunks_exact_mut(n)) {
             if !(start..end).contains(time) {
@@ -247,8 +251,8 @@ struct BlockParts {
 }
 
 impl BlockParts {
-    fn new(motions: &[Motion], options: &RecordOptions) -> Self {
-        let stretch = |motion: &Motion| {
+    fn new(motions: &[Arc<Motion>], options: &RecordOptions) -> Self {
+        let stretch = |motion: &Arc<Motion>| {
             let [start, end] = options.counted.unwrap_or([i64::MIN, i64::MAX]);
             let first = motion.time.partition_point(|time| *time < start);
             let last = motion.time.partition_point(|time| *time < end);
@@ -282,7 +286,7 @@ impl BlockParts {
     }
 
     /// Mean of each channel.
-    fn channels(&self, motions: &[Motion], block: usize) -> BTreeMap<String, f64> {
+    fn channels(&self, motions: &[Arc<Motion>], block: usize) -> BTreeMap<String, f64> {
         let mut sums: BTreeMap<String, (f64, usize)> = BTreeMap::new();
         for (stretch, motion) in motions.iter().enumerate() {
             let range = self.range(stretch, &(block..block + 1));

@@ -6,7 +6,7 @@ use faer::Mat;
 
 use super::super::IdentifyError;
 use super::super::compare::LogResidual;
-use super::super::experiment::{motions, select_joints};
+use super::super::experiment::select_joints;
 use super::super::torque_model::TorqueModel;
 use super::basis::{self, ParameterBasis};
 use super::joint_process::{Alone, GAIN, JointProcess, JointReport, calibration};
@@ -17,7 +17,7 @@ use super::shared::{SELECTIONS, fit_shared};
 use super::{Inputs, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions, identify};
 use crate::gp::{Compute, GaussianProcess, GpError};
 use crate::identification::{Dispersion, Judgement};
-use crate::motion::Processing;
+use crate::motion::{Processing, all_stretches};
 use crate::progress::{Interrupted, Progress};
 use crate::recording::{LogSet, Recording};
 use crate::robot::Robot;
@@ -39,11 +39,12 @@ pub fn fit_semi_parametric(
     progress: &dyn Progress,
 ) -> Result<SemiParametricModel, SemiParametricError> {
     check(options)?;
+    let set = LogSet::whole(recordings);
     let physics = match options.mean {
-        Mean::Zero => nothing(robot, recordings, options)?,
-        Mean::Physics | Mean::Joint => identify(robot, recordings, &options.identify, progress)?.0,
+        Mean::Zero => nothing(robot, &set, options)?,
+        Mean::Physics | Mean::Joint => identify(robot, &set, &options.identify, progress)?.0,
     };
-    learn(physics, recordings, options, progress)
+    learn(physics, &set, options, progress)
 }
 
 /// The same on top of physics that is there already, such as the model that a diagnosis has found the effects for:
@@ -102,7 +103,7 @@ fn learn(
     let recordings = set.logs();
     let recordings = select_joints(&robot, recordings).map_err(IdentifyError::from)?;
     let mut logs = Vec::new();
-    for motion in motions(&recordings, &processing).map_err(IdentifyError::from)? {
+    for motion in all_stretches(&recordings, &processing).map_err(IdentifyError::from)? {
         let predicted = physics.predict_motion(&motion);
         logs.push(LogResidual::new(motion, predicted, &processing)?);
     }

@@ -213,7 +213,7 @@ def run(
     add: Sequence[str] | None = None,
 ) -> Result:
     """Identifies if need be, and diagnoses."""
-    training, unseen = stretches(train), stretches(test)
+    training, unseen = LogSet(stretches(train), whole=True), LogSet(stretches(test), whole=True)
     with output.progress() as progress:
         model = start
         if not isinstance(model, Model):

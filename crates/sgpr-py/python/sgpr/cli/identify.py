@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import Comparison, CutoffInfluence, LogSet, Model, Recording, Robot, cutoff_influence
+from .. import Comparison, CutoffInfluence, LogSet, Model, Robot, cutoff_influence
 from .. import compare as compare_with
 from .. import identify as identify_from
 from .. import screen as screen_with
@@ -247,7 +247,7 @@ class Result:
 
 def run(robot: Robot, train: Sequence[Log], test: Sequence[Log], options: dict[str, Any], output: Output) -> Result:
     """Identifies, and compares with the model of the robot file."""
-    training = stretches(train)
+    training = LogSet(stretches(train), whole=True)
     with output.progress() as progress:
         model = identify_from(robot, training, progress=progress, **options)
         influence = cutoff_influence(robot, training, model, progress=progress, **options)
@@ -270,7 +270,7 @@ def run(robot: Robot, train: Sequence[Log], test: Sequence[Log], options: dict[s
     )
 
 
-def _findings(model: Model, training: Sequence[Recording]) -> list[str]:
+def _findings(model: Model, training: LogSet) -> list[str]:
     """What is suspicious in the training logs and not said yet."""
     said = [] if model.report is None else model.report.warnings
     return [text for text in screen_with(model, training) if text not in said]

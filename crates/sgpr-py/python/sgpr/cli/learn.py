@@ -1,6 +1,5 @@
 """`sgpr learn`: what the physics leaves over, learned by Gaussian processes."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -120,9 +119,11 @@ def learn(
         model = SemiParametricModel(
             arm, effects=None if given else known, physics=given, n_jobs=jobs, progress=progress, **settings
         )
-        fit(model, train_logs, output)
-    result = Result.of(model, train_logs, test_logs)
-    for text in LogSet(stretches(test_logs)).notes:
+        training = LogSet(stretches(train_logs), whole=True)
+        fit(model, training, output)
+    judged = LogSet(stretches(test_logs) or training)
+    result = Result.of(model, train_logs, test_logs, judged)
+    for text in judged.notes if test_logs else []:
         output.warning(text)
     data = result.to_dict()
     data["settings"] = {
@@ -164,10 +165,10 @@ def learn(
             raise typer.Exit(LIMITS_NOT_MET)
 
 
-def fit(model: SemiParametricModel, logs: Sequence[Log], output: Output) -> None:
+def fit(model: SemiParametricModel, training: LogSet, output: Output) -> None:
     """Fits; Ctrl-C after the physics is there keeps the processes so far."""
     try:
-        model.fit(stretches(logs))
+        model.fit(training)
     except KeyboardInterrupt:
         if not hasattr(model, "physics_"):
             raise
@@ -187,9 +188,11 @@ class Result:
     coverage: list[dict[str, Any]]
 
     @classmethod
-    def of(cls, model: SemiParametricModel, train: list[Log], test: list[Log]) -> "Result":
-        """Compares on the test logs, or without them on the training logs."""
-        judged = LogSet(stretches(test) or stretches(train))
+    def of(
+        cls, model: SemiParametricModel, train: list[Log], test: list[Log], judged: LogSet | None = None
+    ) -> "Result":
+        """Compares on `judged`, by default the test logs, or without them the training logs."""
+        judged = judged or LogSet(stretches(test) or stretches(train))
         after, spread = model.compare_with_spread(judged)
         before = compare_with(model.physics_, judged)
         return cls(model, train, test, before, after, spread, model.coverage(judged))

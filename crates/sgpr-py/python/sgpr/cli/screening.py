@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import Robot, SgprError, repeated_share, shared_samples
+from .. import LogSet, Robot, SgprError, repeated_share, shared_samples
 from .. import identify as identify_from
 from .. import screen as screen_with
 from ..report.numbers import counted, percent, significant
@@ -29,12 +29,13 @@ def screened(
     found: dict[str, Any] = {"refused": None, "excitation": None, "condition": None, "findings": []}
     found["how_much_data"] = None
     try:
-        model = identify_from(robot, log.stretches, effects=wanted, forecast=True, progress=progress)
+        own = LogSet(log.stretches, whole=True)
+        model = identify_from(robot, own, effects=wanted, forecast=True, progress=progress)
     except SgprError as error:
         return {**found, "refused": str(error)}
     assert model.fit is not None and model.report is not None, "just identified"
     said = model.report.warnings
-    more = [text for text in screen_with(model, log.stretches) if text not in said]
+    more = [text for text in screen_with(model, own) if text not in said]
     condition = model.fit["scaled_condition"]
     return {
         **found,

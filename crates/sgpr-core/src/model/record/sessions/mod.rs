@@ -199,7 +199,7 @@ impl Ready {
     /// Parts that the joint that moves most moves for.
     fn moving_parts(&self, joints: usize) -> usize {
         let seconds = |joint: usize| {
-            let of_motion = |motion: &Motion| {
+            let of_motion = |motion: &std::sync::Arc<Motion>| {
                 let rows = motion.use_as.iter().skip(joint).step_by(joints);
                 rows.filter(|row| **row == Row::Moving).count() as f64 / motion.rate_hz
             };

@@ -1,5 +1,7 @@
 //! A torque of any shape that sessions have in common.
 
+use std::sync::Arc;
+
 use super::super::super::experiment::TermColumns;
 use super::super::super::experiment::torque_of;
 use super::Ready;
@@ -60,10 +62,10 @@ impl<'a> Shapes<'a> {
         joints.flat_map(|(index, joint)| (0..SHAPES).map(move |k| of(joint, index, k))).collect()
     }
 
-    pub fn columns(&self, motions: &[Motion]) -> Result<TermColumns, MotionError> {
+    pub fn columns(&self, motions: &[Arc<Motion>]) -> Result<TermColumns, MotionError> {
         let n = self.robot.dof();
         let mut ws = Workspace::new(self.robot);
-        let mut of_motion = |motion: &Motion| {
+        let mut of_motion = |motion: &Arc<Motion>| {
             let mut columns = vec![vec![0.0; motion.len()]; n * SHAPES];
             for sample in 0..motion.len() {
                 let at = sample * n..(sample + 1) * n;
