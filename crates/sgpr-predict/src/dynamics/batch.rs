@@ -7,7 +7,7 @@ use pulp::{Arch, Simd, WithSimd};
 use super::body::Body;
 use super::regressor::regressor_kernel;
 use super::rnea::rnea_kernel;
-use super::workspace::Scratch;
+use super::scratch::Scratch;
 use crate::robot::Robot;
 use crate::simd::{Lanes, MAX_LANES, Transpose, sin_cos_slice};
 use crate::spatial::PARAMETERS_PER_LINK;

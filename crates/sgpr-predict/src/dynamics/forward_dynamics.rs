@@ -1,7 +1,8 @@
 //! Forward dynamics by the articulated-body algorithm.
 
 use super::body::Body;
-use super::workspace::{LoneNumber, OnOneSample, Scratch, Workspace};
+use super::scratch::{Articulated, LoneNumber, OnOneSample, Scratch};
+use super::workspace::Workspace;
 use crate::robot::{Member, Robot};
 use crate::simd::Real;
 use crate::spatial::{LinkInertia, Matrix3, Vector3};
@@ -52,41 +53,6 @@ fn accelerate<'ws>(
     ws.run(robot, q, ArticulatedBody { dq, tau, rotor_inertia, ddq: &mut ddq });
     ws.ddq = ddq;
     &ws.ddq
-}
-
-/// Inertia of a link with everything behind it hanging on free joints: force = A a + B dw + `force`,
-/// moment = Bᵀ a + D dw + `moment`.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Articulated<T> {
-    a: Matrix3<T>,
-    b: Matrix3<T>,
-    d: Matrix3<T>,
-    force: Vector3<T>,
-    moment: Vector3<T>,
-    /// What a unit acceleration of the joint needs: force, moment, and its share along the axis (inverted).
-    unit_force: Vector3<T>,
-    unit_moment: Vector3<T>,
-    inverse: T,
-    /// Torque left for accelerating the joint.
-    torque: T,
-}
-
-impl<T: Real> Articulated<T> {
-    pub fn zero(token: T::Token) -> Self {
-        let vector = Vector3::zero(token);
-        let matrix = Matrix3::zero(token);
-        Self {
-            a: matrix,
-            b: matrix,
-            d: matrix,
-            force: vector,
-            moment: vector,
-            unit_force: vector,
-            unit_moment: vector,
-            inverse: T::zero(token),
-            torque: T::zero(token),
-        }
-    }
 }
 
 impl<T: Real<Constant = f64>> Articulated<T> {

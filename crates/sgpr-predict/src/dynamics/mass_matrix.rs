@@ -1,7 +1,8 @@
 //! Joint-space mass matrix by the composite-rigid-body algorithm.
 
 use super::body::along_axis;
-use super::workspace::{LoneNumber, OnOneSample, Scratch, Workspace};
+use super::scratch::{LoneNumber, OnOneSample, Scratch};
+use super::workspace::Workspace;
 use crate::robot::Robot;
 use crate::simd::Real;
 use crate::spatial::{LinkInertia, Matrix3, Vector3};

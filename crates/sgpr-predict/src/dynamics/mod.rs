@@ -17,6 +17,7 @@ mod momentum;
 mod number_workspace;
 mod regressor;
 mod rnea;
+mod scratch;
 mod workspace;
 
 #[cfg(feature = "simd")]

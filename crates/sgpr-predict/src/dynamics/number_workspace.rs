@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 use super::body::{Body, forward_pass};
 use super::regressor::regressor_kernel;
 use super::rnea::rnea_kernel;
-use super::workspace::Scratch;
+use super::scratch::Scratch;
 use crate::robot::{Chain, Robot};
 use crate::simd::Number;
 use crate::spatial::{PARAMETERS_PER_LINK, Pose};

@@ -1,7 +1,8 @@
 //! The matrix that the inertial parameters multiply.
 
 use super::body::{Body, forward_pass};
-use super::workspace::{LoneNumber, OnOneSample, Scratch, Workspace};
+use super::scratch::{LoneNumber, OnOneSample, Scratch};
+use super::workspace::Workspace;
 use crate::robot::{Chain, Robot};
 use crate::simd::Real;
 use crate::spatial::{PARAMETERS_PER_LINK, Vector3};

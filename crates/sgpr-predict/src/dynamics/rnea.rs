@@ -1,7 +1,8 @@
 //! Inverse dynamics by the recursive Newton-Euler algorithm.
 
 use super::body::{Body, along_axis, forward_pass};
-use super::workspace::{LoneNumber, OnOneSample, Scratch, Workspace};
+use super::scratch::{LoneNumber, OnOneSample, Scratch};
+use super::workspace::Workspace;
 use crate::robot::{Chain, Robot};
 use crate::simd::Real;
 

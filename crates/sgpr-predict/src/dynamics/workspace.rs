@@ -1,13 +1,9 @@
 use alloc::vec::Vec;
 
-use super::body::Body;
-use super::forward_dynamics::Articulated;
 use super::machine::{Machine, Positions};
+use super::scratch::OnOneSample;
 use crate::robot::Robot;
-#[cfg(feature = "simd")]
-use crate::simd::Fused;
-use crate::simd::Real;
-use crate::spatial::{LinkInertia, Matrix3, PARAMETERS_PER_LINK, Pose, Vector3};
+use crate::spatial::{PARAMETERS_PER_LINK, Pose};
 
 /// Every buffer that dynamics of one sample needs; made once for a robot, reused for every call.
 ///
@@ -53,53 +49,4 @@ impl Workspace {
         let Self { machine, sin, cos, .. } = self;
         machine.run(robot, Positions { q, sin, cos }, algorithm);
     }
-}
-
-/// Scratch of the recursions for numbers of type `T`.
-#[derive(Debug)]
-pub(crate) struct Scratch<T: Real> {
-    pub bodies: Vec<Body<T>>,
-    /// `[i * n + j]`: axis of joint j as angular and linear motion of link i's origin, in link i's frame.
-    pub axes: Vec<[Vector3<T>; 2]>,
-    /// Inertia of everything that a joint carries.
-    pub composite: Vec<LinkInertia<T>>,
-    pub articulated: Vec<Articulated<T>>,
-}
-
-impl<T: Real> Scratch<T> {
-    pub fn new(token: T::Token, dof: usize) -> Self {
-        let zero = Vector3::zero(token);
-        let massless = LinkInertia { mass: T::zero(token), first_moment: zero, inertia: Matrix3::zero(token) };
-        Self {
-            bodies: vec![Body::zero(token); dof],
-            axes: vec![[zero, zero]; dof * dof],
-            composite: vec![massless; dof],
-            articulated: vec![Articulated::zero(token); dof],
-        }
-    }
-}
-
-/// A number that stands for itself.
-pub(super) trait LoneNumber: Real<Token = (), Constant = f64> {
-    fn value(self) -> f64;
-}
-
-impl LoneNumber for f64 {
-    #[inline(always)]
-    fn value(self) -> f64 {
-        self
-    }
-}
-
-#[cfg(feature = "simd")]
-impl LoneNumber for Fused {
-    #[inline(always)]
-    fn value(self) -> f64 {
-        self.0
-    }
-}
-
-/// A recursion over one sample; `run` is compiled once for every instruction set.
-pub(super) trait OnOneSample {
-    fn run<T: LoneNumber>(self, robot: &Robot, scratch: &mut Scratch<T>);
 }

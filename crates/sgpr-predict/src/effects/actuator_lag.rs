@@ -1,6 +1,6 @@
 use alloc::vec::Vec;
 
-use super::context::lag;
+use super::columns::lag;
 use super::stepping::{LAG_STATE, Lag};
 use super::{About, Class, Constant, Effect, Entry, Needs, Origin, Reach, Site, Stepped, written_once};
 

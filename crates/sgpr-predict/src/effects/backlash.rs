@@ -1,3 +1,4 @@
+use super::fitting::SMALLEST_TORQUE;
 use super::stepping::{SMOOTH_DERIVATIVES_STATE, SmoothDerivatives};
 use super::{
     About, Class, Constant, Effect, Entry, LinkSample, Needs, Origin, Reach, SampleInput, Site, StepState, Stepped,
@@ -5,7 +6,6 @@ use super::{
 };
 #[cfg(feature = "trajectories")]
 use super::{Context, LinkMotion};
-use crate::model::parts::SMALLEST_TORQUE;
 
 /// Play b between the flanks of the gear: the link lies half of it to either side of the encoder, depending on the
 /// sign of the torque, with a soft transition of a twentieth of the joint's torque.

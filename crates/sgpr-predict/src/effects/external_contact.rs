@@ -1,6 +1,6 @@
 use alloc::vec::Vec;
 
-use super::context::{after, tip_levers};
+use super::columns::{after, tip_levers};
 use super::{
     About, Class, Constant, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Scale, Site, StepState,
     Stepped, written_once,

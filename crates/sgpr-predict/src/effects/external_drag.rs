@@ -1,6 +1,6 @@
 use alloc::vec::Vec;
 
-use super::context::tip_levers;
+use super::columns::tip_levers;
 use super::{
     About, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, written_once,
 };

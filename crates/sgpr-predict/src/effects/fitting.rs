@@ -5,6 +5,9 @@ use alloc::vec::Vec;
 
 use super::{Constant, Effect, Role, Scale, registry};
 
+/// What is smaller, N·m (N), is rounding of zero; its square would vanish beside any other number.
+pub const SMALLEST_TORQUE: f64 = 1e-30;
+
 impl Constant {
     /// Values to start from, in its unit.
     #[doc(hidden)]

@@ -1,4 +1,4 @@
-use super::context::after;
+use super::columns::after;
 use super::{
     About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
     written_once,

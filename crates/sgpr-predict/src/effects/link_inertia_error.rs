@@ -1,8 +1,8 @@
 #[cfg(feature = "trajectories")]
 use super::Context;
 #[cfg(feature = "trajectories")]
-use super::context::link_regressor;
-use super::context::{link_columns, of_a_link};
+use super::columns::link_regressor;
+use super::columns::{link_columns, of_a_link};
 use super::{
     About, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, written_once,
 };

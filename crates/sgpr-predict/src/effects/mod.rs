@@ -25,6 +25,7 @@ mod cable_hysteresis;
 mod cable_stiffness;
 mod channel;
 mod cogging_torque;
+mod columns;
 mod context;
 mod coulomb_friction;
 mod coulomb_transition;
@@ -660,7 +661,7 @@ pub fn sgn(x: f64) -> f64 {
 
 /// For [`crate::internal`].
 pub(crate) mod parts {
-    pub use super::fitting::{JointRanges, points_of, with_role};
+    pub use super::fitting::{JointRanges, SMALLEST_TORQUE, points_of, with_role};
 }
 
 #[cfg(all(test, feature = "trajectories"))]

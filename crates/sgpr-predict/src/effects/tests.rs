@@ -128,12 +128,12 @@ fn act(effect: &dyn Effect, site: Site, context: &Context<'_>) {
 fn a_delay_shifts_and_a_lag_trails() {
     let sine: Vec<f64> = (0..400).map(|k| (0.05 * f64::from(k)).sin()).collect();
     let mut late = sine.clone();
-    context::shift(&mut late, 1, 2.5);
+    columns::shift(&mut late, 1, 2.5);
     let mut trailing = sine.clone();
-    context::lag(&mut trailing, 1, 2.5);
+    columns::lag(&mut trailing, 1, 2.5);
     let ramp: Vec<f64> = (0..100).map(f64::from).collect();
     let mut slow = ramp.clone();
-    context::lag(&mut slow, 1, 2.5);
+    columns::lag(&mut slow, 1, 2.5);
     for k in 10..390 {
         assert!((late[k] - (0.05 * (k as f64 - 2.5)).sin()).abs() < 1e-6);
         // Of a slow sine a first-order lag makes a delay.

@@ -1,6 +1,6 @@
 use alloc::vec::Vec;
 
-use super::context::shift;
+use super::columns::shift;
 use super::stepping::Delay;
 use super::{About, Class, Constant, Effect, Entry, Needs, Origin, Reach, Site, Stepped, Streamed, written_once};
 

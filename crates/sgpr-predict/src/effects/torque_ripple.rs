@@ -1,4 +1,4 @@
-use super::context::harmonic;
+use super::columns::harmonic;
 use super::{
     About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
     written_once,

@@ -1,13 +1,7 @@
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-use super::tape::{Node, looked_up, recorded};
+use super::tape::{Expr, Node, looked_up, recorded};
 use crate::simd::{Number, Real};
-
-/// A number of which only the formula is known. Finite, unless it is a constant.
-///
-/// Belongs to the tape that the thread records; without one it cannot be computed with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct Expr(pub(super) u32);
 
 impl Expr {
     /// An input, by its number.

@@ -6,7 +6,7 @@
 mod expr;
 mod tape;
 
-pub use expr::Expr;
+pub use tape::Expr;
 /// For [`crate::internal`].
 pub(crate) mod parts {
     pub use super::tape::{Node, Recorder, Tape};

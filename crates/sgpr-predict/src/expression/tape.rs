@@ -3,7 +3,11 @@
 use std::cell::RefCell;
 use std::collections::HashMap;
 
-use super::Expr;
+/// A number of which only the formula is known. Finite, unless it is a constant.
+///
+/// Belongs to the tape that the thread records; without one it cannot be computed with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Expr(pub(super) u32);
 
 /// One operation of a tape; operands come before it.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -10,7 +10,7 @@ use alloc::vec::Vec;
 
 use serde::Deserialize;
 
-use super::rest::{LearnedBasis, LearnedJoint};
+use super::streamed::{LearnedBasis, LearnedJoint};
 use super::term::TermDescription;
 use super::{LearnedRest, ParameterSet, StreamedModel, Term};
 use crate::effects::{self, Effect};

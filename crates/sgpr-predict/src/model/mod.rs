@@ -2,13 +2,12 @@
 
 mod file;
 mod parameter_set;
-mod rest;
 mod streamed;
 mod term;
 
 pub use file::ModelError;
 pub use parameter_set::{EffectColumn, ParameterSet, TrajectoryColumn};
-pub(crate) use rest::LearnedRest;
+pub(crate) use streamed::LearnedRest;
 pub use streamed::StreamedModel;
 pub use term::Term;
 
@@ -17,5 +16,5 @@ pub(crate) mod parts {
     pub use super::file::{Described, header_and_numbers};
     pub use super::parameter_set::BARELY_MOVING;
     pub use super::streamed::identified;
-    pub use super::term::{LARGEST_POSITION, LARGEST_TORQUE, SMALLEST_TORQUE, TermDescription, times_of};
+    pub use super::term::{LARGEST_POSITION, LARGEST_TORQUE, TermDescription, times_of};
 }

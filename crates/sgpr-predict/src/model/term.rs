@@ -4,6 +4,7 @@ use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
+use crate::effects::parts::SMALLEST_TORQUE;
 use crate::effects::{Constant, Context, Effect, Entry, Reach, Scale, Site};
 use crate::robot::Robot;
 
@@ -16,10 +17,6 @@ pub const LARGEST_POSITION: f64 = 1e9;
 /// torque, stays finite.
 #[doc(hidden)]
 pub const LARGEST_TORQUE: f64 = 1e15;
-
-/// What is smaller, N·m (N), is rounding of zero; its square would vanish beside any other number.
-#[doc(hidden)]
-pub const SMALLEST_TORQUE: f64 = 1e-30;
 
 /// An effect at one site of a robot, with its constants and parameters.
 #[derive(Clone, Debug)]

@@ -6,6 +6,7 @@ mod plain;
 mod predictor;
 mod rest;
 mod sampler;
+mod start;
 mod steps;
 
 pub use error::StreamError;
@@ -18,6 +19,7 @@ use steps::TermSteps;
 /// For [`crate::internal`].
 pub(crate) mod parts {
     pub use super::rest::{BasisParts, RestJoint, RestPredictor, base_value, together};
-    pub use super::sampler::{Sampler, StreamStart};
+    pub use super::sampler::Sampler;
+    pub use super::start::StreamStart;
     pub use super::steps::TermSteps;
 }

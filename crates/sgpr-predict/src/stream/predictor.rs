@@ -2,8 +2,9 @@ use alloc::boxed::Box;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 
-use super::rest::{RestOptions, RestPredictor, identified};
-use super::sampler::{Buffers, Sampler, StreamStart};
+use super::rest::{PhysicsAtSample, RestOptions, RestPredictor};
+use super::sampler::{Buffers, Sampler};
+use super::start::StreamStart;
 use super::steps::TransformSteps;
 use super::{Plain, Purpose, StreamError, StreamOptions};
 use crate::effects::{Effect, Needs, Streamed, knows_one_row};
@@ -63,7 +64,9 @@ pub struct Predictor<F: Plain = f64> {
     fallible: bool,
     start: StreamStart<F::Number>,
     /// Of a learned model.
-    rest: Option<Box<RestPredictor<F>>>,
+    rest: Option<Box<RestPredictor>>,
+    /// For the joints without a process, where it differs from the physics.
+    identified: Option<Box<Self>>,
     tau: Vec<F>,
 }
 
@@ -144,7 +147,12 @@ impl StreamedModel {
     ) -> Result<Predictor<F>, StreamError> {
         let physics = self.physics_predictor(options)?;
         match &self.rest {
-            Some(learned) => Ok(physics.with_rest(RestPredictor::of_file(self, learned, options, rest)?)),
+            Some(learned) => {
+                let alone = RestOptions { deviation: false, ..*rest };
+                let other = |model: &Self| model.predictor_of(options, &alone);
+                let identified = learned.identified.as_ref().map(other).transpose()?;
+                Ok(physics.with_rest(RestPredictor::of_file(self, learned, rest)?, identified))
+            }
             None if rest.deviation => Err(StreamError::NotLearned),
             None => Ok(physics),
         }
@@ -179,6 +187,7 @@ impl StreamedModel {
             clock: SessionClock { rate_hz, origin: 0.0, steps: 0, at_start: true },
             start: StreamStart::AtRest,
             rest: None,
+            identified: None,
             tau: vec![F::default(); n],
             sampler,
         })
@@ -256,10 +265,13 @@ impl Predictor {
 
 impl<F: Plain> Predictor<F> {
     /// The same with the processes of a learned model.
+    ///
+    /// - `identified`: the model of the joints without a process, if it is another
     #[doc(hidden)]
     #[must_use]
-    pub fn with_rest(mut self, rest: RestPredictor<F>) -> Self {
+    pub fn with_rest(mut self, rest: RestPredictor, identified: Option<Self>) -> Self {
         self.rest = Some(Box::new(rest));
+        self.identified = identified.map(Box::new);
         self
     }
 
@@ -292,7 +304,7 @@ impl<F: Plain> Predictor<F> {
             return Err(StreamError::OutOfRange { name: "time".into(), found: time, expected: "a finite number" });
         }
         self.clock = SessionClock { origin: time, steps: 0, at_start: true, ..self.clock };
-        identified(&mut self.rest).map_or(Ok(()), |other| other.set_time(time))
+        self.identified.as_mut().map_or(Ok(()), |other| other.set_time(time))
     }
 
     /// Sets the temperature of each joint, °C, for friction that depends on it.
@@ -303,7 +315,7 @@ impl<F: Plain> Predictor<F> {
         self.check_array("temperature", celsius)?;
         let own = self.sampler.buffers.temperature.iter_mut();
         own.zip(celsius).for_each(|(own, given)| *own = F::Number::constant(*given));
-        identified(&mut self.rest).map_or(Ok(()), |other| other.set_temperature(celsius))
+        self.identified.as_mut().map_or(Ok(()), |other| other.set_temperature(celsius))
     }
 
     /// Forgets all samples: the clock is at zero, and the hidden states start at rest at the next sample, as a trajectory
@@ -312,7 +324,7 @@ impl<F: Plain> Predictor<F> {
         self.clock = SessionClock { origin: 0.0, steps: 0, at_start: true, ..self.clock };
         self.sampler.forget();
         self.start = StreamStart::AtRest;
-        if let Some(other) = identified(&mut self.rest) {
+        if let Some(other) = &mut self.identified {
             other.reset();
         }
     }
@@ -333,7 +345,7 @@ impl<F: Plain> Predictor<F> {
         self.start = StreamStart::Moving;
         self.sample(self.clock.rate_hz);
         self.sampler.forget();
-        identified(&mut self.rest).map_or(Ok(()), |other| other.reset_at(q, dq))
+        self.identified.as_mut().map_or(Ok(()), |other| other.reset_at(q, dq))
     }
 
     /// Torque at the next sample, one period after the last; moves the hidden states on.
@@ -347,7 +359,7 @@ impl<F: Plain> Predictor<F> {
     pub fn torque(&mut self, q: &[F], dq: &[F], ddq: &[F]) -> &[F] {
         let n = self.dof();
         assert!([q, dq, ddq].iter().all(|values| values.len() == n), "one value per joint");
-        if self.take([q, dq, ddq], None, RestPredictor::add_means).is_err() {
+        if self.take([q, dq, ddq], None, add_means).is_err() {
             self.tau.fill(F::of_f64(f64::NAN));
         }
         &self.tau
@@ -359,7 +371,7 @@ impl<F: Plain> Predictor<F> {
     /// If a slice is not of length n or holds a number that is not finite, or a temperature is missing; the hidden states
     /// stay as they are.
     pub fn try_torque(&mut self, q: &[F], dq: &[F], ddq: &[F]) -> Result<&[F], StreamError> {
-        self.take([q, dq, ddq], None, RestPredictor::add_means)?;
+        self.take([q, dq, ddq], None, add_means)?;
         Ok(&self.tau)
     }
 
@@ -373,7 +385,7 @@ impl<F: Plain> Predictor<F> {
     /// As [`Self::try_torque`]; if the step is no finite number above zero, or shorter than half a period where the model has
     /// a delay.
     pub fn torque_after(&mut self, step: f64, q: &[F], dq: &[F], ddq: &[F]) -> Result<&[F], StreamError> {
-        self.take([q, dq, ddq], Some(step), RestPredictor::add_means)?;
+        self.take([q, dq, ddq], Some(step), add_means)?;
         Ok(&self.tau)
     }
 
@@ -386,7 +398,7 @@ impl<F: Plain> Predictor<F> {
         into.last_ddq.clear();
         into.last_ddq.extend_from_slice(&self.sampler.buffers.last_ddq);
         into.run = Some((self.clock, self.start, self.sampler.buffers.has_last));
-        if let Some(other) = self.rest.as_ref().and_then(|rest| rest.identified.as_ref()) {
+        if let Some(other) = &self.identified {
             other.save(into.other.get_or_insert_default());
         }
     }
@@ -402,7 +414,7 @@ impl<F: Plain> Predictor<F> {
         self.sampler.buffers.last_ddq.copy_from_slice(&from.last_ddq);
         self.sampler.buffers.has_last = has_last;
         (self.clock, self.start) = (clock, start);
-        if let (Some(other), Some(from)) = (identified(&mut self.rest), &from.other) {
+        if let (Some(other), Some(from)) = (&mut self.identified, &from.other) {
             other.restore(from);
         }
     }
@@ -412,7 +424,7 @@ impl<F: Plain> Predictor<F> {
         &mut self,
         motion: [&[F]; 3],
         step: Option<f64>,
-        add_rest: impl FnOnce(&mut RestPredictor<F>, &Self, &mut [F]),
+        add_rest: impl FnOnce(&mut RestPredictor, &Self, &mut [F]),
     ) -> Result<(), StreamError> {
         for (name, values) in ["q", "dq", "ddq"].into_iter().zip(motion) {
             self.check_array(name, values)?;
@@ -447,12 +459,14 @@ impl<F: Plain> Predictor<F> {
             return Err(StreamError::EffectFailed { effect, reason });
         }
         if let Some(mut rest) = self.rest.take() {
-            let other = rest.identified.as_mut();
-            let other = other.map_or(Ok(()), |other| other.take(motion, step, RestPredictor::add_means));
+            let other = self.identified.as_mut();
+            let other = other.map_or(Ok(()), |other| other.take(motion, step, add_means));
             if other.is_ok() {
                 let mut tau = core::mem::take(&mut self.tau);
                 rest.set_motion(motion);
-                rest.replace(&mut tau);
+                if let Some(identified) = &self.identified {
+                    rest.replace(&mut tau, identified.last_torque());
+                }
                 add_rest(&mut rest, self, &mut tau);
                 self.tau = tau;
             }
@@ -533,7 +547,19 @@ impl Predictor {
         step: Option<f64>,
     ) -> Result<(&[f64], &[f64]), StreamError> {
         assert!(self.rest.as_ref().is_some_and(|rest| rest.with_deviation()), "made with a standard deviation");
-        self.take([q, dq, ddq], step, RestPredictor::add_means_and_spread)?;
+        self.take([q, dq, ddq], step, |rest, physics, tau| {
+            let Sampler { robot, transforms, buffers: Buffers { motion, links, .. }, .. } = &physics.sampler;
+            rest.add_means_and_spread(
+                &PhysicsAtSample {
+                    robot,
+                    links: if transforms.move_links() { links } else { motion },
+                    motion,
+                    term_columns: &|joint, out| physics.term_columns(joint, out),
+                    gain: &|joint| physics.gain(joint),
+                },
+                tau,
+            );
+        })?;
         Ok((&self.tau, self.rest.as_ref().map_or(&[], |rest| rest.deviation())))
     }
 
@@ -545,25 +571,23 @@ impl Predictor {
         self.rest.as_ref().map_or(&[], |rest| rest.novelty())
     }
 
-    /// The robot as transforms make it, and at the last sample the motion of its links and of its joints: q, dq, ddq.
-    pub(super) fn links(&self) -> (&Robot, &[Vec<f64>; 3], &[Vec<f64>; 3]) {
-        let Sampler { robot, transforms, buffers: Buffers { motion, links, .. }, .. } = &self.sampler;
-        (robot, if transforms.move_links() { links } else { motion }, motion)
-    }
-
     /// Derivatives of a joint's torque by the coefficients of all terms of the model at the last sample, as the drive makes
     /// it; zero for terms that are not held.
-    pub(super) fn term_columns(&self, joint: usize, out: &mut [f64]) {
+    fn term_columns(&self, joint: usize, out: &mut [f64]) {
         out.fill(0.0);
         let first = &self.first_coefficients;
         self.sampler.terms.for_each_column(joint, self.dof(), |term, index, value| out[first[term] + index] = value);
     }
 
     /// What the log shows of a small torque more at a joint at the last sample, delays and lags aside.
-    pub(super) fn gain(&self, joint: usize) -> f64 {
+    fn gain(&self, joint: usize) -> f64 {
         let [gain, largest] = self.gains[joint];
         if self.sampler.buffers.tau[joint].abs() >= largest { 0.0 } else { gain }
     }
+}
+
+fn add_means<F: Plain>(rest: &mut RestPredictor, _: &Predictor<F>, tau: &mut [F]) {
+    rest.add_means(tau);
 }
 
 /// What a [`Predictor`] carries from call to call.

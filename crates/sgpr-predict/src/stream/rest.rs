@@ -1,35 +1,47 @@
 //! What the processes of a learned model add to its physics, and how sure the sum is.
 
-use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
 
-use super::{Plain, Predictor, StreamError, StreamOptions};
+use super::{Plain, StreamError};
 use crate::dynamics::{Workspace, regressor};
 use crate::effects::JointState;
 use crate::gp::{GpPredictor, LearnedProcess, Precision, SharedPredictor, WeightedKernel};
 #[cfg(not(feature = "std"))]
 use crate::math::Float;
 use crate::model::{LearnedRest, ParameterSet, StreamedModel};
+use crate::robot::Robot;
 use crate::spatial::PARAMETERS_PER_LINK;
+
+/// The physics at a sample, as far as its spread goes.
+pub(super) struct PhysicsAtSample<'a> {
+    /// As transforms make it.
+    pub robot: &'a Robot,
+    /// Motion of its links, and of its joints: q, dq, ddq.
+    pub links: &'a [Vec<f64>; 3],
+    pub motion: &'a [Vec<f64>; 3],
+    /// Sets the derivatives of a joint's torque by the coefficients of all terms of the model, as the drive makes it; zero for
+    /// terms that are not held.
+    pub term_columns: &'a dyn Fn(usize, &mut [f64]),
+    /// What the log shows of a small torque more at a joint, delays and lags aside.
+    pub gain: &'a dyn Fn(usize) -> f64,
+}
 
 /// How the processes of a learned model are asked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RestOptions {
     /// Arithmetic.
     pub precision: Precision,
-    /// Whether [`Predictor::torque_and_deviation`] is called: needs a square of the points in memory, and as much time.
+    /// Whether [`torque_and_deviation`](super::Predictor::torque_and_deviation) is called: needs a square of the points in memory, and as much time.
     pub deviation: bool,
 }
 
 /// The processes of the joints.
 #[derive(Debug)]
-pub struct RestPredictor<F: Plain = f64> {
+pub struct RestPredictor {
     joints: Vec<RestJoint>,
     /// Joints of the same points, and their means.
     together: Vec<(Vec<usize>, SharedPredictor)>,
-    /// For the joints without a process, where it differs from the physics.
-    pub(super) identified: Option<Predictor<F>>,
     parameters: Option<BasisPredictor>,
     /// q, dq, ddq, and a time that nothing looks at.
     x: Vec<f64>,
@@ -65,18 +77,16 @@ pub struct BasisParts {
     pub explained: Vec<Option<GpPredictor>>,
 }
 
-impl<F: Plain> RestPredictor<F> {
+impl RestPredictor {
     /// The only place that allocates.
     ///
     /// - `joints`: one per joint
     /// - `together`: groups of joints, and their means
-    /// - `identified`: the model of the joints without a process, if it is another
     /// - `basis`: with a standard deviation, unless nobody knows how sure the parameters are
     pub fn new(
         model: &StreamedModel,
         joints: Vec<RestJoint>,
         together: Vec<(Vec<usize>, SharedPredictor)>,
-        identified: Option<Predictor<F>>,
         basis: Option<BasisParts>,
         with_deviation: bool,
     ) -> Self {
@@ -85,7 +95,6 @@ impl<F: Plain> RestPredictor<F> {
             parameters: basis.map(|basis| BasisPredictor::new(model, basis)),
             joints,
             together,
-            identified,
             x: vec![0.0; 3 * n + 1],
             deviation: vec![0.0; n],
             novelty: vec![0.0; n],
@@ -98,7 +107,6 @@ impl<F: Plain> RestPredictor<F> {
     pub(super) fn of_file(
         model: &StreamedModel,
         rest: &LearnedRest,
-        stream: &StreamOptions,
         options: &RestOptions,
     ) -> Result<Self, StreamError> {
         let RestOptions { precision, deviation } = *options;
@@ -136,9 +144,7 @@ impl<F: Plain> RestPredictor<F> {
             covariance: basis.covariance.clone(),
             explained,
         });
-        let other = |model: &StreamedModel| model.predictor_of(stream, &RestOptions { precision, deviation: false });
-        let identified = rest.identified.as_ref().map(other).transpose()?;
-        Ok(Self::new(model, joints, together, identified, basis, deviation))
+        Ok(Self::new(model, joints, together, basis, deviation))
     }
 
     pub(super) fn with_deviation(&self) -> bool {
@@ -153,15 +159,13 @@ impl<F: Plain> RestPredictor<F> {
         &self.novelty
     }
 
-    /// The torque of another model at the joints without a process.
-    pub(super) fn replace(&mut self, tau: &mut [F]) {
-        let Some(identified) = &self.identified else { return };
-        let own = identified.last_torque();
+    /// `own`, the torque of another model, at the joints without a process.
+    pub(super) fn replace<F: Plain>(&self, tau: &mut [F], own: &[F]) {
         let without = self.joints.iter().zip(tau).zip(own).filter(|((joint, _), _)| !joint.learned);
         without.for_each(|((_, tau), own)| *tau = *own);
     }
 
-    pub(super) fn set_motion(&mut self, motion: [&[F]; 3]) {
+    pub(super) fn set_motion<F: Plain>(&mut self, motion: [&[F]; 3]) {
         let n = self.deviation.len();
         for (part, x) in motion.into_iter().zip(self.x.chunks_exact_mut(n)) {
             x.iter_mut().zip(part).for_each(|(x, value)| *x = (*value).into());
@@ -169,7 +173,7 @@ impl<F: Plain> RestPredictor<F> {
     }
 
     /// Adds the means.
-    pub(super) fn add_means(&mut self, _: &Predictor<F>, tau: &mut [F]) {
+    pub(super) fn add_means<F: Plain>(&mut self, tau: &mut [F]) {
         let add = |tau: &mut F, mean: f64| *tau = F::of(tau.number() + mean);
         for (index, joint) in self.joints.iter_mut().enumerate() {
             let together = self.together.iter().any(|(members, _)| members.contains(&index));
@@ -183,13 +187,11 @@ impl<F: Plain> RestPredictor<F> {
             }
         }
     }
-}
 
-impl RestPredictor {
     /// Adds the means, and computes how sure the torque is.
     ///
     /// - `physics`: at this sample
-    pub(super) fn add_means_and_spread(&mut self, physics: &Predictor, tau: &mut [f64]) {
+    pub(super) fn add_means_and_spread(&mut self, physics: &PhysicsAtSample<'_>, tau: &mut [f64]) {
         for (joint, own) in self.joints.iter_mut().enumerate() {
             self.deviation[joint] = own.noise_variance;
             self.novelty[joint] = 0.0;
@@ -262,9 +264,15 @@ impl BasisPredictor {
     /// - `physics`: at this sample
     /// - `x`: of the processes
     /// - `share`: of a joint's variance that its process leaves
-    fn add_variance(&mut self, physics: &Predictor, x: &[f64], share: &dyn Fn(usize) -> f64, variance: &mut [f64]) {
+    fn add_variance(
+        &mut self,
+        physics: &PhysicsAtSample<'_>,
+        x: &[f64],
+        share: &dyn Fn(usize) -> f64,
+        variance: &mut [f64],
+    ) {
         let Self { set, basis: BasisParts { independent, covariance, explained }, ws, row, effects, own } = self;
-        let (robot, links, [q, dq, ddq]) = physics.links();
+        let PhysicsAtSample { robot, links, motion: [q, dq, ddq], term_columns, gain } = physics;
         let wide = robot.dof() * PARAMETERS_PER_LINK;
         let table = regressor(robot, ws, &links[0], &links[1], &links[2]);
         for (joint, (explained, variance)) in explained.iter_mut().zip(variance).enumerate() {
@@ -274,8 +282,8 @@ impl BasisPredictor {
             for (value, &parameter) in of_base.iter_mut().zip(&*independent) {
                 *value = base_value(set, &own[joint], of_links, effects, parameter);
             }
-            physics.term_columns(joint, of_terms);
-            let gain = physics.gain(joint);
+            term_columns(joint, of_terms);
+            let gain = gain(joint);
             row.iter_mut().for_each(|value| *value *= gain);
             let share = if explained.is_some() { 1.0 } else { share(joint) };
             if let Some(explained) = explained {
@@ -299,9 +307,4 @@ pub fn base_value(set: &ParameterSet, own: &[usize], of_links: &[f64], effects: 
         return of_links[parameter];
     }
     own.iter().position(|own| *own == parameter).map_or(0.0, |index| effects[index])
-}
-
-/// The other predictor, if there is one.
-pub(super) fn identified<F: Plain>(rest: &mut Option<Box<RestPredictor<F>>>) -> Option<&mut Predictor<F>> {
-    rest.as_mut()?.identified.as_mut()
 }

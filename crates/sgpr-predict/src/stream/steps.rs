@@ -5,7 +5,7 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::ops::Range;
 
-use super::sampler::StreamStart;
+use super::start::StreamStart;
 use crate::effects::{Effect, LinkSample, Reach, SampleInput, Site, StepState, Stepped};
 use crate::model::Term;
 

@@ -44,8 +44,7 @@ impl SemiParametricModel {
             explained: basis.explained(&self.joints),
         });
         let identified = self.identified.as_ref().map(|identified| identified.predictor(stream)).transpose()?;
-        let rest =
-            RestPredictor::new(&StreamedModel::from(&self.physics), joints, together, identified, basis, with_variance);
-        Ok(self.physics.predictor(stream)?.with_rest(rest))
+        let rest = RestPredictor::new(&StreamedModel::from(&self.physics), joints, together, basis, with_variance);
+        Ok(self.physics.predictor(stream)?.with_rest(rest, identified))
     }
 }

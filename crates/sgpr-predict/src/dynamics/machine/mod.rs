@@ -10,7 +10,7 @@ pub(super) use plain::Machine;
 #[cfg(feature = "simd")]
 pub(super) use widest::Machine;
 
-use super::workspace::{LoneNumber, OnOneSample, Scratch};
+use super::scratch::{LoneNumber, OnOneSample, Scratch};
 use crate::robot::Robot;
 
 /// Joint positions, and where their sines and cosines go, `[n]` each.

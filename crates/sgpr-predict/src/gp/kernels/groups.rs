@@ -2,7 +2,8 @@
 
 use alloc::vec::Vec;
 
-use super::{Element, Features, Plan, REGISTERS, Shape};
+use super::points::block;
+use super::{Element, Features, Plan, Points, REGISTERS, Shape};
 use crate::simd::Simd;
 
 /// Points are padded to whole groups of any number; a divisor of a tile.
@@ -18,26 +19,6 @@ pub fn padded<T: Element>(values: &[f64]) -> Vec<T> {
 /// Points of a group: a block of the widest registers.
 pub const fn group<T>() -> usize {
     REGISTERS * 64 / size_of::<T>()
-}
-
-/// Points of a block of registers.
-#[inline(always)]
-const fn block<T: Element, S: Simd>() -> usize {
-    REGISTERS * size_of::<T::Register<S>>() / size_of::<T>()
-}
-
-/// Points in the coordinates of a plan.
-pub trait Points<T: Element> {
-    /// Squared distances, in the coordinates of a leaf of the plan, of a block of points from `start` on to the query `c`.
-    fn squares_at<S: Simd>(&self, simd: S, leaf: usize, start: usize, c: &[T]) -> [T::Register<S>; REGISTERS];
-
-    /// The same for whole blocks, as many points as there is room for in `squares`.
-    #[inline(always)]
-    fn squared_distances<S: Simd>(&self, simd: S, leaf: usize, start: usize, c: &[T], squares: &mut [T]) {
-        for (k, squares) in squares.chunks_exact_mut(block::<T, S>()).enumerate() {
-            T::store(self.squares_at(simd, leaf, start + k * block::<T, S>(), c), squares);
-        }
-    }
 }
 
 /// sum of weights * shape of the distance, for the points from `start` on, of a kernel with one leaf: what is computed of a

@@ -4,16 +4,18 @@
 mod grid;
 mod groups;
 mod plan;
+mod points;
 mod shape;
 mod tile;
 
 #[cfg(feature = "simd")]
 pub use grid::{Grid, GridPoints};
+pub use groups::padded;
 pub(crate) use groups::{GroupedPoints, weigh};
 #[cfg(feature = "simd")]
 pub(crate) use groups::{PADDED, group};
-pub use groups::{Points, padded};
 pub use plan::{Features, Plan, Query, Work};
+pub use points::Points;
 pub use shape::Shape;
 pub(crate) use tile::{BLOCK, REGISTERS};
 pub use tile::{Element, TILE};
