@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::detectability::Detectable;
-use super::experiment;
 use super::formula::Formula;
 use super::structure::JointStructure;
 use super::whereabouts::Whereabouts;
 use crate::excitation::TrajectorySamples;
 use crate::model::{Term, TorqueModel};
+
+/// Samples per second of the motions of experiments.
+pub(super) const RATE_HZ: f64 = 100.0;
 
 /// What came out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -23,6 +24,35 @@ pub enum Verdict {
     /// Something is missing that no known effect explains.
     UnexplainedStructure,
 }
+
+/// An effect that the logs would have shown, had it been there and large enough.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Detectable {
+    /// Effect.
+    pub effect: String,
+    /// Its joints; none for an effect of the whole arm.
+    pub joints: Vec<String>,
+    /// Constants for which the sizes hold, the parameter itself left out.
+    pub constants: Vec<FoundParameter>,
+    /// Parameter whose size is meant; the effect's other parameters are zero.
+    pub parameter: String,
+    /// Unit of the sizes.
+    pub unit: String,
+    /// Size from which it is seen: it has evidence, and the error falls by as much as matters.
+    pub seen_from: f64,
+    /// Root mean square torque of the effect of that size, at the joint where it is largest against what is left,
+    /// N·m (N).
+    pub torque: f64,
+    /// Share of that torque that the parameters of the model do not take up.
+    pub visible: f64,
+    /// Size from which it is told from every other effect; none if there is no such size.
+    pub told_apart_from: Option<f64>,
+    /// The effect that it could be mistaken for below that size.
+    pub mistaken_for: Option<String>,
+}
+
+/// Hears of the candidates of a search, best first, before it ends.
+pub type Ranked<'a> = dyn Fn(&[Finding]) + Sync + 'a;
 
 /// A parameter of a finding.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -223,7 +253,8 @@ impl Diagnosis {
 
     /// The motions of [`Self::next_experiment`] one after the other, 100 samples per second; `None` if there is none.
     pub fn next_motion(&self) -> Option<TrajectorySamples> {
-        (!self.next_experiment.is_empty()).then(|| experiment::in_a_row(&self.next_experiment))
+        let motions: Vec<&TrajectorySamples> = self.next_experiment.iter().map(|one| &one.motion).collect();
+        (!motions.is_empty()).then(|| TrajectorySamples::in_a_row(&motions, RATE_HZ))
     }
 }
 

@@ -7,7 +7,7 @@ use faer::{Accum, Mat, Par};
 use rayon::prelude::*;
 
 use super::problem::{Column, Problem};
-use crate::linalg::dot_in_lanes;
+use crate::linalg::{dot_in_lanes, rms};
 use crate::model::Term;
 use sgpr_predict::internal::Autoregression;
 
@@ -474,14 +474,6 @@ fn spans(columns: &[Column]) -> Vec<std::ops::Range<usize>> {
 
 pub(super) fn dot(a: &Column, b: &Column) -> f64 {
     a.iter().zip(b).map(|(a, b)| dot_in_lanes(a, b)).sum()
-}
-
-pub(super) fn mean_square(values: &[f64]) -> f64 {
-    values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64
-}
-
-pub(super) fn rms(values: &[f64]) -> f64 {
-    mean_square(values).sqrt()
 }
 
 #[cfg(test)]

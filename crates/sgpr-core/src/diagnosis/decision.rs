@@ -12,9 +12,11 @@
 
 use rayon::prelude::*;
 
-use super::evidence::{EVEN, LeftOut, SURE, probability_of_fall, weights};
-use super::fit::{Fitted, is_in_one_part, left_out_parts, left_out_states};
-use super::search::{Accepted, EVIDENCE, MATERIAL, Outcome, Search, is_limit, without};
+use super::evidence::{EVEN, LeftOut, probability_of_fall, weights};
+use super::fit::{Fitted, is_in_one_part, left_out_parts};
+use super::search::{
+    Accepted, CERTAIN, MATERIAL, Outcome, Search, explained_share, imitations, is_limit, is_much, without,
+};
 use super::unknown::{self, Leftover, Processes};
 use crate::effects::Site;
 use crate::model::Term;
@@ -80,12 +82,6 @@ const CLOSE: f64 = 0.5;
 
 /// Most rivals that are tried in the place of an effect.
 const RIVALS: usize = 3;
-
-/// So many effects at one joint beside which something is left explain a law bit by bit.
-pub(super) const MANY: usize = 3;
-
-/// As likely as two standard deviations.
-const CERTAIN: f64 = 0.95;
 
 /// Decides on an outcome.
 pub(super) fn decide(search: &mut Search<'_>, outcome: Outcome) -> Result<Decision, Interrupted> {
@@ -212,91 +208,6 @@ fn without_chance(search: &Search<'_>, mut outcome: Outcome) -> Outcome {
 /// Whether a term acts at a joint and not only by cutting its torque: rows at a limit are no equations that it could explain.
 fn is_at(term: &Term, joint: usize) -> bool {
     matches!(term.site, Site::Joint(own) | Site::Pair(own, _) if own == joint) && !is_limit(term)
-}
-
-/// Of the terms at some indices of a fit, which act at a joint, those that only imitate a smooth function of its state. They
-/// are asked where that function predicts left-out blocks better than they do, or could still explain beside them more than
-/// half of what they do; or something that matters beside many of them.
-///
-/// - `left`: share of the joint's left-out error that it could still take away
-pub(super) fn imitations(
-    search: &Search<'_>,
-    fitted: &Fitted,
-    found: &[usize],
-    (joint, left): (usize, f64),
-    processes: &Processes,
-) -> Vec<usize> {
-    if found.is_empty() {
-        return vec![];
-    }
-    let (problem, noise) = (&search.problem, &search.noise);
-    let bare = search.refit(fitted, without(fitted.terms(), found));
-    let Some((smooth, with_smooth)) = processes.best(problem, &bare, noise, &[joint]) else { return vec![] };
-    let with_found = search.errors(fitted).left_out;
-    let explained = explained_share(joint, &search.errors(&bare).left_out, &with_found);
-    let weight_of_smooth =
-        |found: &LeftOut, smooth: &LeftOut| weights(problem, &[found, smooth], &[0.0; 2], &[joint])[1];
-    let of_smooth = weight_of_smooth(&with_found, &with_smooth);
-    // A change that no log shows is confounded with all that logs differ in: it stands where nothing else is in question, or
-    // where it surely predicts whole logs better, of which only those before and after it know.
-    let between = |k: &usize| search.is_between_logs(&fitted.terms()[*k]);
-    let between: Vec<usize> = found.iter().copied().filter(between).collect();
-    if !between.is_empty() && (left > 0.0 || of_smooth > 1.0 - CERTAIN) {
-        let with_found = fitted.part_fits(problem, noise).errors();
-        let with_smooth = processes.errors_of(&smooth, problem, &bare.part_fits(problem, noise), &[joint]);
-        if weight_of_smooth(&with_found, &with_smooth) > 1.0 - CERTAIN {
-            return between;
-        }
-    }
-    let much_is_left = is_much(left, explained) || (left > 0.0 && found.len() >= MANY);
-    if !much_is_left && of_smooth < CERTAIN {
-        return vec![];
-    }
-    // Terms that hold at positions and speeds that they were not fitted to ...
-    let holds = |k: &usize| between.contains(k) || holds_elsewhere(search, fitted, *k, joint);
-    let mut kept: Vec<usize> = found.iter().copied().filter(holds).collect();
-    // ... and those that have evidence beside the process, the strongest first.
-    let mut best = smooth.evidence;
-    loop {
-        let trial = |k: usize| {
-            let out: Vec<usize> = found.iter().copied().filter(|f| *f != k && !kept.contains(f)).collect();
-            let with = search.refit(fitted, without(fitted.terms(), &out));
-            search.score_of(&bare, &with) + processes.evidence_beside(&smooth, problem, &with, noise)
-        };
-        let rest: Vec<usize> = found.iter().copied().filter(|k| !kept.contains(k)).collect();
-        let evidence: Vec<(usize, f64)> = rest.into_par_iter().map(|k| (k, trial(k))).collect();
-        match evidence.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)) {
-            Some((k, evidence)) if evidence > best + EVIDENCE => {
-                kept.push(k);
-                best = evidence;
-            }
-            _ => break,
-        }
-    }
-    found.iter().copied().filter(|k| !kept.contains(k)).collect()
-}
-
-/// By how much the square of a joint's left-out error falls with something, as a share of what is left of it.
-fn explained_share(joint: usize, without: &LeftOut, with: &LeftOut) -> f64 {
-    without.mean_square(joint) / with.mean_square(joint) - 1.0
-}
-
-/// Whether more than half of what was explained could be explained beside it.
-///
-/// - `left`: share of the left-out error that a process could still take away
-fn is_much(left: f64, explained: f64) -> bool {
-    /// Half of what is explained is much.
-    const HALF: f64 = 0.5;
-    1.0 - (1.0 - left).powi(2) > HALF * explained
-}
-
-/// Whether a term of a fit surely lowers the error of a joint on fifths of its positions, and on fifths of its speeds, that
-/// were left out.
-fn holds_elsewhere(search: &Search<'_>, fitted: &Fitted, index: usize, joint: usize) -> bool {
-    let (problem, noise) = (&search.problem, &search.noise);
-    let bare = search.refit(fitted, without(fitted.terms(), &[index]));
-    let [without, with] = [&bare, fitted].map(|fit| left_out_states(problem, fit, noise, joint));
-    without.iter().zip(&with).all(|(without, with)| without.against(with, problem, &[joint]).significance() >= SURE)
 }
 
 /// The joint at which effects of the whole arm explain more than at all others together, if there is one.

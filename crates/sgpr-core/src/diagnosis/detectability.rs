@@ -7,43 +7,16 @@
 //! linear descriptor models, Automatica 49(6) (2013).
 
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
-use super::answer::FoundParameter;
-use super::basis::{Basis, dot, gain_of, invisible, rms};
+use super::answer::{Detectable, FoundParameter};
+use super::basis::{Basis, dot, gain_of, invisible};
+use super::described::{joints_of, parameters_of};
 use super::fit::Fitted;
 use super::problem::Column;
-use super::report::{joints_of, parameters_of};
 use super::search::{EVIDENCE, MATERIAL, Search};
-use crate::linalg::dot_in_lanes;
+use crate::linalg::{dot_in_lanes, rms};
 use crate::model::Term;
 use crate::progress::Interrupted;
-
-/// An effect that the logs would have shown, had it been there and large enough.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Detectable {
-    /// Effect.
-    pub effect: String,
-    /// Its joints; none for an effect of the whole arm.
-    pub joints: Vec<String>,
-    /// Constants for which the sizes hold, the parameter itself left out.
-    pub constants: Vec<FoundParameter>,
-    /// Parameter whose size is meant; the effect's other parameters are zero.
-    pub parameter: String,
-    /// Unit of the sizes.
-    pub unit: String,
-    /// Size from which it is seen: it has evidence, and the error falls by as much as matters.
-    pub seen_from: f64,
-    /// Root mean square torque of the effect of that size, at the joint where it is largest against what is left,
-    /// N·m (N).
-    pub torque: f64,
-    /// Share of that torque that the parameters of the model do not take up.
-    pub visible: f64,
-    /// Size from which it is told from every other effect; none if there is no such size.
-    pub told_apart_from: Option<f64>,
-    /// The effect that it could be mistaken for below that size.
-    pub mistaken_for: Option<String>,
-}
 
 /// Log of the Bayes factor by which an effect is told from another one: twenty to one.
 const CLEAR: f64 = 3.0;

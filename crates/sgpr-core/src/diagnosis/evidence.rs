@@ -4,9 +4,9 @@
 //! block, so that what is hard to predict for both cancels. Noise has a memory, which is counted, and an effect that
 //! helps in some blocks and harms in others is less sure than one that helps wherever it acts.
 
-use super::basis::mean_square;
 use super::problem::{Column, Problem};
 use crate::identification::deviate_of_t;
+use crate::linalg::mean_square;
 use crate::random::Random;
 
 /// Least gain on left-out blocks, in its standard deviations, of whatever is said to be there.

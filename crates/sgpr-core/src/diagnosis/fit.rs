@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::DiagnosisError;
 use super::basis::{Basis, INVISIBLE, INVISIBLE_TANGENT, Noise, gain};
+use super::by_log::{ByLog, LogSums};
 use super::evidence::LeftOut;
 use super::left_out::{FoldFits, Held};
 use super::problem::{Column, Problem};
@@ -437,13 +438,10 @@ fn interval(problem: &Problem, fitted: &Fitted, noise: &Noise, (k, index): (usiz
     })
 }
 
-/// Root mean square errors of one joint, N·m (N): of all logs together, then of each.
-pub(super) type ByLog = Vec<f64>;
-
 /// Errors per joint beyond the band of the equations, where nothing is fitted.
 pub(super) fn beyond(problem: &Problem, fitted: &Fitted) -> Vec<ByLog> {
     let squares = fitted.residual.iter().enumerate().map(|(joint, r)| {
-        let mut sums = LogSums::new(problem);
+        let mut sums = LogSums::new(problem.stretches.len());
         r.iter().zip(&problem.rows[joint]).for_each(|(r, (stretch, _))| sums.add(*stretch, r * r));
         sums.roots()
     });
@@ -455,7 +453,7 @@ pub(super) fn beyond(problem: &Problem, fitted: &Fitted) -> Vec<ByLog> {
 /// Errors per joint in the band, of all logs together and of each.
 pub(super) fn by_log(problem: &Problem, errors: &LeftOut) -> Vec<ByLog> {
     let of_joint = |(joint, errors): (usize, &Vec<f64>)| {
-        let mut sums = LogSums::new(problem);
+        let mut sums = LogSums::new(problem.stretches.len());
         problem.rows[joint].iter().zip(errors).for_each(|((log, _), e)| sums.add(*log, e * e));
         sums.roots()
     };
@@ -534,26 +532,6 @@ pub(super) fn left_out_states(problem: &Problem, fitted: &Fitted, noise: &Noise,
         FoldFits::new(&fitted.columns, &fitted.target, (noise, held), (&folds, None)).errors()
     };
     [errors(|motion| &motion.q), errors(|motion| &motion.dq)]
-}
-
-/// Sums of squares and counts: of all logs, then of each.
-pub(super) struct LogSums(Vec<(f64, f64)>);
-
-impl LogSums {
-    pub fn new(problem: &Problem) -> Self {
-        Self(vec![(0.0, 0.0); 1 + problem.stretches.len()])
-    }
-
-    pub fn add(&mut self, log: usize, square: f64) {
-        for index in [0, 1 + log] {
-            self.0[index].0 += square;
-            self.0[index].1 += 1.0;
-        }
-    }
-
-    pub fn roots(&self) -> ByLog {
-        self.0.iter().map(|(sum, count)| (sum / count.max(1.0)).sqrt()).collect()
-    }
 }
 
 impl From<crate::signal::SignalError> for DiagnosisError {

@@ -7,11 +7,14 @@
 
 mod answer;
 mod basis;
+mod by_log;
 mod decision;
+mod described;
 mod detectability;
 mod elsewhere;
 mod evidence;
 mod experiment;
+mod file_prior;
 mod fit;
 mod formula;
 mod left_out;
@@ -26,11 +29,11 @@ mod written;
 use std::sync::Arc;
 
 pub use answer::{
-    ByJoint, Diagnosis, Finding, FoundParameter, JointErrors, NextExperiment, NotTestable, Step, Verdict,
+    ByJoint, Detectable, Diagnosis, Finding, FoundParameter, JointErrors, NextExperiment, NotTestable, Ranked, Step,
+    Verdict,
 };
-pub use detectability::Detectable;
+pub use described::parameters_of;
 pub use formula::{Formula, FormulaTerm};
-pub use report::parameters_of;
 pub use structure::{Change, Dependence, Input, JointStructure, Shares, structure_of_logs};
 pub use whereabouts::{Excess, JointWhereabouts, Whereabouts};
 
@@ -40,8 +43,7 @@ use crate::motion::{MotionError, Processing};
 use crate::progress::{Interrupted, Progress};
 use crate::recording::{LogSet, Recording, RecordingError};
 use problem::Problem;
-pub use search::Ranked;
-use search::{Search, Wanted};
+use search::{Candidate, Search, Wanted};
 use written::Written;
 
 /// What to look for.
@@ -147,7 +149,8 @@ pub fn diagnose_with(
     let train = train.logs();
     let problem = problem(model, train)?;
     let known: Vec<String> = problem.set.effects().iter().map(|effect| effect.name().into()).collect();
-    let mut search = Search::new(problem, &options.catalogue, known, (progress, ranked));
+    let of_ranked = |search: &Search<'_>, ranking: &[Candidate]| ranked(&report::ranked(search, ranking));
+    let mut search = Search::new(problem, &options.catalogue, known, (progress, &of_ranked));
     let start = search.start()?;
     let decision = if wanted.is_empty() {
         let outcome = search.run(&start)?;
@@ -175,7 +178,7 @@ pub fn add(model: &TorqueModel, findings: &[&Finding], train: &[Recording]) -> R
     let train = train.logs();
     let problem = problem(model, train)?;
     let known: Vec<String> = problem.set.effects().iter().map(|effect| effect.name().into()).collect();
-    let mut search = Search::new(problem, &[], known, (&(), &|_| ()));
+    let mut search = Search::new(problem, &[], known, (&(), &|_, _| ()));
     let start = search.start()?;
     let mut terms = start.terms().to_vec();
     let new = |term: &&Term| !model.terms().iter().any(|own| own.is_like(term));

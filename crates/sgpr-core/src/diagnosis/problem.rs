@@ -6,15 +6,14 @@ use faer::Mat;
 use rayon::prelude::*;
 
 use super::DiagnosisError;
-use super::basis::rms;
-use super::fit::{ByLog, LogSums};
-use super::left_out::FilePrior;
+use super::by_log::{ByLog, LogSums};
+use super::file_prior::FilePrior;
 use sgpr_predict::internal::{JointRanges, for_each_regressor_block};
 
 use crate::dynamics::{BatchWorkspace, Samples, Workspace, mass_matrix};
 use crate::effects::{Context, Reach, sgn};
 use crate::identification::{BaseParameters, EFFECT_SCALES, JointFactor, ParameterPrior, ParameterSet, Row, WIDTHS};
-use crate::linalg::{dot_in_lanes, triangle};
+use crate::linalg::{dot_in_lanes, rms, triangle};
 use crate::model::{
     Rigid, Term, TorqueModel, Trajectory, common_clock, nominal_parameters, seconds_since, select_joints, torque_of,
 };
@@ -425,7 +424,7 @@ impl Problem {
     /// Errors per joint against the torque as logged, while the joint moves.
     pub fn logged_errors(&self, model: &TorqueModel) -> Vec<ByLog> {
         let n = self.dof();
-        let mut sums: Vec<LogSums> = (0..n).map(|_| LogSums::new(self)).collect();
+        let mut sums: Vec<LogSums> = (0..n).map(|_| LogSums::new(self.stretches.len())).collect();
         let predicted: Vec<Vec<f64>> = self.logged.par_iter().map(|motion| model.predict_motion(motion)).collect();
         for (index, (motion, predicted)) in self.logged.iter().zip(predicted).enumerate() {
             let measured = motion.tau.as_deref().unwrap_or_default();

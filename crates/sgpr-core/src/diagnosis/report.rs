@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::answer::{ByJoint, Diagnosis, Finding, FoundParameter, JointErrors, NotTestable, Step, Verdict};
+use super::answer::{ByJoint, Diagnosis, Finding, JointErrors, NotTestable, Step, Verdict};
 use super::decision::Decision;
+use super::described::{joints_of, parameters_of};
 use super::fit::{Fitted, with_deviations};
 use super::formula::Formula;
 use super::search::{Accepted, Candidate, Search};
@@ -359,32 +360,6 @@ fn steps(search: &Search<'_>, decision: &Decision) -> Vec<Step> {
         steps.push(Step { effect: Some(accepted.effect.clone()), joints, rmse: by_joint(&accepted.with) });
     }
     steps
-}
-
-/// Joints that a report names.
-pub(super) fn joints_of(term: &Term) -> Vec<usize> {
-    let whole_arm = term.effect.name() == "link_length_error";
-    match term.site {
-        Site::Joint(joint) | Site::Pair(joint, _) if !whole_arm => vec![joint],
-        _ => vec![],
-    }
-}
-
-/// Constants and linear parameters of a term, with their names.
-pub fn parameters_of(term: &Term, robot: &Robot) -> Vec<FoundParameter> {
-    let joint = &robot.joints()[term.site.joint().unwrap_or_default()];
-    let at = term.prefix(robot);
-    let constants = term.effect.constants().iter().zip(&term.constants).zip(&term.constant_deviations);
-    let constants = constants.map(|((c, value), std)| (c.symbol, c.unit_at(joint.kind), value, std));
-    let linear = term.effect.parameters().iter().zip(&term.coefficients).zip(&term.coefficient_deviations);
-    let linear = linear.map(|((p, value), std)| (p.symbol, p.unit_at(joint.kind), value, std));
-    let described = |(symbol, unit, value, std): (&str, &str, &f64, &f64)| FoundParameter {
-        name: format!("{at}{symbol}"),
-        value: *value,
-        std: (*std > 0.0).then_some(*std),
-        unit: unit.into(),
-    };
-    constants.chain(linear).map(described).collect()
 }
 
 /// Errors on the test logs against the torque as logged.

@@ -6,12 +6,12 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
 use rayon::prelude::*;
 
-use super::basis::{Noise, mean_square};
+use super::basis::Noise;
 use super::evidence::{EVEN, LeftOut, SURE, probability_of_fall, weights};
 use super::fit::{Fitted, beyond};
 use super::left_out::{Extra, FoldFits};
 use super::problem::{Column, Problem};
-use crate::linalg::dot_in_lanes;
+use crate::linalg::{dot_in_lanes, mean_square};
 use crate::random::Random;
 use sgpr_predict::internal::cos_in_place;
 

@@ -7,10 +7,11 @@
 
 use rayon::prelude::*;
 
+use super::by_log::ByLog;
 use super::decision::Decision;
 use super::elsewhere::Elsewhere;
 use super::evidence::LeftOut;
-use super::fit::{ByLog, Fitted, beyond, left_out_parts};
+use super::fit::{Fitted, beyond, left_out_parts};
 use super::problem::{FOLDS, Problem};
 use super::search::{Search, without};
 use crate::model::{Given, IdentifyError, Term, TorqueModel, identify_again};

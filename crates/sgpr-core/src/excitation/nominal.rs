@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use super::information::Information;
+use super::information::{BesideBase, Information};
 use super::{Basis, ExcitationError, Trajectory, TrajectorySamples};
 use crate::dynamics::{BatchWorkspace, Samples, rnea_batch};
 use crate::effects::{Constant, Context, Effect, Entry, Reach, Scale, Site};
@@ -74,7 +74,7 @@ impl NominalEffects {
         let mut known = base_columns(robot, set, base, &motions);
         let mut own: Vec<Vec<f64>> = vec![vec![]; all.columns.len()];
         for motion in &motions {
-            own.iter_mut().zip(all.columns(motion)).for_each(|(column, part)| column.extend(part));
+            own.iter_mut().zip(all.values_along(motion)).for_each(|(column, part)| column.extend(part));
         }
         all.silence_rounding(&mut own);
         let kept = independent(&mut known, own);
@@ -155,7 +155,7 @@ impl NominalEffects {
     }
 
     /// Values along evenly spaced samples, `[samples, n]` each.
-    pub(super) fn columns(&self, samples: &TrajectorySamples) -> Vec<Vec<f64>> {
+    fn values_along(&self, samples: &TrajectorySamples) -> Vec<Vec<f64>> {
         let (n, count) = (self.model.robot().dof(), samples.len());
         let rate_hz = (count - 1) as f64 / (samples.time[count - 1] - samples.time[0]);
         let motion = Motion {
@@ -303,6 +303,16 @@ fn middle(constant: &Constant) -> f64 {
         [] if constant.low > 0.0 && constant.high.is_finite() => (constant.low * constant.high).sqrt(),
         [] => 1.0,
         grid => grid[grid.len() / 2],
+    }
+}
+
+impl BesideBase for NominalEffects {
+    fn len(&self) -> usize {
+        self.columns.len()
+    }
+
+    fn columns(&self, samples: &TrajectorySamples) -> Vec<Vec<f64>> {
+        self.values_along(samples)
     }
 }
 

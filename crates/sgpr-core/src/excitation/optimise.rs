@@ -9,7 +9,7 @@ use sgpr_predict::internal::with_role;
 use slsqp::{StopTols, minimize};
 
 use super::criterion::Objective;
-use super::information::{Information, require_noise};
+use super::information::{BesideBase, Information, require_noise};
 use super::nominal::RATE_HZ;
 use super::peaks::suprema;
 use super::problem::{MotionGrid, MotionProblem, SIGN_WIDTH, Sharpness, TorqueLimits, trajectory};
@@ -346,6 +346,7 @@ impl<'a> MotionSearch<'a> {
     }
 
     fn information(&self, nominal: Option<&'a NominalEffects>, smoothing: f64) -> Information<'a> {
+        let nominal = nominal.map(|nominal| nominal as &dyn BesideBase);
         Information::new(self.robot, self.set, self.base, nominal, self.options.noise.as_deref(), smoothing)
     }
 

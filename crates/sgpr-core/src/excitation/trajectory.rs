@@ -168,6 +168,14 @@ impl TrajectorySamples {
         self.time.is_empty()
     }
 
+    /// Motions one after the other, each from rest to rest at the same pose, as evenly spaced samples.
+    pub(crate) fn in_a_row(motions: &[&Self], rate_hz: f64) -> Self {
+        let all = |of: fn(&Self) -> &Vec<f64>| motions.iter().flat_map(|motion| of(motion)).copied().collect();
+        let count: usize = motions.iter().map(|motion| motion.len()).sum();
+        let time = (0..count).map(|k| k as f64 / rate_hz).collect();
+        Self { time, q: all(|motion| &motion.q), dq: all(|motion| &motion.dq), ddq: all(|motion| &motion.ddq) }
+    }
+
     /// The samples as a recording without torque; accelerations as channels `NAME_acceleration`.
     pub fn recording(&self, robot: &Robot, source: &str) -> Recording {
         let n = robot.dof();

@@ -41,6 +41,16 @@ impl WithSimd for Dot<'_> {
     }
 }
 
+/// Mean of the squares; zero of none.
+pub(crate) fn mean_square(values: &[f64]) -> f64 {
+    values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64
+}
+
+/// Root of the mean of the squares.
+pub(crate) fn rms(values: &[f64]) -> f64 {
+    mean_square(values).sqrt()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

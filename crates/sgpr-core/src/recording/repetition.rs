@@ -1,7 +1,7 @@
 //! Motions that come back.
 
 use super::Recording;
-use super::statistics::rms;
+use crate::linalg::rms;
 
 /// Moments of a window, and s between them: a path of a second is alike by chance where a single position is not.
 const MOMENTS: usize = 5;

@@ -13,16 +13,17 @@ mod plan;
 use std::cmp::Ordering;
 
 use path::JointLimits;
-use plan::{Plan, Room, joined, plans};
+use plan::{Plan, Room, plans};
 
-use super::answer::{Finding, NextExperiment};
-use super::basis::{Basis, INVISIBLE, dot, gain, rms};
+use super::answer::{Finding, NextExperiment, RATE_HZ};
+use super::basis::{Basis, INVISIBLE, dot, gain};
 use super::fit::Fitted;
 use super::problem::{Column, Problem};
 use super::search::{Candidate, Search};
 use crate::dynamics::{Samples, Workspace, regressor};
 use crate::effects::{JointState, Reach, Scale};
 use crate::excitation::TrajectorySamples;
+use crate::linalg::rms;
 use crate::model::{Term, TorqueModel, Trajectory};
 use crate::spatial::PARAMETERS_PER_LINK;
 
@@ -61,11 +62,6 @@ pub(super) fn next_experiments(
     }
     found.sort_by(|a, b| a.separation_now.total_cmp(&b.separation_now));
     found
-}
-
-/// Motions one after the other, each from rest to rest at the same pose.
-pub(super) fn in_a_row(experiments: &[NextExperiment]) -> TrajectorySamples {
-    joined(&experiments.iter().map(|one| &one.motion).collect::<Vec<_>>())
 }
 
 fn of_finding(
@@ -354,7 +350,7 @@ struct Drawn {
 impl Drawn {
     fn trajectory(&self) -> Trajectory<'_> {
         let TrajectorySamples { q, dq, ddq, .. } = &self.motion;
-        Trajectory { samples: Samples { q, dq, ddq }, rate_hz: plan::RATE_HZ, time: &self.time, channels: &[] }
+        Trajectory { samples: Samples { q, dq, ddq }, rate_hz: RATE_HZ, time: &self.time, channels: &[] }
     }
 
     /// A model with the payload of the plan.

@@ -1,5 +1,6 @@
 //! Motions that tell effects apart.
 
+use super::super::answer::RATE_HZ;
 use super::path::{JointLimits, Path, QUINTIC_PEAKS, quintic_time};
 use crate::excitation::TrajectorySamples;
 use crate::simulation::{Reference, SampledReference};
@@ -26,9 +27,6 @@ pub(super) struct Room {
     /// A piece of a log: rate, positions, velocities, accelerations, `[samples, n]`.
     pub piece: Option<(f64, [Vec<f64>; 3])>,
 }
-
-/// Samples per second of the trajectories.
-pub(super) const RATE_HZ: f64 = 100.0;
 
 /// A warm machine: after so many seconds of motion.
 const WARM_S: f64 = 1200.0;
@@ -228,17 +226,4 @@ fn append_move(samples: &mut TrajectorySamples, room: &Room, from: &[f64], to: &
         samples.dq.extend_from_slice(&dq);
         samples.ddq.extend_from_slice(&ddq);
     }
-}
-
-/// Plans one after the other.
-pub(super) fn joined(motions: &[&TrajectorySamples]) -> TrajectorySamples {
-    let mut all = TrajectorySamples { time: vec![], q: vec![], dq: vec![], ddq: vec![] };
-    for motion in motions {
-        all.q.extend_from_slice(&motion.q);
-        all.dq.extend_from_slice(&motion.dq);
-        all.ddq.extend_from_slice(&motion.ddq);
-    }
-    let count: usize = motions.iter().map(|motion| motion.len()).sum();
-    all.time = (0..count).map(|k| k as f64 / RATE_HZ).collect();
-    all
 }

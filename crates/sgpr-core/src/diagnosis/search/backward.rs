@@ -5,8 +5,8 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::super::fit::{Fitted, without as without_term};
-use super::forward::{NEARLY, asked_of, freedom, is_limit, is_out_of_range, is_plainer};
-use super::held_out::HeldOut;
+use super::forward::{NEARLY, asked_of, freedom, is_out_of_range, is_plainer};
+use super::held_out::{HeldOut, is_limit};
 use super::{Accepted, EVIDENCE, MATERIAL, Search, without};
 use crate::effects::{Effect, Entry, Reach};
 use crate::model::Term;

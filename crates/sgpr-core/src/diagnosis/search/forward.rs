@@ -10,7 +10,7 @@ use super::super::fit::{Fitted, solve_like};
 use super::super::problem::Column;
 use super::candidates::Candidate;
 use super::constants::{MOST_REFINED, Promise};
-use super::held_out::{HeldOut, Standing};
+use super::held_out::{HeldOut, Standing, is_limit};
 use super::{Accepted, EVIDENCE, MATERIAL, Search};
 use crate::effects::{Constant, Effect, Reach, Scale, Site};
 use crate::linalg::dot_in_lanes;
@@ -47,11 +47,6 @@ fn are_twins((own, score): (&Candidate, f64), (other, other_score): (&Candidate,
 
 /// Most candidates that are fitted with the whole model in a step.
 pub(super) const MOST_TRIED: usize = 4;
-
-/// Whether a term cuts the torque. Rows at the limit are no equations: it shows in the torque as logged.
-pub(in super::super) fn is_limit(term: &Term) -> bool {
-    term.site.joint().is_some_and(|joint| term.effect.limit(term.site, &term.constants, joint).is_some())
-}
 
 /// Whether a constant of a transform is at the end of its range, which holds all that can be: the fit asks for what cannot.
 pub(super) fn is_out_of_range(term: &Term) -> bool {

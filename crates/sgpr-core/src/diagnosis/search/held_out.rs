@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::super::by_log::ByLog;
 use super::super::evidence::{Comparison, LeftOut, SURE};
-use super::super::fit::{ByLog, Fitted, beyond, by_log};
+use super::super::fit::{Fitted, beyond, by_log};
 use super::super::left_out::{Extra, FoldFits};
 use super::super::problem::{Column, Problem};
 use super::Search;
 use super::candidates::Candidate;
-use super::forward::is_limit;
 use crate::effects::Reach;
 use crate::model::Term;
 use crate::progress::Interrupted;
@@ -176,6 +176,11 @@ impl Search<'_> {
             None => (0..self.problem.dof()).collect(),
         }
     }
+}
+
+/// Whether a term cuts the torque. Rows at the limit are no equations: it shows in the torque as logged.
+pub(in super::super) fn is_limit(term: &Term) -> bool {
+    term.site.joint().is_some_and(|joint| term.effect.limit(term.site, &term.constants, joint).is_some())
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ mod candidates;
 mod constants;
 mod forward;
 mod held_out;
+mod imitations;
 mod noise;
 mod ranking;
 mod rows;
@@ -14,21 +15,20 @@ mod times;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use super::answer::Finding;
 use super::basis::Noise;
-use super::decision::{MANY, imitations};
 use super::fit::{Fitted, solve, solve_like};
 use super::problem::{Column, Problem};
-use super::report::ranked;
 use super::unknown::Processes;
 use crate::effects::{Effect, Site};
 use crate::model::Term;
 use crate::progress::{Interrupted, Progress};
 pub(super) use by_hand::Wanted;
 pub(super) use candidates::{Candidate, is_absorbed};
-pub(super) use forward::is_limit;
 use forward::{Next, falls};
 use held_out::HeldOut;
+pub(super) use held_out::is_limit;
+use imitations::MANY;
+pub(super) use imitations::{CERTAIN, explained_share, imitations, is_much};
 
 /// A term that was accepted.
 #[derive(Clone, Debug)]
@@ -160,18 +160,17 @@ pub(super) struct Search<'a> {
     grids: HashMap<(String, Site, usize), Vec<f64>>,
     progress: &'a dyn Progress,
     /// Hears of the candidates before the search ends.
-    ranked: &'a Ranked<'a>,
+    ranked: &'a OfRanked<'a>,
 }
-
-/// Hears of the candidates of a search, best first, before it ends.
-pub type Ranked<'a> = dyn Fn(&[Finding]) + Sync + 'a;
+/// What is done with the candidates as soon as they are ranked, best first.
+pub(super) type OfRanked<'a> = dyn Fn(&Search<'_>, &[Candidate]) + Sync + 'a;
 
 impl<'a> Search<'a> {
     pub fn new(
         problem: Problem,
         catalogue: &'a [Arc<dyn Effect>],
         known: Vec<String>,
-        (progress, ranked): (&'a dyn Progress, &'a Ranked<'a>),
+        (progress, ranked): (&'a dyn Progress, &'a OfRanked<'a>),
     ) -> Self {
         let noise = Noise::white(&problem.y);
         let robot = problem.nominal.robot();
@@ -239,7 +238,7 @@ impl<'a> Search<'a> {
             let standing = self.standing(&fitted);
             if ranking.is_none() {
                 self.judge_best(&fitted, &standing, &mut candidates)?;
-                (self.ranked)(&ranked(self, &candidates));
+                (self.ranked)(self, &candidates);
             }
             let promising = self.promising(&fitted, &standing, &candidates);
             match self.next_step(&fitted, (&standing, &accepted), (&basis, &white), (&candidates, &promising))? {

@@ -4,13 +4,14 @@ use std::collections::HashSet;
 
 use rayon::prelude::*;
 
-use super::super::basis::{Basis, Noise, Rest, rms};
+use super::super::basis::{Basis, Noise, Rest};
 use super::super::fit::{Fitted, refine_transforms, solve_like};
 use super::super::problem::Column;
 use super::super::unknown::{self, Group};
 use super::Search;
 use super::candidates::key_of;
 use crate::effects::{Reach, Site};
+use crate::linalg::rms;
 use crate::model::Term;
 use crate::progress::Interrupted;
 

@@ -4,8 +4,9 @@ use std::f64::consts::TAU;
 
 use super::values::{column, is_still_range};
 use super::{Issue, IssueKind, Severity, counted, duration};
+use crate::linalg::rms;
 use crate::recording::resample::resample;
-use crate::recording::statistics::{self, first_change, first_place, rms};
+use crate::recording::statistics::{self, first_change, first_place};
 use crate::recording::{GAP_FACTOR, Recording};
 
 /// Shortest stretch over which velocity and position are compared, s.

@@ -1,6 +1,7 @@
 //! Issues of the values, sample by sample.
 
 use super::{Issue, IssueKind, Severity, counted, percent};
+use crate::linalg::rms;
 use crate::recording::names::quoted;
 use crate::recording::statistics::first_place;
 use crate::recording::{Implausible, Recording, seconds, statistics};
@@ -163,7 +164,7 @@ impl<'a> MovingRows<'a> {
         let usual = |joint| {
             let changes = (0..recording.len()).map(|sample| motion.change(sample, sample + MOTION_WINDOW, joint));
             let finite: Vec<f64> = changes.filter(|change| change.is_finite()).collect();
-            if is_still(recording, joint) { f64::INFINITY } else { statistics::rms(&finite) }
+            if is_still(recording, joint) { f64::INFINITY } else { rms(&finite) }
         };
         motion.usual = (0..recording.dof()).map(usual).collect();
         motion
