@@ -1,5 +1,6 @@
 //! Torque models of robot arms for controllers in C and C++: the functions of `include/sgpr.h`, which is made from this
 //! source.
+#![warn(clippy::too_many_lines)]
 
 mod failure;
 mod model;

@@ -22,6 +22,7 @@
 //! - [`progress`]: how long work reports and is stopped
 //! - [`threads`]: what parallel work needs in forked processes
 //! - [`linalg`]: the factors and selections behind the identification
+#![warn(clippy::too_many_lines)]
 #![forbid(unsafe_code)]
 
 #[cfg(test)]

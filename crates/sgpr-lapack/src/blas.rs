@@ -75,7 +75,6 @@ fn sum<T: Real>(count: usize, term: impl Fn(usize) -> T) -> T {
 }
 
 /// C = alpha A B + beta C, C `[m, n]`, `k` products per entry.
-#[allow(clippy::too_many_arguments)]
 pub fn gemm<T: Real>(
     [m, n, k]: [usize; 3],
     alpha: T,
@@ -108,7 +107,7 @@ pub fn gemv<T: Real>(
 }
 
 /// y = alpha A x + beta y, A symmetric `[n, n]`.
-#[allow(clippy::too_many_arguments)]
+#[expect(clippy::too_many_arguments, reason = "those of BLAS")]
 pub fn symv<T: Real>(
     triangle: Triangle,
     n: usize,
@@ -125,7 +124,6 @@ pub fn symv<T: Real>(
 }
 
 /// One triangle of C = alpha A Aᵀ + beta C, C `[n, n]`, A `[n, k]` as it enters.
-#[allow(clippy::too_many_arguments)]
 pub fn syrk<T: Real>(
     triangle: Triangle,
     [n, k]: [usize; 2],
@@ -143,7 +141,7 @@ pub fn syrk<T: Real>(
 }
 
 /// One triangle of C = alpha (A Bᵀ + B Aᵀ) + beta C, C `[n, n]`, A and B `[n, k]` as they enter.
-#[allow(clippy::too_many_arguments)]
+#[expect(clippy::too_many_arguments, reason = "those of BLAS")]
 pub fn syr2k<T: Real>(
     triangle: Triangle,
     [n, k]: [usize; 2],

@@ -12,6 +12,7 @@
 //! shared library that it becomes part of shows none of the symbols (on systems with ELF). Within a
 //! program they are global, as the symbols of any BLAS: one that links another turns off the
 //! feature `bundled-lapack` of `sgpr-core`.
+#![warn(clippy::too_many_lines)]
 
 pub mod blas;
 pub mod lapack;

@@ -16,6 +16,7 @@
 //!
 //! `sgpr-core` identifies and diagnoses such models. It builds on this crate with the features `simd`, `trajectories`,
 //! `expressions` and `files`, so that there is one implementation of each effect and of the dynamics.
+#![warn(clippy::too_many_lines)]
 #![cfg_attr(not(feature = "std"), no_std)]
 #![forbid(unsafe_code)]
 

@@ -591,7 +591,7 @@ impl Excitation {
 #[pyo3(signature = (robot, effects=None, *, criterion="condition", start=None, noise=None, model=None, starts=None,
     max_evaluations=None, random_state=0, n_jobs=None, progress=None, **options),
     text_signature = "(robot, effects=('viscous_friction', 'coulomb_friction'), *, criterion='condition', start=None, noise=None, model=None, starts=6, max_evaluations=1500, random_state=0, n_jobs=None, progress=None, **options)")]
-#[allow(clippy::too_many_arguments)]
+#[expect(clippy::too_many_arguments, reason = "one for each Python keyword")]
 pub fn excite(
     py: Python<'_>,
     robot: &Bound<'_, Robot>,

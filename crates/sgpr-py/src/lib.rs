@@ -1,4 +1,5 @@
 //! The compiled half of the Python package: a boundary, no mathematics.
+#![warn(clippy::too_many_lines)]
 
 mod compare;
 mod control;

@@ -77,7 +77,7 @@ impl OnlineModel {
     #[pyo3(signature = (robot, model=None, *, payload=true, process=true, link=None, mass=5.0, radius=0.2, memory=0.3,
         noise=None, points=None, novelty=0.03, process_memory=2.0, period=1e-3, cutoff_hz=10.0, standstill_speed=0.02),
         text_signature = "(robot, model=None, *, payload=True, process=True, link=None, mass=5.0, radius=0.2, memory=0.3, noise=None, points=100, novelty=0.03, process_memory=2.0, period=0.001, cutoff_hz=10.0, standstill_speed=0.02)")]
-    #[allow(clippy::too_many_arguments)]
+    #[expect(clippy::too_many_arguments, reason = "one for each Python keyword")]
     fn new(
         robot: &Bound<'_, Robot>,
         model: Option<&Bound<'_, PyAny>>,
@@ -244,7 +244,7 @@ impl OnlineGaussianProcess {
 impl OnlineGaussianProcess {
     #[new]
     #[pyo3(signature = (kernel, inputs, outputs=1, *, noise_variance=0.01, points=100, novelty=0.03, refresh=100, memory=2000))]
-    #[allow(clippy::too_many_arguments)]
+    #[expect(clippy::too_many_arguments, reason = "one for each Python keyword")]
     fn new(
         kernel: &Bound<'_, Kernel>,
         inputs: usize,

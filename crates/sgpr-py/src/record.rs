@@ -294,7 +294,7 @@ pub fn choose_processing(
 #[pyfunction]
 #[pyo3(signature = (robot, recording, *, processing=None, effects=None, blocks=5, counted=None, lags=true, suspects=None, labels=None),
     text_signature = "(robot, recording, *, processing=None, effects=None, blocks=5, counted=None, lags=True, suspects=(), labels=None)")]
-#[allow(clippy::too_many_arguments)]
+#[expect(clippy::too_many_arguments, reason = "one for each Python keyword")]
 pub fn record(
     py: Python<'_>,
     robot: &Bound<'_, Robot>,

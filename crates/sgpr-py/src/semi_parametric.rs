@@ -41,7 +41,7 @@ impl FittedSemiParametric {
 /// Fits a model, on top of physics if it is given; returns it and what stopped the work, if anything did.
 #[pyfunction]
 #[pyo3(signature = (robot, recordings, *, physics, mean, kernel, ard, inputs, shared, points, sparse, starts, max_evaluations, n_jobs, options))]
-#[allow(clippy::too_many_arguments)]
+#[expect(clippy::too_many_arguments, reason = "one for each Python keyword")]
 pub fn fit_semi_parametric(
     py: Python<'_>,
     robot: &Bound<'_, Robot>,

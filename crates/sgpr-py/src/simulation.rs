@@ -391,7 +391,7 @@ const VELOCITY_SENSORS: [(&str, VelocitySensor); 2] =
     position_resolution=None, position_noise=None, torque_noise=None, actuation_noise=None, velocity="exact",
     torque_limits=None, speed_limit=1000.0, pick_up=None, random_state=0, progress=None),
     text_signature = "(robot, reference, *, duration=None, controller='feed_forward', kp=75.0, kd=5.0, model=None, feed_forward=None, drives=None, integrator='euler', step=2.5e-4, control_period=1e-3, record_period=None, delay=0.0, position_resolution=None, position_noise=None, torque_noise=None, actuation_noise=None, velocity='exact', torque_limits=None, speed_limit=1000.0, pick_up=None, random_state=0, progress=None)")]
-#[allow(clippy::too_many_arguments)]
+#[expect(clippy::too_many_arguments, reason = "one for each Python keyword")]
 pub fn simulate(
     py: Python<'_>,
     robot: &Bound<'_, PyAny>,

@@ -137,7 +137,6 @@ fn constant(symbol: &str, given: &Bound<'_, PyAny>) -> PyResult<Constant> {
 impl UserEffect {
     #[new]
     #[pyo3(signature = (name, function, parameters, *, constants=None, channels=None, summary=None, unit=""))]
-    #[allow(clippy::too_many_arguments)]
     fn new(
         name: String,
         function: Py<PyAny>,

@@ -270,7 +270,7 @@ impl<T: FloatNumber> WithSimd for LikelihoodGradient<'_, T> {
                     weights[j - start] *= 0.5;
                 }
                 plan.values::<_, S, true>(simd, points, (start, length), query, &mut work);
-                plan.gradient(simd, points, (start, length), query, weights, &mut work, &mut gradient, None);
+                plan.gradient(simd, (points, start, length), query, weights, &mut work, (&mut gradient, None));
             }
         }
         gradient

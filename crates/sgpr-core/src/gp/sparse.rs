@@ -266,7 +266,7 @@ impl WithSimd for PointGradient<'_> {
             tile[count..].fill(0.0);
             plan.values::<_, S, true>(simd, points, (start, length), &query, &mut work);
             let location = Some(&mut *coordinates);
-            plan.gradient(simd, points, (start, length), &query, &tile[..length], &mut work, &mut theta, location);
+            plan.gradient(simd, (points, start, length), &query, &tile[..length], &mut work, (&mut theta, location));
         }
         theta
     }

@@ -13,6 +13,13 @@ pub(super) struct JointLimits {
     pub acceleration: f64,
 }
 
+impl JointLimits {
+    /// Width of the range, rad (m).
+    pub fn span(&self) -> f64 {
+        self.range[1] - self.range[0]
+    }
+}
+
 /// Samples of position, velocity and acceleration of one joint.
 #[derive(Clone, Debug)]
 pub(super) struct Path {

@@ -33,19 +33,44 @@ const WARM_S: f64 = 1200.0;
 
 /// The motions that come into question for a joint.
 pub(super) fn plans(room: &Room, joint: usize, name: &str) -> Vec<Plan> {
-    let unit = room.units[joint];
     let limits = room.limits[joint];
-    let [low, high] = limits.range;
-    let span = high - low;
     let mut plans = Vec::new();
-    if span > 1e-3 && limits.speed > 0.0 && limits.acceleration > 0.0 {
-        let plain =
-            |text: String, path: &Path| Plan { text, motion: alone(room, joint, path), loaded: false, later: 0.0 };
-        let at = |share: f64| low + share * span;
-        let begin = || Path::new(room.home[joint], limits, RATE_HZ);
+    if limits.span() > 1e-3 && limits.speed > 0.0 && limits.acceleration > 0.0 {
+        let own = LoneJoint { name, unit: room.units[joint], limits, start: room.home[joint] };
+        let paths = [own.through_its_range(), own.at_constant_speeds(), own.by_small_steps(), own.shaken()];
+        let plan = |(text, path)| Plan { text, motion: alone(room, joint, &path), loaded: false, later: 0.0 };
+        plans.extend(paths.map(plan));
+    }
+    if let Some(piece) = &room.piece {
+        plans.extend(repetitions(room, piece));
+    }
+    plans
+}
 
-        let speed = (span / 12.0).min(0.3 * limits.speed);
-        let mut path = begin();
+/// A joint that moves alone.
+struct LoneJoint<'a> {
+    name: &'a str,
+    unit: &'static str,
+    limits: JointLimits,
+    /// Position from which it moves, rad (m).
+    start: f64,
+}
+
+impl LoneJoint<'_> {
+    fn begin(&self) -> Path {
+        Path::new(self.start, self.limits, RATE_HZ)
+    }
+
+    /// Position at a share of the range.
+    fn at(&self, share: f64) -> f64 {
+        self.limits.range[0] + share * self.limits.span()
+    }
+
+    fn through_its_range(&self) -> (String, Path) {
+        let Self { name, unit, limits, .. } = self;
+        let [low, high] = limits.range;
+        let speed = (limits.span() / 12.0).min(0.3 * limits.speed);
+        let mut path = self.begin();
         path.move_to(low, 0.7);
         path.hold(0.5);
         path.ramp_to(high, speed);
@@ -55,13 +80,17 @@ pub(super) fn plans(room: &Room, joint: usize, name: &str) -> Vec<Plan> {
         let text = format!(
             "move {name} slowly ({speed:.3} {unit}/s) through its range, {low:.2} to {high:.2} {unit}, in both directions"
         );
-        plans.push(plain(text, &path));
+        (text, path)
+    }
 
-        let mut path = begin();
+    fn at_constant_speeds(&self) -> (String, Path) {
+        let Self { name, unit, limits, .. } = self;
+        let [low, high] = limits.range;
+        let mut path = self.begin();
         let speeds = [0.02, 0.05, 0.12, 0.3, 0.6, 0.95].map(|share| share * limits.speed);
         for speed in speeds {
             // Slow runs are short ones: at most five seconds each way.
-            let half = (0.5 * span).min(2.5 * speed);
+            let half = (0.5 * limits.span()).min(2.5 * speed);
             let middle = 0.5 * (low + high);
             path.move_to(middle - half, 0.7);
             path.hold(0.3);
@@ -74,61 +103,55 @@ pub(super) fn plans(room: &Room, joint: usize, name: &str) -> Vec<Plan> {
             "move {name} to and fro at constant speeds from {:.3} to {:.2} {unit}/s, as long in both directions",
             speeds[0], speeds[5]
         );
-        plans.push(plain(text, &path));
+        (text, path)
+    }
 
-        let mut path = begin();
+    fn by_small_steps(&self) -> (String, Path) {
+        let Self { name, unit, limits, .. } = self;
+        let mut path = self.begin();
         for share in [0.25, 0.5, 0.75] {
-            path.move_to(at(share), 0.7);
-            for size in [0.004, 0.015, 0.06].map(|size: f64| size.min(0.1 * span)) {
+            path.move_to(self.at(share), 0.7);
+            for size in [0.004, 0.015, 0.06].map(|size: f64| size.min(0.1 * limits.span())) {
                 for pace in [0.25, 1.0] {
                     // A swing takes a second, or a quarter of one.
                     let speed = (QUINTIC_PEAKS[0] * size * 4.0 * pace / limits.speed).min(1.0);
                     for side in [1.0, -1.0, 1.0, -1.0] {
-                        path.move_to(at(share) + side * size, speed);
+                        path.move_to(self.at(share) + side * size, speed);
                     }
-                    path.move_to(at(share), speed);
+                    path.move_to(self.at(share), speed);
                 }
             }
         }
-        let places = [0.25, 0.5, 0.75].map(|share| format!("{:.2}", at(share))).join(", ");
-        let text = format!("reverse {name} again and again by small steps, slow and fast, at {places} {unit}");
-        plans.push(plain(text, &path));
+        let places = [0.25, 0.5, 0.75].map(|share| format!("{:.2}", self.at(share))).join(", ");
+        (format!("reverse {name} again and again by small steps, slow and fast, at {places} {unit}"), path)
+    }
 
-        let mut path = begin();
-        path.move_to(at(0.5), 0.7);
+    fn shaken(&self) -> (String, Path) {
+        let Self { name, unit, limits, .. } = self;
+        let mut path = self.begin();
+        path.move_to(self.at(0.5), 0.7);
         path.hold(0.3);
         for (hz, periods) in [(0.3, 3), (0.7, 4), (1.5, 5), (3.0, 8), (5.0, 10)] {
-            path.sine(hz, periods, 0.45 * span);
+            path.sine(hz, periods, 0.45 * limits.span());
             path.hold(0.2);
         }
-        let text = format!("shake {name} about {:.2} {unit} with 0.3, 0.7, 1.5, 3 and 5 Hz", at(0.5));
-        plans.push(plain(text, &path));
+        (format!("shake {name} about {:.2} {unit} with 0.3, 0.7, 1.5, 3 and 5 Hz", self.at(0.5)), path)
     }
-    if let Some((rate, [q, dq, ddq])) = &room.piece {
-        let log = SampledReference::new(room.home.len(), *rate, q.clone(), dq.clone(), ddq.clone());
-        let seconds = (q.len() / room.home.len() - 1) as f64 / rate;
-        let replay = |pace: f64| replay(room, &log, seconds, pace);
-        let plan = |text: &str, pace: f64, loaded: bool, later: f64| Plan {
-            text: text.into(),
-            motion: replay(pace),
-            loaded,
-            later,
-        };
-        plans.push(plan("repeat the beginning of the first log at a sixth of its speed", 1.0 / 6.0, false, 0.0));
-        plans.push(plan(
-            "repeat the beginning of the first log twice, without and with a known payload of 2 kg",
-            1.0,
-            true,
-            0.0,
-        ));
-        plans.push(plan(
-            "repeat the beginning of the first log after twenty minutes of motion, on the same clock",
-            1.0,
-            false,
-            WARM_S,
-        ));
-    }
-    plans
+}
+
+/// A piece of a log once more: slowly, with a payload, warm.
+fn repetitions(room: &Room, (rate, [q, dq, ddq]): &(f64, [Vec<f64>; 3])) -> [Plan; 3] {
+    let log = SampledReference::new(room.home.len(), *rate, q.clone(), dq.clone(), ddq.clone());
+    let seconds = (q.len() / room.home.len() - 1) as f64 / rate;
+    let plan = |text: &str, pace: f64, loaded: bool, later: f64| {
+        let text = format!("repeat the beginning of the first log {text}");
+        Plan { text, motion: replay(room, &log, seconds, pace), loaded, later }
+    };
+    [
+        plan("at a sixth of its speed", 1.0 / 6.0, false, 0.0),
+        plan("twice, without and with a known payload of 2 kg", 1.0, true, 0.0),
+        plan("after twenty minutes of motion, on the same clock", 1.0, false, WARM_S),
+    ]
 }
 
 /// One joint along a path and home again, the others at rest.

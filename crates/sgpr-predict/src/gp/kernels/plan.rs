@@ -338,18 +338,15 @@ impl Plan {
     /// Adds sum over points of weight * dk(query, point) / dtheta, right after [`Plan::values`] of the same tile.
     ///
     /// With `location`, adds sum of weight * dk / dcoordinate of the query as well.
-    #[allow(clippy::too_many_arguments)]
     #[inline(always)]
     pub fn gradient<T: Element, S: Simd>(
         &self,
         simd: S,
-        points: &Features<T>,
-        (start, length): (usize, usize),
+        (points, start, length): (&Features<T>, usize, usize),
         query: &Query<T>,
         weights: &[T],
         work: &mut Work<T>,
-        gradient: &mut [f64],
-        mut location: Option<&mut [f64]>,
+        (gradient, mut location): (&mut [f64], Option<&mut [f64]>),
     ) {
         let root = self.nodes.len() - 1;
         work.adjoints[root * TILE..][..length].copy_from_slice(weights);
