@@ -7,9 +7,8 @@ use crate::robot::Robot;
 
 /// Joints that a report names.
 pub(super) fn joints_of(term: &Term) -> Vec<usize> {
-    let whole_arm = term.effect.name() == "link_length_error";
     match term.site {
-        Site::Joint(joint) | Site::Pair(joint, _) if !whole_arm => vec![joint],
+        Site::Joint(joint) | Site::Pair(joint, _) if !term.effect.is_of_arm() => vec![joint],
         _ => vec![],
     }
 }

@@ -10,7 +10,7 @@ use super::by_log::{ByLog, LogSums};
 use super::evidence::LeftOut;
 use super::left_out::{FoldFits, Held};
 use super::problem::{Column, Problem};
-use crate::effects::{Scale, Site};
+use crate::effects::{Effect, Role, Scale, Site};
 use crate::identification::nearest_load;
 use crate::linalg::dot_in_lanes;
 use crate::model::{Rigid, Term, TorqueModel};
@@ -76,12 +76,12 @@ impl Fitted {
 
     /// Coulomb friction of a joint, N·m (N), if the model has it there.
     pub fn dry_friction(&self, joint: usize) -> Option<f64> {
-        const NAME: &str = "coulomb_friction";
         let set = self.model.parameter_set();
         let of_set = set.effect_columns().iter().zip(&self.model.parameters()[set.inertial()..]);
-        let of_set = of_set.filter(|(c, _)| c.joint == joint && set.effects()[c.effect].name() == NAME).map(|(_, x)| x);
-        let own = self.terms().iter().filter(|t| t.effect.name() == NAME && t.site == Site::Joint(joint));
-        of_set.chain(own.flat_map(|term| &term.coefficients)).copied().reduce(|a, b| a + b)
+        let is_dry = |effect: &dyn Effect| effect.role() == Some(Role::DryFriction);
+        let of_set = of_set.filter(|(c, _)| c.joint == joint && is_dry(set.effects()[c.effect].as_ref()));
+        let own = self.terms().iter().filter(|t| is_dry(t.effect.as_ref()) && t.site == Site::Joint(joint));
+        of_set.map(|(_, x)| x).chain(own.flat_map(|term| &term.coefficients)).copied().reduce(|a, b| a + b)
     }
 
     /// Term and index of every constant.

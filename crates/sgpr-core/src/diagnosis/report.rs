@@ -325,7 +325,7 @@ fn not_testable(search: &Search<'_>, start: &Fitted, ranking: &[Candidate]) -> V
             None
         } else if let Some(other) = about.alias_of {
             Some(format!("these logs cannot tell it from `{other}`, which stands for both"))
-        } else if super::search::is_absorbed(effect.as_ref()) {
+        } else if effect.is_absorbed() {
             Some("the refitted base parameters take it up".into())
         } else if effect.entry() == Entry::Transform && effect.constants().iter().any(|c| c.scale == Scale::Torque) {
             let none = search.problem.limits.iter().all(Option::is_none);

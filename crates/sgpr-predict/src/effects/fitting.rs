@@ -3,7 +3,7 @@
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
-use super::{Constant, Effect, Role, Scale, registry};
+use super::{Constant, Dimension, Effect, Role, Scale, registry};
 
 /// What is smaller, N·m (N), is rounding of zero; its square would vanish beside any other number.
 pub const SMALLEST_TORQUE: f64 = 1e-30;
@@ -32,7 +32,9 @@ impl Constant {
             Scale::Torque => [self.low, self.high].map(|x| x * ranges.torque),
             Scale::Time => ranges.time,
             // A resonance beyond the band would be seen by its foot alone.
-            _ if self.unit == "Hz" => [self.low, self.high.min(0.6 * ranges.band_hz).max(self.low)],
+            _ if self.dimension() == Dimension::Frequency => {
+                [self.low, self.high.min(0.6 * ranges.band_hz).max(self.low)]
+            }
             _ => [self.low, self.high],
         }
     }

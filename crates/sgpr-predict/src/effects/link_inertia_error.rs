@@ -46,6 +46,10 @@ impl Effect for LinkInertiaError {
         Entry::Trajectory
     }
 
+    fn is_absorbed(&self) -> bool {
+        true
+    }
+
     fn reach(&self) -> Reach {
         Reach::All
     }

@@ -54,6 +54,10 @@ impl Effect for LinkLengthError {
         Entry::Transform
     }
 
+    fn is_of_arm(&self) -> bool {
+        true
+    }
+
     fn reach(&self) -> Reach {
         Reach::All
     }

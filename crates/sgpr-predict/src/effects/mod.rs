@@ -385,6 +385,16 @@ pub trait Effect: Send + Sync + Debug {
         false
     }
 
+    /// Whether the base parameters take it up, whatever the motion: a model without it is as good.
+    fn is_absorbed(&self) -> bool {
+        false
+    }
+
+    /// Whether it is one of the whole arm although its sites are joints: a report names none.
+    fn is_of_arm(&self) -> bool {
+        false
+    }
+
     /// Whether the grids of its constants say no more than their ranges: a search then looks between values at which the
     /// columns have little in common.
     fn grids_span_ranges(&self) -> bool {
@@ -451,7 +461,33 @@ pub struct Constant {
     pub grid: &'static [f64],
 }
 
+/// What a constant measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dimension {
+    /// A time or a delay.
+    Time,
+    /// A frequency.
+    Frequency,
+    /// A speed of a joint.
+    Speed,
+    /// A position of a joint, or a length.
+    Position,
+    /// Anything else.
+    Other,
+}
+
 impl Constant {
+    /// What it measures, as its unit says.
+    pub fn dimension(&self) -> Dimension {
+        match self.unit {
+            "s" => Dimension::Time,
+            "Hz" => Dimension::Frequency,
+            "rad/s" => Dimension::Speed,
+            "rad" | "m" => Dimension::Position,
+            _ => Dimension::Other,
+        }
+    }
+
     /// A constant that is searched in its logarithm.
     pub const fn logarithmic(
         symbol: &'static str,

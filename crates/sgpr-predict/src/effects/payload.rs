@@ -51,6 +51,10 @@ impl Effect for PayloadBody {
         Entry::Trajectory
     }
 
+    fn is_absorbed(&self) -> bool {
+        true
+    }
+
     fn reach(&self) -> Reach {
         Reach::All
     }

@@ -9,7 +9,7 @@ use super::super::basis::{Basis, Gain, dot};
 use super::super::fit::{Fitted, tangent};
 use super::super::problem::Column;
 use super::Search;
-use crate::effects::{Constant, Effect, Entry, Scale, Site};
+use crate::effects::{Constant, Dimension, Effect, Entry, Scale, Site};
 use crate::model::Term;
 use crate::progress::Interrupted;
 use sgpr_predict::internal::power_by_order;
@@ -27,15 +27,10 @@ pub(in super::super) struct Candidate {
     pub errors: Option<[Vec<f64>; 2]>,
 }
 
-/// Whether the base parameters take an effect up whatever the motion.
-pub(in super::super) fn is_absorbed(effect: &dyn Effect) -> bool {
-    ["payload", "link_inertia_error"].contains(&effect.name())
-}
-
 /// Whether a constant is the range of speeds over which friction changes sign. One that the joint crosses within a sample
 /// cannot be told from none: it would hedge between the signs of a few samples.
 pub(super) fn is_width_of_reversal(effect: &dyn Effect, constant: &Constant) -> bool {
-    effect.refines().is_some() && constant.unit == "rad/s"
+    effect.refines().is_some() && constant.dimension() == Dimension::Speed
 }
 
 /// What a term is remembered by.
@@ -47,7 +42,7 @@ impl Search<'_> {
     /// Whether an effect is looked for.
     pub(super) fn wanted(&self, effect: &dyn Effect) -> bool {
         let about = effect.about();
-        let absent = !self.has_everywhere(effect) && !is_absorbed(effect);
+        let absent = !self.has_everywhere(effect) && !effect.is_absorbed();
         effect.entry() != Entry::Gate && about.alias_of.is_none() && absent
     }
 

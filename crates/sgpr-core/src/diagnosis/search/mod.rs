@@ -19,11 +19,11 @@ use super::basis::Noise;
 use super::fit::{Fitted, solve, solve_like};
 use super::problem::{Column, Problem};
 use super::unknown::Processes;
-use crate::effects::{Effect, Site};
+use crate::effects::{Dimension, Effect, Site};
 use crate::model::Term;
 use crate::progress::{Interrupted, Progress};
 pub(super) use by_hand::Wanted;
-pub(super) use candidates::{Candidate, is_absorbed};
+pub(super) use candidates::Candidate;
 use forward::{Next, falls};
 use held_out::HeldOut;
 pub(super) use held_out::is_limit;
@@ -125,7 +125,7 @@ pub(super) fn others(mut accepted: Vec<Accepted>, fitted: &Fitted, out: &[usize]
 /// Whether a term refines what the model has already and does not matter, or is shorter than the time between two samples
 /// and of little effect, and nobody asked for it.
 fn is_silent(term: &Term, step: &Accepted, period: f64) -> bool {
-    let times = term.is_transform() && term.effect.constants().iter().all(|c| c.unit == "s");
+    let times = term.is_transform() && term.effect.constants().iter().all(|c| c.dimension() == Dimension::Time);
     let within = || term.constants.iter().all(|c| c.abs() < WITHIN_A_SAMPLE * period) && step.effect_size < LITTLE;
     !step.wanted && ((term.effect.refines().is_some() && step.effect_size < MATERIAL) || (times && within()))
 }

@@ -10,7 +10,7 @@ use super::super::problem::Column;
 use super::super::unknown::{self, Group};
 use super::Search;
 use super::candidates::key_of;
-use crate::effects::{Reach, Site};
+use crate::effects::{Dimension, Reach, Site};
 use crate::linalg::rms;
 use crate::model::Term;
 use crate::progress::Interrupted;
@@ -51,7 +51,8 @@ impl Search<'_> {
         /// The same for a load or contact.
         const MUCH_QUIETER: f64 = 0.5;
         let geometric = |term: &Term| {
-            term.is_transform() && term.effect.constants().iter().all(|constant| ["rad", "m"].contains(&constant.unit))
+            term.is_transform()
+                && term.effect.constants().iter().all(|constant| constant.dimension() == Dimension::Position)
         };
         let of_arm = |term: &Term| !term.is_transform() && term.effect.reach() == Reach::All;
         let Some(term) = fitted.terms().last() else { return false };

@@ -10,7 +10,7 @@ use super::super::fit::{Fitted, tangents};
 use super::super::problem::Column;
 use super::candidates::{Candidate, key_of};
 use super::{EVIDENCE, Search};
-use crate::effects::Site;
+use crate::effects::{Dimension, Site};
 use crate::model::Term;
 use crate::progress::Interrupted;
 
@@ -69,7 +69,7 @@ impl Search<'_> {
             && term.effect.constants().iter().zip(&gain.coefficients).any(|(c, x)| c.low > -1e-3 * c.high && *x < 0.0);
         let resonances = term.constants.iter().enumerate().zip(term.effect.constants());
         let at_edge = resonances
-            .filter(|(_, constant)| constant.unit == "Hz")
+            .filter(|(_, constant)| constant.dimension() == Dimension::Frequency)
             .any(|((k, value), _)| *value > 0.98 * self.bounds(&term, k)[1]);
         let impossible = (first_negative && !term.effect.is_body()) || out_of_bounds || at_edge;
         Candidate { impossible, term, gain, score, errors: None }

@@ -4,14 +4,14 @@ use super::super::basis::{Basis, INVISIBLE, gain};
 use super::super::fit::{Fitted, solve};
 use super::super::problem::Column;
 use super::{EVIDENCE, Search};
-use crate::effects::Site;
+use crate::effects::{Dimension, Site};
 use crate::model::Term;
 use crate::progress::Interrupted;
 
 /// How much later than the motion a term says that the whole torque is logged, s; `None` if it says nothing of it.
 pub(super) fn delay(term: &Term) -> Option<f64> {
     let [constant] = term.effect.constants() else { return None };
-    let late = term.is_transform() && term.site == Site::Arm && constant.unit == "s";
+    let late = term.is_transform() && term.site == Site::Arm && constant.dimension() == Dimension::Time;
     late.then(|| term.constants[0])
 }
 
