@@ -8,20 +8,19 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sgpr_core::identification::Row;
-use sgpr_core::model::{self as core, StreamedMotion, TorqueModel};
+use sgpr_core::model::{self as core, TorqueModel};
 use sgpr_core::motion::{self, Motion};
 use sgpr_core::recording::{self as logs, Channel};
 
-use crate::convert::{Numbers, array, view};
+use crate::convert::{Numbers, array};
 use crate::detached::detached;
-use crate::diagnosis::as_python;
-use crate::errors::{IntoPyErr, invalid};
-use crate::identification::{recordings, warn};
-use crate::log_set::{LogSet, log_set};
-use crate::model::{Model, Processing, figure, html_table};
+use crate::errors::{IntoPyErr, invalid, warn};
+use crate::log_residual::LogResidual;
+use crate::log_set::{LogSet, as_python, log_set, recordings};
+use crate::model::{Model, Processing};
 use crate::recording::Recording;
 use crate::robot::Robot;
-use crate::simulation::semi_parametric;
+use crate::tables::{figure, html_table};
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
@@ -77,58 +76,6 @@ pub fn compare(
     Comparison::new(py, comparison, of)
 }
 
-/// Compares what a predictor says one sample after the other with recordings: the torques of
-/// `Model.predictor(rate_hz=..., purpose="expected_measurement")`, reset at the start of every stretch.
-///
-/// Parameters
-/// ----------
-/// model : Model or SemiParametricModel
-/// recordings : list of Recording or LogSet
-/// processing : Model or Processing, optional
-///     As for `compare`; not for a SemiParametricModel.
-/// causal : bool
-///     The predictor is given positions as logged through the filter in one pass, and their differences from the samples
-///     before: what a controller knows that measures positions alone. The filter makes the motion late. By default it is
-///     given the motion of `compare`, filtered without delay, which needs samples that come later.
-///
-/// Returns
-/// -------
-/// Comparison
-///     In the same band and over the same samples as that of `compare`.
-///
-/// Examples
-/// --------
-/// >>> log = sgpr.read("train.csv.gz")
-/// >>> model = sgpr.identify(sgpr.Robot.from_urdf("robot.urdf"), [log])
-/// >>> streamed, batch = sgpr.compare_streaming(model, [log]), sgpr.compare(model, [log])
-/// >>> bool(np.allclose(streamed.rmse, batch.rmse))
-/// True
-#[pyfunction]
-#[pyo3(signature = (model, recordings, *, processing=None, causal=false))]
-pub fn compare_streaming(
-    py: Python<'_>,
-    model: &Bound<'_, PyAny>,
-    recordings: &Bound<'_, PyAny>,
-    processing: Option<&Bound<'_, PyAny>>,
-    causal: bool,
-) -> PyResult<Comparison> {
-    let motion = if causal { StreamedMotion::Causal } else { StreamedMotion::Filtered };
-    let processing = processing.map(processing_of).transpose()?.flatten();
-    let logs = log_set(py, recordings)?;
-    let (comparison, model) = if let Ok(model) = model.cast::<Model>() {
-        let model = model.get().inner.clone();
-        let found = detached(py, || core::compare_streaming(&model, &logs, processing.as_ref(), motion));
-        (found.map_err(IntoPyErr::into_py_err)?, model)
-    } else if let Some(fitted) = semi_parametric(model)? {
-        let fitted = fitted.get().inner.clone();
-        let found = detached(py, || fitted.compare_streaming(&logs, motion));
-        (found.map_err(IntoPyErr::into_py_err)?, Arc::new(fitted.physics().clone()))
-    } else {
-        return Err(wrong_type("model", model, "Model or SemiParametricModel"));
-    };
-    Comparison::new(py, comparison, Compared { model, logs })
-}
-
 pub fn processing_of(given: &Bound<'_, PyAny>) -> PyResult<Option<sgpr_core::motion::Processing>> {
     match (given.cast::<Model>(), given.cast::<Processing>()) {
         (Ok(model), _) => Ok(model.get().inner.processing().cloned()),
@@ -137,7 +84,7 @@ pub fn processing_of(given: &Bound<'_, PyAny>) -> PyResult<Option<sgpr_core::mot
     }
 }
 
-fn wrong_type(name: &str, given: &Bound<'_, PyAny>, expected: &str) -> PyErr {
+pub fn wrong_type(name: &str, given: &Bound<'_, PyAny>, expected: &str) -> PyErr {
     let found = given.get_type().name().map_or_else(|_| "?".into(), |name| name.to_string());
     PyTypeError::new_err(format!("{name}: got {found}, expected {expected}"))
 }
@@ -545,111 +492,5 @@ impl JointComparison {
             self.fit_percent,
             self.r2
         )
-    }
-}
-
-/// Torques of one stretch of a log. Arrays are (N, n) unless said otherwise, read-only.
-#[pyclass(module = "sgpr", frozen)]
-pub struct LogResidual {
-    /// Of the core.
-    pub inner: core::LogResidual,
-    /// Number of joints.
-    pub dof: usize,
-}
-
-fn rows<'py, T: numpy::Element>(
-    log: &Bound<'py, LogResidual>,
-    pick: impl FnOnce(&LogResidual) -> &[T],
-) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
-    view(log, &[log.get().inner.time().len(), log.get().dof], pick)
-}
-
-impl LogResidual {
-    /// A read-only array, (N, n), of its own memory.
-    fn made<'py, T: numpy::Element>(&self, py: Python<'py>, values: Vec<T>) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
-        let made = array(py, &[self.inner.time().len(), self.dof], values)?;
-        made.getattr("flags")?.setattr("writeable", false)?;
-        Ok(made)
-    }
-}
-
-#[pymethods]
-impl LogResidual {
-    /// Log.
-    #[getter]
-    fn source(&self) -> &str {
-        self.inner.source()
-    }
-
-    /// Time stamps, (N,), ns.
-    #[getter]
-    fn time_ns<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArrayDyn<i64>>> {
-        view(slf, &[slf.get().inner.time().len()], |log| log.inner.time())
-    }
-
-    /// Time since the first sample of the stretch, (N,), s.
-    #[getter]
-    fn t<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let time = self.inner.time();
-        let start = time.first().copied().unwrap_or_default();
-        array(py, &[time.len()], time.iter().map(|stamp| (stamp - start) as f64 * 1e-9).collect())
-    }
-
-    /// Torque as logged, N·m (N).
-    #[getter]
-    fn measured<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        rows(slf, |log| log.inner.measured())
-    }
-
-    /// Torque by the model, N·m (N).
-    #[getter]
-    fn predicted<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        rows(slf, |log| &log.inner.predicted)
-    }
-
-    /// Measured, in the band of the model: filtered when it is asked for.
-    #[getter]
-    fn measured_in_band<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        self.made(py, detached(py, || self.inner.measured_in_band()))
-    }
-
-    /// Predicted, in the band of the model: filtered when it is asked for.
-    #[getter]
-    fn predicted_in_band<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        self.made(py, detached(py, || self.inner.predicted_in_band()))
-    }
-
-    /// Which of them count: the joint moves, and the ends of the stretch are far.
-    #[getter]
-    fn counted<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<bool>>> {
-        self.made(py, (0..self.inner.predicted.len()).map(|entry| self.inner.counts(entry)).collect())
-    }
-
-    /// Sampling rate of the stretch, Hz.
-    #[getter]
-    fn rate_hz(&self) -> f64 {
-        self.inner.motion.rate_hz
-    }
-
-    /// Filtered positions, rad (m).
-    #[getter]
-    fn q<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        rows(slf, |log| &log.inner.motion.q)
-    }
-
-    /// Their first derivative; zero while a joint rests.
-    #[getter]
-    fn dq<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        rows(slf, |log| &log.inner.motion.dq)
-    }
-
-    /// Their second derivative; zero while a joint rests.
-    #[getter]
-    fn ddq<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        rows(slf, |log| &log.inner.motion.ddq)
-    }
-
-    fn __repr__(&self) -> String {
-        format!("LogResidual('{}', {} samples)", self.inner.source(), self.inner.time().len())
     }
 }

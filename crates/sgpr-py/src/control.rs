@@ -10,7 +10,7 @@ use sgpr_core::recording::Recording;
 use crate::convert::{Numbers, array};
 use crate::detached::detached;
 use crate::errors::{IntoPyErr, SgprError};
-use crate::identification::recordings;
+use crate::log_set::recordings;
 use crate::model::{Model, stream_options};
 
 type Array<'py> = Bound<'py, PyArray1<f64>>;

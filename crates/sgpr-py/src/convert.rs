@@ -12,6 +12,7 @@ use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 use pyo3::pyclass::boolean_struct::True;
 use pyo3::types::{PyDict, PyString};
+use sgpr_core::robot::Robot;
 
 use crate::errors::invalid;
 
@@ -286,4 +287,17 @@ pub fn texts(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
 /// An unknown key, with those that are known.
 pub fn unknown(what: &str, key: &str, known: &[&str]) -> PyErr {
     invalid(format!("{what}: there is no `{key}`; known are {}", known.join(", ")))
+}
+
+/// One finite number per joint.
+pub fn per_joint(name: &str, value: &Bound<'_, PyAny>, robot: &Robot) -> PyResult<Vec<f64>> {
+    Ok(Numbers::new(name, value)?.shaped(&[robot.dof()])?.finite()?.values().to_vec())
+}
+
+/// Gains of a controller that holds the arm: with the other sign it drives the joint away from where it should be.
+pub fn not_negative_gains(name: &str, gains: Vec<f64>) -> PyResult<Vec<f64>> {
+    match gains.iter().find(|gain| **gain < 0.0) {
+        Some(gain) => Err(invalid(format!("{name} has {gain}: gains of a controller are zero or more"))),
+        None => Ok(gains),
+    }
 }

@@ -13,11 +13,12 @@ use sgpr_core::recording as logs;
 
 use crate::compare::Comparison;
 use crate::detached::detached;
-use crate::errors::{IntoPyErr, invalid};
-use crate::identification::{recordings, warn};
-use crate::model::{Model, figure};
+use crate::errors::{IntoPyErr, invalid, warn};
+use crate::log_set::{as_python, recordings};
+use crate::model::Model;
 use crate::progress::listen;
 use crate::recording::Recording;
+use crate::tables::figure;
 use crate::user_effect::{UserEffect, known_effects, registered};
 
 /// Finds out which physical effects a model lacks.
@@ -379,10 +380,6 @@ type FindingParts = (String, Model, Model, Vec<Recording>);
 
 fn as_model(model: &Arc<TorqueModel>) -> Model {
     Model { inner: model.clone(), report: None }
-}
-
-pub fn as_python(list: &[logs::Recording]) -> Vec<Recording> {
-    list.iter().map(|recording| recording.clone().into()).collect()
 }
 
 fn not_one(why: String) -> PyErr {

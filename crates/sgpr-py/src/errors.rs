@@ -3,8 +3,10 @@
 //! Everything the library complains about is an `SgprError`, which is a `ValueError`; files that the system does not
 //! open are an `OSError`, as from `open`.
 
+use std::ffi::CString;
+
 use pyo3::create_exception;
-use pyo3::exceptions::{PyMemoryError, PyOSError, PyValueError};
+use pyo3::exceptions::{PyMemoryError, PyOSError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use sgpr_core::control::ObserverError;
 use sgpr_core::diagnosis::DiagnosisError;
@@ -240,4 +242,10 @@ fn os_code(error: &std::io::Error) -> Option<i32> {
         ErrorKind::ReadOnlyFilesystem => Some(30),
         _ => None,
     })
+}
+
+/// Warns of what the user should read.
+pub fn warn(py: Python<'_>, texts: &[String]) -> PyResult<()> {
+    let category = py.get_type::<PyUserWarning>();
+    texts.iter().try_for_each(|text| PyErr::warn(py, &category, &CString::new(text.replace('\0', ""))?, 2))
 }

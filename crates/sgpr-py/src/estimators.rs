@@ -6,6 +6,7 @@ use sgpr_core::identification::{
     Consistency, Distance, LinkBounds, Method, ParameterBounds, PhysicalBounds, PriorWidth, Region,
 };
 use sgpr_core::model::Uncertainty;
+use sgpr_core::signal::Differentiation;
 
 use crate::convert::{choice, items, positive, vector3};
 use crate::errors::invalid;
@@ -172,4 +173,12 @@ fn interval(label: &str, value: &Bound<'_, PyAny>) -> PyResult<[f64; 2]> {
         if number.is_nan() { Err(invalid(format!("{label}: NaN is no limit"))) } else { Ok(number) }
     };
     Ok([number(low, f64::NEG_INFINITY)?, number(high, f64::INFINITY)?])
+}
+
+/// What the user calls a way to differentiate.
+pub fn differentiation_name(method: Differentiation) -> String {
+    match method {
+        Differentiation::Central { accuracy } => format!("central:{accuracy}"),
+        Differentiation::SavitzkyGolay { window, degree } => format!("savitzky_golay:{window}:{degree}"),
+    }
 }

@@ -16,10 +16,10 @@ use sgpr_core::model::{Term, TorqueModel};
 use sgpr_core::progress::{Interrupted, Progress};
 use sgpr_core::robot::Robot as CoreRobot;
 
-use crate::convert::{Numbers, array, choice, positive, texts, unknown, whole};
+use crate::convert::{Numbers, array, choice, per_joint, positive, texts, unknown, whole};
 use crate::detached::detached;
 use crate::errors::{IntoPyErr, invalid};
-use crate::identification::forecast_dict;
+use crate::identification_report::forecast_dict;
 use crate::model::Model;
 use crate::progress::listen;
 use crate::robot::Robot;
@@ -739,11 +739,6 @@ fn peaks_dict<'py>(py: Python<'py>, peaks: &core::Peaks) -> PyResult<Bound<'py, 
     dict.set_item("acceleration", array(py, &[n], peaks.acceleration.clone())?)?;
     dict.set_item("torque", array(py, &[n], peaks.torque.clone())?)?;
     Ok(dict)
-}
-
-/// One finite number per joint.
-pub fn per_joint(name: &str, value: &Bound<'_, PyAny>, robot: &CoreRobot) -> PyResult<Vec<f64>> {
-    Ok(Numbers::new(name, value)?.shaped(&[robot.dof()])?.finite()?.values().to_vec())
 }
 
 /// Keyword arguments of basis and limits, of which each is taken once.

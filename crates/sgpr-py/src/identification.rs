@@ -1,54 +1,25 @@
 //! From recordings to a model.
 
-use std::ffi::CString;
 use std::sync::Arc;
 
-use numpy::PyArrayDyn;
-use pyo3::exceptions::{PyTypeError, PyUserWarning};
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use sgpr_core::effects::{Origin, registry};
-use sgpr_core::identification::{Essential, Method};
+use sgpr_core::identification::Method;
 use sgpr_core::model::{self as core, Controller, IdentifyOptions, Start};
 use sgpr_core::motion::TorqueBand;
 use sgpr_core::recording as logs;
-use sgpr_core::signal::{CutoffChoice as CoreChoice, Differentiation};
+use sgpr_core::signal::Differentiation;
 
-use crate::convert::{Numbers, array, choice, not_negative, positive, texts, view, whole};
-use crate::errors::{IntoPyErr, invalid};
+use crate::convert::{Numbers, choice, not_negative, not_negative_gains, positive, texts, whole};
+use crate::errors::{IntoPyErr, invalid, warn};
 use crate::estimators::{ConsistencyArguments, method, uncertainty};
-use crate::log_set::LogSet;
+use crate::log_set::recordings;
 use crate::model::Model;
 use crate::progress::listen;
-use crate::recording::{Recording, require_usable};
+use crate::recording::Recording;
 use crate::robot::Robot;
-use crate::simulation::not_negative_gains;
-
-type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
-
-/// The recordings that were given, in memory of their own; those with an error are refused.
-pub fn recordings(given: &Bound<'_, PyAny>) -> PyResult<Vec<logs::Recording>> {
-    let wrong = |found: &Bound<'_, PyAny>| {
-        let found = found.get_type().name().map_or_else(|_| "?".into(), |name| name.to_string());
-        let read = if found == "str" || found.ends_with("Path") { " (`sgpr.read` reads a file)" } else { "" };
-        PyTypeError::new_err(format!("recordings: got {found}, expected a list of Recording or a LogSet{read}"))
-    };
-    // What it holds was looked at when it was made.
-    if let Ok(set) = given.cast::<LogSet>() {
-        return Ok(set.get().inner.to_vec());
-    }
-    if given.is_instance_of::<Recording>() {
-        return Err(wrong(given));
-    }
-    let mut recordings = Vec::new();
-    for item in given.try_iter().map_err(|_| wrong(given))? {
-        let item = item?;
-        let recording = item.cast::<Recording>().map_err(|_| wrong(&item))?.get().inner.clone();
-        require_usable(&recording)?;
-        recordings.push(recording);
-    }
-    Ok(recordings)
-}
 
 /// Refuses torques that cannot be those of the robot, and warns of samples that two recordings share and that count once.
 fn check_evidence(
@@ -72,12 +43,6 @@ fn check_evidence(
         }
     }
     Ok(())
-}
-
-/// Warns of what the user should read.
-pub fn warn(py: Python<'_>, texts: &[String]) -> PyResult<()> {
-    let category = py.get_type::<PyUserWarning>();
-    texts.iter().try_for_each(|text| PyErr::warn(py, &category, &CString::new(text.replace('\0', ""))?, 2))
 }
 
 /// Share of its moving time in which a recording repeats paths of known ones.
@@ -330,14 +295,6 @@ fn differentiation(text: &str) -> PyResult<Differentiation> {
     }
 }
 
-/// The inverse of [`differentiation`].
-pub fn differentiation_name(method: Differentiation) -> String {
-    match method {
-        Differentiation::Central { accuracy } => format!("central:{accuracy}"),
-        Differentiation::SavitzkyGolay { window, degree } => format!("savitzky_golay:{window}:{degree}"),
-    }
-}
-
 /// Identifies the torque model of a robot from recordings.
 ///
 /// The joints of each recording are picked by the names of the robot's joints. What is left open is chosen from the logs
@@ -551,166 +508,6 @@ pub fn effects(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
         Ok(dict)
     };
     registry().into_iter().map(describe).collect()
-}
-
-/// How an identification went, beside the model.
-#[pyclass(module = "sgpr", frozen)]
-pub struct IdentificationReport {
-    samples: usize,
-    singular_values: Vec<f64>,
-    warnings: Vec<String>,
-    cutoff_choices: Vec<Py<CutoffChoice>>,
-    essential: Option<Essential>,
-    forecast: Option<core::Forecast>,
-}
-
-impl Model {
-    /// A model, and how its identification went.
-    pub fn with_report(py: Python<'_>, model: core::TorqueModel, report: core::IdentificationReport) -> PyResult<Self> {
-        let report = Py::new(py, IdentificationReport::new(py, report)?)?;
-        Ok(Self { inner: Arc::new(model), report: Some(report) })
-    }
-}
-
-impl IdentificationReport {
-    fn new(py: Python<'_>, report: core::IdentificationReport) -> PyResult<Self> {
-        let core::IdentificationReport {
-            cutoff_choices, singular_values, warnings, samples, essential, forecast, ..
-        } = report;
-        let cutoff_choices = cutoff_choices.into_iter().map(|inner| Py::new(py, CutoffChoice { inner }));
-        Ok(Self {
-            samples,
-            singular_values,
-            warnings,
-            cutoff_choices: cutoff_choices.collect::<PyResult<_>>()?,
-            essential,
-            forecast,
-        })
-    }
-}
-
-#[pymethods]
-impl IdentificationReport {
-    /// Samples in the logs.
-    #[getter]
-    fn samples(&self) -> usize {
-        self.samples
-    }
-
-    /// Singular values of the observation matrix, largest first.
-    #[getter]
-    fn singular_values<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        view(slf, &[slf.get().singular_values.len()], |report| &report.singular_values)
-    }
-
-    /// Sentences that the user should read.
-    #[getter]
-    fn warnings(&self) -> Vec<String> {
-        self.warnings.clone()
-    }
-
-    /// The spectra and the cut-off that they suggest, for each log.
-    #[getter]
-    fn cutoff_choices(&self, py: Python<'_>) -> Vec<Py<CutoffChoice>> {
-        self.cutoff_choices.iter().map(|choice| choice.clone_ref(py)).collect()
-    }
-
-    /// Which base parameters the data support, or None if that was not asked for: indices "kept" and "dropped", least
-    /// missed first; "rise" of the squared residual when each went, and its "limit", in units of the variance;
-    /// "validation", the error on data kept out of the fit with 0, 1, 2, ... dropped, relative to none.
-    #[getter]
-    fn essential<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(found) = &self.essential else { return Ok(None) };
-        let dict = PyDict::new(py);
-        dict.set_item("kept", found.kept.clone())?;
-        dict.set_item("dropped", found.dropped.iter().map(|gone| gone.base).collect::<Vec<_>>())?;
-        dict.set_item("rise", found.dropped.iter().map(|gone| gone.rise).collect::<Vec<_>>())?;
-        dict.set_item("limit", found.dropped.iter().map(|gone| gone.limit).collect::<Vec<_>>())?;
-        dict.set_item("validation", found.validation.clone())?;
-        Ok(Some(dict))
-    }
-
-    /// How much data is enough, or None if that was not asked for.
-    ///
-    /// Parameters that are not known exactly make the torque of other motion uncertain: motion in which every joint has a
-    /// position, speed and acceleration that it had in the logs, or on the way back, each joint at another time. "standard_deviation", `[k, n]`, is that
-    /// standard deviation, N·m (N), after "seconds", `[k]`, of logs: those that there are, then 2, 4, 8 and 16 times as long.
-    /// It is enough if it is a third of "noise", `[n]`, what the model leaves of the torque: then it adds a twentieth to the
-    /// error. "seconds_to_go" of such motion are needed for that, None if sixteen times the logs are not enough for some
-    /// joint, whose "enough_at" is None, too; "advice" says which motion would free parameters that the logs do not show.
-    ///
-    /// What the model has no law for is not in it, and a few seconds of motion say little of what is not in them: on three
-    /// real arms eight of ten joints were off by 0.3 to 3 times what was said.
-    #[getter]
-    fn forecast<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        self.forecast.as_ref().map(|found| forecast_dict(py, found)).transpose()
-    }
-
-    fn __repr__(&self) -> String {
-        let warnings: Vec<String> = self.warnings.iter().map(|warning| format!("\n  {warning}")).collect();
-        format!("IdentificationReport, {} samples, {} warnings{}", self.samples, warnings.len(), warnings.concat())
-    }
-}
-
-/// A forecast of how surely torque is predicted after more logs.
-pub fn forecast_dict<'py>(py: Python<'py>, found: &core::Forecast) -> PyResult<Bound<'py, PyDict>> {
-    let (dict, n) = (PyDict::new(py), found.noise.len());
-    let enough: Vec<Option<f64>> = (0..n).map(|joint| found.enough_at(joint)).collect();
-    dict.set_item("seconds", array(py, &[found.seconds.len()], found.seconds.clone())?)?;
-    dict.set_item("standard_deviation", array(py, &[found.seconds.len(), n], found.deviation.concat())?)?;
-    dict.set_item("noise", array(py, &[n], found.noise.clone())?)?;
-    dict.set_item("enough_at", enough)?;
-    dict.set_item("seconds_to_go", found.seconds_to_go())?;
-    dict.set_item("advice", found.advice.clone())?;
-    Ok(dict)
-}
-
-/// The cut-off that the spectra of a log suggest.
-#[pyclass(module = "sgpr", frozen)]
-pub struct CutoffChoice {
-    inner: CoreChoice,
-}
-
-#[pymethods]
-impl CutoffChoice {
-    /// The cut-off for all joints, Hz: the highest of theirs.
-    #[getter]
-    fn cutoff_hz(&self) -> f64 {
-        self.inner.cutoff_hz
-    }
-
-    /// Where the spectrum of each joint's acceleration is lowest, between motion and noise, (n,), Hz; zero for a joint
-    /// that does not move.
-    #[getter]
-    fn joint_hz<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        view(slf, &[slf.get().inner.joint_hz.len()], |choice| &choice.inner.joint_hz)
-    }
-
-    /// Standard deviation of the white noise of each joint's position, (n,), rad (m).
-    #[getter]
-    fn noise<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        view(slf, &[slf.get().inner.noise.len()], |choice| &choice.inner.noise)
-    }
-
-    /// Frequencies of the spectra, (F,), Hz.
-    #[getter]
-    fn frequency_hz<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let frequencies = self.inner.spectra.first().map_or(vec![], |spectrum| spectrum.frequency_hz.clone());
-        array(py, &[frequencies.len()], frequencies)
-    }
-
-    /// Power spectral density of each joint's position, (n, F), rad²/Hz (m²/Hz).
-    #[getter]
-    fn density<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let spectra = &self.inner.spectra;
-        let length = spectra.first().map_or(0, |spectrum| spectrum.density.len());
-        let densities = spectra.iter().flat_map(|spectrum| spectrum.density.iter().copied()).collect();
-        array(py, &[spectra.len(), length], densities)
-    }
-
-    fn __repr__(&self) -> String {
-        format!("CutoffChoice({:.2} Hz)", self.inner.cutoff_hz)
-    }
 }
 
 /// What another cut-off would have made of the same logs.

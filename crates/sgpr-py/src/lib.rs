@@ -12,6 +12,8 @@ mod estimators;
 mod excitation;
 mod gp;
 mod identification;
+mod identification_report;
+mod log_residual;
 mod log_set;
 mod model;
 mod online;
@@ -23,13 +25,15 @@ mod robot;
 mod semi_parametric;
 mod sessions;
 mod simulation;
+mod streaming;
+mod tables;
 mod user_effect;
 
 /// Torque models of robot arms: identify, compare, diagnose, predict.
 #[pyo3::pymodule]
 mod _sgpr {
     #[pymodule_export]
-    use crate::compare::{Comparison, JointComparison, LogResidual, compare, compare_streaming};
+    use crate::compare::{Comparison, JointComparison, compare};
     #[pymodule_export]
     use crate::control::{Compensation, MomentumObserver};
     #[pymodule_export]
@@ -44,10 +48,11 @@ mod _sgpr {
     #[pymodule_export]
     use crate::gp::{FittedProcess, Kernel, ProcessPredictor, fit_process, restore_process};
     #[pymodule_export]
-    use crate::identification::{
-        CutoffChoice, CutoffInfluence, IdentificationReport, cutoff_influence, effects, identify, repeated_share,
-        shared_samples,
-    };
+    use crate::identification::{CutoffInfluence, cutoff_influence, effects, identify, repeated_share, shared_samples};
+    #[pymodule_export]
+    use crate::identification_report::{CutoffChoice, IdentificationReport};
+    #[pymodule_export]
+    use crate::log_residual::LogResidual;
     #[pymodule_export]
     use crate::log_set::LogSet;
     #[pymodule_export]
@@ -72,6 +77,8 @@ mod _sgpr {
     use crate::sessions::{SessionComparison, compare_sessions};
     #[pymodule_export]
     use crate::simulation::{Drive, Simulation, puma560_drives, simulate, two_link_drives};
+    #[pymodule_export]
+    use crate::streaming::compare_streaming;
     #[pymodule_export]
     use crate::user_effect::{UserEffect, register_effect};
     #[pymodule_init]

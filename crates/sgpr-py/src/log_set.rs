@@ -1,14 +1,13 @@
 //! The logs of one robot as a set.
 
-use pyo3::exceptions::PyIndexError;
+use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use sgpr_core::recording as core;
 
 use crate::detached::detached;
-use crate::diagnosis::as_python;
-use crate::identification::{recordings, warn};
-use crate::recording::Recording;
+use crate::errors::warn;
+use crate::recording::{Recording, require_usable};
 
 /// The logs of one robot, every sample once: it goes wherever a list of recordings goes.
 ///
@@ -54,6 +53,35 @@ pub fn log_set(py: Python<'_>, given: &Bound<'_, PyAny>) -> PyResult<core::LogSe
     }
     let recordings = recordings(given)?;
     Ok(detached(py, || core::LogSet::new(&recordings)))
+}
+
+/// The recordings that were given, in memory of their own; those with an error are refused.
+pub fn recordings(given: &Bound<'_, PyAny>) -> PyResult<Vec<core::Recording>> {
+    let wrong = |found: &Bound<'_, PyAny>| {
+        let found = found.get_type().name().map_or_else(|_| "?".into(), |name| name.to_string());
+        let read = if found == "str" || found.ends_with("Path") { " (`sgpr.read` reads a file)" } else { "" };
+        PyTypeError::new_err(format!("recordings: got {found}, expected a list of Recording or a LogSet{read}"))
+    };
+    // What it holds was looked at when it was made.
+    if let Ok(set) = given.cast::<LogSet>() {
+        return Ok(set.get().inner.to_vec());
+    }
+    if given.is_instance_of::<Recording>() {
+        return Err(wrong(given));
+    }
+    let mut recordings = Vec::new();
+    for item in given.try_iter().map_err(|_| wrong(given))? {
+        let item = item?;
+        let recording = item.cast::<Recording>().map_err(|_| wrong(&item))?.get().inner.clone();
+        require_usable(&recording)?;
+        recordings.push(recording);
+    }
+    Ok(recordings)
+}
+
+/// Recordings as Python has them.
+pub fn as_python(list: &[core::Recording]) -> Vec<Recording> {
+    list.iter().map(|recording| recording.clone().into()).collect()
 }
 
 #[pymethods]

@@ -14,15 +14,17 @@ use sgpr_core::model::{self as core, BaseParameter, StreamOptions, Term, TorqueM
 use sgpr_core::motion::Processing as CoreProcessing;
 use sgpr_core::recording as logs;
 
-use crate::compare::LogResidual;
 use crate::convert::{Numbers, Samples, array, texts, view};
 use crate::detached::detached;
 use crate::diagnosis::Finding;
 use crate::dynamics::motion;
 use crate::errors::{IntoPyErr, invalid};
-use crate::identification::{IdentificationReport, differentiation_name};
+use crate::estimators::differentiation_name;
+use crate::identification_report::IdentificationReport;
+use crate::log_residual::LogResidual;
 use crate::recording::Recording;
 use crate::robot::{Robot, urdf_options};
+use crate::tables::{figure, html_table};
 use crate::user_effect::known_effects;
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
@@ -92,6 +94,14 @@ impl Model {
             return Ok(torque.into_any());
         }
         Ok((torque, array(py, &[log.len(), n], deviation)?).into_pyobject(py)?.into_any())
+    }
+}
+
+impl Model {
+    /// A model, and how its identification went.
+    pub fn with_report(py: Python<'_>, model: core::TorqueModel, report: core::IdentificationReport) -> PyResult<Self> {
+        let report = Py::new(py, IdentificationReport::new(py, report)?)?;
+        Ok(Self { inner: Arc::new(model), report: Some(report) })
     }
 }
 
@@ -838,27 +848,6 @@ impl Parameters {
         });
         html_table(&["parameter", "value", "standard deviation", "nominal", "unit"], cells)
     }
-}
-
-/// A number for a table.
-pub fn figure(value: f64) -> String {
-    match value.abs() {
-        size if size == 0.0 || (1e-3..1e5).contains(&size) => format!("{value:.5}"),
-        size if size.is_finite() => format!("{value:.3e}"),
-        _ => value.to_string(),
-    }
-}
-
-/// A table for a notebook.
-pub fn html_table(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
-    let row = |tag: &str, cells: &[String]| {
-        let escape = |text: &String| text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
-        let cells: Vec<String> = cells.iter().map(|cell| format!("<{tag}>{}</{tag}>", escape(cell))).collect();
-        format!("<tr>{}</tr>", cells.concat())
-    };
-    let head: Vec<String> = head.iter().map(|&text| text.into()).collect();
-    let body: Vec<String> = rows.map(|cells| row("td", &cells)).collect();
-    format!("<table><thead>{}</thead><tbody>{}</tbody></table>", row("th", &head), body.concat())
 }
 
 /// What is done to every log before it is compared with a model, with all choices made.

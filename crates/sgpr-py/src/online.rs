@@ -7,9 +7,8 @@ use pyo3::prelude::*;
 use sgpr_core::online as core;
 use sgpr_core::online::{Budget, OnlineOptions, PayloadOptions};
 
-use crate::convert::{Numbers, array, positive, whole};
+use crate::convert::{Numbers, array, per_joint, positive, whole};
 use crate::errors::{IntoPyErr, invalid};
-use crate::excitation::per_joint;
 use crate::gp::Kernel;
 use crate::model::Model;
 use crate::robot::Robot;

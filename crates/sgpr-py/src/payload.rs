@@ -10,10 +10,12 @@ use sgpr_core::spatial::{PARAMETERS_PER_LINK, STANDARD_PARAMETER_NAMES, STANDARD
 
 use crate::convert::{Numbers, array, choice, items, unknown};
 use crate::errors::invalid;
-use crate::identification::{Arguments, recordings};
-use crate::model::{Model, figure};
+use crate::identification::Arguments;
+use crate::log_set::recordings;
+use crate::model::Model;
 use crate::progress::listen;
 use crate::robot::Robot;
+use crate::tables::figure;
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 

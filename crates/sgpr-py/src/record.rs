@@ -12,7 +12,8 @@ use crate::compare::processing_of;
 use crate::convert::{Numbers, array, texts};
 use crate::detached::detached;
 use crate::errors::{IntoPyErr, invalid};
-use crate::identification::{Arguments, recordings};
+use crate::identification::Arguments;
+use crate::log_set::recordings;
 use crate::model::{Model, Processing};
 use crate::recording::{Recording, require_usable};
 use crate::robot::Robot;
@@ -388,7 +389,7 @@ pub fn identify_records(
     let records: Vec<&core::Record> = records.iter().map(|record| &record.get().inner).collect();
     let (model, report) =
         detached(py, || core::identify_records(robot, &records, &options)).map_err(IntoPyErr::into_py_err)?;
-    crate::identification::warn(py, &core::copies_among(&records))?;
+    crate::errors::warn(py, &core::copies_among(&records))?;
     Model::with_report(py, model, report)
 }
 

@@ -17,8 +17,8 @@ use crate::detached::detached;
 use crate::dynamics::motion;
 use crate::errors::{IntoPyErr, invalid};
 use crate::gp::{predictor_options, shape, status_name};
-use crate::identification::{Arguments, recordings};
-use crate::log_set::log_set;
+use crate::identification::Arguments;
+use crate::log_set::{log_set, recordings};
 use crate::model::{Model, start_of_stream, stream_options, temperatures};
 use crate::progress::listen_and_keep;
 use crate::robot::Robot;
@@ -362,5 +362,16 @@ impl SemiParametricPredictor {
 
     fn __repr__(&self) -> String {
         format!("SemiParametricPredictor for {} joints", self.dof)
+    }
+}
+
+/// What an `sgpr.SemiParametricModel` holds, if it is one.
+pub fn semi_parametric<'py>(item: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, FittedSemiParametric>>> {
+    if item.get_type().name()? != "SemiParametricModel" {
+        return Ok(None);
+    }
+    match item.getattr_opt("_fitted")? {
+        Some(fitted) => Ok(Some(fitted.cast_into::<FittedSemiParametric>()?)),
+        None => Err(invalid("model: this SemiParametricModel is not fitted yet; call `fit` first")),
     }
 }

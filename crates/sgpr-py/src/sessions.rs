@@ -8,8 +8,9 @@ use sgpr_core::model::{self as core, SessionCause, SessionTest};
 use sgpr_core::recording::Recording;
 
 use crate::convert::array;
-use crate::errors::invalid;
-use crate::identification::{Arguments, recordings, warn};
+use crate::errors::{invalid, warn};
+use crate::identification::Arguments;
+use crate::log_set::recordings;
 use crate::model::Model;
 use crate::progress::listen;
 use crate::robot::Robot;

@@ -15,14 +15,14 @@ use sgpr_core::simulation::{
     Simulator, StandStill, VelocitySensor, drives_from_model,
 };
 
-use crate::convert::{Numbers, array, choice, positive, view};
+use crate::convert::{Numbers, array, choice, not_negative_gains, per_joint, positive, view};
 use crate::errors::{IntoPyErr, invalid};
-use crate::excitation::{Trajectory, per_joint};
+use crate::excitation::Trajectory;
 use crate::model::Model;
 use crate::progress::listen;
 use crate::recording::Recording;
 use crate::robot::Robot;
-use crate::semi_parametric::FittedSemiParametric;
+use crate::semi_parametric::semi_parametric;
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
@@ -479,14 +479,6 @@ fn gain(name: &str, value: Option<&Bound<'_, PyAny>>, default: f64, arm: &CoreRo
     not_negative_gains(name, gains)
 }
 
-/// Gains of a controller that holds the arm: with the other sign it drives the joint away from where it should be.
-pub fn not_negative_gains(name: &str, gains: Vec<f64>) -> PyResult<Vec<f64>> {
-    match gains.iter().find(|gain| **gain < 0.0) {
-        Some(gain) => Err(invalid(format!("{name} has {gain}: gains of a controller are zero or more"))),
-        None => Ok(gains),
-    }
-}
-
 /// Rows of one number per joint, row-major.
 fn rows(name: &str, value: &Bound<'_, PyAny>, arm: &CoreRobot) -> PyResult<Vec<f64>> {
     let (numbers, n) = (Numbers::new(name, value)?.finite()?, arm.dof());
@@ -588,17 +580,6 @@ pub(crate) fn models(
         all.push(one(&item?)?.ok_or_else(wrong)?);
     }
     Ok(all)
-}
-
-/// What an `sgpr.SemiParametricModel` holds, if it is one.
-pub(crate) fn semi_parametric<'py>(item: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, FittedSemiParametric>>> {
-    if item.get_type().name()? != "SemiParametricModel" {
-        return Ok(None);
-    }
-    match item.getattr_opt("_fitted")? {
-        Some(fitted) => Ok(Some(fitted.cast_into::<FittedSemiParametric>()?)),
-        None => Err(invalid("model: this SemiParametricModel is not fitted yet; call `fit` first")),
-    }
 }
 
 fn controller(
