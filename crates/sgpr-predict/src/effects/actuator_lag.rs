@@ -2,7 +2,7 @@ use alloc::vec::Vec;
 
 use super::columns::lag;
 use super::stepping::{LAG_STATE, Lag};
-use super::{About, Class, Constant, Effect, Entry, Needs, Origin, Reach, Site, Stepped, written_once};
+use super::{About, Class, Constant, Effect, Entry, Needs, Origin, Reach, Site, Stepped, facts, written_once};
 
 /// A torque loop of first order: what is logged follows the torque with the time constant T.
 ///
@@ -13,12 +13,13 @@ pub(super) struct ActuatorLag;
 const CONSTANTS: [Constant; 1] = [Constant::neutral_at_zero("T", ["s", "s"], [0.0, 0.06], 5e-4)];
 
 impl Effect for ActuatorLag {
-    fn name(&self) -> &str {
-        "actuator_lag"
-    }
-
-    fn summary(&self) -> &str {
-        "The logged torque follows the real one with a lag."
+    facts! {
+        name: "actuator_lag",
+        summary: "The logged torque follows the real one with a lag.",
+        parameters: &[],
+        constants: &CONSTANTS,
+        entry: Entry::Transform,
+        reach: Reach::All,
     }
 
     fn about(&self) -> About<'_> {
@@ -34,22 +35,6 @@ impl Effect for ActuatorLag {
             origin_reason: "the log trails the torque; the arm needs it at once",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[super::EffectParameter] {
-        &[]
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Transform
-    }
-
-    fn reach(&self) -> Reach {
-        Reach::All
     }
 
     fn sites(&self, _: &crate::robot::Robot) -> Vec<Site> {

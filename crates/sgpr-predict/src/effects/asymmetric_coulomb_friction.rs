@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState, Origin, Stepped, written_once};
+use super::{About, Effect, EffectParameter, JointState, Origin, Stepped, facts, written_once};
 
 /// Coulomb friction that differs between the directions, Fc + dFc forwards and Fc - dFc backwards: tau = dFc
 /// |sgn(dq)| beside Fc sgn(dq). While the joint moves this is a constant torque.
@@ -11,12 +11,10 @@ pub(super) struct AsymmetricCoulombFriction;
 const PARAMETERS: [EffectParameter; 1] = [EffectParameter::signed("dFc", "N·m", "N")];
 
 impl Effect for AsymmetricCoulombFriction {
-    fn name(&self) -> &str {
-        "asymmetric_coulomb_friction"
-    }
-
-    fn summary(&self) -> &str {
-        "Dry friction that is stronger in one direction than in the other."
+    facts! {
+        name: "asymmetric_coulomb_friction",
+        summary: "Dry friction that is stronger in one direction than in the other.",
+        parameters: &PARAMETERS,
     }
 
     fn about(&self) -> About<'_> {
@@ -32,10 +30,6 @@ impl Effect for AsymmetricCoulombFriction {
             origin_reason: "the drive overcomes it in every motion",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
     }
 
     written_once!(columns: columns);

@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState, Origin, Stepped, written_once};
+use super::{About, Effect, EffectParameter, JointState, Origin, Stepped, facts, written_once};
 
 /// Viscous friction that differs between the two directions: tau = Fva |dq| beside the viscous friction Fv dq, so
 /// that it is Fv + Fva forwards and Fv - Fva backwards.
@@ -11,12 +11,10 @@ pub(super) struct AsymmetricViscousFriction;
 const PARAMETERS: [EffectParameter; 1] = [EffectParameter::signed("Fva", "N·m·s/rad", "N·s/m")];
 
 impl Effect for AsymmetricViscousFriction {
-    fn name(&self) -> &str {
-        "asymmetric_viscous_friction"
-    }
-
-    fn summary(&self) -> &str {
-        "Viscous friction that is stronger in one direction than in the other."
+    facts! {
+        name: "asymmetric_viscous_friction",
+        summary: "Viscous friction that is stronger in one direction than in the other.",
+        parameters: &PARAMETERS,
     }
 
     fn about(&self) -> About<'_> {
@@ -31,10 +29,6 @@ impl Effect for AsymmetricViscousFriction {
             origin_reason: "the drive overcomes it in every motion",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
     }
 
     written_once!(columns: columns);

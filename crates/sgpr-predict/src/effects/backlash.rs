@@ -2,7 +2,7 @@ use super::fitting::SMALLEST_TORQUE;
 use super::stepping::{SMOOTH_DERIVATIVES_STATE, SmoothDerivatives};
 use super::{
     About, Class, Constant, Effect, Entry, LinkSample, Needs, Origin, Reach, SampleInput, Site, StepState, Stepped,
-    Streamed, written_once,
+    Streamed, facts, written_once,
 };
 #[cfg(feature = "trajectories")]
 use super::{Context, LinkMotion};
@@ -17,12 +17,14 @@ pub(super) struct Backlash;
 const CONSTANTS: [Constant; 1] = [Constant::neutral_at_zero("b", ["rad", "m"], [0.0, 0.03], 1e-5)];
 
 impl Effect for Backlash {
-    fn name(&self) -> &str {
-        "backlash"
-    }
-
-    fn summary(&self) -> &str {
-        "Play of the gear: the link jumps when the torque changes sign."
+    facts! {
+        name: "backlash",
+        summary: "Play of the gear: the link jumps when the torque changes sign.",
+        parameters: &[],
+        constants: &CONSTANTS,
+        entry: Entry::Transform,
+        reach: Reach::All,
+        moves_links: true,
     }
 
     fn about(&self) -> About<'_> {
@@ -38,26 +40,6 @@ impl Effect for Backlash {
             origin_reason: "the link lies elsewhere than the encoder says, in control as in the log",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[super::EffectParameter] {
-        &[]
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Transform
-    }
-
-    fn reach(&self) -> Reach {
-        Reach::All
-    }
-
-    fn moves_links(&self) -> bool {
-        true
     }
 
     #[cfg(feature = "trajectories")]

@@ -1,7 +1,8 @@
 use alloc::vec::Vec;
 
 use super::{
-    About, Context, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, written_once,
+    About, Context, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, facts,
+    written_once,
 };
 use crate::dynamics::{Workspace, forward_kinematics, gravity_torque};
 use crate::spatial::Vector3;
@@ -18,12 +19,12 @@ const PARAMETERS: [EffectParameter; 2] =
     [EffectParameter::signed("cx", "rad/(N·m)", "rad/(N·m)"), EffectParameter::signed("cy", "rad/(N·m)", "rad/(N·m)")];
 
 impl Effect for BaseCompliance {
-    fn name(&self) -> &str {
-        "base_compliance"
-    }
-
-    fn summary(&self) -> &str {
-        "The base leans under the arm's weight."
+    facts! {
+        name: "base_compliance",
+        summary: "The base leans under the arm's weight.",
+        parameters: &PARAMETERS,
+        entry: Entry::Trajectory,
+        reach: Reach::All,
     }
 
     fn about(&self) -> About<'_> {
@@ -38,18 +39,6 @@ impl Effect for BaseCompliance {
             origin_reason: "the base leans under every pose",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
-    }
-
-    fn reach(&self) -> Reach {
-        Reach::All
     }
 
     fn sites(&self, _: &crate::robot::Robot) -> Vec<Site> {

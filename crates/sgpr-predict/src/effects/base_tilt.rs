@@ -1,6 +1,6 @@
 use alloc::vec::Vec;
 
-use super::{About, Class, Constant, Effect, Entry, Origin, Reach, Site};
+use super::{About, Class, Constant, Effect, Entry, Origin, Reach, Site, facts};
 use crate::robot::Robot;
 use crate::spatial::Matrix3;
 
@@ -17,12 +17,14 @@ const CONSTANTS: [Constant; 2] = [
 ];
 
 impl Effect for BaseTilt {
-    fn name(&self) -> &str {
-        "base_tilt"
-    }
-
-    fn summary(&self) -> &str {
-        "The base does not stand upright."
+    facts! {
+        name: "base_tilt",
+        summary: "The base does not stand upright.",
+        parameters: &[],
+        constants: &CONSTANTS,
+        entry: Entry::Transform,
+        reach: Reach::All,
+        is_generic: true,
     }
 
     fn about(&self) -> About<'_> {
@@ -40,28 +42,8 @@ impl Effect for BaseTilt {
         }
     }
 
-    fn parameters(&self) -> &[super::EffectParameter] {
-        &[]
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Transform
-    }
-
-    fn reach(&self) -> Reach {
-        Reach::All
-    }
-
     fn sites(&self, _: &crate::robot::Robot) -> Vec<Site> {
         vec![Site::Arm]
-    }
-
-    fn is_generic(&self) -> bool {
-        true
     }
 
     fn robot(&self, _: Site, constants: &[f64], robot: Robot) -> Robot {

@@ -1,5 +1,5 @@
 use super::stepping::{DAHL_STATE, over_position, start_over_position};
-use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, written_once};
+use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, facts, written_once};
 
 /// Rubbing of a cable or hose: a Dahl element over the large angle zs.
 ///
@@ -12,12 +12,13 @@ const PARAMETERS: [EffectParameter; 1] = [EffectParameter::signed("Th", "N·m", 
 const CONSTANTS: [Constant; 1] = [Constant::logarithmic("zs", ["rad", "m"], [0.045, 1.0], &[0.1, 0.3])];
 
 impl Effect for CableHysteresis {
-    fn name(&self) -> &str {
-        "cable_hysteresis"
-    }
-
-    fn summary(&self) -> &str {
-        "A cable or hose that rubs, with a loop over a large angle."
+    facts! {
+        name: "cable_hysteresis",
+        summary: "A cable or hose that rubs, with a loop over a large angle.",
+        parameters: &PARAMETERS,
+        constants: &CONSTANTS,
+        entry: Entry::Trajectory,
+        has_memory: true,
     }
 
     fn about(&self) -> About<'_> {
@@ -33,22 +34,6 @@ impl Effect for CableHysteresis {
             origin_reason: "the cable rubs in every motion",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
-    }
-
-    fn has_memory(&self) -> bool {
-        true
     }
 
     fn state_len(&self, _: &[f64], _: f64) -> usize {

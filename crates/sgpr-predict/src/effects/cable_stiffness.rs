@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState, Origin, Stepped, written_once};
+use super::{About, Effect, EffectParameter, JointState, Origin, Stepped, facts, written_once};
 
 /// Spring of a hose or dress pack: tau = k (q - q0), written k q + tau0.
 ///
@@ -11,12 +11,10 @@ const PARAMETERS: [EffectParameter; 2] =
     [EffectParameter::signed("k", "N·m/rad", "N/m"), EffectParameter::signed("tau0", "N·m", "N")];
 
 impl Effect for CableStiffness {
-    fn name(&self) -> &str {
-        "cable_stiffness"
-    }
-
-    fn summary(&self) -> &str {
-        "A cable or hose that pulls the joint towards one position."
+    facts! {
+        name: "cable_stiffness",
+        summary: "A cable or hose that pulls the joint towards one position.",
+        parameters: &PARAMETERS,
     }
 
     fn about(&self) -> About<'_> {
@@ -31,10 +29,6 @@ impl Effect for CableStiffness {
             origin_reason: "the cable pulls on the joint",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
     }
 
     /// A hose pulls back. What pushes away a little may be noise of the acceleration, which makes the inertia too small.

@@ -1,7 +1,7 @@
 use super::columns::harmonic;
 use super::{
     About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
-    written_once,
+    facts, written_once,
 };
 
 /// Cogging of the motor: its rotor prefers the slots, tau = a cos(n q) + b sin(n q), n the common multiple of slots
@@ -18,12 +18,12 @@ const PARAMETERS: [EffectParameter; 2] =
 const CONSTANTS: [Constant; 1] = [Constant::new("n", ["1/rev", "rad/m"], [3.5, 400.0], Scale::Order, &[])];
 
 impl Effect for CoggingTorque {
-    fn name(&self) -> &str {
-        "cogging_torque"
-    }
-
-    fn summary(&self) -> &str {
-        "The motor's rotor prefers certain angles."
+    facts! {
+        name: "cogging_torque",
+        summary: "The motor's rotor prefers certain angles.",
+        parameters: &PARAMETERS,
+        constants: &CONSTANTS,
+        entry: Entry::Trajectory,
     }
 
     fn about(&self) -> About<'_> {
@@ -40,18 +40,6 @@ impl Effect for CoggingTorque {
             origin_reason: "the rotor prefers the same angles again",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
     }
 
     written_once!(advance: law);

@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState, Origin, Role, Stepped, written_once};
+use super::{About, Effect, EffectParameter, JointState, Origin, Role, Stepped, facts, written_once};
 
 /// Coulomb friction tau = Fc sgn(dq), with sgn(0) = 0.
 ///
@@ -10,12 +10,11 @@ pub(super) struct CoulombFriction;
 const PARAMETERS: [EffectParameter; 1] = [EffectParameter::positive("Fc", "N·m", "N")];
 
 impl Effect for CoulombFriction {
-    fn name(&self) -> &str {
-        "coulomb_friction"
-    }
-
-    fn summary(&self) -> &str {
-        "Dry friction of one size at every speed, against the motion."
+    facts! {
+        name: "coulomb_friction",
+        summary: "Dry friction of one size at every speed, against the motion.",
+        parameters: &PARAMETERS,
+        role: Some(Role::DryFriction),
     }
 
     fn about(&self) -> About<'_> {
@@ -30,14 +29,6 @@ impl Effect for CoulombFriction {
             origin_reason: "the drive overcomes it in every motion",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn role(&self) -> Option<Role> {
-        Some(Role::DryFriction)
     }
 
     written_once!(columns: columns);

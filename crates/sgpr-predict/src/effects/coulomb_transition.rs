@@ -1,5 +1,6 @@
 use super::{
-    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, written_once,
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, facts,
+    written_once,
 };
 
 /// How dry friction changes sign at a reversal: over a range of speeds instead of at once. The column is the difference
@@ -24,12 +25,13 @@ const CONSTANTS: [Constant; 1] = [Constant::logarithmic(
 )];
 
 impl Effect for CoulombTransition {
-    fn name(&self) -> &str {
-        "coulomb_transition"
-    }
-
-    fn summary(&self) -> &str {
-        "Dry friction that changes sign over a range of speeds instead of at once."
+    facts! {
+        name: "coulomb_transition",
+        summary: "Dry friction that changes sign over a range of speeds instead of at once.",
+        parameters: &PARAMETERS,
+        constants: &CONSTANTS,
+        entry: Entry::Trajectory,
+        refines: Some("coulomb_friction"),
     }
 
     fn about(&self) -> About<'_> {
@@ -45,22 +47,6 @@ impl Effect for CoulombTransition {
             origin_reason: "it is the shape of dry friction at low speed",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
-    }
-
-    fn refines(&self) -> Option<&str> {
-        Some("coulomb_friction")
     }
 
     written_once!(advance: law);

@@ -1,7 +1,7 @@
 use alloc::vec::Vec;
 
 use super::{
-    About, Class, Constant, Effect, Entry, LinkSample, Origin, Reach, SampleInput, Site, StepState, Stepped,
+    About, Class, Constant, Effect, Entry, LinkSample, Origin, Reach, SampleInput, Site, StepState, Stepped, facts,
     written_once,
 };
 #[cfg(feature = "trajectories")]
@@ -19,12 +19,14 @@ const CONSTANTS: [Constant; 2] = [
 ];
 
 impl Effect for EncoderEccentricity {
-    fn name(&self) -> &str {
-        "encoder_eccentricity"
-    }
-
-    fn summary(&self) -> &str {
-        "An encoder that errs once per turn."
+    facts! {
+        name: "encoder_eccentricity",
+        summary: "An encoder that errs once per turn.",
+        parameters: &[],
+        constants: &CONSTANTS,
+        entry: Entry::Transform,
+        reach: Reach::All,
+        moves_links: true,
     }
 
     fn about(&self) -> About<'_> {
@@ -42,28 +44,8 @@ impl Effect for EncoderEccentricity {
         }
     }
 
-    fn parameters(&self) -> &[super::EffectParameter] {
-        &[]
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Transform
-    }
-
-    fn reach(&self) -> Reach {
-        Reach::All
-    }
-
     fn sites(&self, robot: &crate::robot::Robot) -> Vec<Site> {
         (0..robot.dof()).filter(|&joint| robot.joints()[joint].kind.is_rotation()).map(Site::Joint).collect()
-    }
-
-    fn moves_links(&self) -> bool {
-        true
     }
 
     #[cfg(feature = "trajectories")]

@@ -1,5 +1,5 @@
 use super::{
-    About, Class, Constant, Effect, Entry, LinkSample, Origin, Reach, SampleInput, Site, StepState, Stepped,
+    About, Class, Constant, Effect, Entry, LinkSample, Origin, Reach, SampleInput, Site, StepState, Stepped, facts,
     written_once,
 };
 #[cfg(feature = "trajectories")]
@@ -15,12 +15,14 @@ pub(super) struct EncoderOffset;
 const CONSTANTS: [Constant; 1] = [Constant::neutral_at_zero("d", ["rad", "m"], [-0.3, 0.3], 1e-4)];
 
 impl Effect for EncoderOffset {
-    fn name(&self) -> &str {
-        "encoder_offset"
-    }
-
-    fn summary(&self) -> &str {
-        "A joint whose zero position is off."
+    facts! {
+        name: "encoder_offset",
+        summary: "A joint whose zero position is off.",
+        parameters: &[],
+        constants: &CONSTANTS,
+        entry: Entry::Transform,
+        reach: Reach::All,
+        moves_links: true,
     }
 
     fn about(&self) -> About<'_> {
@@ -36,26 +38,6 @@ impl Effect for EncoderOffset {
             origin_reason: "the controller closes its loop over the same encoder",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[super::EffectParameter] {
-        &[]
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Transform
-    }
-
-    fn reach(&self) -> Reach {
-        Reach::All
-    }
-
-    fn moves_links(&self) -> bool {
-        true
     }
 
     #[cfg(feature = "trajectories")]

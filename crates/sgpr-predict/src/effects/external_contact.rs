@@ -3,7 +3,7 @@ use alloc::vec::Vec;
 use super::columns::{after, tip_levers};
 use super::{
     About, Class, Constant, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Scale, Site, StepState,
-    Stepped, written_once,
+    Stepped, facts, written_once,
 };
 use crate::spatial::Vector3;
 
@@ -30,12 +30,13 @@ const CONSTANTS: [Constant; 2] = [
 ];
 
 impl Effect for ExternalContact {
-    fn name(&self) -> &str {
-        "external_contact"
-    }
-
-    fn summary(&self) -> &str {
-        "Something pushes against the arm for a while."
+    facts! {
+        name: "external_contact",
+        summary: "Something pushes against the arm for a while.",
+        parameters: &PARAMETERS,
+        constants: &CONSTANTS,
+        entry: Entry::Trajectory,
+        reach: Reach::All,
     }
 
     fn about(&self) -> About<'_> {
@@ -52,22 +53,6 @@ impl Effect for ExternalContact {
             origin_reason: "something pushed for a while during the logs",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
-    }
-
-    fn reach(&self) -> Reach {
-        Reach::All
     }
 
     fn sites(&self, _: &crate::robot::Robot) -> Vec<Site> {

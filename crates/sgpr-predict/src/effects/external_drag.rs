@@ -2,7 +2,7 @@ use alloc::vec::Vec;
 
 use super::columns::tip_levers;
 use super::{
-    About, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, written_once,
+    About, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, facts, written_once,
 };
 use crate::spatial::Vector3;
 
@@ -15,12 +15,12 @@ pub(super) struct ExternalDrag;
 const PARAMETERS: [EffectParameter; 1] = [EffectParameter::positive("c", "N·s²/m²", "N·s²/m²")];
 
 impl Effect for ExternalDrag {
-    fn name(&self) -> &str {
-        "external_drag"
-    }
-
-    fn summary(&self) -> &str {
-        "Drag of the fluid around the arm."
+    facts! {
+        name: "external_drag",
+        summary: "Drag of the fluid around the arm.",
+        parameters: &PARAMETERS,
+        entry: Entry::Trajectory,
+        reach: Reach::All,
     }
 
     fn about(&self) -> About<'_> {
@@ -35,18 +35,6 @@ impl Effect for ExternalDrag {
             origin_reason: "the arm moves through the fluid",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
-    }
-
-    fn reach(&self) -> Reach {
-        Reach::All
     }
 
     fn sites(&self, _: &crate::robot::Robot) -> Vec<Site> {

@@ -1,4 +1,6 @@
-use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, written_once};
+use super::{
+    About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, facts, written_once,
+};
 
 /// Dead band of the drive: a current that is lost near zero and must be added in the direction of the torque.
 ///
@@ -9,12 +11,12 @@ pub(super) struct FrictionDeadBand;
 const PARAMETERS: [EffectParameter; 1] = [EffectParameter::signed("d", "N·m", "N")];
 
 impl Effect for FrictionDeadBand {
-    fn name(&self) -> &str {
-        "friction_dead_band"
-    }
-
-    fn summary(&self) -> &str {
-        "A small torque that the drive loses around zero, in the direction of the torque."
+    facts! {
+        name: "friction_dead_band",
+        summary: "A small torque that the drive loses around zero, in the direction of the torque.",
+        parameters: &PARAMETERS,
+        entry: Entry::Trajectory,
+        follows_torque: true,
     }
 
     fn about(&self) -> About<'_> {
@@ -29,18 +31,6 @@ impl Effect for FrictionDeadBand {
             origin_reason: "what the drive loses must be added",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
-    }
-
-    fn follows_torque(&self) -> bool {
-        true
     }
 
     written_once!(advance: law);

@@ -1,7 +1,7 @@
 use super::columns::after;
 use super::{
     About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
-    written_once,
+    facts, written_once,
 };
 
 /// Friction that changes at a time t0: a brake that drags, a damaged seal, fresh grease.
@@ -18,12 +18,12 @@ const CONSTANTS: [Constant; 1] =
     [Constant::new("t0", ["s", "s"], [f64::NEG_INFINITY, f64::INFINITY], Scale::Time, &[])];
 
 impl Effect for FrictionStep {
-    fn name(&self) -> &str {
-        "friction_step"
-    }
-
-    fn summary(&self) -> &str {
-        "Friction that changes from one moment on."
+    facts! {
+        name: "friction_step",
+        summary: "Friction that changes from one moment on.",
+        parameters: &PARAMETERS,
+        constants: &CONSTANTS,
+        entry: Entry::Trajectory,
     }
 
     fn about(&self) -> About<'_> {
@@ -40,18 +40,6 @@ impl Effect for FrictionStep {
             origin_reason: "what changed stays changed: to a controller the change lies in the past",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
     }
 
     written_once!(advance: law);

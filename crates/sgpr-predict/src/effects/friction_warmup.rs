@@ -1,5 +1,6 @@
 use super::{
-    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, written_once,
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, facts,
+    written_once,
 };
 
 /// Friction of a cold gear that fades while the arm works: tau = exp(-t / tw) (a1 dq + a0 sgn(dq)), t the time of the
@@ -17,12 +18,12 @@ const PARAMETERS: [EffectParameter; 2] =
 const CONSTANTS: [Constant; 1] = [Constant::logarithmic("tw", ["s", "s"], [3.0, 7200.0], &[8.0, 20.0, 60.0, 300.0])];
 
 impl Effect for FrictionWarmup {
-    fn name(&self) -> &str {
-        "friction_warmup"
-    }
-
-    fn summary(&self) -> &str {
-        "Friction that fades while the gear warms up."
+    facts! {
+        name: "friction_warmup",
+        summary: "Friction that fades while the gear warms up.",
+        parameters: &PARAMETERS,
+        constants: &CONSTANTS,
+        entry: Entry::Trajectory,
     }
 
     fn about(&self) -> About<'_> {
@@ -39,18 +40,6 @@ impl Effect for FrictionWarmup {
             origin_reason: "the gear is cold at the start of every session; the clock says how cold",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
     }
 
     written_once!(advance: law);

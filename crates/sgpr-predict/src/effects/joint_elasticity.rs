@@ -6,7 +6,7 @@ use super::stepping::{ABOVE, WINDOW_S};
 use super::stepping::{SMOOTH_DERIVATIVES_STATE, SmoothDerivatives};
 use super::{
     About, Class, Constant, Effect, Entry, LinkSample, Needs, Origin, Reach, SampleInput, Site, StepState, Stepped,
-    Streamed, written_once,
+    Streamed, facts, written_once,
 };
 #[cfg(feature = "trajectories")]
 use super::{Context, LinkMotion};
@@ -22,12 +22,14 @@ pub(super) struct JointElasticity;
 const CONSTANTS: [Constant; 1] = [Constant::neutral_at_zero("c", ["rad/(N·m)", "m/N"], [0.0, 0.1], 1e-6)];
 
 impl Effect for JointElasticity {
-    fn name(&self) -> &str {
-        "joint_elasticity"
-    }
-
-    fn summary(&self) -> &str {
-        "A transmission that twists under load, so that the link is not where the motor's encoder says."
+    facts! {
+        name: "joint_elasticity",
+        summary: "A transmission that twists under load, so that the link is not where the motor's encoder says.",
+        parameters: &[],
+        constants: &CONSTANTS,
+        entry: Entry::Transform,
+        reach: Reach::All,
+        moves_links: true,
     }
 
     fn about(&self) -> About<'_> {
@@ -43,26 +45,6 @@ impl Effect for JointElasticity {
             origin_reason: "the link lies elsewhere than the encoder says, in control as in the log",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[super::EffectParameter] {
-        &[]
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Transform
-    }
-
-    fn reach(&self) -> Reach {
-        Reach::All
-    }
-
-    fn moves_links(&self) -> bool {
-        true
     }
 
     #[cfg(feature = "trajectories")]

@@ -1,6 +1,6 @@
 use super::{
     About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
-    written_once,
+    facts, written_once,
 };
 
 /// Position error of a gear, e = A sin(n q + p), n periods per turn: the inertia behind it is shaken by e'', tau =
@@ -17,12 +17,12 @@ const PARAMETERS: [EffectParameter; 2] =
 const CONSTANTS: [Constant; 1] = [Constant::new("n", ["1/rev", "rad/m"], [3.5, 400.0], Scale::Order, &[])];
 
 impl Effect for KinematicError {
-    fn name(&self) -> &str {
-        "kinematic_error"
-    }
-
-    fn summary(&self) -> &str {
-        "A gear whose output runs ahead and behind many times per turn."
+    facts! {
+        name: "kinematic_error",
+        summary: "A gear whose output runs ahead and behind many times per turn.",
+        parameters: &PARAMETERS,
+        constants: &CONSTANTS,
+        entry: Entry::Trajectory,
     }
 
     fn about(&self) -> About<'_> {
@@ -38,18 +38,6 @@ impl Effect for KinematicError {
             origin_reason: "the gear accelerates the link in the same way again",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
     }
 
     written_once!(advance: law);

@@ -1,6 +1,6 @@
 use super::{
     About, Class, Constant, Effect, EffectParameter, Entry, Needs, Origin, SampleInput, Site, StepState, Stepped,
-    written_once,
+    facts, written_once,
 };
 
 /// Bending of a link as one mode, driven by the joint's acceleration: eta'' + 2 zeta w eta' + w² eta = ddq, tau = m
@@ -19,12 +19,13 @@ const CONSTANTS: [Constant; 1] = [Constant::logarithmic("f", ["Hz", "Hz"], [2.0,
 const DAMPING: f64 = 0.02;
 
 impl Effect for LinkFlexibility {
-    fn name(&self) -> &str {
-        "link_flexibility"
-    }
-
-    fn summary(&self) -> &str {
-        "A link that rings after a jerk."
+    facts! {
+        name: "link_flexibility",
+        summary: "A link that rings after a jerk.",
+        parameters: &PARAMETERS,
+        constants: &CONSTANTS,
+        entry: Entry::Trajectory,
+        has_memory: true,
     }
 
     fn about(&self) -> About<'_> {
@@ -42,24 +43,8 @@ impl Effect for LinkFlexibility {
         }
     }
 
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
     fn needs(&self) -> Needs {
         Needs { rate: true, ..Needs::default() }
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
-    }
-
-    fn has_memory(&self) -> bool {
-        true
     }
 
     fn state_len(&self, _: &[f64], _: f64) -> usize {

@@ -4,7 +4,7 @@ use super::Context;
 use super::columns::link_regressor;
 use super::columns::{link_columns, of_a_link};
 use super::{
-    About, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, written_once,
+    About, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, facts, written_once,
 };
 
 /// Wrong inertial parameters of a link in a fixed model. A refit of the base parameters absorbs them.
@@ -16,12 +16,13 @@ pub(super) struct LinkInertiaError;
 const PARAMETERS: [EffectParameter; 10] = of_a_link(EffectParameter::signed("m", "kg", "kg"));
 
 impl Effect for LinkInertiaError {
-    fn name(&self) -> &str {
-        "link_inertia_error"
-    }
-
-    fn summary(&self) -> &str {
-        "A link whose mass or inertia the model has wrong."
+    facts! {
+        name: "link_inertia_error",
+        summary: "A link whose mass or inertia the model has wrong.",
+        parameters: &PARAMETERS,
+        entry: Entry::Trajectory,
+        reach: Reach::All,
+        is_absorbed: true,
     }
 
     fn about(&self) -> About<'_> {
@@ -36,22 +37,6 @@ impl Effect for LinkInertiaError {
             origin_reason: "the link has this inertia",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
-    }
-
-    fn is_absorbed(&self) -> bool {
-        true
-    }
-
-    fn reach(&self) -> Reach {
-        Reach::All
     }
 
     #[cfg(feature = "trajectories")]

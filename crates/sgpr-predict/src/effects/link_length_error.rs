@@ -1,6 +1,6 @@
 use alloc::vec::Vec;
 
-use super::{About, Class, Constant, Effect, Entry, Origin, Reach, Site};
+use super::{About, Class, Constant, Effect, Entry, Origin, Reach, Site, facts};
 use crate::robot::Robot;
 use crate::spatial::Vector3;
 
@@ -19,12 +19,15 @@ const CONSTANTS: [Constant; 3] = [
 ];
 
 impl Effect for LinkLengthError {
-    fn name(&self) -> &str {
-        "link_length_error"
-    }
-
-    fn summary(&self) -> &str {
-        "A link whose length the robot file has wrong."
+    facts! {
+        name: "link_length_error",
+        summary: "A link whose length the robot file has wrong.",
+        parameters: &[],
+        constants: &CONSTANTS,
+        entry: Entry::Transform,
+        reach: Reach::All,
+        is_generic: true,
+        is_of_arm: true,
     }
 
     fn about(&self) -> About<'_> {
@@ -42,32 +45,8 @@ impl Effect for LinkLengthError {
         }
     }
 
-    fn parameters(&self) -> &[super::EffectParameter] {
-        &[]
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Transform
-    }
-
-    fn is_of_arm(&self) -> bool {
-        true
-    }
-
-    fn reach(&self) -> Reach {
-        Reach::All
-    }
-
     fn sites(&self, robot: &Robot) -> Vec<Site> {
         (1..robot.dof()).map(Site::Joint).collect()
-    }
-
-    fn is_generic(&self) -> bool {
-        true
     }
 
     fn robot(&self, site: Site, constants: &[f64], robot: Robot) -> Robot {

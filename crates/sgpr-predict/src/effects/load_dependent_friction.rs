@@ -1,4 +1,6 @@
-use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, written_once};
+use super::{
+    About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, facts, written_once,
+};
 
 /// Friction of a gear that grows with the torque it carries: tau = mu |tau_load| sgn(dq), tau_load the torque of the
 /// rigid body.
@@ -11,12 +13,12 @@ pub(super) struct LoadDependentFriction;
 const PARAMETERS: [EffectParameter; 1] = [EffectParameter::positive("mu", "1", "1")];
 
 impl Effect for LoadDependentFriction {
-    fn name(&self) -> &str {
-        "load_dependent_friction"
-    }
-
-    fn summary(&self) -> &str {
-        "Friction that grows with the load of the gear."
+    facts! {
+        name: "load_dependent_friction",
+        summary: "Friction that grows with the load of the gear.",
+        parameters: &PARAMETERS,
+        entry: Entry::Trajectory,
+        follows_torque: true,
     }
 
     fn about(&self) -> About<'_> {
@@ -31,18 +33,6 @@ impl Effect for LoadDependentFriction {
             origin_reason: "the drive overcomes it in every motion under load",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
-    }
-
-    fn follows_torque(&self) -> bool {
-        true
     }
 
     written_once!(advance: law);

@@ -88,6 +88,27 @@ use crate::names::suggestion;
 use crate::robot::{JointKind, Robot};
 use crate::simd::{Number, Single};
 
+/// The methods of [`Effect`] that are one value each, as a table: `name: "viscous_friction", entry: Entry::State`.
+macro_rules! facts {
+    ($($fact:ident: $value:expr),+ $(,)?) => { $(facts!(@$fact $value);)+ };
+    (@name $value:expr) => { facts!(@fn name, &str, $value); };
+    (@summary $value:expr) => { facts!(@fn summary, &str, $value); };
+    (@parameters $value:expr) => { facts!(@fn parameters, &[super::EffectParameter], $value); };
+    (@constants $value:expr) => { facts!(@fn constants, &[super::Constant], $value); };
+    (@entry $value:expr) => { facts!(@fn entry, super::Entry, $value); };
+    (@reach $value:expr) => { facts!(@fn reach, super::Reach, $value); };
+    (@role $value:expr) => { facts!(@fn role, Option<super::Role>, $value); };
+    (@refines $value:expr) => { facts!(@fn refines, Option<&str>, $value); };
+    (@fn $fact:ident, $type:ty, $value:expr) => {
+        fn $fact(&self) -> $type {
+            $value
+        }
+    };
+    (@$fact:ident $value:expr) => { facts!(@fn $fact, bool, $value); };
+}
+
+use facts;
+
 /// The methods of [`Effect`] that advance it, over other numbers than `f64`: they do nothing of their own.
 macro_rules! methods_over {
     ($number:ident: $columns:ident, $start:ident, $advance:ident, $links:ident, $start_transmitted:ident,

@@ -1,6 +1,6 @@
 use super::{
     About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
-    written_once,
+    facts, written_once,
 };
 
 /// Viscous friction whose growth slows down with speed, as shear-thinning grease shows: tau = c sgn(dq) |dq|^a with a
@@ -17,12 +17,12 @@ const PARAMETERS: [EffectParameter; 1] = [EffectParameter::signed("cn", "N·m·(
 const CONSTANTS: [Constant; 1] = [Constant::new("a", ["1", "1"], [0.2, 0.85], Scale::Linear(0.1), &[0.35, 0.5, 0.7])];
 
 impl Effect for NonlinearViscousFriction {
-    fn name(&self) -> &str {
-        "nonlinear_viscous_friction"
-    }
-
-    fn summary(&self) -> &str {
-        "Viscous friction that grows less than in proportion to the speed."
+    facts! {
+        name: "nonlinear_viscous_friction",
+        summary: "Viscous friction that grows less than in proportion to the speed.",
+        parameters: &PARAMETERS,
+        constants: &CONSTANTS,
+        entry: Entry::Trajectory,
     }
 
     fn about(&self) -> About<'_> {
@@ -38,18 +38,6 @@ impl Effect for NonlinearViscousFriction {
             origin_reason: "the drive overcomes it in every motion",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
     }
 
     written_once!(advance: law);

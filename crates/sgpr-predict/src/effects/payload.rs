@@ -6,7 +6,7 @@ use super::Context;
 use super::columns::link_regressor;
 use super::columns::{link_columns, of_a_link};
 use super::{
-    About, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, written_once,
+    About, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, facts, written_once,
 };
 
 /// A body fixed to the last link: ten inertial parameters. A refit of the base parameters absorbs it whole; against a
@@ -21,12 +21,13 @@ pub(super) struct PayloadBody;
 const PARAMETERS: [EffectParameter; 10] = of_a_link(EffectParameter::positive("m", "kg", "kg"));
 
 impl Effect for PayloadBody {
-    fn name(&self) -> &str {
-        "payload"
-    }
-
-    fn summary(&self) -> &str {
-        "A load that the model does not know, there all the time."
+    facts! {
+        name: "payload",
+        summary: "A load that the model does not know, there all the time.",
+        parameters: &PARAMETERS,
+        entry: Entry::Trajectory,
+        reach: Reach::All,
+        is_absorbed: true,
     }
 
     fn about(&self) -> About<'_> {
@@ -41,22 +42,6 @@ impl Effect for PayloadBody {
             origin_reason: "the load was there all the time, and is taken to stay",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
-    }
-
-    fn is_absorbed(&self) -> bool {
-        true
-    }
-
-    fn reach(&self) -> Reach {
-        Reach::All
     }
 
     fn sites(&self, _: &crate::robot::Robot) -> Vec<Site> {

@@ -7,7 +7,7 @@ use super::columns::link_regressor;
 use super::columns::{after, link_columns, of_a_link};
 use super::{
     About, Class, Constant, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Scale, Site, StepState,
-    Stepped, written_once,
+    Stepped, facts, written_once,
 };
 
 /// A load that is taken up or put down at a time t0: ten inertial parameters of the last link for t > t0.
@@ -23,12 +23,14 @@ const CONSTANTS: [Constant; 1] =
     [Constant::new("t0", ["s", "s"], [f64::NEG_INFINITY, f64::INFINITY], Scale::Time, &[])];
 
 impl Effect for PayloadChange {
-    fn name(&self) -> &str {
-        "payload_change"
-    }
-
-    fn summary(&self) -> &str {
-        "A load taken up or put down at some moment."
+    facts! {
+        name: "payload_change",
+        summary: "A load taken up or put down at some moment.",
+        parameters: &PARAMETERS,
+        constants: &CONSTANTS,
+        entry: Entry::Trajectory,
+        reach: Reach::All,
+        is_body: true,
     }
 
     fn about(&self) -> About<'_> {
@@ -47,28 +49,8 @@ impl Effect for PayloadChange {
         }
     }
 
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
-    }
-
-    fn reach(&self) -> Reach {
-        Reach::All
-    }
-
     fn sites(&self, _: &crate::robot::Robot) -> Vec<Site> {
         vec![Site::Arm]
-    }
-
-    fn is_body(&self) -> bool {
-        true
     }
 
     #[cfg(feature = "trajectories")]

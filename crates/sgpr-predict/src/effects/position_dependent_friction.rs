@@ -1,6 +1,6 @@
 use super::{
     About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
-    written_once,
+    facts, written_once,
 };
 
 /// Friction of an eccentric bearing or a tight spot: tau = sgn(dq) (b exp(-((q - qc) / w)² / 2) + a1 cos q + a2 sin
@@ -23,12 +23,12 @@ const CONSTANTS: [Constant; 2] = [
 ];
 
 impl Effect for PositionDependentFriction {
-    fn name(&self) -> &str {
-        "position_dependent_friction"
-    }
-
-    fn summary(&self) -> &str {
-        "Friction that is larger at some positions than at others."
+    facts! {
+        name: "position_dependent_friction",
+        summary: "Friction that is larger at some positions than at others.",
+        parameters: &PARAMETERS,
+        constants: &CONSTANTS,
+        entry: Entry::Trajectory,
     }
 
     fn about(&self) -> About<'_> {
@@ -44,18 +44,6 @@ impl Effect for PositionDependentFriction {
             origin_reason: "the drive overcomes it in every pass over the position",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
     }
 
     written_once!(advance: law);

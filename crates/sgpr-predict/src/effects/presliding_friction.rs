@@ -1,5 +1,5 @@
 use super::stepping::{DAHL_STATE, over_position, start_over_position};
-use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, written_once};
+use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, facts, written_once};
 
 /// Dry friction with bristles that bend before they slide (Dahl): z follows sgn(dq) over the distance zs, dz =
 /// (sgn(dq) - z) |dq| / zs dt, tau = Fc z. Where the model has Coulomb friction too, this takes its place. Initial
@@ -15,12 +15,13 @@ const CONSTANTS: [Constant; 1] =
     [Constant::logarithmic("zs", ["rad", "m"], [3e-4, 0.045], &[1e-3, 2.5e-3, 6e-3, 1.5e-2, 3.5e-2])];
 
 impl Effect for PreslidingFriction {
-    fn name(&self) -> &str {
-        "presliding_friction"
-    }
-
-    fn summary(&self) -> &str {
-        "Dry friction that needs some distance to build up after each reversal."
+    facts! {
+        name: "presliding_friction",
+        summary: "Dry friction that needs some distance to build up after each reversal.",
+        parameters: &PARAMETERS,
+        constants: &CONSTANTS,
+        entry: Entry::Trajectory,
+        has_memory: true,
     }
 
     fn about(&self) -> About<'_> {
@@ -36,22 +37,6 @@ impl Effect for PreslidingFriction {
             origin_reason: "the drive overcomes it after every reversal",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
-    }
-
-    fn has_memory(&self) -> bool {
-        true
     }
 
     fn state_len(&self, _: &[f64], _: f64) -> usize {

@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState, Origin, Stepped, written_once};
+use super::{About, Effect, EffectParameter, JointState, Origin, Stepped, facts, written_once};
 
 /// Drag that grows with the square of the speed: churning of oil, flow through an orifice.
 ///
@@ -11,12 +11,10 @@ pub(super) struct QuadraticViscousFriction;
 const PARAMETERS: [EffectParameter; 1] = [EffectParameter::positive("c2", "N·m·s²/rad²", "N·s²/m²")];
 
 impl Effect for QuadraticViscousFriction {
-    fn name(&self) -> &str {
-        "quadratic_viscous_friction"
-    }
-
-    fn summary(&self) -> &str {
-        "Friction that grows with the square of the speed."
+    facts! {
+        name: "quadratic_viscous_friction",
+        summary: "Friction that grows with the square of the speed.",
+        parameters: &PARAMETERS,
     }
 
     fn about(&self) -> About<'_> {
@@ -31,10 +29,6 @@ impl Effect for QuadraticViscousFriction {
             origin_reason: "the drive overcomes it in every motion",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
     }
 
     written_once!(columns: columns);

@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState, Origin, Role, Stepped, written_once};
+use super::{About, Effect, EffectParameter, JointState, Origin, Role, Stepped, facts, written_once};
 
 /// Inertia of the motor's rotor, felt at the joint: tau = Ia ddq, Ia = gear ratio² times motor inertia. The
 /// gyroscopic terms of the rotor, smaller by the gear ratio, are left out.
@@ -10,12 +10,11 @@ pub(super) struct RotorInertia;
 const PARAMETERS: [EffectParameter; 1] = [EffectParameter::positive("Ia", "kg·m²", "kg")];
 
 impl Effect for RotorInertia {
-    fn name(&self) -> &str {
-        "rotor_inertia"
-    }
-
-    fn summary(&self) -> &str {
-        "Inertia of the fast-turning rotor, multiplied by the square of the gear ratio."
+    facts! {
+        name: "rotor_inertia",
+        summary: "Inertia of the fast-turning rotor, multiplied by the square of the gear ratio.",
+        parameters: &PARAMETERS,
+        role: Some(Role::RotorInertia),
     }
 
     fn about(&self) -> About<'_> {
@@ -30,14 +29,6 @@ impl Effect for RotorInertia {
             origin_reason: "the drive accelerates its own rotor",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn role(&self) -> Option<Role> {
-        Some(Role::RotorInertia)
     }
 
     written_once!(columns: columns);

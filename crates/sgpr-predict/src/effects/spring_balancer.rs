@@ -2,7 +2,7 @@ use alloc::vec::Vec;
 
 use super::{
     About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
-    written_once,
+    facts, written_once,
 };
 
 /// A spring between a pin on the arm and one on the base, at distances with the ratio r from the axis: with the
@@ -23,12 +23,12 @@ const CONSTANTS: [Constant; 2] = [
 ];
 
 impl Effect for SpringBalancer {
-    fn name(&self) -> &str {
-        "spring_balancer"
-    }
-
-    fn summary(&self) -> &str {
-        "A spring or balancer that carries part of the gravity load."
+    facts! {
+        name: "spring_balancer",
+        summary: "A spring or balancer that carries part of the gravity load.",
+        parameters: &PARAMETERS,
+        constants: &CONSTANTS,
+        entry: Entry::Trajectory,
     }
 
     fn about(&self) -> About<'_> {
@@ -44,18 +44,6 @@ impl Effect for SpringBalancer {
             origin_reason: "the balancer pulls on the joint",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
     }
 
     fn sites(&self, robot: &crate::robot::Robot) -> Vec<Site> {

@@ -1,5 +1,5 @@
 use super::{
-    About, Class, Constant, Effect, EffectParameter, Entry, Origin, Role, SampleInput, Site, StepState, Stepped,
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, Role, SampleInput, Site, StepState, Stepped, facts,
     written_once,
 };
 
@@ -17,12 +17,13 @@ const CONSTANTS: [Constant; 1] =
     [Constant::logarithmic("vs", ["rad/s", "m/s"], [0.004, 0.6], &[0.01, 0.02, 0.04, 0.08, 0.16, 0.3])];
 
 impl Effect for StribeckFriction {
-    fn name(&self) -> &str {
-        "stribeck_friction"
-    }
-
-    fn summary(&self) -> &str {
-        "Dry friction that is larger at creeping speed than in motion."
+    facts! {
+        name: "stribeck_friction",
+        summary: "Dry friction that is larger at creeping speed than in motion.",
+        parameters: &PARAMETERS,
+        constants: &CONSTANTS,
+        entry: Entry::Trajectory,
+        role: Some(Role::Stribeck),
     }
 
     fn about(&self) -> About<'_> {
@@ -38,22 +39,6 @@ impl Effect for StribeckFriction {
             origin_reason: "the drive overcomes it at creeping speed",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn role(&self) -> Option<Role> {
-        Some(Role::Stribeck)
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
     }
 
     written_once!(advance: law);

@@ -1,7 +1,8 @@
 use alloc::string::String;
 
 use super::{
-    About, Context, Effect, EffectParameter, Entry, Needs, Origin, SampleInput, Site, StepState, Stepped, written_once,
+    About, Context, Effect, EffectParameter, Entry, Needs, Origin, SampleInput, Site, StepState, Stepped, facts,
+    written_once,
 };
 
 /// Friction that changes with the temperature T of the joint: tau = (T - 25 °C) (a1 dq + a0 sgn(dq)).
@@ -15,12 +16,11 @@ const PARAMETERS: [EffectParameter; 2] =
     [EffectParameter::signed("a1", "N·m·s/(rad·K)", "N·s/(m·K)"), EffectParameter::signed("a0", "N·m/K", "N/K")];
 
 impl Effect for TemperatureDependentFriction {
-    fn name(&self) -> &str {
-        "temperature_dependent_friction"
-    }
-
-    fn summary(&self) -> &str {
-        "Friction that changes with the measured temperature."
+    facts! {
+        name: "temperature_dependent_friction",
+        summary: "Friction that changes with the measured temperature.",
+        parameters: &PARAMETERS,
+        entry: Entry::Trajectory,
     }
 
     fn about(&self) -> About<'_> {
@@ -37,16 +37,8 @@ impl Effect for TemperatureDependentFriction {
         }
     }
 
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
     fn needs(&self) -> Needs {
         Needs { temperature: true, ..Needs::default() }
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
     }
 
     fn not_testable(&self, context: &Context<'_>) -> Option<String> {

@@ -1,6 +1,6 @@
 use alloc::vec::Vec;
 
-use super::{About, Class, Effect, Entry, Origin};
+use super::{About, Class, Effect, Entry, Origin, facts};
 
 /// Jitter, lost samples, wrong units or signs: found by the checks of the log before any physics
 /// (`recording::inspect`).
@@ -10,12 +10,11 @@ use super::{About, Class, Effect, Entry, Origin};
 pub(super) struct TimeBaseError;
 
 impl Effect for TimeBaseError {
-    fn name(&self) -> &str {
-        "time_base_error"
-    }
-
-    fn summary(&self) -> &str {
-        "Wrong times, units or signs in the log."
+    facts! {
+        name: "time_base_error",
+        summary: "Wrong times, units or signs in the log.",
+        parameters: &[],
+        entry: Entry::Gate,
     }
 
     fn about(&self) -> About<'_> {
@@ -31,14 +30,6 @@ impl Effect for TimeBaseError {
             origin_reason: "times, units or signs of the log are wrong",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[super::EffectParameter] {
-        &[]
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Gate
     }
 
     fn sites(&self, _: &crate::robot::Robot) -> Vec<super::Site> {

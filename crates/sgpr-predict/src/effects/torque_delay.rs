@@ -2,7 +2,9 @@ use alloc::vec::Vec;
 
 use super::columns::shift;
 use super::stepping::Delay;
-use super::{About, Class, Constant, Effect, Entry, Needs, Origin, Reach, Site, Stepped, Streamed, written_once};
+use super::{
+    About, Class, Constant, Effect, Entry, Needs, Origin, Reach, Site, Stepped, Streamed, facts, written_once,
+};
 
 /// Torques that are logged late: tau_log(t) = tau(t - d), one delay for all joints.
 ///
@@ -14,12 +16,13 @@ pub(super) struct TorqueDelay;
 const CONSTANTS: [Constant; 1] = [Constant::neutral_at_zero("d", ["s", "s"], [-0.06, 0.06], 5e-4)];
 
 impl Effect for TorqueDelay {
-    fn name(&self) -> &str {
-        "torque_delay"
-    }
-
-    fn summary(&self) -> &str {
-        "The torque is logged later than the motion."
+    facts! {
+        name: "torque_delay",
+        summary: "The torque is logged later than the motion.",
+        parameters: &[],
+        constants: &CONSTANTS,
+        entry: Entry::Transform,
+        reach: Reach::All,
     }
 
     fn about(&self) -> About<'_> {
@@ -35,22 +38,6 @@ impl Effect for TorqueDelay {
             origin_reason: "the torque is late in the log, not in the arm",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[super::EffectParameter] {
-        &[]
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Transform
-    }
-
-    fn reach(&self) -> Reach {
-        Reach::All
     }
 
     fn sites(&self, _: &crate::robot::Robot) -> Vec<Site> {

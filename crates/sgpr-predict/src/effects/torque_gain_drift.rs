@@ -1,4 +1,6 @@
-use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, written_once};
+use super::{
+    About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, facts, written_once,
+};
 
 /// A torque constant that drifts while magnets and sensors warm up: tau = e (t / 100 s) tau_hat.
 ///
@@ -10,12 +12,12 @@ pub(super) struct TorqueGainDrift;
 const PARAMETERS: [EffectParameter; 1] = [EffectParameter::signed("e", "1", "1")];
 
 impl Effect for TorqueGainDrift {
-    fn name(&self) -> &str {
-        "torque_gain_drift"
-    }
-
-    fn summary(&self) -> &str {
-        "A torque scale that drifts with time."
+    facts! {
+        name: "torque_gain_drift",
+        summary: "A torque scale that drifts with time.",
+        parameters: &PARAMETERS,
+        entry: Entry::Trajectory,
+        follows_torque: true,
     }
 
     fn about(&self) -> About<'_> {
@@ -31,18 +33,6 @@ impl Effect for TorqueGainDrift {
             origin_reason: "the scale of the log drifts, not the torque that the arm needs",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
-    }
-
-    fn follows_torque(&self) -> bool {
-        true
     }
 
     written_once!(advance: law);

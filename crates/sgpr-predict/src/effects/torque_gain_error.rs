@@ -1,4 +1,4 @@
-use super::{About, Class, Constant, Effect, Entry, Origin, Site, Stepped, written_once};
+use super::{About, Class, Constant, Effect, Entry, Origin, Site, Stepped, facts, written_once};
 
 /// A torque constant or drive gain that is off: the log shows (1 + e) times the torque of the joint.
 ///
@@ -10,12 +10,12 @@ pub(super) struct TorqueGainError;
 const CONSTANTS: [Constant; 1] = [Constant::neutral_at_zero("e", ["1", "1"], [-0.6, 1.5], 1e-4)];
 
 impl Effect for TorqueGainError {
-    fn name(&self) -> &str {
-        "torque_gain_error"
-    }
-
-    fn summary(&self) -> &str {
-        "A torque that is logged on a wrong scale."
+    facts! {
+        name: "torque_gain_error",
+        summary: "A torque that is logged on a wrong scale.",
+        parameters: &[],
+        constants: &CONSTANTS,
+        entry: Entry::Transform,
     }
 
     fn about(&self) -> About<'_> {
@@ -31,18 +31,6 @@ impl Effect for TorqueGainError {
             origin_reason: "the log has the torque on a wrong scale; the arm needs the true one",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[super::EffectParameter] {
-        &[]
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Transform
     }
 
     fn transmit(&self, site: Site, constants: &[f64], joint: usize, _: f64, values: &mut [f64], _: usize) {

@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState, Origin, Role, Stepped, written_once};
+use super::{About, Effect, EffectParameter, JointState, Origin, Role, Stepped, facts, written_once};
 
 /// A constant torque: bias of a current sensor, an unbalanced spring, or Coulomb friction that differs between the
 /// directions, from which it cannot be told apart while the joint moves.
@@ -10,12 +10,11 @@ pub(super) struct TorqueOffset;
 const PARAMETERS: [EffectParameter; 1] = [EffectParameter::signed("tau0", "N·m", "N")];
 
 impl Effect for TorqueOffset {
-    fn name(&self) -> &str {
-        "torque_offset"
-    }
-
-    fn summary(&self) -> &str {
-        "A torque that is always there, whatever the motion."
+    facts! {
+        name: "torque_offset",
+        summary: "A torque that is always there, whatever the motion.",
+        parameters: &PARAMETERS,
+        role: Some(Role::Offset),
     }
 
     fn about(&self) -> About<'_> {
@@ -30,14 +29,6 @@ impl Effect for TorqueOffset {
             origin_reason: "a constant is as a rule the zero of the current or torque sensor; where it is a spring, a hose or friction that differs by direction, keep it",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn role(&self) -> Option<Role> {
-        Some(Role::Offset)
     }
 
     written_once!(columns: columns);

@@ -1,4 +1,6 @@
-use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, written_once};
+use super::{
+    About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, facts, written_once,
+};
 
 /// An offset that drifts with the time of the session: tau = d1 t + d2 t², t in hundreds of seconds.
 ///
@@ -11,12 +13,11 @@ const PARAMETERS: [EffectParameter; 2] =
     [EffectParameter::signed("d1", "N·m", "N"), EffectParameter::signed("d2", "N·m", "N")];
 
 impl Effect for TorqueOffsetDrift {
-    fn name(&self) -> &str {
-        "torque_offset_drift"
-    }
-
-    fn summary(&self) -> &str {
-        "A torque offset that drifts with time."
+    facts! {
+        name: "torque_offset_drift",
+        summary: "A torque offset that drifts with time.",
+        parameters: &PARAMETERS,
+        entry: Entry::Trajectory,
     }
 
     fn about(&self) -> About<'_> {
@@ -32,14 +33,6 @@ impl Effect for TorqueOffsetDrift {
             origin_reason: "an offset that drifts is that of a sensor, and drifts differently in the next session",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
     }
 
     written_once!(advance: law);

@@ -1,7 +1,7 @@
 use super::columns::harmonic;
 use super::{
     About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
-    written_once,
+    facts, written_once,
 };
 
 /// Ripple of gear or motor over the position: tau = a cos(n q) + b sin(n q), n periods per turn of the joint.
@@ -18,12 +18,12 @@ const PARAMETERS: [EffectParameter; 2] =
 const CONSTANTS: [Constant; 1] = [Constant::new("n", ["1/rev", "rad/m"], [3.5, 400.0], Scale::Order, &[])];
 
 impl Effect for TorqueRipple {
-    fn name(&self) -> &str {
-        "torque_ripple"
-    }
-
-    fn summary(&self) -> &str {
-        "A torque that repeats many times per turn of the joint."
+    facts! {
+        name: "torque_ripple",
+        summary: "A torque that repeats many times per turn of the joint.",
+        parameters: &PARAMETERS,
+        constants: &CONSTANTS,
+        entry: Entry::Trajectory,
     }
 
     fn about(&self) -> About<'_> {
@@ -39,18 +39,6 @@ impl Effect for TorqueRipple {
             origin_reason: "the gear needs it at the same positions again",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
     }
 
     written_once!(advance: law);

@@ -1,4 +1,4 @@
-use super::{About, Class, Constant, Effect, Entry, Origin, Scale, Site};
+use super::{About, Class, Constant, Effect, Entry, Origin, Scale, Site, facts};
 
 /// A drive or sensor that shows no more than L: tau_log = clip(tau, -L, L).
 ///
@@ -10,12 +10,13 @@ pub(super) struct TorqueSaturation;
 const CONSTANTS: [Constant; 1] = [Constant::new("L", ["N·m", "N"], [0.0, f64::INFINITY], Scale::Torque, &[])];
 
 impl Effect for TorqueSaturation {
-    fn name(&self) -> &str {
-        "torque_saturation"
-    }
-
-    fn summary(&self) -> &str {
-        "The torque is cut at a limit."
+    facts! {
+        name: "torque_saturation",
+        summary: "The torque is cut at a limit.",
+        parameters: &[],
+        constants: &CONSTANTS,
+        entry: Entry::Transform,
+        is_generic: true,
     }
 
     fn about(&self) -> About<'_> {
@@ -31,22 +32,6 @@ impl Effect for TorqueSaturation {
             origin_reason: "what the log or the drive cuts off is needed nevertheless; the drive knows its own limit",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[super::EffectParameter] {
-        &[]
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Transform
-    }
-
-    fn is_generic(&self) -> bool {
-        true
     }
 
     fn limit(&self, site: Site, constants: &[f64], joint: usize) -> Option<f64> {

@@ -1,7 +1,7 @@
 use super::stepping::{DAHL_STATE, Dahl};
 use super::{
     About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
-    written_once,
+    facts, written_once,
 };
 
 /// Loop between torque and angle of a gear: the torque lost in the gear follows the direction in which the load
@@ -17,12 +17,14 @@ const PARAMETERS: [EffectParameter; 1] = [EffectParameter::signed("Th", "N·m", 
 const CONSTANTS: [Constant; 1] = [Constant::new("ts", ["N·m", "N"], [0.02, 2.0], Scale::Torque, &[0.1, 0.5])];
 
 impl Effect for TransmissionHysteresis {
-    fn name(&self) -> &str {
-        "transmission_hysteresis"
-    }
-
-    fn summary(&self) -> &str {
-        "A loop between the torque of the gear and its twist."
+    facts! {
+        name: "transmission_hysteresis",
+        summary: "A loop between the torque of the gear and its twist.",
+        parameters: &PARAMETERS,
+        constants: &CONSTANTS,
+        entry: Entry::Trajectory,
+        has_memory: true,
+        follows_torque: true,
     }
 
     fn about(&self) -> About<'_> {
@@ -38,26 +40,6 @@ impl Effect for TransmissionHysteresis {
             origin_reason: "the drive overcomes it whenever the load changes",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn constants(&self) -> &[Constant] {
-        &CONSTANTS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
-    }
-
-    fn has_memory(&self) -> bool {
-        true
-    }
-
-    fn follows_torque(&self) -> bool {
-        true
     }
 
     fn state_len(&self, _: &[f64], _: f64) -> usize {

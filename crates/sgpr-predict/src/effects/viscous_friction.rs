@@ -1,4 +1,4 @@
-use super::{About, Effect, EffectParameter, JointState, Origin, Role, Stepped, written_once};
+use super::{About, Effect, EffectParameter, JointState, Origin, Role, Stepped, facts, written_once};
 
 /// Viscous friction tau = Fv dq.
 ///
@@ -10,12 +10,11 @@ pub(super) struct ViscousFriction;
 const PARAMETERS: [EffectParameter; 1] = [EffectParameter::positive("Fv", "N·m·s/rad", "N·s/m")];
 
 impl Effect for ViscousFriction {
-    fn name(&self) -> &str {
-        "viscous_friction"
-    }
-
-    fn summary(&self) -> &str {
-        "Friction that grows in proportion to the speed."
+    facts! {
+        name: "viscous_friction",
+        summary: "Friction that grows in proportion to the speed.",
+        parameters: &PARAMETERS,
+        role: Some(Role::ViscousFriction),
     }
 
     fn about(&self) -> About<'_> {
@@ -30,14 +29,6 @@ impl Effect for ViscousFriction {
             origin_reason: "the drive overcomes it in every motion",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn role(&self) -> Option<Role> {
-        Some(Role::ViscousFriction)
     }
 
     written_once!(columns: columns);

@@ -1,6 +1,8 @@
 use alloc::vec::Vec;
 
-use super::{About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, written_once};
+use super::{
+    About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, facts, written_once,
+};
 
 /// One motor of the wrist drives two joints, so that the torque of a joint depends on the motion of its neighbour:
 /// tau_j = Ia ddq_o + Fv dq_o + Fc sgn(dq_o) + Fs sgn(dq_j + dq_o).
@@ -18,12 +20,11 @@ const PARAMETERS: [EffectParameter; 4] = [
 ];
 
 impl Effect for WristCoupling {
-    fn name(&self) -> &str {
-        "wrist_coupling"
-    }
-
-    fn summary(&self) -> &str {
-        "A wrist joint that feels inertia and friction of its neighbour's motor."
+    facts! {
+        name: "wrist_coupling",
+        summary: "A wrist joint that feels inertia and friction of its neighbour's motor.",
+        parameters: &PARAMETERS,
+        entry: Entry::Trajectory,
     }
 
     fn about(&self) -> About<'_> {
@@ -38,14 +39,6 @@ impl Effect for WristCoupling {
             origin_reason: "the joint is coupled with its neighbour in every motion",
             ..About::default()
         }
-    }
-
-    fn parameters(&self) -> &[EffectParameter] {
-        &PARAMETERS
-    }
-
-    fn entry(&self) -> Entry {
-        Entry::Trajectory
     }
 
     /// Neighbours among the last three joints of an arm that has a wrist.
