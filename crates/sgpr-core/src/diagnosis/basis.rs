@@ -41,13 +41,13 @@ impl Rest {
 }
 
 /// Least noise, as a share of the torque.
-const LEAST_SHARE: f64 = 1e-5;
+pub(super) const LEAST_SHARE: f64 = 1e-5;
 
 /// Highest order of the autoregression.
-const ORDER: usize = 6;
+pub(super) const ORDER: usize = 6;
 
 /// Rows for each of its terms.
-const ROWS_PER_ORDER: f64 = 50.0;
+pub(super) const ROWS_PER_ORDER: f64 = 50.0;
 
 impl Noise {
     /// White noise of the size of the residual.

@@ -14,10 +14,11 @@ use rayon::prelude::*;
 
 use super::evidence::{EVEN, LeftOut, probability_of_fall, weights};
 use super::fit::{Fitted, is_in_one_part, left_out_parts};
+use super::likelihood::{Hypothesis, JointNoise, noises, probability_of};
 use super::search::{
     Accepted, CERTAIN, MATERIAL, Outcome, Search, explained_share, imitations, is_limit, is_much, without,
 };
-use super::unknown::{self, Leftover, Processes};
+use super::unknown::{self, IMPROBABLE, Leftover, Processes};
 use crate::effects::Site;
 use crate::model::Term;
 use crate::progress::Interrupted;
@@ -105,7 +106,7 @@ pub(super) fn decide(search: &mut Search<'_>, outcome: Outcome) -> Result<Decisi
         beside = Beside::of(search, &outcome.fitted);
     };
     search.step("weigh what was found", 2, 3)?;
-    let rejected = rejected(search, &outcome, &beside.errors);
+    let rejected = rejected(search, &outcome, &beside);
     let left = beside.left;
     search.step("weigh what was found", 3, 3)?;
     Ok(Decision { outcome, judged, left, rejected })
@@ -115,7 +116,7 @@ pub(super) fn decide(search: &mut Search<'_>, outcome: Outcome) -> Result<Decisi
 pub(super) fn judge_only(search: &Search<'_>, outcome: Outcome) -> Decision {
     let beside = Beside::of(search, &outcome.fitted);
     let judged = judge(search, &outcome, &beside);
-    let rejected = rejected(search, &outcome, &beside.errors);
+    let rejected = rejected(search, &outcome, &beside);
     Decision { outcome, judged, left: beside.left, rejected }
 }
 
@@ -127,6 +128,8 @@ struct Beside {
     left: Vec<Leftover>,
     /// Those that are tried there.
     processes: Vec<Processes>,
+    /// Noise of each joint beside the fit, if there are rows enough to tell.
+    noises: Option<Vec<JointNoise>>,
 }
 
 impl Beside {
@@ -135,8 +138,14 @@ impl Beside {
         let errors = search.errors(fitted).left_out;
         let joints = (0..problem.dof()).into_par_iter();
         let processes: Vec<Processes> = joints.map(|joint| Processes::new(problem, fitted, noise, joint)).collect();
-        let left = unknown::leftover(problem, (fitted, &errors), noise, &processes);
-        Self { errors, left, processes }
+        let noises = noises(problem, fitted);
+        let left = unknown::leftover(problem, (fitted, &errors), (noise, noises.as_deref()), &processes);
+        Self { errors, left, processes, noises }
+    }
+
+    /// The fit with the noise beside it.
+    fn hypothesis<'f>(&self, fitted: &'f Fitted) -> Option<Hypothesis<'f>> {
+        self.noises.clone().map(|noises| Hypothesis::new(fitted, noises))
     }
 }
 
@@ -226,20 +235,25 @@ fn joint_of_arm(search: &Search<'_>, outcome: &Outcome) -> Option<usize> {
 }
 
 /// The probabilities of the likeliest effects that were not found, beside what was.
-///
-/// - `own`: errors of what was found on left-out blocks
-fn rejected(search: &Search<'_>, outcome: &Outcome, own: &LeftOut) -> Vec<(String, Site, f64)> {
+fn rejected(search: &Search<'_>, outcome: &Outcome, beside: &Beside) -> Vec<(String, Site, f64)> {
     /// Effects that were not found which get a probability.
     const LIKELIEST: usize = 6;
+    let (problem, own) = (&search.problem, &beside.errors);
+    let bare = beside.hypothesis(&outcome.fitted);
     let found = |term: &Term| outcome.fitted.terms().iter().any(|own| own.is_like(term));
     let possible = outcome.ranking.iter().filter(|c| !c.impossible && c.score > 0.0 && !found(&c.term));
     let likeliest: Vec<&Term> = possible.take(LIKELIEST).map(|c| &c.term).collect();
     let probability = |term: &&Term| {
-        let with = search.errors(&search.with_term(&outcome.fitted, (*term).clone())).left_out;
-        let joints = search.joints_of(term);
-        let there = weights(&search.problem, &[own, &with], &[0.0, -search.units.ln()], &joints)[1];
-        let matters = |joint: &usize| probability_of_fall(&search.problem, [own, &with], *joint, MATERIAL, 0.0);
-        let probability = there.min(joints.iter().map(matters).fold(0.0, f64::max));
+        let fitted = search.with_term(&outcome.fitted, (*term).clone());
+        let (with, joints) = (search.errors(&fitted).left_out, search.joints_of(term));
+        let there = weights(problem, &[own, &with], &[0.0, -search.units.ln()], &joints)[1];
+        let matters = |joint: &usize| probability_of_fall(problem, [own, &with], *joint, MATERIAL, 0.0);
+        let mut probability = there.min(joints.iter().map(matters).fold(0.0, f64::max));
+        if let Some(bare) = bare.as_ref().filter(|_| probability > IMPROBABLE) {
+            let with = bare.like(problem, &fitted, &joints);
+            let most = most_probable(search, term, with.and_then(|with| with.log_bayes_factor(bare, problem)));
+            probability = probability.min(most);
+        }
         (term.effect.name().to_string(), term.site, probability)
     };
     likeliest.par_iter().map(probability).collect()
@@ -305,7 +319,18 @@ fn judge_one(
     let something = if of_process > CERTAIN && is_much(left, explained) { 1.0 - of_process } else { 1.0 - weights[0] };
     let likely = forms.iter().filter(|k| weights[**k] > 1.0 - CERTAIN);
     let forms = likely.map(|k| rivals[k - 2].effect.name().to_string()).collect();
-    Judged { index, probability, forms, something }
+    let most = beside.hypothesis(fitted).map_or(1.0, |own| {
+        let without = own.like(&search.problem, &bare, &joints);
+        most_probable(search, term, without.and_then(|without| own.log_bayes_factor(&without, &search.problem)))
+    });
+    Judged { index, probability: probability.min(most), forms, something: something.min(most) }
+}
+
+/// The probability of a term by its Bayes factor, if there is one: one of all effects at all sites is there or none of them, and
+/// each of its constants is known as well as one row says.
+fn most_probable(search: &Search<'_>, term: &Term, log_bayes_factor: Option<f64>) -> f64 {
+    let constants = 0.5 * term.constants.len() as f64 * search.rows.max(2.0).ln();
+    log_bayes_factor.map_or(1.0, |factor| probability_of(factor - constants - search.units.ln()))
 }
 
 /// Whether the errors of two models on left-out blocks differ at no joint by a share that matters: forms of one law, which

@@ -56,6 +56,13 @@ fn deviate_of_mean(values: &[f64]) -> f64 {
 /// Longest memory of errors that is believed, s.
 const LONGEST_MEMORY_S: f64 = 1.0;
 
+/// Correlation of neighbouring rows of a joint whose errors remember as long as is believed.
+pub(super) fn largest_correlation(problem: &Problem, joint: usize) -> f64 {
+    let block = problem.blocks(joint).next().map_or(1, |block| block.len());
+    let longest = (LONGEST_MEMORY_S * block as f64 / problem.block_s).max(1.0);
+    (longest - 1.0) / (longest + 1.0)
+}
+
 impl LeftOut {
     /// Mean square error of a joint, (N·m)² (N²).
     pub fn mean_square(&self, joint: usize) -> f64 {
@@ -71,9 +78,7 @@ impl LeftOut {
             squares += 0.5 * (rows[k] * rows[k] + rows[k - 1] * rows[k - 1]);
         }
         let r = if squares > 0.0 { (products / squares).clamp(0.0, 0.999) } else { 0.0 };
-        let block = problem.blocks(joint).next().map_or(1, |block| block.len());
-        let longest = (LONGEST_MEMORY_S * block as f64 / problem.block_s).max(1.0);
-        r.min((longest - 1.0) / (longest + 1.0))
+        r.min(largest_correlation(problem, joint))
     }
 
     /// How many rows of a joint say as much about a smooth column as one row without memory would: for an autoregression

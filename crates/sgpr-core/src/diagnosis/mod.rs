@@ -18,6 +18,7 @@ mod file_prior;
 mod fit;
 mod formula;
 mod left_out;
+mod likelihood;
 mod problem;
 mod report;
 mod search;

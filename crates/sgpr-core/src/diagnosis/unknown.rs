@@ -10,6 +10,7 @@ use super::basis::Noise;
 use super::evidence::{EVEN, LeftOut, SURE, probability_of_fall, weights};
 use super::fit::{Fitted, beyond};
 use super::left_out::{Extra, FoldFits};
+use super::likelihood::{Hypothesis, JointNoise, probability_of};
 use super::problem::{Column, Problem};
 use crate::linalg::{dot_in_lanes, mean_square};
 use crate::random::Random;
@@ -115,6 +116,9 @@ impl Leftover {
         self.probability > EVEN
     }
 }
+
+/// What is less probable needs no further doubt.
+pub(super) const IMPROBABLE: f64 = 0.05;
 
 /// Share of a joint's left-out error that is worth a word: a twentieth.
 pub(super) const MATTERS: f64 = 0.05;
@@ -317,10 +321,14 @@ impl Processes {
     ///
     /// - `joints`: as in [`Self::best`]
     pub fn errors_of(&self, smooth: &Smooth, problem: &Problem, fits: &FoldFits, joints: &[usize]) -> LeftOut {
-        let precision = 1.0 / smooth.variance.max(f64::MIN_POSITIVE);
-        let Process { group, length_scale, .. } = &self.all[smooth.index];
-        let columns = features(problem, self.joint, group, *length_scale);
+        let (columns, precision) = self.columns(smooth, problem);
         fits.errors_with(&Extra { columns: &columns, precision: &vec![precision; columns.len()] }, joints)
+    }
+
+    /// Columns of a process, and the precision of their factors.
+    pub fn columns(&self, smooth: &Smooth, problem: &Problem) -> (Vec<Column>, f64) {
+        let Process { group, length_scale, .. } = &self.all[smooth.index];
+        (features(problem, self.joint, group, *length_scale), 1.0 / smooth.variance.max(f64::MIN_POSITIVE))
     }
 
     /// Log evidence of a process against none beside another fit.
@@ -367,11 +375,12 @@ impl Process {
 /// What a Gaussian process could still predict at each joint, of the group with most evidence there; `own` are the errors
 /// of the fit on blocks that were left out.
 ///
+/// - `noises`: those of each joint beside the fit
 /// - `processes`: of each joint
 pub(super) fn leftover(
     problem: &Problem,
     (fitted, own): (&Fitted, &LeftOut),
-    noise: &Noise,
+    (noise, noises): (&Noise, Option<&[JointNoise]>),
     processes: &[Processes],
 ) -> Vec<Leftover> {
     let names: Vec<&str> = problem.nominal.robot().joint_names().collect();
@@ -386,7 +395,14 @@ pub(super) fn leftover(
         let matters = probability_of_fall(problem, [own, &with], joint, MATTERS, beyond[joint][0].powi(2));
         // Asked like an effect: what is not sure on left-out blocks is at most as likely as not.
         let most = if own.against(&with, problem, &[joint]).significance() >= SURE { 1.0 } else { EVEN };
-        let probability = there.min(matters).min(most);
+        let mut probability = there.min(matters).min(most);
+        if let Some(noises) = noises.filter(|_| probability > IMPROBABLE) {
+            let (columns, precision) = processes[joint].columns(&smooth, problem);
+            let bare = Hypothesis::new(fitted, noises.to_vec());
+            let process = bare.with(problem, fitted, (joint, &columns, precision));
+            let factor = process.and_then(|process| process.log_bayes_factor(&bare, problem));
+            probability = probability.min(factor.map_or(1.0, |factor| probability_of(factor - (tried as f64).ln())));
+        }
         let group = processes[joint].describe(&smooth, &names);
         Some(Leftover { joint, share, probability, group })
     };
