@@ -72,7 +72,7 @@ impl Orders {
 }
 
 /// A joint's equations: free columns, held ones and the target, by products of rows with those some lags before.
-struct Equations {
+struct RestrictedLikelihood {
     free: usize,
     held: usize,
     /// Of the factors of held columns, times the variance of the innovations.
@@ -88,7 +88,7 @@ struct Equations {
     columns: Vec<Vec<f64>>,
 }
 
-impl Equations {
+impl RestrictedLikelihood {
     /// None where there are not enough rows.
     fn new(free: &[&[f64]], (held, precision): (&[&[f64]], f64), target: &[f64], run: &[usize]) -> Option<Self> {
         let independent = Basis::new(free.iter().map(|column| vec![column.to_vec()]).collect());
@@ -153,12 +153,12 @@ const ROUNDING: f64 = 1e-10;
 /// The partial autocorrelations are searched by their inverse hyperbolic tangents, within this range: 0.999.
 const RANGE: f64 = 3.8;
 
-struct Search<'e> {
-    equations: &'e Equations,
+struct NoiseSearch<'e> {
+    equations: &'e RestrictedLikelihood,
     bounds: [Vec<f64>; 2],
 }
 
-impl Constraints for Search<'_> {
+impl Constraints for NoiseSearch<'_> {
     type Set = ConstraintSet<BoxBounds<Vec<f64>>>;
 
     fn constraints(&self) -> <Self::Set as ConstraintDescription>::Borrowed<'_> {
@@ -166,7 +166,7 @@ impl Constraints for Search<'_> {
     }
 }
 
-impl CostFunction for Search<'_> {
+impl CostFunction for NoiseSearch<'_> {
     type Param = Vec<f64>;
     type Output = f64;
     type Error = Infallible;
@@ -195,7 +195,7 @@ impl JointNoise {
         /// First and last radius of the search.
         const RADII: [f64; 2] = [0.5, 0.02];
         const MOST_EVALUATIONS: u64 = 300;
-        let equations = Equations::new(free, held, target, run)?;
+        let equations = RestrictedLikelihood::new(free, held, target, run)?;
         let highest = equations.highest;
         let noise = |partial: Vec<f64>| {
             let (cost, variance) = equations.cost(&partial)?;
@@ -207,7 +207,7 @@ impl JointNoise {
         let mut bounds = [vec![-RANGE; highest], vec![RANGE; highest]];
         bounds[1][0] = most.atanh().min(RANGE);
         let end = |start: Vec<f64>| {
-            let search = Search { equations: &equations, bounds: bounds.clone() };
+            let search = NoiseSearch { equations: &equations, bounds: bounds.clone() };
             let solver = Bobyqa::new().with_initial_radius(RADII[0]).with_final_radius(RADII[1]);
             let run = Executor::new(search, solver, PointState::new(start)).max_cost_evals(MOST_EVALUATIONS).run();
             let best = run.ok()?.best_param().clone();
@@ -402,7 +402,7 @@ mod tests {
         let (columns, held, target) = ([column(), column()], column(), column());
         let free: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
         let cost = |partial: &[f64]| {
-            let equations = Equations::new(&free, (&[&held], 0.7), &target, &run).expect("enough rows");
+            let equations = RestrictedLikelihood::new(&free, (&[&held], 0.7), &target, &run).expect("enough rows");
             equations.cost(partial).expect("positive")
         };
         // With the variance that it is greatest at the dense one has no part in that but by the rows and the columns.

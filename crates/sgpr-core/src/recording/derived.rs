@@ -85,7 +85,7 @@ mod tests {
         assert_eq!([ask(&kept, 1), ask(&clone, 1), ask(&kept, 2), ask(&clone, 1)], [3, 3, 4, 4]);
         // The third takes the place of the second: the first was used after that.
         assert_eq!([ask(&kept, 3), ask(&kept, 1), ask(&kept, 2)], [5, 5, 6]);
-        // DerivedValues of another type have places of their own.
+        // Values of another type have places of their own.
         assert_eq!(kept.or_make(|_: &u8| true, || Ok::<u8, ()>(7)).map(|value| *value), Ok(7));
         assert_eq!(ask(&kept, 1), 6);
     }
