@@ -192,8 +192,11 @@ impl JointNoise {
         (target, run): (&[f64], &[usize]),
         (like, most): (Option<&Self>, f64),
     ) -> Option<Self> {
-        /// First and last radius of the search.
-        const RADII: [f64; 2] = [0.5, 0.02];
+        /// How far the search looks around at first, in inverse hyperbolic tangents ...
+        const FIRST_RADIUS: f64 = 0.5;
+        /// ... and how well it finds them: the likelihood knows a correlation of a hundred rows five times less well.
+        const LAST_RADIUS: f64 = 0.02;
+        /// Of the likelihood; what was reached by then counts.
         const MOST_EVALUATIONS: u64 = 300;
         let equations = RestrictedLikelihood::new(free, held, target, run)?;
         let highest = equations.highest;
@@ -208,7 +211,7 @@ impl JointNoise {
         bounds[1][0] = most.atanh().min(RANGE);
         let end = |start: Vec<f64>| {
             let search = NoiseSearch { equations: &equations, bounds: bounds.clone() };
-            let solver = Bobyqa::new().with_initial_radius(RADII[0]).with_final_radius(RADII[1]);
+            let solver = Bobyqa::new().with_initial_radius(FIRST_RADIUS).with_final_radius(LAST_RADIUS);
             let run = Executor::new(search, solver, PointState::new(start)).max_cost_evals(MOST_EVALUATIONS).run();
             let best = run.ok()?.best_param().clone();
             noise(best.iter().map(|x| x.tanh()).collect())
