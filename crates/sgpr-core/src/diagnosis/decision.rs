@@ -12,9 +12,9 @@
 
 use rayon::prelude::*;
 
-use super::evidence::{EVEN, LeftOut, probability_of_fall, weights};
+use super::evidence::{EVEN, LeftOut, probability_of, probability_of_fall, weights};
 use super::fit::{Fitted, is_in_one_part, left_out_parts};
-use super::likelihood::{Hypothesis, JointNoise, noises, probability_of};
+use super::likelihood::{Hypothesis, JointNoise, noises};
 use super::search::{
     Accepted, CERTAIN, MATERIAL, Outcome, Search, explained_share, imitations, is_limit, is_much, without,
 };

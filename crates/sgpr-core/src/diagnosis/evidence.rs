@@ -15,6 +15,11 @@ pub(super) const SURE: f64 = 2.5;
 /// As likely as not.
 pub(super) const EVEN: f64 = 0.5;
 
+/// The probability that belongs to the log of the odds.
+pub(super) fn probability_of(log_odds: f64) -> f64 {
+    1.0 / (1.0 + (-log_odds).clamp(-700.0, 700.0).exp())
+}
+
 /// Errors of one model on blocks that were left out of its fit, per joint and row, N·m (N).
 #[derive(Clone, Debug)]
 pub(super) struct LeftOut {

@@ -20,6 +20,7 @@ use super::file_prior::FilePrior;
 use super::fit::Fitted;
 use super::problem::{Column, Problem};
 use crate::linalg::{dot_in_lanes, rms};
+use sgpr_predict::internal::Autoregression;
 
 /// Noise of a joint's torque, an autoregression by its partial autocorrelations, which may take any values below one (O.
 /// Barndorff-Nielsen, G. Schou, On the parametrization of autoregressive models by partial autocorrelations, J. Multivar.
@@ -44,10 +45,7 @@ impl Orders {
     fn of(partial: &[f64]) -> Self {
         let mut phi: Vec<Vec<f64>> = vec![vec![]];
         for &last in partial {
-            let before = &phi[phi.len() - 1];
-            let mut next: Vec<f64> = before.iter().zip(before.iter().rev()).map(|(p, m)| p - last * m).collect();
-            next.push(last);
-            phi.push(next);
+            phi.push(Autoregression::of_next_order(&phi[phi.len() - 1], last));
         }
         let not_predicted = |order: usize| partial[order..].iter().map(|k| 1.0 / (1.0 - k * k)).product();
         let variance = (0..=partial.len()).map(not_predicted).collect();
@@ -92,11 +90,11 @@ impl RestrictedLikelihood {
     /// None where there are not enough rows.
     fn new(free: &[&[f64]], (held, precision): (&[&[f64]], f64), target: &[f64], run: &[usize]) -> Option<Self> {
         let independent = Basis::new(free.iter().map(|column| vec![column.to_vec()]).collect());
-        let unit = |column: &&[f64]| -> Vec<f64> {
+        let unit = |column: &[f64]| -> Vec<f64> {
             let length = dot_in_lanes(column, column).sqrt();
             column.iter().map(|x| x / length).collect()
         };
-        let mut columns: Vec<Vec<f64>> = independent.independent().iter().map(|column| unit(&&column[0][..])).collect();
+        let mut columns: Vec<Vec<f64>> = independent.independent().iter().map(|column| unit(&column[0])).collect();
         let free = columns.len();
         columns.extend(held.iter().chain([&target]).map(|column| column.to_vec()));
         if target.len() < free + LEAST_FREEDOM {
@@ -354,11 +352,6 @@ fn noise(
     let (free, held): (Vec<&[f64]>, Vec<&[f64]>) = (free.collect(), held.collect());
     let most = largest_correlation(problem, joint);
     JointNoise::of(&free, (&held, precision), (target, &problem.run[joint]), (like, most))
-}
-
-/// The probability that belongs to the log of the odds.
-pub(super) fn probability_of(log_odds: f64) -> f64 {
-    1.0 / (1.0 + (-log_odds).exp())
 }
 
 #[cfg(test)]

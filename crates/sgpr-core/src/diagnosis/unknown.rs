@@ -7,10 +7,10 @@ use faer::{Accum, Mat, Par};
 use rayon::prelude::*;
 
 use super::basis::Noise;
-use super::evidence::{EVEN, LeftOut, SURE, probability_of_fall, weights};
+use super::evidence::{EVEN, LeftOut, SURE, probability_of, probability_of_fall, weights};
 use super::fit::{Fitted, beyond};
 use super::left_out::{Extra, FoldFits};
-use super::likelihood::{Hypothesis, JointNoise, probability_of};
+use super::likelihood::{Hypothesis, JointNoise};
 use super::problem::{Column, Problem};
 use crate::linalg::{dot_in_lanes, mean_square};
 use crate::random::Random;

@@ -23,9 +23,7 @@ impl Autoregression {
             if reflection.is_nan() || reflection.abs() >= 0.999 {
                 break;
             }
-            let mirrored: Vec<f64> = phi.iter().rev().copied().collect();
-            phi.iter_mut().zip(mirrored).for_each(|(p, m)| *p -= reflection * m);
-            phi.push(reflection);
+            phi = Self::of_next_order(&phi, reflection);
             error *= 1.0 - reflection * reflection;
             let criterion = count * error.ln() + 2.0 * order as f64;
             if criterion < best.0 {
@@ -33,5 +31,13 @@ impl Autoregression {
             }
         }
         best.1
+    }
+
+    /// The coefficients of the next order, which has one more partial autocorrelation.
+    ///
+    /// Source: as of [`Self::of`].
+    pub fn of_next_order(phi: &[f64], partial: f64) -> Vec<f64> {
+        let changed = phi.iter().zip(phi.iter().rev()).map(|(p, mirrored)| p - partial * mirrored);
+        changed.chain([partial]).collect()
     }
 }

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::super::evidence::probability_of;
 use super::rows::JointRows;
 use super::whiteness::{autoregression, whitened};
 use crate::effects::sgn;
@@ -105,7 +106,7 @@ pub(super) fn change(rows: &JointRows, noise: &[f64]) -> Option<Change> {
         time: time(begin),
         interval: [time(low) - step, time(high) + step],
         end: (finish < bins).then(|| time(finish)),
-        probability: 1.0 / (1.0 + (-odds).clamp(-700.0, 700.0).exp()),
+        probability: probability_of(odds),
         share: (gain / energy.max(1e-300)).clamp(0.0, 1.0),
     })
 }
