@@ -22,7 +22,7 @@ use std::time::Instant;
 use case::{AMBIGUOUS, CLOSED, Case, ONE_JOINT, POOR, Quality, SINGLES, Style, make};
 use law::{FORMS, UNKNOWN};
 use sgpr_core::diagnosis::{Diagnosis, DiagnosisOptions, Finding, Verdict, add, diagnose};
-use sgpr_core::model::{IdentifyOptions, TorqueModel, compare, identify};
+use sgpr_core::model::{IdentifyOptions, Term, TorqueModel, compare, identify};
 use sgpr_core::recording::Recording;
 use table::{Row, Table};
 
@@ -148,9 +148,9 @@ fn identified(case: &Case, logs: &[Recording]) -> Result<TorqueModel, Failure> {
     Ok(identify(&case.guess, logs, &options, &())?.0)
 }
 
-/// The model of one who is told what is hidden.
-fn told(case: &Case, model: &TorqueModel) -> Result<TorqueModel, Failure> {
-    let answer = Finding {
+/// Terms as what a person would add.
+fn finding_of(terms: &[Term]) -> Finding {
+    Finding {
         effect: String::new(),
         joints: vec![],
         probability: 1.0,
@@ -162,9 +162,13 @@ fn told(case: &Case, model: &TorqueModel) -> Result<TorqueModel, Failure> {
         evidence: String::new(),
         confusable_with: vec![],
         separating_experiment: String::new(),
-        terms: case.terms(),
-    };
-    Ok(add(model, &[&answer], &case.train)?)
+        terms: terms.to_vec(),
+    }
+}
+
+/// The model of one who is told what is hidden.
+fn told(case: &Case, model: &TorqueModel) -> Result<TorqueModel, Failure> {
+    Ok(add(model, &[&finding_of(&case.terms())], &case.train)?)
 }
 
 /// The first finding, and whether it is what is hidden.

@@ -12,11 +12,11 @@
 
 use rayon::prelude::*;
 
-use super::evidence::{EVEN, LeftOut, probability_of, probability_of_fall, weights};
+use super::evidence::{Comparison, EVEN, LeftOut, SURE, probability_of, probability_of_fall, weights};
 use super::fit::{Fitted, is_in_one_part, left_out_parts};
 use super::likelihood::{Hypothesis, JointNoise, noises};
 use super::search::{
-    Accepted, CERTAIN, MATERIAL, Outcome, Search, explained_share, imitations, is_limit, is_much, without,
+    Accepted, CERTAIN, MATERIAL, Outcome, Search, explained_share, imitations, is_limit, is_much, material, without,
 };
 use super::unknown::{self, IMPROBABLE, Leftover, Processes};
 use crate::effects::Site;
@@ -199,12 +199,12 @@ fn without_chance(search: &Search<'_>, mut outcome: Outcome) -> Outcome {
     loop {
         let fitted = &outcome.fitted;
         let with = left_out_parts(problem, fitted, noise);
-        let is_asked = |k: &usize| !is_limit(&fitted.terms()[*k]) && !is_in_one_part(problem, &fitted.terms()[*k]);
         let sure = |k: usize| {
             let bare = search.refit(fitted, without(fitted.terms(), &[k]));
             let joints = search.joints_of(&fitted.terms()[k]);
             (k, left_out_parts(problem, &bare, noise).against(&with, problem, &joints).significance())
         };
+        let is_asked = |k: &usize| is_asked_elsewhere(search, &fitted.terms()[*k]);
         let asked: Vec<usize> = outcome.news(search).map(|(k, _)| k).filter(is_asked).collect();
         let all: Vec<(usize, f64)> = asked.into_par_iter().map(sure).collect();
         match all.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, sure)| *sure < HOLDS) {
@@ -212,6 +212,11 @@ fn without_chance(search: &Search<'_>, mut outcome: Outcome) -> Outcome {
             None => return outcome,
         }
     }
+}
+
+/// Whether a term is asked to predict parts of the logs that are far from what it was fitted to.
+fn is_asked_elsewhere(search: &Search<'_>, term: &Term) -> bool {
+    !is_limit(term) && !is_in_one_part(&search.problem, term)
 }
 
 /// Whether a term acts at a joint and not only by cutting its torque: rows at a limit are no equations that it could explain.
@@ -240,6 +245,7 @@ fn rejected(search: &Search<'_>, outcome: &Outcome, beside: &Beside) -> Vec<(Str
     const LIKELIEST: usize = 6;
     let (problem, own) = (&search.problem, &beside.errors);
     let bare = beside.hypothesis(&outcome.fitted);
+    let parts = left_out_parts(problem, &outcome.fitted, &search.noise);
     let found = |term: &Term| outcome.fitted.terms().iter().any(|own| own.is_like(term));
     let possible = outcome.ranking.iter().filter(|c| !c.impossible && c.score > 0.0 && !found(&c.term));
     let likeliest: Vec<&Term> = possible.take(LIKELIEST).map(|c| &c.term).collect();
@@ -247,12 +253,19 @@ fn rejected(search: &Search<'_>, outcome: &Outcome, beside: &Beside) -> Vec<(Str
         let fitted = search.with_term(&outcome.fitted, (*term).clone());
         let (with, joints) = (search.errors(&fitted).left_out, search.joints_of(term));
         let there = weights(problem, &[own, &with], &[0.0, -search.units.ln()], &joints)[1];
-        let matters = |joint: &usize| probability_of_fall(problem, [own, &with], *joint, MATERIAL, 0.0);
+        let matters = |joint: &usize| probability_of_fall(problem, [own, &with], *joint, material(term), 0.0);
         let mut probability = there.min(joints.iter().map(matters).fold(0.0, f64::max));
         if let Some(bare) = bare.as_ref().filter(|_| probability > IMPROBABLE) {
-            let with = bare.like(problem, &fitted, &joints);
-            let most = most_probable(search, term, with.and_then(|with| with.log_bayes_factor(bare, problem)));
-            probability = probability.min(most);
+            let with_it = bare.like(problem, &fitted, &joints);
+            let factor = with_it.and_then(|with| with.log_bayes_factor(bare, problem));
+            let gain = own.against(&with, problem, &joints);
+            let elsewhere = || {
+                let with = left_out_parts(problem, &fitted, &search.noise);
+                !is_asked_elsewhere(search, term) || parts.against(&with, problem, &joints).significance() >= HOLDS
+            };
+            // What would not have been taken for it is at most as likely as not.
+            let most = if gain.significance() >= SURE && elsewhere() { 1.0 } else { EVEN };
+            probability = probability.min(most_probable(search, term, (gain, factor))).min(most);
         }
         (term.effect.name().to_string(), term.site, probability)
     };
@@ -319,18 +332,22 @@ fn judge_one(
     let something = if of_process > CERTAIN && is_much(left, explained) { 1.0 - of_process } else { 1.0 - weights[0] };
     let likely = forms.iter().filter(|k| weights[**k] > 1.0 - CERTAIN);
     let forms = likely.map(|k| rivals[k - 2].effect.name().to_string()).collect();
+    let comparison = models[0].against(own_errors, &search.problem, &joints);
     let most = beside.hypothesis(fitted).map_or(1.0, |own| {
         let without = own.like(&search.problem, &bare, &joints);
-        most_probable(search, term, without.and_then(|without| own.log_bayes_factor(&without, &search.problem)))
+        let factor = without.and_then(|without| own.log_bayes_factor(&without, &search.problem));
+        most_probable(search, term, (comparison, factor))
     });
     Judged { index, probability: probability.min(most), forms, something: something.min(most) }
 }
 
-/// The probability of a term by its Bayes factor, if there is one: one of all effects at all sites is there or none of them, and
-/// each of its constants is known as well as one row says.
-fn most_probable(search: &Search<'_>, term: &Term, log_bayes_factor: Option<f64>) -> f64 {
+/// The largest probability of a term that its Bayes factor, if there is one, or its gain on left-out blocks speaks for: one of all
+/// effects at all sites is there or none of them. The factor believes in the noise of the model and lets each constant be known
+/// as well as one row says; the gain does not, and needs more rows.
+fn most_probable(search: &Search<'_>, term: &Term, (gain, log_bayes_factor): (Comparison, Option<f64>)) -> f64 {
     let constants = 0.5 * term.constants.len() as f64 * search.rows.max(2.0).ln();
-    log_bayes_factor.map_or(1.0, |factor| probability_of(factor - constants - search.units.ln()))
+    let most = |factor: f64| (factor - constants).max(gain.largest_log_bayes_factor());
+    log_bayes_factor.map_or(1.0, |factor| probability_of(most(factor) - search.units.ln()))
 }
 
 /// Whether the errors of two models on left-out blocks differ at no joint by a share that matters: forms of one law, which

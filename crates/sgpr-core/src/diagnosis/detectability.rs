@@ -13,7 +13,7 @@ use super::basis::{Basis, dot, gain_of, invisible};
 use super::described::{joints_of, parameters_of};
 use super::fit::Fitted;
 use super::problem::Column;
-use super::search::{EVIDENCE, MATERIAL, Search};
+use super::search::{EVIDENCE, Search, material};
 use crate::linalg::{dot_in_lanes, rms};
 use crate::model::Term;
 use crate::progress::Interrupted;
@@ -109,7 +109,7 @@ fn one(search: &Search<'_>, subject: &Projected, all: &[Projected], left: &[f64]
     let own_cost = cost(rank, subject.constants());
     let size_of = |score: f64, length: f64| (2.0 * score.max(0.0) / length).sqrt();
     // (1 + fall)² = 1 + (visible torque / what is left)²
-    let needed = ((1.0 + MATERIAL).powi(2) - 1.0).sqrt();
+    let needed = ((1.0 + material(term)).powi(2) - 1.0).sqrt();
     let ratios = subject.size.iter().zip(left).map(|(size, left)| size / left.max(f64::MIN_POSITIVE)).enumerate();
     let (joint, ratio) = ratios.max_by(|a, b| a.1.total_cmp(&b.1))?;
     let seen_from = size_of(EVIDENCE + search.units.ln() + own_cost, length).max(needed / (visible * ratio));

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::super::fit::{Fitted, without as without_term};
 use super::forward::{NEARLY, asked_of, freedom, is_out_of_range, is_plainer};
 use super::held_out::{HeldOut, is_limit};
-use super::{Accepted, EVIDENCE, MATERIAL, Search, without};
+use super::{Accepted, EVIDENCE, Search, material, without};
 use crate::effects::{Effect, Entry, Reach};
 use crate::model::Term;
 use crate::progress::Interrupted;
@@ -50,7 +50,7 @@ impl Search<'_> {
             let (score, errors) = (self.score_of(&bare, &fitted), self.errors(&fitted));
             let others = plainer.into_iter().map(|term| self.with_instead(&fitted, given + k, term));
             let does_as_well = |other: &Fitted| {
-                let loses = self.errors(other).largest_fall_to(&errors, &own) > MATERIAL;
+                let loses = self.errors(other).largest_fall_to(&errors, &own) > material(&own);
                 self.score_of(&bare, other) > (1.0 - NEARLY) * score && !loses
             };
             let best = others.filter(does_as_well).min_by(|a, b| a.chi2.total_cmp(&b.chi2));

@@ -1,6 +1,7 @@
 //! What is looked for, and its columns.
 
 use std::collections::HashMap;
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -36,6 +37,26 @@ pub(super) fn is_width_of_reversal(effect: &dyn Effect, constant: &Constant) -> 
 /// What a term is remembered by.
 pub(super) fn key_of(term: &Term) -> (String, Site, Vec<u64>) {
     (term.effect.name().to_string(), term.site, term.constants.iter().map(|c| c.to_bits()).collect())
+}
+
+/// Indices of the peaks of a periodogram without its ends, those first that stand out most of the median of what is around them:
+/// a torque that is not periodic, and its side lobes, are larger than a line at many orders, but alike at neighbouring ones.
+///
+/// - `lobe`: width of a line
+fn lines_of(power: &[f64], lobe: usize) -> Vec<usize> {
+    /// Widths of a line to either side that are around it.
+    const AROUND: usize = 4;
+    let inner = 1..power.len().saturating_sub(1);
+    let around = |at: usize| {
+        let half = AROUND * lobe.max(1);
+        let mut own = power[at.saturating_sub(half)..power.len().min(at + half + 1)].to_vec();
+        own.sort_by(f64::total_cmp);
+        own[own.len() / 2].max(f64::MIN_POSITIVE)
+    };
+    let is_peak = |at: &usize| power[*at] >= power[at - 1] && power[*at] >= power[at + 1];
+    let mut peaks: Vec<(usize, f64)> = inner.filter(is_peak).map(|at| (at, power[at] / around(at))).collect();
+    peaks.sort_by(|a, b| b.1.total_cmp(&a.1));
+    peaks.into_iter().map(|(at, _)| at).collect()
 }
 
 impl Search<'_> {
@@ -183,27 +204,29 @@ impl Search<'_> {
         [if resolved { self.problem.speed_steps[joint].clamp(low, high) } else { low }, high]
     }
 
-    /// Effects with an order: the peaks of a periodogram of the residual over the position.
+    /// Effects with an order: the lines of a periodogram of the residual over the position.
     pub(super) fn orders_to_try(&self, fitted: &Fitted) -> Vec<Term> {
         /// Lowest order that is looked for, per turn: lower ones are gravity and springs.
         const LOWEST: usize = 4;
         /// Highest order, per turn: gears with more teeth are not resolved by the logs.
         const HIGHEST: usize = 200;
+        /// Lines of a joint that are tried.
+        const MOST: usize = 3;
         let n = self.problem.dof();
         let mut terms = Vec::new();
         for joint in 0..n {
             let q = |&(stretch, sample): &(usize, usize)| self.problem.stretches[stretch].motion.q[sample * n + joint];
             let samples = self.problem.rows[joint].iter().map(q).zip(fitted.residual[joint].iter().copied());
-            let power = power_by_order(samples, LOWEST - 1..=HIGHEST + 1);
-            let at = |order: usize| power[order + 1 - LOWEST];
-            let mut peaks: Vec<usize> =
-                (LOWEST..=HIGHEST).filter(|&order| at(order) >= at(order - 1) && at(order) >= at(order + 1)).collect();
-            peaks.sort_by(|&a, &b| at(b).total_cmp(&at(a)));
+            let [low, high] = self.problem.ranges(joint).position;
+            let lobe = (TAU / (high - low)).ceil().min(HIGHEST as f64) as usize;
+            let lines = lines_of(&power_by_order(samples, LOWEST - 1..=HIGHEST + 1), lobe);
             for effect in self.catalogue.iter().filter(|e| self.wanted(e.as_ref())) {
                 let constants = effect.constants();
                 if constants.len() == 1 && constants[0].scale == Scale::Order {
-                    let order = |order: &usize| Term::new(effect.clone(), Site::Joint(joint), vec![*order as f64]);
-                    terms.extend(peaks.iter().take(3).map(order));
+                    let line = |at: &usize| vec![(at + LOWEST - 1) as f64];
+                    terms.extend(
+                        lines.iter().take(MOST).map(|at| Term::new(effect.clone(), Site::Joint(joint), line(at))),
+                    );
                 }
             }
         }
@@ -267,5 +290,29 @@ impl Search<'_> {
         self.prepare(fitted, terms)?;
         let take = |term: &Term| self.cache.remove(&key_of(term)).unwrap_or_default();
         Ok(terms.iter().map(take).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    #[test]
+    fn a_ripple_is_found_beside_a_slow_torque_that_is_larger_at_most_orders() {
+        // A motion of three sine waves, a torque that bends with the position, a tenth of it periodic, and noise.
+        let mut random = Random::new(7);
+        let wave = |k: usize, size: f64, rate: f64, phase: f64| size * (rate * k as f64 + phase).sin();
+        let position = |k| wave(k, 1.0, 0.0137, 0.0) + wave(k, 0.8, 0.0311, 1.0) + wave(k, 0.5, 0.0523, 2.0);
+        let mut sample = |q: f64| (q, 2.0 * q + q.powi(2) + 0.2 * (28.0 * q).cos() + 0.1 * random.normal());
+        let samples: Vec<(f64, f64)> = (0..4000).map(|k| sample(position(k))).collect();
+        let power = power_by_order(samples.into_iter(), 3..=201);
+        let is_line = |at: &usize| (27..=29).contains(&(at + 3));
+        let mut largest: Vec<usize> =
+            (1..198).filter(|&at| power[at] >= power[at - 1] && power[at] >= power[at + 1]).collect();
+        largest.sort_by(|a, b| power[*b].total_cmp(&power[*a]));
+        assert!(!largest[..3].iter().any(is_line), "{:?}", &largest[..3]);
+        let lines = lines_of(&power, 2);
+        assert!(lines[..3].iter().any(is_line), "{:?}", &lines[..3]);
     }
 }

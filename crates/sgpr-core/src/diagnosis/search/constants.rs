@@ -9,7 +9,7 @@ use super::super::problem::Column;
 use super::candidates::Candidate;
 use super::held_out::{Outlook, Standing};
 use super::times::TIME_STEP;
-use super::{EVIDENCE, MATERIAL, Search};
+use super::{EVIDENCE, Search, material};
 use crate::effects::Scale;
 use crate::model::{Term, times_of};
 use crate::progress::Interrupted;
@@ -162,7 +162,7 @@ impl Search<'_> {
         self.progress.step("refine constants", 1, 1)?;
         tried.retain(|Promise { candidate, outlook }| {
             let share = if candidate.term.is_transform() { BY_TANGENTS } else { NEARLY };
-            let matters = outlook.significance > share * SURE && outlook.fall > share * MATERIAL;
+            let matters = outlook.significance > share * SURE && outlook.fall > share * material(&candidate.term);
             matters && !candidate.impossible && candidate.score > EVIDENCE
         });
         tried.sort_by(|a, b| b.outlook.density.total_cmp(&a.outlook.density));

@@ -10,8 +10,8 @@ use super::super::fit::{Fitted, solve_like};
 use super::super::problem::Column;
 use super::candidates::Candidate;
 use super::constants::{MOST_REFINED, Promise};
-use super::held_out::{HeldOut, Standing, is_limit};
-use super::{Accepted, EVIDENCE, MATERIAL, Search};
+use super::held_out::{HeldOut, Standing, is_limit, material};
+use super::{Accepted, EVIDENCE, Search};
 use crate::effects::{Constant, Effect, Reach, Scale, Site};
 use crate::linalg::dot_in_lanes;
 use crate::model::Term;
@@ -19,12 +19,12 @@ use crate::progress::Interrupted;
 
 /// The same for a term, whose parameters were fitted: more for one with parameters that it does not have by nature.
 pub(super) fn asked_of(term: &Term) -> f64 {
-    /// Fall of the error that is asked of an effect with the opposite sign.
-    const IMPLAUSIBLE: f64 = 0.06;
+    /// Times as large a fall of the error is asked of an effect with the opposite sign.
+    const IMPLAUSIBLE: f64 = 2.5;
     match term {
         _ if term.effect.refines().is_some() => 0.0,
-        _ if term.effect.is_plausible(&term.coefficients) => MATERIAL,
-        _ => IMPLAUSIBLE,
+        _ if term.effect.is_plausible(&term.coefficients) => material(term),
+        _ => IMPLAUSIBLE * material(term),
     }
 }
 
@@ -137,7 +137,7 @@ impl Search<'_> {
             let next =
                 solve_like(&self.problem, before, &[before.terms(), std::slice::from_ref(&term)].concat(), &self.noise);
             let (without, with) = (self.errors(before), self.errors(&next));
-            if without.largest_fall_to(&with, &term) < MATERIAL {
+            if without.largest_fall_to(&with, &term) < material(&term) {
                 continue;
             }
             let fall = without.total()[joint].powi(2) - with.total()[joint].powi(2);
@@ -337,7 +337,8 @@ impl Search<'_> {
         let beats = |other: &Trial<'_>, own: &Trial<'_>| {
             let beyond_its_range =
                 self.is_at_edge(&other.fit) && is_plainer(&own.candidate.term, &other.candidate.term);
-            !beyond_its_range && own.errors.largest_fall_to(&other.errors, &own.candidate.term) > MATERIAL
+            !beyond_its_range
+                && own.errors.largest_fall_to(&other.errors, &own.candidate.term) > material(&own.candidate.term)
         };
         let beaten: Vec<bool> = trials.iter().map(|own| trials.iter().any(|other| beats(other, own))).collect();
         let (worse, good): (Vec<_>, Vec<_>) = trials.into_iter().zip(beaten).partition(|(_, beaten)| *beaten);

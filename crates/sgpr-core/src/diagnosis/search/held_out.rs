@@ -9,11 +9,18 @@ use super::super::evidence::{Comparison, LeftOut, SURE};
 use super::super::fit::{Fitted, beyond, by_log};
 use super::super::left_out::{Extra, FoldFits};
 use super::super::problem::{Column, Problem};
-use super::Search;
+use super::super::unknown::MATTERS;
 use super::candidates::Candidate;
+use super::{MATERIAL, Search};
 use crate::effects::Reach;
 use crate::model::Term;
 use crate::progress::Interrupted;
+
+/// Smallest fall of a left-out error on some joint that matters, as a share of what is left: of a torque in the band, of a transform
+/// as logged.
+pub(in super::super) fn material(term: &Term) -> f64 {
+    if term.is_transform() { MATERIAL } else { MATTERS }
+}
 
 /// An error of nothing, N·m (N).
 const TINY: f64 = 1e-12;
@@ -57,16 +64,23 @@ impl HeldOut {
 
     /// Largest fall on a joint with one more term, as a share of what is left, in all logs or in one: an effect of fast
     /// motion matters although there are slow logs beside. That in one of N logs counts 1/√N, as its error is known by so
-    /// much less. A transform that differentiates positions once more carries their noise into the torque beyond the band,
-    /// one that smooths takes it out: neither speaks for or against its being there.
+    /// much less. Of a torque it is that in the band of the model: beyond it is noise of sensors, which on some robots is larger
+    /// than all else. A transform changes all that was logged, and is judged by it; but one that differentiates positions once
+    /// more carries their noise into the torque beyond the band, one that smooths takes it out: neither speaks for or against it.
     pub(super) fn largest_fall_to(&self, after: &Self, term: &Term) -> f64 {
-        let filters = term.is_transform() && !is_limit(term);
+        let beyond = |joint: usize, k: usize| {
+            let both = [self, after].map(|errors| errors.beyond[joint][k]);
+            let least = both[0].min(both[1]);
+            match term {
+                _ if is_limit(term) => both,
+                _ if term.is_transform() => [least; 2],
+                _ => [0.0; 2],
+            }
+        };
         let fall = |joint: usize, k: usize| {
-            let [beyond, beyond_after] = [self, after].map(|errors| errors.beyond[joint][k]);
-            let least = beyond.min(beyond_after);
-            let [beyond, beyond_after] = if filters { [least; 2] } else { [beyond, beyond_after] };
+            let [before, with] = beyond(joint, k);
             let [own, own_after] = [self, after].map(|errors| errors.in_band[joint][k]);
-            let fall = own.hypot(beyond) / own_after.hypot(beyond_after).max(TINY) - 1.0;
+            let fall = own.hypot(before) / own_after.hypot(with).max(TINY) - 1.0;
             let logs = (self.in_band[joint].len() - 1) as f64;
             if k == 0 { fall } else { fall / logs.sqrt() }
         };

@@ -26,7 +26,7 @@ pub(super) use by_hand::Wanted;
 pub(super) use candidates::Candidate;
 use forward::{Next, falls};
 use held_out::HeldOut;
-pub(super) use held_out::is_limit;
+pub(super) use held_out::{is_limit, material};
 use imitations::MANY;
 pub(super) use imitations::{CERTAIN, explained_share, imitations, is_much};
 
@@ -127,7 +127,7 @@ pub(super) fn others(mut accepted: Vec<Accepted>, fitted: &Fitted, out: &[usize]
 fn is_silent(term: &Term, step: &Accepted, period: f64) -> bool {
     let times = term.is_transform() && term.effect.constants().iter().all(|c| c.dimension() == Dimension::Time);
     let within = || term.constants.iter().all(|c| c.abs() < WITHIN_A_SAMPLE * period) && step.effect_size < LITTLE;
-    !step.wanted && ((term.effect.refines().is_some() && step.effect_size < MATERIAL) || (times && within()))
+    !step.wanted && ((term.effect.refines().is_some() && step.effect_size < material(term)) || (times && within()))
 }
 
 /// Torque and position of one row may be taken at moments that are this share of a period apart ...
@@ -139,7 +139,7 @@ const LITTLE: f64 = 0.08;
 /// Scores below this are no evidence.
 pub(super) const EVIDENCE: f64 = 8.0;
 
-/// Smallest fall of the held-out error on some joint, as a share of what is left.
+/// Smallest fall of the error of a joint as logged, as a share of what is left, that matters.
 pub(super) const MATERIAL: f64 = 0.025;
 
 /// Most terms that are looked for.
