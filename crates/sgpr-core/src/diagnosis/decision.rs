@@ -10,6 +10,8 @@
 //! 3. What is there predicts parts of the logs better, too, that are far from what it was fitted to.
 //! 4. What is less probable than not leaves the model.
 
+use std::sync::LazyLock;
+
 use rayon::prelude::*;
 
 use super::evidence::{Comparison, EVEN, LeftOut, SURE, probability_of, probability_of_fall, weights};
@@ -245,7 +247,7 @@ fn rejected(search: &Search<'_>, outcome: &Outcome, beside: &Beside) -> Vec<(Str
     const LIKELIEST: usize = 6;
     let (problem, own) = (&search.problem, &beside.errors);
     let bare = beside.hypothesis(&outcome.fitted);
-    let parts = left_out_parts(problem, &outcome.fitted, &search.noise);
+    let parts = LazyLock::new(|| left_out_parts(problem, &outcome.fitted, &search.noise));
     let found = |term: &Term| outcome.fitted.terms().iter().any(|own| own.is_like(term));
     let possible = outcome.ranking.iter().filter(|c| !c.impossible && c.score > 0.0 && !found(&c.term));
     let likeliest: Vec<&Term> = possible.take(LIKELIEST).map(|c| &c.term).collect();
@@ -263,9 +265,11 @@ fn rejected(search: &Search<'_>, outcome: &Outcome, beside: &Beside) -> Vec<(Str
                 let with = left_out_parts(problem, &fitted, &search.noise);
                 !is_asked_elsewhere(search, term) || parts.against(&with, problem, &joints).significance() >= HOLDS
             };
+            probability = probability.min(most_probable(search, term, (gain, factor)));
             // What would not have been taken for it is at most as likely as not.
-            let most = if gain.significance() >= SURE && elsewhere() { 1.0 } else { EVEN };
-            probability = probability.min(most_probable(search, term, (gain, factor))).min(most);
+            if probability > EVEN && !(gain.significance() >= SURE && elsewhere()) {
+                probability = EVEN;
+            }
         }
         (term.effect.name().to_string(), term.site, probability)
     };
