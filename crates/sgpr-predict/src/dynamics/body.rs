@@ -56,10 +56,9 @@ impl<T: Real> Body<T> {
         let translation = Vector3::splat(token, member.translation);
         if member.about_z {
             // constant = [0 0 z], sine = [y -x 0], cosine = [x y 0]: most joints, and half of the arithmetic.
-            let [x, y, _] = member.cosine.columns.map(
-                #[inline(always)]
-                |column| Vector3::splat(token, column),
-            );
+            // One by one: a closure given to `map` would be compiled without the instruction set, and pass registers by memory.
+            let [x, y, _] = member.cosine.columns;
+            let [x, y] = [Vector3::splat(token, x), Vector3::splat(token, y)];
             let z = Vector3::splat(token, member.constant.columns[2]);
             self.rotation =
                 Matrix3::from_columns(x.scale_add(self.cos, y * self.sin), y.scale_add(self.cos, x * -self.sin), z);
