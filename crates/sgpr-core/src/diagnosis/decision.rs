@@ -202,7 +202,7 @@ fn without_chance(search: &Search<'_>, mut outcome: Outcome) -> Outcome {
         let fitted = &outcome.fitted;
         let with = left_out_parts(problem, fitted, noise);
         let sure = |k: usize| {
-            let bare = search.refit(fitted, without(fitted.terms(), &[k]));
+            let bare = search.bare(fitted, k);
             let joints = search.joints_of(&fitted.terms()[k]);
             (k, left_out_parts(problem, &bare, noise).against(&with, problem, &joints).significance())
         };
@@ -299,7 +299,7 @@ fn judge_one(
         let probability = 1.0 - 1.0 / search.units;
         return Judged { index, probability, forms: vec![], something: probability };
     }
-    let bare = search.refit(fitted, without(fitted.terms(), &[index]));
+    let bare = search.bare(fitted, index);
     let rivals = step.rivals.iter().filter(|(rival, score)| {
         let there = fitted.terms().iter().any(|term| term.is_like(rival));
         *score > CLOSE * step.first_score && !there

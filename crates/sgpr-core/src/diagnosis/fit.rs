@@ -1,6 +1,7 @@
 //! A model with terms, fitted to the equations.
 
-use std::sync::{Arc, OnceLock};
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use rayon::prelude::*;
 
@@ -44,6 +45,8 @@ pub(super) struct Fitted {
     /// Fits that blocks of time were left out of, and parts of the logs.
     blocks: Once,
     parts: Once,
+    /// Fits without one of the terms, all else refitted, that were asked for.
+    bare: Arc<Mutex<HashMap<usize, Arc<Fitted>>>>,
 }
 
 /// A column, and the same whitened if it is independent.
@@ -98,6 +101,20 @@ impl Fitted {
     /// The fits that parts of the logs were left out of.
     pub fn part_fits(&self, problem: &Problem, noise: &Noise) -> Arc<FoldFits> {
         self.parts.get(self, problem, noise, &problem.parts())
+    }
+
+    /// The fit without a term, made if it was not asked for before with the same noise.
+    pub fn bare(&self, term: usize, noise: &Noise, make: impl FnOnce() -> Self) -> Arc<Self> {
+        if self.noise != *noise {
+            return make().into();
+        }
+        let known = || self.bare.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(bare) = known().get(&term) {
+            return bare.clone();
+        }
+        // No lock is held meanwhile: what is made in parallel may wait for a thread that asks the same.
+        let bare = Arc::new(make());
+        known().entry(term).or_insert(bare).clone()
     }
 
     /// The columns of a term as they are and whitened, if it is in the fit and they are those of any model with the same
@@ -231,6 +248,7 @@ fn solve_with(
         precision,
         blocks: like.map_or_else(Once::default, |like| Once::like(&like.blocks)),
         parts: like.map_or_else(Once::default, |like| Once::like(&like.parts)),
+        bare: Arc::default(),
     }
 }
 

@@ -20,6 +20,7 @@ mod formula;
 mod left_out;
 mod likelihood;
 mod problem;
+mod remembered;
 mod report;
 mod search;
 mod structure;

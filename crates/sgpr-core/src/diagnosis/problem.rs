@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::DiagnosisError;
 use super::by_log::{ByLog, LogSums};
 use super::file_prior::FilePrior;
+use super::remembered::Remembered;
 use sgpr_predict::internal::{JointRanges, for_each_regressor_block};
 
 use crate::dynamics::{BatchWorkspace, Samples, Workspace, mass_matrix};
@@ -15,7 +16,8 @@ use crate::effects::{Context, Reach, sgn};
 use crate::identification::{BaseParameters, EFFECT_SCALES, JointFactor, ParameterPrior, ParameterSet, Row, WIDTHS};
 use crate::linalg::{dot_in_lanes, rms, triangle};
 use crate::model::{
-    Rigid, Term, TorqueModel, Trajectory, common_clock, nominal_parameters, seconds_since, select_joints, torque_of,
+    AlongMotion, Rigid, Term, TorqueModel, Trajectory, common_clock, nominal_parameters, seconds_since, select_joints,
+    torque_of,
 };
 use crate::motion::{Motion, Processing, all_stretches};
 use crate::recording::Recording;
@@ -134,6 +136,8 @@ pub(super) struct Problem {
     pub speed_steps: Vec<f64>,
     /// The robot file at several widths, for fits that rows are left out of; none before [`Self::believe_file`].
     pub priors: Vec<FilePrior>,
+    /// What depends on the measured motion alone.
+    along: Remembered,
 }
 
 /// Torque of an effect, one standard deviation before any data, as a share of what its joint has shown.
@@ -207,6 +211,7 @@ impl Problem {
             ranges: vec![],
             speed_steps: vec![],
             priors: vec![],
+            along: Remembered::default(),
         };
         problem.lay_out_rows();
         problem.fill_torque()?;
@@ -443,7 +448,8 @@ impl Problem {
 
     /// Per stretch: the rigid body as `model` has it.
     pub fn rigid(&self, model: &TorqueModel) -> Vec<Rigid> {
-        self.stretches.par_iter().map(|stretch| model.rigid(&stretch.trajectory())).collect()
+        let stretches = self.stretches.par_iter().enumerate();
+        stretches.map(|(k, stretch)| model.rigid_with(&stretch.trajectory(), &self.along.along(k))).collect()
     }
 
     /// Per stretch: what effects may depend on.
@@ -600,7 +606,7 @@ impl Problem {
         let contexts = self.contexts(model, rigid);
         let of_stretch = |index: usize, out: &mut [Column]| {
             let context = &contexts[index];
-            let columns = term.columns(context);
+            let columns = self.along.along(index).columns(term, context);
             match term.effect.reach() {
                 Reach::Own => {
                     let joint = term.site.joint().expect("it reaches its own joint");
@@ -645,7 +651,8 @@ impl Problem {
     /// A column from the torque difference of two models, per unit.
     pub fn difference(&self, models: [&TorqueModel; 2], per: f64) -> Column {
         let of_stretch = |index: usize, out: &mut [Column]| {
-            let [a, b] = models.map(|model| model.predict_trajectory(&self.stretches[index].trajectory()));
+            let (trajectory, known) = (self.stretches[index].trajectory(), self.along.along(index));
+            let [a, b] = models.map(|model| model.predict_with(&trajectory, &known));
             let mut values: Vec<f64> = a.iter().zip(&b).map(|(a, b)| (b - a) / per).collect();
             self.append_all(&self.nominal, index, &mut values, out);
         };

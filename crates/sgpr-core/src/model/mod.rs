@@ -49,7 +49,7 @@ pub use sgpr_predict::stream::{
     Predictor, Purpose, RestOptions, SavedStates, StreamError, StreamOptions, UnknownPurpose,
 };
 pub use streaming::{StreamedMotion, compare_streaming};
-pub(crate) use terms::{common_clock, seconds_since};
+pub(crate) use terms::{AlongMotion, common_clock, seconds_since};
 pub(crate) use torque_model::nominal_parameters;
 pub use torque_model::{BaseParameter, Certificate, Fit, Provenance, TorqueModel};
 pub use torque_scale::torque_scale;

@@ -11,6 +11,22 @@ use crate::effects::{Context, JointState, LinkMotion, Reach};
 use crate::motion::Motion;
 use crate::recording::{Recording, seconds};
 
+/// What depends on the measured motion alone, for models that are asked for the same motion again and again.
+pub(crate) trait AlongMotion {
+    /// Columns of a term, `[samples]` or `[samples, n]` each.
+    fn columns(&self, term: &Term, context: &Context<'_>) -> Arc<Vec<Vec<f64>>> {
+        term.columns(context).into()
+    }
+
+    /// Torque of the effects that a model has everywhere, `[samples, n]`, N·m (N).
+    fn effects(&self, model: &TorqueModel, samples: Samples<'_>) -> Arc<Vec<f64>> {
+        model.effects_along(samples).into()
+    }
+}
+
+/// Nothing is known.
+impl AlongMotion for () {}
+
 impl TorqueModel {
     /// Effects at single sites.
     pub fn terms(&self) -> &[Term] {
@@ -107,8 +123,13 @@ impl TorqueModel {
     /// # Panics
     /// If the arrays do not hold whole samples.
     pub fn predict_trajectory(&self, trajectory: &Trajectory<'_>) -> Vec<f64> {
+        self.predict_with(trajectory, &())
+    }
+
+    /// The same with what is known of the motion.
+    pub(crate) fn predict_with(&self, trajectory: &Trajectory<'_>, known: &dyn AlongMotion) -> Vec<f64> {
         let n = self.robot.dof();
-        let rigid = self.rigid(trajectory);
+        let rigid = self.rigid_with(trajectory, known);
         // Effects look at the torque without them. Of a long motion only the joints where some act are held twice.
         let of_joint = |joint: usize| rigid.torque.iter().skip(joint).step_by(n).copied().collect();
         let mut with_effects: Vec<Option<Vec<f64>>> = vec![None; n];
@@ -121,7 +142,7 @@ impl TorqueModel {
                 }
             };
             let apart = joints.len();
-            let columns = term.columns(&self.context(trajectory, &rigid));
+            let columns = known.columns(term, &self.context(trajectory, &rigid));
             for (k, joint) in joints.enumerate() {
                 let tau: &mut Vec<f64> = with_effects[joint].get_or_insert_with(|| of_joint(joint));
                 for (column, factor) in columns.iter().zip(&term.coefficients) {
@@ -148,6 +169,11 @@ impl TorqueModel {
 
     /// The rigid body after all transforms of robot and motion; deflections follow the torque without them.
     pub(crate) fn rigid(&self, trajectory: &Trajectory<'_>) -> Rigid {
+        self.rigid_with(trajectory, &())
+    }
+
+    /// The same with what is known of the motion.
+    pub(crate) fn rigid_with(&self, trajectory: &Trajectory<'_>, known: &dyn AlongMotion) -> Rigid {
         let Samples { q, dq, ddq } = trajectory.samples;
         let transforms = || self.terms.iter().filter(|term| term.is_transform());
         let robot = transforms().fold(self.dynamics.clone(), |robot, t| t.effect.robot(t.site, &t.constants, robot));
@@ -174,8 +200,8 @@ impl TorqueModel {
             let samples = Samples { q: &links.q, dq: &links.dq, ddq: &links.ddq };
             rnea_batch(&robot, &mut ws, samples, &mut rigid_torque);
         }
-        let mut torque = rigid_torque.clone();
-        self.add_effects(trajectory.samples, &mut torque);
+        let effects = known.effects(self, trajectory.samples);
+        let torque = rigid_torque.iter().zip(effects.iter()).map(|(rigid, effects)| rigid + effects).collect();
         Rigid { robot, motion, rigid_torque, torque }
     }
 
@@ -187,6 +213,13 @@ impl TorqueModel {
         let mut torque = vec![0.0; motion.q.len()];
         rnea_batch(&robot, &mut BatchWorkspace::new(&robot), motion, &mut torque);
         self.add_effects(trajectory.samples, &mut torque);
+        torque
+    }
+
+    /// Torque of the effects that the model has everywhere, `[samples, n]`.
+    pub(crate) fn effects_along(&self, samples: Samples<'_>) -> Vec<f64> {
+        let mut torque = vec![0.0; samples.q.len()];
+        self.add_effects(samples, &mut torque);
         torque
     }
 

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::super::fit::{Fitted, without as without_term};
 use super::forward::{NEARLY, asked_of, freedom, is_out_of_range, is_plainer};
 use super::held_out::{HeldOut, is_limit};
-use super::{Accepted, EVIDENCE, Search, material, without};
+use super::{Accepted, EVIDENCE, Search, material};
 use crate::effects::{Effect, Entry, Reach};
 use crate::model::Term;
 use crate::progress::Interrupted;
@@ -26,7 +26,7 @@ impl Search<'_> {
                 0.5 * (fitted.chi2 - other.chi2) > if comes_first { -margin } else { margin }
             };
             let Some(other) = others.into_iter().find(likelier) else { continue };
-            let bare = self.refit(&fitted, without(fitted.terms(), &[given + k]));
+            let bare = self.bare(&fitted, given + k);
             *step = self.exchanged(step, [&bare, &fitted, &other], given + k);
             fitted = other;
         }
@@ -46,7 +46,7 @@ impl Search<'_> {
             if plainer.is_empty() {
                 continue;
             }
-            let bare = self.refit(&fitted, without(fitted.terms(), &[given + k]));
+            let bare = self.bare(&fitted, given + k);
             let (score, errors) = (self.score_of(&bare, &fitted), self.errors(&fitted));
             let others = plainer.into_iter().map(|term| self.with_instead(&fitted, given + k, term));
             let does_as_well = |other: &Fitted| {
@@ -171,9 +171,8 @@ impl Search<'_> {
             let with = self.errors(&fitted);
             self.progress.step("check each effect again", 0, 1)?;
             let without = |k: usize| {
-                let mut others = fitted.terms().to_vec();
-                let removed = others.remove(given + k);
-                self.with_imitated(self.refit(&fitted, others), &removed)
+                let bare = Fitted::clone(&self.bare(&fitted, given + k));
+                self.with_imitated(bare, &fitted.terms()[given + k])
             };
             let fits: Vec<Fitted> = (0..accepted.len()).into_par_iter().map(without).collect();
             self.progress.step("check each effect again", 1, 1)?;

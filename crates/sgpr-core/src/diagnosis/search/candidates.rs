@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use super::super::basis::{Basis, Gain, dot};
 use super::super::fit::{Fitted, tangent};
 use super::super::problem::Column;
+use super::super::remembered::key_of;
 use super::Search;
 use crate::effects::{Constant, Dimension, Effect, Entry, Scale, Site};
 use crate::model::Term;
@@ -32,11 +33,6 @@ pub(in super::super) struct Candidate {
 /// cannot be told from none: it would hedge between the signs of a few samples.
 pub(super) fn is_width_of_reversal(effect: &dyn Effect, constant: &Constant) -> bool {
     effect.refines().is_some() && constant.dimension() == Dimension::Speed
-}
-
-/// What a term is remembered by.
-pub(super) fn key_of(term: &Term) -> (String, Site, Vec<u64>) {
-    (term.effect.name().to_string(), term.site, term.constants.iter().map(|c| c.to_bits()).collect())
 }
 
 /// Indices of the peaks of a periodogram without its ends, those first that stand out most of the median of what is around them:

@@ -1,5 +1,7 @@
 //! Constants of effects, refined, and all parameters with them.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::super::basis::{Basis, Gain, INVISIBLE, gain_with};
@@ -188,6 +190,11 @@ impl Search<'_> {
     }
 
     /// The fit with the constants of those terms looked for anew that a removed one at their joint is confused with: it may
+    /// The fit without the term at `index`, all else refitted.
+    pub fn bare(&self, fitted: &Fitted, index: usize) -> Arc<Fitted> {
+        fitted.bare(index, &self.noise, || self.refit(fitted, super::without(fitted.terms(), &[index])))
+    }
+
     /// have stood for them while they described only what it left.
     pub(super) fn with_imitated(&self, mut fitted: Fitted, removed: &Term) -> Fitted {
         let confused = |term: &Term| {

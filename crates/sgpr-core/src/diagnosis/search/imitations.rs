@@ -93,7 +93,7 @@ pub(in super::super) fn is_much(left: f64, explained: f64) -> bool {
 /// were left out.
 fn holds_elsewhere(search: &Search<'_>, fitted: &Fitted, index: usize, joint: usize) -> bool {
     let (problem, noise) = (&search.problem, &search.noise);
-    let bare = search.refit(fitted, without(fitted.terms(), &[index]));
+    let bare = search.bare(fitted, index);
     let [without, with] = [&bare, fitted].map(|fit| left_out_states(problem, fit, noise, joint));
     without.iter().zip(&with).all(|(without, with)| without.against(with, problem, &[joint]).significance() >= SURE)
 }

@@ -18,6 +18,7 @@ use std::sync::Arc;
 use super::basis::Noise;
 use super::fit::{Fitted, solve, solve_like};
 use super::problem::{Column, Problem};
+use super::remembered::TermKey;
 use super::unknown::Processes;
 use crate::effects::{Dimension, Effect, Site};
 use crate::model::Term;
@@ -155,7 +156,7 @@ pub(super) struct Search<'a> {
     pub noise: Noise,
     pub units: f64,
     pub rows: f64,
-    cache: HashMap<(String, Site, Vec<u64>), Vec<Column>>,
+    cache: HashMap<TermKey, Vec<Column>>,
     /// Values to start from, by effect, site and index of the constant, where the effect has none of its own.
     grids: HashMap<(String, Site, usize), Vec<f64>>,
     progress: &'a dyn Progress,
