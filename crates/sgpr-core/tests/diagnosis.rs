@@ -383,6 +383,17 @@ fn a_load_is_no_noise_to_what_is_weak_beside_it() {
 }
 
 #[test]
+fn a_ripple_is_no_noise_to_what_is_weak_beside_it() {
+    let mut ripple = hidden("torque_ripple", 0, &[17.0], &[]);
+    ripple.coefficients = vec![1.5, 2.0];
+    let weak = hidden("asymmetric_viscous_friction", 0, &[], &[0.06]);
+    let (train, test) = logs(&[ripple, weak]);
+    let diagnosis = diagnose(&identified(&train), &train, &test, &DiagnosisOptions::default(), &()).unwrap();
+    let found: Vec<&str> = diagnosis.findings.iter().map(|f| f.effect.as_str()).collect();
+    assert_eq!(found, ["torque_ripple", "asymmetric_viscous_friction"]);
+}
+
+#[test]
 fn a_constant_torque_beside_a_wrong_gain_is_no_spring() {
     // Before the gain is right, a torque that grows with the position explains more of what it leaves.
     let robot = puma560();

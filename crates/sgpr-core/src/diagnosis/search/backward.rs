@@ -187,7 +187,7 @@ impl Search<'_> {
                 if is_limit(term) {
                     step.score = step.first_score;
                 }
-                let matters = size >= asked_of(term) && self.is_sure(errors, &with, term);
+                let matters = size >= asked_of(term) && (step.stands_out || self.is_sure(errors, &with, term));
                 let harms = self.is_worse_with(errors, &with, term) || is_out_of_range(term);
                 let stays = step.score >= EVIDENCE && matters && !harms;
                 if !stays && may_go(step) && weakest.as_ref().is_none_or(|(s, ..)| size < *s) {

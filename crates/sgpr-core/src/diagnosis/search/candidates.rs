@@ -25,6 +25,8 @@ pub(in super::super) struct Candidate {
     pub score: f64,
     /// Why it is out of the question, if it is.
     pub impossible: bool,
+    /// Whether it begins and ends, and explains many times what it would at any other time.
+    pub stands_out: bool,
     /// Error per joint on blocks that were left out, without and with it, N·m (N), of those that were judged.
     pub errors: Option<[Vec<f64>; 2]>,
 }

@@ -155,7 +155,7 @@ impl Search<'_> {
         const BY_TANGENTS: f64 = 0.4;
         self.progress.step("refine constants", 0, 1)?;
         let refine = |candidate: &Candidate| {
-            let refined = self.refine(fitted, residual, candidate);
+            let refined = Candidate { stands_out: candidate.stands_out, ..self.refine(fitted, residual, candidate) };
             let columns = self.columns_of(fitted, &refined.term);
             let outlook = self.outlook(standing, &refined.term, &columns);
             Promise { candidate: refined, outlook }
@@ -164,7 +164,8 @@ impl Search<'_> {
         self.progress.step("refine constants", 1, 1)?;
         tried.retain(|Promise { candidate, outlook }| {
             let share = if candidate.term.is_transform() { BY_TANGENTS } else { NEARLY };
-            let matters = outlook.significance > share * SURE && outlook.fall > share * material(&candidate.term);
+            let is_sure = candidate.stands_out || outlook.significance > share * SURE;
+            let matters = is_sure && outlook.fall > share * material(&candidate.term);
             matters && !candidate.impossible && candidate.score > EVIDENCE
         });
         tried.sort_by(|a, b| b.outlook.density.total_cmp(&a.outlook.density));
@@ -189,12 +190,12 @@ impl Search<'_> {
         refine_transforms(&self.problem, next, &self.noise)
     }
 
-    /// The fit with the constants of those terms looked for anew that a removed one at their joint is confused with: it may
     /// The fit without the term at `index`, all else refitted.
     pub fn bare(&self, fitted: &Fitted, index: usize) -> Arc<Fitted> {
         fitted.bare(index, &self.noise, || self.refit(fitted, super::without(fitted.terms(), &[index])))
     }
 
+    /// The fit with the constants of those terms looked for anew that a removed one at their joint is confused with: it may
     /// have stood for them while they described only what it left.
     pub(super) fn with_imitated(&self, mut fitted: Fitted, removed: &Term) -> Fitted {
         let confused = |term: &Term| {
@@ -236,7 +237,14 @@ impl Search<'_> {
                 continue;
             }
             let without = without(&self.problem, &fitted, k, &self.noise);
-            let candidate = Candidate { term, gain: Gain::default(), score: 0.0, impossible: false, errors: None };
+            let candidate = Candidate {
+                term,
+                gain: Gain::default(),
+                score: 0.0,
+                impossible: false,
+                stands_out: false,
+                errors: None,
+            };
             let refined = self.refine(&without, (&without.basis, &without.white), &candidate);
             let mut terms = fitted.terms().to_vec();
             terms[k].constants = refined.term.constants;

@@ -57,12 +57,12 @@ pub(super) fn is_out_of_range(term: &Term) -> bool {
     term.is_transform() && ends.filter(|(_, value)| **value != 0.0).any(is_at_end)
 }
 
-/// When a contact of the arm is there, s, with the time over which filters carry its ends.
-pub(super) fn window_of_arm(term: &Term) -> Option<[f64; 2]> {
+/// When a contact or a change of the load of the arm is there, s, with the time over which filters carry its ends.
+fn window_of_arm(term: &Term) -> Option<[f64; 2]> {
     /// Time over which the filter carries an end, s.
     const MARGIN_S: f64 = 0.5;
     let mut times = term.times().filter(|_| term.effect.reach() == Reach::All);
-    Some([times.next()? - MARGIN_S, times.next()? + MARGIN_S])
+    Some([times.next()? - MARGIN_S, times.next().unwrap_or(f64::INFINITY) + MARGIN_S])
 }
 
 /// Half the fall of chi-squared per joint from one whitened residual to another.
@@ -150,8 +150,9 @@ impl Search<'_> {
 
     /// Candidates with evidence that is not tiny beside what was found before at the same joint: a form that is right to
     /// one percent leaves so much, and it would be taken for an effect of its own. Beside a contact, which is strong and
-    /// short, only that counts which is explained while it is not there. Not tiny either is what explains most of the error
-    /// that is left on some joint: a load is strong on all of them, friction of a light wrist is not.
+    /// short, only that counts which is explained while it is not there; beside a load that comes or goes that counts, too.
+    /// Not tiny either is what explains most of the error that is left on some joint: a load is strong on all of them,
+    /// friction of a light wrist is not.
     pub(super) fn worth_it(
         &self,
         fitted: &Fitted,
@@ -197,20 +198,20 @@ impl Search<'_> {
             };
             self.problem.rows.iter().zip(column).map(of_joint).collect()
         };
+        let is_contact = windows.iter().any(|[_, last]| last.is_finite());
         tried.retain(|Promise { candidate, .. }| {
             let with = self.white_with(fitted, (basis, white), candidate);
             let all = falls(white, &with);
-            // What depends on time may be the contact in another form.
-            let apart = !windows.is_empty() && !candidate.term.effect.about().depends_on_time;
-            let (falls, (tiny, elsewhere)) = if apart {
-                (falls(&outside(white), &outside(&with)), &beside_lasting)
-            } else {
-                (all.clone(), &beside_all)
+            let is_worth = |falls: &[f64], (tiny, elsewhere): &(Vec<f64>, f64), least: f64| {
+                let not_counted = all.iter().sum::<f64>() - falls.iter().sum::<f64>();
+                let beside: f64 = falls.iter().zip(tiny).filter(|(fall, tiny)| fall < tiny).map(|(fall, _)| fall).sum();
+                candidate.score - not_counted - beside > elsewhere.max(least)
             };
-            let inside = all.iter().sum::<f64>() - falls.iter().sum::<f64>();
-            let beside: f64 = falls.iter().zip(tiny).filter(|(fall, tiny)| fall < tiny).map(|(fall, _)| fall).sum();
-            let asked = if apart { elsewhere.max(EVIDENCE) } else { *elsewhere };
-            candidate.score - inside - beside > asked
+            // What depends on time may be the contact or the load in another form.
+            let timeless = !candidate.term.effect.about().depends_on_time;
+            let apart = || is_worth(&falls(&outside(white), &outside(&with)), &beside_lasting, EVIDENCE);
+            (timeless && !windows.is_empty() && apart())
+                || (!(timeless && is_contact) && is_worth(&all, &beside_all, 0.0))
                 || (may_explain_most(candidate, white, &with) && self.explains_most(fitted, errors, candidate))
         });
         tried
@@ -454,7 +455,7 @@ impl Search<'_> {
         {
             let fitted_term = trial.terms().last().unwrap_or(&candidate.term);
             let matters = without.largest_fall_to(&with, fitted_term) >= asked_of(fitted_term)
-                && self.is_sure(without, &with, fitted_term);
+                && (candidate.stands_out || self.is_sure(without, &with, fitted_term));
             let harms = without.explodes_to(&with) || self.is_worse_with(without, &with, fitted_term);
             if !matters || harms || is_out_of_range(fitted_term) {
                 continue;
@@ -464,8 +465,13 @@ impl Search<'_> {
             let rivals = rivals.map(|c| (c.term.clone(), c.score)).collect();
             let twins = scores.iter().filter(|other| are_twins((candidate, score), **other));
             let twins = twins.map(|(twin, _)| twin.term.site).collect();
-            let accepted =
-                Accepted { rivals, twins, ..Accepted::new(&candidate.term, score, [fitted, &trial], (without, &with)) };
+            let stands_out = candidate.stands_out;
+            let accepted = Accepted {
+                rivals,
+                twins,
+                stands_out,
+                ..Accepted::new(&candidate.term, score, [fitted, &trial], (without, &with))
+            };
             return Ok(Some((trial, accepted)));
         }
         Ok(None)

@@ -49,6 +49,8 @@ pub(super) struct Accepted {
     pub twins: Vec<Site>,
     /// Whether a person asked for it: then it is never silent.
     pub wanted: bool,
+    /// Whether it stood out among all times ([`Candidate::stands_out`]).
+    stands_out: bool,
     /// Held-out error per joint right after it was added, N·m (N).
     pub with: Vec<f64>,
     /// Held-out error per joint of the whole model without it, N·m (N).
@@ -68,6 +70,7 @@ impl Accepted {
             rivals: vec![],
             twins: vec![],
             wanted: false,
+            stands_out: false,
             with: with.total(),
             without: without.total(),
         }

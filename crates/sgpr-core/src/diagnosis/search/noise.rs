@@ -12,7 +12,6 @@ use super::super::unknown::{self, Group};
 use super::Search;
 use crate::effects::{Reach, Site};
 use crate::linalg::rms;
-use crate::model::Term;
 use crate::progress::Interrupted;
 
 impl Search<'_> {
@@ -42,28 +41,12 @@ impl Search<'_> {
         Ok(Noise::of(&self.problem, &left))
     }
 
-    /// Whether the last term of a fit corrects the geometry, a tilt, a zero, a length, and less than the noise is left at
-    /// a joint; or is a load or a contact and much less is left: the largest model at the start could not know of it and took
-    /// it for noise.
+    /// Whether a fit leaves less than the noise at a joint: the largest model at the start did not hold its last term, a
+    /// transform, a load, a contact or a ripple of some order, and took it for noise.
     pub(super) fn is_quieter(&self, fitted: &Fitted) -> bool {
-        /// Share of the noise below which the residual says that it was too large, for a correction of the geometry.
+        /// Share of the noise below which the residual says that it was too large.
         const QUIETER: f64 = 0.95;
-        /// The same for a load or contact.
-        const MUCH_QUIETER: f64 = 0.5;
-        let geometric = |term: &Term| {
-            term.is_transform()
-                && term.effect.constants().iter().all(|constant| constant.dimension() == Dimension::Position)
-        };
-        let of_arm = |term: &Term| !term.is_transform() && term.effect.reach() == Reach::All;
-        let Some(term) = fitted.terms().last() else { return false };
-        let asked = if geometric(term) {
-            QUIETER
-        } else if of_arm(term) {
-            MUCH_QUIETER
-        } else {
-            return false;
-        };
-        fitted.residual.iter().zip(&self.noise.level).any(|(r, level)| !r.is_empty() && rms(r) < asked * level)
+        fitted.residual.iter().zip(&self.noise.level).any(|(r, level)| !r.is_empty() && rms(r) < QUIETER * level)
     }
 
     /// What columns leave of a joint's residual. Seconds with far more of it than others hold what begins and ends, a

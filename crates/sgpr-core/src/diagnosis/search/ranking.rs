@@ -73,7 +73,7 @@ impl Search<'_> {
             .filter(|(_, constant)| constant.dimension() == Dimension::Frequency)
             .any(|((k, value), _)| *value > 0.98 * self.bounds(&term, k)[1]);
         let impossible = (first_negative && !term.effect.is_body()) || out_of_bounds || at_edge;
-        Candidate { impossible, term, gain, score, errors: None }
+        Candidate { impossible, stands_out: false, term, gain, score, errors: None }
     }
 
     /// Every effect at every site at its best point of the grid, best first.

@@ -14,8 +14,26 @@ use crate::model::Term;
 /// Resolution of the grid of times, s.
 pub(super) const TIME_STEP: f64 = 0.5;
 
-/// Windows of an effect that begins and ends which are looked at, none overlapping.
-const MOST_WINDOWS: usize = 4;
+/// The windows with the largest gains of which none overlap: first and last moment, and whether it stands out. A contact is
+/// told from the model's own errors by left-out blocks: where they are largest need not be where it was. A short one is in few
+/// blocks; but what the model lacks explains as much in many windows.
+///
+/// - `windows`: gain, first and last moment
+fn apart(mut windows: Vec<(f64, usize, usize)>) -> Vec<(usize, usize, bool)> {
+    /// Windows that are looked at.
+    const MOST: usize = 4;
+    /// A window stands out that explains as many times what the next one does.
+    const STANDS_OUT: f64 = 10.0;
+    windows.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut apart: Vec<(f64, usize, usize)> = Vec::new();
+    for window in windows {
+        if apart.len() <= MOST && apart.iter().all(|own| window.2 <= own.1 || own.2 <= window.1) {
+            apart.push(window);
+        }
+    }
+    let stands_out = |k: usize| apart.get(k + 1).is_some_and(|next| apart[k].0 > STANDS_OUT * next.0);
+    apart.iter().enumerate().take(MOST).map(|(k, (_, first, last))| (*first, *last, stands_out(k))).collect()
+}
 
 /// Gain from the sums of a window of time.
 pub(super) fn switched_gain(sum: &[f64], k: usize, r: usize) -> Gain {
@@ -89,17 +107,11 @@ impl Search<'_> {
                         (first + 1..longest).for_each(|last| consider(first, last));
                     }
                 }
-                windows.sort_by(|a, b| b.0.total_cmp(&a.0));
-                // A contact is told from the model's own errors by left-out blocks: where they are largest need not be where
-                // it was.
-                let mut apart: Vec<(usize, usize)> = Vec::new();
-                for (_, first, last) in windows {
-                    if apart.len() < MOST_WINDOWS && apart.iter().all(|own| last <= own.0 || own.1 <= first) {
-                        apart.push((first, last));
-                        let constants = [time(first), time(last)][..times].to_vec();
-                        let term = Term::new(effect.clone(), site, constants);
-                        found.push(self.candidate(term, gain(first, last), times));
-                    }
+                for (first, last, stands_out) in apart(windows) {
+                    let constants = [time(first), time(last)][..times].to_vec();
+                    let term = Term::new(effect.clone(), site, constants);
+                    let candidate = self.candidate(term, gain(first, last), times);
+                    found.push(Candidate { stands_out: stands_out && times == 2, ..candidate });
                 }
             }
         }
@@ -160,5 +172,41 @@ impl Search<'_> {
             }
         }
         sums
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    #[test]
+    fn a_short_contact_stands_out_and_slow_errors_do_not() {
+        let mut random = Random::new(11);
+        // Errors that remember for ten moments, of which a push of the same size for eight is ten times as large.
+        let mut slow = 0.0;
+        let errors: Vec<f64> = (0..300)
+            .map(|_| {
+                slow = 0.9 * slow + 0.43 * random.normal();
+                slow
+            })
+            .collect();
+        let of = |errors: &[f64]| {
+            let mut windows = Vec::new();
+            for first in 0..errors.len() {
+                for last in first + 1..(first + 40).min(errors.len()) {
+                    let sum: f64 = errors[first..last].iter().sum();
+                    windows.push((sum * sum / (last - first) as f64, first, last));
+                }
+            }
+            apart(windows)
+        };
+        assert!(of(&errors).iter().all(|(.., stands_out)| !stands_out));
+        let pushed: Vec<f64> =
+            errors.iter().enumerate().map(|(k, e)| if (120..128).contains(&k) { e + 15.0 } else { *e }).collect();
+        let found = of(&pushed);
+        assert_eq!(found.len(), 4);
+        assert_eq!(found[0], (120, 128, true));
+        assert!(found[1..].iter().all(|(.., stands_out)| !stands_out));
     }
 }
