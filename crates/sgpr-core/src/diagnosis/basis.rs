@@ -50,6 +50,16 @@ pub(super) const ORDER: usize = 6;
 pub(super) const ROWS_PER_ORDER: f64 = 50.0;
 
 impl Noise {
+    /// The same with another's noise of some joints.
+    pub fn with_joints_of(&self, other: &Self, joints: &[usize]) -> Self {
+        let mut own = self.clone();
+        for &joint in joints {
+            own.phi[joint].clone_from(&other.phi[joint]);
+            (own.sigma[joint], own.level[joint]) = (other.sigma[joint], other.level[joint]);
+        }
+        own
+    }
+
     /// White noise of the size of the residual.
     pub fn white(residual: &Column) -> Self {
         let level: Vec<f64> = residual.iter().map(|r| rms(r).max(1e-12)).collect();

@@ -22,7 +22,14 @@ fn bits(values: &[f64]) -> Vec<u64> {
 
 /// Values along stretches of motion by what they are of and the index of the stretch, as long as there is room.
 #[derive(Debug)]
-struct Store<K, V>(Mutex<(HashMap<(K, usize), Arc<V>>, usize)>);
+struct Store<K, V>(Mutex<Known<K, V>>);
+
+#[derive(Debug)]
+struct Known<K, V> {
+    values: HashMap<(K, usize), Arc<V>>,
+    /// How many numbers they are.
+    size: usize,
+}
 
 impl<K: Eq + Hash, V> Store<K, V> {
     /// Those of `key`, made if they are not known.
@@ -32,18 +39,17 @@ impl<K: Eq + Hash, V> Store<K, V> {
         /// Most numbers that are kept: 64 MiB.
         const MOST: usize = 1 << 23;
         let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(values) = known().0.get(&key) {
+        if let Some(values) = known().values.get(&key) {
             return values.clone();
         }
         // No lock is held meanwhile.
         let made = Arc::new(make());
-        let (values, held) = &mut *known();
-        if *held + size(&made) > MOST {
-            values.clear();
-            *held = 0;
+        let mut known = known();
+        if known.size + size(&made) > MOST {
+            *known = Known::default();
         }
-        *held += size(&made);
-        values.insert(key, made.clone());
+        known.size += size(&made);
+        known.values.insert(key, made.clone());
         made
     }
 }
@@ -51,6 +57,12 @@ impl<K: Eq + Hash, V> Store<K, V> {
 impl<K, V> Default for Store<K, V> {
     fn default() -> Self {
         Self(Mutex::default())
+    }
+}
+
+impl<K, V> Default for Known<K, V> {
+    fn default() -> Self {
+        Self { values: HashMap::new(), size: 0 }
     }
 }
 

@@ -37,6 +37,11 @@ pub(super) fn is_width_of_reversal(effect: &dyn Effect, constant: &Constant) -> 
     effect.refines().is_some() && constant.dimension() == Dimension::Speed
 }
 
+/// Whether a constant has no grid: a time, or an order of what is periodic.
+pub(super) fn is_searched_apart(constant: &Constant) -> bool {
+    matches!(constant.scale, Scale::Time | Scale::Order)
+}
+
 /// Indices of the peaks of a periodogram without its ends, those first that stand out most of the median of what is around them:
 /// a torque that is not periodic, and its side lobes, are larger than a line at many orders, but alike at neighbouring ones.
 ///
@@ -87,9 +92,9 @@ impl Search<'_> {
         let mut terms = Vec::new();
         for effect in self.catalogue.iter().filter(|effect| self.wanted(effect.as_ref())) {
             let constants = effect.constants();
-            let special = |c: &Constant| matches!(c.scale, Scale::Time | Scale::Order);
             let limit = effect.entry() == Entry::Transform && constants.iter().any(|c| c.scale == Scale::Torque);
-            if limit || constants.iter().any(special) || self.not_testable(fitted, effect.as_ref()).is_some() {
+            if limit || constants.iter().any(is_searched_apart) || self.not_testable(fitted, effect.as_ref()).is_some()
+            {
                 continue;
             }
             for site in effect.sites(robot) {

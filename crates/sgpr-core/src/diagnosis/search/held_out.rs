@@ -151,7 +151,7 @@ impl Search<'_> {
         const AT_ONCE: usize = 4;
         let has_evidence = |c: &&mut Candidate| !c.impossible && c.score > 0.0 && c.term.effect.refines().is_none();
         let mut best: Vec<&mut Candidate> = candidates.iter_mut().filter(has_evidence).take(MOST).collect();
-        let all: Vec<usize> = (0..self.problem.dof()).collect();
+        let all = self.all_joints();
         let count = best.len();
         for (index, some) in best.chunks_mut(AT_ONCE).enumerate() {
             self.step(STAGE, AT_ONCE * index, count)?;
@@ -187,8 +187,12 @@ impl Search<'_> {
     pub(in super::super) fn joints_of(&self, term: &Term) -> Vec<usize> {
         match term.site.joint().filter(|_| term.effect.reach() == Reach::Own && !term.is_transform()) {
             Some(joint) => vec![joint],
-            None => (0..self.problem.dof()).collect(),
+            None => self.all_joints(),
         }
+    }
+
+    pub(super) fn all_joints(&self) -> Vec<usize> {
+        (0..self.problem.dof()).collect()
     }
 }
 

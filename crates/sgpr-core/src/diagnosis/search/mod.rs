@@ -273,8 +273,8 @@ impl<'a> Search<'a> {
                 let bare = self.refit(&fitted, without(fitted.terms(), &out));
                 fitted = self.on_rows_without(&closed, &bare);
             }
-            if self.is_quieter(&fitted) {
-                fitted = self.with_noise_anew(&fitted)?;
+            if let Some(joints) = self.quieter_joints(&fitted) {
+                fitted = self.with_noise_anew(&fitted, &joints)?;
             }
             self.progress.step(STAGE, fitted.terms().len().min(MOST_TERMS), MOST_TERMS)?;
         }
@@ -284,7 +284,7 @@ impl<'a> Search<'a> {
         let (mut fitted, accepted) = self.backward(fitted, accepted, &|_| true)?;
         if closed.contains(&true) {
             let on_all_rows = self.on_rows_without(&vec![false; closed.len()], &fitted);
-            fitted = self.with_noise_anew(&on_all_rows)?;
+            fitted = self.with_noise_anew(&on_all_rows, &self.all_joints())?;
         }
         let start = solve(&self.problem, &start.model, start.terms(), &self.noise);
         self.progress.step(STAGE, MOST_TERMS, MOST_TERMS)?;

@@ -10,8 +10,10 @@ use super::super::problem::Column;
 use super::super::remembered::key_of;
 use super::super::unknown::{self, Group};
 use super::Search;
-use crate::effects::{Reach, Site};
+use super::candidates::is_searched_apart;
+use crate::effects::{Dimension, Reach, Site};
 use crate::linalg::rms;
+use crate::model::Term;
 use crate::progress::Interrupted;
 
 impl Search<'_> {
@@ -41,12 +43,26 @@ impl Search<'_> {
         Ok(Noise::of(&self.problem, &left))
     }
 
-    /// Whether a fit leaves less than the noise at a joint: the largest model at the start did not hold its last term, a
-    /// transform, a load, a contact or a ripple of some order, and took it for noise.
-    pub(super) fn is_quieter(&self, fitted: &Fitted) -> bool {
+    /// Joints of the last term of a fit, if less than the noise is left at one of them and the largest model at the start did not
+    /// hold the term, a load, a contact, a ripple of some order, a tilt: it took that for noise. A lag, a delay, an elastic
+    /// joint smooth the prediction: what they leave is no measure.
+    pub(super) fn quieter_joints(&self, fitted: &Fitted) -> Option<Vec<usize>> {
         /// Share of the noise below which the residual says that it was too large.
         const QUIETER: f64 = 0.95;
-        fitted.residual.iter().zip(&self.noise.level).any(|(r, level)| !r.is_empty() && rms(r) < QUIETER * level)
+        let is_new = |term: &&Term| {
+            let mut constants = term.effect.constants().iter();
+            if term.is_transform() {
+                constants.all(|c| c.dimension() == Dimension::Position)
+            } else {
+                term.effect.reach() == Reach::All || constants.any(is_searched_apart)
+            }
+        };
+        let joints = self.joints_of(fitted.terms().last().filter(is_new)?);
+        let quieter = |joint: &usize| {
+            let rows = &fitted.residual[*joint];
+            !rows.is_empty() && rms(rows) < QUIETER * self.noise.level[*joint]
+        };
+        joints.iter().any(quieter).then_some(joints)
     }
 
     /// What columns leave of a joint's residual. Seconds with far more of it than others hold what begins and ends, a
@@ -94,9 +110,10 @@ impl Search<'_> {
         Rest { residual: left, used, calm }
     }
 
-    /// The fit with the noise that the largest model leaves beside it.
-    pub(super) fn with_noise_anew(&mut self, fitted: &Fitted) -> Result<Fitted, Interrupted> {
-        self.noise = self.noise_of_largest(fitted)?;
+    /// The fit with the noise that the largest model leaves beside it, of some joints.
+    pub(super) fn with_noise_anew(&mut self, fitted: &Fitted, joints: &[usize]) -> Result<Fitted, Interrupted> {
+        let anew = self.noise_of_largest(fitted)?;
+        self.noise = self.noise.with_joints_of(&anew, joints);
         self.rows = self.noise.rows(&self.problem);
         let next = solve_like(&self.problem, fitted, fitted.terms(), &self.noise);
         Ok(refine_transforms(&self.problem, next, &self.noise))

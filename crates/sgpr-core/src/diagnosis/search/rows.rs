@@ -64,7 +64,7 @@ impl Search<'_> {
     pub(super) fn on_other_rows(&mut self, fitted: &Fitted) -> Result<Fitted, Interrupted> {
         self.cache.clear();
         let again = solve(&self.problem, &fitted.model, fitted.terms(), &self.noise);
-        self.with_noise_anew(&again)
+        self.with_noise_anew(&again, &self.all_joints())
     }
 
     /// The fit on the rows of all joints but the closed ones.
