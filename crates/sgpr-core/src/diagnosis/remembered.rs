@@ -22,10 +22,10 @@ fn bits(values: &[f64]) -> Vec<u64> {
 
 /// Values along stretches of motion by what they are of and the index of the stretch, as long as there is room.
 #[derive(Debug)]
-struct Store<K, V>(Mutex<Known<K, V>>);
+struct Store<K, V>(Mutex<StoredValues<K, V>>);
 
 #[derive(Debug)]
-struct Known<K, V> {
+struct StoredValues<K, V> {
     values: HashMap<(K, usize), Arc<V>>,
     /// How many numbers they are.
     size: usize,
@@ -46,7 +46,7 @@ impl<K: Eq + Hash, V> Store<K, V> {
         let made = Arc::new(make());
         let mut known = known();
         if known.size + size(&made) > MOST {
-            *known = Known::default();
+            *known = StoredValues::default();
         }
         known.size += size(&made);
         known.values.insert(key, made.clone());
@@ -60,7 +60,7 @@ impl<K, V> Default for Store<K, V> {
     }
 }
 
-impl<K, V> Default for Known<K, V> {
+impl<K, V> Default for StoredValues<K, V> {
     fn default() -> Self {
         Self { values: HashMap::new(), size: 0 }
     }
