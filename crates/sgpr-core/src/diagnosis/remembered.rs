@@ -8,10 +8,10 @@ use crate::dynamics::Samples;
 use crate::effects::{Context, Reach, Site};
 use crate::model::{AlongMotion, Term, TorqueModel};
 
-/// What a term is remembered by.
+/// What a term is remembered by: effect, site and the bits of its constants.
 pub(super) type TermKey = (String, Site, Vec<u64>);
 
-/// What a term is remembered by.
+/// That of a term.
 pub(super) fn key_of(term: &Term) -> TermKey {
     (term.effect.name().to_string(), term.site, bits(&term.constants))
 }

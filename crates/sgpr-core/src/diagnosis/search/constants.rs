@@ -116,7 +116,7 @@ impl Search<'_> {
                 }
             }
         }
-        best
+        Candidate { stands_out: candidate.stands_out, ..best }
     }
 
     /// Candidates that may matter by what left-out blocks say of them, the most promising first. How much of the whitened
@@ -155,7 +155,7 @@ impl Search<'_> {
         const BY_TANGENTS: f64 = 0.4;
         self.progress.step("refine constants", 0, 1)?;
         let refine = |candidate: &Candidate| {
-            let refined = Candidate { stands_out: candidate.stands_out, ..self.refine(fitted, residual, candidate) };
+            let refined = self.refine(fitted, residual, candidate);
             let columns = self.columns_of(fitted, &refined.term);
             let outlook = self.outlook(standing, &refined.term, &columns);
             Promise { candidate: refined, outlook }
