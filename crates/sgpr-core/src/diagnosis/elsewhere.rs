@@ -3,7 +3,7 @@
 //! Blocks and parts that were left out are motion like the rest. A term whose factors the logs determine only together with
 //! others may predict them well, and run off at other positions: there the uncertainty of the parameters shows.
 
-use super::problem::Problem;
+use super::problem::{Problem, Stretch};
 use crate::dynamics::Samples;
 use crate::model::{TorqueModel, Trajectory};
 
@@ -20,8 +20,8 @@ struct Shifted {
     ddq: Vec<f64>,
 }
 
-/// By how much positions are moved, in ranges of the joint that the logs show.
-const SHIFT: f64 = 0.5;
+/// By how much a log is expected to go beyond the positions of others before any others are seen, in ranges of the joint.
+const BEYOND: f64 = 0.5;
 
 /// Samples that are looked at.
 const MOST: usize = 2000;
@@ -33,8 +33,13 @@ impl Elsewhere {
         let end = problem.stretches.iter().filter_map(|s| s.time.last()).copied().fold(0.0, f64::max);
         let each = MOST / (2 * problem.stretches.len()).max(1);
         let shift = |joint: usize, sign: f64| {
-            let [low, high] = problem.ranges(joint).position;
-            let wanted = sign * SHIFT * (high - low);
+            let of_log = |stretch: &Stretch| {
+                let own = stretch.motion.q.iter().skip(joint).step_by(n);
+                own.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], q| [low.min(*q), high.max(*q)])
+            };
+            let logs: Vec<[f64; 2]> = problem.stretches.iter().map(of_log).collect();
+            let [low, high] = union(&logs);
+            let wanted = sign * beyond(&logs);
             let [lowest, highest] = robot.joints()[joint].limits.position.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
             wanted.clamp((lowest - low).min(0.0), (highest - high).max(0.0))
         };
@@ -71,5 +76,37 @@ impl Elsewhere {
             rows += (deviations.len() / n) as f64;
         }
         sums.into_iter().map(|sum| sum / f64::max(rows, 1.0)).collect()
+    }
+}
+
+/// By how much a new log may go beyond the positions that others show, each from the lowest to the highest: the root mean
+/// square of what each of them goes beyond the rest, to both sides, and of what is expected before, which counts as one more.
+fn beyond(logs: &[[f64; 2]]) -> f64 {
+    let [low, high] = union(logs);
+    let mut squares = vec![(BEYOND * (high - low)).powi(2)];
+    for k in (0..logs.len()).filter(|_| logs.len() > 1) {
+        let rest = union(&[&logs[..k], &logs[k + 1..]].concat());
+        let sides = [rest[0] - logs[k][0], logs[k][1] - rest[1]];
+        squares.push(sides.map(|side| side.max(0.0).powi(2)).iter().sum::<f64>() / 2.0);
+    }
+    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+}
+
+fn union(ranges: &[[f64; 2]]) -> [f64; 2] {
+    ranges.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], own| [low.min(own[0]), high.max(own[1])])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn logs_say_by_how_much_another_goes_beyond_them() {
+        // Nothing is known of a log by itself, and the more are alike the less is expected of another.
+        assert_eq!(beyond(&[[-1.0, 3.0]]), 2.0);
+        assert_eq!(beyond(&[[-1.0, 3.0]; 3]), 1.0);
+        // The second goes beyond the first by 4 to the right, which goes beyond it by 1 to the left.
+        let squares = [4.0f64.powi(2), 1.0 / 2.0, 16.0 / 2.0];
+        assert!((beyond(&[[-1.0, 3.0], [0.0, 7.0]]) - (squares.iter().sum::<f64>() / 3.0).sqrt()).abs() < 1e-12);
     }
 }

@@ -12,7 +12,7 @@ use super::decision::Decision;
 use super::elsewhere::Elsewhere;
 use super::evidence::LeftOut;
 use super::fit::{Fitted, beyond, left_out_parts};
-use super::problem::{FOLDS, Problem};
+use super::problem::Problem;
 use super::search::{Search, without};
 use crate::model::{Given, IdentifyError, Term, TorqueModel, identify_again};
 use crate::recording::Recording;
@@ -106,9 +106,7 @@ impl Risk {
         // Beyond the band there is no fit, and no chance.
         let beyond = self.beyond[joint][0] > (1.0 + HARM) * before.beyond[joint][0];
         let gained = before.parts.mean_square(joint) - self.parts.mean_square(joint);
-        // A variance that as many parts have told is known to this share of it.
-        let share = (2.0 / (FOLDS as f64 - 1.0)).sqrt();
-        let elsewhere = self.elsewhere[joint] - before.elsewhere[joint] > (1.0 + share) * gained.max(0.0);
+        let elsewhere = self.elsewhere[joint] - before.elsewhere[joint] > gained.max(0.0);
         grows && (beyond || elsewhere || in_band.significance() < -1.0)
     }
 }
