@@ -281,10 +281,13 @@ impl<'a> Search<'a> {
         fitted = self.with_likelier_transforms(fitted, &mut accepted);
         fitted = self.with_plainer_forms(fitted, &mut accepted);
         fitted = self.with_finer_instead(fitted, &mut accepted);
-        let (mut fitted, accepted) = self.backward(fitted, accepted, &|_| true)?;
+        // What is at a closed joint has no rows here that it could explain.
+        let is_closed = |step: &Accepted| step.site.joint().is_some_and(|joint| closed[joint]);
+        (fitted, accepted) = self.backward(fitted, accepted, &|step| !is_closed(step))?;
         if closed.contains(&true) {
             let on_all_rows = self.on_rows_without(&vec![false; closed.len()], &fitted);
             fitted = self.with_noise_anew(&on_all_rows, &self.all_joints())?;
+            (fitted, accepted) = self.backward(fitted, accepted, &is_closed)?;
         }
         let start = solve(&self.problem, &start.model, start.terms(), &self.noise);
         self.progress.step(STAGE, MOST_TERMS, MOST_TERMS)?;
