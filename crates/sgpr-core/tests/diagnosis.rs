@@ -453,6 +453,22 @@ fn what_no_effect_explains_is_said_and_is_found_once_the_catalogue_has_it() {
 }
 
 #[test]
+fn an_effect_stays_where_a_law_that_no_effect_explains_is_beside_it() {
+    // Beside that law a spring between two pins is as good as a linear one.
+    let effects = [
+        (hidden("stribeck_friction", 0, &[0.1], &[1.5]), "stribeck_friction"),
+        (hidden("spring_balancer", 0, &[0.5, 0.5], &[0.0, 6.0]), "cable_stiffness"),
+    ];
+    for (effect, name) in effects {
+        let (train, test) = logs(&[effect, EVEN_DRAG.at(0, 0.3)]);
+        let diagnosis = diagnose(&identified(&train), &train, &test, &DiagnosisOptions::default(), &()).unwrap();
+        let found: Vec<&str> = diagnosis.findings.iter().map(|finding| finding.effect.as_str()).collect();
+        assert_eq!(found, [name]);
+        assert!(diagnosis.probability_unexplained > 0.8);
+    }
+}
+
+#[test]
 fn a_change_between_logs_is_told_from_a_law_of_the_state_by_whole_logs() {
     // Functions of the state tell logs apart, too, and here is one that no effect explains.
     let terms = [hidden("friction_step", 0, &[60.0], &[0.05, 0.15]), EVEN_DRAG.at(0, 0.02)];

@@ -15,7 +15,7 @@ use std::sync::LazyLock;
 use rayon::prelude::*;
 
 use super::evidence::{Comparison, EVEN, LeftOut, SURE, probability_of, probability_of_fall, weights};
-use super::fit::{Fitted, is_in_one_part, left_out_parts};
+use super::fit::{Fitted, left_out_parts};
 use super::likelihood::{Hypothesis, JointNoise, noises};
 use super::search::{
     Accepted, CERTAIN, MATERIAL, Outcome, Search, explained_share, imitations, is_limit, is_much, material, without,
@@ -206,7 +206,7 @@ fn without_chance(search: &Search<'_>, mut outcome: Outcome) -> Outcome {
             let joints = search.joints_of(&fitted.terms()[k]);
             (k, left_out_parts(problem, &bare, noise).against(&with, problem, &joints).significance())
         };
-        let is_asked = |k: &usize| is_asked_elsewhere(search, &fitted.terms()[*k]);
+        let is_asked = |k: &usize| search.is_asked_elsewhere(&fitted.terms()[*k]);
         let asked: Vec<usize> = outcome.news(search).map(|(k, _)| k).filter(is_asked).collect();
         let all: Vec<(usize, f64)> = asked.into_par_iter().map(sure).collect();
         match all.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, sure)| *sure < HOLDS) {
@@ -214,11 +214,6 @@ fn without_chance(search: &Search<'_>, mut outcome: Outcome) -> Outcome {
             None => return outcome,
         }
     }
-}
-
-/// Whether a term is asked to predict parts of the logs that are far from what it was fitted to.
-fn is_asked_elsewhere(search: &Search<'_>, term: &Term) -> bool {
-    !is_limit(term) && !is_in_one_part(&search.problem, term)
 }
 
 /// Whether a term acts at a joint and not only by cutting its torque: rows at a limit are no equations that it could explain.
@@ -263,7 +258,7 @@ fn rejected(search: &Search<'_>, outcome: &Outcome, beside: &Beside) -> Vec<(Str
             let gain = own.against(&with, problem, &joints);
             let elsewhere = || {
                 let with = left_out_parts(problem, &fitted, &search.noise);
-                !is_asked_elsewhere(search, term) || parts.against(&with, problem, &joints).significance() >= HOLDS
+                !search.is_asked_elsewhere(term) || parts.against(&with, problem, &joints).significance() >= HOLDS
             };
             probability = probability.min(most_probable(search, term, (gain, factor)));
             // What would not have been taken for it is at most as likely as not.
@@ -314,12 +309,17 @@ fn judge_one(
     }
     let effects = models.len();
     let twins = effects - step.twins.len()..effects;
+    // A process without the effect, and one beside it.
     if let Some(joint) = term.site.joint() {
-        let best = beside.processes[joint].best(&search.problem, &bare, &search.noise, &search.joints_of(term));
-        models.extend(best.map(|(_, errors)| errors));
+        let best = |fit: &Fitted| {
+            let best = beside.processes[joint].best(&search.problem, fit, &search.noise, &search.joints_of(term));
+            best.map(|(_, errors)| errors)
+        };
+        models.extend(best(&bare).into_iter().chain(best(fitted)));
     }
     // One of so many effects, and none, are as likely before any data.
-    let prior: Vec<f64> = (0..models.len()).map(|k| if k == 0 { 0.0 } else { -search.units.ln() }).collect();
+    let things = |k: usize| (k > 0) as usize + (k > effects) as usize;
+    let prior: Vec<f64> = (0..models.len()).map(|k| -search.units.ln() * things(k) as f64).collect();
     let models: Vec<&LeftOut> = models.iter().collect();
     let joints = search.joints_of(term);
     let with_process = weights(&search.problem, &models, &prior, &joints);
@@ -329,11 +329,11 @@ fn judge_one(
     // Where the same effect explains as much elsewhere, it is as likely there.
     let own = weights[1] + forms.iter().map(|k| weights[*k]).sum::<f64>() + weights[twins].iter().sum::<f64>();
     let probability = own / (1 + step.twins.len()) as f64;
-    // A process that is about as good says the same with more freedom. One that is better for certain, and could explain
-    // much beside the effect, says something else.
-    let of_process: f64 = with_process[effects..].iter().sum();
+    // A process that is about as good says the same with more freedom. One that could explain much beside the effect says
+    // something else, unless the two together say more than it alone.
+    let of_process = with_process.get(effects).copied().unwrap_or_default();
     let explained = term.site.joint().map_or(0.0, |joint| explained_share(joint, models[0], own_errors));
-    let something = if of_process > CERTAIN && is_much(left, explained) { 1.0 - of_process } else { 1.0 - weights[0] };
+    let something = if is_much(left, explained) { (1.0 - of_process).min(1.0 - weights[0]) } else { 1.0 - weights[0] };
     let likely = forms.iter().filter(|k| weights[**k] > 1.0 - CERTAIN);
     let forms = likely.map(|k| rivals[k - 2].effect.name().to_string()).collect();
     let comparison = models[0].against(own_errors, &search.problem, &joints);

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::super::basis::Basis;
 use super::super::evidence::SURE;
-use super::super::fit::{Fitted, solve_like};
+use super::super::fit::{Fitted, is_in_one_part, left_out_parts, solve_like};
 use super::super::problem::Column;
 use super::candidates::Candidate;
 use super::constants::{MOST_REFINED, Promise};
@@ -423,6 +423,18 @@ impl Search<'_> {
             && self.bounds(term, 0).iter().any(|bound| (value - bound).abs() < NEAR * bound.abs())
     }
 
+    /// Whether a term is asked to predict parts of the logs that are far from what it was fitted to.
+    pub(in super::super) fn is_asked_elsewhere(&self, term: &Term) -> bool {
+        !is_limit(term) && !is_in_one_part(&self.problem, term)
+    }
+
+    /// Whether the last term of a fit makes the error larger on parts of the logs that are far from what it was fitted to.
+    fn fails_elsewhere(&self, without: &Fitted, with: &Fitted) -> bool {
+        let Some(term) = with.terms().last().filter(|term| self.is_asked_elsewhere(term)) else { return false };
+        let [without, with] = [without, with].map(|fit| left_out_parts(&self.problem, fit, &self.noise));
+        without.against(&with, &self.problem, &self.joints_of(term)).significance() < 0.0
+    }
+
     /// The fit with the best of some candidates that has evidence and matters, if there is one.
     pub(super) fn best_of(
         &self,
@@ -457,7 +469,7 @@ impl Search<'_> {
             let matters = without.largest_fall_to(&with, fitted_term) >= asked_of(fitted_term)
                 && (candidate.stands_out || self.is_sure(without, &with, fitted_term));
             let harms = without.explodes_to(&with) || self.is_worse_with(without, &with, fitted_term);
-            if !matters || harms || is_out_of_range(fitted_term) {
+            if !matters || harms || is_out_of_range(fitted_term) || self.fails_elsewhere(fitted, &trial) {
                 continue;
             }
             let own = candidate.term.effect.name();
