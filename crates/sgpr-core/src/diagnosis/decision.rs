@@ -307,33 +307,31 @@ fn judge_one(
         let elsewhere = Term { site: *twin, ..term.clone() };
         models.push(search.errors(&in_its_place(&elsewhere)).left_out);
     }
-    let effects = models.len();
-    let twins = effects - step.twins.len()..effects;
-    // A process without the effect, and one beside it.
-    if let Some(joint) = term.site.joint() {
-        let best = |fit: &Fitted| {
-            let best = beside.processes[joint].best(&search.problem, fit, &search.noise, &search.joints_of(term));
-            best.map(|(_, errors)| errors)
-        };
-        models.extend(best(&bare).into_iter().chain(best(fitted)));
-    }
+    let twins = models.len() - step.twins.len()..models.len();
     // One of so many effects, and none, are as likely before any data.
-    let things = |k: usize| (k > 0) as usize + (k > effects) as usize;
-    let prior: Vec<f64> = (0..models.len()).map(|k| -search.units.ln() * things(k) as f64).collect();
-    let models: Vec<&LeftOut> = models.iter().collect();
+    let one = -search.units.ln();
+    let prior: Vec<f64> = (0..models.len()).map(|k| if k == 0 { 0.0 } else { one }).collect();
+    let of_all: Vec<&LeftOut> = models.iter().collect();
     let joints = search.joints_of(term);
-    let with_process = weights(&search.problem, &models, &prior, &joints);
-    let weights = weights(&search.problem, &models[..effects], &prior[..effects], &joints);
-    let is_form = |k: &usize| rivals[k - 2].site == term.site && says_the_same(models[1], models[*k], &joints);
+    let weights_of = |models: &[&LeftOut], prior: &[f64]| weights(&search.problem, models, prior, &joints);
+    let weights = weights_of(&of_all, &prior);
+    let is_form = |k: &usize| rivals[k - 2].site == term.site && says_the_same(&models[1], &models[*k], &joints);
     let forms: Vec<usize> = (2..twins.start).filter(is_form).collect();
     // Where the same effect explains as much elsewhere, it is as likely there.
     let own = weights[1] + forms.iter().map(|k| weights[*k]).sum::<f64>() + weights[twins].iter().sum::<f64>();
     let probability = own / (1 + step.twins.len()) as f64;
     // A process that is about as good says the same with more freedom. One that could explain much beside the effect says
-    // something else, unless the two together say more than it alone.
-    let of_process = with_process.get(effects).copied().unwrap_or_default();
-    let explained = term.site.joint().map_or(0.0, |joint| explained_share(joint, models[0], own_errors));
-    let something = if is_much(left, explained) { (1.0 - of_process).min(1.0 - weights[0]) } else { 1.0 - weights[0] };
+    // something else, unless the two together, which are one thing more, say more than it alone.
+    let of_process = |joint: usize| -> Option<f64> {
+        let best = |fit: &Fitted| beside.processes[joint].best(&search.problem, fit, &search.noise, &joints);
+        let (alone, both) = (best(&bare)?.1, best(fitted).map(|(_, errors)| errors));
+        let of_all: Vec<&LeftOut> = of_all.iter().copied().chain([&alone]).chain(&both).collect();
+        let prior = [&prior[..], &[one, 2.0 * one]].concat();
+        weights_of(&of_all, &prior[..of_all.len()]).get(models.len()).copied()
+    };
+    let much_is_left = |joint: &usize| is_much(left, explained_share(*joint, &models[0], own_errors));
+    let of_process = term.site.joint().filter(much_is_left).and_then(of_process).unwrap_or_default();
+    let something = (1.0 - of_process).min(1.0 - weights[0]);
     let likely = forms.iter().filter(|k| weights[**k] > 1.0 - CERTAIN);
     let forms = likely.map(|k| rivals[k - 2].effect.name().to_string()).collect();
     let comparison = models[0].against(own_errors, &search.problem, &joints);
