@@ -7,12 +7,13 @@ use super::problem::{Problem, Stretch};
 use crate::dynamics::Samples;
 use crate::model::{TorqueModel, Trajectory};
 
-/// Motion of the logs at positions beside theirs, after their end.
+/// Motion of the logs, and the same at positions beside theirs, after their end.
 pub(super) struct Elsewhere {
-    stretches: Vec<Shifted>,
+    own: Vec<StretchSamples>,
+    beside: Vec<StretchSamples>,
 }
 
-struct Shifted {
+struct StretchSamples {
     rate_hz: f64,
     time: Vec<f64>,
     q: Vec<f64>,
@@ -43,40 +44,54 @@ impl Elsewhere {
             let [lowest, highest] = robot.joints()[joint].limits.position.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
             wanted.clamp((lowest - low).min(0.0), (highest - high).max(0.0))
         };
-        let mut stretches = Vec::new();
+        let (mut own, mut beside) = (Vec::new(), Vec::new());
         for stretch in &problem.stretches {
             let motion = &stretch.motion;
             let step = stretch.decimation();
             let samples: Vec<usize> = (0..motion.len()).step_by(step).take(each.max(1)).collect();
+            let rate_hz = motion.rate_hz / step as f64;
+            let of = |values: &[f64]| -> Vec<f64> {
+                samples.iter().flat_map(|k| values[k * n..(k + 1) * n].iter().copied()).collect()
+            };
+            let along = |q: Vec<f64>, start: Option<f64>| {
+                let time =
+                    start.map_or(vec![], |start| (0..samples.len()).map(|k| start + k as f64 / rate_hz).collect());
+                StretchSamples { rate_hz, time, q, dq: of(&motion.dq), ddq: of(&motion.ddq) }
+            };
+            let start = stretch.time.first().copied();
+            own.push(along(of(&motion.q), start));
             for side in [1.0, -1.0] {
                 let sign = |joint: usize| if joint.is_multiple_of(2) { side } else { -side };
                 let shifts: Vec<f64> = (0..n).map(|joint| shift(joint, sign(joint))).collect();
-                let of = |values: &[f64]| -> Vec<f64> {
-                    samples.iter().flat_map(|k| values[k * n..(k + 1) * n].iter().copied()).collect()
-                };
                 let q = of(&motion.q).iter().enumerate().map(|(k, q)| q + shifts[k % n]).collect();
-                let rate_hz = motion.rate_hz / step as f64;
-                let time = (0..samples.len()).map(|k| end + k as f64 / rate_hz);
-                let time = if stretch.time.is_empty() { vec![] } else { time.collect() };
-                stretches.push(Shifted { rate_hz, time, q, dq: of(&motion.dq), ddq: of(&motion.ddq) });
+                beside.push(along(q, start.map(|_| end)));
             }
         }
-        Self { stretches }
+        Self { own, beside }
     }
 
-    /// Mean variance of the torque that a model predicts there, per joint, (N·m)² (N²); infinite for a model that cannot tell.
+    /// By how much the mean variance of the torque that a model predicts is larger there than on the motion of the logs,
+    /// where parts that were left out tell what it errs by, per joint, (N·m)² (N²); infinite for a model that cannot tell.
     pub fn variance(&self, model: &TorqueModel) -> Vec<f64> {
-        let n = model.robot().dof();
-        let (mut sums, mut rows) = (vec![0.0; n], 0.0);
-        for s in &self.stretches {
-            let samples = Samples { q: &s.q, dq: &s.dq, ddq: &s.ddq };
-            let along = Trajectory { samples, rate_hz: s.rate_hz, time: &s.time, channels: &[] };
-            let Ok(deviations) = model.standard_deviation_along(&along) else { return vec![f64::INFINITY; n] };
-            deviations.iter().enumerate().for_each(|(k, deviation)| sums[k % n] += deviation * deviation);
-            rows += (deviations.len() / n) as f64;
-        }
-        sums.into_iter().map(|sum| sum / f64::max(rows, 1.0)).collect()
+        let [own, beside] = [&self.own, &self.beside].map(|motions| mean_variance(motions, model));
+        own.iter()
+            .zip(&beside)
+            .map(|(own, beside)| if own.is_finite() { (beside - own).max(0.0) } else { *own })
+            .collect()
     }
+}
+
+fn mean_variance(motions: &[StretchSamples], model: &TorqueModel) -> Vec<f64> {
+    let n = model.robot().dof();
+    let (mut sums, mut rows) = (vec![0.0; n], 0.0);
+    for s in motions {
+        let samples = Samples { q: &s.q, dq: &s.dq, ddq: &s.ddq };
+        let along = Trajectory { samples, rate_hz: s.rate_hz, time: &s.time, channels: &[] };
+        let Ok(deviations) = model.standard_deviation_along(&along) else { return vec![f64::INFINITY; n] };
+        deviations.iter().enumerate().for_each(|(k, deviation)| sums[k % n] += deviation * deviation);
+        rows += (deviations.len() / n) as f64;
+    }
+    sums.into_iter().map(|sum| sum / f64::max(rows, 1.0)).collect()
 }
 
 /// By how much a new log may go beyond the positions that others show, each from the lowest to the highest: the root mean
