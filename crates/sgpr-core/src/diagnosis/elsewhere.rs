@@ -3,7 +3,7 @@
 //! Blocks and parts that were left out are motion like the rest. A term whose factors the logs determine only together with
 //! others may predict them well, and run off at other positions: there the uncertainty of the parameters shows.
 
-use super::problem::{Problem, Stretch};
+use super::problem::{Problem, union};
 use crate::dynamics::Samples;
 use crate::model::{TorqueModel, Trajectory};
 
@@ -34,16 +34,16 @@ impl Elsewhere {
         let end = problem.stretches.iter().filter_map(|s| s.time.last()).copied().fold(0.0, f64::max);
         let each = MOST / (2 * problem.stretches.len()).max(1);
         let shift = |joint: usize, sign: f64| {
-            let of_log = |stretch: &Stretch| {
-                let own = stretch.motion.q.iter().skip(joint).step_by(n);
-                own.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], q| [low.min(*q), high.max(*q)])
-            };
-            let logs: Vec<[f64; 2]> = problem.stretches.iter().map(of_log).collect();
+            let logs = problem.range_by_stretch(joint);
             let [low, high] = union(&logs);
             let wanted = sign * beyond(&logs);
             let [lowest, highest] = robot.joints()[joint].limits.position.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
             wanted.clamp((lowest - low).min(0.0), (highest - high).max(0.0))
         };
+        // Neighbouring joints go to opposite sides.
+        let shifts = [1.0, -1.0].map(|side| -> Vec<f64> {
+            (0..n).map(|joint| shift(joint, if joint.is_multiple_of(2) { side } else { -side })).collect()
+        });
         let (mut own, mut beside) = (Vec::new(), Vec::new());
         for stretch in &problem.stretches {
             let motion = &stretch.motion;
@@ -60,9 +60,7 @@ impl Elsewhere {
             };
             let start = stretch.time.first().copied();
             own.push(along(of(&motion.q), start));
-            for side in [1.0, -1.0] {
-                let sign = |joint: usize| if joint.is_multiple_of(2) { side } else { -side };
-                let shifts: Vec<f64> = (0..n).map(|joint| shift(joint, sign(joint))).collect();
+            for shifts in &shifts {
                 let q = of(&motion.q).iter().enumerate().map(|(k, q)| q + shifts[k % n]).collect();
                 beside.push(along(q, start.map(|_| end)));
             }
@@ -105,10 +103,6 @@ fn beyond(logs: &[[f64; 2]]) -> f64 {
         squares.push(sides.map(|side| side.max(0.0).powi(2)).iter().sum::<f64>() / 2.0);
     }
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
-}
-
-fn union(ranges: &[[f64; 2]]) -> [f64; 2] {
-    ranges.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], own| [low.min(own[0]), high.max(own[1])])
 }
 
 #[cfg(test)]

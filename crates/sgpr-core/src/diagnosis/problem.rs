@@ -91,6 +91,11 @@ impl Stretch {
     }
 }
 
+/// From the lowest to the highest value of some ranges.
+pub(super) fn union(ranges: &[[f64; 2]]) -> [f64; 2] {
+    ranges.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], own| [low.min(own[0]), high.max(own[1])])
+}
+
 /// A column: per joint its rows, empty where it is zero.
 pub(super) type Column = Vec<Vec<f64>>;
 
@@ -695,9 +700,16 @@ impl Problem {
 
     /// Lowest and highest value of a joint's positions.
     pub fn range(&self, joint: usize) -> [f64; 2] {
-        let n = self.dof();
-        let all = self.stretches.iter().flat_map(|s| s.motion.q.iter().skip(joint).step_by(n));
-        all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], q| [low.min(*q), high.max(*q)])
+        union(&self.range_by_stretch(joint))
+    }
+
+    /// The same of each stretch.
+    pub fn range_by_stretch(&self, joint: usize) -> Vec<[f64; 2]> {
+        let positions = |stretch: &Stretch| -> [f64; 2] {
+            let own = stretch.motion.q.iter().skip(joint).step_by(self.dof());
+            own.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], q| [low.min(*q), high.max(*q)])
+        };
+        self.stretches.iter().map(positions).collect()
     }
 
     /// What the logs show of a joint.
