@@ -89,7 +89,8 @@ def learn_short(name: str, seconds: float) -> list[str] | None:
 
     def shares(column: int) -> str:
         own = [row[column] for row in within]
-        return f"{np.mean(own):.0f} ({min(own):.0f} to {max(own):.0f})"
+        spread = f" ({min(own):.0f} to {max(own):.0f})" if len(own) > 1 else ""
+        return f"{np.mean(own):.0f}{spread}"
 
     return [
         name,

@@ -95,7 +95,7 @@ impl<'a> LeftOut<'a> {
     /// Source: R. T. Birge, The calculation of errors by the method of least squares, Physical Review 40 (1932), the ratio
     /// of external to internal consistency; here its distribution, for errors that run off at some joints.
     pub fn dispersion(&self, prior: &ParameterPrior, noise: impl Fn(&JointFactor) -> f64) -> Dispersion {
-        let mut ratios = Vec::new();
+        let (mut ratios, mut moving) = (Vec::new(), 0);
         for first in 0..self.parts.len() {
             let run = half_run(first, self.parts.len());
             let Some(solution) = self.without_parts(prior, |part| run.contains(&part)) else { continue };
@@ -114,9 +114,10 @@ impl<'a> LeftOut<'a> {
                     }
                 }
             }
+            moving = moving.max(joints.len());
             ratios.extend(joints.iter().map(|(_, missed)| missed.ratio()).filter(|ratio| ratio.is_finite()));
         }
-        Dispersion::of(ratios)
+        Dispersion::of(ratios, moving)
     }
 
     /// Whether parts are predicted better from the others with the prior `after` than with
@@ -188,10 +189,13 @@ pub(crate) fn half_run(first: usize, count: usize) -> Vec<usize> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Dispersion {
-    /// By what standard deviations have to be multiplied, at least one: those of two thirds of the joints then suffice.
+    /// By what standard deviations have to be multiplied, at least one: those of two thirds of the joints then suffice in
+    /// another motion.
     pub deviation: f64,
-    /// Half the interval of 95 %, in these standard deviations: such that it suffices at 95 % of the joints.
+    /// Half the interval of 95 %, in these standard deviations: such that it suffices at 95 % of the joints there.
     pub half_interval_95: f64,
+    /// The deviation for two thirds of the joints as they were seen.
+    pub(crate) as_seen: f64,
 }
 
 /// Variance between a motion and two others, in what these two differ by: half of it is that of the mean of the two.
@@ -199,13 +203,18 @@ const TWO_OTHERS: f64 = 1.5;
 
 impl Dispersion {
     /// Of errors that are as large as noise makes them.
-    pub const NONE: Self = Self { deviation: 1.0, half_interval_95: HALF_INTERVAL_95 };
+    pub const NONE: Self = Self { deviation: 1.0, half_interval_95: HALF_INTERVAL_95, as_seen: 1.0 };
 
     /// The excess over noise grows from halves of the logs to other motions: two halves are independent, and another motion
-    /// differs from them as they do from each other.
+    /// differs from them as they do from each other. Runs of one set of logs miss the same joints, so that there are as many
+    /// observations as joints: of n of them a share s suffices for a new one if s (n + 1) / n of them do.
     ///
     /// - `ratios`: of squared errors to what was expected of them, each of a joint in a run
-    fn of(mut ratios: Vec<f64>) -> Self {
+    /// - `joints`: how many there are
+    ///
+    /// Source: J. Lei, M. G'Sell, A. Rinaldo, R. J. Tibshirani, L. Wasserman, Distribution-free predictive inference for
+    /// regression, Journal of the American Statistical Association 113 (2018), section 2, for the quantile of few.
+    fn of(mut ratios: Vec<f64>, joints: usize) -> Self {
         if ratios.is_empty() {
             return Self::NONE;
         }
@@ -214,8 +223,10 @@ impl Dispersion {
             let ratio = ratios[place_of_share(share, ratios.len())];
             (1.0 + TWO_OTHERS * (ratio - 1.0).max(0.0)).sqrt()
         };
-        let (deviation, tail) = (of_share(WITHIN_ONE_DEVIATION), of_share(0.95));
-        Self { deviation, half_interval_95: HALF_INTERVAL_95 * tail / deviation }
+        let few = 1.0 + 1.0 / joints as f64;
+        let (deviation, tail) = (of_share(few * WITHIN_ONE_DEVIATION), of_share(few * 0.95));
+        let as_seen = of_share(WITHIN_ONE_DEVIATION);
+        Self { deviation, half_interval_95: HALF_INTERVAL_95 * tail / deviation, as_seen }
     }
 }
 
@@ -324,13 +335,16 @@ mod tests {
     fn intervals_hold_for_the_joints_that_run_off() {
         let share = |count: usize, ratio: f64| vec![ratio; count];
         // As noise makes them, or by chance less: nothing is added.
-        assert_eq!(Dispersion::of(share(20, 0.7)), Dispersion::NONE);
-        assert_eq!(Dispersion::of(vec![]), Dispersion::NONE);
+        assert_eq!(Dispersion::of(share(20, 0.7), 20), Dispersion::NONE);
+        assert_eq!(Dispersion::of(vec![], 0), Dispersion::NONE);
         // All alike: three times the variance on halves, four times on another motion; tails of normal errors.
-        let alike = Dispersion::of(share(20, 3.0));
+        let alike = Dispersion::of(share(20, 3.0), 20);
         assert!((alike.deviation - 2.0).abs() < 1e-12 && (alike.half_interval_95 - 1.96).abs() < 1e-12);
         // One joint in ten runs off: it is in the interval of 95 %, not in the standard deviation.
-        let one = Dispersion::of([share(18, 1.0), share(2, 17.0)].concat());
+        let one = Dispersion::of([share(18, 1.0), share(2, 17.0)].concat(), 20);
         assert!(one.deviation == 1.0 && (one.half_interval_95 - 5.0 * 1.96).abs() < 1e-12, "{one:?}");
+        // Of four joints one runs off in every run: three of four are no two thirds of a new motion's joints, but of these.
+        let few = Dispersion::of([share(15, 1.0), share(5, 17.0)].concat(), 4);
+        assert!((few.deviation - 5.0).abs() < 1e-12 && few.as_seen == 1.0, "{few:?}");
     }
 }

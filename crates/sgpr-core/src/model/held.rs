@@ -60,10 +60,8 @@ const FLAT_EFFECTS: f64 = 10.0;
 /// Times that the logs may be less sure of the torque of other motions than the robot file is wrong, before it holds them.
 const CLEARLY: f64 = 2.0;
 
-/// The same of faster motions under a prior, where what the file is wrong by is itself a guess, before it is too wide.
-const CLEARLY_FASTER: f64 = 3.0;
-
-/// An estimate that is at most this many times less sure of faster motions without a prior than with it needs none for these.
+/// An estimate that is at most this many times less sure of faster motions without a prior than with one that leaves them in no
+/// doubt needs none for these.
 const FAR: f64 = 5.0;
 
 /// Samples of other motions.
@@ -120,11 +118,13 @@ impl Task<'_> {
         let mut held = self.solve(method, equations, (&prior, width), correlation)?;
         let mut notes = Vec::new();
         if width == PriorWidth::Chosen {
+            let chosen = held;
+            held = self.with_less_doubt(method, equations, chosen.clone(), correlation)?;
             let flat = prior.with_relative_deviation(FLAT).with_effect_scale(FLAT_EFFECTS);
-            let saved = self.left_out(&held).judge(&flat, &held.prior);
+            let saved = self.left_out(&chosen).judge(&flat, &chosen.prior);
             if saved.gain - saved.standard_error < LEAST_GAIN || saved.parts < 2 {
                 let bare = self.bare(method, equations, &flat, correlation)?;
-                let wider = faer::Scale(self.dispersion(&held).deviation.powi(2));
+                let wider = faer::Scale(self.dispersion(&chosen).as_seen.powi(2));
                 let knows_more = |bare: &Estimate| {
                     let covariance = wider * &bare.covariance;
                     let clear = || {
@@ -141,10 +141,10 @@ impl Task<'_> {
                 }
                 if saved.is_worse() {
                     let wide = flat.with_relative_deviation(WIDE).with_effect_scale(1.0);
-                    held = self.solve(method, equations, (&wide, PriorWidth::Given(WIDE)), correlation)?;
+                    let wide = self.solve(method, equations, (&wide, PriorWidth::Given(WIDE)), correlation)?;
+                    held = self.with_less_doubt(method, equations, wide, correlation)?;
                 }
             }
-            held = self.with_less_doubt(method, equations, held, correlation)?;
         }
         if keeping {
             let judged = self.judge(&held);
@@ -206,13 +206,13 @@ impl Task<'_> {
         correlation: &[f64],
     ) -> Result<Held, IdentificationError> {
         let doubt = |held: &Held| {
-            let covariance = faer::Scale(self.dispersion(held).deviation.powi(2)) * &held.estimate.covariance;
+            let covariance = faer::Scale(self.dispersion(held).as_seen.powi(2)) * &held.estimate.covariance;
             self.doubt(&covariance, &held.prior)
         };
         let (mut least, mut best) = (doubt(&held), held);
         let chosen = best.prior.relative_deviation();
         for width in WIDTHS.into_iter().rev().filter(|width| *width < chosen) {
-            if least <= CLEARLY_FASTER {
+            if least <= CLEARLY {
                 break;
             }
             let prior = best.prior.clone().with_relative_deviation(width);
