@@ -118,32 +118,27 @@ impl Task<'_> {
         let mut held = self.solve(method, equations, (&prior, width), correlation)?;
         let mut notes = Vec::new();
         if width == PriorWidth::Chosen {
-            let chosen = held;
-            held = self.with_less_doubt(method, equations, chosen.clone(), correlation)?;
             let flat = prior.with_relative_deviation(FLAT).with_effect_scale(FLAT_EFFECTS);
-            let saved = self.left_out(&chosen).judge(&flat, &chosen.prior);
-            if saved.gain - saved.standard_error < LEAST_GAIN || saved.parts < 2 {
-                let bare = self.bare(method, equations, &flat, correlation)?;
-                let wider = faer::Scale(self.dispersion(&chosen).as_seen.powi(2));
-                let knows_more = |bare: &Estimate| {
-                    let covariance = wider * &bare.covariance;
-                    let clear = || {
-                        let doubt = self.doubt(&covariance, &flat);
-                        let of_held = || self.doubt(&(wider * &held.estimate.covariance), &flat);
-                        doubt <= CLEARLY || doubt <= FAR * of_held()
-                    };
-                    self.knows_more_than_file(&covariance, &flat) && clear()
-                };
-                if let Some(bare) = bare.filter(knows_more) {
-                    let (bare, refused) = without_negative(bare, flat.friction());
-                    notes.extend(self.refused_note(&refused));
-                    return Ok(HeldEstimate { estimate: bare, held: None, dispersion: Dispersion::NONE, notes });
-                }
-                if saved.is_worse() {
-                    let wide = flat.with_relative_deviation(WIDE).with_effect_scale(1.0);
-                    let wide = self.solve(method, equations, (&wide, PriorWidth::Given(WIDE)), correlation)?;
-                    held = self.with_less_doubt(method, equations, wide, correlation)?;
-                }
+            let saved = self.left_out(&held).judge(&flat, &held.prior);
+            let saves_little = saved.gain - saved.standard_error < LEAST_GAIN || saved.parts < 2;
+            let wider = faer::Scale(self.dispersion(&held).as_seen.powi(2));
+            let bare = if saves_little { self.bare(method, equations, &flat, correlation)? } else { None };
+            let bare = bare.filter(|bare| self.knows_more_than_file(&(wider * &bare.covariance), &flat));
+            let doubt = |of: &Estimate| self.doubt(&(wider * &of.covariance), &flat);
+            let doubt_of_bare = bare.as_ref().map_or(f64::INFINITY, doubt);
+            if doubt_of_bare > CLEARLY {
+                held = self.with_less_doubt(method, equations, held, correlation)?;
+            }
+            let clear = || doubt_of_bare <= CLEARLY || doubt_of_bare <= FAR * doubt(&held.estimate);
+            if let Some(bare) = bare.filter(|_| clear()) {
+                let (bare, refused) = without_negative(bare, flat.friction());
+                notes.extend(self.refused_note(&refused));
+                return Ok(HeldEstimate { estimate: bare, held: None, dispersion: Dispersion::NONE, notes });
+            }
+            if saves_little && saved.is_worse() {
+                let wide = flat.with_relative_deviation(WIDE).with_effect_scale(1.0);
+                let wide = self.solve(method, equations, (&wide, PriorWidth::Given(WIDE)), correlation)?;
+                held = self.with_less_doubt(method, equations, wide, correlation)?;
             }
         }
         if keeping {
