@@ -5,8 +5,9 @@
     python examples/diagnose_real_robots.py --alike
 
 The logs are those of `real_robots.py`; SGPR_DATA names their folder. On the UR10e a second session has logs without
-and one with a payload of 2.805 kg one after the other. With `--seconds` each training log is diagnosed alone, of which
-only so many seconds are known. With `--alike` the Panda is identified with either of two effects that look alike.
+and one with a payload of 2.805 kg one after the other. With `--seconds` the first and the last
+seconds of each training log are diagnosed alone. With `--alike` the Panda is identified with either of two effects that
+look alike.
 """
 
 import argparse
@@ -77,10 +78,12 @@ def row(name: str, model: sgpr.Model, train: list[sgpr.Recording], test: list[sg
     return f"| {name} | {findings} | {before:.2f} | {after:.2f} | {samples} | {seconds:.0f} |"
 
 
-def ratio_of_short(robot: sgpr.Robot, log: sgpr.Recording, test: list[sgpr.Recording], seconds: float) -> float:
-    """Unseen error with the findings over that of the model without them; both know the first seconds of a log."""
-    rows = int(np.searchsorted(log.time_ns, log.time_ns[0] + round(seconds * 1e9)))
-    train = [part(log, 0, rows, 0.0)]
+def ratio_of_short(
+    robot: sgpr.Robot, log: sgpr.Recording, test: list[sgpr.Recording], seconds: float, start: float = 0.0
+) -> float:
+    """Unseen error with the findings over that of the model without them; both know so many seconds of a log."""
+    first, last = np.searchsorted(log.time_ns, log.time_ns[0] + np.round([start * 1e9, (start + seconds) * 1e9]))
+    train = [part(log, int(first), int(last), 0.0)]
     model = model_of(robot, train)
     before, after = (
         sgpr.compare(each, test).relative_error_percent for each in (model, sgpr.diagnose(model, train).model)
@@ -91,8 +94,14 @@ def ratio_of_short(robot: sgpr.Robot, log: sgpr.Recording, test: list[sgpr.Recor
 def short_row(name: str, robot: sgpr.Robot, logs: list[list[sgpr.Recording]], seconds: float) -> str:
     """One line of the table of short logs: those to train, those to test."""
     train, test = logs
-    long_enough = [log for log in train if float(log.time_ns[-1] - log.time_ns[0]) * 1e-9 >= seconds]
-    ratios = [ratio_of_short(robot, log, test, seconds) for log in long_enough]
+    lengths = [float(log.time_ns[-1] - log.time_ns[0]) * 1e-9 for log in train]
+    # Of each log its beginning, and its end if that is something else.
+    starts = [[0.0, length - seconds][: int(length // seconds)] for length in lengths]
+    ratios = [
+        ratio_of_short(robot, log, test, seconds, start)
+        for log, own in zip(train, starts, strict=True)
+        for start in own
+    ]
     if not ratios:
         return f"| {name} | {seconds:.0f} | 0 | | | |"
     mean, worse = float(np.exp(np.mean(np.log(ratios)))), sum(ratio > NO_WORSE for ratio in ratios)
@@ -113,7 +122,7 @@ def main() -> int:
     """Diagnose every robot whose logs are there."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, help="folder of the logs (default: what SGPR_DATA names)")
-    parser.add_argument("--seconds", type=float, nargs="+", default=[], help="short parts of each training log")
+    parser.add_argument("--seconds", type=float, nargs="+", default=[], help="length of both ends of each log")
     parser.add_argument("--alike", action="store_true", help="the Panda with either of two effects")
     options = parser.parse_args()
     if options.alike:
@@ -125,7 +134,7 @@ def main() -> int:
         print("no logs found: set SGPR_DATA to the folder that holds them (see docs/real-data.md)", file=sys.stderr)
         return 1
     if options.seconds:
-        print("| robot | training, s | logs | unseen error, after over before | worst | above 1.02 |")
+        print("| robot | training, s | parts | unseen error, after over before | worst | above 1.02 |")
         print("|---|---|---|---|---|---|")
         for dataset in found:
             robot, train, test = robot_and_logs(data / dataset.folder, dataset)

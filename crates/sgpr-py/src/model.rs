@@ -207,8 +207,9 @@ impl Model {
 
     /// What the identification says, or None: "method"; per joint "noise" (N·m), "rows" and "correlation" (rows that
     /// carry as much as one); "dispersion", by what standard deviations are larger than noise makes them; "half_interval_95", half
-    /// the interval of 95 % of what uncertain parameters make, in their standard deviations; "condition",
-    /// "scaled_condition"; "undetermined" base parameters.
+    /// the interval of 95 % of what uncertain parameters make, in their standard deviations; "prior_standard_deviation", that of
+    /// the robot file's bodies, in shares of their values, where the file holds what the logs do not determine, else None;
+    /// "condition", "scaled_condition"; "undetermined" base parameters.
     #[getter]
     fn fit<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(fit) = self.inner.fit() else { return Ok(None) };
@@ -220,6 +221,7 @@ impl Model {
         dict.set_item("correlation", array(py, &[fit.correlation.len()], fit.correlation.clone())?)?;
         dict.set_item("dispersion", fit.dispersion)?;
         dict.set_item("half_interval_95", fit.half_interval_95)?;
+        dict.set_item("prior_standard_deviation", fit.prior_standard_deviation)?;
         dict.set_item("condition", fit.condition)?;
         dict.set_item("scaled_condition", fit.scaled_condition)?;
         dict.set_item("undetermined", &fit.undetermined)?;

@@ -266,6 +266,24 @@ def test_command(tmp_path: Path) -> None:
     assert "coulomb friction" in (out / "report.html").read_text()
 
 
+@pytest.mark.parametrize("options", [{}, {"prior_deviation": 0.5}, {"prior": None}])
+def test_a_prior_that_was_asked_for_stays_in_force(
+    demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording], options: dict[str, Any]
+) -> None:
+    log = demo_logs[0]
+    short = sgpr.Recording(log.time_ns[:1100], log.q[:1100], None, log.tau[:1100], joint_names=log.joint_names)
+
+    model = sgpr.identify(demo_robot, [short], **options)
+    added = model.add("coulomb_transition@joint_4", [short])
+
+    before, after = (each.fit["prior_standard_deviation"] for each in (model, sgpr.Model.from_bytes(added.to_bytes())))
+    assert (before is None, after is None) == (options == {"prior": None},) * 2
+    if "prior_deviation" in options:
+        assert before == after == options["prior_deviation"]
+    assert added.history[0] == model.history[0]
+    assert added.history[1].startswith("with the effects that follow, identified by")
+
+
 def test_an_effect_is_added_by_hand(
     demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording], demo_test: sgpr.Recording
 ) -> None:

@@ -497,15 +497,26 @@ impl Problem {
     /// The same of all joints, `[samples, joints, width]`: the filter takes them together.
     fn append_all(&self, model: &TorqueModel, index: usize, values: &mut [f64], out: &mut [Column]) {
         let (n, width) = (self.dof(), out.len());
-        if model.terms().iter().any(Term::is_transform) {
+        let stretch = &self.stretches[index];
+        let transforms: Vec<&Term> = model.terms().iter().filter(|term| term.is_transform()).collect();
+        if !transforms.is_empty() {
+            let mut own = vec![0.0; values.len() / n];
             for joint in 0..n {
-                let rows = values.chunks_exact(n * width).flat_map(|row| &row[joint * width..][..width]);
-                self.append(model, (index, joint), &mut rows.copied().collect::<Vec<f64>>(), out);
+                let of_joint = joint * width..(joint + 1) * width;
+                let rows = values.chunks_exact(n * width).zip(own.chunks_exact_mut(width));
+                rows.for_each(|(row, own)| own.copy_from_slice(&row[of_joint.clone()]));
+                if own.iter().all(|value| *value == 0.0) {
+                    continue;
+                }
+                for term in &transforms {
+                    term.effect.transmit(term.site, &term.constants, joint, stretch.motion.rate_hz, &mut own, width);
+                }
+                let rows = values.chunks_exact_mut(n * width).zip(own.chunks_exact(width));
+                rows.for_each(|(row, own)| row[of_joint.clone()].copy_from_slice(own));
             }
-            return;
         }
         if values.iter().any(|value| *value != 0.0) {
-            self.stretches[index].filter.apply(values, n * width).expect("a stretch is longer than the filter");
+            stretch.filter.apply(values, n * width).expect("a stretch is longer than the filter");
         }
         (0..n).for_each(|joint| self.pick(index, joint, |sample, k| values[(sample * n + joint) * width + k], out));
     }
@@ -514,8 +525,9 @@ impl Problem {
     fn pick(&self, index: usize, joint: usize, value: impl Fn(usize, usize) -> f64, out: &mut [Column]) {
         let rows = &self.rows[joint];
         let own = rows.partition_point(|row| row.0 < index)..rows.partition_point(|row| row.0 <= index);
-        for (k, column) in out.iter_mut().enumerate() {
-            column[joint].extend(rows[own.clone()].iter().map(|(_, sample)| value(*sample, k)));
+        out.iter_mut().for_each(|column| column[joint].reserve(own.len()));
+        for (_, sample) in &rows[own] {
+            out.iter_mut().enumerate().for_each(|(k, column)| column[joint].push(value(*sample, k)));
         }
     }
 
@@ -925,5 +937,10 @@ fn generic(robot: &crate::robot::Robot) -> crate::robot::Robot {
 
 /// Columns side by side, row-major.
 fn interleaved(columns: &[Vec<f64>], rows: usize) -> Vec<f64> {
-    (0..rows).flat_map(|k| columns.iter().map(move |column| column[k])).collect()
+    let width = columns.len();
+    let mut table = vec![0.0; rows * width];
+    for (k, column) in columns.iter().enumerate() {
+        table.iter_mut().skip(k).step_by(width).zip(column).for_each(|(own, value)| *own = *value);
+    }
+    table
 }

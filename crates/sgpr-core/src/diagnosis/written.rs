@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::by_log::ByLog;
 use super::decision::Decision;
 use super::elsewhere::Elsewhere;
-use super::evidence::LeftOut;
+use super::evidence::{LeftOut, SURE};
 use super::fit::{Fitted, beyond, left_out_parts};
 use super::problem::Problem;
 use super::search::{Search, without};
@@ -51,15 +51,16 @@ pub(super) fn written(
     let (before, after) = rayon::join(|| trial(&outcome.start), || trial(&outcome.fitted));
     let ((_, before), (mut model, mut after)) = (before?, after?);
     loop {
-        let worse: Vec<usize> = (0..problem.dof()).filter(|joint| after.is_worse(&before, problem, *joint)).collect();
-        let acts = |k: &&usize| {
-            let own = search.joints_of(&outcome.fitted.terms()[**k]);
-            !taken_back.contains(*k) && worse.iter().any(|joint| own.contains(joint))
-        };
-        let all: Vec<usize> = found.iter().filter(acts).copied().collect();
-        if all.is_empty() {
+        let inside: Vec<usize> = found.iter().filter(|k| !taken_back.contains(*k)).copied().collect();
+        let acts = |k: &usize, joint: &usize| search.joints_of(&outcome.fitted.terms()[*k]).contains(joint);
+        let is_worse = |joint: &usize| after.is_worse(&before, problem, *joint, inside.iter().any(|k| acts(k, joint)));
+        let worse: Vec<usize> = (0..problem.dof()).filter(is_worse).collect();
+        if worse.is_empty() || inside.is_empty() {
             return Ok(Written { model, taken_back });
         }
+        // Joints share bodies: what makes one look well known moves those of others.
+        let there: Vec<usize> = inside.iter().filter(|k| worse.iter().any(|joint| acts(k, joint))).copied().collect();
+        let all = if there.is_empty() { inside } else { there };
         let without_it = |k: &usize| {
             let out = [&taken_back[..], &[*k]].concat();
             let trial = trial(&search.refit(&outcome.fitted, without(outcome.fitted.terms(), &out)))?;
@@ -99,14 +100,17 @@ impl Risk {
         self.parts.mean_square(joint) + self.beyond[joint][0].powi(2) + self.elsewhere[joint]
     }
 
-    /// Whether it is larger than before at a joint, beyond what chance makes of it.
-    fn is_worse(&self, before: &Self, problem: &Problem, joint: usize) -> bool {
+    /// Whether it is larger than before at a joint, beyond what chance makes of it; for certain where no finding `acts`.
+    fn is_worse(&self, before: &Self, problem: &Problem, joint: usize, acts: bool) -> bool {
         let grows = self.of(joint) > (1.0 + HARM).powi(2) * before.of(joint);
-        let in_band = before.parts.against(&self.parts, problem, &[joint]);
+        let in_band = before.parts.against(&self.parts, problem, &[joint]).significance();
+        if !acts {
+            return grows && in_band < -SURE;
+        }
         // Beyond the band there is no fit, and no chance.
         let beyond = self.beyond[joint][0] > (1.0 + HARM) * before.beyond[joint][0];
         let gained = before.parts.mean_square(joint) - self.parts.mean_square(joint);
         let elsewhere = self.elsewhere[joint] - before.elsewhere[joint] > gained.max(0.0);
-        grows && (beyond || elsewhere || in_band.significance() < -1.0)
+        grows && (beyond || elsewhere || in_band < -1.0)
     }
 }

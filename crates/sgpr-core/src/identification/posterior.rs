@@ -1,6 +1,7 @@
 //! Every estimator under a prior: the posterior mean.
 
 use faer::Mat;
+use serde::{Deserialize, Serialize};
 
 use super::least_squares::{
     MOST_ITERATIONS, ParameterExcitation, SAME_WEIGHTS, floored, least_noise, residual_noise, stack,
@@ -10,11 +11,14 @@ use super::prior::{ParameterPrior, Posterior, non_negative, refused};
 use super::{Equations, Estimate, IdentificationError, JointFactor, LeastSquares, Method, estimate};
 
 /// How wide the prior on bodies is.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum PriorWidth {
-    /// As the data make probable ([`ParameterPrior::chosen_by`]).
+    /// As the data make probable ([`ParameterPrior::chosen_by`]). Rich logs may do without.
     #[default]
     Chosen,
+    /// As the data make probable, however rich the logs look.
+    InForce,
     /// This relative deviation of the robot file's values.
     Given(f64),
 }
@@ -52,12 +56,12 @@ const CHOICES: usize = 2;
 impl PriorWidth {
     fn of(self, prior: ParameterPrior, whitened: &Mat<f64>) -> ParameterPrior {
         match self {
-            Self::Chosen => prior.chosen_by(whitened),
+            Self::Chosen | Self::InForce => prior.chosen_by(whitened),
             Self::Given(deviation) => prior.with_relative_deviation(deviation),
         }
     }
 
-    fn check(self) -> Result<(), IdentificationError> {
+    pub(crate) fn check(self) -> Result<(), IdentificationError> {
         match self {
             Self::Given(value) => super::check_prior_deviation(value),
             _ => Ok(()),

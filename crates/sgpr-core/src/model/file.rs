@@ -217,12 +217,15 @@ fn check_figures(fit: &Fit, joints: usize) -> Result<(), String> {
             return Err(format!("its fit: {name} is of {count} joints where the robot has {joints}"));
         }
     }
-    for (name, value) in [("dispersion", fit.dispersion), ("half_interval_95", fit.half_interval_95)] {
+    let prior = fit.prior_standard_deviation.map(|value| ("prior_standard_deviation", value));
+    for (name, value) in
+        [("dispersion", fit.dispersion), ("half_interval_95", fit.half_interval_95)].into_iter().chain(prior)
+    {
         if !(0.0..=MOST_TIMES).contains(&value) {
             return Err(format!("its fit: {name} is {value}; expected a number from 0 to {MOST_TIMES:e}"));
         }
     }
-    Ok(())
+    fit.prior.map_or(Ok(()), |width| width.check()).map_err(|error| format!("its fit: {error}"))
 }
 
 /// What the head of a file says, in the order in which a person reads it.

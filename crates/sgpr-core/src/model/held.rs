@@ -117,12 +117,13 @@ impl Task<'_> {
     ) -> Result<HeldEstimate, IdentificationError> {
         let mut held = self.solve(method, equations, (&prior, width), correlation)?;
         let mut notes = Vec::new();
-        if width == PriorWidth::Chosen {
+        if !matches!(width, PriorWidth::Given(_)) {
             let flat = prior.with_relative_deviation(FLAT).with_effect_scale(FLAT_EFFECTS);
             let saved = self.left_out(&held).judge(&flat, &held.prior);
             let saves_little = saved.gain - saved.standard_error < LEAST_GAIN || saved.parts < 2;
             let wider = faer::Scale(self.dispersion(&held).as_seen.powi(2));
-            let bare = if saves_little { self.bare(method, equations, &flat, correlation)? } else { None };
+            let may_be_bare = saves_little && width == PriorWidth::Chosen;
+            let bare = if may_be_bare { self.bare(method, equations, &flat, correlation)? } else { None };
             let bare = bare.filter(|bare| self.knows_more_than_file(&(wider * &bare.covariance), &flat));
             let doubt = |of: &Estimate| self.doubt(&(wider * &of.covariance), &flat);
             let doubt_of_bare = bare.as_ref().map_or(f64::INFINITY, doubt);

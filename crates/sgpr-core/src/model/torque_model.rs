@@ -7,7 +7,7 @@ use crate::dynamics::{BatchWorkspace, Samples, rnea_batch};
 use crate::effects::{JointState, Role, Site, UnknownEffect};
 use crate::identification::{
     BaseParameters, Consistency, ConsistentParameters, Costs, Distance, KeptOut, LinkCertificate, ParameterSet,
-    PhysicalBounds, Price, Prior, Stage,
+    PhysicalBounds, Price, Prior, PriorWidth, Stage,
 };
 use crate::model::{Predictor, StreamError, StreamOptions};
 use crate::motion::Processing;
@@ -65,6 +65,13 @@ pub struct Fit {
     /// more where errors of parts of the logs that were left out have heavier tails.
     #[serde(default = "of_normal_errors")]
     pub half_interval_95: f64,
+    /// Which prior was asked for, if one was.
+    #[serde(default = "chosen")]
+    pub prior: Option<PriorWidth>,
+    /// Relative deviation of the bodies of the robot file, by which it holds what the logs do not determine; none if the
+    /// estimate is bare.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prior_standard_deviation: Option<f64>,
     /// cond(W); infinite where the motion does not excite a direction at all.
     #[serde(with = "infinity_as_null")]
     pub condition: f64,
@@ -80,6 +87,10 @@ pub struct Fit {
 
 fn one() -> f64 {
     1.0
+}
+
+fn chosen() -> Option<PriorWidth> {
+    Some(PriorWidth::Chosen)
 }
 
 fn of_normal_errors() -> f64 {

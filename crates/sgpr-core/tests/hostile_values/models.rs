@@ -141,10 +141,14 @@ fn figures_of_a_fit_are_of_its_joints_and_within_range() {
         let text = refused(field, serde_json::json!([1, 2]));
         assert!(text.contains("odd.sgpr") && text.contains(&format!("{field} is of 2 joints")), "{text}");
     }
-    for field in ["dispersion", "half_interval_95"] {
+    for field in ["dispersion", "half_interval_95", "prior_standard_deviation"] {
         for value in [-1.0, 1e300] {
             assert!(refused(field, value.into()).contains(&format!("its fit: {field} is")));
         }
+    }
+    for value in [-1.0, 1e300] {
+        let text = refused("prior", serde_json::json!({ "given": value }));
+        assert!(text.contains("its fit:") && text.contains("prior"), "{text}");
     }
 }
 

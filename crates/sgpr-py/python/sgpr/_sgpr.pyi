@@ -585,7 +585,8 @@ class Model:
     def all_parameter_names(self) -> list[str]: ...
     @property
     def processing(self) -> Processing | None: ...
-    # Keys: method noise rows correlation dispersion half_interval_95 condition scaled_condition undetermined
+    # Keys: method noise rows correlation dispersion half_interval_95 prior_standard_deviation condition
+    # scaled_condition undetermined
     @property
     def fit(self) -> dict[str, Any] | None: ...
     @property

@@ -409,6 +409,8 @@ impl Setup<'_> {
             correlation: per_joint(factors, correlation, dof),
             dispersion: dispersion.deviation,
             half_interval_95: dispersion.half_interval_95,
+            prior: options.prior,
+            prior_standard_deviation: prior.map(ParameterPrior::relative_deviation),
             values: estimate.values[..rank].to_vec(),
             condition: estimate.excitation.condition,
             scaled_condition: estimate.excitation.scaled_condition,

@@ -167,7 +167,8 @@ fn set_of(recordings: &[Recording], options: &IdentifyOptions) -> Option<LogSet>
     options.instruments.is_empty().then(|| LogSet::new(recordings))
 }
 
-/// `model` with these terms, everything fitted again under physical consistency.
+/// `model` with these terms, everything fitted again under physical consistency. What the robot file holds in `model` it
+/// holds again, as wide as was asked for: logs determine no more of a model with more parameters.
 ///
 /// # Errors
 /// As [`identify`].
@@ -182,13 +183,18 @@ pub(crate) fn identify_again(
         Some(processing) => processing.clone(),
         None => Processing::choose(&recordings, &Conditioning::default())?.0,
     };
+    let fit = model.fit.as_ref();
+    let held = fit.is_some_and(|fit| fit.prior_standard_deviation.is_some());
+    let asked = fit.map_or(Some(PriorWidth::Chosen), |fit| fit.prior);
     let options = IdentifyOptions {
+        prior: asked.map(|width| if held && width == PriorWidth::Chosen { PriorWidth::InForce } else { width }),
         effects: model.set.effects().iter().map(|effect| effect.name().into()).collect(),
         consistency: consistency.cloned(),
         ..IdentifyOptions::default()
     };
     let (mut again, ..) = fit::fit(&model.robot, &recordings, &options, &processing, given, &())?;
-    again.provenance.history = model.provenance.history.clone();
+    let own = again.provenance.history.into_iter().map(|line| format!("with the effects that follow, {line}"));
+    again.provenance.history = model.provenance.history.iter().cloned().chain(own).collect();
     Ok(again)
 }
 

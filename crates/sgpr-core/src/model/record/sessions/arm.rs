@@ -13,7 +13,7 @@ use super::SessionCause;
 use super::shapes::Shapes;
 use crate::effects::Role;
 use crate::identification::{
-    BaseParameters, Dispersion, Estimate, JointFactor, LeastSquares, Method, ParameterSet, role_of, stacked,
+    BaseParameters, Dispersion, Estimate, JointFactor, LeastSquares, Method, ParameterSet, PriorWidth, role_of, stacked,
 };
 use crate::linalg::triangle;
 use crate::robot::Robot;
@@ -313,6 +313,8 @@ fn fit(
         correlation: per_joint(correlation),
         dispersion: Dispersion::NONE.deviation,
         half_interval_95: Dispersion::NONE.half_interval_95,
+        prior: Some(PriorWidth::default()),
+        prior_standard_deviation: None,
         condition: estimate.excitation.condition,
         scaled_condition: estimate.excitation.scaled_condition,
         undetermined: infinite.map(|(name, _)| name.clone()).collect(),
