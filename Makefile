@@ -91,8 +91,8 @@ test-rust: compilers
 	cargo test --locked --quiet --package sgpr-predict --package sgpr-core --package sgpr-lapack --package sgpr-c
 
 test-python: build $(VENV)/.test browser
-	cd crates/sgpr-py && ../../$(BIN)/python -m pytest -q -rs --numprocesses=auto --maxprocesses=4 --dist=worksteal tests
-	$(BIN)/python -m pytest -q -rs --numprocesses=auto --maxprocesses=4 --dist=worksteal tests
+	cd crates/sgpr-py && ../../$(BIN)/python -m pytest -q -rs --numprocesses=auto --maxprocesses=4 --dist=loadfile tests
+	$(BIN)/python -m pytest -q -rs --numprocesses=auto --maxprocesses=4 --dist=loadfile tests
 
 # Tests on logs that are not part of the repository run where SGPR_DATA names their folder (docs/real-data.md). Each says
 # above that it was skipped; this is the last line that a person sees.

@@ -80,7 +80,7 @@ mod _sgpr {
     #[pymodule_export]
     use crate::streaming::compare_streaming;
     #[pymodule_export]
-    use crate::user_effect::{UserEffect, register_effect};
+    use crate::user_effect::{UserEffect, register_effect, unregister_effect};
     #[pymodule_init]
     fn init(module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
         let _ = module;

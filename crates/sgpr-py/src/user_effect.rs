@@ -87,6 +87,23 @@ pub fn register_effect(effect: &Bound<'_, UserEffect>) {
     all.push(effect.get().clone());
 }
 
+/// Takes back what `register_effect` said of an effect.
+///
+/// Parameters
+/// ----------
+/// effect : Effect
+///     The effect, or another of its name; nothing happens if there is none.
+///
+/// Examples
+/// --------
+/// >>> spring = sgpr.Effect("my_spring", lambda joint, q, dq, ddq: q[:, joint], ["k"], unit="N·m/rad")
+/// >>> sgpr.unregister_effect(spring)
+#[pyfunction]
+pub fn unregister_effect(effect: &Bound<'_, UserEffect>) {
+    let mut all = REGISTERED.lock().unwrap_or_else(PoisonError::into_inner);
+    all.retain(|known| known.name != effect.get().name);
+}
+
 /// The effects that were registered.
 pub fn registered() -> Vec<UserEffect> {
     REGISTERED.lock().unwrap_or_else(PoisonError::into_inner).clone()

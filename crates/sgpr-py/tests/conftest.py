@@ -4,6 +4,7 @@ import importlib
 import json
 import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -64,6 +65,22 @@ class Reference:
 
     def __getitem__(self, key: str) -> np.ndarray:
         return self.arrays[key]
+
+
+@pytest.fixture(autouse=True)
+def effects_of_a_test_end_with_it(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """What one test registers no other finds, whatever their order."""
+    made: list[sgpr.Effect] = []
+    register = sgpr.register_effect
+
+    def registering(effect: sgpr.Effect) -> None:
+        made.append(effect)
+        register(effect)
+
+    monkeypatch.setattr(sgpr, "register_effect", registering)
+    yield
+    for effect in made:
+        sgpr.unregister_effect(effect)
 
 
 @pytest.fixture(scope="session", params=REFERENCE_ROBOTS)

@@ -85,6 +85,9 @@ def test_an_effect_with_a_constant_is_found_saved_and_read(
     assert sgpr.Model.from_bytes(better.to_bytes()).history == better.history
     # What is registered is looked for by its name.
     assert sgpr.diagnose(model, logs[:2], effects=["low_speed_peak"]).findings[0].effect == "low_speed_peak"
+    sgpr.unregister_effect(effect)
+    with pytest.raises(sgpr.ModelFileError, match="register_effect"):
+        sgpr.load(path)
 
 
 def test_an_effect_sees_channels(model: sgpr.Model, logs: list[sgpr.Recording]) -> None:

@@ -80,6 +80,7 @@ from ._sgpr import (
     screen,
     shared_samples,
     simulate,
+    unregister_effect,
     write_mcap,
 )
 from .gaussian_process import GaussianProcess
@@ -167,6 +168,7 @@ __all__ = [
     "screen",
     "shared_samples",
     "simulate",
+    "unregister_effect",
     "workbench",
     "write_mcap",
 ]

@@ -97,6 +97,7 @@ __all__ = [
     "simulate",
     "two_link",
     "two_link_drives",
+    "unregister_effect",
     "write_mcap",
 ]
 
@@ -929,6 +930,7 @@ class Effect:
     def name(self) -> str: ...
 
 def register_effect(effect: Effect) -> None: ...
+def unregister_effect(effect: Effect) -> None: ...
 
 @final
 class Payload:
