@@ -193,8 +193,10 @@ pub(crate) fn identify_again(
         ..IdentifyOptions::default()
     };
     let (mut again, ..) = fit::fit(&model.robot, &recordings, &options, &processing, given, &())?;
-    let own = again.provenance.history.into_iter().map(|line| format!("with the effects that follow, {line}"));
-    again.provenance.history = model.provenance.history.iter().cloned().chain(own).collect();
+    let before = model.provenance.history.clone();
+    let other = again.provenance.history.into_iter().filter(|line| !before.contains(line));
+    let own: Vec<String> = other.map(|line| format!("with the effects that follow, {line}")).collect();
+    again.provenance.history = [before, own].concat();
     Ok(again)
 }
 
