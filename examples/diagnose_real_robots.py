@@ -5,9 +5,8 @@
     python examples/diagnose_real_robots.py --alike
 
 The logs are those of `real_robots.py`; SGPR_DATA names their folder. On the UR10e a second session has logs without
-and one with a payload of 2.805 kg one after the other. With `--seconds` the first and the last
-seconds of each training log are diagnosed alone. With `--alike` the Panda is identified with either of two effects that
-look alike.
+and one with a payload of 2.805 kg one after the other. With `--seconds` the first and the last seconds of each training
+log are diagnosed alone. With `--alike` the Panda is identified with either of two effects that look alike.
 """
 
 import argparse
@@ -78,12 +77,17 @@ def row(name: str, model: sgpr.Model, train: list[sgpr.Recording], test: list[sg
     return f"| {name} | {findings} | {before:.2f} | {after:.2f} | {samples} | {seconds:.0f} |"
 
 
+def short(log: sgpr.Recording, seconds: float, start: float = 0.0) -> sgpr.Recording:
+    """So many seconds of a log."""
+    first, last = np.searchsorted(log.time_ns, log.time_ns[0] + np.round([start * 1e9, (start + seconds) * 1e9]))
+    return part(log, int(first), int(last), 0.0)
+
+
 def ratio_of_short(
     robot: sgpr.Robot, log: sgpr.Recording, test: list[sgpr.Recording], seconds: float, start: float = 0.0
 ) -> float:
     """Unseen error with the findings over that of the model without them; both know so many seconds of a log."""
-    first, last = np.searchsorted(log.time_ns, log.time_ns[0] + np.round([start * 1e9, (start + seconds) * 1e9]))
-    train = [part(log, int(first), int(last), 0.0)]
+    train = [short(log, seconds, start)]
     model = model_of(robot, train)
     before, after = (
         sgpr.compare(each, test).relative_error_percent for each in (model, sgpr.diagnose(model, train).model)

@@ -486,9 +486,7 @@ impl Problem {
         let width = out.len();
         let stretch = &self.stretches[index];
         if values.iter().any(|value| *value != 0.0) {
-            for term in model.terms().iter().filter(|term| term.is_transform()) {
-                term.effect.transmit(term.site, &term.constants, joint, stretch.motion.rate_hz, values, width);
-            }
+            transmit(model, joint, stretch.motion.rate_hz, values, width);
             stretch.filter.apply(values, width).expect("a stretch is longer than the filter");
         }
         self.pick(index, joint, |sample, k| values[sample * width + k], out);
@@ -498,8 +496,7 @@ impl Problem {
     fn append_all(&self, model: &TorqueModel, index: usize, values: &mut [f64], out: &mut [Column]) {
         let (n, width) = (self.dof(), out.len());
         let stretch = &self.stretches[index];
-        let transforms: Vec<&Term> = model.terms().iter().filter(|term| term.is_transform()).collect();
-        if !transforms.is_empty() {
+        if model.terms().iter().any(Term::is_transform) {
             let mut own = vec![0.0; values.len() / n];
             for joint in 0..n {
                 let of_joint = joint * width..(joint + 1) * width;
@@ -508,9 +505,7 @@ impl Problem {
                 if own.iter().all(|value| *value == 0.0) {
                     continue;
                 }
-                for term in &transforms {
-                    term.effect.transmit(term.site, &term.constants, joint, stretch.motion.rate_hz, &mut own, width);
-                }
+                transmit(model, joint, stretch.motion.rate_hz, &mut own, width);
                 let rows = values.chunks_exact_mut(n * width).zip(own.chunks_exact(width));
                 rows.for_each(|(row, own)| row[of_joint.clone()].copy_from_slice(own));
             }
@@ -933,6 +928,13 @@ fn generic(robot: &crate::robot::Robot) -> crate::robot::Robot {
             robot.with_placement_moved(joint, Vector3::new(0.011 + 0.003 * step, 0.017 - 0.002 * step, 0.013))
         })
         .with_gravity(gravity + Vector3::new(size, 0.7 * size, 0.3 * size))
+}
+
+/// What lies between the torque of a joint and its log, applied to columns, `[samples, width]` row-major.
+fn transmit(model: &TorqueModel, joint: usize, rate_hz: f64, values: &mut [f64], width: usize) {
+    for term in model.terms().iter().filter(|term| term.is_transform()) {
+        term.effect.transmit(term.site, &term.constants, joint, rate_hz, values, width);
+    }
 }
 
 /// Columns side by side, row-major.
