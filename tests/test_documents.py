@@ -160,6 +160,17 @@ def test_the_example_identifies_the_demo() -> None:
     assert all(float(after) < 0.5 * float(before) for before, after in errors)
 
 
+def test_intervals_of_parameters_hold_the_truth_of_simulated_logs() -> None:
+    done = run(
+        [sys.executable, "examples/parameter_coverage.py", "--robots", "ur5e_like", "--seconds", "10", "--draws", "40"]
+    )
+    assert done.returncode == 0, done.stderr
+    # Noise that remembers 0, 0.5, 0.9 and 0.97 of itself, in percent with the standard error over the draws.
+    shares = [float(share) for share in re.findall(r"([\d.]+) ±", done.stdout)]
+    assert len(shares) == 4
+    assert all(93.0 < share < 98.5 for share in shares), shares
+
+
 def test_real_robots_run_or_say_why_not(tmp_path: Path) -> None:
     done = run([sys.executable, "examples/real_robots.py", "--data", str(tmp_path), "--out", str(tmp_path / "out")])
     assert done.returncode == 1

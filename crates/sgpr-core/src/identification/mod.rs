@@ -14,6 +14,7 @@ mod error;
 mod essential;
 mod estimate;
 mod extended_factor;
+mod few_rows;
 mod forecast;
 mod formulas;
 mod gautier_khalil;

@@ -56,15 +56,17 @@ fn coverage(memory: f64, parts: usize, seed: u64) -> Coverage {
         let factors = equations.factors().expect("good data");
         let plain = LeastSquares::new(Method::Wls).solve(&factors, base, &nominal).expect("good data");
         let correlation = residual_correlation(&mut equations, &factors, &plain.values).expect("good data");
-        let fit = LeastSquares { method: Method::Wls, correlation: Some(correlation) };
-        let fit = fit.solve(&factors, base, &nominal).expect("good data");
+        let remembering = LeastSquares { method: Method::Wls, correlation: Some(correlation.clone()) };
+        let fit = remembering.solve(&factors, base, &nominal).expect("good data");
+        let mut widened = fit.clone();
+        widened.widen_for_few_rows(&factors, &correlation);
         let hac = hac_covariance(&mut equations, &factors, &fit, None).expect("good data");
         let bootstrap = block_bootstrap(&mut equations, &factors, &fit, 200, None).expect("good data");
         let intervals = bootstrap.intervals(0.95);
         for k in 0..expected.len() {
             let error = (fit.values[k] - expected[k]).abs();
             hits[0] += usize::from(error < 1.96 * plain.standard_deviations()[k]);
-            hits[1] += usize::from(error < 1.96 * fit.standard_deviations()[k]);
+            hits[1] += usize::from(error < 1.96 * widened.standard_deviations()[k]);
             hits[2] += usize::from(error < 1.96 * hac[(k, k)].sqrt());
             hits[3] += usize::from((intervals[k][0]..intervals[k][1]).contains(&expected[k]));
         }

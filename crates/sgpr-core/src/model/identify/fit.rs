@@ -155,7 +155,7 @@ impl Setup<'_> {
         let (mut data, prior) = self.observe(model, progress)?;
         let mut found = self.estimate(prior, equations, &mut data)?;
         let findings = self.screen(&data.factors, &found.estimate);
-        let essential = self.leave_out(&data.factors, &mut found)?;
+        let essential = self.leave_out(&data, &mut found)?;
         self.keep_loads_bodies(model.terms(), &mut found.estimate);
         let certificate = self.hold(model, &mut data, &mut found)?;
         self.write_down(model, &data, &found, certificate)?;
@@ -227,7 +227,7 @@ impl Setup<'_> {
                 task.estimate(&options.method, equations, prior, correlation, kept)?
             }
         };
-        set_uncertainty(options, equations, factors, &mut estimate, held.as_ref())?;
+        set_uncertainty(options, equations, (factors, correlation), &mut estimate, held.as_ref())?;
         estimate.covariance *= faer::Scale(dispersion.deviation.powi(2));
         let mut forecast = None;
         if options.forecast
@@ -251,16 +251,19 @@ impl Setup<'_> {
     }
 
     /// Leaves out what the data do not support, if that was asked for.
-    fn leave_out(&self, factors: &[JointFactor], found: &mut Estimated) -> Result<Option<Essential>, IdentifyError> {
+    fn leave_out(&self, data: &Observed, found: &mut Estimated) -> Result<Option<Essential>, IdentifyError> {
         if !self.options.essential {
             return Ok(None);
         }
         let estimate = &mut found.estimate;
         let folds = self.source.folds()?;
-        let essential = essential_parameters(&folds, self.base.rank(), noise_of(factors, estimate))?;
+        let essential = essential_parameters(&folds, self.base.rank(), noise_of(&data.factors, estimate))?;
         found.notes.push(essential_note(&essential, self.base));
         estimate.values.clone_from(&essential.values);
         estimate.covariance.clone_from(&essential.covariance);
+        if found.held.is_none() && counts_memory(self.options) {
+            estimate.widen_for_few_rows(&data.factors, &data.correlation);
+        }
         Ok(Some(essential))
     }
 
@@ -453,11 +456,16 @@ fn follow(estimate: &mut Estimate, moved: &[usize], steps: &[f64]) {
     moved.iter().zip(steps).for_each(|(k, step)| estimate.values[*k] += step);
 }
 
+/// Whether the covariance counts how much the residual of each joint remembers.
+fn counts_memory(options: &IdentifyOptions) -> bool {
+    options.uncertainty == Uncertainty::Memory && options.method != Method::InstrumentalVariables
+}
+
 /// Sets the covariance as the options ask for it.
 fn set_uncertainty(
     options: &IdentifyOptions,
     equations: &mut Equations<'_>,
-    factors: &[JointFactor],
+    (factors, correlation): (&[JointFactor], &[f64]),
     estimate: &mut Estimate,
     held: Option<&Held>,
 ) -> Result<(), IdentificationError> {
@@ -466,6 +474,11 @@ fn set_uncertainty(
     };
     let before = undetermined(estimate);
     let mut covariance = match options.uncertainty {
+        Uncertainty::Memory if held.is_none() && counts_memory(options) => {
+            estimate.widen_for_few_rows(factors, correlation);
+            return Ok(());
+        }
+        // Under a prior what left-out parts show is counted.
         Uncertainty::Memory => return Ok(()),
         // The deviations of instrumental variables take residuals as they are already.
         Uncertainty::Hac if options.method == Method::InstrumentalVariables => return Ok(()),
