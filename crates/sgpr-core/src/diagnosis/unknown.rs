@@ -157,15 +157,17 @@ pub(super) fn features(problem: &Problem, joint: usize, group: &Group, length_sc
             (weights, std::f64::consts::TAU * random.uniform())
         })
         .collect();
+    let factor = |at: &(usize, usize)| factors.iter().map(|variable| value(at, *variable)).product::<f64>();
+    let factors: Vec<f64> = if factors.is_empty() { vec![] } else { rows.iter().map(factor).collect() };
     let mut columns = vec![vec![vec![]; n]; FEATURES];
     for (column, (weights, phase)) in columns.iter_mut().zip(&draws) {
-        let factor = |at: &(usize, usize)| factors.iter().map(|variable| value(at, *variable)).product::<f64>();
-        let along = |row: usize| weights.iter().zip(&inputs).map(|(w, x)| w * x[row]).sum::<f64>() + phase;
-        column[joint] = (0..rows.len()).map(along).collect();
-        cos_in_place(&mut column[joint]);
-        if !factors.is_empty() {
-            column[joint].iter_mut().zip(rows).for_each(|(out, at)| *out *= factor(at));
+        let mut along = vec![*phase; rows.len()];
+        for (weight, input) in weights.iter().zip(&inputs) {
+            along.iter_mut().zip(input).for_each(|(sum, x)| *sum += weight * x);
         }
+        cos_in_place(&mut along);
+        along.iter_mut().zip(&factors).for_each(|(out, factor)| *out *= factor);
+        column[joint] = along;
     }
     columns
 }

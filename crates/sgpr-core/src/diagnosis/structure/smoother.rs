@@ -4,9 +4,15 @@
 //!
 //! Source: A. Rahimi, B. Recht, Random features for large-scale kernel machines, NIPS (2007).
 
+use std::ops::Range;
+
+use faer::linalg::matmul::triangular::{self, BlockStructure};
+use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
+use faer::{Accum, Col, ColRef, Mat, MatRef, Par};
+
 use super::super::problem::FOLDS;
 use super::rows::JointRows;
-use crate::linalg::dot_in_lanes;
+use crate::linalg::{cholesky, dot_in_lanes};
 use crate::random::Random;
 use sgpr_predict::internal::cos_in_place;
 
@@ -114,17 +120,75 @@ pub(super) struct Explained {
     pub coefficients: Vec<f64>,
 }
 
+/// Products of some rows of columns with each other, `[k, k]`, the lower triangle, and with a target, `[k]`.
+struct RidgeSums {
+    gram: Mat<f64>,
+    target: Vec<f64>,
+}
+
+impl RidgeSums {
+    fn new(columns: MatRef<'_, f64>, target: &[f64]) -> Self {
+        let k = columns.ncols();
+        let mut gram = Mat::zeros(k, k);
+        let lower = BlockStructure::TriangularLower;
+        let all = BlockStructure::Rectangular;
+        triangular::matmul(gram.as_mut(), lower, Accum::Replace, columns.transpose(), all, columns, all, 1.0, Par::Seq);
+        let along = columns.transpose() * ColRef::from_slice(target);
+        Self { gram, target: along.iter().copied().collect() }
+    }
+
+    /// All of them but one, or all.
+    fn sum(all: &[Self], skip: Option<usize>) -> Self {
+        let kept = all.iter().enumerate().filter(|(index, _)| Some(*index) != skip).map(|(_, own)| own);
+        kept.fold(Self { gram: Mat::zeros(0, 0), target: vec![] }, |sum, own| {
+            if sum.target.is_empty() {
+                return Self { gram: own.gram.clone(), target: own.target.clone() };
+            }
+            let target = sum.target.iter().zip(&own.target).map(|(a, b)| a + b).collect();
+            Self { gram: sum.gram + &own.gram, target }
+        })
+    }
+
+    /// Solves (G + penalty · mean of the diagonal · 1) x = b.
+    fn ridge(&self, penalty: f64) -> Col<f64> {
+        let k = self.target.len();
+        let mean = (0..k).map(|i| self.gram[(i, i)]).sum::<f64>() / k as f64;
+        let shift = penalty * mean + f64::MIN_POSITIVE;
+        let shifted = Mat::from_fn(k, k, |i, j| if i == j { self.gram[(i, j)] + shift } else { self.gram[(i, j)] });
+        let mut x = Col::from_fn(k, |i| self.target[i]);
+        match cholesky(shifted.as_ref()) {
+            Some(upper) => {
+                solve_lower_triangular_in_place(upper.transpose(), x.as_mat_mut(), Par::Seq);
+                solve_upper_triangular_in_place(upper.as_ref(), x.as_mat_mut(), Par::Seq);
+            }
+            None => x.fill(0.0),
+        }
+        x
+    }
+
+    /// By how much the squares of what is left of the target grow with factors of the columns.
+    fn change(&self, factors: &Col<f64>) -> f64 {
+        let k = self.target.len();
+        let along = |i: usize| {
+            let below: f64 = (0..i).map(|j| self.gram[(i, j)] * factors[j]).sum();
+            self.gram[(i, i)] * factors[i] + 2.0 * below - 2.0 * self.target[i]
+        };
+        (0..k).map(|i| factors[i] * along(i)).sum()
+    }
+}
+
 /// Ridge regression of `target` on columns, judged on blocks that are left out.
 pub(super) fn cross_validated(columns: &[Vec<f64>], target: &[f64], fold: &[usize]) -> Explained {
     let k = columns.len();
-    let mut order: Vec<usize> = (0..fold.len()).collect();
-    order.sort_by_key(|&row| fold[row]);
-    let sorted: Vec<Vec<f64>> = columns.iter().map(|column| order.iter().map(|&row| column[row]).collect()).collect();
-    let y: Vec<f64> = order.iter().map(|&row| target[row]).collect();
-    let energy = dot_in_lanes(&y, &y);
+    let energy = dot_in_lanes(target, target);
     if energy <= 0.0 || k == 0 {
         return Explained { share: 0.0, predicted: vec![0.0; target.len()], coefficients: vec![0.0; k] };
     }
+    // Rows of a fold side by side.
+    let mut order: Vec<usize> = (0..fold.len()).collect();
+    order.sort_by_key(|&row| fold[row]);
+    let sorted = Mat::from_fn(order.len(), k, |row, column| columns[column][order[row]]);
+    let y: Vec<f64> = order.iter().map(|&row| target[row]).collect();
     let mut ranges = Vec::new();
     let mut first = 0;
     for index in 0..FOLDS {
@@ -132,81 +196,23 @@ pub(super) fn cross_validated(columns: &[Vec<f64>], target: &[f64], fold: &[usiz
         ranges.push(first..end);
         first = end;
     }
-    let grams: Vec<(Vec<f64>, Vec<f64>)> = ranges
-        .iter()
-        .map(|range| {
-            let mut gram = vec![0.0; k * k];
-            for i in 0..k {
-                for j in 0..=i {
-                    let value = dot_in_lanes(&sorted[i][range.clone()], &sorted[j][range.clone()]);
-                    gram[i * k + j] = value;
-                    gram[j * k + i] = value;
-                }
-            }
-            let b = sorted.iter().map(|column| dot_in_lanes(&column[range.clone()], &y[range.clone()])).collect();
-            (gram, b)
-        })
-        .collect();
-    let sum = |skip: Option<usize>| {
-        let mut total = (vec![0.0; k * k], vec![0.0; k]);
-        for (_, (gram, b)) in grams.iter().enumerate().filter(|(index, _)| Some(*index) != skip) {
-            total.0.iter_mut().zip(gram).for_each(|(t, g)| *t += g);
-            total.1.iter_mut().zip(b).for_each(|(t, b)| *t += b);
-        }
-        total
+    let rows = |range: &Range<usize>| sorted.as_ref().subrows(range.start, range.len());
+    let products: Vec<RidgeSums> = ranges.iter().map(|range| RidgeSums::new(rows(range), &y[range.clone()])).collect();
+    let others: Vec<RidgeSums> = (0..FOLDS).map(|index| RidgeSums::sum(&products, Some(index))).collect();
+    let with = |penalty: f64| {
+        let all: Vec<Col<f64>> = others.iter().map(|others| others.ridge(penalty)).collect();
+        let left: f64 = products.iter().zip(&all).map(|(own, x)| own.change(x)).sum();
+        (left, penalty, all)
     };
-    let sums: Vec<(Vec<f64>, Vec<f64>)> = (0..FOLDS).map(|index| sum(Some(index))).collect();
-    let mut best: Option<(f64, f64, Vec<Vec<f64>>)> = None;
-    for penalty in PENALTIES {
-        let mut left = 0.0;
-        let mut all = Vec::new();
-        for (index, (gram, b)) in sums.iter().enumerate() {
-            let x = ridge(gram, b, penalty);
-            let (own, own_b) = &grams[index];
-            let quadratic: f64 = (0..k).map(|i| x[i] * dot_in_lanes(&own[i * k..(i + 1) * k], &x)).sum();
-            let linear: f64 = own_b.iter().zip(&x).map(|(b, x)| b * x).sum();
-            left += quadratic - 2.0 * linear;
-            all.push(x);
-        }
-        if best.as_ref().is_none_or(|(least, ..)| left < *least) {
-            best = Some((left, penalty, all));
-        }
-    }
+    let best = PENALTIES.into_iter().map(with).min_by(|a, b| a.0.total_cmp(&b.0));
     let (left, penalty, all) = best.expect("some penalties");
     let mut predicted = vec![0.0; target.len()];
-    for (range, x) in ranges.into_iter().zip(&all) {
-        for row in range {
-            predicted[order[row]] = sorted.iter().zip(x).map(|(column, x)| column[row] * x).sum();
-        }
+    for (range, x) in ranges.iter().zip(&all) {
+        let own = rows(range) * x;
+        range.clone().zip(own.iter()).for_each(|(row, own)| predicted[order[row]] = *own);
     }
-    let (gram, b) = sum(None);
-    Explained { share: -left / energy, predicted, coefficients: ridge(&gram, &b, penalty) }
-}
-
-/// Solves (G + penalty · mean of the diagonal · 1) x = b by Cholesky.
-fn ridge(gram: &[f64], b: &[f64], penalty: f64) -> Vec<f64> {
-    let k = b.len();
-    let mean = (0..k).map(|i| gram[i * k + i]).sum::<f64>() / k as f64;
-    let shift = penalty * mean + f64::MIN_POSITIVE;
-    let mut l = vec![0.0; k * k];
-    let mut x = b.to_vec();
-    for i in 0..k {
-        for j in 0..=i {
-            let sum = dot_in_lanes(&l[i * k..i * k + j], &l[j * k..j * k + j]);
-            let value = gram[i * k + j] - sum;
-            if i == j {
-                l[i * k + i] = (value + shift).max(1e-12 * mean + f64::MIN_POSITIVE).sqrt();
-            } else {
-                l[i * k + j] = value / l[j * k + j];
-            }
-        }
-        x[i] = (x[i] - dot_in_lanes(&l[i * k..i * k + i], &x[..i])) / l[i * k + i];
-    }
-    for i in (0..k).rev() {
-        let sum: f64 = (i + 1..k).map(|m| l[m * k + i] * x[m]).sum();
-        x[i] = (x[i] - sum) / l[i * k + i];
-    }
-    x
+    let coefficients = RidgeSums::sum(&products, None).ridge(penalty).iter().copied().collect();
+    Explained { share: -left / energy, predicted, coefficients }
 }
 
 /// Mean and standard deviation; the latter never zero.
