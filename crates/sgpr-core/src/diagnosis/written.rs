@@ -1,9 +1,9 @@
 //! The model that is written: which findings enter it.
 //!
-//! It is identified anew, with all constants, in the way in which the given model was, and must be better than that one on
-//! motion that no fit saw. What a prediction errs by there is the error on parts of the logs that were left out, what is
-//! beyond the band of the equations, and what parameters that the logs do not determine make of positions that they do
-//! not show.
+//! It is identified anew, with all constants, by weighted least squares, with the prior and the consistency of the given
+//! model, and must be better than that one on motion that no fit saw. What a prediction errs by there is the error on parts
+//! of the logs that were left out, what is beyond the band of the equations, and what parameters that the logs do not
+//! determine make of positions that they do not show.
 
 use rayon::prelude::*;
 
@@ -76,7 +76,7 @@ pub(super) fn written(
     }
 }
 
-/// The model with these terms, all parameters identified anew from the logs in the way in which it was identified.
+/// The model with these terms, all parameters identified anew from the logs, with the prior and the consistency that it has.
 pub(super) fn identified_again(
     search: &Search<'_>,
     model: &TorqueModel,
