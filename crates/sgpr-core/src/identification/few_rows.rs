@@ -41,6 +41,7 @@ impl Estimate {
     pub fn widen_for_few_rows(&mut self, factors: &[JointFactor], correlation: &[f64]) {
         let unknowns = self.values.len();
         let noise: Vec<f64> = self.weights.iter().map(|weight| weight * self.unit).collect();
+        // Of all rows alike, as the products below: `whitened` of a robust or a recursive fit has fewer.
         let inverse = Solution::new(&stack(factors, unknowns, &noise), &self.values).inverse;
         let (mut own, mut all) = (vec![0.0; unknowns], vec![0.0; unknowns]);
         for index in (0..factors.len()).filter(|&index| self.weights[index].is_finite()) {

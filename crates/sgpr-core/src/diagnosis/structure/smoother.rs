@@ -139,14 +139,13 @@ impl RidgeSums {
 
     /// All of them but one, or all.
     fn sum(all: &[Self], skip: Option<usize>) -> Self {
-        let kept = all.iter().enumerate().filter(|(index, _)| Some(*index) != skip).map(|(_, own)| own);
-        kept.fold(Self { gram: Mat::zeros(0, 0), target: vec![] }, |sum, own| {
-            if sum.target.is_empty() {
-                return Self { gram: own.gram.clone(), target: own.target.clone() };
-            }
-            let target = sum.target.iter().zip(&own.target).map(|(a, b)| a + b).collect();
-            Self { gram: sum.gram + &own.gram, target }
-        })
+        let k = all[0].target.len();
+        let mut sum = Self { gram: Mat::zeros(k, k), target: vec![0.0; k] };
+        for (_, own) in all.iter().enumerate().filter(|(index, _)| Some(*index) != skip) {
+            sum.gram += &own.gram;
+            sum.target.iter_mut().zip(&own.target).for_each(|(sum, x)| *sum += x);
+        }
+        sum
     }
 
     /// Solves (G + penalty · mean of the diagonal · 1) x = b.
