@@ -244,6 +244,15 @@ fn an_arm_of_which_one_joint_stands_still_has_an_answer_from_every_estimator() {
 }
 
 #[test]
+fn a_handful_of_rows_in_which_a_joint_stands_still_has_an_answer_or_is_refused() {
+    let robot = two_link();
+    let log = Change::Period(1001).apply(&Change::Still(1).apply(&log(0.0)));
+    for options in requests() {
+        println!("{:?}: {:?}", options.method, through_identification(&robot, &[log.clone()], &options).err());
+    }
+}
+
+#[test]
 fn every_estimator_answers_or_says_what_is_wrong() {
     let robot = two_link();
     for options in requests() {
