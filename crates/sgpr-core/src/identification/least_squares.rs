@@ -356,7 +356,7 @@ pub(super) fn unit_noise(
         rows += freedom[index];
     }
     // Without noise the unit is what rounding leaves of the torque.
-    let size: f64 = factors.iter().zip(weights).map(|(factor, weight)| torque_norm(factor) / weight).sum();
+    let size: f64 = factors.iter().zip(weights).map(|(factor, weight)| size(factor) / weight).sum();
     (squares / rows).sqrt().max(1e-9 * size / f64::sqrt(rows)).max(f64::MIN_POSITIVE)
 }
 
@@ -364,14 +364,20 @@ pub(super) fn torque_norm(factor: &JointFactor) -> f64 {
     factor.factor.col(factor.factor.ncols() - 1).norm_l2()
 }
 
+/// Norm of the torques; equations whose right-hand side is but rounding are measured by their left one.
+fn size(factor: &JointFactor) -> f64 {
+    torque_norm(factor).max(1e-6 * factor.factor.norm_max())
+}
+
+/// Share of a torque below which no noise is told apart from none.
+pub(super) const TRIFLE: f64 = 1e-10;
+
 /// Noise levels that can be divided by, none below `least` or what is known of the rows: a joint without noise gets a trifle
 /// of its torque.
 pub(super) fn floored(noise: &[f64], factors: &[JointFactor], least: &[f64]) -> Vec<f64> {
-    // Equations whose right-hand side is but rounding are measured by their left one.
-    let size = |joint: &JointFactor| torque_norm(joint).max(1e-6 * joint.factor.norm_max());
     let torque = |joint: &JointFactor| size(joint) / (joint.rows.max(1) as f64).sqrt();
     let floors =
-        factors.iter().zip(least).map(|(joint, least)| least.max(joint.least_noise).max(1e-10 * torque(joint)));
+        factors.iter().zip(least).map(|(joint, least)| least.max(joint.least_noise).max(TRIFLE * torque(joint)));
     noise.iter().zip(floors).map(|(noise, floor)| noise.max(floor).max(f64::MIN_POSITIVE)).collect()
 }
 

@@ -3,8 +3,9 @@
 use faer::Mat;
 use serde::{Deserialize, Serialize};
 
+use super::forecast::variances;
 use super::least_squares::{
-    MOST_ITERATIONS, ParameterExcitation, SAME_WEIGHTS, floored, least_noise, residual_noise, stack,
+    MOST_ITERATIONS, ParameterExcitation, SAME_WEIGHTS, TRIFLE, floored, least_noise, residual_noise, stack,
     triangular_solution, unit_noise,
 };
 use super::prior::{ParameterPrior, Posterior, non_negative, refused};
@@ -161,12 +162,13 @@ impl LeastSquares {
         let unknowns = prior.mean().len();
         let inflation: Vec<f64> = (0..factors.len()).map(|index| self.correlation_of(index)).collect();
         let mut now = self.start(factors, prior)?;
+        let least = resolved(factors, &prior.covariance());
         let mut prior = prior.clone();
         for iteration in 1.. {
             now.iterations += 1;
             let unit = unit_noise(factors, &now.weights, &now.noise, &now.freedom, &inflation);
             let whitened = faer::Scale(1.0 / unit) * stack(factors, unknowns, &now.weights);
-            let levels = now.levels(factors, &inflation);
+            let levels = now.levels(factors, &inflation, &least);
             let data = informed(&stack(factors, unknowns, &levels), &triangular_solution(&whitened, prior.mean()));
             if iteration <= CHOICES {
                 prior = width.of(prior, &data);
@@ -265,8 +267,14 @@ struct WeightStart {
 impl WeightStart {
     /// Noise of each factor with its memory counted; infinite for those left out. Rows at rest that
     /// least squares follows, fewer than their columns, have the noise that it weighed them by.
-    fn levels(&self, factors: &[JointFactor], inflation: &[f64]) -> Vec<f64> {
-        let least = if self.few { vec![0.0; factors.len()] } else { least_noise(&self.weights, factors) };
+    ///
+    /// - `least`: noise below which none comes
+    fn levels(&self, factors: &[JointFactor], inflation: &[f64], least: &[f64]) -> Vec<f64> {
+        let mut least = least.to_vec();
+        if !self.few {
+            let weighed = least_noise(&self.weights, factors);
+            least.iter_mut().zip(weighed).for_each(|(least, weighed)| *least = least.max(weighed));
+        }
         let noise = floored(&self.noise, factors, &least);
         let pairs = noise.iter().zip(inflation).zip(&self.weights);
         let level = |((noise, inflation), weight): ((&f64, &f64), &f64)| {
@@ -288,6 +296,13 @@ impl WeightStart {
         let change = |(new, old): (&f64, &f64)| if old.is_finite() { (new / old - 1.0).abs() } else { 0.0 };
         self.weights.iter().zip(&before).map(change).fold(0.0, f64::max)
     }
+}
+
+/// Noise of each factor, a trifle of the torque that parameters of a covariance make: rows that knew more would leave no digit
+/// to a prior of this covariance.
+fn resolved(factors: &[JointFactor], covariance: &Mat<f64>) -> Vec<f64> {
+    let of = |factor: &JointFactor| TRIFLE * (variances(covariance, factor) / factor.rows.max(1) as f64).sqrt();
+    factors.iter().map(of).collect()
 }
 
 /// Rows of each factor less those that the posterior mean follows: the trace of what turns torques into predictions.

@@ -244,12 +244,20 @@ fn an_arm_of_which_one_joint_stands_still_has_an_answer_from_every_estimator() {
 }
 
 #[test]
-fn a_handful_of_rows_in_which_a_joint_stands_still_has_an_answer_or_is_refused() {
+fn what_makes_the_robot_file_next_to_nothing_has_an_answer_or_is_refused() {
     let robot = two_link();
-    let log = Change::Period(1001).apply(&Change::Still(1).apply(&log(0.0)));
-    for options in requests() {
-        println!("{:?}: {:?}", options.method, through_identification(&robot, &[log.clone()], &options).err());
+    for change in [Change::Period(1001), Change::ScaleTorqueOf(0, -4.9e-27)] {
+        let log = change.apply(&Change::Still(1).apply(&log(0.0)));
+        for options in requests() {
+            println!("{:?}: {:?}", options.method, through_identification(&robot, &[log.clone()], &options).err());
+        }
     }
+    let tiny = Change::ScaleTorque(9.999999999999999e-33)
+        .apply(&Change::ScalePosition(3.885143517485852e-76).apply(&log(0.0)));
+    println!(
+        "{:?}",
+        through_identification(&robot, &[tiny], &IdentifyOptions { prior: None, ..options(Method::Wls) }).err()
+    );
 }
 
 #[test]
