@@ -73,6 +73,18 @@ impl BaseParameters {
         Self::from_selection(select_columns(&random_columns(other, set), &order, TOLERANCE), set)
     }
 
+    /// The same with columns that a set has after those of this one, each a base parameter of its own.
+    pub(crate) fn with_later_columns(mut self, set: &ParameterSet) -> Self {
+        let later = self.parameters.len()..set.len();
+        self.combinations.resize(self.rank() + later.len(), Vec::new());
+        self.classes.resize(set.len(), ParameterClass::Alone);
+        self.names.extend_from_slice(&set.names()[later.clone()]);
+        self.units.extend_from_slice(&set.units()[later.clone()]);
+        self.parameters = set.names().to_vec();
+        self.independent.extend(later);
+        self
+    }
+
     /// The same from the robot's geometry, without a random motion: the subspace by the recursive parameter null space
     /// (Wensing, Niemeyer, Slotine (2024)), the choice of parameters as in [`Self::new`]. The two agree for robots whose
     /// file is exact to 1e-6; where a right angle is written 1.57 this one sees the difference.

@@ -1,13 +1,16 @@
 //! Torques that are late: the shift against the motion with which they fit best.
 
 use std::collections::HashMap;
-use std::collections::hash_map::Entry;
 
-use super::super::{Equations, IdentificationError, JointFactor, LeastSquares, Method, Trajectory};
+use faer::Mat;
+
+use super::super::{
+    BaseParameters, Equations, IdentificationError, JointFactor, LeastSquares, Method, Trajectory, TrajectoryColumn,
+};
 use super::Finding;
 
-/// Torques that are late or early: all together, and single joints beside them. Goes through the data some seven times,
-/// and more often where torques are late by more than ten milliseconds.
+/// Torques that are late or early: all together, and single joints beside them. Goes through the data twice, and more often
+/// where torques are late by more than ten milliseconds.
 ///
 /// Dry friction near a turn of its joint is torque that seems to come at another time: give equations without the rows
 /// there.
@@ -26,24 +29,41 @@ pub fn screen_delays(
     // Ten milliseconds, or a few samples where they are farther apart.
     let coarse = (0.01 * rate).round().max(2.0) as isize;
     let mut residuals = ShiftedResiduals { equations, known: HashMap::new() };
-    let here = residuals.at(0)?.clone();
-    let judged: Vec<usize> = (0..joints.len()).filter(|&joint| here.own[joint].is_some()).collect();
-    let own = |of: &Residuals, joint: usize| of.own[joint].unwrap_or(f64::INFINITY);
+    residuals.know(&[-coarse, 0, coarse])?;
+    let here = &residuals.known[&0].own;
+    let judged: Vec<usize> = (0..joints.len()).filter(|&joint| here[joint].is_some()).collect();
+    let alone = || judged.iter().copied().filter(|_| joints.len() > 1);
+    let mut firsts = HashMap::new();
+    for joint in std::iter::once(None).chain(alone().map(Some)) {
+        if let Some(first) = Shift::coarse(coarse, &mut |shift| residuals.of(joint, shift))? {
+            firsts.insert(joint, first);
+        }
+    }
+    let fine = (coarse / 4).max(1);
+    residuals.know(&firsts.values().flat_map(|first| first.around(fine)).collect::<Vec<_>>())?;
+    let mut best = |joint: Option<usize>| -> Result<Option<Shift>, IdentificationError> {
+        let Some(first) = firsts.get(&joint) else { return Ok(None) };
+        let fit = first.finer(fine, &mut |shift| residuals.of(joint, shift))?;
+        Ok(fit.is_inside(coarse).then_some(fit))
+    };
+    let together = best(None)?;
+    let fits = alone().map(|joint| Ok((joint, best(Some(joint))?))).collect::<Result<Vec<_>, IdentificationError>>()?;
     let mut findings = Vec::new();
     let mut common = 0;
-    if let Some(fit) = Shift::best(coarse, &mut |shift| Ok(residuals.at(shift)?.together))? {
-        let (shift, gain) = (fit.samples.round() as isize, fit.gain(here.together));
-        let there = residuals.at(shift)?;
-        let better = judged.iter().filter(|&&joint| own(there, joint) < own(&here, joint)).count();
+    if let Some(fit) = together {
+        let (shift, gain) = (fit.samples.round() as isize, fit.gain(residuals.of(None, 0)?));
+        let mut better = 0;
+        for &joint in &judged {
+            better += usize::from(residuals.of(Some(joint), shift)? < residuals.of(Some(joint), 0)?);
+        }
         if fit.samples.abs() > SAMPLES && gain > TOGETHER && 2 * better > judged.len() {
             common = shift;
             findings.push(Finding::AllLate { seconds: fit.samples / rate, gain });
         }
     }
-    for &joint in judged.iter().filter(|_| joints.len() > 1) {
-        let beside = own(residuals.at(common)?, joint);
-        let Some(fit) = Shift::best(coarse, &mut |shift| Ok(own(residuals.at(shift)?, joint)))? else { continue };
-        let gain = fit.gain(beside);
+    for (joint, fit) in fits {
+        let Some(fit) = fit else { continue };
+        let gain = fit.gain(residuals.of(Some(joint), common)?);
         if (fit.samples - common as f64).abs() > SAMPLES && gain > ALONE {
             findings.push(Finding::Late { joint: joints[joint].clone(), seconds: fit.samples / rate, gain });
         }
@@ -71,43 +91,102 @@ struct ShiftedResiduals<'e, 'a> {
 struct Residuals {
     /// Of each joint with parameters of its own; none if it has too few rows.
     own: Vec<Option<f64>>,
-    /// Geometric mean over the rows of all joints, with the parameters of one arm.
-    together: f64,
+    /// Geometric mean over the rows of all joints, with the parameters of one arm, once it was asked for.
+    together: Option<f64>,
+    /// Of the joints in motion.
+    factors: Vec<JointFactor>,
 }
 
 impl ShiftedResiduals<'_, '_> {
-    fn at(&mut self, shift: isize) -> Result<&Residuals, IdentificationError> {
-        Ok(match self.known.entry(shift) {
-            Entry::Occupied(found) => found.into_mut(),
-            Entry::Vacant(place) => place.insert(residuals_at(self.equations, shift)?),
-        })
+    /// Of one joint, or of all together.
+    fn of(&mut self, joint: Option<usize>, shift: isize) -> Result<f64, IdentificationError> {
+        self.know(&[shift])?;
+        let residuals = self.known.get_mut(&shift).expect("just made");
+        match joint {
+            Some(joint) => Ok(residuals.own[joint].unwrap_or(f64::INFINITY)),
+            None => residuals.together(self.equations.base()),
+        }
+    }
+
+    /// Residuals at several shifts, by one pass through the data: the rows have all the shifted torques.
+    fn know(&mut self, shifts: &[isize]) -> Result<(), IdentificationError> {
+        let mut shifts: Vec<isize> = shifts.iter().copied().filter(|shift| !self.known.contains_key(shift)).collect();
+        shifts.sort_unstable();
+        shifts.dedup();
+        if shifts.is_empty() {
+            return Ok(());
+        }
+        let equations = self.equations;
+        let n = equations.robot().dof();
+        let column = |shift: &isize| TrajectoryColumn {
+            name: format!("torque {shift} samples later"),
+            unit: "",
+            joint: None,
+            non_negative: false,
+            size: 1.0,
+        };
+        let set = equations.parameter_set().clone().with_trajectory_columns(shifts.iter().map(column).collect());
+        let base = equations.base().clone().with_later_columns(&set);
+        let columns = |trajectory: &Trajectory<'_>| -> Vec<Vec<f64>> {
+            let moved = shifts.iter().map(|shift| shifted(trajectory.tau, n, *shift));
+            trajectory.columns.iter().cloned().chain(moved).collect()
+        };
+        let columns: Vec<Vec<Vec<f64>>> = equations.trajectories().iter().map(columns).collect();
+        let trajectories = equations.trajectories().iter().zip(&columns);
+        let trajectories = trajectories.map(|(trajectory, columns)| Trajectory { columns, ..*trajectory }).collect();
+        let mut factors = Equations::new(equations.robot(), &set, &base, trajectories).factors()?;
+        factors.retain(|factor| !factor.resting);
+        for (index, shift) in shifts.iter().enumerate() {
+            let own = factors.iter().map(|factor| of_column(factor, shifts.len(), index)).collect();
+            self.known.insert(*shift, Residuals::new(n, own));
+        }
+        Ok(())
     }
 }
 
-fn residuals_at(equations: &Equations<'_>, shift: isize) -> Result<Residuals, IdentificationError> {
-    // Rows for each parameter without which a small residual means nothing.
-    const ROWS: usize = 3;
-    let n = equations.robot().dof();
-    let moved: Vec<Vec<f64>> =
-        equations.trajectories().iter().map(|trajectory| shifted(trajectory.tau, n, shift)).collect();
-    let trajectories = equations.trajectories().iter().zip(&moved);
-    let trajectories = trajectories.map(|(trajectory, tau)| Trajectory { tau, ..*trajectory }).collect();
-    let others = Equations::new(equations.robot(), equations.parameter_set(), equations.base(), trajectories);
-    let factors: Vec<JointFactor> = others.factors()?.into_iter().filter(|factor| !factor.resting).collect();
-    let mut own = vec![None; n];
-    for factor in factors.iter().filter(|factor| factor.rows > ROWS * factor.columns.len()) {
-        let last = factor.factor.ncols() - 1;
-        own[factor.joint] = Some(factor.factor[(last, last)].powi(2));
+/// The factor with one of the last columns before the torque, of which there are `later`, in the place of the torque.
+fn of_column(factor: &JointFactor, later: usize, index: usize) -> JointFactor {
+    let count = factor.columns.len() - later;
+    let below = factor.factor.col(count + index).subrows(count, factor.factor.nrows() - count);
+    let entry = |i: usize, j: usize| match (i < count, j < count) {
+        (true, true) => factor.factor[(i, j)],
+        (true, false) => factor.factor[(i, count + index)],
+        (false, true) => 0.0,
+        (false, false) => below.norm_l2(),
+    };
+    let triangle = Mat::from_fn(count + 1, count + 1, entry);
+    JointFactor { columns: factor.columns[..count].to_vec(), factor: triangle, ..factor.clone() }
+}
+
+impl Residuals {
+    /// - `factors`: of the joints in motion
+    fn new(joints: usize, factors: Vec<JointFactor>) -> Self {
+        // Rows for each parameter without which a small residual means nothing.
+        const ROWS: usize = 3;
+        let mut own = vec![None; joints];
+        for factor in factors.iter().filter(|factor| factor.rows > ROWS * factor.columns.len()) {
+            let last = factor.factor.ncols() - 1;
+            own[factor.joint] = Some(factor.factor[(last, last)].powi(2));
+        }
+        Self { own, together: None, factors }
     }
-    let nominal = vec![0.0; equations.base().rank()];
-    let noise = LeastSquares::new(Method::Wls).solve(&factors, equations.base(), &nominal)?.noise;
-    let counted = factors.iter().zip(&noise).filter(|(factor, noise)| own[factor.joint].is_some() && **noise > 0.0);
-    let (mut sum, mut rows) = (0.0, 0.0);
-    for (factor, noise) in counted {
-        sum += factor.rows as f64 * 2.0 * noise.ln();
-        rows += factor.rows as f64;
+
+    fn together(&mut self, base: &BaseParameters) -> Result<f64, IdentificationError> {
+        if let Some(known) = self.together {
+            return Ok(known);
+        }
+        let noise = LeastSquares::new(Method::Wls).solve(&self.factors, base, &vec![0.0; base.rank()])?.noise;
+        let pairs = self.factors.iter().zip(&noise);
+        let counted = pairs.filter(|(factor, noise)| self.own[factor.joint].is_some() && **noise > 0.0);
+        let (mut sum, mut rows) = (0.0, 0.0);
+        for (factor, noise) in counted {
+            sum += factor.rows as f64 * 2.0 * noise.ln();
+            rows += factor.rows as f64;
+        }
+        let together = if rows > 0.0 { (sum / rows).exp() } else { 0.0 };
+        self.together = Some(together);
+        Ok(together)
     }
-    Ok(Residuals { own, together: if rows > 0.0 { (sum / rows).exp() } else { 0.0 } })
 }
 
 /// Farthest shift that is looked for: the coarse one, doubled this often.
@@ -165,20 +244,34 @@ impl Shift {
         })
     }
 
-    /// The vertex close to the shift with the least squared residual; none if that is none.
-    fn best(
+    /// The vertex about the shift with the least squared residual, in steps of `coarse`; none if that is none.
+    fn coarse(
         coarse: isize,
         residual: &mut impl FnMut(isize) -> Result<f64, IdentificationError>,
     ) -> Result<Option<Self>, IdentificationError> {
         let centre = least_shift(coarse, residual)?;
-        let mut around = |centre: isize, step: isize| -> Result<Option<Self>, IdentificationError> {
-            Ok(Self::new(centre, step, [residual(centre - step)?, residual(centre)?, residual(centre + step)?]))
-        };
-        let Some(first) = around(centre, coarse)? else { return Ok(None) };
-        // The residual is no parabola far from its minimum: once more close to it.
-        let fit = around(first.samples.round() as isize, (coarse / 4).max(1))?.unwrap_or(first);
-        // A residual that falls to the end of what was looked at has no minimum there.
-        Ok((fit.samples.abs() <= (coarse << DOUBLINGS) as f64).then_some(fit))
+        Ok(Self::new(centre, coarse, [residual(centre - coarse)?, residual(centre)?, residual(centre + coarse)?]))
+    }
+
+    /// The shifts about this one.
+    fn around(&self, step: isize) -> [isize; 3] {
+        let centre = self.samples.round() as isize;
+        [centre - step, centre, centre + step]
+    }
+
+    /// The vertex close to this one, or this one: the residual is no parabola far from its minimum.
+    fn finer(
+        &self,
+        step: isize,
+        residual: &mut impl FnMut(isize) -> Result<f64, IdentificationError>,
+    ) -> Result<Self, IdentificationError> {
+        let [before, centre, after] = self.around(step);
+        Ok(Self::new(centre, step, [residual(before)?, residual(centre)?, residual(after)?]).unwrap_or(*self))
+    }
+
+    /// Whether it lies within what was looked at: a residual that falls to the end of that has no minimum there.
+    fn is_inside(&self, coarse: isize) -> bool {
+        self.samples.abs() <= (coarse << DOUBLINGS) as f64
     }
 
     /// Share of the residual that the shift saves.

@@ -1,5 +1,7 @@
 //! Whether results hinge on the cut-off of the filter.
 
+use rayon::prelude::*;
+
 use super::fit::fit;
 use super::{Given, IdentifyError, IdentifyOptions, set_of};
 use crate::model::TorqueModel;
@@ -46,17 +48,17 @@ pub fn cutoff_influence(
         consistency.prior.relative_deviation = deviation;
     }
     let options = &options;
-    let mut influences = Vec::new();
+    /// Fits between two words to the listener.
+    const AT_ONCE: usize = 2;
     let factors = [0.5, std::f64::consts::FRAC_1_SQRT_2, std::f64::consts::SQRT_2, 2.0];
-    for (index, factor) in factors.into_iter().enumerate() {
-        progress.step("other cut-offs", index, factors.len())?;
+    let at = |factor: &f64| -> Result<Option<CutoffInfluence>, IdentifyError> {
         let mut conditioning = options.conditioning.clone();
         conditioning.cutoff_hz = Some(factor * processing.cutoff_hz);
-        let Ok((processing, _)) = Processing::choose(&recordings, &conditioning) else { continue };
+        let Ok((processing, _)) = Processing::choose(&recordings, &conditioning) else { return Ok(None) };
         let other = match fit(robot, &apart, options, &processing, Given::default(), &()) {
             Ok((model, ..)) => model,
             // Twice the cut-off can lie beyond what the sampling rate holds.
-            Err(IdentifyError::Signal(_) | IdentifyError::Motion(_)) => continue,
+            Err(IdentifyError::Signal(_) | IdentifyError::Motion(_)) => return Ok(None),
             Err(error) => return Err(error),
         };
         let values = &other.fit.as_ref().expect("just fitted").values;
@@ -65,12 +67,19 @@ pub fn cutoff_influence(
             .filter(|(_, deviation)| deviation.is_finite() && **deviation > 0.0)
             .map(|((new, old), deviation)| (new - old).abs() / deviation)
             .collect();
-        influences.push(CutoffInfluence {
+        Ok(Some(CutoffInfluence {
             cutoff_hz: processing.cutoff_hz,
             largest_change: changes.iter().fold(0.0, |largest, change| largest.max(*change)),
             typical_change: (changes.iter().map(|c| c * c).sum::<f64>() / changes.len().max(1) as f64).sqrt(),
             model: other,
-        });
+        }))
+    };
+    let mut influences = Vec::new();
+    for (index, some) in factors.chunks(AT_ONCE).enumerate() {
+        progress.step("other cut-offs", AT_ONCE * index, factors.len())?;
+        for influence in some.par_iter().map(at).collect::<Vec<_>>() {
+            influences.extend(influence?);
+        }
     }
     Ok(influences)
 }
