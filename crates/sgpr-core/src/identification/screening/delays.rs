@@ -10,7 +10,7 @@ use super::super::{
 use super::Finding;
 
 /// Torques that are late or early: all together, and single joints beside them. Goes through the data twice, and more often
-/// where torques are late by more than ten milliseconds.
+/// where torques seem late by more than ten milliseconds.
 ///
 /// Dry friction near a turn of its joint is torque that seems to come at another time: give equations without the rows
 /// there.
@@ -35,7 +35,7 @@ pub fn screen_delays(
     let alone = || judged.iter().copied().filter(|_| joints.len() > 1);
     let mut firsts = HashMap::new();
     for joint in std::iter::once(None).chain(alone().map(Some)) {
-        if let Some(first) = Shift::coarse(coarse, &mut |shift| residuals.of(joint, shift))? {
+        if let Some(first) = residuals.coarse_shift(joint, coarse)? {
             firsts.insert(joint, first);
         }
     }
@@ -43,7 +43,8 @@ pub fn screen_delays(
     residuals.know(&firsts.values().flat_map(|first| first.around(fine)).collect::<Vec<_>>())?;
     let mut best = |joint: Option<usize>| -> Result<Option<Shift>, IdentificationError> {
         let Some(first) = firsts.get(&joint) else { return Ok(None) };
-        let fit = first.finer(fine, &mut |shift| residuals.of(joint, shift))?;
+        // The residual is no parabola far from its minimum.
+        let fit = residuals.vertex(joint, first.samples.round() as isize, fine)?.unwrap_or(*first);
         Ok(fit.is_inside(coarse).then_some(fit))
     };
     let together = best(None)?;
@@ -98,6 +99,64 @@ struct Residuals {
 }
 
 impl ShiftedResiduals<'_, '_> {
+    /// The vertex about the shift with the least squared residual, in steps of `coarse`; none if that is none.
+    fn coarse_shift(&mut self, joint: Option<usize>, coarse: isize) -> Result<Option<Shift>, IdentificationError> {
+        let centre = self.least_shift(joint, coarse)?;
+        self.vertex(joint, centre, coarse)
+    }
+
+    /// The shift, in steps of about `coarse`, with the least residual: outwards in doubled steps as long as it falls, then
+    /// back in halved ones.
+    fn least_shift(&mut self, joint: Option<usize>, coarse: isize) -> Result<isize, IdentificationError> {
+        let reaches: Vec<isize> = (0..=DOUBLINGS).map(|doubling| coarse << doubling).collect();
+        let mut centre = 0;
+        for reach in &reaches {
+            let next = self.least_of(joint, [centre, -reach, *reach])?;
+            if next == centre {
+                break;
+            }
+            centre = next;
+            // Who goes on may go far.
+            self.know(&reaches.iter().flat_map(|reach| [-reach, *reach]).collect::<Vec<_>>())?;
+        }
+        let mut step = centre.abs() / 2;
+        while step >= coarse {
+            let [before, _, after] = around(centre, step);
+            centre = self.least_of(joint, [centre, before, after])?;
+            step /= 2;
+        }
+        Ok(centre)
+    }
+
+    /// The first of some shifts with the least residual.
+    fn least_of(&mut self, joint: Option<usize>, shifts: [isize; 3]) -> Result<isize, IdentificationError> {
+        self.know(&shifts)?;
+        let (mut least, mut best) = (f64::INFINITY, shifts[0]);
+        for shift in shifts {
+            let found = self.of(joint, shift)?;
+            if found < least {
+                (least, best) = (found, shift);
+            }
+        }
+        Ok(best)
+    }
+
+    /// The vertex through the residuals about a shift.
+    fn vertex(
+        &mut self,
+        joint: Option<usize>,
+        centre: isize,
+        step: isize,
+    ) -> Result<Option<Shift>, IdentificationError> {
+        let shifts = around(centre, step);
+        self.know(&shifts)?;
+        let mut found = [0.0; 3];
+        for (found, shift) in found.iter_mut().zip(shifts) {
+            *found = self.of(joint, shift)?;
+        }
+        Ok(Shift::new(centre, step, found))
+    }
+
     /// Of one joint, or of all together.
     fn of(&mut self, joint: Option<usize>, shift: isize) -> Result<f64, IdentificationError> {
         self.know(&[shift])?;
@@ -192,36 +251,8 @@ impl Residuals {
 /// Farthest shift that is looked for: the coarse one, doubled this often.
 const DOUBLINGS: u32 = 4;
 
-/// The shift, in steps of about `coarse`, with the least residual: outwards in doubled steps as long as it falls, then back
-/// in halved ones.
-fn least_shift(
-    coarse: isize,
-    residual: &mut impl FnMut(isize) -> Result<f64, IdentificationError>,
-) -> Result<isize, IdentificationError> {
-    let (mut centre, mut least) = (0, residual(0)?);
-    for reach in (0..=DOUBLINGS).map(|doubling| coarse << doubling) {
-        let before = centre;
-        for shift in [-reach, reach] {
-            let found = residual(shift)?;
-            if found < least {
-                (centre, least) = (shift, found);
-            }
-        }
-        if centre == before {
-            break;
-        }
-    }
-    let mut step = centre.abs() / 2;
-    while step >= coarse {
-        for shift in [centre - step, centre + step] {
-            let found = residual(shift)?;
-            if found < least {
-                (centre, least) = (shift, found);
-            }
-        }
-        step /= 2;
-    }
-    Ok(centre)
+fn around(centre: isize, step: isize) -> [isize; 3] {
+    [centre - step, centre, centre + step]
 }
 
 /// Vertex of a parabola through the squared residuals at three shifts.
@@ -244,29 +275,9 @@ impl Shift {
         })
     }
 
-    /// The vertex about the shift with the least squared residual, in steps of `coarse`; none if that is none.
-    fn coarse(
-        coarse: isize,
-        residual: &mut impl FnMut(isize) -> Result<f64, IdentificationError>,
-    ) -> Result<Option<Self>, IdentificationError> {
-        let centre = least_shift(coarse, residual)?;
-        Ok(Self::new(centre, coarse, [residual(centre - coarse)?, residual(centre)?, residual(centre + coarse)?]))
-    }
-
     /// The shifts about this one.
     fn around(&self, step: isize) -> [isize; 3] {
-        let centre = self.samples.round() as isize;
-        [centre - step, centre, centre + step]
-    }
-
-    /// The vertex close to this one, or this one: the residual is no parabola far from its minimum.
-    fn finer(
-        &self,
-        step: isize,
-        residual: &mut impl FnMut(isize) -> Result<f64, IdentificationError>,
-    ) -> Result<Self, IdentificationError> {
-        let [before, centre, after] = self.around(step);
-        Ok(Self::new(centre, step, [residual(before)?, residual(centre)?, residual(after)?]).unwrap_or(*self))
+        around(self.samples.round() as isize, step)
     }
 
     /// Whether it lies within what was looked at: a residual that falls to the end of that has no minimum there.
