@@ -512,6 +512,8 @@ impl Solution {
 pub(super) struct Directions {
     /// `[rank, directions]`: base = basis * coordinates.
     pub basis: Mat<f64>,
+    /// The same, a base parameter to a column.
+    by_parameter: Mat<f64>,
     /// Base parameters with a share in an undetermined direction.
     pub undetermined: Vec<bool>,
 }
@@ -523,7 +525,8 @@ impl Directions {
         let determined = determined(&values);
         let basis = Mat::from_fn(norms.len(), determined, |i, k| v[(i, k)] / (norms[i] * values[k]));
         let dark = |i: usize| norms[i].is_infinite() || (determined..norms.len()).any(|k| v[(i, k)].abs() > 1e-6);
-        Self { basis, undetermined: (0..norms.len()).map(dark).collect() }
+        let by_parameter = basis.transpose().to_owned();
+        Self { basis, by_parameter, undetermined: (0..norms.len()).map(dark).collect() }
     }
 
     pub fn len(&self) -> usize {
@@ -534,9 +537,8 @@ impl Directions {
     pub fn add_coordinates(&self, columns: &[usize], row: &[f64], scale: f64, out: &mut [f64]) {
         for (&column, factor) in columns.iter().zip(row) {
             if *factor != 0.0 {
-                for (k, out) in out.iter_mut().enumerate() {
-                    *out += scale * factor * self.basis[(column, k)];
-                }
+                let along = self.by_parameter.col_as_slice(column);
+                out.iter_mut().zip(along).for_each(|(out, along)| *out += scale * factor * along);
             }
         }
     }
