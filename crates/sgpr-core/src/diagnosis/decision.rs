@@ -10,8 +10,6 @@
 //! 3. What is there predicts parts of the logs better, too, that are far from what it was fitted to.
 //! 4. What is less probable than not leaves the model.
 
-use std::sync::LazyLock;
-
 use rayon::prelude::*;
 
 use super::evidence::{Comparison, EVEN, LeftOut, SURE, probability_of, probability_of_fall, weights};
@@ -195,19 +193,18 @@ const HOLDS: f64 = 2.0;
 
 /// `outcome` without the effects that do not predict parts of the logs better which are far from what they were fitted to,
 /// the least sure first: blocks of time between others may be predicted by what this motion alone looks like. What is
-/// in one part alone is not asked.
+/// too short to lie in two parts is not asked.
 fn without_chance(search: &Search<'_>, mut outcome: Outcome) -> Outcome {
     let (problem, noise) = (&search.problem, &search.noise);
     loop {
         let fitted = &outcome.fitted;
-        let with = left_out_parts(problem, fitted, noise);
-        let sure = |k: usize| {
+        let sure = |(k, count): (usize, usize)| {
             let bare = search.bare(fitted, k);
-            let joints = search.joints_of(&fitted.terms()[k]);
-            (k, left_out_parts(problem, &bare, noise).against(&with, problem, &joints).significance())
+            let [without, with] = [&bare, fitted].map(|fit| left_out_parts(problem, fit, noise, count));
+            (k, without.against(&with, problem, &search.joints_of(&fitted.terms()[k])).significance())
         };
-        let is_asked = |k: &usize| search.is_asked_elsewhere(&fitted.terms()[*k]);
-        let asked: Vec<usize> = outcome.news(search).map(|(k, _)| k).filter(is_asked).collect();
+        let asked = |(k, _): (usize, &Accepted)| Some((k, search.parts_to_ask(&fitted.terms()[k])?));
+        let asked: Vec<(usize, usize)> = outcome.news(search).filter_map(asked).collect();
         let all: Vec<(usize, f64)> = asked.into_par_iter().map(sure).collect();
         match all.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, sure)| *sure < HOLDS) {
             Some((chance, _)) => outcome = outcome.without(search, &[chance]),
@@ -242,7 +239,6 @@ fn rejected(search: &Search<'_>, outcome: &Outcome, beside: &Beside) -> Vec<(Str
     const LIKELIEST: usize = 6;
     let (problem, own) = (&search.problem, &beside.errors);
     let bare = beside.hypothesis(&outcome.fitted);
-    let parts = LazyLock::new(|| left_out_parts(problem, &outcome.fitted, &search.noise));
     let found = |term: &Term| outcome.fitted.terms().iter().any(|own| own.is_like(term));
     let possible = outcome.ranking.iter().filter(|c| !c.impossible && c.score > 0.0 && !found(&c.term));
     let likeliest: Vec<&Term> = possible.take(LIKELIEST).map(|c| &c.term).collect();
@@ -257,8 +253,9 @@ fn rejected(search: &Search<'_>, outcome: &Outcome, beside: &Beside) -> Vec<(Str
             let factor = with_it.and_then(|with| with.log_bayes_factor(bare, problem));
             let gain = own.against(&with, problem, &joints);
             let elsewhere = || {
-                let with = left_out_parts(problem, &fitted, &search.noise);
-                !search.is_asked_elsewhere(term) || parts.against(&with, problem, &joints).significance() >= HOLDS
+                let Some(count) = search.parts_to_ask(term) else { return true };
+                let parts = [&outcome.fitted, &fitted].map(|fit| left_out_parts(problem, fit, &search.noise, count));
+                parts[0].against(&parts[1], problem, &joints).significance() >= HOLDS
             };
             probability = probability.min(most_probable(search, term, (gain, factor)));
             // What would not have been taken for it is at most as likely as not.

@@ -10,7 +10,7 @@ use super::basis::{Basis, INVISIBLE, INVISIBLE_TANGENT, Noise, gain};
 use super::by_log::{ByLog, LogSums};
 use super::evidence::LeftOut;
 use super::left_out::{FoldFits, Held};
-use super::problem::{Column, Problem};
+use super::problem::{Column, FOLDS, Problem};
 use crate::effects::{Effect, Role, Scale, Site};
 use crate::identification::nearest_load;
 use crate::linalg::dot_in_lanes;
@@ -100,7 +100,7 @@ impl Fitted {
 
     /// The fits that parts of the logs were left out of.
     pub fn part_fits(&self, problem: &Problem, noise: &Noise) -> Arc<FoldFits> {
-        self.parts.get(self, problem, noise, &problem.parts())
+        self.parts.get(self, problem, noise, &problem.parts(FOLDS))
     }
 
     /// The fit without a term, made if it was not asked for before with the same noise.
@@ -478,14 +478,20 @@ pub(super) fn by_log(problem: &Problem, errors: &LeftOut) -> Vec<ByLog> {
     errors.rows.iter().enumerate().map(of_joint).collect()
 }
 
-/// Whether a term begins or ends at a time such that fewer than two parts of the logs are mostly before it or mostly after it:
-/// other parts cannot predict such a part.
-pub(super) fn is_in_one_part(problem: &Problem, term: &Term) -> bool {
+/// Number of parts into which logs are cut so that others can predict what a term makes in any of them: where it begins or ends
+/// at a time, as many as give two that are mostly before that and two mostly after it. None if the finest do not.
+pub(super) fn parts_that_tell(problem: &Problem, term: &Term) -> Option<usize> {
+    [FOLDS, 2 * FOLDS, 4 * FOLDS].into_iter().find(|count| !is_in_one_part(problem, term, *count))
+}
+
+/// Whether fewer than two of so many parts of the logs are mostly before a time at which a term begins or ends, or mostly
+/// after it.
+fn is_in_one_part(problem: &Problem, term: &Term, count: usize) -> bool {
     let times: Vec<f64> = term.times().collect();
     if times.is_empty() {
         return false;
     }
-    let rows = problem.rows.iter().flatten().zip(problem.parts().into_iter().flatten());
+    let rows = problem.rows.iter().flatten().zip(problem.parts(count).into_iter().flatten());
     is_alone(&times, rows.map(|(row, part)| (problem.time_of(*row), part)))
 }
 
@@ -507,9 +513,11 @@ fn is_alone(times: &[f64], rows: impl Iterator<Item = (f64, usize)>) -> bool {
 
 /// Errors in the band, on parts of the logs that were left out of the fit. What begins or ends at a time may be in one part
 /// alone ([`is_in_one_part`]): its torque counts as known.
-pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) -> LeftOut {
-    let known: Vec<bool> = fitted.terms().iter().map(|term| is_in_one_part(problem, term)).collect();
-    if !known.contains(&true) {
+///
+/// - `count`: parts
+pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise, count: usize) -> LeftOut {
+    let known: Vec<bool> = fitted.terms().iter().map(|term| is_in_one_part(problem, term, count)).collect();
+    if count == FOLDS && !known.contains(&true) {
         return fitted.part_fits(problem, noise).errors();
     }
     let mut target = fitted.target.to_vec();
@@ -530,7 +538,7 @@ pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise) 
         }
     }
     let held = Held { file: &problem.priors, precision: &precision };
-    FoldFits::new(&columns, &target.into(), (noise, held), (&problem.parts(), None)).errors()
+    FoldFits::new(&columns, &target.into(), (noise, held), (&problem.parts(count), None)).errors()
 }
 
 /// Errors in the band on fifths of the positions of a joint, and on fifths of its speeds, that were left out of the fit:
@@ -564,10 +572,15 @@ mod tests {
 
     #[test]
     fn a_change_is_predicted_by_parts_on_both_sides_of_it() {
-        // Five parts of 10 s.
-        let is_alone = |times: &[f64]| is_alone(times, (0..500).map(|row| (0.1 * f64::from(row), row as usize / 100)));
-        assert!(!is_alone(&[18.0]) && !is_alone(&[32.0]) && !is_alone(&[12.0, 34.0]));
+        // Of 50 s.
+        let is_alone = |parts: usize, times: &[f64]| {
+            is_alone(times, (0..500).map(|row| (0.1 * f64::from(row), row as usize * parts / 500)))
+        };
+        assert!(!is_alone(5, &[18.0]) && !is_alone(5, &[32.0]) && !is_alone(5, &[12.0, 34.0]));
         // One part before it, mostly; one after it; a contact in one part.
-        assert!(is_alone(&[14.0]) && is_alone(&[36.0]) && is_alone(&[21.0, 29.0]));
+        assert!(is_alone(5, &[14.0]) && is_alone(5, &[36.0]) && is_alone(5, &[21.0, 29.0]));
+        // Finer ones tell.
+        assert!(!is_alone(10, &[14.0]) && !is_alone(10, &[36.0]) && !is_alone(20, &[21.0, 29.0]));
+        assert!(is_alone(20, &[48.0]));
     }
 }

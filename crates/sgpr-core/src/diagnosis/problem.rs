@@ -279,10 +279,10 @@ impl Problem {
         })
     }
 
-    /// Per joint and row its part of the logs: contiguous, each in one log, about as many as there are folds. A part is far
-    /// from the others in time and in motion, as a log is that nobody has seen.
-    pub fn parts(&self) -> Vec<Vec<usize>> {
-        let wanted = self.seconds() / FOLDS as f64;
+    /// Per joint and row its part of the logs: contiguous, each in one log, about as many as are wanted. A part is far from the
+    /// others in time and in motion, as a log is that nobody has seen.
+    pub fn parts(&self, count: usize) -> Vec<Vec<usize>> {
+        let wanted = self.seconds() / count as f64;
         let counts: Vec<usize> =
             self.stretches.iter().map(|s| ((s.seconds() / wanted).round() as usize).max(1)).collect();
         let part = |(stretch, sample): &(usize, usize)| {

@@ -12,7 +12,7 @@ use super::decision::Decision;
 use super::elsewhere::Elsewhere;
 use super::evidence::{LeftOut, SURE};
 use super::fit::{Fitted, beyond, left_out_parts};
-use super::problem::Problem;
+use super::problem::{FOLDS, Problem};
 use super::search::{Search, without};
 use crate::model::{Given, IdentifyError, Term, TorqueModel, identify_again};
 use crate::recording::Recording;
@@ -39,7 +39,7 @@ pub(super) fn written(
     let elsewhere = Elsewhere::new(problem);
     let trial = |fitted: &Fitted| -> Result<(TorqueModel, Risk), IdentifyError> {
         let model = identified_again(search, given, fitted.terms().to_vec(), train)?;
-        let parts = left_out_parts(problem, fitted, &search.noise);
+        let parts = left_out_parts(problem, fitted, &search.noise, FOLDS);
         let risk = Risk { parts, beyond: beyond(problem, fitted), elsewhere: elsewhere.variance(&model) };
         Ok((model, risk))
     };
