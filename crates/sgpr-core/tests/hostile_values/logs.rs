@@ -249,7 +249,11 @@ fn what_makes_the_robot_file_next_to_nothing_has_an_answer_or_is_refused() {
     for change in [Change::Period(1001), Change::ScaleTorqueOf(0, -4.9e-27)] {
         let log = change.apply(&Change::Still(1).apply(&log(0.0)));
         for options in requests() {
-            println!("{:?}: {:?}", options.method, through_identification(&robot, &[log.clone()], &options).err());
+            println!(
+                "{:?}: {:?}",
+                options.method,
+                through_identification(&robot, std::slice::from_ref(&log), &options).err()
+            );
         }
     }
     let tiny = Change::ScaleTorque(9.999999999999999e-33)

@@ -81,6 +81,9 @@ pub(super) const ALONE: f64 = 0.25;
 /// Shifts of fewer samples are explained by a sample clock.
 const SAMPLES: f64 = 0.5;
 
+/// Shifted torques that are held at once, 128 MB, or those of one shift.
+const SHIFTED: usize = 1 << 24;
+
 /// What is left of the torques, shifted against the motion.
 struct ShiftedResiduals<'e, 'a> {
     equations: &'e Equations<'a>,
@@ -88,7 +91,6 @@ struct ShiftedResiduals<'e, 'a> {
 }
 
 /// Squared residuals in motion.
-#[derive(Clone)]
 struct Residuals {
     /// Of each joint with parameters of its own; none if it has too few rows.
     own: Vec<Option<f64>>,
@@ -167,14 +169,17 @@ impl ShiftedResiduals<'_, '_> {
         }
     }
 
-    /// Residuals at several shifts, by one pass through the data: the rows have all the shifted torques.
+    /// Residuals at several shifts, by one pass through the data, or more where they are many.
     fn know(&mut self, shifts: &[isize]) -> Result<(), IdentificationError> {
         let mut shifts: Vec<isize> = shifts.iter().copied().filter(|shift| !self.known.contains_key(shift)).collect();
         shifts.sort_unstable();
         shifts.dedup();
-        if shifts.is_empty() {
-            return Ok(());
-        }
+        let numbers: usize = self.equations.trajectories().iter().map(|trajectory| trajectory.tau.len()).sum();
+        shifts.chunks((SHIFTED / numbers.max(1)).max(1)).try_for_each(|shifts| self.pass(shifts))
+    }
+
+    /// Residuals at shifts, by one pass through the data: the rows have all the shifted torques.
+    fn pass(&mut self, shifts: &[isize]) -> Result<(), IdentificationError> {
         let equations = self.equations;
         let n = equations.robot().dof();
         let column = |shift: &isize| TrajectoryColumn {
