@@ -10,6 +10,8 @@
 //! 3. What is there predicts parts of the logs better, too, that are far from what it was fitted to.
 //! 4. What is less probable than not leaves the model.
 
+use std::collections::{HashMap, HashSet};
+
 use rayon::prelude::*;
 
 use super::evidence::{Comparison, EVEN, LeftOut, SURE, probability_of, probability_of_fall, weights};
@@ -198,13 +200,15 @@ fn without_chance(search: &Search<'_>, mut outcome: Outcome) -> Outcome {
     let (problem, noise) = (&search.problem, &search.noise);
     loop {
         let fitted = &outcome.fitted;
-        let sure = |(k, count): (usize, usize)| {
-            let bare = search.bare(fitted, k);
-            let [without, with] = [&bare, fitted].map(|fit| left_out_parts(problem, fit, noise, count));
-            (k, without.against(&with, problem, &search.joints_of(&fitted.terms()[k])).significance())
-        };
         let asked = |(k, _): (usize, &Accepted)| Some((k, search.parts_to_ask(&fitted.terms()[k])?));
         let asked: Vec<(usize, usize)> = outcome.news(search).filter_map(asked).collect();
+        let counts: HashSet<usize> = asked.iter().map(|(_, count)| *count).collect();
+        let errors = |count| (count, left_out_parts(problem, fitted, noise, count));
+        let with: HashMap<usize, LeftOut> = counts.into_par_iter().map(errors).collect();
+        let sure = |(k, count): (usize, usize)| {
+            let without = left_out_parts(problem, &search.bare(fitted, k), noise, count);
+            (k, without.against(&with[&count], problem, &search.joints_of(&fitted.terms()[k])).significance())
+        };
         let all: Vec<(usize, f64)> = asked.into_par_iter().map(sure).collect();
         match all.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, sure)| *sure < HOLDS) {
             Some((chance, _)) => outcome = outcome.without(search, &[chance]),

@@ -329,14 +329,7 @@ impl ParameterPrior {
                 None => whitened[(i, j)],
                 Some(i) => rows[(i, j)],
             });
-            let mut system = triangle(all.as_ref());
-            // What few rows of huge numbers leave of the prior can be lost in their rounding; together they know no less than
-            // the prior alone.
-            if (0..rank).any(|k| system[(k, k)] == 0.0) {
-                let alone = triangle(rows.as_ref());
-                (0..rank).for_each(|k| system[(k, k)] = system[(k, k)].max(alone[(k, k)]));
-            }
-            system
+            triangle(all.as_ref())
         };
         let mut system = stacked(&rows);
         let mut root = Mat::<f64>::identity(rank, rank);

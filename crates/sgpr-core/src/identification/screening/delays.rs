@@ -40,11 +40,11 @@ pub fn screen_delays(
         }
     }
     let fine = (coarse / 4).max(1);
-    residuals.know(&firsts.values().flat_map(|first| first.around(fine)).collect::<Vec<_>>())?;
+    residuals.know(&firsts.values().flat_map(|first| around(first.nearest(), fine)).collect::<Vec<_>>())?;
     let mut best = |joint: Option<usize>| -> Result<Option<Shift>, IdentificationError> {
         let Some(first) = firsts.get(&joint) else { return Ok(None) };
         // The residual is no parabola far from its minimum.
-        let fit = residuals.vertex(joint, first.samples.round() as isize, fine)?.unwrap_or(*first);
+        let fit = residuals.vertex(joint, first.nearest(), fine)?.unwrap_or(*first);
         Ok(fit.is_inside(coarse).then_some(fit))
     };
     let together = best(None)?;
@@ -52,7 +52,7 @@ pub fn screen_delays(
     let mut findings = Vec::new();
     let mut common = 0;
     if let Some(fit) = together {
-        let (shift, gain) = (fit.samples.round() as isize, fit.gain(residuals.of(None, 0)?));
+        let (shift, gain) = (fit.nearest(), fit.gain(residuals.of(None, 0)?));
         let mut better = 0;
         for &joint in &judged {
             better += usize::from(residuals.of(Some(joint), shift)? < residuals.of(Some(joint), 0)?);
@@ -280,9 +280,9 @@ impl Shift {
         })
     }
 
-    /// The shifts about this one.
-    fn around(&self, step: isize) -> [isize; 3] {
-        around(self.samples.round() as isize, step)
+    /// Whole samples.
+    fn nearest(&self) -> isize {
+        self.samples.round() as isize
     }
 
     /// Whether it lies within what was looked at: a residual that falls to the end of that has no minimum there.
