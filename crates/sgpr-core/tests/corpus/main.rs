@@ -3,12 +3,13 @@
 #![allow(missing_docs)]
 
 mod attempts;
+#[path = "../common/memory.rs"]
+mod memory;
 
-use std::alloc::System;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use cap::Cap;
+use memory::Limited;
 
 /// What the whole program may take; beyond it the program is aborted.
 const MOST: usize = 1 << 30;
@@ -16,7 +17,7 @@ const MOST: usize = 1 << 30;
 const LONGEST: Duration = Duration::from_secs(10);
 
 #[global_allocator]
-static MEMORY: Cap<System> = Cap::new(System, MOST);
+static MEMORY: Limited = Limited::new(MOST);
 
 fn replay(target: &str, attempt: fn(&[u8])) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus").join(target);

@@ -4,18 +4,18 @@
 #![allow(missing_docs)]
 
 mod logs;
+#[path = "../common/memory.rs"]
+mod memory;
 mod models;
 mod robots;
 
-use std::alloc::System;
-
-use cap::Cap;
+use memory::Limited;
 
 /// What the whole program may take; beyond it the program is aborted.
 const MOST: usize = 3 << 30;
 
 #[global_allocator]
-static MEMORY: Cap<System> = Cap::new(System, MOST);
+static MEMORY: Limited = Limited::new(MOST);
 
 /// As many random cases as `SGPR_FUZZ_CASES` says; `make fuzz` says many.
 fn cases(few: u32) -> u32 {
