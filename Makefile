@@ -8,7 +8,7 @@ SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-predict/src crates/sgp
 	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name '*.js' -o -name '*.css' -o -name '*.html' -o -name Cargo.toml) \
 	crates/sgpr-predict/Cargo.toml crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
 
-.PHONY: docs figures readme first-hour package semver sdist build c-library controller-demo demo workbench fleet-demo fleet-alarms demo-real estimators test test-rust test-python skipped browser compilers lint msrv deny bench \
+.PHONY: docs figures readme first-hour package semver sdist build c-library controller-demo demo workbench fleet-demo fleet-alarms demo-real estimators test test-rust compiled test-python skipped browser compilers lint lint-rust msrv deny bench \
 	diagnosis-bench notebook diagnosis-mujoco peers fuzz soak clean thesis fuzz-guided fuzz-count
 
 build: $(VENV)/.built
@@ -87,8 +87,14 @@ thesis: build
 
 test: test-rust test-python skipped
 
+RUST_TESTS = cargo test --locked --quiet --package sgpr-predict --package sgpr-core --package sgpr-lapack --package sgpr-c
+
 test-rust: compilers
-	cargo test --locked --quiet --package sgpr-predict --package sgpr-core --package sgpr-lapack --package sgpr-c
+	$(RUST_TESTS)
+
+# The same, but for running them.
+compiled: lint-rust
+	$(RUST_TESTS) --no-run
 
 test-python: build $(VENV)/.test browser
 	cd crates/sgpr-py && ../../$(BIN)/python -m pytest -q -rs --numprocesses=auto --maxprocesses=4 --dist=loadfile tests
@@ -134,14 +140,16 @@ readme: build
 	$(BIN)/python tools/readme.py
 
 ## Formatting, lints, documentation and stubs without a warning.
-lint: build $(VENV)/.test
-	cargo fmt --all --check
-	cargo clippy --locked --quiet --workspace --all-targets -- -D warnings
-	RUSTDOCFLAGS="-D warnings" cargo doc --locked --quiet --workspace --no-deps
+lint: build $(VENV)/.test lint-rust
 	$(BIN)/ruff check crates/sgpr-py examples tests benches tools
 	$(BIN)/ruff format --check crates/sgpr-py examples tests benches tools
 	$(BIN)/python -m mypy.stubtest sgpr._sgpr
 	$(BIN)/python -m mypy --strict --package sgpr
+
+lint-rust:
+	cargo fmt --all --check
+	cargo clippy --locked --quiet --workspace --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --locked --quiet --workspace --no-deps
 
 ## The oldest Rust that Cargo.toml promises, if rustup has it (rustup toolchain install $(MSRV)).
 MSRV := $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
