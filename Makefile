@@ -92,7 +92,7 @@ RUST_TESTS = cargo test --locked --quiet --package sgpr-predict --package sgpr-c
 test-rust: compilers
 	$(RUST_TESTS)
 
-# The same, but for running them.
+# The same without running them; after the lints, which wait for the same folder of cargo's and fail sooner.
 compiled: lint-rust
 	$(RUST_TESTS) --no-run
 

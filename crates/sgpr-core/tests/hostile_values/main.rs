@@ -21,3 +21,8 @@ static MEMORY: Limited = Limited::new(MOST);
 fn cases(few: u32) -> u32 {
     std::env::var("SGPR_FUZZ_CASES").ok().and_then(|text| text.parse().ok()).unwrap_or(few)
 }
+
+#[test]
+fn what_is_beyond_the_limit_is_refused() {
+    assert!(Vec::<u8>::new().try_reserve_exact(MOST).is_err());
+}
