@@ -1,5 +1,6 @@
 """Real robots whose logs lack an effect that is documented."""
 
+import numpy as np
 import pytest
 import sgpr
 from conftest import example, outside
@@ -49,6 +50,27 @@ def test_an_effect_that_is_unsure_stays_in_the_model_beside_findings() -> None:
     kept = {term["effect"] for term in diagnosis.model.terms} - found
     assert unsure and any(effect in words for effect in kept for words in unsure), (found, kept, unsure)
     assert any(effect in line for effect in kept for line in diagnosis.model.history), diagnosis.model.history
+
+
+def test_friction_of_a_joint_that_moves_in_one_log_is_found() -> None:
+    # Without that log the others do not tell of it: parts of it have to.
+    robot, train, test = robot_and_logs("kuka_lwr")
+    joint = list(robot.joint_names).index("lwr_j4")
+
+    def with_friction(log: sgpr.Recording) -> sgpr.Recording:
+        assert log.dq is not None and log.tau is not None
+        torque = log.tau.copy()
+        torque[:, joint] += 7.4 * np.maximum(log.dq[:, joint], 0.0)
+        return sgpr.Recording(log.time_ns, log.q, log.dq, torque, joint_names=log.joint_names, source=log.source)
+
+    train, test = [with_friction(log) for log in train], [with_friction(log) for log in test]
+    model = sgpr.identify(robot, train, effects=["viscous_friction", "coulomb_friction", "torque_offset"])
+
+    diagnosis = sgpr.diagnose(model, train, test)
+
+    assert ("asymmetric_viscous_friction", ["lwr_j4"]) in [(each.effect, each.joints) for each in diagnosis.findings]
+    before, after = (sgpr.compare(one, test).joints[joint].rmse for one in (model, diagnosis.model))
+    assert after < 0.6 * before
 
 
 @pytest.mark.parametrize(

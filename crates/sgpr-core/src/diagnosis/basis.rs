@@ -1,5 +1,6 @@
 //! Noise, and least squares on whitened columns by an orthonormal basis.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use faer::linalg::matmul::matmul;
@@ -468,6 +469,16 @@ impl Factor {
 
     pub fn solve(&self, b: &[f64]) -> Vec<f64> {
         self.backward(&self.forward(b))
+    }
+
+    /// Squares of some of the columns times their factors, with what the other columns can make taken out.
+    pub fn squares_beside_others(&self, columns: Range<usize>, factors: &[f64]) -> f64 {
+        let k = self.kept.len();
+        let unit = |at: usize| (0..k).map(|i| f64::from(u8::from(i == at))).collect::<Vec<f64>>();
+        let inverse: Vec<f64> =
+            columns.clone().flat_map(|at| self.solve(&unit(at))[columns.clone()].to_vec()).collect();
+        let lengths: Vec<f64> = (0..columns.len()).map(|i| inverse[i * columns.len() + i]).collect();
+        dot_in_lanes(&Self::new(&inverse, &lengths, 0.0).solve(factors), factors)
     }
 }
 

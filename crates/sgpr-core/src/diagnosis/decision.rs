@@ -200,7 +200,7 @@ fn without_chance(search: &Search<'_>, mut outcome: Outcome) -> Outcome {
     let (problem, noise) = (&search.problem, &search.noise);
     loop {
         let fitted = &outcome.fitted;
-        let asked = |(k, _): (usize, &Accepted)| Some((k, search.parts_to_ask(&fitted.terms()[k])?));
+        let asked = |(k, _): (usize, &Accepted)| Some((k, search.parts_to_ask(fitted, k)?));
         let asked: Vec<(usize, usize)> = outcome.news(search).filter_map(asked).collect();
         let counts: HashSet<usize> = asked.iter().map(|(_, count)| *count).collect();
         let errors = |count| (count, left_out_parts(problem, fitted, noise, count));
@@ -257,7 +257,7 @@ fn rejected(search: &Search<'_>, outcome: &Outcome, beside: &Beside) -> Vec<(Str
             let factor = with_it.and_then(|with| with.log_bayes_factor(bare, problem));
             let gain = own.against(&with, problem, &joints);
             let elsewhere = || {
-                let Some(count) = search.parts_to_ask(term) else { return true };
+                let Some(count) = search.parts_to_ask(&fitted, outcome.fitted.terms().len()) else { return true };
                 let parts = [&outcome.fitted, &fitted].map(|fit| left_out_parts(problem, fit, &search.noise, count));
                 parts[0].against(&parts[1], problem, &joints).significance() >= HOLDS
             };

@@ -1,6 +1,7 @@
 //! A model with terms, fitted to the equations.
 
 use std::collections::HashMap;
+use std::ops::Range;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use rayon::prelude::*;
@@ -478,10 +479,48 @@ pub(super) fn by_log(problem: &Problem, errors: &LeftOut) -> Vec<ByLog> {
     errors.rows.iter().enumerate().map(of_joint).collect()
 }
 
-/// Number of parts into which logs are cut so that others can predict what a term makes in any of them: where it begins or ends
-/// at a time, as many as give two that are mostly before that and two mostly after it. None if the finest do not.
-pub(super) fn parts_that_tell(problem: &Problem, term: &Term) -> Option<usize> {
-    [FOLDS, 2 * FOLDS, 4 * FOLDS].into_iter().find(|count| !is_in_one_part(problem, term, *count))
+impl Fitted {
+    /// Number of parts into which logs are cut so that others can predict what the term at `index` makes in any of them. Where it
+    /// begins or ends at a time, as many as give two that are mostly before that and two mostly after it, and none if the finest
+    /// do not. What changes with time all along is asked of the longest. Of any other as many as leave enough of what all tell of
+    /// it, while they are farther from each other than blocks of time.
+    pub fn parts_that_tell(&self, problem: &Problem, noise: &Noise, index: usize) -> Option<usize> {
+        /// Of what all parts tell, what the others do beside the one that tells most.
+        const ENOUGH: f64 = 1.0 / 3.0;
+        let mut counts = [FOLDS, 2 * FOLDS, 4 * FOLDS].into_iter();
+        let term = &self.terms()[index];
+        if term.times().next().is_some() {
+            return counts.find(|count| !is_in_one_part(problem, term, *count));
+        }
+        if term.effect.about().depends_on_time {
+            return Some(FOLDS);
+        }
+        let tells = |count: usize| {
+            let fits = match count {
+                FOLDS => self.part_fits(problem, noise),
+                _ => {
+                    let held = Held { file: &problem.priors, precision: &self.precision };
+                    FoldFits::new(&self.columns, &self.target, (noise, held), (&problem.parts(count), None)).into()
+                }
+            };
+            fits.least_known(self.indices_of(index), &term.coefficients) >= ENOUGH
+        };
+        let mut finest = FOLDS;
+        for count in counts.take_while(|count| *count == FOLDS || problem.are_far(*count)) {
+            finest = count;
+            if tells(count) {
+                break;
+            }
+        }
+        Some(finest)
+    }
+
+    /// Indices of the columns of a term.
+    fn indices_of(&self, index: usize) -> Range<usize> {
+        let count = |terms: &[Term]| terms.iter().map(|term| term.coefficients.len()).sum::<usize>();
+        let end = self.columns.len() - count(&self.terms()[index + 1..]);
+        end - self.terms()[index].coefficients.len()..end
+    }
 }
 
 /// Whether fewer than two of so many parts of the logs are mostly before a time at which a term begins or ends, or mostly

@@ -71,6 +71,8 @@ pub(super) struct FoldFits {
     folds: Vec<FoldFit>,
     /// Predicted less measured, each from the fit without its fold.
     errors: Column,
+    /// The fit to all folds.
+    whole: Factor,
 }
 
 /// The fit without a fold.
@@ -101,7 +103,7 @@ impl FoldFits {
             Products::symmetric(&all, target, (blocks, &weights), (known, &in_like))
         };
         let products: Vec<Products> = blocks.par_iter().enumerate().map(of_fold).collect();
-        let without = |left_out: usize, prior: Option<&FilePrior>| {
+        let without = |left_out: Option<usize>, prior: Option<&FilePrior>| {
             let mut sum = Products::without(&products, left_out, m, 0);
             if let Some(FilePrior { precision, pull }) = prior {
                 let rank = pull.len();
@@ -118,7 +120,8 @@ impl FoldFits {
             FoldFit { factor, forward }
         };
         let with = |prior: Option<&FilePrior>| {
-            let folds: Vec<FoldFit> = (0..blocks.len()).into_par_iter().map(|fold| without(fold, prior)).collect();
+            let folds: Vec<FoldFit> =
+                (0..blocks.len()).into_par_iter().map(|fold| without(Some(fold), prior)).collect();
             let squares =
                 |(fold, products): (&FoldFit, &Products)| products.change(&fold.factor.backward(&fold.forward));
             (folds.iter().zip(&products).map(squares).collect::<Vec<f64>>(), folds)
@@ -129,6 +132,7 @@ impl FoldFits {
         let squares: Vec<&[f64]> = widths.iter().map(|(squares, _)| &squares[..]).collect();
         let weakest = weakest_as_good(&squares, ROUNDING * size);
         let (_, folds) = widths.swap_remove(weakest);
+        let whole = without(None, held.file.get(weakest)).factor;
         let mut errors: Column = target.iter().map(|target| target.iter().map(|target| -target).collect()).collect();
         for (blocks, fold) in blocks.iter().zip(&folds) {
             let solution = fold.factor.backward(&fold.forward);
@@ -136,7 +140,7 @@ impl FoldFits {
                 add_columns(&mut errors[*joint][rows.clone()], &all, &solution, (*joint, rows));
             }
         }
-        Self { columns: columns.to_vec(), target: target.clone(), blocks, weights, products, folds, errors }
+        Self { columns: columns.to_vec(), target: target.clone(), blocks, weights, products, folds, errors, whole }
     }
 
     fn index_of(&self, column: &Arc<Column>) -> Option<usize> {
@@ -146,6 +150,15 @@ impl FoldFits {
     /// Errors on what was left out.
     pub fn errors(&self) -> LeftOut {
         LeftOut { rows: self.errors.clone() }
+    }
+
+    /// The least that remains, with a fold left out, of what all folds tell of the torque of some columns, as a share of it:
+    /// of its squares with what the other columns can make taken out.
+    pub fn least_known(&self, columns: Range<usize>, factors: &[f64]) -> f64 {
+        let own = |factor: &Factor| factor.squares_beside_others(columns.clone(), factors);
+        let all = own(&self.whole);
+        let least = self.folds.iter().map(|fold| own(&fold.factor)).fold(f64::INFINITY, f64::min);
+        if all > 0.0 { least / all } else { 1.0 }
     }
 
     /// The same of fits with columns beside those of the model, at some joints; at the others those without them.
@@ -170,7 +183,7 @@ impl FoldFits {
             |blocks: &Vec<(usize, Range<usize>)>| Products::new(beside, own, &self.target, blocks, &self.weights);
         let products: Vec<Products> = self.blocks.iter().map(of_fold).collect();
         let of_fold = |(left_out, fold): (usize, &FoldFit)| {
-            let sum = Products::without(&products, left_out, k, m);
+            let sum = Products::without(&products, Some(left_out), k, m);
             let precision = |i: usize| precision.get(i).copied().unwrap_or_default();
             let lengths: Vec<f64> = (0..k).map(|i| sum.gram[i * k + i] + precision(i)).collect();
             let along: Vec<Vec<f64>> = (0..k).map(|i| fold.factor.forward(&sum.across[i * m..(i + 1) * m])).collect();
@@ -286,10 +299,10 @@ impl Products {
         (0..m).map(|i| factors[i] * along(i)).sum()
     }
 
-    /// The sum of all folds but one, for `k` columns and `m` others.
-    fn without(all: &[Self], left_out: usize, k: usize, m: usize) -> Self {
+    /// The sum of all folds, or of all but one, for `k` columns and `m` others.
+    fn without(all: &[Self], left_out: Option<usize>, k: usize, m: usize) -> Self {
         let mut sum = Self { gram: vec![0.0; k * k], target: vec![0.0; k], across: vec![0.0; k * m] };
-        for (_, own) in all.iter().enumerate().filter(|(fold, _)| *fold != left_out) {
+        for (_, own) in all.iter().enumerate().filter(|(fold, _)| Some(*fold) != left_out) {
             let parts = [(&mut sum.gram, &own.gram), (&mut sum.target, &own.target), (&mut sum.across, &own.across)];
             parts.into_iter().for_each(|(sum, own)| sum.iter_mut().zip(own).for_each(|(sum, x)| *sum += x));
         }
@@ -394,5 +407,58 @@ mod tests {
         close(&each.errors(), &anew(&model, &target, &folds, &[(0.0, 0.1); 5]));
         let squares: [&[f64]; 4] = [&[1.0, 2.0, 1.0], &[1.1, 1.9, 1.1], &[1.0, 9.0, 1.0], &[3.0, 4.0, 3.0]];
         assert_eq!((weakest_as_good(&squares, 0.0), weakest_as_good(&squares, 6.0)), (2, 3));
+    }
+
+    /// Squares of what is left of one column beside others, by QR.
+    fn squares_beside(column: &[f64], others: &[Vec<f64>]) -> f64 {
+        let matrix = nalgebra::DMatrix::from_fn(column.len(), others.len(), |i, j| others[j][i]);
+        let q = matrix.qr().q();
+        let column = nalgebra::DVector::from_column_slice(column);
+        (&column - &q * (q.transpose() * &column)).norm_squared()
+    }
+
+    #[test]
+    fn what_one_fold_tells_of_a_column_is_not_known_without_it() {
+        let mut random = Random::new(7);
+        let mut noise = || (0..50).map(|_| random.normal()).collect::<Vec<f64>>();
+        let (level, first, second) = (vec![1.0; 50], noise(), noise());
+        let folds: Vec<usize> = (0..50).map(|row| row / 10).collect();
+        let without = |column: &[f64], fold: usize| -> Vec<f64> {
+            column.iter().zip(&folds).filter(|(_, own)| **own != fold).map(|(x, _)| *x).collect()
+        };
+        let least_known = |step: &[f64], factors: &[f64]| {
+            let columns = [&level[..], step, &first, &second].map(|column| Arc::new(vec![column.to_vec()]));
+            let target = Arc::new(vec![second.clone()]);
+            let none = Held { file: &[], precision: &[] };
+            let fits = FoldFits::new(
+                &columns,
+                &target,
+                (&Noise::white(&vec![level.clone()]), none),
+                (std::slice::from_ref(&folds), None),
+            );
+            fits.least_known(1..1 + factors.len(), factors)
+        };
+        let share = |column: &[f64], others: &[&[f64]]| {
+            let left = |fold: usize| {
+                let others: Vec<Vec<f64>> = others.iter().map(|other| without(other, fold)).collect();
+                squares_beside(&without(column, fold), &others)
+            };
+            let others: Vec<Vec<f64>> = others.iter().map(|other| other.to_vec()).collect();
+            (0..5).map(left).fold(f64::INFINITY, f64::min) / squares_beside(column, &others)
+        };
+        for begin in [15, 25, 38, 40] {
+            let step: Vec<f64> = (0..50).map(|row| f64::from(u8::from(row >= begin))).collect();
+            let both: Vec<f64> = step.iter().zip(&first).map(|(step, first)| 2.0 * step - 0.5 * first).collect();
+            for (own, expected) in [
+                (least_known(&step, &[3.0]), share(&step, &[&level, &first, &second])),
+                (least_known(&step, &[2.0, -0.5]), share(&both, &[&level, &second])),
+            ] {
+                assert!((own - expected).abs() < 1e-9, "{begin}: {own} {expected}");
+            }
+        }
+        // What begins in the last fold is not known without it.
+        let last: Vec<f64> = (0..50).map(|row| f64::from(u8::from(row >= 40))).collect();
+        assert!(least_known(&last, &[1.0]) < 1e-9);
+        assert_eq!(least_known(&last, &[]), 1.0);
     }
 }

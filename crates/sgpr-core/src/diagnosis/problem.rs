@@ -292,6 +292,11 @@ impl Problem {
         self.rows.iter().map(|rows| rows.iter().map(part).collect()).collect()
     }
 
+    /// Whether half of the rows of so many parts are farther from other parts than any row of a block is from other blocks.
+    pub fn are_far(&self, parts: usize) -> bool {
+        self.seconds() >= parts as f64 * 2.0 * LONGEST_BLOCK_S
+    }
+
     /// Length of all logs, s.
     pub fn seconds(&self) -> f64 {
         self.stretches.iter().map(Stretch::seconds).sum()

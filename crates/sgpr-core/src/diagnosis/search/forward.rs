@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::super::basis::Basis;
 use super::super::evidence::SURE;
-use super::super::fit::{Fitted, left_out_parts, parts_that_tell, solve_like};
+use super::super::fit::{Fitted, left_out_parts, solve_like};
 use super::super::problem::Column;
 use super::candidates::Candidate;
 use super::constants::{MOST_REFINED, Promise};
@@ -423,15 +423,17 @@ impl Search<'_> {
             && self.bounds(term, 0).iter().any(|bound| (value - bound).abs() < NEAR * bound.abs())
     }
 
-    /// Number of parts of the logs that a term is asked to predict, far from what it was fitted to; none if it is not asked.
-    pub(in super::super) fn parts_to_ask(&self, term: &Term) -> Option<usize> {
-        if is_limit(term) { None } else { parts_that_tell(&self.problem, term) }
+    /// Number of parts of the logs that the term at `index` is asked to predict, far from what it was fitted to; none if it is
+    /// not asked.
+    pub(in super::super) fn parts_to_ask(&self, fitted: &Fitted, index: usize) -> Option<usize> {
+        let asked = !is_limit(&fitted.terms()[index]);
+        asked.then(|| fitted.parts_that_tell(&self.problem, &self.noise, index))?
     }
 
     /// Whether the last term of a fit makes the error larger on parts of the logs that are far from what it was fitted to.
     fn fails_elsewhere(&self, without: &Fitted, with: &Fitted) -> bool {
-        let Some(term) = with.terms().last() else { return false };
-        let Some(count) = self.parts_to_ask(term) else { return false };
+        let Some((term, others)) = with.terms().split_last() else { return false };
+        let Some(count) = self.parts_to_ask(with, others.len()) else { return false };
         let [without, with] = [without, with].map(|fit| left_out_parts(&self.problem, fit, &self.noise, count));
         without.against(&with, &self.problem, &self.joints_of(term)).significance() < 0.0
     }
