@@ -52,6 +52,17 @@ def test_an_effect_that_is_unsure_stays_in_the_model_beside_findings() -> None:
     assert any(effect in line for effect in kept for line in diagnosis.model.history), diagnosis.model.history
 
 
+def test_a_rival_that_may_be_there_as_well_is_not_instead_of_an_effect() -> None:
+    # A force in the world explains part of what a tilt of the base does, and less than the two together.
+    robot, train, test = robot_and_logs("panda")
+    model = sgpr.identify(robot, train, effects=example("real_robots").EFFECTS)
+
+    diagnosis = sgpr.diagnose(model, train, test)
+
+    tilt = next(finding for finding in diagnosis.findings if finding.effect == "base_tilt")
+    assert tilt.probability > 0.97
+
+
 def test_friction_of_a_joint_that_moves_in_one_log_is_found() -> None:
     # Without that log the others do not tell of it: parts of it have to.
     robot, train, test = robot_and_logs("kuka_lwr")

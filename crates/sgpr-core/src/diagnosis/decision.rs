@@ -6,7 +6,7 @@
 //! 1. Where such a process could still predict what matters beside the effects, or predicts better than they do, they may
 //!    only imitate a law that no catalogue has. An effect that is there makes the rest of that law smaller: the process
 //!    needs less variance beside it, and the two together have more evidence. One that imitates does not.
-//! 2. The probability of an effect is its weight among its alternatives: none, its rivals in its place, the process.
+//! 2. The probability of an effect is its weight among its alternatives: none, its rivals in its place or beside it, the process.
 //! 3. What is there predicts parts of the logs better, too, that are far from what it was fitted to.
 //! 4. What is less probable than not leaves the model.
 
@@ -309,9 +309,19 @@ fn judge_one(
         models.push(search.errors(&in_its_place(&elsewhere)).left_out);
     }
     let twins = models.len() - step.twins.len()..models.len();
+    // A rival need not be instead of it: both may be there.
+    let beside_it = |rival: &&&Term| search.may_join(fitted, rival.effect.as_ref(), rival.site);
+    let with_it = |rival: &&Term| search.errors(&search.with_term(fitted, (*rival).clone())).left_out;
+    models.extend(rivals.iter().filter(beside_it).map(with_it));
+    let both = twins.end..models.len();
     // One of so many effects, and none, are as likely before any data.
     let one = -search.units.ln();
-    let prior: Vec<f64> = (0..models.len()).map(|k| if k == 0 { 0.0 } else { one }).collect();
+    let effects = |k: usize| match k {
+        0 => 0.0,
+        k if both.contains(&k) => 2.0,
+        _ => 1.0,
+    };
+    let prior: Vec<f64> = (0..models.len()).map(|k| effects(k) * one).collect();
     let of_all: Vec<&LeftOut> = models.iter().collect();
     let joints = search.joints_of(term);
     let weights_of = |models: &[&LeftOut], prior: &[f64]| weights(&search.problem, models, prior, &joints);
@@ -319,7 +329,7 @@ fn judge_one(
     let is_form = |k: &usize| rivals[k - 2].site == term.site && says_the_same(&models[1], &models[*k], &joints);
     let forms: Vec<usize> = (2..twins.start).filter(is_form).collect();
     // Where the same effect explains as much elsewhere, it is as likely there.
-    let own = weights[1] + forms.iter().map(|k| weights[*k]).sum::<f64>() + weights[twins].iter().sum::<f64>();
+    let own: f64 = [1].into_iter().chain(forms.iter().copied()).chain(twins).chain(both).map(|k| weights[k]).sum();
     let probability = own / (1 + step.twins.len()) as f64;
     // A process that is about as good says the same with more freedom. One that could explain much beside the effect says
     // something else, unless the two together, which are one thing more, say more than it alone.

@@ -109,7 +109,7 @@ impl Search<'_> {
     }
 
     /// Whether an effect is not in the fit at a site, and what it refines is in the model or there.
-    pub(super) fn may_join(&self, fitted: &Fitted, effect: &dyn Effect, site: Site) -> bool {
+    pub(in super::super) fn may_join(&self, fitted: &Fitted, effect: &dyn Effect, site: Site) -> bool {
         let there = |name: &str| fitted.terms().iter().any(|t| t.effect.name() == name && t.site == site);
         let refines = |name: &str| self.known.iter().any(|known| known == name) || there(name);
         !there(effect.name()) && effect.refines().is_none_or(refines)
