@@ -495,15 +495,13 @@ impl Fitted {
         if term.effect.about().depends_on_time {
             return Some(FOLDS);
         }
+        let held = Held { file: &problem.priors, precision: &self.precision };
         let tells = |count: usize| {
             let fits = match count {
                 FOLDS => self.part_fits(problem, noise),
-                _ => {
-                    let held = Held { file: &problem.priors, precision: &self.precision };
-                    FoldFits::new(&self.columns, &self.target, (noise, held), (&problem.parts(count), None)).into()
-                }
+                _ => FoldFits::new(&self.columns, &self.target, (noise, held), (&problem.parts(count), None)).into(),
             };
-            fits.least_known(self.indices_of(index), &term.coefficients) >= ENOUGH
+            fits.least_known(held, (self.indices_of(index), &term.coefficients)) >= ENOUGH
         };
         let mut finest = FOLDS;
         for count in counts.take_while(|count| *count == FOLDS || problem.are_far(*count)) {

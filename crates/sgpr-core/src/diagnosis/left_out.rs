@@ -71,8 +71,8 @@ pub(super) struct FoldFits {
     folds: Vec<FoldFit>,
     /// Predicted less measured, each from the fit without its fold.
     errors: Column,
-    /// The fit to all folds.
-    whole: Factor,
+    /// Which prior of the robot file holds them.
+    weakest: usize,
 }
 
 /// The fit without a fold.
@@ -80,6 +80,27 @@ struct FoldFit {
     factor: Factor,
     /// Products of the columns with the target, forward substituted.
     forward: Vec<f64>,
+}
+
+impl FoldFit {
+    /// The fit to all folds but one, or to all.
+    fn new(products: &[Products], left_out: Option<usize>, (own, file): (&[f64], Option<&FilePrior>)) -> Self {
+        let m = products.first().map_or(0, |fold| fold.target.len());
+        let mut sum = Products::without(products, left_out, m, 0);
+        if let Some(FilePrior { precision, pull }) = file {
+            let rank = pull.len();
+            for (i, pull) in pull.iter().enumerate() {
+                sum.target[i] += pull;
+                let row = &mut sum.gram[i * m..i * m + rank];
+                row.iter_mut().zip(&precision[i * rank..]).for_each(|(sum, x)| *sum += x);
+            }
+        }
+        let lengths: Vec<f64> = (0..m).map(|i| sum.gram[i * m + i]).collect();
+        own.iter().enumerate().for_each(|(i, precision)| sum.gram[i * m + i] += precision);
+        let factor = Factor::new(&sum.gram, &lengths, INVISIBLE);
+        let forward = factor.forward(&sum.target);
+        Self { factor, forward }
+    }
 }
 
 impl FoldFits {
@@ -93,7 +114,6 @@ impl FoldFits {
     ) -> Self {
         let weights: Vec<f64> = noise.level.iter().map(|level| 1.0 / (level * level)).collect();
         let blocks = blocks_of(folds);
-        let m = columns.len();
         let all: Vec<&Column> = columns.iter().map(|column| &**column).collect();
         let like =
             like.filter(|like| Arc::ptr_eq(&like.target, target) && like.weights == weights && like.blocks == blocks);
@@ -103,25 +123,9 @@ impl FoldFits {
             Products::symmetric(&all, target, (blocks, &weights), (known, &in_like))
         };
         let products: Vec<Products> = blocks.par_iter().enumerate().map(of_fold).collect();
-        let without = |left_out: Option<usize>, prior: Option<&FilePrior>| {
-            let mut sum = Products::without(&products, left_out, m, 0);
-            if let Some(FilePrior { precision, pull }) = prior {
-                let rank = pull.len();
-                for (i, pull) in pull.iter().enumerate() {
-                    sum.target[i] += pull;
-                    let row = &mut sum.gram[i * m..i * m + rank];
-                    row.iter_mut().zip(&precision[i * rank..]).for_each(|(sum, x)| *sum += x);
-                }
-            }
-            let lengths: Vec<f64> = (0..m).map(|i| sum.gram[i * m + i]).collect();
-            held.precision.iter().enumerate().for_each(|(i, precision)| sum.gram[i * m + i] += precision);
-            let factor = Factor::new(&sum.gram, &lengths, INVISIBLE);
-            let forward = factor.forward(&sum.target);
-            FoldFit { factor, forward }
-        };
         let with = |prior: Option<&FilePrior>| {
-            let folds: Vec<FoldFit> =
-                (0..blocks.len()).into_par_iter().map(|fold| without(Some(fold), prior)).collect();
+            let without = |fold: usize| FoldFit::new(&products, Some(fold), (held.precision, prior));
+            let folds: Vec<FoldFit> = (0..blocks.len()).into_par_iter().map(without).collect();
             let squares =
                 |(fold, products): (&FoldFit, &Products)| products.change(&fold.factor.backward(&fold.forward));
             (folds.iter().zip(&products).map(squares).collect::<Vec<f64>>(), folds)
@@ -132,7 +136,6 @@ impl FoldFits {
         let squares: Vec<&[f64]> = widths.iter().map(|(squares, _)| &squares[..]).collect();
         let weakest = weakest_as_good(&squares, ROUNDING * size);
         let (_, folds) = widths.swap_remove(weakest);
-        let whole = without(None, held.file.get(weakest)).factor;
         let mut errors: Column = target.iter().map(|target| target.iter().map(|target| -target).collect()).collect();
         for (blocks, fold) in blocks.iter().zip(&folds) {
             let solution = fold.factor.backward(&fold.forward);
@@ -140,7 +143,7 @@ impl FoldFits {
                 add_columns(&mut errors[*joint][rows.clone()], &all, &solution, (*joint, rows));
             }
         }
-        Self { columns: columns.to_vec(), target: target.clone(), blocks, weights, products, folds, errors, whole }
+        Self { columns: columns.to_vec(), target: target.clone(), blocks, weights, products, folds, errors, weakest }
     }
 
     fn index_of(&self, column: &Arc<Column>) -> Option<usize> {
@@ -154,10 +157,12 @@ impl FoldFits {
 
     /// The least that remains, with a fold left out, of what all folds tell of the torque of some columns, as a share of it:
     /// of its squares with what the other columns can make taken out.
-    pub fn least_known(&self, columns: Range<usize>, factors: &[f64]) -> f64 {
-        let own = |factor: &Factor| factor.squares_beside_others(columns.clone(), factors);
-        let all = own(&self.whole);
-        let least = self.folds.iter().map(|fold| own(&fold.factor)).fold(f64::INFINITY, f64::min);
+    ///
+    /// - `held`: by what the fits are held
+    pub fn least_known(&self, held: Held<'_>, (columns, factors): (Range<usize>, &[f64])) -> f64 {
+        let own = |fit: &FoldFit| fit.factor.squares_beside_others(columns.clone(), factors);
+        let all = own(&FoldFit::new(&self.products, None, (held.precision, held.file.get(self.weakest))));
+        let least = self.folds.iter().map(own).fold(f64::INFINITY, f64::min);
         if all > 0.0 { least / all } else { 1.0 }
     }
 
@@ -436,7 +441,7 @@ mod tests {
                 (&Noise::white(&vec![level.clone()]), none),
                 (std::slice::from_ref(&folds), None),
             );
-            fits.least_known(1..1 + factors.len(), factors)
+            fits.least_known(none, (1..1 + factors.len(), factors))
         };
         let share = |column: &[f64], others: &[&[f64]]| {
             let left = |fold: usize| {
