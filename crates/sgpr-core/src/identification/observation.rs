@@ -375,6 +375,8 @@ pub struct Trajectory<'a> {
     /// Values of [`ParameterSet::trajectory_columns`], `[samples]` each, `[samples, n]` where a column is part of the torque
     /// of all joints.
     pub columns: &'a [Vec<f64>],
+    /// `[n]`, how much of the torque of each joint the log shows; all of it if empty. Values of `columns` are as logged.
+    pub gains: &'a [f64],
 }
 
 impl<'a> Trajectory<'a> {
@@ -391,6 +393,7 @@ impl<'a> Trajectory<'a> {
             instruments: None,
             closed_loop: None,
             columns: &[],
+            gains: &[],
         }
     }
 }
@@ -590,10 +593,11 @@ impl<'a> RowSource<'a> {
         trajectory: &Trajectory<'_>,
         mut take: impl FnMut(Piece<'_>),
     ) -> Result<(), IdentificationError> {
-        let Trajectory { samples, tau, use_as, filter, decimation, columns, .. } = *trajectory;
+        let Trajectory { samples, tau, use_as, filter, decimation, columns, gains, .. } = *trajectory;
         let n = self.robot.dof();
         let count = samples.count(n);
         assert_eq!(tau.len(), count * n, "one torque per position");
+        assert!(gains.is_empty() || gains.len() == n, "one gain per joint");
         assert_eq!(columns.len(), self.set.trajectory_columns().len(), "every column of the trajectory");
         assert!(use_as.is_none_or(|use_as| use_as.len() == count * n), "one entry per equation");
         require_finite(
@@ -664,8 +668,9 @@ fn fill_rows(
     range: Range<usize>,
     (ws, rows): (&mut BatchWorkspace, &mut [&mut [f64]]),
 ) {
-    let Trajectory { samples, tau, columns, .. } = *trajectory;
+    let Trajectory { samples, tau, columns, gains, .. } = *trajectory;
     let n = robot.dof();
+    let gain = |joint: usize| gains.get(joint).copied().unwrap_or(1.0);
     let cut = range.start * n..range.end * n;
     let piece = Samples { q: &samples.q[cut.clone()], dq: &samples.dq[cut.clone()], ddq: &samples.ddq[cut] };
     for_each_regressor_block(
@@ -674,12 +679,12 @@ fn fill_rows(
         piece,
         #[inline(always)]
         |joint, link, first, count, block| {
-            let layout = &layouts[joint];
+            let (layout, gain) = (&layouts[joint], gain(joint));
             let width = layout.width();
             let rows = rows[joint][first * width..].chunks_exact_mut(width);
             for (k, row) in rows.take(count).enumerate() {
                 for &(parameter, position) in &layout.of_link[link] {
-                    row[position] = block[parameter][k];
+                    row[position] = gain * block[parameter][k];
                 }
             }
         },
@@ -689,12 +694,12 @@ fn fill_rows(
         let at = sample * n..(sample + 1) * n;
         let state = JointState { q: &samples.q[at.clone()], dq: &samples.dq[at.clone()], ddq: &samples.ddq[at] };
         for joint in 0..n {
-            let layout = &layouts[joint];
+            let (layout, gain) = (&layouts[joint], gain(joint));
             let width = layout.width();
             let row = &mut rows[joint][k * width..(k + 1) * width];
             set.effect_row(joint, &state, &mut effects);
             for &(index, position) in &layout.of_effects {
-                row[position] = effects[index];
+                row[position] = gain * effects[index];
             }
             for &(index, position) in &layout.of_trajectory {
                 let own = set.trajectory_columns()[index].joint.is_some();

@@ -27,6 +27,8 @@ pub(super) struct TermColumns {
     /// Per motion and parameter, as [`Trajectory::columns`].
     pub values: Vec<Vec<Vec<f64>>>,
     pub parameters: Vec<TrajectoryColumn>,
+    /// `[n]`, as [`Trajectory::gains`].
+    pub gains: Vec<f64>,
 }
 
 impl Experiment {
@@ -82,6 +84,7 @@ impl Experiment {
                     instruments: instruments.get(index).map(|motion| motion.samples()),
                     closed_loop: loops.get(index),
                     columns: columns.map_or(&[], |columns| &columns.values[index]),
+                    gains: columns.map_or(&[], |columns| &columns.gains),
                 })
             })
             .collect()
@@ -95,7 +98,7 @@ impl Experiment {
             Ok(torque_of(motion)?.iter().zip(gains.iter().cycle()).map(|(tau, gain)| tau * gain).collect())
         };
         let tau = self.motions.iter().map(gained).collect::<Result<_, _>>()?;
-        Ok(TermColumns { tau, values: vec![vec![]; self.motions.len()], parameters: vec![] })
+        Ok(TermColumns { tau, values: vec![vec![]; self.motions.len()], parameters: vec![], gains: vec![] })
     }
 
     /// Rows of the equations per second, of each motion.

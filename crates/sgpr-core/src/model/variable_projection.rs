@@ -386,6 +386,7 @@ impl<'a> TermFit<'a> {
     /// The same, and tangents by constants behind them.
     fn columns_with(&self, model: &TorqueModel, unknowns: &[Unknown]) -> Result<TermColumns, MotionError> {
         let parameters = self.parameters(model, unknowns);
+        let gains = gains(model);
         let of_motion = |(motion, times): (&Arc<Motion>, &Vec<f64>)| -> Result<(Vec<f64>, Vec<Vec<f64>>), MotionError> {
             let mut tau = torque_of(motion)?.to_vec();
             if parameters.is_empty() && model.terms().is_empty() {
@@ -395,8 +396,12 @@ impl<'a> TermFit<'a> {
             let rigid = model.rigid(&trajectory);
             let context = model.context(&trajectory, &rigid);
             let mut values = Vec::with_capacity(parameters.len());
-            model.terms().iter().for_each(|term| values.extend(term.columns(&context)));
-            self.take_transforms_off(model, &trajectory, &values, &mut tau);
+            for term in model.terms() {
+                let mut columns = term.columns(&context);
+                columns.iter_mut().for_each(|column| take_gains(&gains, own_joint(term), column));
+                values.append(&mut columns);
+            }
+            take_transforms_off((model, &gains), &trajectory, &values, &mut tau);
             for unknown in unknowns {
                 let Unknown { term, index, low, high, .. } = *unknown;
                 let mut tangent = tangent(model, &trajectory, &rigid, (term, index), [low, high]);
@@ -408,7 +413,7 @@ impl<'a> TermFit<'a> {
         };
         let motions = self.experiment.motions.par_iter().zip(&self.times);
         let (tau, values) = motions.map(of_motion).collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
-        let mut columns = TermColumns { tau, values, parameters };
+        let mut columns = TermColumns { tau, values, parameters, gains };
         for (k, parameter) in columns.parameters.iter_mut().enumerate() {
             let (squares, count) = columns.values.iter().fold((0.0, 0), |(sum, count), values| {
                 (sum + values[k].iter().map(|x| x * x).sum::<f64>(), count + values[k].len())
@@ -418,38 +423,8 @@ impl<'a> TermFit<'a> {
         Ok(columns)
     }
 
-    /// Takes off what transforms change of the torque that the model predicts.
-    fn take_transforms_off(
-        &self,
-        model: &TorqueModel,
-        trajectory: &Trajectory<'_>,
-        columns: &[Vec<f64>],
-        tau: &mut [f64],
-    ) {
-        if !model.terms().iter().any(Term::is_transform) {
-            return;
-        }
-        let n = model.robot().dof();
-        let changed = model.predict_trajectory(trajectory);
-        let mut plain = model.without_terms().predict(trajectory.samples);
-        let parameters =
-            model.terms().iter().flat_map(|term| term.coefficients.iter().map(move |factor| (term, factor)));
-        for ((term, factor), column) in parameters.zip(columns) {
-            match (term.effect.reach(), term.site.joint()) {
-                (Reach::Own, Some(joint)) => {
-                    plain.iter_mut().skip(joint).step_by(n).zip(column).for_each(|(tau, c)| *tau += factor * c);
-                }
-                _ => plain.iter_mut().zip(column).for_each(|(tau, c)| *tau += factor * c),
-            }
-        }
-        for (tau, (changed, plain)) in tau.iter_mut().zip(changed.iter().zip(&plain)) {
-            *tau -= changed - plain;
-        }
-    }
-
     fn parameters(&self, model: &TorqueModel, unknowns: &[Unknown]) -> Vec<TrajectoryColumn> {
         let robot = model.robot();
-        let joint_of = |term: &Term| (term.effect.reach() == Reach::Own).then(|| term.site.joint()).flatten();
         let kind = |term: &Term| robot.joints()[term.site.joint().unwrap_or_default()].kind;
         // Two effects of a joint may call their parameters alike.
         let name = |term: &Term, symbol: &str| {
@@ -463,7 +438,7 @@ impl<'a> TermFit<'a> {
                 all.push(TrajectoryColumn {
                     name: name(term, parameter.symbol),
                     unit: parameter.unit_at(kind(term)),
-                    joint: joint_of(term),
+                    joint: own_joint(term),
                     non_negative: parameter.non_negative,
                     size: 0.0,
                 });
@@ -474,7 +449,7 @@ impl<'a> TermFit<'a> {
             all.push(TrajectoryColumn {
                 name: format!("{}{}", term.prefix(robot), term.effect.constants()[unknown.index].symbol),
                 unit: "1",
-                joint: joint_of(term).filter(|_| !term.is_transform()),
+                joint: own_joint(term).filter(|_| !term.is_transform()),
                 non_negative: false,
                 size: 0.0,
             });
@@ -516,6 +491,62 @@ impl<'a> TermFit<'a> {
         parameters.extend(&values[model.base().rank()..]);
         next.set_all_parameters(&parameters);
         next
+    }
+}
+
+/// The one joint that a term reaches.
+fn own_joint(term: &Term) -> Option<usize> {
+    (term.effect.reach() == Reach::Own).then(|| term.site.joint()).flatten()
+}
+
+/// `[n]`, how much of a torque that stands the logs show of each joint, all transforms in between; empty if they show it as it is.
+fn gains(model: &TorqueModel) -> Vec<f64> {
+    let transforms = || model.terms().iter().filter(|term| term.is_transform());
+    if transforms().next().is_none() {
+        return vec![];
+    }
+    let of_joint = |joint: usize| {
+        let mut unit = [1.0];
+        // Without a rate nothing is late.
+        transforms().for_each(|t| t.effect.transmit(t.site, &t.constants, joint, f64::INFINITY, &mut unit, 1));
+        unit[0]
+    };
+    (0..model.robot().dof()).map(of_joint).collect()
+}
+
+/// Turns a torque into what the logs show of it.
+///
+/// - `values`: `[samples]` of a joint, or `[samples, n]`
+fn take_gains(gains: &[f64], joint: Option<usize>, values: &mut [f64]) {
+    match joint {
+        _ if gains.is_empty() => {}
+        Some(joint) => values.iter_mut().for_each(|value| *value *= gains[joint]),
+        None => values.iter_mut().zip(gains.iter().cycle()).for_each(|(value, gain)| *value *= gain),
+    }
+}
+
+/// Takes off what transforms change, beside their gains, of the torque that the model predicts.
+///
+/// - `columns`: of the terms, as logged
+fn take_transforms_off(
+    (model, gains): (&TorqueModel, &[f64]),
+    trajectory: &Trajectory<'_>,
+    columns: &[Vec<f64>],
+    tau: &mut [f64],
+) {
+    if gains.is_empty() {
+        return;
+    }
+    let changed = model.predict_trajectory(trajectory);
+    let mut plain = model.without_terms().predict(trajectory.samples);
+    take_gains(gains, None, &mut plain);
+    let parameters = model.terms().iter().flat_map(|term| term.coefficients.iter().map(move |factor| (term, factor)));
+    for ((term, factor), column) in parameters.zip(columns) {
+        let (first, step) = own_joint(term).map_or((0, 1), |joint| (joint, gains.len()));
+        plain.iter_mut().skip(first).step_by(step).zip(column).for_each(|(tau, c)| *tau += factor * c);
+    }
+    for (tau, (changed, plain)) in tau.iter_mut().zip(changed.iter().zip(&plain)) {
+        *tau -= changed - plain;
     }
 }
 

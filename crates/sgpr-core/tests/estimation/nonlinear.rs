@@ -71,11 +71,14 @@ fn constants_come_out_as_they_were_put_in() {
     let robot = two_link();
     let second = Site::Joint(1);
     // Filters round reversals off.
-    let cases: [Case; 6] = [
+    let cases: [Case; 8] = [
         ("cable_hysteresis", second, &[0.3], &[1.5], 0.05),
         ("stribeck_friction", second, &[0.2], &[1.0], 0.1),
         ("torque_ripple", second, &[7.0], &[0.4, 0.3], 0.02),
         ("torque_gain_error", second, &[0.1], &[], 0.05),
+        // Amperes that are taken for newton metres, by a drive of another size.
+        ("torque_gain_error", second, &[1.2], &[], 0.05),
+        ("torque_gain_error", second, &[-0.5], &[], 0.05),
         ("torque_delay", Site::Arm, &[0.02], &[], 0.1),
         ("joint_elasticity", second, &[0.002], &[], 0.1),
     ];

@@ -25,7 +25,8 @@ pub fn screen(model: &TorqueModel, recordings: &[Recording]) -> Result<Vec<Findi
         let torques = torque_of(motion)?.iter().zip(whole.iter().zip(&own));
         tau.push(torques.map(|(tau, (whole, own))| tau - (whole - own)).collect());
     }
-    let columns = TermColumns { tau, values: vec![vec![]; experiment.motions.len()], parameters: vec![] };
+    let columns =
+        TermColumns { tau, values: vec![vec![]; experiment.motions.len()], parameters: vec![], gains: vec![] };
     let equations = Equations::new(robot, set, base, experiment.trajectories_with(&[], &[], Some(&columns))?);
     let factors = equations.factors()?;
     let memory = correlation(model, &experiment.motions, processing, &factors)?;

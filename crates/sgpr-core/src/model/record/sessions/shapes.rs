@@ -82,7 +82,7 @@ impl<'a> Shapes<'a> {
         };
         let values = motions.iter().map(&mut of_motion).collect();
         let tau = motions.iter().map(|motion| torque_of(motion).map(<[f64]>::to_vec)).collect::<Result<_, _>>()?;
-        Ok(TermColumns { tau, values, parameters: vec![] })
+        Ok(TermColumns { tau, values, parameters: vec![], gains: vec![] })
     }
 
     fn values(&self, joint: usize, q: f64, dq: f64, load: f64) -> [f64; SHAPES] {
