@@ -1,6 +1,8 @@
 """Frames of pandas and polars, MATLAB and HDF5 files."""
 
+import io
 import json
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -156,6 +158,46 @@ def test_matlab(tmp_path: Path, log: sgpr.Recording) -> None:
     (tmp_path / "damaged.mat").write_bytes((tmp_path / "packed.mat").read_bytes()[:400])
     with pytest.raises(sgpr.RecordingError, match="not a MATLAB file, or damaged"):
         sgpr.read(tmp_path / "damaged.mat")
+
+
+def matlab_object(name: str, of_class: str) -> bytes:
+    """An object of MATLAB, such as a `timeseries`, as a MATLAB file holds it."""
+    scipy, stream = pytest.importorskip("scipy.io"), io.BytesIO()
+    scipy.savemat(stream, {"x": np.zeros((1, 1))})
+
+    def text(value: str) -> bytes:
+        return struct.pack("<II", 1, len(value)) + value.encode().ljust(-(-len(value) // 8) * 8, b"\0")
+
+    body = struct.pack("<4I", 6, 8, 17, 0) + text(name) + text("MCOS") + text(of_class) + stream.getvalue()[128:]
+    return struct.pack("<II", 14, len(body)) + body
+
+
+def test_matlab_files_of_another_toolbox(tmp_path: Path, log: sgpr.Recording) -> None:
+    scipy = pytest.importorskip("scipy.io")
+    settings = {"gains": np.ones(4), "limits": np.ones(4), "names": {"t": 1.0}}
+    run = {"time": log.t, "q_deg": np.degrees(log.q).T, "tau": log.tau.T}
+    scipy.savemat(tmp_path / "run.mat", {"rec": run, "para": settings}, do_compression=True)
+    with (tmp_path / "run.mat").open("ab") as file:
+        file.write(matlab_object("run", "timeseries"))
+    back = sgpr.read(tmp_path / "run.mat")
+    assert_allclose(back.q, log.q, rtol=1e-14)
+    assert np.array_equal(back.tau, log.tau)
+    # Names that say nothing: the arrays are told, those of samples first, and are called by their own names.
+    odd = {"c": log.t, "meas": log.q.T, "sens": log.tau.T, "u": np.ones(4)}
+    scipy.savemat(tmp_path / "odd.mat", {"rec": odd, "para": {**settings, "u": np.ones(4)}})
+    with pytest.raises(sgpr.RecordingError, match=r"no time and positions among the arrays `(meas|sens)` \("):
+        sgpr.read(tmp_path / "odd.mat")
+    columns = {"time": "c", "position": "meas", "torque": "sens"}
+    back = sgpr.read(tmp_path / "odd.mat", columns=columns)
+    assert np.array_equal(back.q, log.q) and np.array_equal(back.tau, log.tau)
+
+
+def test_a_packed_structure_cannot_eat_all_memory(tmp_path: Path) -> None:
+    scipy = pytest.importorskip("scipy.io")
+    scipy.savemat(tmp_path / "bomb.mat", {"rec": {"q": np.zeros((100_000, 7))}}, do_compression=True)
+    assert (tmp_path / "bomb.mat").stat().st_size < 20_000
+    with pytest.raises(sgpr.RecordingError, match="more than 1000000 bytes of unpacked data"):
+        sgpr.read(tmp_path / "bomb.mat", limit_bytes=1_000_000)
 
 
 def test_hdf5(tmp_path: Path, log: sgpr.Recording) -> None:

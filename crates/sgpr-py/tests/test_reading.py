@@ -232,7 +232,7 @@ def npz(path: Path, **arrays: Any) -> Path:
 def test_numpy_archives_that_are_refused(log: sgpr.Recording, tmp_path: Path) -> None:
     path = tmp_path / "log.npz"
     t, q = log.t, log.q
-    with pytest.raises(sgpr.RecordingError, match=r"no array `q` or `position`.*the arrays are `t` \(50,\), `x`"):
+    with pytest.raises(sgpr.RecordingError, match=r"no array `q` or `position`.*the arrays are `x` \(50, 3\), `t`"):
         sgpr.read(npz(path, t=t, x=q))
     with pytest.raises(sgpr.RecordingError, match="t and time mean the same"):
         sgpr.read(npz(path, t=t, time=t, q=q))

@@ -55,8 +55,9 @@ def _named(arrays: Arrays, name: object) -> str | None:
 
 
 def listed(arrays: Arrays) -> str:
-    """Arrays with their shapes."""
-    return ", ".join(f"`{name}` {array.shape}" for name, array in list(arrays.items())[:40]) or "none"
+    """Arrays with their shapes, the largest first."""
+    by_size = sorted(arrays.items(), key=lambda named: -named[1].size)
+    return ", ".join(f"`{name}` {array.shape}" for name, array in by_size[:40]) or "none"
 
 
 def recording_of(

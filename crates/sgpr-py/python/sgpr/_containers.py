@@ -1,5 +1,7 @@
 """MATLAB and HDF5 files: arrays by name, as in a NumPy archive, or one vector per column, as in a table."""
 
+import struct
+import zlib
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -15,6 +17,9 @@ from ._sgpr import Recording, RecordingError, SgprError
 _DEFAULT_LIMIT = 4 << 30
 _HDF5_BEGINNING = b"\x89HDF\r\n\x1a\n"
 _MOST_ARRAYS = 10_000
+# Of a MATLAB file: type of an element that is packed, and bytes that are unpacked at once.
+_PACKED = 15
+_PIECE = 1 << 20
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -33,9 +38,7 @@ def read_mat(
         raise SgprError(f"{path}: MATLAB files need SciPy: pip install sgpr[matlab]") from None
     limit = _DEFAULT_LIMIT if limit_bytes is None else limit_bytes
     try:
-        sizes = [int(np.prod(shape)) for _, shape, kind in scipy.whosmat(path) if kind not in ("function", "opaque")]
-        if 8 * sum(sizes) > limit:
-            raise _too_large(path, limit)
+        _require_fits(path, beginning, limit)
         content = scipy.loadmat(path, struct_as_record=False, squeeze_me=True)
     except (OSError, SgprError, MemoryError):
         raise
@@ -45,6 +48,25 @@ def read_mat(
     found: Arrays = {}
     _collect({key: value for key, value in content.items() if not key.startswith("__")}, "", found)
     return recording_of_arrays(path, found, joints, options)
+
+
+def _require_fits(path: Path, beginning: bytes, limit: int) -> None:
+    """Unpacks what a MATLAB file holds, structures and objects included, as far as it fits."""
+    order = {b"IM": "<", b"MI": ">"}.get(beginning[126:128])
+    total = path.stat().st_size
+    with path.open("rb") as stream:
+        stream.seek(128)
+        while order and len(tag := stream.read(8)) == 8:
+            kind, size = struct.unpack(f"{order}II", tag)
+            end = stream.tell() + size
+            unpacker = zlib.decompressobj()
+            while kind == _PACKED and stream.tell() < end and (piece := stream.read(min(_PIECE, end - stream.tell()))):
+                while piece and total <= limit:
+                    total += len(unpacker.decompress(piece, _PIECE))
+                    piece = unpacker.unconsumed_tail
+            if total > limit:
+                raise _too_large(path, limit)
+            stream.seek(end)
 
 
 def _collect(content: Mapping[str, Any], prefix: str, found: Arrays) -> None:
@@ -112,7 +134,8 @@ def _too_large(path: Path, limit: int) -> RecordingError:
 
 def recording_of_arrays(path: Path, found: Arrays, joints: Sequence[str] | None, options: dict[str, Any]) -> Recording:
     """Of arrays with a column per joint if there are such, else of vectors with one value per sample."""
-    short = _short_names(found)
+    # A number alone is a setting.
+    short = _short_names({name: array for name, array in found.items() if array.size > 1 or array.dtype.kind == "U"})
     roles = chosen(path, short, options.get("columns") or {})
     position = short.get(roles["position"] or "")
     if position is not None and (position.ndim == 2 or options.get("sample_rate_hz") or roles["time"]):
@@ -121,12 +144,14 @@ def recording_of_arrays(path: Path, found: Arrays, joints: Sequence[str] | None,
         return recording_of(path, short, joints, options)
     lengths = [len(array) for array in short.values() if array.ndim == 1 and array.dtype.kind in "fiub"]
     samples = max(lengths, key=lengths.count, default=0)
+    tables = [max(array.shape) for array in short.values() if array.ndim == 2 and array.dtype.kind in "fiub"]
     columns = {
         name: array
         for name, array in short.items()
         if array.ndim == 1 and len(array) == samples and array.dtype.kind in "fiub"
     }
-    if samples < 2:
+    # Vectors beside longer tables are settings: one value per joint, not per sample.
+    if samples < max([2, *tables]):
         raise RecordingError(
             f"{path}: no time and positions among the arrays {listed(short)}: name them `t` and `q`, or say which "
             "they are with `columns.time` and `columns.position`"
@@ -135,7 +160,7 @@ def recording_of_arrays(path: Path, found: Arrays, joints: Sequence[str] | None,
 
 
 def _short_names(found: Arrays) -> Arrays:
-    """Names without the structures or groups around them, where that leaves them different."""
+    """Names without the structures or groups around them, where no other array is then called the same."""
     short = [name[name.rfind(".", 0, name.find(" [") if " [" in name else None) + 1 :] for name in found]
-    unique = len(set(short)) == len(short)
-    return dict(zip(short if unique else found, found.values(), strict=True))
+    names = [own if short.count(own) == 1 else whole for own, whole in zip(short, found, strict=True)]
+    return dict(zip(names, found.values(), strict=True))
