@@ -401,3 +401,25 @@ def test_a_forecast_is_the_scatter_of_what_is_identified() -> None:
     report = short[0].report
     assert report is not None and report.forecast is not None
     np.testing.assert_allclose(report.forecast["seconds"], 8.0 * np.array([1, 2, 4, 8, 16]), rtol=0.02)
+
+
+def test_a_slow_log_is_told_in_one_sentence_for_each_joint(
+    demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording]
+) -> None:
+    effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"]
+    log, samples = demo_logs[0], np.arange(600)
+    path = np.column_stack([np.interp(samples / 4, np.arange(len(log)), q) for q in log.q.T])
+    slow = sgpr.Recording(log.time_ns[:600], path, joint_names=log.joint_names)
+    torque = np.asarray(sgpr.identify(demo_robot, [log], effects=effects).predict(slow))
+    noise = np.random.default_rng(1)
+    slow = sgpr.Recording(
+        slow.time_ns,
+        path + 1e-6 * noise.standard_normal(path.shape),
+        tau=torque + 0.3 * noise.standard_normal(torque.shape),
+        joint_names=log.joint_names,
+    )
+    told = sgpr.identify(demo_robot, [slow], effects=effects).report.warnings
+    wishes = next(warning.split("To free them: ")[1].split("; ") for warning in told if "To free them" in warning)
+    assert len(wishes) == demo_robot.dof
+    assert all(wish.count(" must ") == 1 and "and and" not in wish for wish in wishes)
+    assert any("and the joints before it must" in wish and "` itself move slowly and fast" in wish for wish in wishes)

@@ -1,6 +1,8 @@
 //! Identification that poor logs cannot fool: what they do not determine stays with the robot file, joints that the file
 //! predicts better keep it, and sentences say which motion would free them.
 
+use std::collections::BTreeSet;
+
 use faer::Mat;
 
 use super::extent::JointExtent;
@@ -372,26 +374,36 @@ impl Task<'_> {
         if forwards == 0 || backwards == 0 {
             return Some(format!("`{name}` must reverse: it moves one way only"));
         }
-        let mut wishes: Vec<&str> = own.iter().map(|k| self.wish(*k)).collect();
-        wishes.sort_unstable();
-        wishes.dedup();
-        Some(format!("`{name}` {}", wishes.join(" and ")))
+        let (mut together, mut alone) = (BTreeSet::new(), BTreeSet::new());
+        for k in own {
+            let (with_others, wish) = self.wish(k);
+            if with_others && joint > 0 { &mut together } else { &mut alone }.insert(wish);
+        }
+        let alone: Vec<&str> = alone.difference(&together).copied().collect();
+        let together: Vec<&str> = together.into_iter().collect();
+        Some(match (&together[..], &alone[..]) {
+            ([], alone) => format!("`{name}` must {}", alone.join(" and ")),
+            (together, []) => format!("`{name}` and the joints before it must {}", together.join(" and ")),
+            (together, alone) => format!(
+                "`{name}` and the joints before it must {}, `{name}` itself {}",
+                together.join(" and "),
+                alone.join(" and ")
+            ),
+        })
     }
 
-    /// What shows a base parameter of a joint that moves both ways.
-    fn wish(&self, base: usize) -> &'static str {
+    /// Whether the joints before a joint that moves both ways have to join in to show one of its base parameters, and in what.
+    fn wish(&self, base: usize) -> (bool, &'static str) {
         let parameter = self.base.independent()[base];
         match parameter.checked_sub(self.set.inertial()) {
-            None if parameter % PARAMETERS_PER_LINK < 4 => {
-                "and the joints before it must take more poses, over their ranges"
-            }
-            None => "and the joints before it must accelerate more",
+            None if parameter % PARAMETERS_PER_LINK < 4 => (true, "take more poses all over the range"),
+            None => (true, "accelerate more"),
             Some(effect) => match self.set.effect_columns().get(effect) {
                 Some(column) if self.set.effects()[column.effect].role() == Some(Role::RotorInertia) => {
-                    "must accelerate more"
+                    (false, "accelerate more")
                 }
-                Some(_) => "must move slowly and fast, both ways",
-                None => "must move over its whole range, both ways",
+                Some(_) => (false, "move slowly and fast, both ways"),
+                None => (false, "move over its whole range, both ways"),
             },
         }
     }
