@@ -25,8 +25,9 @@ impl Search<'_> {
                 let comes_first = self.place(&other.terms()[given + k]) < self.place(&own);
                 0.5 * (fitted.chi2 - other.chi2) > if comes_first { -margin } else { margin }
             };
-            let Some(other) = others.into_iter().find(likelier) else { continue };
             let bare = self.bare(&fitted, given + k);
+            let stays = |other: &Fitted| self.stays_in(other, given + k, &bare);
+            let Some(other) = others.into_iter().find(|other| likelier(other) && stays(other)) else { continue };
             *step = self.exchanged(step, [&bare, &fitted, &other], given + k);
             fitted = other;
         }
@@ -51,7 +52,7 @@ impl Search<'_> {
             let others = plainer.into_iter().map(|term| self.with_instead(&fitted, given + k, term));
             let does_as_well = |other: &Fitted| {
                 let loses = self.errors(other).largest_fall_to(&errors, &own) > material(&own);
-                self.score_of(&bare, other) > (1.0 - NEARLY) * score && !loses
+                self.score_of(&bare, other) > (1.0 - NEARLY) * score && !loses && self.stays_in(other, given + k, &bare)
             };
             let best = others.filter(does_as_well).min_by(|a, b| a.chi2.total_cmp(&b.chi2));
             let Some(other) = best else { continue };
@@ -59,6 +60,21 @@ impl Search<'_> {
             fitted = other;
         }
         fitted
+    }
+
+    /// Whether the term at `index` would stay in a fit, beside which `bare` is without it: what would not is in nobody's place.
+    fn stays_in(&self, fitted: &Fitted, index: usize, bare: &Fitted) -> bool {
+        let score = self.score_of(bare, fitted);
+        self.stays(&fitted.terms()[index], (score, false), [&self.errors(bare), &self.errors(fitted)])
+    }
+
+    /// Whether a term has evidence, lowers a left-out error by what is asked of it, for certain or where it `stands_out`, and
+    /// harms nothing.
+    fn stays(&self, term: &Term, (score, stands_out): (f64, bool), [without, with]: [&HeldOut; 2]) -> bool {
+        let matters =
+            without.largest_fall_to(with, term) >= asked_of(term) && (stands_out || self.is_sure(without, with, term));
+        let harms = self.is_worse_with(without, with, term) || is_out_of_range(term);
+        score >= EVIDENCE && matters && !harms
     }
 
     /// Torques without constants that had nearly the evidence of one with more freedom at the same joint and that the model
@@ -187,9 +203,7 @@ impl Search<'_> {
                 if is_limit(term) {
                     step.score = step.first_score;
                 }
-                let matters = size >= asked_of(term) && (step.stands_out || self.is_sure(errors, &with, term));
-                let harms = self.is_worse_with(errors, &with, term) || is_out_of_range(term);
-                let stays = step.score >= EVIDENCE && matters && !harms;
+                let stays = self.stays(term, (step.score, step.stands_out), [errors, &with]);
                 if !stays && may_go(step) && weakest.as_ref().is_none_or(|(s, ..)| size < *s) {
                     weakest = Some((size, k, without));
                 }
