@@ -3,7 +3,7 @@
 //! The torque is linear in base parameters and linear parameters of terms; constants of terms enter by the derivative of the
 //! torque. Its variance is x' C x with the row x of all these derivatives and the covariance C of all these estimates.
 
-use super::variable_projection::tangent;
+use super::variable_projection::{gains, take_gains, tangent};
 use super::{TorqueModel, Trajectory};
 use crate::dynamics::Samples;
 use crate::effects::{Reach, Scale};
@@ -63,7 +63,9 @@ impl TorqueModel {
         let derivatives = if width == rank { vec![] } else { self.derivatives_by_terms(trajectory) };
         debug_assert_eq!(rank + derivatives.len(), width, "a derivative for every estimate");
         let mut deviations = vec![0.0; zeros.len()];
-        let rows = crate::identification::Trajectory::new(samples, &zeros);
+        let gains = &gains(self)[..];
+        let rows =
+            crate::identification::Trajectory { gains, ..crate::identification::Trajectory::new(samples, &zeros) };
         let mut equations = Equations::new(&self.robot, &self.set, &self.base, vec![rows]);
         let mut row: Vec<(usize, f64)> = Vec::with_capacity(width);
         equations.for_each(|equation| {
@@ -90,14 +92,18 @@ impl TorqueModel {
     fn derivatives_by_terms(&self, trajectory: &Trajectory<'_>) -> Vec<Derivative> {
         let rigid = self.rigid(trajectory);
         let context = self.context(trajectory, &rigid);
+        let gains = gains(self);
         let joint_of = |term: &super::Term| {
             let own = term.effect.reach() == Reach::Own && !term.is_transform();
             if own { term.site.joint() } else { None }
         };
         let mut derivatives = Vec::new();
         for term in &self.terms {
-            let columns = term.columns(&context).into_iter();
-            derivatives.extend(columns.map(|values| Derivative { joint: joint_of(term), values }));
+            let as_logged = |mut values: Vec<f64>| {
+                take_gains(&gains, joint_of(term), &mut values);
+                Derivative { joint: joint_of(term), values }
+            };
+            derivatives.extend(term.columns(&context).into_iter().map(as_logged));
         }
         for (index, term) in self.terms.iter().enumerate() {
             for (k, constant) in term.effect.constants().iter().enumerate() {

@@ -500,7 +500,7 @@ fn own_joint(term: &Term) -> Option<usize> {
 }
 
 /// `[n]`, how much of a torque that stands the logs show of each joint, all transforms in between; empty if they show it as it is.
-fn gains(model: &TorqueModel) -> Vec<f64> {
+pub(super) fn gains(model: &TorqueModel) -> Vec<f64> {
     let transforms = || model.terms().iter().filter(|term| term.is_transform());
     if transforms().next().is_none() {
         return vec![];
@@ -517,7 +517,7 @@ fn gains(model: &TorqueModel) -> Vec<f64> {
 /// Turns a torque into what the logs show of it.
 ///
 /// - `values`: `[samples]` of a joint, or `[samples, n]`
-fn take_gains(gains: &[f64], joint: Option<usize>, values: &mut [f64]) {
+pub(super) fn take_gains(gains: &[f64], joint: Option<usize>, values: &mut [f64]) {
     match joint {
         _ if gains.is_empty() => {}
         Some(joint) => values.iter_mut().for_each(|value| *value *= gains[joint]),
@@ -667,7 +667,7 @@ pub(super) fn factors(
     Ok(observation.factors())
 }
 
-/// Derivative of the torque by a constant, of which the term and the place in it are given: of its joint, `[samples]`, or
+/// Derivative of the torque that the logs show by a constant, of which the term and the place in it are given: of its joint, `[samples]`, or
 /// of all for a transform or an effect that reaches them, `[samples, n]`.
 pub(super) fn tangent(
     model: &TorqueModel,
@@ -687,6 +687,7 @@ pub(super) fn tangent(
         changed.constants[constant] = value;
         changed
     };
+    let gains = gains(model);
     let torque = |value: f64| -> Vec<f64> {
         if term.is_transform() {
             let mut terms = model.terms().to_vec();
@@ -698,6 +699,7 @@ pub(super) fn tangent(
         for (column, factor) in columns.iter().zip(&term.coefficients) {
             sum.iter_mut().zip(column).for_each(|(sum, c)| *sum += factor * c);
         }
+        take_gains(&gains, own_joint(term), &mut sum);
         sum
     };
     let lower = torque(low);

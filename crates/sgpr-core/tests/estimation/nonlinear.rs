@@ -110,10 +110,10 @@ fn constants_come_out_as_they_were_put_in() {
 
 /// Share of the samples of joint 2, on another motion and over many experiments, that lie within 1.96 standard deviations
 /// of the truth: with the covariance of all estimates, and with that of the base parameters alone.
-fn coverage(term: &Term, noise: f64, experiments: usize) -> [f64; 2] {
+fn coverage(terms: &[Term], noise: f64, experiments: usize) -> [f64; 2] {
     let robot = two_link();
-    let terms = std::slice::from_ref(term);
-    let options = options(&[&format!("{}@joint_2", term.effect.name())]);
+    let names: Vec<String> = terms.iter().map(|term| format!("{}@joint_2", term.effect.name())).collect();
+    let options = options(&names.iter().map(String::as_str).collect::<Vec<_>>());
     let (first, _) = identify(&robot, &[log(&robot, terms, 12.0, 0.0, noise)], &options, &()).expect("good data");
     let truth = [log(&robot, terms, 12.0, 0.4, 0.0)];
     let truth = compare(&TorqueModel::nominal(&robot), &truth, first.processing()).expect("a log");
@@ -165,10 +165,21 @@ fn bands_of_the_torque_know_of_effects_and_their_constants() {
     let cases: [(&str, &[f64], &[f64], f64); 2] =
         [("stribeck_friction", &[0.3], &[1.5], 0.96), ("torque_ripple", &[7.0], &[0.4, 0.3], 0.9)];
     for (name, constants, coefficients, most) in cases {
-        let [all, base] = coverage(&put_in(name, Site::Joint(1), constants, coefficients), 0.5, 50);
+        let [all, base] = coverage(&[put_in(name, Site::Joint(1), constants, coefficients)], 0.5, 50);
         println!("{name}: bands cover {all:.3}, without what is not known of the effect {base:.3}");
         // Errors along one motion go together: fifty experiments of some twenty parameters.
         assert!((0.93..0.975).contains(&all) && base < all.min(most), "{name}: {all} {base}");
+    }
+}
+
+#[test]
+fn bands_of_the_torque_know_of_a_scale_beside_other_effects() {
+    for gain in [-0.4, 0.9] {
+        let scale = put_in("torque_gain_error", Site::Joint(1), &[gain], &[]);
+        let friction = put_in("stribeck_friction", Site::Joint(1), &[0.3], &[1.5]);
+        let [all, _] = coverage(&[scale, friction], 0.5, 50);
+        println!("gain {gain}: bands cover {all:.3}");
+        assert!((0.93..0.975).contains(&all), "gain {gain}: {all}");
     }
 }
 
