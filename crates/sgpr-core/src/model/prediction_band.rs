@@ -3,11 +3,11 @@
 //! The torque is linear in base parameters and linear parameters of terms; constants of terms enter by the derivative of the
 //! torque. Its variance is x' C x with the row x of all these derivatives and the covariance C of all these estimates.
 
-use super::variable_projection::{gains, take_gains, tangent};
+use super::variable_projection::{gains, own_joint, take_gains, tangent};
 use super::{TorqueModel, Trajectory};
 use crate::dynamics::Samples;
-use crate::effects::{Reach, Scale};
-use crate::identification::{Equations, IdentificationError};
+use crate::effects::Scale;
+use crate::identification::{self, Equations, IdentificationError};
 use crate::motion::Motion;
 
 /// A derivative of the torque.
@@ -60,12 +60,11 @@ impl TorqueModel {
         let with_terms = &fit.covariance_with_terms;
         let (covariance, width) =
             if with_terms.is_empty() { (&fit.covariance, rank) } else { (with_terms, with_terms.len().isqrt()) };
-        let derivatives = if width == rank { vec![] } else { self.derivatives_by_terms(trajectory) };
+        let gains = &gains(self)[..];
+        let derivatives = if width == rank { vec![] } else { self.derivatives_by_terms(trajectory, gains) };
         debug_assert_eq!(rank + derivatives.len(), width, "a derivative for every estimate");
         let mut deviations = vec![0.0; zeros.len()];
-        let gains = &gains(self)[..];
-        let rows =
-            crate::identification::Trajectory { gains, ..crate::identification::Trajectory::new(samples, &zeros) };
+        let rows = identification::Trajectory { gains, ..identification::Trajectory::new(samples, &zeros) };
         let mut equations = Equations::new(&self.robot, &self.set, &self.base, vec![rows]);
         let mut row: Vec<(usize, f64)> = Vec::with_capacity(width);
         equations.for_each(|equation| {
@@ -89,18 +88,16 @@ impl TorqueModel {
     }
 
     /// Derivatives by the linear parameters of all terms, then by their constants.
-    fn derivatives_by_terms(&self, trajectory: &Trajectory<'_>) -> Vec<Derivative> {
+    ///
+    /// - `gains`: `[n]`, as [`identification::Trajectory::gains`]
+    fn derivatives_by_terms(&self, trajectory: &Trajectory<'_>, gains: &[f64]) -> Vec<Derivative> {
         let rigid = self.rigid(trajectory);
         let context = self.context(trajectory, &rigid);
-        let gains = gains(self);
-        let joint_of = |term: &super::Term| {
-            let own = term.effect.reach() == Reach::Own && !term.is_transform();
-            if own { term.site.joint() } else { None }
-        };
+        let joint_of = |term: &super::Term| own_joint(term).filter(|_| !term.is_transform());
         let mut derivatives = Vec::new();
         for term in &self.terms {
             let as_logged = |mut values: Vec<f64>| {
-                take_gains(&gains, joint_of(term), &mut values);
+                take_gains(gains, joint_of(term), &mut values);
                 Derivative { joint: joint_of(term), values }
             };
             derivatives.extend(term.columns(&context).into_iter().map(as_logged));

@@ -495,11 +495,12 @@ impl<'a> TermFit<'a> {
 }
 
 /// The one joint that a term reaches.
-fn own_joint(term: &Term) -> Option<usize> {
+pub(super) fn own_joint(term: &Term) -> Option<usize> {
     (term.effect.reach() == Reach::Own).then(|| term.site.joint()).flatten()
 }
 
-/// `[n]`, how much of a torque that stands the logs show of each joint, all transforms in between; empty if they show it as it is.
+/// `[n]`, how much of a torque that stands the logs show of each joint, all transforms in between; empty if they show it as
+/// it is.
 pub(super) fn gains(model: &TorqueModel) -> Vec<f64> {
     let transforms = || model.terms().iter().filter(|term| term.is_transform());
     if transforms().next().is_none() {
@@ -667,8 +668,8 @@ pub(super) fn factors(
     Ok(observation.factors())
 }
 
-/// Derivative of the torque that the logs show by a constant, of which the term and the place in it are given: of its joint, `[samples]`, or
-/// of all for a transform or an effect that reaches them, `[samples, n]`.
+/// Derivative of the torque that the logs show by a constant, of which the term and the place in it are given: of its joint,
+/// `[samples]`, or of all for a transform or an effect that reaches them, `[samples, n]`.
 pub(super) fn tangent(
     model: &TorqueModel,
     trajectory: &Trajectory<'_>,

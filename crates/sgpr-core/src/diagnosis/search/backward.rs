@@ -25,9 +25,9 @@ impl Search<'_> {
                 let comes_first = self.place(&other.terms()[given + k]) < self.place(&own);
                 0.5 * (fitted.chi2 - other.chi2) > if comes_first { -margin } else { margin }
             };
-            let bare = self.bare(&fitted, given + k);
-            let stays = |other: &Fitted| self.stays_in(other, given + k, &bare);
+            let stays = |other: &Fitted| self.stays_in(other, given + k, &self.bare(&fitted, given + k));
             let Some(other) = others.into_iter().find(|other| likelier(other) && stays(other)) else { continue };
+            let bare = self.bare(&fitted, given + k);
             *step = self.exchanged(step, [&bare, &fitted, &other], given + k);
             fitted = other;
         }
