@@ -423,3 +423,21 @@ def test_a_slow_log_is_told_in_one_sentence_for_each_joint(
     assert len(wishes) == demo_robot.dof
     assert all(wish.count(" must ") == 1 and "and and" not in wish for wish in wishes)
     assert any("and the joints before it must" in wish and "` itself move slowly and fast" in wish for wish in wishes)
+
+
+def test_speed_limits_that_stand_for_none_say_nothing() -> None:
+    """A second of a log is held by the robot file, by how fast the arm may move; no arm turns at 100 rad/s."""
+    log = sgpr.read(DATA / "hidden" / "train_1.csv.gz")
+    second = np.asarray(log.time_ns) < log.time_ns[0] + 10**9
+    log = sgpr.Recording(
+        log.time_ns[second], log.q[second], log.dq[second], log.tau[second], joint_names=log.joint_names
+    )
+    text = (DATA / "hidden" / "robot.urdf").read_text()
+    robots = [sgpr.Robot.from_urdf_text(text.replace('velocity="10"', f'velocity="{v}"')) for v in (20, 100, 1000, 4)]
+    effects = ["viscous_friction", "coulomb_friction"]
+    models = [sgpr.identify(robot, [log], effects=effects) for robot in robots]
+    values = [model.parameters.values for model in models]
+    assert models[0].fit["prior_standard_deviation"] is not None
+    np.testing.assert_array_equal(values[1], values[0])
+    np.testing.assert_array_equal(values[2], values[0])
+    assert not np.array_equal(values[3], values[0])
