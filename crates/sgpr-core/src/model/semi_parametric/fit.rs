@@ -9,7 +9,7 @@ use super::super::compare::LogResidual;
 use super::super::experiment::select_joints;
 use super::super::torque_model::TorqueModel;
 use super::basis::{self, ParameterBasis};
-use super::joint_process::{Alone, GAIN, JointProcess, JointReport, calibration};
+use super::joint_process::{Alone, JointProcess, JointReport, calibration, judge, saves};
 use super::left_out::left_out;
 use super::process::{Process, ProcessTerms};
 use super::rows::{LeftOutRows, ResidualRows, Unseen};
@@ -264,9 +264,10 @@ fn keep_what_gains(
     loop {
         let errors = errors_of_parts(model, rows, unseen, compute)?;
         let joints = model.joints.iter().enumerate().filter(|(_, rest)| rest.gp.is_some());
-        let gains = joints.map(|(joint, _)| (joint, ErrorShare::new(&errors[joint], &unseen[joint].parts)));
-        let uncertain = gains.filter(|(_, gain)| !gain.certain);
-        let Some((joint, _)) = uncertain.min_by(|(_, a), (_, b)| a.share.total_cmp(&b.share)) else {
+        let judged = joints.map(|(joint, _)| (joint, judge_together(&errors[joint], &unseen[joint].parts)));
+        let uncertain = judged.filter(|(_, judged)| !judged.as_ref().is_some_and(saves));
+        let gain = |judged: &Option<Judgement>| judged.map_or(f64::NEG_INFINITY, |judged| judged.gain);
+        let Some((joint, _)) = uncertain.min_by(|(_, a), (_, b)| gain(a).total_cmp(&gain(b))) else {
             for (joint, rest) in model.joints.iter_mut().enumerate().filter(|(_, rest)| rest.gp.is_some()) {
                 (rest.report.calibration, rest.report.calibration_95) =
                     calibration(&errors[joint], unseen[joint].parts.len());
@@ -280,30 +281,13 @@ fn keep_what_gains(
     }
 }
 
-/// By how much errors at parts that were left out are smaller with processes than those of the physics alone. Sizes of errors
-/// are compared, not squares: rows in which dry friction turns are wrong for both.
-#[derive(Debug)]
-struct ErrorShare {
-    /// Share of the errors of the physics alone.
-    share: f64,
-    /// Whether it is more than [`GAIN`], and more than its standard error: one part may have it all while others lose.
-    certain: bool,
-}
-
-impl ErrorShare {
-    /// - `errors`: of [`errors_of_parts`]; none at parts beside which nothing was seen, which gain nothing
-    fn new(errors: &[(f64, f64)], left_out: &[LeftOutRows]) -> Self {
-        let parts = || left_out.iter().filter(|part| !part.part.is_empty());
-        if errors.len() != parts().map(|part| part.part.len()).sum::<usize>() {
-            return Self { share: f64::NEG_INFINITY, certain: false };
-        }
-        let alone = |part: &LeftOutRows| part.measured().map(f64::abs).sum::<f64>();
-        let mut sizes = errors.iter().map(|(error, _)| error.abs());
-        let mut pair = |part: &LeftOutRows| (alone(part), sizes.by_ref().take(part.part.len()).sum::<f64>());
-        let errors: Vec<(f64, f64)> = parts().map(&mut pair).collect();
-        let found = Judgement::of(&errors);
-        Self { share: found.gain, certain: found.gain > GAIN && found.is_better() }
-    }
+/// Parts that were left out, by physics and processes estimated together without them, against the physics alone; none if
+/// nothing was seen beside a part.
+///
+/// - `errors`: of [`errors_of_parts`]
+fn judge_together(errors: &[(f64, f64)], left_out: &[LeftOutRows]) -> Option<Judgement> {
+    let rows: usize = left_out.iter().map(|part| part.part.len()).sum();
+    (errors.len() == rows).then(|| judge(errors, left_out))
 }
 
 /// For each joint with a process: error and variance at the rows of parts that were left out in turn, of physics and
@@ -493,7 +477,7 @@ mod tests {
     use super::*;
 
     /// Eight parts of ten rows at which the physics errs by one, and errors of physics and process at them.
-    fn gain(errors: [f64; 8]) -> ErrorShare {
+    fn judged(errors: [f64; 8]) -> Judgement {
         let part = |index: usize| LeftOutRows {
             part: (10 * index..10 * index + 10).collect(),
             residual: vec![-1.0; 80],
@@ -503,20 +487,42 @@ mod tests {
         // A part in which the joint does not move says nothing.
         left_out.insert(3, LeftOutRows { part: vec![], residual: vec![-1.0; 80], variance: vec![] });
         let errors: Vec<(f64, f64)> = errors.iter().flat_map(|error| [(*error, 1.0); 10]).collect();
-        assert!(!ErrorShare::new(&errors[1..], &left_out).certain);
-        ErrorShare::new(&errors, &left_out)
+        assert!(judge_together(&errors[1..], &left_out).is_none());
+        judge_together(&errors, &left_out).expect("all parts")
     }
 
     #[test]
     fn a_gain_is_certain_if_the_parts_agree() {
-        assert!(gain([0.5; 8]).certain);
-        assert!((gain([0.5; 8]).share - 0.5).abs() < 1e-12);
-        assert!(gain([0.3, 0.6, 0.9, 0.4, -1.1, 0.5, 0.2, 0.8]).certain);
+        let certain = |errors| saves(&judged(errors));
+        assert!(certain([0.5; 8]));
+        assert!((judged([0.5; 8]).gain - 0.5).abs() < 1e-12);
+        assert!(certain([0.3, 0.6, 0.9, 0.4, -1.1, 0.5, 0.2, 0.8]));
         // Less than a twentieth, however even.
-        assert!(!gain([0.96; 8]).certain);
-        // A tenth on the whole, from one part; others lose.
-        let one = gain([0.0, 1.0, 1.05, 1.1, -1.0, 1.05, 0.95, 1.05]);
-        assert!((one.share - 0.1).abs() < 1e-12 && !one.certain);
-        assert!(!gain([1.5; 8]).certain);
+        assert!(!certain([0.96; 8]));
+        // A tenth of the sizes and 0.58 of the eight squares, from one part; others lose.
+        let one = [0.0, 1.0, 1.05, 1.1, -1.0, 1.05, 0.95, 1.05];
+        assert!((judged(one).gain - 0.58 / 8.0).abs() < 1e-12 && !certain(one));
+        assert!(!certain([1.5; 8]));
+    }
+
+    #[test]
+    fn what_is_saved_shows_in_small_errors_and_in_large_ones() {
+        // Parts of ten rows at which the physics errs by one nine times and by ten once.
+        let measured: Vec<f64> = (0..80).map(|row| if row % 10 == 9 { 10.0 } else { 1.0 }).collect();
+        let part = |index: usize| LeftOutRows {
+            part: (10 * index..10 * index + 10).collect(),
+            residual: measured.clone(),
+            variance: vec![0.0; 10],
+        };
+        let left_out: Vec<LeftOutRows> = (0..8).map(part).collect();
+        let judged = |small: f64, large: f64| {
+            let of_row = |row: usize| (if row % 10 == 9 { large } else { small }, 1.0);
+            judge_together(&(0..80).map(of_row).collect::<Vec<_>>(), &left_out).expect("all parts")
+        };
+        // Of the sizes (9 + 10) a third is gone, the squares (9 + 100) are more by a twentieth.
+        assert!((judged(0.2, 10.7).gain + 5.85 / 109.0).abs() < 1e-12 && !saves(&judged(0.2, 10.7)));
+        // A third of the squares is gone, the sizes are more.
+        assert!((judged(1.4, 7.0).gain + 0.6 / 19.0).abs() < 1e-12 && !saves(&judged(1.4, 7.0)));
+        assert!(saves(&judged(0.8, 8.0)));
     }
 }

@@ -70,9 +70,9 @@ pub(super) struct JointProcess {
     pub evidence: EvidenceParts,
 }
 
-/// A process must explain at least this share of the mean square residual of stretches left out, and one that has seen all
-/// rows this share of what one of some rows leaves.
-pub(super) const GAIN: f64 = 0.05;
+/// A process must save at least this share of the sizes and squares of errors at what was left out, and one that has seen all
+/// rows this share of the squares that one of some rows leaves.
+const GAIN: f64 = 0.05;
 
 /// So many rows per point are many: of fewer, the most informative points say nearly all, and the parts of short logs that are
 /// left out are too few to tell the two apart.
@@ -93,7 +93,7 @@ impl JointProcess {
         progress: &dyn Progress,
     ) -> Result<Self, GpError> {
         let left_out = &unseen.parts[..];
-        let Alone { mut report, mean_square, physics_loss } = Alone::new(rows, left_out);
+        let Alone { mut report, mean_square } = Alone::new(rows, left_out);
         if report.rows < FEWEST || mean_square == 0.0 {
             return Ok(Self::without(report, mean_square));
         }
@@ -112,8 +112,8 @@ impl JointProcess {
                 process(columns, &data, rows.terms.as_ref(), longest_memory, options, compute, progress)?;
             let learned = Learned::new(gp, points, rows, unseen, (inputs, status), compute)?;
             report.candidates.push(learned.candidate.clone());
-            let share = |learned: &Learned| learned.loss() / physics_loss - learned.elsewhere.gain;
-            if best.as_ref().is_none_or(|best| share(&learned) < share(best)) {
+            let gain = |learned: &Learned| learned.nearby.gain + learned.elsewhere.gain;
+            if best.as_ref().is_none_or(|best| gain(&learned) > gain(best)) {
                 best = Some(learned);
             }
         }
@@ -124,7 +124,7 @@ impl JointProcess {
             let inducing = |signal: &Kernel| inducing_points(signal, &data, options.points);
             best.or_of_all_rows(inducing, rows, left_out, options, &mut report, compute)?
         };
-        if options.inputs.is_none() && !best.gains(left_out, physics_loss) {
+        if options.inputs.is_none() && !best.saves() {
             return Ok(Self::without(report, mean_square));
         }
         Ok(Self::with(best, report, left_out.len()))
@@ -158,6 +158,8 @@ pub(super) struct Learned {
     /// Error and variance of every row, part by part.
     pub errors: Vec<(f64, f64)>,
     pub candidate: Candidate,
+    /// Parts, against the physics alone.
+    pub nearby: Judgement,
     /// Runs of half of the parts, against the physics alone.
     pub elsewhere: Judgement,
 }
@@ -173,13 +175,14 @@ impl Learned {
         compute: &Compute,
     ) -> Result<Self, GpError> {
         let errors = errors_left_out(&gp, &points, rows, &unseen.parts, compute)?;
-        let elsewhere = judge(&errors_left_out(&gp, &points, rows, &unseen.runs, compute)?, &unseen.runs);
-        let elsewhere = elsewhere.of_independent(unseen.independent_runs());
+        let nearby = judge(&errors, &unseen.parts);
+        let of_runs = errors_left_out(&gp, &points, rows, &unseen.runs, compute)?;
+        let elsewhere = judge(&of_runs, &unseen.runs).of_independent(unseen.independent_runs());
         let all = points.len() == rows.residual.len();
         let candidate = Candidate {
             inputs: found.0,
             inference: if all { Inference::Exact } else { Inference::Subset { points: points.len() } },
-            rmse: loss_of(&errors).sqrt(),
+            rmse: rmse_of(&errors),
             log_marginal_likelihood: gp.log_marginal_likelihood(),
             status: found.1,
         };
@@ -189,25 +192,18 @@ impl Learned {
             evidence: EvidenceParts::default(),
             errors,
             candidate,
+            nearby,
             elsewhere,
         })
     }
 
-    /// Mean square error of parts left out.
-    pub fn loss(&self) -> f64 {
-        loss_of(&self.errors)
+    /// Whether parts and runs that were left out are predicted better than by the physics alone.
+    pub fn saves(&self) -> bool {
+        saves(&self.nearby) && saves(&self.elsewhere)
     }
 
-    /// Whether what was left out is predicted better than by the physics alone: parts by [`GAIN`] of the mean square, parts
-    /// and runs by more than the standard error.
-    pub fn gains(&self, left_out: &[LeftOutRows], physics_loss: f64) -> bool {
-        self.loss() < (1.0 - GAIN) * physics_loss
-            && judge(&self.errors, left_out).is_better()
-            && self.elsewhere.is_better()
-    }
-
-    /// This process, or one that has seen all rows through inducing points if that gains as much on parts left out as a process
-    /// must on the physics; unless rows are few for the points, or the options say which.
+    /// This process, or one that has seen all rows through inducing points if that saves [`GAIN`] of the squared errors at parts
+    /// left out; unless rows are few for the points, or the options say which.
     ///
     /// - `inducing`: [`inducing_points`], asked for the signal of this process if they are wanted
     pub fn or_of_all_rows(
@@ -228,10 +224,12 @@ impl Learned {
         let seen = see_all(gp, &self.points, &inducing, rows, left_out, compute)?;
         let Some(SeenByAll { process, errors, evidence }) = seen else { return Ok(self) };
         let inference = Inference::Sparse { inducing: process.len() };
-        let candidate = Candidate { inference, rmse: loss_of(&errors).sqrt(), ..self.candidate.clone() };
+        let candidate = Candidate { inference, rmse: rmse_of(&errors), ..self.candidate.clone() };
         report.candidates.push(candidate.clone());
-        let other = Self { process, points: vec![], evidence, errors, candidate, elsewhere: self.elsewhere };
-        Ok(if options.sparse == Some(true) || other.loss() < (1.0 - GAIN) * self.loss() { other } else { self })
+        let better = candidate.rmse.powi(2) < (1.0 - GAIN) * self.candidate.rmse.powi(2);
+        let nearby = judge(&errors, left_out);
+        let other = Self { process, points: vec![], evidence, errors, candidate, nearby, elsewhere: self.elsewhere };
+        Ok(if options.sparse == Some(true) || better { other } else { self })
     }
 }
 
@@ -246,8 +244,6 @@ pub(super) struct Alone {
     pub report: JointReport,
     /// Of the residual.
     pub mean_square: f64,
-    /// Mean square residual of the parts that were left out.
-    pub physics_loss: f64,
 }
 
 impl Alone {
@@ -256,7 +252,6 @@ impl Alone {
         let mean_square = rows.residual.iter().map(|r| r * r).sum::<f64>() / count.max(1) as f64;
         let errors = left_out.iter().flat_map(|part| part.measured().zip(&part.variance));
         let physics: Vec<(f64, f64)> = errors.map(|(error, variance)| (error, mean_square + variance)).collect();
-        let physics_loss = loss_of(&physics);
         let enough = count >= FEWEST && mean_square > 0.0;
         let (calibration, calibration_95) =
             if enough { calibration(&physics, left_out.len()) } else { (1.0, HALF_INTERVAL_95) };
@@ -265,13 +260,13 @@ impl Alone {
             points: 0,
             inference: Inference::Exact,
             physics_rmse: mean_square.sqrt(),
-            physics_rmse_left_out: if enough { physics_loss.sqrt() } else { mean_square.sqrt() },
+            physics_rmse_left_out: if enough { rmse_of(&physics) } else { mean_square.sqrt() },
             candidates: vec![],
             chosen: None,
             calibration,
             calibration_95,
         };
-        Self { report, mean_square, physics_loss }
+        Self { report, mean_square }
     }
 }
 
@@ -354,6 +349,9 @@ fn bounds(name: &str, theta: f64, longest_memory: f64) -> (f64, f64) {
         name if name.starts_with("correlated_noise.length_scale") => (SHORTEST_MEMORY.ln(), longest_memory.ln()),
         name if name.starts_with("length_scale") => (theta - 4.0, theta + 7.0),
         "mixture" => (-4.0, 7.0),
+        // It starts at half of the mean square of what is left over. A process that may be larger than that where nothing is
+        // known explains the logs by what goes on straight in other motions.
+        "signal_variance" => (theta - 8.0, theta + 2.0_f64.ln()),
         _ => (theta - 8.0, theta + 3.0),
     }
 }
@@ -373,20 +371,35 @@ fn thin(kernel: &Kernel, data: &Data, count: usize) -> Vec<usize> {
     chosen
 }
 
-/// Squared errors at parts that were left out, of the physics alone and of physics and process.
+/// Errors at parts that were left out, of the physics alone and of physics and process: their sizes or their squares, whichever
+/// say less for the process. What it saves has to show in the many small errors and in the few large ones.
 ///
-/// - `errors`: of the latter, part by part
-fn judge(errors: &[(f64, f64)], left_out: &[LeftOutRows]) -> Judgement {
-    let mut errors = errors.iter().map(|(error, _)| error * error);
-    let of_part = |part: &LeftOutRows| {
-        let alone = part.measured().map(|error| error * error).sum::<f64>();
-        (alone, errors.by_ref().take(part.part.len()).sum::<f64>())
-    };
-    Judgement::of(&left_out.iter().map(of_part).collect::<Vec<_>>())
+/// - `errors`: of physics and process, part by part
+pub(super) fn judge(errors: &[(f64, f64)], left_out: &[LeftOutRows]) -> Judgement {
+    let mut errors = errors.iter().map(|(error, _)| *error);
+    let (mut sizes, mut squares) = (Vec::new(), Vec::new());
+    for part in left_out {
+        let (before, after) = (sums(part.measured()), sums(errors.by_ref().take(part.part.len())));
+        sizes.push((before[0], after[0]));
+        squares.push((before[1], after[1]));
+    }
+    let (sizes, squares) = (Judgement::of(&sizes), Judgement::of(&squares));
+    let certain = |judged: &Judgement| judged.gain - judged.standard_error;
+    if certain(&sizes) < certain(&squares) { sizes } else { squares }
 }
 
-fn loss_of(errors: &[(f64, f64)]) -> f64 {
-    errors.iter().map(|(error, _)| error * error).sum::<f64>() / errors.len().max(1) as f64
+/// Of the sizes of errors, and of their squares.
+fn sums(errors: impl Iterator<Item = f64>) -> [f64; 2] {
+    errors.fold([0.0, 0.0], |[sizes, squares], error| [sizes + error.abs(), squares + error * error])
+}
+
+/// Whether errors are smaller by [`GAIN`], and by more than the standard error: one part may have it all while others lose.
+pub(super) fn saves(judged: &Judgement) -> bool {
+    judged.gain > GAIN && judged.is_better()
+}
+
+fn rmse_of(errors: &[(f64, f64)]) -> f64 {
+    (errors.iter().map(|(error, _)| error * error).sum::<f64>() / errors.len().max(1) as f64).sqrt()
 }
 
 /// Error and variance of every row, predicted by physics and process that have not seen the part around it.
@@ -448,6 +461,7 @@ mod tests {
         };
         assert_eq!(of("correlated_noise.length_scale"), (SHORTEST_MEMORY.ln(), 0.3_f64.ln()));
         assert_eq!(of("length_scale"), (-4.0, 7.0));
+        assert_eq!(of("signal_variance"), (-8.0, 2.0_f64.ln()));
         assert_eq!(of("correlated_noise.signal_variance"), (-8.0, 3.0));
         assert_eq!(of("noise_variance"), (-8.0, 3.0));
     }

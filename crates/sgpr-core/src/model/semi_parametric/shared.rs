@@ -52,10 +52,10 @@ pub(super) fn fit_shared(
         let learned = of_joints(&found, inputs, &places, &scales, rows, unseen, compute)?;
         let mut sum = 0.0;
         for (alone, learned) in alone.iter_mut().zip(&learned) {
-            sum += (learned.loss() / alone.physics_loss).min(1.0);
+            sum += learned.nearby.gain.max(0.0);
             alone.report.candidates.push(learned.candidate.clone());
         }
-        if best.as_ref().is_none_or(|(least, _)| sum < *least) {
+        if best.as_ref().is_none_or(|(most, _)| sum > *most) {
             best = Some((sum, learned));
         }
     }
@@ -108,8 +108,8 @@ fn chosen(
     };
     let joints = alone.into_iter().zip(learned).zip(unseen);
     let joints = joints.map(|((alone, learned), unseen)| {
-        let Alone { report, mean_square, physics_loss } = alone;
-        if options.inputs.is_none() && !learned.gains(&unseen.parts, physics_loss) {
+        let Alone { report, mean_square } = alone;
+        if options.inputs.is_none() && !learned.saves() {
             return JointProcess::without(report, mean_square);
         }
         JointProcess::with(learned, report, unseen.parts.len())
