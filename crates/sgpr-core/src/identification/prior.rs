@@ -501,8 +501,8 @@ fn effect_deviations(
     deviations
 }
 
-/// Fastest speed that a joint is taken to be made for, rad/s (m/s): the last joint of a small fast arm turns three times a second at
-/// most. Files that say more (100, 1000) stand for "no limit".
+/// Fastest speed that a joint is taken to be made for, rad/s (m/s). Limits of more than twice that, three turns a second,
+/// stand for "no limit" (100, 1000).
 const FASTEST: f64 = 10.0;
 
 /// Speed that a joint is made for, rad/s (m/s): half of the robot file's limit, up to [`FASTEST`], one where it has none.

@@ -371,8 +371,9 @@ fn thin(kernel: &Kernel, data: &Data, count: usize) -> Vec<usize> {
     chosen
 }
 
-/// Errors at parts that were left out, of the physics alone and of physics and process: their sizes or their squares, whichever
-/// say less for the process. What it saves has to show in the many small errors and in the few large ones.
+/// Errors at parts that were left out, of the physics alone and of physics and process: their sizes or their squares, of
+/// which the process saves less beyond the standard error. That has to show in the many small errors and in the few large
+/// ones.
 ///
 /// - `errors`: of physics and process, part by part
 pub(super) fn judge(errors: &[(f64, f64)], left_out: &[LeftOutRows]) -> Judgement {

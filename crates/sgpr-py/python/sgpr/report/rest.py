@@ -103,8 +103,8 @@ def learned_section(joints: Sequence[Mapping[str, Any]], units: Mapping[str, str
     note = paragraph(
         "Parts of the training logs were left out in turn; shown is the root mean square residual there, of the "
         "physics alone and with a process that looks at what it does best with. A joint keeps its process only if it "
-        "saves a twentieth of the error there and on halves of the logs, in sizes and in squares, and more than the "
-        "standard error of what it saves."
+        "saves a twentieth of the error there and on halves of the logs, and more than the standard error of what it "
+        "saves: of sizes or of squares, whichever save less beyond it."
     )
     rows = []
     for joint in joints:
