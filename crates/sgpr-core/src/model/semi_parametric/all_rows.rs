@@ -3,7 +3,7 @@
 use faer::Mat;
 
 use super::process::{Process, ProcessTerms, Sparse};
-use super::rows::{LeftOutRows, ResidualRows, SHORTEST_MEMORY, longest_memory};
+use super::rows::{LeftOutRows, ResidualRows, SHORTEST_MEMORY, Unseen, longest_memory};
 use crate::gp::{Compute, Covariance, Data, Evidence, FadingNoise, GaussianProcess, GpError, Kernel, Shape};
 
 /// A process that has seen all rows.
@@ -56,21 +56,22 @@ pub(super) fn see_all(
     points: &[usize],
     inducing: &[f64],
     rows: &ResidualRows,
-    left_out: &[LeftOutRows],
+    unseen: &Unseen,
     compute: &Compute,
 ) -> Result<Option<SeenByAll>, GpError> {
     let width = gp.data().inputs();
+    let left_out = &unseen.parts[..];
     let others: Vec<usize> = (0..rows.residual.len()).filter(|row| points.binary_search(row).is_err()).collect();
     let Some(covariance) = with_errors_of(gp, &others, rows, longest_memory(rows, left_out))? else { return Ok(None) };
-    // The physics is the same for all parts if there are few logs.
-    let columns = 1 + left_out.len();
+    let columns = 1 + unseen.parts_and_anew().count();
     let unknowns = rows.terms.as_ref().map_or(0, Mat::ncols);
     let m = inducing.len() / width;
     if !compute.allows(m, 6 + left_out.len() as u64) {
         return Ok(None);
     }
     let outputs = |row: usize| {
-        let residuals = std::iter::once(rows.residual[row]).chain(left_out.iter().map(move |part| part.residual[row]));
+        let without_parts = unseen.parts_and_anew().map(move |part| part.residual[row]);
+        let residuals = std::iter::once(rows.residual[row]).chain(without_parts);
         let terms = rows.terms.iter().flat_map(move |terms| (0..unknowns).map(move |k| terms[(row, k)]));
         residuals.chain(terms)
     };
@@ -88,9 +89,23 @@ pub(super) fn see_all(
     let all = evidence.without(None);
     let projection = all.projection.as_ref().subcols(0, 1).to_owned();
     let sparse = Sparse::new(covariance, inducing.to_vec(), width, all.products, projection)?;
+    let errors = errors_left_out(&sparse, &evidence, rows, (left_out, 1))?;
+    Ok(Some(SeenByAll { process: Process::Sparse(sparse), errors, evidence }))
+}
+
+/// Error and variance of every row, predicted by physics and process that have not seen the part around it.
+///
+/// - `left_out`: the parts, and the output of the evidence that is the residual of the first one
+pub(super) fn errors_left_out(
+    sparse: &Sparse,
+    evidence: &EvidenceParts,
+    rows: &ResidualRows,
+    (left_out, first): (&[LeftOutRows], usize),
+) -> Result<Vec<(f64, f64)>, GpError> {
+    let width = rows.x.len() / rows.residual.len().max(1);
     let mut errors = Vec::with_capacity(rows.residual.len());
     for (index, part) in left_out.iter().enumerate() {
-        let process = Process::Sparse(sparse.having_seen(&evidence.without(Some(index)), 1 + index)?);
+        let process = Process::Sparse(sparse.having_seen(&evidence.without(Some(index)), first + index)?);
         let predicted = process.predict(&rows.at(&part.part, width), true)?;
         let noise = process.covariance().total_noise_variance();
         let prior = process.covariance().signal.variance();
@@ -98,7 +113,7 @@ pub(super) fn see_all(
         let total = |variance: &f64, of_parameters: &f64| variance + noise + variance / prior * of_parameters;
         errors.extend(part.measured().zip(predictions).map(|(y, ((mean, own), more))| (y - mean, total(own, more))));
     }
-    Ok(Some(SeenByAll { process: Process::Sparse(sparse), errors, evidence }))
+    Ok(errors)
 }
 
 /// The covariance with the errors of `others`, rows that the process has not seen; none if these are zero.

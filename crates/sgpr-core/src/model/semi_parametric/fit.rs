@@ -275,7 +275,7 @@ fn keep_what_gains(
             return Ok(lost);
         };
         lost = true;
-        let Alone { report, mean_square, .. } = Alone::new(&rows[joint], &unseen[joint].parts);
+        let Alone { report, mean_square, .. } = Alone::new(&rows[joint], &unseen[joint]);
         let candidates = std::mem::take(&mut model.joints[joint].report.candidates);
         model.joints[joint] = JointProcess::without(JointReport { candidates, ..report }, mean_square);
     }

@@ -3,7 +3,7 @@
 use faer::Mat;
 use serde::{Deserialize, Serialize};
 
-use super::all_rows::{EvidenceParts, SeenByAll, see_all};
+use super::all_rows::{self, EvidenceParts, SeenByAll, see_all};
 use super::process::Process;
 use super::rows::{LeftOutRows, ResidualRows, SHORTEST_MEMORY, Unseen, longest_memory};
 use super::{Inputs, SemiParametricOptions};
@@ -92,14 +92,13 @@ impl JointProcess {
         compute: &Compute,
         progress: &dyn Progress,
     ) -> Result<Self, GpError> {
-        let left_out = &unseen.parts[..];
-        let Alone { mut report, mean_square } = Alone::new(rows, left_out);
+        let Alone { mut report, mean_square } = Alone::new(rows, unseen);
         if report.rows < FEWEST || mean_square == 0.0 {
             return Ok(Self::without(report, mean_square));
         }
         let mut best: Option<Learned> = None;
         let data = Data::new(rows.x.clone(), 3 * n + 1, rows.residual.clone(), 1)?;
-        let longest_memory = longest_memory(rows, left_out);
+        let longest_memory = longest_memory(rows, &unseen.parts);
         let selections = options.inputs.map_or_else(|| distinct(n), |inputs| vec![inputs]);
         let mut stopped = false;
         for inputs in selections {
@@ -122,12 +121,12 @@ impl JointProcess {
             best
         } else {
             let inducing = |signal: &Kernel| inducing_points(signal, &data, options.points);
-            best.or_of_all_rows(inducing, rows, left_out, options, &mut report, compute)?
+            best.or_of_all_rows(inducing, rows, unseen, options, &mut report, compute)?
         };
         if options.inputs.is_none() && !best.saves() {
             return Ok(Self::without(report, mean_square));
         }
-        Ok(Self::with(best, report, left_out.len()))
+        Self::with(best, report, rows, unseen, compute)
     }
 
     /// A joint without a process.
@@ -136,16 +135,26 @@ impl JointProcess {
     }
 
     /// A joint with a process.
-    ///
-    /// - `parts`: number of parts that were left out
-    pub fn with(learned: Learned, mut report: JointReport, parts: usize) -> Self {
-        let Learned { process, points, evidence, errors, candidate, .. } = learned;
+    pub fn with(
+        learned: Learned,
+        mut report: JointReport,
+        rows: &ResidualRows,
+        unseen: &Unseen,
+        compute: &Compute,
+    ) -> Result<Self, GpError> {
+        let Learned { process, points, evidence, mut errors, candidate, .. } = learned;
+        errors.extend(match &process {
+            Process::Exact(gp) => errors_left_out(gp, &points, rows, &unseen.anew, compute)?,
+            Process::Sparse(sparse) => {
+                all_rows::errors_left_out(sparse, &evidence, rows, (&unseen.anew, 1 + unseen.parts.len()))?
+            }
+        });
         report.chosen = Some(candidate.inputs);
         report.inference = candidate.inference;
         report.points = process.len();
-        (report.calibration, report.calibration_95) = calibration(&errors, parts);
+        (report.calibration, report.calibration_95) = calibration(&errors, unseen.parts.len());
         let noise_variance = process.covariance().total_noise_variance();
-        Self { gp: Some(process), noise_variance, report, points, evidence }
+        Ok(Self { gp: Some(process), noise_variance, report, points, evidence })
     }
 }
 
@@ -210,7 +219,7 @@ impl Learned {
         self,
         inducing: impl FnOnce(&Kernel) -> Vec<f64>,
         rows: &ResidualRows,
-        left_out: &[LeftOutRows],
+        unseen: &Unseen,
         options: &SemiParametricOptions,
         report: &mut JointReport,
         compute: &Compute,
@@ -221,13 +230,13 @@ impl Learned {
             return Ok(self);
         }
         let inducing = inducing(&gp.covariance().signal);
-        let seen = see_all(gp, &self.points, &inducing, rows, left_out, compute)?;
+        let seen = see_all(gp, &self.points, &inducing, rows, unseen, compute)?;
         let Some(SeenByAll { process, errors, evidence }) = seen else { return Ok(self) };
         let inference = Inference::Sparse { inducing: process.len() };
         let candidate = Candidate { inference, rmse: rmse_of(&errors), ..self.candidate.clone() };
         report.candidates.push(candidate.clone());
         let better = candidate.rmse.powi(2) < (1.0 - GAIN) * self.candidate.rmse.powi(2);
-        let nearby = judge(&errors, left_out);
+        let nearby = judge(&errors, &unseen.parts);
         let other = Self { process, points: vec![], evidence, errors, candidate, nearby, elsewhere: self.elsewhere };
         Ok(if options.sparse == Some(true) || better { other } else { self })
     }
@@ -247,14 +256,18 @@ pub(super) struct Alone {
 }
 
 impl Alone {
-    pub fn new(rows: &ResidualRows, left_out: &[LeftOutRows]) -> Self {
+    pub fn new(rows: &ResidualRows, unseen: &Unseen) -> Self {
         let count = rows.residual.len();
         let mean_square = rows.residual.iter().map(|r| r * r).sum::<f64>() / count.max(1) as f64;
-        let errors = left_out.iter().flat_map(|part| part.measured().zip(&part.variance));
-        let physics: Vec<(f64, f64)> = errors.map(|(error, variance)| (error, mean_square + variance)).collect();
+        let errors = |part: &LeftOutRows| -> Vec<(f64, f64)> {
+            let errors = part.measured().zip(&part.variance);
+            errors.map(|(error, variance)| (error, mean_square + variance)).collect()
+        };
+        let physics: Vec<(f64, f64)> = unseen.parts.iter().flat_map(errors).collect();
+        let both: Vec<(f64, f64)> = unseen.parts_and_anew().flat_map(errors).collect();
         let enough = count >= FEWEST && mean_square > 0.0;
         let (calibration, calibration_95) =
-            if enough { calibration(&physics, left_out.len()) } else { (1.0, HALF_INTERVAL_95) };
+            if enough { calibration(&both, unseen.parts.len()) } else { (1.0, HALF_INTERVAL_95) };
         let report = JointReport {
             rows: count,
             points: 0,

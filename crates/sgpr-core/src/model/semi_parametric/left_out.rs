@@ -27,7 +27,8 @@ const FEWEST_LOGS: usize = 3;
 /// it as noise leaves them, without the dispersion of their fit, which is for other motions.
 ///
 /// A part of a log that determines all parameters is missed more than a log among others: what only it determines runs off
-/// without it, further than on another log. With few such logs the physics therefore stays as it is; but not with
+/// without it, further than on another log. With few such logs the physics therefore stays as it is, and the errors of
+/// physics that was estimated anew count beside these for the intervals alone ([`Unseen::anew`]). Not so with
 /// [`Mean::Joint`], where it is compared with physics and processes that are estimated anew without the part.
 pub(super) fn left_out(
     physics: &TorqueModel,
@@ -65,23 +66,28 @@ pub(super) fn left_out(
     }
     let open = physics.fit.as_ref().is_some_and(|fit| !fit.undetermined.is_empty());
     let stays = mean == Mean::Physics && logs.len() < FEWEST_LOGS && !open;
-    let changes = match ParameterBasis::of_physics(physics).filter(|_| stays) {
-        Some(whole) => {
-            let dispersion = physics.fit.as_ref().map_or(1.0, |fit| fit.dispersion);
-            let covariance = faer::Scale(dispersion.powi(-2)) * &whole.covariance;
-            vec![(Mat::zeros(unknowns, 1), covariance); together.len()]
-        }
-        None => changes(physics, rows, &matrices, &parts, &together),
+    let left = |joint: usize, group: &Group, (change, covariance): &(Mat<f64>, Mat<f64>)| {
+        let matrix = &*matrices[joint];
+        let explained = matrix * change;
+        let residual = rows[joint].residual.iter().enumerate().map(|(i, residual)| residual - explained[(i, 0)]);
+        let part = rows_of(joint, group);
+        let seen = Mat::from_fn(part.len(), unknowns, |i, k| matrix[(part[i], k)]);
+        let spread = &seen * covariance;
+        let variance = (0..part.len()).map(|i| (spread.row(i) * seen.row(i).transpose()).max(0.0)).collect();
+        LeftOutRows { residual: residual.collect(), variance, part }
     };
-    for (group, (change, covariance)) in together.iter().zip(&changes) {
-        for (joint, matrix) in matrices.iter().enumerate() {
-            let explained = &**matrix * change;
-            let residual = rows[joint].residual.iter().enumerate().map(|(i, residual)| residual - explained[(i, 0)]);
-            let part = rows_of(joint, group);
-            let seen = Mat::from_fn(part.len(), unknowns, |i, k| matrix[(part[i], k)]);
-            let spread = &seen * covariance;
-            let variance = (0..part.len()).map(|i| (spread.row(i) * seen.row(i).transpose()).max(0.0)).collect();
-            group.of(&mut result[joint]).push(LeftOutRows { residual: residual.collect(), variance, part });
+    let whole = ParameterBasis::of_physics(physics).filter(|_| stays);
+    let whole = whole.map(|whole| {
+        let dispersion = physics.fit.as_ref().map_or(1.0, |fit| fit.dispersion);
+        (Mat::zeros(unknowns, 1), faer::Scale(dispersion.powi(-2)) * &whole.covariance)
+    });
+    let anew = changes(physics, rows, &matrices, &parts, &together);
+    for (group, anew) in together.iter().zip(&anew) {
+        for (joint, result) in result.iter_mut().enumerate() {
+            group.of(result).push(left(joint, group, whole.as_ref().unwrap_or(anew)));
+            if whole.is_some() && !group.is_run {
+                result.anew.push(left(joint, group, anew));
+            }
         }
     }
     Ok(result)

@@ -44,9 +44,17 @@ impl LeftOutRows {
 pub(super) struct Unseen {
     pub parts: Vec<LeftOutRows>,
     pub runs: Vec<LeftOutRows>,
+    /// The parts once more, with physics that was estimated anew without each, if that of `parts` and `runs` stays as it is.
+    pub anew: Vec<LeftOutRows>,
 }
 
 impl Unseen {
+    /// The parts and, if there are any, the same with physics that was estimated anew: a motion to come may be like one that
+    /// the physics has seen, or not.
+    pub fn parts_and_anew(&self) -> impl Iterator<Item = &LeftOutRows> {
+        self.parts.iter().chain(&self.anew)
+    }
+
     /// How many runs have no part in common.
     pub fn independent_runs(&self) -> f64 {
         let count = self.runs.len();

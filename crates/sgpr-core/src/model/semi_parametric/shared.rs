@@ -24,7 +24,7 @@ pub(super) fn fit_shared(
 ) -> Result<Vec<JointProcess>, GpError> {
     let n = rows.len();
     let width = 3 * n + 1;
-    let mut alone: Vec<Alone> = rows.iter().zip(unseen).map(|(rows, unseen)| Alone::new(rows, &unseen.parts)).collect();
+    let mut alone: Vec<Alone> = rows.iter().zip(unseen).map(|(rows, unseen)| Alone::new(rows, unseen)).collect();
     let places = common(rows);
     let scales: Vec<f64> = alone.iter().map(|alone| alone.mean_square.sqrt()).collect();
     if places.len() < FEWEST || scales.contains(&0.0) {
@@ -45,7 +45,7 @@ pub(super) fn fit_shared(
         // A selection is tried for all joints at once.
         for _ in 0..n {
             if progress.step("rest", alone[0].report.candidates.len(), SELECTIONS.len()).is_err() {
-                return Ok(chosen(alone, best, unseen, options));
+                return chosen(alone, best, rows, unseen, options, compute);
             }
         }
         let found = process(inputs.columns(0, n), &data, None, longest_memory, options, compute, progress)?;
@@ -67,12 +67,12 @@ pub(super) fn fit_shared(
         };
         let mut of_all = Vec::with_capacity(n);
         for (joint, own) in std::mem::take(learned).into_iter().enumerate() {
-            let (rows, left_out, report) = (&rows[joint], &unseen[joint].parts, &mut alone[joint].report);
-            of_all.push(own.or_of_all_rows(inducing, rows, left_out, options, report, compute)?);
+            let (rows, unseen, report) = (&rows[joint], &unseen[joint], &mut alone[joint].report);
+            of_all.push(own.or_of_all_rows(inducing, rows, unseen, options, report, compute)?);
         }
         *learned = of_all;
     }
-    Ok(chosen(alone, best, unseen, options))
+    chosen(alone, best, rows, unseen, options, compute)
 }
 
 /// The process of every joint.
@@ -100,19 +100,21 @@ fn of_joints(
 fn chosen(
     alone: Vec<Alone>,
     best: Option<(f64, Vec<Learned>)>,
+    rows: &[ResidualRows],
     unseen: &[Unseen],
     options: &SemiParametricOptions,
-) -> Vec<JointProcess> {
+    compute: &Compute,
+) -> Result<Vec<JointProcess>, GpError> {
     let Some((_, learned)) = best else {
-        return alone.into_iter().map(|alone| JointProcess::without(alone.report, alone.mean_square)).collect();
+        return Ok(alone.into_iter().map(|alone| JointProcess::without(alone.report, alone.mean_square)).collect());
     };
-    let joints = alone.into_iter().zip(learned).zip(unseen);
-    let joints = joints.map(|((alone, learned), unseen)| {
+    let joints = alone.into_iter().zip(learned).zip(rows.iter().zip(unseen));
+    let joints = joints.map(|((alone, learned), (rows, unseen))| {
         let Alone { report, mean_square } = alone;
         if options.inputs.is_none() && !learned.saves() {
-            return JointProcess::without(report, mean_square);
+            return Ok(JointProcess::without(report, mean_square));
         }
-        JointProcess::with(learned, report, unseen.parts.len())
+        JointProcess::with(learned, report, rows, unseen, compute)
     });
     joints.collect()
 }
