@@ -102,16 +102,10 @@ pub(super) fn errors_left_out(
     rows: &ResidualRows,
     (left_out, first): (&[LeftOutRows], usize),
 ) -> Result<Vec<(f64, f64)>, GpError> {
-    let width = rows.x.len() / rows.residual.len().max(1);
     let mut errors = Vec::with_capacity(rows.residual.len());
     for (index, part) in left_out.iter().enumerate() {
         let process = Process::Sparse(sparse.having_seen(&evidence.without(Some(index)), first + index)?);
-        let predicted = process.predict(&rows.at(&part.part, width), true)?;
-        let noise = process.covariance().total_noise_variance();
-        let prior = process.covariance().signal.variance();
-        let predictions = predicted.mean.iter().zip(&predicted.variance).zip(&part.variance);
-        let total = |variance: &f64, of_parameters: &f64| variance + noise + variance / prior * of_parameters;
-        errors.extend(part.measured().zip(predictions).map(|(y, ((mean, own), more))| (y - mean, total(own, more))));
+        errors.extend(process.errors(rows, part)?);
     }
     Ok(errors)
 }

@@ -424,24 +424,21 @@ fn errors_left_out(
     left_out: &[LeftOutRows],
     compute: &Compute,
 ) -> Result<Vec<(f64, f64)>, GpError> {
-    let (width, noise) = (gp.data().inputs(), gp.covariance().total_noise_variance());
-    let prior = gp.covariance().signal.variance();
+    let width = gp.data().inputs();
     let mut all = Vec::with_capacity(rows.residual.len());
     for left_out in left_out {
         let others: Vec<usize> =
             (0..points.len()).filter(|&k| left_out.part.binary_search(&points[k]).is_err()).collect();
         if others.is_empty() {
+            let prior = gp.covariance().signal.variance() + gp.covariance().total_noise_variance();
             let spread = left_out.measured().zip(&left_out.variance);
-            all.extend(spread.map(|(residual, variance)| (residual, prior + noise + variance)));
+            all.extend(spread.map(|(residual, variance)| (residual, prior + variance)));
             continue;
         }
-        let x = rows.at(&left_out.part, width);
         let y = others.iter().map(|&k| left_out.residual[points[k]]).collect();
         let data = Data::new(gp.data().select(&others).x().to_vec(), width, y, 1)?;
-        let predicted = GaussianProcess::fit(data, gp.covariance().clone(), compute)?.predict(&x, true)?;
-        let predictions = predicted.mean.iter().zip(&predicted.variance).zip(&left_out.variance);
-        let total = |variance: &f64, of_parameters: &f64| variance + noise + variance / prior * of_parameters;
-        all.extend(left_out.measured().zip(predictions).map(|(y, ((mean, own), more))| (y - mean, total(own, more))));
+        let process = Process::Exact(GaussianProcess::fit(data, gp.covariance().clone(), compute)?);
+        all.extend(process.errors(rows, left_out)?);
     }
     Ok(all)
 }

@@ -1,5 +1,6 @@
 use faer::Mat;
 
+use super::rows::{LeftOutRows, ResidualRows};
 use crate::gp::{
     Compute, Covariance, Evidence, GaussianProcess, GpError, GpPredictor, InducedProcess, Prediction, PredictorOptions,
     WeightedKernel,
@@ -107,6 +108,20 @@ impl Process {
             Self::Exact(gp) => gp.predict(x, with_variance),
             Self::Sparse(sparse) => sparse.process.predict(x, with_variance),
         }
+    }
+
+    /// Error and variance at the rows of a part that neither the process nor the physics has seen, N·m (N) and its square. What
+    /// uncertain parameters of the physics bring counts as far as the process does not know.
+    ///
+    /// # Errors
+    /// As [`GaussianProcess::predict`].
+    pub fn errors(&self, rows: &ResidualRows, left_out: &LeftOutRows) -> Result<Vec<(f64, f64)>, GpError> {
+        let predicted = self.predict(&rows.at(&left_out.part, self.inputs()), true)?;
+        let (noise, prior) = (self.covariance().total_noise_variance(), self.covariance().signal.variance());
+        let predictions = predicted.mean.iter().zip(&predicted.variance).zip(&left_out.variance);
+        let total = |variance: &f64, of_parameters: &f64| variance + noise + variance / prior * of_parameters;
+        let errors = left_out.measured().zip(predictions);
+        Ok(errors.map(|(y, ((mean, own), more))| (y - mean, total(own, more))).collect())
     }
 
     /// Weights of what has been seen of other outputs, such as that of linear terms, `[points, ...]`.
