@@ -54,6 +54,7 @@ fn use_recording(recording: &Recording) {
         sort: true,
         drop_duplicates: true,
         drop_not_finite: true,
+        replace_strays: true,
         drop_repeated: true,
         resample: Some(Resample::MedianRate),
         ..Repair::default()

@@ -211,9 +211,9 @@ impl Recording {
     }
 
     /// The same recording, in which findings of these kinds are right: "position_in_degrees", "unlikely_rate",
-    /// "torque_scale", "joints_by_order".
+    /// "torque_scale", "stray_sample", "joints_by_order".
     ///
-    /// What looks like a wrong unit or order is refused until its unit is stated, or it is accepted.
+    /// What looks like a wrong unit, order or sample is refused until it is stated or repaired, or accepted.
     ///
     /// Examples
     /// --------
@@ -397,6 +397,9 @@ impl Recording {
     ///     Of samples with the same stamp, keep the first.
     /// drop_not_finite : bool
     ///     Remove samples with a position, velocity or torque that is not finite.
+    /// replace_strays : bool
+    ///     Put what lies between its neighbours in the place of a sample with a value that leaves them and comes back;
+    ///     without those at the ends.
     /// drop_repeated : bool
     ///     Remove samples that repeat the one before while the arm moves.
     /// unwrap : bool
@@ -417,8 +420,8 @@ impl Recording {
     /// >>> repaired = rec.repair(drop_not_finite=True)
     /// >>> repaired.actions
     /// ['log: dropped 1 of 3 samples with values that are not finite']
-    #[pyo3(signature = (*, trim=None, sort=false, drop_duplicates=false, drop_not_finite=false, drop_repeated=false,
-        unwrap=false, split_gaps=None, resample=None))]
+    #[pyo3(signature = (*, trim=None, sort=false, drop_duplicates=false, drop_not_finite=false, replace_strays=false,
+        drop_repeated=false, unwrap=false, split_gaps=None, resample=None))]
     #[expect(clippy::too_many_arguments, reason = "one per step of the repair")]
     fn repair(
         &self,
@@ -427,6 +430,7 @@ impl Recording {
         sort: bool,
         drop_duplicates: bool,
         drop_not_finite: bool,
+        replace_strays: bool,
         drop_repeated: bool,
         unwrap: bool,
         split_gaps: Option<f64>,
@@ -443,8 +447,17 @@ impl Recording {
             }),
         };
         let trim = trim.map(|(start, end)| range("trim", start, end)).transpose()?;
-        let request =
-            Repair { trim, sort, drop_duplicates, drop_not_finite, drop_repeated, unwrap, split_gaps, resample };
+        let request = Repair {
+            trim,
+            sort,
+            drop_duplicates,
+            drop_not_finite,
+            replace_strays,
+            drop_repeated,
+            unwrap,
+            split_gaps,
+            resample,
+        };
         let (parts, actions) = detached(py, || core::repair(&self.inner, &request)).map_err(IntoPyErr::into_py_err)?;
         let recordings = parts.into_iter().map(|part| Py::new(py, Self::from(part))).collect::<PyResult<_>>()?;
         Ok(Repaired { recordings, actions })

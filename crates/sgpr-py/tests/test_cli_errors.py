@@ -109,6 +109,26 @@ def test_values_that_are_not_finite(tmp_path: Path) -> None:
     assert run("identify", "--robot", "two_link", "--train", path, "--out", tmp_path / "out", *options).code == 0
 
 
+@pytest.mark.parametrize(("column", "channel", "by"), [(1, "joint_1_position", 0.2), (4, "joint_2_torque", -500.0)])
+def test_a_sample_that_strays(column: int, channel: str, by: float, tmp_path: Path) -> None:
+    def stray(table: np.ndarray) -> np.ndarray:
+        table[700, column] += by
+        return table
+
+    path = write_log(tmp_path / "stray.csv", 1, stray)
+    options = ("--robot", "two_link", "--train", path, "--out", tmp_path / "out")
+    for command in ("identify", "diagnose", "learn"):
+        message = message_of_bad_data(command, *options)
+        assert f"`{channel}` strays in 1 sample" in message and "(--replace-strays)" in message
+    clean = ("--robot", "two_link", "--train", write_log(tmp_path / "clean.csv", 1), "--out", tmp_path / "clean")
+    mended, untouched = (
+        json.loads(run("identify", *each, "--no-report", "--json").out)["parameters"]
+        for each in ((*options, "--replace-strays"), clean)
+    )
+    for own, other in zip(mended, untouched, strict=True):
+        assert own["value"] == pytest.approx(other["value"], abs=other["standard_deviation"])
+
+
 def test_log_without_torque(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text("t,q_1,q_2\n" + "".join(f"{k / 100},{np.sin(k / 50)},{np.cos(k / 70)}\n" for k in range(2000)))

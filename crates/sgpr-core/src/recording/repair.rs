@@ -1,8 +1,8 @@
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 
-use super::inspect::{is_finite_row, is_turn, repeated_samples, usual_change};
-use super::resample::resample;
+use super::inspect::{is_finite_row, is_turn, repeated_samples, stray_samples, usual_change};
+use super::resample::{at_stamps, resample};
 use super::{GAP_FACTOR, Recording, RecordingError, seconds};
 
 /// A shorter stretch holds no motion: derivatives need a few samples on either side.
@@ -23,6 +23,9 @@ pub struct Repair {
     pub drop_duplicates: bool,
     /// Remove samples with a position, velocity or torque that is not finite.
     pub drop_not_finite: bool,
+    /// Put what lies between its neighbours in the place of a sample with a value that leaves them and comes back, see
+    /// [`IssueKind::StraySample`](super::IssueKind::StraySample); without those at the ends.
+    pub replace_strays: bool,
     /// Remove samples that repeat the one before while the arm moves.
     pub drop_repeated: bool,
     /// Take back jumps of positions by a full turn, of joints whose position is wrapped to one.
@@ -50,7 +53,7 @@ pub enum Resample {
 ///
 /// # Errors
 /// If an option has a value that cannot be, if no sample is left, or if the time does not increase where it must (for
-/// `split_gaps` and `resample`).
+/// `replace_strays`, `split_gaps` and `resample`).
 ///
 /// # Examples
 /// ```
@@ -81,6 +84,10 @@ pub fn repair(recording: &Recording, request: &Repair) -> Result<(Vec<Recording>
     if request.drop_not_finite {
         let log = work.recording.clone();
         work.drop("with values that are not finite", |sample| !is_finite_row(&log, sample))?;
+    }
+    if request.replace_strays {
+        require_increasing_time(&work.recording)?;
+        work.replace_strays();
     }
     if request.drop_repeated {
         let repeated = repeated_samples(&work.recording);
@@ -164,6 +171,22 @@ impl RepairWork {
             self.recording = self.recording.pick(order.iter().copied());
         }
         self.note(format!("sorted by time, {moved} of {} samples moved", self.recording.len()));
+    }
+
+    fn replace_strays(&mut self) {
+        let all = self.recording.len();
+        let strays = stray_samples(&self.recording);
+        let kept: Vec<usize> = (0..all).filter(|sample| strays.binary_search(sample).is_err()).collect();
+        if let ([first, .., last], false) = (&kept[..], strays.is_empty()) {
+            let stamps = self.recording.time()[*first..=*last].to_vec();
+            self.recording = at_stamps(&self.recording.pick(kept.iter().copied()), stamps);
+        }
+        let dropped = all - self.recording.len();
+        let at_the_ends = if dropped > 0 { format!(", and dropped {dropped} at the ends") } else { String::new() };
+        let replaced = strays.len() - dropped;
+        self.note(format!(
+            "replaced {replaced} of {all} samples that stray by what lies between the others{at_the_ends}"
+        ));
     }
 
     fn unwrap(&mut self) {

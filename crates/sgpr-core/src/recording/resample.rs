@@ -4,19 +4,25 @@ use std::sync::Arc;
 
 use super::{Channel, Recording};
 
-/// The recording on the stamps t0, t0 + `period`, ... up to the last sample; `period` in ns, not zero.
+/// The recording on the stamps t0, t0 + `period`, ... up to the last sample; `period` in ns, not zero. See [`at_stamps`].
+///
+/// The time must increase strictly.
+pub(super) fn resample(recording: &Recording, period: u64) -> Recording {
+    let time = recording.time();
+    let (Some(&first), Some(&last)) = (time.first(), time.last()) else { return recording.clone() };
+    let count = first.abs_diff(last) / period;
+    at_stamps(recording, (0..=count).map(|k| first.saturating_add_unsigned(k * period)).collect())
+}
+
+/// The recording on increasing stamps between its first and its last.
 ///
 /// Positions follow a cubic Hermite curve through the samples whose slopes are those of the parabola through three
 /// neighbours (Catmull-Rom for unequal steps); everything else is interpolated linearly. On a sample the curve has its
 /// value; next to a value that is not finite it is NaN.
 ///
 /// The time must increase strictly.
-pub(super) fn resample(recording: &Recording, period: u64) -> Recording {
-    let time = recording.time();
-    let (Some(&first), Some(&last)) = (time.first(), time.last()) else { return recording.clone() };
-    let stamps: Vec<i64> =
-        (0..=first.abs_diff(last) / period).map(|k| first.saturating_add_unsigned(k * period)).collect();
-    let places = places(time, &stamps);
+pub(super) fn at_stamps(recording: &Recording, stamps: Vec<i64>) -> Recording {
+    let places = places(recording.time(), &stamps);
     let n = recording.dof();
     let seconds = recording.time_seconds();
     let linear = |values: &[f64]| -> Vec<f64> {

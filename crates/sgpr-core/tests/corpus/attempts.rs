@@ -124,6 +124,7 @@ fn look_at(recording: &Recording) {
         sort: true,
         drop_duplicates: true,
         drop_not_finite: true,
+        replace_strays: true,
         drop_repeated: true,
         resample: Some(Resample::MedianRate),
         ..Repair::default()

@@ -256,14 +256,66 @@ fn a_position_that_is_wrapped_to_a_turn() {
 }
 
 #[test]
-fn a_stray_sample_is_no_unit() {
+fn samples_that_stray_are_told_and_replaced() {
+    let request = Repair { replace_strays: true, ..Repair::default() };
+    // A position beyond all turns is no unit, and one that is near is as bad: its derivatives are not.
+    for by in [999.0, -0.3] {
+        let mut log = Log::new();
+        log.position[1000] += by;
+        log.velocity.clear();
+        let joints = names(&["a", "b"]);
+        let recording =
+            Recording::new("log", joints, log.time, log.position, None, Some(log.torque), vec![]).expect("fits");
+        let found = refusals(&recording);
+        assert_eq!(kinds(&found), [IssueKind::StraySample]);
+        assert_eq!((found[0].channel.as_deref(), found[0].count), (Some("a_position"), 1));
+        assert!(found[0].message.contains("strays in 1 sample, first 5.000 s after the start"), "{}", found[0].message);
+        assert_eq!(kinds(&inspect(&recording)), [IssueKind::StraySample]);
+        let (parts, actions) = repair(&recording, &request).expect("a log");
+        assert_eq!(actions, ["log: replaced 1 of 2000 samples that stray by what lies between the others"]);
+        assert_eq!(refusals(&parts[0]), []);
+        let furthest = parts[0].position().iter().zip(Log::new().position).map(|(new, old)| (new - old).abs());
+        assert!(furthest.fold(0.0, f64::max) < 1e-4);
+        assert_eq!(refusals(&recording.clone().accepting(&[IssueKind::StraySample])), []);
+    }
+    // Of the torque, at the end of the log, and in more places than one.
     let mut log = Log::new();
-    log.position[1000] = 999.0;
-    log.velocity.clear();
-    let joints = names(&["a", "b"]);
-    let recording =
-        Recording::new("log", joints, log.time, log.position, None, Some(log.torque), vec![]).expect("fits");
-    assert_eq!(kinds(&inspect(&recording)), [IssueKind::PositionJump]);
+    [(300, 40.0), (1000, -60.0), (1999, 200.0)].iter().for_each(|(sample, by)| log.torque[2 * sample + 1] += by);
+    let issue = log.issue();
+    assert_eq!((issue.kind, issue.severity, issue.count), (IssueKind::StraySample, Severity::Error, 3));
+    assert_eq!((issue.channel.as_deref(), issue.time), (Some("b_torque"), Some(3.0)));
+    let (parts, actions) = repair(&log.recording(), &request).expect("a log");
+    assert!(
+        actions[0].ends_with(
+            "replaced 2 of 2000 samples that stray by what lies between the others, and dropped 1 at the ends"
+        )
+    );
+    assert_eq!((parts[0].len(), refusals(&parts[0])), (1999, vec![]));
+    // Of the velocity, which models do not learn from.
+    let mut log = Log::new();
+    log.velocity[1000] = -50.0;
+    assert_eq!((log.issue().kind, log.issue().severity), (IssueKind::StraySample, Severity::Warning));
+}
+
+#[test]
+fn what_comes_again_or_stays_does_not_stray() {
+    // Knocks that are not alone, a step of the torque, an encoder that counts one step to and fro, the start of a motion.
+    let mut log = Log::new();
+    (0..10).for_each(|k| log.torque[400 * k + 100] += 8.0 + 2.0 * k as f64);
+    log.torque.iter_mut().skip(2001).step_by(2).for_each(|tau| *tau += 50.0);
+    assert_eq!(log.issues(), []);
+    let mut log = Log::new();
+    log.position.iter_mut().step_by(2).for_each(|q| *q = 0.3);
+    log.velocity.iter_mut().step_by(2).for_each(|v| *v = 0.0);
+    log.position[1000] += 0.001;
+    assert_eq!(kinds(&log.issues()), [IssueKind::StillJoint]);
+    let mut log = Log::new();
+    for sample in 0..2000 {
+        let beyond = (sample as f64 - 1990.0).max(0.0);
+        log.position[2 * sample] = 0.01 * beyond * beyond;
+        log.velocity[2 * sample] = 2.0 * beyond;
+    }
+    assert_eq!(refusals(&log.recording()), []);
 }
 
 #[test]

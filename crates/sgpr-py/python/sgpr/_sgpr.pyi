@@ -286,6 +286,7 @@ class Recording:
         sort: bool = False,
         drop_duplicates: bool = False,
         drop_not_finite: bool = False,
+        replace_strays: bool = False,
         drop_repeated: bool = False,
         unwrap: bool = False,
         split_gaps: float | None = None,

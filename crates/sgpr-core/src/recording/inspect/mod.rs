@@ -1,6 +1,7 @@
 //! What is wrong, or worth knowing, about a log.
 
 mod motion;
+mod strays;
 mod time;
 mod values;
 
@@ -9,6 +10,7 @@ use std::str::FromStr;
 use super::names::counted;
 use super::{Recording, RecordingError};
 pub(crate) use motion::{is_turn, usual_change};
+pub(super) use strays::stray_samples;
 pub use time::GAP_FACTOR;
 pub(crate) use time::{MOST_JITTER, jitter};
 pub(crate) use values::is_still;
@@ -56,6 +58,8 @@ pub enum IssueKind {
     StillJoint,
     /// A position that jumps from one sample to the next, as one that is wrapped to a turn does.
     PositionJump,
+    /// A value that leaves those before and after it for a sample or a few.
+    StraySample,
     /// Positions that look like degrees.
     PositionInDegrees,
     /// A velocity that is not the derivative of the position.
@@ -77,7 +81,7 @@ pub enum IssueKind {
 }
 
 impl IssueKind {
-    const NAMES: [(Self, &'static str); 19] = [
+    const NAMES: [(Self, &'static str); 20] = [
         (Self::NotFinite, "not_finite"),
         (Self::Implausible, "implausible"),
         (Self::TimeBackwards, "time_backwards"),
@@ -88,6 +92,7 @@ impl IssueKind {
         (Self::UnlikelyRate, "unlikely_rate"),
         (Self::StillJoint, "still_joint"),
         (Self::PositionJump, "position_jump"),
+        (Self::StraySample, "stray_sample"),
         (Self::PositionInDegrees, "position_in_degrees"),
         (Self::VelocityMismatch, "velocity_mismatch"),
         (Self::VelocityLag, "velocity_lag"),
@@ -101,8 +106,8 @@ impl IssueKind {
 
     /// Findings that an owner of a log can know to be right: units, orders and sizes that are only unlikely. What breaks
     /// the computation, such as values that are not finite, is not among them.
-    pub const CONFIRMABLE: [Self; 4] =
-        [Self::JointsByOrder, Self::PositionInDegrees, Self::UnlikelyRate, Self::TorqueScale];
+    pub const CONFIRMABLE: &'static [Self] =
+        &[Self::JointsByOrder, Self::StraySample, Self::PositionInDegrees, Self::UnlikelyRate, Self::TorqueScale];
 
     /// Its name in files and Python: `position_in_degrees`.
     pub fn name(self) -> &'static str {
@@ -116,7 +121,7 @@ impl FromStr for IssueKind {
 
     /// One of [`IssueKind::CONFIRMABLE`] by its name.
     fn from_str(text: &str) -> Result<Self, RecordingError> {
-        let found = Self::CONFIRMABLE.into_iter().find(|kind| kind.name() == text);
+        let found = Self::CONFIRMABLE.iter().copied().find(|kind| kind.name() == text);
         found.ok_or_else(|| RecordingError::NotConfirmable {
             kind: text.into(),
             known: Self::CONFIRMABLE.iter().map(|kind| kind.name().to_string()).collect(),
@@ -161,6 +166,9 @@ impl Severity {
 /// - a joint stands still if it moves less than 0.002 rad (m);
 /// - a position jumps if it changes by more than 0.5 rad (m), at more than 50 rad/s (m/s) and by more than ten times what
 ///   nine of ten samples change by; jumps by a turn alone, give or take what a joint moves in one step, are errors;
+/// - a sample strays if it is five times as far from those before and after it as any other, for 10 ms or one sample and at
+///   most three: a position by more than twice its mean change from sample to sample, a velocity or torque by more
+///   than all others range over;
 /// - velocity and position are compared over stretches of at least ten samples and 0.1 s: the change of the position
 ///   against the integral of the velocity, which tells units and sign apart from noise;
 /// - the lag of the velocity is where its cross-correlation with the derivative of the position is largest.
@@ -189,8 +197,9 @@ pub fn inspect(recording: &Recording) -> Vec<Issue> {
 pub fn refusals(recording: &Recording) -> Vec<Issue> {
     let mut issues = time::issues(recording);
     issues.extend(values::errors(recording));
-    let clean = motion::without_faults(recording);
+    let (clean, strays) = strays::taken_out(motion::without_faults(recording));
     issues.extend(motion::positions_in_degrees(&clean));
+    issues.extend(strays);
     issues.extend(motion::wrapped_positions(&clean));
     let mut issues = sorted(recording, issues);
     issues.retain(|issue| issue.severity == Severity::Error);

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::values::{column, is_still_range};
-use super::{Issue, IssueKind, Severity, counted, duration};
+use super::{Issue, IssueKind, Severity, counted, duration, strays};
 use crate::linalg::rms;
 use crate::recording::resample::resample;
 use crate::recording::statistics::{self, first_change, first_place};
@@ -32,7 +32,7 @@ const LONGEST_PIECE: usize = 20_000;
 
 /// - `is_time_right`: whether the unit of the time is beyond doubt
 pub(super) fn issues(recording: &Recording, is_time_right: bool) -> Vec<Issue> {
-    let clean = without_faults(recording);
+    let (clean, strays) = strays::taken_out(without_faults(recording));
     let ratios: Vec<Option<PositionCheck>> =
         (0..clean.dof()).map(|joint| PositionCheck::of_joint(&clean, joint)).collect();
     let mut issues = all_degrees(&clean, &ratios);
@@ -46,6 +46,7 @@ pub(super) fn issues(recording: &Recording, is_time_right: bool) -> Vec<Issue> {
         issues.extend(lag(&clean, &ratios));
     }
     issues.extend((0..clean.dof()).filter_map(|joint| jumps(&clean, joint)));
+    issues.extend(strays);
     issues
 }
 
@@ -91,7 +92,7 @@ fn all_degrees(clean: &Recording, ratios: &[Option<PositionCheck>]) -> Vec<Issue
 }
 
 /// The samples whose stamp is later than all before and whose values are finite.
-pub(super) fn without_faults(recording: &Recording) -> Recording {
+pub(in crate::recording) fn without_faults(recording: &Recording) -> Recording {
     let runs_forward = recording.time().windows(2).all(|pair| pair[1] > pair[0]);
     if runs_forward && recording.arrays().all(|(_, values)| first_place(values, |value| !value.is_finite()).is_none()) {
         return recording.clone();
@@ -141,6 +142,11 @@ fn jumps(recording: &Recording, joint: usize) -> Option<Issue> {
 /// What nine of ten samples of a position change by.
 pub(crate) fn usual_change(changes: &[f64]) -> f64 {
     statistics::quantile(&mut changes.to_vec(), 0.9)
+}
+
+/// Whether a position is about a turn from another: it is wrapped to one.
+pub(super) fn is_near_a_turn(distance: f64) -> bool {
+    (distance - TAU).abs() < JUMP
 }
 
 /// Whether a position changes by a full turn, give or take what the joint moves in a step.

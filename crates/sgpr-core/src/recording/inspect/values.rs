@@ -7,7 +7,7 @@ use crate::recording::statistics::first_place;
 use crate::recording::{Implausible, Recording, seconds, statistics};
 
 /// A joint that moves less than this, rad (m), stands still.
-const STILL_RANGE: f64 = 0.002;
+pub(super) const STILL_RANGE: f64 = 0.002;
 /// Samples on each side over which a motion is seen.
 const MOTION_WINDOW: usize = 5;
 /// A sample counts as moving from this share of a joint's RMS speed on.

@@ -32,6 +32,7 @@ BY_HAND = (
     "sort",
     "drop_duplicates",
     "drop_not_finite",
+    "replace_strays",
     "drop_repeated",
     "unwrap",
 )

@@ -25,6 +25,7 @@ OPTIONS = {
     r"\(resample: ([\d.]+) Hz\)": r"(--resample \1)",
     r"\(repair: sort, drop_duplicates\)": "(--sort, --drop-duplicates)",
     r"\(repair: drop_not_finite\)": "(--drop-not-finite)",
+    r"\(repair: replace_strays\)": "(--replace-strays)",
     r"\(repair: drop_repeated\)": "(--drop-repeated)",
     r"\(repair: drop_duplicates\)": "(--drop-duplicates)",
     r"\(repair: sort\)": "(--sort)",

@@ -98,6 +98,7 @@ SETTINGS = {
     "sort": Setting("sort", _is_flag, "true"),
     "drop_duplicates": Setting("drop_duplicates", _is_flag, "true"),
     "drop_not_finite": Setting("drop_not_finite", _is_flag, "true"),
+    "replace_strays": Setting("replace_strays", _is_flag, "true"),
     "drop_repeated": Setting("drop_repeated", _is_flag, "true"),
     "unwrap": Setting("unwrap", _is_flag, "true"),
     "split_gaps": Setting("split_gaps", _is_number, "0.05"),

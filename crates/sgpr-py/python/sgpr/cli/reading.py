@@ -20,7 +20,17 @@ from .errors import BadData, of_command_line, one_of, wrong_use
 READING = "Reading logs"
 NO_LOGS = (".urdf", ".xacro", ".sgpr")
 REPAIR = "Repairing logs (nothing is changed unless asked for)"
-REPAIRS = ("trim", "sort", "drop_duplicates", "drop_not_finite", "drop_repeated", "unwrap", "split_gaps", "resample")
+REPAIRS = (
+    "trim",
+    "sort",
+    "drop_duplicates",
+    "drop_not_finite",
+    "replace_strays",
+    "drop_repeated",
+    "unwrap",
+    "split_gaps",
+    "resample",
+)
 """What `Recording.repair` takes."""
 
 
@@ -71,7 +81,7 @@ class ReadingOptions:
             "--accept",
             metavar="FINDING...",
             help="Findings that stop a command although they are right: joints_by_order (joints with names are columns "
-            "with numbers, in the order of the robot), position_in_degrees, unlikely_rate, torque_scale.",
+            "with numbers, in the order of the robot), position_in_degrees, unlikely_rate, torque_scale, stray_sample.",
         ),
     ] = None
     like: Annotated[
@@ -113,6 +123,10 @@ class ReadingOptions:
     ] = False
     drop_not_finite: Annotated[
         bool, repairing("--drop-not-finite", help="Drop samples with NaN or infinite values.")
+    ] = False
+    replace_strays: Annotated[
+        bool,
+        repairing("--replace-strays", help="Replace samples that leave their neighbours by what lies between."),
     ] = False
     drop_repeated: Annotated[
         bool, repairing("--drop-repeated", help="Drop samples that repeat the one before while the arm moves.")
@@ -204,6 +218,7 @@ class ReadingOptions:
             "sort": self.sort,
             "drop_duplicates": self.drop_duplicates,
             "drop_not_finite": self.drop_not_finite,
+            "replace_strays": self.replace_strays,
             "drop_repeated": self.drop_repeated,
             "unwrap": self.unwrap,
             "split_gaps": self.split_gaps,

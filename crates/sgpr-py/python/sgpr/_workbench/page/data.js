@@ -111,7 +111,7 @@ function drop(app) {
   h("p", { class: "soft" }, "They are copied into the folder. ", button("Look into the folder again", () => app.act("look_again"))));
 }
 
-const REPAIRS = ["sort", "drop_duplicates", "drop_not_finite", "drop_repeated", "unwrap"];
+const REPAIRS = ["sort", "drop_duplicates", "drop_not_finite", "replace_strays", "drop_repeated", "unwrap"];
 const QUANTITIES = [["time", "ms, us, ns"], ["position", "deg"], ["velocity", "rpm, deg/s"], ["torque", "mNm"]];
 
 function reading(log, app) {
