@@ -14,6 +14,7 @@ use super::evidence::{LeftOut, SURE};
 use super::fit::{Fitted, beyond, left_out_parts};
 use super::problem::{FOLDS, Problem};
 use super::search::{Search, without};
+use crate::effects::Site;
 use crate::model::{Given, IdentifyError, Term, TorqueModel, identify_again};
 use crate::recording::Recording;
 
@@ -27,7 +28,8 @@ pub(super) struct Written {
 /// Growth of a joint's error that is harm: the one that is seen on other logs differs by as much from chance.
 const HARM: f64 = 0.02;
 
-/// The given model with all findings but those that make it worse: while some joint is, the one without which it is best.
+/// The given model with all findings but those that make it worse: while some joint is, the one without which it is best. A
+/// finding of the whole arm that makes some joint only less sure elsewhere stays if without it all joints together are worse.
 pub(super) fn written(
     search: &Search<'_>,
     given: &TorqueModel,
@@ -53,8 +55,10 @@ pub(super) fn written(
     loop {
         let inside: Vec<usize> = found.iter().filter(|k| !taken_back.contains(*k)).copied().collect();
         let acts = |k: &usize, joint: &usize| search.joints_of(&outcome.fitted.terms()[*k]).contains(joint);
-        let is_worse = |joint: &usize| after.is_worse(&before, problem, *joint, inside.iter().any(|k| acts(k, joint)));
-        let worse: Vec<usize> = (0..problem.dof()).filter(is_worse).collect();
+        let is_acted_on = |joint: usize| inside.iter().any(|k| acts(k, &joint));
+        let harm = |joint: usize| after.harm(&before, problem, joint, is_acted_on(joint));
+        let harms: Vec<Option<Harm>> = (0..problem.dof()).map(harm).collect();
+        let worse: Vec<usize> = (0..problem.dof()).filter(|joint| harms[*joint].is_some()).collect();
         if worse.is_empty() || inside.is_empty() {
             return Ok(Written { model, taken_back });
         }
@@ -65,10 +69,14 @@ pub(super) fn written(
             let out = [&taken_back[..], &[*k]].concat();
             let trial = trial(&search.refit(&outcome.fitted, without(outcome.fitted.terms(), &out)))?;
             let growth: f64 = worse.iter().map(|joint| (trial.1.of(*joint) / before.of(*joint)).ln()).sum();
-            Ok((*k, growth, trial))
+            let of_all: f64 = (0..problem.dof()).map(|joint| (trial.1.of(joint) / after.of(joint)).ln()).sum();
+            let of_arm = outcome.fitted.terms()[*k].site == Site::Arm;
+            let stays = of_arm && of_all > 0.0 && !harms.contains(&Some(Harm::Seen));
+            Ok((*k, growth, (!stays).then_some(trial)))
         };
         let trials = all.par_iter().map(without_it).collect::<Result<Vec<_>, IdentifyError>>()?;
-        let Some((k, _, next)) = trials.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)) else {
+        let harmful = trials.into_iter().filter_map(|(k, growth, trial)| Some((k, growth, trial?)));
+        let Some((k, _, next)) = harmful.min_by(|a, b| a.1.total_cmp(&b.1)) else {
             return Ok(Written { model, taken_back });
         };
         taken_back.push(k);
@@ -100,17 +108,31 @@ impl Risk {
         self.parts.mean_square(joint) + self.beyond[joint][0].powi(2) + self.elsewhere[joint]
     }
 
-    /// Whether it is larger than before at a joint, beyond what chance makes of it; for certain where no finding `acts`.
-    fn is_worse(&self, before: &Self, problem: &Problem, joint: usize, acts: bool) -> bool {
-        let grows = self.of(joint) > (1.0 + HARM).powi(2) * before.of(joint);
+    /// What makes it larger than before at a joint, beyond what chance makes of it; for certain where no finding `acts`.
+    fn harm(&self, before: &Self, problem: &Problem, joint: usize, acts: bool) -> Option<Harm> {
+        if self.of(joint) <= (1.0 + HARM).powi(2) * before.of(joint) {
+            return None;
+        }
         let in_band = before.parts.against(&self.parts, problem, &[joint]).significance();
         if !acts {
-            return grows && in_band < -SURE;
+            return (in_band < -SURE).then_some(Harm::Seen);
         }
         // Beyond the band there is no fit, and no chance.
         let beyond = self.beyond[joint][0] > (1.0 + HARM) * before.beyond[joint][0];
         let gained = before.parts.mean_square(joint) - self.parts.mean_square(joint);
         let elsewhere = self.elsewhere[joint] - before.elsewhere[joint] > gained.max(0.0);
-        grows && (beyond || elsewhere || in_band < -1.0)
+        match beyond || in_band < -1.0 {
+            true => Some(Harm::Seen),
+            false => elsewhere.then_some(Harm::Elsewhere),
+        }
     }
+}
+
+/// Why a prediction may err by more.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Harm {
+    /// It does, on motion of the logs.
+    Seen,
+    /// Its variance is larger at positions that they do not show.
+    Elsewhere,
 }
