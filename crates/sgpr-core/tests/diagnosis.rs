@@ -488,6 +488,27 @@ fn too_little_data_is_said() {
     assert!(matches!(error, DiagnosisError::TooShort { .. }), "{error}");
 }
 
+#[test]
+fn logs_that_no_model_of_one_arm_explains_are_told() {
+    // The joints of one log in another order.
+    let swapped = |log: &Recording| {
+        let swap = |values: &[f64]| values.chunks(2).flat_map(|row| [row[1], row[0]]).collect();
+        let (names, time) = (log.joint_names().to_vec(), log.time().to_vec());
+        let torque = Some(swap(log.torque().unwrap()));
+        Recording::new("swapped", names, time, swap(log.position()), None, torque, vec![]).unwrap()
+    };
+    let train = [log(&[], 0, 20.0), log(&[], 1, 20.0), swapped(&log(&[], 2, 20.0))];
+    let error = diagnose(&identified(&train), &train, &[], &DiagnosisOptions::default(), &()).unwrap_err();
+    let DiagnosisError::LogsApart { alone, together, .. } = error else { panic!("{error}") };
+    assert!(together > 5.0 * alone, "{alone} {together}");
+    // A load that comes with one of the logs is no other arm.
+    let mut load = Term::new(by_name("payload_change").unwrap(), Site::Arm, vec![39.0]);
+    load.coefficients = [&[1.0, 0.2, 0.0, 0.0][..], &[0.0; 6]].concat();
+    let train: Vec<Recording> = (0..3).map(|number| log(std::slice::from_ref(&load), number, 20.0)).collect();
+    let diagnosis = diagnose(&identified(&train), &train, &[], &DiagnosisOptions::default(), &()).unwrap();
+    assert_eq!(diagnosis.findings[0].effect, "payload_change");
+}
+
 /// Stops at the third step.
 #[derive(Default)]
 struct Impatient(AtomicUsize);

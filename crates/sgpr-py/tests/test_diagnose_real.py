@@ -84,6 +84,16 @@ def test_friction_of_a_joint_that_moves_in_one_log_is_found() -> None:
     assert after < 0.6 * before
 
 
+def test_logs_of_two_robots_are_no_effect() -> None:
+    robot, (own, *_), _ = robot_and_logs("kuka_lwr")
+    _, (other, *_), _ = robot_and_logs("baxter")
+    train = [own, other.renamed(robot.joint_names)]
+    model = sgpr.identify(robot, train)
+
+    with pytest.raises(sgpr.SgprError, match=r"the logs do not fit one model: .* two robots"):
+        sgpr.diagnose(model, train)
+
+
 @pytest.mark.parametrize(
     ("name", "log", "start", "seconds", "most"), [("ur10e", 4, 6.13, 10.0, 0.7), ("baxter", 5, 0.15, 20.0, 1.01)]
 )

@@ -155,6 +155,24 @@ impl FoldFits {
         LeftOut { rows: self.errors.clone() }
     }
 
+    /// Errors of fits to one fold alone, on that fold.
+    ///
+    /// - `held`: by what the fits are held
+    pub fn errors_of_each(&self, held: Held<'_>) -> Column {
+        let mut errors: Column =
+            self.target.iter().map(|target| target.iter().map(|target| -target).collect()).collect();
+        let all: Vec<&Column> = self.columns.iter().map(|column| &**column).collect();
+        for (blocks, own) in self.blocks.iter().zip(&self.products) {
+            let prior = (held.precision, held.file.get(self.weakest));
+            let fit = FoldFit::new(std::slice::from_ref(own), None, prior);
+            let solution = fit.factor.backward(&fit.forward);
+            for (joint, rows) in blocks {
+                add_columns(&mut errors[*joint][rows.clone()], &all, &solution, (*joint, rows));
+            }
+        }
+        errors
+    }
+
     /// The least that remains, with a fold left out, of what all folds tell of the torque of some columns, as a share of it:
     /// of its squares with what the other columns can make taken out.
     ///

@@ -19,6 +19,7 @@ mod fit;
 mod formula;
 mod left_out;
 mod likelihood;
+mod one_arm;
 mod problem;
 mod remembered;
 mod report;
@@ -86,6 +87,20 @@ pub enum DiagnosisError {
         seconds: f64,
         /// Least length, s.
         needed: f64,
+    },
+    /// Logs that are not of one arm, with one load.
+    #[error(
+        "the logs do not fit one model: a fit to {log} alone leaves {alone:.1} % of its torque, one to all of them \
+         {together:.1} %: they are of two robots, have other loads, or columns in another order or unit; leave out what is \
+         not of this arm, or diagnose the logs one by one"
+    )]
+    LogsApart {
+        /// The log that fits the others least.
+        log: String,
+        /// What a fit to it alone leaves of its torque, %.
+        alone: f64,
+        /// What a fit to all logs does, %.
+        together: f64,
     },
     /// An effect that was to be added by hand cannot be.
     #[error("add {addition}: {reason}")]
@@ -156,7 +171,9 @@ pub fn diagnose_with(
     let start = search.start()?;
     let decision = if wanted.is_empty() {
         let outcome = search.run(&start)?;
-        decision::decide(&mut search, outcome)?
+        let decision = decision::decide(&mut search, outcome)?;
+        one_arm::require_one_arm(&search.problem, &decision.outcome.fitted, &search.noise)?;
+        decision
     } else {
         let outcome = search.by_hand(&start, &wanted)?;
         decision::judge_only(&search, outcome)
