@@ -87,7 +87,7 @@ fn strays(recording: &Recording) -> Vec<Strays> {
     let of_array = |(array, values): (&'static str, &[f64])| -> Vec<Strays> {
         let of_joint = |joint: usize| {
             let own: Vec<f64> = column(values, n, joint).collect();
-            let (samples, distance) = Values { own: &own, is_position: array == "position", in_a_row }.strays()?;
+            let (samples, distance) = StrayColumn { own: &own, is_position: array == "position", in_a_row }.strays()?;
             Some(Strays { joint, array, samples, distance })
         };
         (0..n).into_par_iter().filter_map(of_joint).collect()
@@ -95,14 +95,14 @@ fn strays(recording: &Recording) -> Vec<Strays> {
     recording.arrays().flat_map(of_array).collect()
 }
 
-struct Values<'a> {
+struct StrayColumn<'a> {
     own: &'a [f64],
     is_position: bool,
     /// Most samples that stray in a row.
     in_a_row: usize,
 }
 
-impl Values<'_> {
+impl StrayColumn<'_> {
     /// Those that stray, and the distance of the first one.
     fn strays(&self) -> Option<(Vec<usize>, f64)> {
         // Of most logs this is all: what goes away and comes back bends by no less than a quarter of the way.
@@ -148,11 +148,13 @@ impl Values<'_> {
     }
 
     /// Of all samples; those that go on from their neighbours are near.
-    fn places(&self) -> Vec<Place> {
+    fn places(&self) -> Vec<SampleDistance> {
         let near = STEPS * mean_change(self.own) / APART;
         let goes_on = |pair: &[f64]| (pair[1] - pair[0]).abs() < near;
         let place = |sample: usize| match self.own.get(sample.wrapping_sub(1)..sample + 2) {
-            Some(around) if goes_on(&around[..2]) && goes_on(&around[1..]) => Place { usual: around[1], distance: 0.0 },
+            Some(around) if goes_on(&around[..2]) && goes_on(&around[1..]) => {
+                SampleDistance { usual: around[1], distance: 0.0 }
+            }
             _ => self.place(self.own, sample),
         };
         (0..self.own.len()).map(place).collect()
@@ -179,30 +181,30 @@ impl Values<'_> {
     }
 
     /// Of a sample among what is before and after it; at the ends, beyond what goes on from there.
-    fn place(&self, values: &[f64], sample: usize) -> Place {
+    fn place(&self, values: &[f64], sample: usize) -> SampleDistance {
         let (last, reach, own) = (values.len() - 1, self.in_a_row + 1, values[sample]);
         let count = 2 * reach + 1;
         if last < count {
-            return Place { usual: own, distance: 0.0 };
+            return SampleDistance { usual: own, distance: 0.0 };
         }
         if sample < reach {
             let others = &values[self.in_a_row.max(sample + 1)..count];
-            return Place { usual: others[0], distance: beyond(own, others) };
+            return SampleDistance { usual: others[0], distance: beyond(own, others) };
         }
         if sample + reach > last {
             let others = &values[last + 1 - count..=(last - self.in_a_row).min(sample - 1)];
-            return Place { usual: others[others.len() - 1], distance: beyond(own, others) };
+            return SampleDistance { usual: others[others.len() - 1], distance: beyond(own, others) };
         }
         let mut window = [0.0; 2 * (MOST_IN_A_ROW + 1) + 1];
         let window = &mut window[..count];
         window.copy_from_slice(&values[sample - reach..=sample + reach]);
         window.sort_unstable_by(f64::total_cmp);
-        Place { usual: window[reach], distance: (own - window[reach]).abs() }
+        SampleDistance { usual: window[reach], distance: (own - window[reach]).abs() }
     }
 }
 
 /// What is usual where a sample is, and how far it is from that.
-struct Place {
+struct SampleDistance {
     usual: f64,
     distance: f64,
 }
