@@ -1,8 +1,11 @@
 //! Whether torques are of the size that the weight of the arm asks for.
 
+use std::f64::consts::PI;
+
 use crate::dynamics::{Workspace, gravity_torque};
+use crate::random::Random;
 use crate::recording::{Issue, IssueKind, Recording, RecordingError, Severity};
-use crate::robot::Robot;
+use crate::robot::{Joint, Robot};
 
 use super::select_joints;
 
@@ -15,6 +18,9 @@ const LOADED: f64 = 0.1;
 
 /// Most samples that are looked at.
 const SAMPLES: usize = 1000;
+
+/// Poses of the arm that tell what it usually bears.
+const POSES: usize = 100;
 
 /// Says so if the torques of a log are a hundred times what gravity asks of the arm in the robot file, or a hundredth: then
 /// they are in another unit, or motor currents, or the masses of the file are no masses.
@@ -33,17 +39,22 @@ pub fn torque_scale(robot: &Robot, recording: &Recording) -> Result<Option<Issue
         return Ok(None);
     }
     let mut workspace = Workspace::new(robot);
-    let (mut weight, mut measured) = (vec![0.0; n], vec![0.0; n]);
+    let (mut weight, mut measured, mut count) = (vec![0.0; n], vec![0.0; n], 0.0);
     for sample in (0..recording.len()).step_by(recording.len().div_ceil(SAMPLES).max(1)) {
         let row = sample * n..(sample + 1) * n;
         let (q, tau) = (&recording.position()[row.clone()], &torque[row]);
         if !q.iter().chain(tau).all(|value| value.is_finite()) {
             continue;
         }
+        count += 1.0;
         for (joint, gravity) in gravity_torque(robot, &mut workspace, q).iter().enumerate() {
             weight[joint] += gravity * gravity;
             measured[joint] += tau[joint] * tau[joint];
         }
+    }
+    // Where an arm bears little, as upright, friction is many times its weight.
+    for (weight, usual) in weight.iter_mut().zip(usual_weight(robot, &mut workspace)) {
+        *weight = weight.max(LOADED * LOADED * count * usual);
     }
     let largest = weight.iter().copied().fold(0.0, f64::max);
     let loaded: Vec<usize> =
@@ -71,4 +82,41 @@ pub fn torque_scale(robot: &Robot, recording: &Recording) -> Result<Option<Issue
              the robot file; if all is right, confirm it (accept: torque_scale)"
         ),
     }))
+}
+
+/// Mean square of the torque of gravity at each joint over poses of the whole range, (N·m)² (N²).
+fn usual_weight(robot: &Robot, workspace: &mut Workspace) -> Vec<f64> {
+    let mut random = Random::new(1);
+    let mut mean = vec![0.0; robot.dof()];
+    for _ in 0..POSES {
+        let angle = |joint: &Joint| {
+            let [low, high] = joint.limits.position.unwrap_or([-PI, PI]).map(|end| end.clamp(-PI, PI));
+            low + (high - low) * random.uniform()
+        };
+        let q: Vec<f64> = robot.joints().iter().map(angle).collect();
+        let gravity = gravity_torque(robot, workspace, &q);
+        mean.iter_mut().zip(gravity).for_each(|(mean, torque)| *mean += torque * torque / POSES as f64);
+    }
+    mean
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::two_link;
+
+    #[test]
+    fn friction_of_an_arm_that_hangs_down_is_no_unit() {
+        let names = vec!["joint_1".into(), "joint_2".into()];
+        let log = |unit: f64| {
+            let position = (0..100).flat_map(|k| [-0.5 * PI + 1e-4 * f64::from(k % 7), 0.0]).collect();
+            let torque = (0..100).flat_map(|k| [0.9, 0.4].map(|x| unit * x * f64::from(1 - 2 * (k % 2)))).collect();
+            let time = (0..100).map(|k| 10_000_000 * k).collect();
+            Recording::new("log", names.clone(), time, position, None, Some(torque), vec![]).expect("fits")
+        };
+        let robot = two_link();
+        assert_eq!(torque_scale(&robot, &log(1.0)).expect("joints"), None);
+        let issue = torque_scale(&robot, &log(1e4)).expect("joints").expect("far too large");
+        assert_eq!(issue.kind, IssueKind::TorqueScale);
+    }
 }
