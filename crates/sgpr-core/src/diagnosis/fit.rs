@@ -459,24 +459,20 @@ fn interval(problem: &Problem, fitted: &Fitted, noise: &Noise, (k, index): (usiz
 
 /// Errors per joint beyond the band of the equations, where nothing is fitted.
 pub(super) fn beyond(problem: &Problem, fitted: &Fitted) -> Vec<ByLog> {
-    let squares = fitted.residual.iter().enumerate().map(|(joint, r)| {
-        let mut sums = LogSums::new(problem.stretches.len());
-        r.iter().zip(&problem.rows[joint]).for_each(|(r, (stretch, _))| sums.add(*stretch, r * r));
-        sums.roots()
-    });
+    let in_band = by_log(problem, &fitted.residual);
     let rest = |(logged, own): (&f64, &f64)| (logged * logged - own * own).max(0.0).sqrt();
     let logged = problem.logged_errors(&fitted.model);
-    logged.iter().zip(squares).map(|(logged, own)| logged.iter().zip(&own).map(rest).collect()).collect()
+    logged.iter().zip(&in_band).map(|(logged, own)| logged.iter().zip(own).map(rest).collect()).collect()
 }
 
 /// Errors per joint in the band, of all logs together and of each.
-pub(super) fn by_log(problem: &Problem, errors: &LeftOut) -> Vec<ByLog> {
+pub(super) fn by_log(problem: &Problem, errors: &Column) -> Vec<ByLog> {
     let of_joint = |(joint, errors): (usize, &Vec<f64>)| {
         let mut sums = LogSums::new(problem.stretches.len());
         problem.rows[joint].iter().zip(errors).for_each(|((log, _), e)| sums.add(*log, e * e));
         sums.roots()
     };
-    errors.rows.iter().enumerate().map(of_joint).collect()
+    errors.iter().enumerate().map(of_joint).collect()
 }
 
 impl Fitted {

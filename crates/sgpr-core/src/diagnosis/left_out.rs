@@ -136,13 +136,7 @@ impl FoldFits {
         let squares: Vec<&[f64]> = widths.iter().map(|(squares, _)| &squares[..]).collect();
         let weakest = weakest_as_good(&squares, ROUNDING * size);
         let (_, folds) = widths.swap_remove(weakest);
-        let mut errors: Column = target.iter().map(|target| target.iter().map(|target| -target).collect()).collect();
-        for (blocks, fold) in blocks.iter().zip(&folds) {
-            let solution = fold.factor.backward(&fold.forward);
-            for (joint, rows) in blocks {
-                add_columns(&mut errors[*joint][rows.clone()], &all, &solution, (*joint, rows));
-            }
-        }
+        let errors = errors_of((columns, target), &blocks, &folds);
         Self { columns: columns.to_vec(), target: target.clone(), blocks, weights, products, folds, errors, weakest }
     }
 
@@ -159,18 +153,10 @@ impl FoldFits {
     ///
     /// - `held`: by what the fits are held
     pub fn errors_of_each(&self, held: Held<'_>) -> Column {
-        let mut errors: Column =
-            self.target.iter().map(|target| target.iter().map(|target| -target).collect()).collect();
-        let all: Vec<&Column> = self.columns.iter().map(|column| &**column).collect();
-        for (blocks, own) in self.blocks.iter().zip(&self.products) {
-            let prior = (held.precision, held.file.get(self.weakest));
-            let fit = FoldFit::new(std::slice::from_ref(own), None, prior);
-            let solution = fit.factor.backward(&fit.forward);
-            for (joint, rows) in blocks {
-                add_columns(&mut errors[*joint][rows.clone()], &all, &solution, (*joint, rows));
-            }
-        }
-        errors
+        let prior = (held.precision, held.file.get(self.weakest));
+        let alone = |own: &Products| FoldFit::new(std::slice::from_ref(own), None, prior);
+        let fits: Vec<FoldFit> = self.products.iter().map(alone).collect();
+        errors_of((&self.columns, &self.target), &self.blocks, &fits)
     }
 
     /// The least that remains, with a fold left out, of what all folds tell of the torque of some columns, as a share of it:
@@ -225,6 +211,23 @@ impl FoldFits {
         };
         self.folds.iter().enumerate().map(of_fold).collect()
     }
+}
+
+/// Predicted less measured, the rows of each fold from the fit that belongs to it.
+fn errors_of(
+    (columns, target): (&[Arc<Column>], &Column),
+    blocks: &[Vec<(usize, Range<usize>)>],
+    fits: &[FoldFit],
+) -> Column {
+    let columns: Vec<&Column> = columns.iter().map(|column| &**column).collect();
+    let mut errors: Column = target.iter().map(|target| target.iter().map(|target| -target).collect()).collect();
+    for (blocks, fit) in blocks.iter().zip(fits) {
+        let solution = fit.factor.backward(&fit.forward);
+        for (joint, rows) in blocks {
+            add_columns(&mut errors[*joint][rows.clone()], &columns, &solution, (*joint, rows));
+        }
+    }
+    errors
 }
 
 /// Per fold its joints and contiguous rows.

@@ -5,10 +5,9 @@
 
 use super::DiagnosisError;
 use super::basis::Noise;
-use super::by_log::LogSums;
-use super::fit::Fitted;
+use super::fit::{Fitted, by_log};
 use super::left_out::{FoldFits, Held};
-use super::problem::{Column, Problem};
+use super::problem::Problem;
 use crate::linalg::rms;
 
 /// Growth of a log's error, geometric mean of the joints, from a fit to it alone to one of all logs, that neither a single joint
@@ -34,7 +33,7 @@ pub(super) fn require_one_arm(problem: &Problem, fitted: &Fitted, noise: &Noise)
     let held = Held { file: &problem.priors, precision: &fitted.precision };
     let fits = FoldFits::new(&fitted.columns, &fitted.target, (noise, held), (&logs, None));
     let [alone, together, torque] =
-        [&fits.errors_of_each(held), &fitted.residual, &problem.y].map(|errors| by_log(errors, &logs, problem));
+        [&fits.errors_of_each(held), &fitted.residual, &problem.y].map(|errors| by_log(problem, errors));
     let judged = (0..problem.stretches.len()).filter_map(|log| {
         let count: usize = logs.iter().flatten().filter(|own| **own == log).count();
         let freedom = 1.0 - fitted.columns.len() as f64 / count.max(1) as f64;
@@ -57,14 +56,4 @@ pub(super) fn require_one_arm(problem: &Problem, fitted: &Fitted, noise: &Noise)
         }
         _ => Ok(()),
     }
-}
-
-/// Root mean squares per joint: of all logs, then of each.
-fn by_log(errors: &Column, logs: &[Vec<usize>], problem: &Problem) -> Vec<Vec<f64>> {
-    let of_joint = |(errors, logs): (&Vec<f64>, &Vec<usize>)| {
-        let mut sums = LogSums::new(problem.stretches.len());
-        errors.iter().zip(logs).for_each(|(e, log)| sums.add(*log, e * e));
-        sums.roots()
-    };
-    errors.iter().zip(logs).map(of_joint).collect()
 }

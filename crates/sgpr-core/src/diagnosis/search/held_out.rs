@@ -36,7 +36,7 @@ pub(in super::super) struct HeldOut {
 impl HeldOut {
     /// - `beyond`: errors beyond the band
     pub(super) fn new(problem: &Problem, left_out: LeftOut, beyond: Vec<ByLog>) -> Self {
-        Self { in_band: by_log(problem, &left_out), left_out, beyond }
+        Self { in_band: by_log(problem, &left_out.rows), left_out, beyond }
     }
 
     /// The same fit with other errors in the band.

@@ -92,7 +92,7 @@ fn all_degrees(clean: &Recording, ratios: &[Option<PositionCheck>]) -> Vec<Issue
 }
 
 /// The samples whose stamp is later than all before and whose values are finite.
-pub(in crate::recording) fn without_faults(recording: &Recording) -> Recording {
+pub(super) fn without_faults(recording: &Recording) -> Recording {
     let runs_forward = recording.time().windows(2).all(|pair| pair[1] > pair[0]);
     if runs_forward && recording.arrays().all(|(_, values)| first_place(values, |value| !value.is_finite()).is_none()) {
         return recording.clone();

@@ -116,11 +116,9 @@ impl StrayColumn<'_> {
             let (strays, next) = (&farthest[..count], farthest[count].1);
             strays.iter().all(|(_, distance)| *distance > APART * next) && self.are_strays(strays)
         })?;
-        farthest[..count].iter().min_by_key(|(sample, _)| *sample).map(|(_, first)| {
-            let mut samples: Vec<usize> = farthest[..count].iter().map(|(sample, _)| *sample).collect();
-            samples.sort_unstable();
-            (samples, *first)
-        })
+        let mut strays = farthest[..count].to_vec();
+        strays.sort_unstable_by_key(|(sample, _)| *sample);
+        Some((strays.iter().map(|(sample, _)| *sample).collect(), strays[0].1))
     }
 
     /// The samples that are farthest from those around them, each with its distance, down to the first that is too near: one

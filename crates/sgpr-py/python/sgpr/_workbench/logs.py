@@ -10,8 +10,8 @@ import typer
 from .. import Model, Recording, Robot, SgprError
 from ..cli.errors import BadData
 from ..cli.project import KEYS, settings_of
+from ..cli.reading import REPAIRS, ReadingOptions, read_log
 from ..cli.reading import Log as ReadLog
-from ..cli.reading import ReadingOptions, read_log
 from ..cli.screening import excitation, repeated
 from .folder import ROLES, Folder
 
@@ -26,15 +26,7 @@ BY_HAND = (
     "torque_constants",
     "rate",
     "accept",
-    "trim",
-    "split_gaps",
-    "resample",
-    "sort",
-    "drop_duplicates",
-    "drop_not_finite",
-    "replace_strays",
-    "drop_repeated",
-    "unwrap",
+    *REPAIRS,
 )
 """Settings of reading that the page can change."""
 
