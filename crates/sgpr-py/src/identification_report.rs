@@ -131,7 +131,7 @@ impl CutoffChoice {
     }
 
     /// Where the spectrum of each joint's acceleration is lowest, between motion and noise, (n,), Hz; zero for a joint
-    /// that does not move.
+    /// whose motion cannot be seen: it is held, or moves at constant speed.
     #[getter]
     fn joint_hz<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
         view(slf, &[slf.get().inner.joint_hz.len()], |choice| &choice.inner.joint_hz)

@@ -91,8 +91,8 @@ fn without_line(values: &[f64]) -> Vec<f64> {
 pub struct CutoffChoice {
     /// The cut-off for all joints: the highest of theirs, so that every joint's motion passes.
     pub cutoff_hz: f64,
-    /// Per joint: where the spectrum of its acceleration is lowest, between motion and noise, Hz; zero for a joint that
-    /// does not move.
+    /// Per joint: where the spectrum of its acceleration is lowest, between motion and noise, Hz; zero for a joint whose
+    /// motion cannot be seen: it is held, or moves at constant speed.
     pub joint_hz: Vec<f64>,
     /// Per joint: standard deviation of the white noise of its position, from the upper half of the spectrum, where no
     /// arm moves.
@@ -107,55 +107,85 @@ const STILL: f64 = 1e-9;
 /// Highest cut-off, as a share of the sampling rate: differences need some samples per period.
 const HIGHEST_CUTOFF: f64 = 0.2;
 
+/// Share of the density of speed of the joint that has most of it below which a joint is held, and trembles with others.
+const HELD: f64 = 1e-3;
+
+/// Share of the power of speed in the lower half of the spectrum from which on it is that of motion: of white noise of the
+/// position it is an eighth, of a tremble between the two.
+const OF_MOTION: f64 = 0.5;
+
 /// Chooses the low-pass for joint positions `[samples, n]`, row-major.
 ///
 /// Motion dies out with frequency; the noise of an encoder does not, and in the acceleration it grows with the fourth
 /// power. So the spectrum of the acceleration, position times (2 pi f)^4, falls, has a lowest point and rises again. Below
 /// that point there is more motion than noise, above it more noise than motion, whatever colour either has: it is the
-/// cut-off.
+/// cut-off. Of a motion that hides in the noise of its speed the spectrum of the acceleration has no such point: such joints
+/// are asked only where no other moves.
 pub fn choose_cutoff(position: &[f64], joints: usize, rate_hz: f64) -> CutoffChoice {
     let samples = position.len() / joints;
     // Windows of some eight seconds resolve the slow end, and average the noise of a log of a minute.
     let window = ((8.0 * rate_hz) as usize).clamp(64, samples.max(64));
     let mut choice = CutoffChoice { cutoff_hz: 0.0, joint_hz: vec![], noise: vec![], spectra: vec![] };
+    let mut lowest = Vec::with_capacity(joints);
     for joint in 0..joints {
         let signal: Vec<f64> = position.iter().skip(joint).step_by(joints).copied().collect();
         let spectrum = Spectrum::welch(&signal, rate_hz, window);
         let bins = spectrum.density.len();
         let floor = median(&spectrum.density[bins / 2..(bins * 19 / 20).max(bins / 2 + 1)]);
         choice.noise.push((0.5 * floor * rate_hz).sqrt());
-        choice.joint_hz.push(lowest_acceleration(&spectrum));
+        lowest.push(LowestAcceleration::of(&spectrum));
         choice.spectra.push(spectrum);
     }
-    let highest = choice.joint_hz.iter().fold(0.0f64, |highest, hz| highest.max(*hz));
-    let limit = HIGHEST_CUTOFF * rate_hz;
-    choice.cutoff_hz = if highest == 0.0 { limit } else { highest.min(limit) };
+    let most = lowest.iter().map(|own| own.speed_density).fold(0.0, f64::max);
+    let is_seen = |own: &&LowestAcceleration| own.of_motion > OF_MOTION && own.speed_density >= HELD * most;
+    choice.joint_hz = lowest.iter().map(|own| Some(own).filter(is_seen).map_or(0.0, |own| own.hz)).collect();
+    let of_all: Vec<f64> = lowest.iter().map(|own| own.hz).collect();
+    let highest = |all: &[f64]| Some(all.iter().copied().fold(0.0, f64::max)).filter(|hz| *hz > 0.0);
+    let highest = highest(&choice.joint_hz).or_else(|| highest(&of_all));
+    choice.cutoff_hz = highest.unwrap_or(f64::INFINITY).min(HIGHEST_CUTOFF * rate_hz);
     choice
 }
 
-/// Frequency at which the smoothed spectrum of the acceleration is lowest beyond the peak of the velocity; zero where
-/// nothing moves.
-fn lowest_acceleration(spectrum: &Spectrum) -> f64 {
-    let power = |k: usize, exponent: i32| {
-        spectrum.density[k] * (std::f64::consts::TAU * spectrum.frequency_hz[k]).powi(exponent)
-    };
-    let bins = spectrum.density.len();
-    let upper = bins * 9 / 10;
-    let peak = (1..upper).max_by(|&a, &b| power(a, 2).total_cmp(&power(b, 2))).unwrap_or(1);
-    // White noise has its highest velocity at the upper end, and a number that never changes only rounding: no motion.
-    let power_of_all: f64 = spectrum.density.iter().sum::<f64>() * spectrum.frequency_hz[1];
-    if peak > bins / 2 || power_of_all.sqrt() < STILL {
-        return 0.0;
+/// Where the smoothed spectrum of an acceleration is lowest beyond the peak of that of the speed.
+#[derive(Clone, Copy, Debug, Default)]
+struct LowestAcceleration {
+    /// Zero where nothing moves, Hz.
+    hz: f64,
+    /// Density of the speed at its peak, (rad/s)² / Hz ((m/s)² / Hz).
+    speed_density: f64,
+    /// Share of the power of the speed that is in the lower half of the spectrum.
+    of_motion: f64,
+}
+
+impl LowestAcceleration {
+    fn of(spectrum: &Spectrum) -> Self {
+        let power = |k: usize, exponent: i32| {
+            spectrum.density[k] * (std::f64::consts::TAU * spectrum.frequency_hz[k]).powi(exponent)
+        };
+        let bins = spectrum.density.len();
+        let upper = bins * 9 / 10;
+        let peak = (1..upper).max_by(|&a, &b| power(a, 2).total_cmp(&power(b, 2))).unwrap_or(1);
+        let power_of_all: f64 = spectrum.density.iter().sum::<f64>() * spectrum.frequency_hz[1];
+        // A number that never changes has only rounding.
+        if power_of_all.sqrt() < STILL {
+            return Self::default();
+        }
+        let speed = |of: std::ops::Range<usize>| of.map(|k| power(k, 2)).sum::<f64>();
+        let (speed_density, of_motion) = (power(peak, 2), speed(1..bins / 2) / speed(1..bins));
+        // White noise has its highest velocity at the upper end.
+        if peak > bins / 2 {
+            return Self { hz: 0.0, speed_density, of_motion };
+        }
+        // Averages over bands a third of an octave wide, so that single lines and dips do not decide.
+        let smoothed = |centre: usize| {
+            let half_band = (centre as f64 * 0.13).ceil() as usize;
+            let band = centre.saturating_sub(half_band).max(1)..(centre + half_band + 1).min(bins);
+            let count = band.len() as f64;
+            band.map(|k| power(k, 4)).sum::<f64>() / count
+        };
+        let lowest = (peak..upper).min_by(|&a, &b| smoothed(a).total_cmp(&smoothed(b))).unwrap_or(peak);
+        Self { hz: spectrum.frequency_hz[lowest], speed_density, of_motion }
     }
-    // Averages over bands a third of an octave wide, so that single lines and dips do not decide.
-    let smoothed = |centre: usize| {
-        let half_band = (centre as f64 * 0.13).ceil() as usize;
-        let band = centre.saturating_sub(half_band).max(1)..(centre + half_band + 1).min(bins);
-        let count = band.len() as f64;
-        band.map(|k| power(k, 4)).sum::<f64>() / count
-    };
-    let lowest = (peak..upper).min_by(|&a, &b| smoothed(a).total_cmp(&smoothed(b))).unwrap_or(peak);
-    spectrum.frequency_hz[lowest]
 }
 
 fn median(values: &[f64]) -> f64 {
@@ -221,5 +251,31 @@ mod tests {
         // 14 Hz. The sum of h^-4 and h^4 is lowest there, and flat around.
         assert!((9.0..18.0).contains(&choice.cutoff_hz), "{}", choice.cutoff_hz);
         assert_eq!(choice.joint_hz[1], 0.0, "the second joint stands still");
+    }
+
+    #[test]
+    fn a_joint_that_is_held_has_no_say() {
+        // The second joint trembles: a walk of steps of 1 nrad, whose speed has as much at all frequencies.
+        let (mut next, mut walk) = (noise(3), 0.0);
+        let position: Vec<f64> = (0..15_000)
+            .flat_map(|k| {
+                walk += 1e-9 * next();
+                [(0.01 * f64::from(k)).sin() + 2e-5 * next(), walk]
+            })
+            .collect();
+        let choice = choose_cutoff(&position, 2, 250.0);
+        assert_eq!(choice.joint_hz[1], 0.0, "{:?}", choice.joint_hz);
+        assert_eq!(choice.cutoff_hz, choice.joint_hz[0]);
+    }
+
+    #[test]
+    fn a_move_at_constant_speed_has_no_say() {
+        // A ramp with the noise of a sensor, which wobbles 30 times a second.
+        let mut next = noise(5);
+        let wobble = |k: i32| 1e-5 * (std::f64::consts::TAU * 30.0 * f64::from(k) / 250.0).sin();
+        let ramp: Vec<f64> = (0..2500).map(|k| 0.002 * f64::from(k) + wobble(k) + 1e-5 * next()).collect();
+        let choice = choose_cutoff(&ramp, 1, 250.0);
+        assert_eq!(choice.joint_hz, [0.0]);
+        assert!(choice.cutoff_hz > 20.0, "where nothing else moves the wobble is all there is: {}", choice.cutoff_hz);
     }
 }

@@ -77,7 +77,8 @@ def _spectrum(found: CutoffChoice, joints: Sequence[str], unit: str, used: float
             lowest.append(
                 float(np.nanmin(acceleration[frequency > used / 4.0])) if (frequency > used / 4.0).any() else 0.0
             )
-        own = f", lowest at {significant(float(found.joint_hz[k]))} Hz" if found.joint_hz[k] > 0.0 else ", no motion"
+        hz = float(found.joint_hz[k])
+        own = f", lowest at {significant(hz)} Hz" if hz > 0.0 else ", no motion seen"
         data.append(
             {
                 "type": "scatter",
