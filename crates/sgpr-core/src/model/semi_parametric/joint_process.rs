@@ -123,8 +123,14 @@ impl JointProcess {
             let inducing = |signal: &Kernel| inducing_points(signal, &data, options.points);
             best.or_of_all_rows(inducing, rows, unseen, options, &mut report, compute)?
         };
-        if options.inputs.is_none() && !best.saves() {
-            return Ok(Self::without(report, mean_square));
+        if options.inputs.is_none() {
+            let columns = best.candidate.inputs.columns(joint, n);
+            let learn = |data: &Data, terms: Option<&Mat<f64>>| {
+                process(columns.clone(), data, terms, longest_memory, options, compute, progress)
+            };
+            if !best.saves() || !(stopped || saves_in_other_half(learn, rows, unseen)?) {
+                return Ok(Self::without(report, mean_square));
+            }
         }
         Self::with(best, report, rows, unseen, compute)
     }
@@ -391,15 +397,50 @@ fn thin(kernel: &Kernel, data: &Data, count: usize) -> Vec<usize> {
 /// - `errors`: of physics and process, part by part
 pub(super) fn judge(errors: &[(f64, f64)], left_out: &[LeftOutRows]) -> Judgement {
     let mut errors = errors.iter().map(|(error, _)| *error);
-    let (mut sizes, mut squares) = (Vec::new(), Vec::new());
-    for part in left_out {
-        let (before, after) = (sums(part.measured()), sums(errors.by_ref().take(part.part.len())));
-        sizes.push((before[0], after[0]));
-        squares.push((before[1], after[1]));
-    }
+    let sums = left_out.iter().map(|part| [sums(part.measured()), sums(errors.by_ref().take(part.part.len()))]);
+    less_certain_first(sums)[0]
+}
+
+/// What a second model saves of the sizes of errors and of their squares, that first of which it saves less beyond the standard
+/// error.
+///
+/// - `sums`: [`sums`] of each part, of both models
+fn less_certain_first(sums: impl Iterator<Item = [[f64; 2]; 2]>) -> [Judgement; 2] {
+    let (sizes, squares): (Vec<_>, Vec<_>) =
+        sums.map(|[before, after]| ((before[0], after[0]), (before[1], after[1]))).unzip();
     let (sizes, squares) = (Judgement::of(&sizes), Judgement::of(&squares));
     let certain = |judged: &Judgement| judged.gain - judged.standard_error;
-    if certain(&sizes) < certain(&squares) { sizes } else { squares }
+    if certain(&sizes) < certain(&squares) { [sizes, squares] } else { [squares, sizes] }
+}
+
+/// Whether a process whose hyperparameters, too, are from one half of the logs predicts the other half better than the physics
+/// alone, and the other way round. Those from all logs know which inputs matter in what is left out of the rest: along a path
+/// that no log shows others may. Errors must be smaller in size and square, the surer of the two for certain, as two halves
+/// tell little of what few large errors make.
+///
+/// - `learn`: a process of some rows with their derivatives by linear parameters, if these are estimated together with it
+fn saves_in_other_half(
+    learn: impl Fn(&Data, Option<&Mat<f64>>) -> Result<FoundProcess, GpError>,
+    rows: &ResidualRows,
+    unseen: &Unseen,
+) -> Result<bool, GpError> {
+    let count = rows.residual.len();
+    let width = rows.x.len() / count;
+    let (mut before, mut after) = (vec![0.0; count], vec![0.0; count]);
+    let runs = &unseen.runs;
+    for half in [&runs[0], &runs[runs.len() / 2]] {
+        let others: Vec<usize> = (0..count).filter(|row| half.part.binary_search(row).is_err()).collect();
+        let y = others.iter().map(|&row| half.residual[row]).collect();
+        let data = Data::new(rows.at(&others, width), width, y, 1)?;
+        let terms = rows.terms.as_ref().map(|all| Mat::from_fn(others.len(), all.ncols(), |i, k| all[(others[i], k)]));
+        let learned = Process::Exact(learn(&data, terms.as_ref())?.gp);
+        for ((&row, measured), (error, _)) in half.part.iter().zip(half.measured()).zip(learned.errors(rows, half)?) {
+            (before[row], after[row]) = (measured, error);
+        }
+    }
+    let of_part = |part: &LeftOutRows| [&before, &after].map(|errors| sums(part.part.iter().map(|&row| errors[row])));
+    let judged = less_certain_first(unseen.parts.iter().map(of_part));
+    Ok(judged.iter().all(|judged| judged.gain > 0.0) && saves(&judged[1]))
 }
 
 /// Of the sizes of errors, and of their squares.
@@ -475,5 +516,43 @@ mod tests {
         assert_eq!(of("signal_variance"), (-8.0, 2.0_f64.ln()));
         assert_eq!(of("correlated_noise.signal_variance"), (-8.0, 3.0));
         assert_eq!(of("noise_variance"), (-8.0, 3.0));
+    }
+
+    #[test]
+    fn a_process_has_to_hold_in_the_half_that_its_hyperparameters_have_not_seen() {
+        // A joint that goes back and forth at 40 rows a second, eight parts; errors by a law of its position.
+        let rows = |law: fn(f64, f64) -> f64| {
+            let (mut x, mut residual) = (vec![], vec![]);
+            let mut random = crate::random::Random::new(8);
+            for k in 0..320 {
+                let time = 0.025 * f64::from(k);
+                let q = (4.0 * time).sin();
+                x.extend([q, 4.0 * (4.0 * time).cos(), -16.0 * q, time]);
+                residual.push(law(q, time) + 0.02 * random.normal());
+            }
+            ResidualRows { x, residual, source: (0..320).map(|k| (0, k)).collect(), terms: None }
+        };
+        let saves = |rows: &ResidualRows| {
+            let left_out = |of: &[usize]| {
+                let part: Vec<usize> = of.iter().flat_map(|part| 40 * part..40 * (part + 1)).collect();
+                LeftOutRows { variance: vec![0.0; part.len()], part, residual: rows.residual.clone() }
+            };
+            let runs = (0..8).map(|first| {
+                let mut run = crate::identification::half_run(first, 8);
+                run.sort_unstable();
+                left_out(&run)
+            });
+            let parts = (0..8).map(|part| left_out(&[part]));
+            let unseen = Unseen { parts: parts.collect(), runs: runs.collect(), anew: vec![] };
+            let options = SemiParametricOptions::default();
+            let learn = |data: &Data, terms: Option<&Mat<f64>>| {
+                process(vec![0], data, terms, 0.05, &options, &options.compute, &())
+            };
+            saves_in_other_half(learn, rows, &unseen).expect("good rows")
+        };
+        assert!(saves(&rows(|q, _| (3.0 * q).sin())));
+        assert!(!saves(&rows(|q, time| if time < 4.0 { (3.0 * q).sin() } else { -(3.0 * q).sin() })));
+        // Neither does it help where nothing is to be learned.
+        assert!(!saves(&rows(|_, _| 0.0)));
     }
 }
