@@ -255,12 +255,13 @@ mod tests {
 
     #[test]
     fn a_joint_that_is_held_has_no_say() {
-        // The second joint trembles: a walk of steps of 1 nrad, whose speed has as much at all frequencies.
-        let (mut next, mut walk) = (noise(3), 0.0);
+        // The second joint trembles 30 times a second.
+        let mut next = noise(3);
         let position: Vec<f64> = (0..15_000)
             .flat_map(|k| {
-                walk += 1e-9 * next();
-                [(0.01 * f64::from(k)).sin() + 2e-5 * next(), walk]
+                let time = f64::from(k) / 250.0;
+                let tremble = 1e-7 * (std::f64::consts::TAU * 30.0 * time).sin();
+                [(2.5 * time).sin() + 2e-5 * next(), tremble + 1e-9 * next()]
             })
             .collect();
         let choice = choose_cutoff(&position, 2, 250.0);
