@@ -167,14 +167,9 @@ impl Processing {
             top_speed.resize(recording.dof(), 0.0);
             top_speed.iter_mut().zip(&spectra.top_speed).for_each(|(top, own)| *top = top.max(*own));
         }
-        if choices.is_empty() {
+        let Some(highest) = CutoffChoice::highest_hz(&choices.iter().collect::<Vec<_>>()) else {
             return Err(MotionError::NoRecording);
-        }
-        // A log in which nothing moves has no motion to keep: it is asked only where none has.
-        let moves = |choice: &&CutoffChoice| choice.joint_hz.iter().any(|hz| *hz > 0.0);
-        let some_move = choices.iter().any(|choice| moves(&choice));
-        let asked = choices.iter().filter(|choice| !some_move || moves(choice));
-        let highest = asked.map(|choice| choice.cutoff_hz).fold(0.0, f64::max);
+        };
         let cutoff_hz = conditioning.cutoff_hz.unwrap_or(highest.min(0.2 * slowest));
         let torque_cutoff_hz = match conditioning.torque_band {
             TorqueBand::AsPosition => Some(cutoff_hz),

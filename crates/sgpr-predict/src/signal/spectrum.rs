@@ -48,6 +48,21 @@ impl Spectrum {
         self
     }
 
+    /// Step of the frequencies, Hz.
+    fn step_hz(&self) -> f64 {
+        self.frequency_hz[1]
+    }
+
+    /// Sampling rate of the signal, Hz, to a step.
+    fn rate_hz(&self) -> f64 {
+        2.0 * self.frequency_hz[self.frequency_hz.len() - 1]
+    }
+
+    /// Density at the frequency nearest to this one.
+    fn at(&self, hz: f64) -> f64 {
+        self.density[((hz / self.step_hz()).round() as usize).min(self.density.len() - 1)]
+    }
+
     /// Frequency below which a share of the power lies, Hz.
     pub fn bandwidth_hz(&self, share: f64) -> f64 {
         let total: f64 = self.density.iter().sum();
@@ -88,6 +103,7 @@ fn without_line(values: &[f64]) -> Vec<f64> {
 
 /// A cut-off chosen from the spectra of the joint positions, and why.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct CutoffChoice {
     /// The cut-off for all joints: the highest of theirs, so that every joint's motion passes.
     pub cutoff_hz: f64,
@@ -99,6 +115,10 @@ pub struct CutoffChoice {
     pub noise: Vec<f64>,
     /// Per joint: spectrum of the position.
     pub spectra: Vec<Spectrum>,
+    /// Length of the signal, s.
+    pub duration: f64,
+    /// Whether the signal is shorter than a window: its spectrum, averaged over none, is a rough one.
+    pub is_rough: bool,
 }
 
 /// A position that varies by less (root mean square, rad or m) does not move.
@@ -124,26 +144,66 @@ const OF_MOTION: f64 = 0.5;
 pub fn choose_cutoff(position: &[f64], joints: usize, rate_hz: f64) -> CutoffChoice {
     let samples = position.len() / joints;
     // Windows of some eight seconds resolve the slow end, and average the noise of a log of a minute.
-    let window = ((8.0 * rate_hz) as usize).clamp(64, samples.max(64));
-    let mut choice = CutoffChoice { cutoff_hz: 0.0, joint_hz: vec![], noise: vec![], spectra: vec![] };
-    let mut lowest = Vec::with_capacity(joints);
-    for joint in 0..joints {
+    let whole = (8.0 * rate_hz) as usize;
+    let window = whole.clamp(64, samples.max(64));
+    let of_joint = |joint: usize| {
         let signal: Vec<f64> = position.iter().skip(joint).step_by(joints).copied().collect();
-        let spectrum = Spectrum::welch(&signal, rate_hz, window);
-        let bins = spectrum.density.len();
-        let floor = median(&spectrum.density[bins / 2..(bins * 19 / 20).max(bins / 2 + 1)]);
-        choice.noise.push((0.5 * floor * rate_hz).sqrt());
-        lowest.push(LowestAcceleration::of(&spectrum));
-        choice.spectra.push(spectrum);
+        Spectrum::welch(&signal, rate_hz, window)
+    };
+    CutoffChoice::of((0..joints).map(of_joint).collect(), rate_hz, samples as f64 / rate_hz, samples < whole)
+}
+
+impl CutoffChoice {
+    fn of(spectra: Vec<Spectrum>, rate_hz: f64, duration: f64, is_rough: bool) -> Self {
+        let noise = |spectrum: &Spectrum| {
+            let bins = spectrum.density.len();
+            let floor = median(&spectrum.density[bins / 2..(bins * 19 / 20).max(bins / 2 + 1)]);
+            (0.5 * floor * rate_hz).sqrt()
+        };
+        let lowest: Vec<LowestAcceleration> = spectra.iter().map(LowestAcceleration::of).collect();
+        let most = lowest.iter().map(|own| own.speed_density).fold(0.0, f64::max);
+        let is_seen = |own: &&LowestAcceleration| own.of_motion > OF_MOTION && own.speed_density >= HELD * most;
+        let joint_hz: Vec<f64> = lowest.iter().map(|own| Some(own).filter(is_seen).map_or(0.0, |own| own.hz)).collect();
+        let of_all: Vec<f64> = lowest.iter().map(|own| own.hz).collect();
+        let highest = |all: &[f64]| Some(all.iter().copied().fold(0.0, f64::max)).filter(|hz| *hz > 0.0);
+        let highest = highest(&joint_hz).or_else(|| highest(&of_all));
+        let cutoff_hz = highest.unwrap_or(f64::INFINITY).min(HIGHEST_CUTOFF * rate_hz);
+        Self { cutoff_hz, joint_hz, noise: spectra.iter().map(noise).collect(), spectra, duration, is_rough }
     }
-    let most = lowest.iter().map(|own| own.speed_density).fold(0.0, f64::max);
-    let is_seen = |own: &&LowestAcceleration| own.of_motion > OF_MOTION && own.speed_density >= HELD * most;
-    choice.joint_hz = lowest.iter().map(|own| Some(own).filter(is_seen).map_or(0.0, |own| own.hz)).collect();
-    let of_all: Vec<f64> = lowest.iter().map(|own| own.hz).collect();
-    let highest = |all: &[f64]| Some(all.iter().copied().fold(0.0, f64::max)).filter(|hz| *hz > 0.0);
-    let highest = highest(&choice.joint_hz).or_else(|| highest(&of_all));
-    choice.cutoff_hz = highest.unwrap_or(f64::INFINITY).min(HIGHEST_CUTOFF * rate_hz);
-    choice
+
+    /// Whether the motion of a joint can be seen.
+    pub fn sees_motion(&self) -> bool {
+        self.joint_hz.iter().any(|hz| *hz > 0.0)
+    }
+
+    /// The cut-off for several signals, Hz: the highest of theirs, so that the motion of each passes. The highest of many rough
+    /// ones would be chance; those that are rough are judged by what all spectra say together. A signal in which nothing
+    /// moves has no motion to keep: it is asked only where none has. None of no signals.
+    pub fn highest_hz(choices: &[&Self]) -> Option<f64> {
+        let some_move = choices.iter().any(|choice| choice.sees_motion());
+        let asked: Vec<&Self> = choices.iter().copied().filter(|choice| !some_move || choice.sees_motion()).collect();
+        let fine = asked.iter().filter(|choice| !choice.is_rough).map(|choice| choice.cutoff_hz);
+        let rough = asked.iter().any(|choice| choice.is_rough).then(|| Self::together(&asked).cutoff_hz);
+        fine.chain(rough).reduce(f64::max)
+    }
+
+    /// What the spectra of several signals of the same joints say together, each by its duration.
+    fn together(choices: &[&Self]) -> Self {
+        let first_spectra = choices.iter().map(|choice| &choice.spectra[0]);
+        let rate_hz = first_spectra.clone().map(Spectrum::rate_hz).fold(f64::INFINITY, f64::min);
+        let step = first_spectra.map(Spectrum::step_hz).fold(f64::INFINITY, f64::min);
+        let frequency_hz: Vec<f64> = (0..=(0.5 * rate_hz / step).round() as usize).map(|k| k as f64 * step).collect();
+        let duration = choices.iter().map(|choice| choice.duration).sum();
+        let of_joint = |joint: usize| {
+            let density = |hz: &f64| -> f64 {
+                let own = choices.iter().map(|choice| choice.duration / duration * choice.spectra[joint].at(*hz));
+                own.sum()
+            };
+            Spectrum { density: frequency_hz.iter().map(density).collect(), frequency_hz: frequency_hz.clone() }
+        };
+        let spectra = (0..choices[0].spectra.len()).map(of_joint).collect();
+        Self::of(spectra, rate_hz, duration, choices.iter().all(|choice| choice.is_rough))
+    }
 }
 
 /// Where the smoothed spectrum of an acceleration is lowest beyond the peak of that of the speed.
@@ -165,7 +225,7 @@ impl LowestAcceleration {
         let bins = spectrum.density.len();
         let upper = bins * 9 / 10;
         let peak = (1..upper).max_by(|&a, &b| power(a, 2).total_cmp(&power(b, 2))).unwrap_or(1);
-        let power_of_all: f64 = spectrum.density.iter().sum::<f64>() * spectrum.frequency_hz[1];
+        let power_of_all: f64 = spectrum.density.iter().sum::<f64>() * spectrum.step_hz();
         // A number that never changes has only rounding.
         if power_of_all.sqrt() < STILL {
             return Self::default();
@@ -251,6 +311,32 @@ mod tests {
         // 14 Hz. The sum of h^-4 and h^4 is lowest there, and flat around.
         assert!((9.0..18.0).contains(&choice.cutoff_hz), "{}", choice.cutoff_hz);
         assert_eq!(choice.joint_hz[1], 0.0, "the second joint stands still");
+    }
+
+    #[test]
+    fn short_signals_have_the_cutoff_that_they_have_in_one() {
+        // A sum of waves that dies out at some 4 Hz, with the noise of an encoder.
+        let mut next = noise(4);
+        let rate = 100.0;
+        let position: Vec<f64> = (0..6000)
+            .map(|k| {
+                let t = f64::from(k) / rate;
+                let wave = |h: i32| (-2.0 * f64::from(h).sqrt()).exp() * (1.3 * f64::from(h) * t).sin();
+                (1..60).map(wave).sum::<f64>() + 2e-4 * next()
+            })
+            .collect();
+        let whole = choose_cutoff(&position, 1, rate);
+        assert!(!whole.is_rough && whole.duration == 60.0);
+        let pieces: Vec<CutoffChoice> = position.chunks(300).map(|piece| choose_cutoff(piece, 1, rate)).collect();
+        assert!(pieces.iter().all(|piece| piece.is_rough));
+        let highest = pieces.iter().map(|piece| piece.cutoff_hz).fold(0.0, f64::max);
+        let together = CutoffChoice::highest_hz(&pieces.iter().collect::<Vec<_>>()).expect("some signals");
+        assert!((together / whole.cutoff_hz - 1.0).abs() < 0.2, "{together} Hz, in one {} Hz", whole.cutoff_hz);
+        assert!(highest > 1.4 * whole.cutoff_hz, "one piece alone {highest} Hz, in one {} Hz", whole.cutoff_hz);
+        // A long signal keeps its own say beside short ones; without signals there is none.
+        let mixed = CutoffChoice::highest_hz(&[&whole, &pieces[0]]).expect("two signals");
+        assert!(mixed >= whole.cutoff_hz && mixed < 1.2 * whole.cutoff_hz, "{mixed}");
+        assert_eq!(CutoffChoice::highest_hz(&[]), None);
     }
 
     #[test]

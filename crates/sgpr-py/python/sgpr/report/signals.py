@@ -30,8 +30,8 @@ def signals_section(
     processing = data["processing"]
     used = processing["cutoff_hz"]
     band = processing["torque_cutoff_hz"]
-    decisive = max(range(len(choices)), key=lambda k: choices[k].cutoff_hz) if choices else 0
-    order = sorted(range(len(choices)), key=lambda k: k != decisive)
+    # The log that decided first: short ones are judged together, and one of them may have its lowest point far above.
+    order = sorted(range(len(choices)), key=lambda k: abs(choices[k].cutoff_hz - used))
     body = [
         paragraph(
             f"Positions pass a Butterworth low-pass of order {processing['order']} at {significant(used)} Hz, "
@@ -48,7 +48,8 @@ def signals_section(
             element("h3", "Spectrum of the acceleration"),
             paragraph(
                 "Density of each joint's acceleration, from its logged position. Left of its lowest point there is "
-                "more motion than noise, right of it more noise than motion. The dashed line is the cut-off."
+                "more motion than noise, right of it more noise than motion. The dashed line is the cut-off: unless it "
+                "was given, the highest of such points; logs shorter than eight seconds have theirs from all spectra."
             ),
             choice(f"{SPECTRUM}-choice", "Log", [labels[k] if k < len(labels) else f"log {k + 1}" for k in order]),
             plot(SPECTRUM, 440, "Spectrum of the acceleration of each joint, with the cut-off"),
