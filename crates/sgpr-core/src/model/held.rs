@@ -63,14 +63,43 @@ const FLAT_EFFECTS: f64 = 10.0;
 const CLEARLY: f64 = 2.0;
 
 /// An estimate that is at most this many times less sure of faster motions without a prior than with one that leaves them in no
-/// doubt needs none for these.
+/// doubt needs none for these; a joint that is more times less sure than the median one stands out.
 const FAR: f64 = 5.0;
+
+/// How fast joints move in other motions than those of the logs, in both directions.
+#[derive(Clone, Copy, PartialEq)]
+enum Pace {
+    /// As in the logs.
+    OfLogs,
+    /// At least as the joint that is fastest in the logs, up to what they are made for.
+    OfFastestJoint,
+    /// At least as they are made for: an oscillation of 1 rad (m) at half the speed limit.
+    Usual,
+}
 
 /// Samples of other motions.
 const OTHER_MOTIONS: usize = 200;
 
 /// Share of the squared error that a prior has to save: a twentieth of the error, as a process has.
 const LEAST_GAIN: f64 = 1.0 - 0.95 * 0.95;
+
+/// Standard deviations of joints' torques in other motion, in what the robot file leaves there.
+#[derive(Clone, Copy)]
+struct Doubt {
+    /// Of the median joint.
+    median: f64,
+    /// Of the joint that has most.
+    most: f64,
+}
+
+impl Doubt {
+    const ENDLESS: Self = Self { median: f64::INFINITY, most: f64::INFINITY };
+
+    /// Whether a joint is in doubt as no other is: the logs say nothing of it.
+    fn stands_out(self) -> bool {
+        self.most > CLEARLY && self.most > FAR * self.median
+    }
+}
 
 /// What the identification gains over the robot file, all joints alike.
 fn total(judged: &[Judgement]) -> f64 {
@@ -107,8 +136,9 @@ impl Task<'_> {
     /// It is bare if the logs know the torque of other motions better than the robot file does
     /// ([`Self::knows_more_than_file`]), of faster ones at the median joint ([`Self::doubt`]), and if the prior that makes
     /// them most probable does not save [`LEAST_GAIN`] for certain, by one standard error, on parts that were left out: it
-    /// takes what the model lacks for noise. For that reason a wide prior takes its place where it costs errors for certain.
-    /// Parts of slow logs are slow: a prior that leaves faster motions in more doubt than the file is too wide for them.
+    /// takes what the model lacks for noise. Nor is it bare if the doubt of one joint stands out. A wide prior takes the place
+    /// of the most probable one where that costs errors for certain. Parts of slow logs are slow: a prior that leaves faster
+    /// motions in more doubt than the file is too wide for them.
     pub fn estimate(
         &self,
         method: &Method,
@@ -127,12 +157,15 @@ impl Task<'_> {
             let may_be_bare = saves_little && width == PriorWidth::Chosen;
             let bare = if may_be_bare { self.bare(method, equations, &flat, correlation)? } else { None };
             let bare = bare.filter(|bare| self.knows_more_than_file(&(wider * &bare.covariance), &flat));
-            let doubt = |of: &Estimate| self.doubt(&(wider * &of.covariance), &flat);
-            let doubt_of_bare = bare.as_ref().map_or(f64::INFINITY, doubt);
-            if doubt_of_bare > CLEARLY {
+            let doubt_at = |pace, of: &Estimate| self.doubt(&(wider * &of.covariance), &flat, pace);
+            let doubt = |of: &Estimate| doubt_at(Pace::Usual, of);
+            let bare = bare.filter(|bare| !doubt_at(Pace::OfFastestJoint, bare).stands_out());
+            let doubt_of_bare = bare.as_ref().map_or(Doubt::ENDLESS, doubt);
+            if doubt_of_bare.median > CLEARLY {
                 held = self.with_less_doubt(method, equations, held, correlation)?;
             }
-            let clear = || doubt_of_bare <= CLEARLY || doubt_of_bare <= FAR * doubt(&held.estimate);
+            let clear =
+                || doubt_of_bare.median <= CLEARLY || doubt_of_bare.median <= FAR * doubt(&held.estimate).median;
             if let Some(bare) = bare.filter(|_| clear()) {
                 let (bare, refused) = without_negative(bare, flat.friction());
                 notes.extend(self.refused_note(&refused));
@@ -189,7 +222,7 @@ impl Task<'_> {
         if (0..self.base.rank()).any(|k| !covariance[(k, k)].is_finite()) {
             return false;
         }
-        let Ok(seen) = self.other_motions(false) else { return false };
+        let Ok(seen) = self.other_motions(Pace::OfLogs) else { return false };
         let certain = |joint| deviation(covariance, &seen, joint) <= CLEARLY * prior.left_by_file()[joint];
         (0..self.robot.dof()).all(certain)
     }
@@ -205,7 +238,7 @@ impl Task<'_> {
     ) -> Result<Held, IdentificationError> {
         let doubt = |held: &Held| {
             let covariance = faer::Scale(self.dispersion(held).as_seen.powi(2)) * &held.estimate.covariance;
-            self.doubt(&covariance, &held.prior)
+            self.doubt(&covariance, &held.prior, Pace::Usual).median
         };
         let (mut least, mut best) = (doubt(&held), held);
         let chosen = best.prior.relative_deviation();
@@ -223,10 +256,10 @@ impl Task<'_> {
         Ok(best)
     }
 
-    /// Standard deviation of the torque at speeds that the arm is made for, of an estimate of this covariance, in what the robot
-    /// file leaves there: of the median joint. What the file leaves grows from the logs' motion as its uncertainty does.
-    fn doubt(&self, covariance: &Mat<f64>, prior: &ParameterPrior) -> f64 {
-        let Ok(fast) = self.other_motions(true) else { return f64::INFINITY };
+    /// Standard deviation of the torque at a pace, of an estimate of this covariance, in what the robot file leaves there. What
+    /// the file leaves grows from the logs' motion as its uncertainty does.
+    fn doubt(&self, covariance: &Mat<f64>, prior: &ParameterPrior, pace: Pace) -> Doubt {
+        let Ok(fast) = self.other_motions(pace) else { return Doubt::ENDLESS };
         let of_file = prior.clone().with_relative_deviation(1.0).with_effect_scale(1.0).covariance();
         let ratio = |joint| {
             let grows = (deviation(&of_file, &fast, joint) / deviation(&of_file, self.factors, joint)).max(1.0);
@@ -235,15 +268,13 @@ impl Task<'_> {
         };
         let mut ratios: Vec<f64> = (0..self.robot.dof()).map(ratio).collect();
         ratios.sort_unstable_by(f64::total_cmp);
-        ratios[place_of_share(0.5, ratios.len())]
+        Doubt { median: ratios[place_of_share(0.5, ratios.len())], most: ratios[ratios.len() - 1] }
     }
 
     /// Equations of other motions than those of the logs.
-    ///
-    /// - `fast`: at speeds that the arm is made for, where the logs are slower
-    fn other_motions(&self, fast: bool) -> Result<Vec<JointFactor>, IdentificationError> {
+    fn other_motions(&self, pace: Pace) -> Result<Vec<JointFactor>, IdentificationError> {
         let n = self.robot.dof();
-        let ranges: Vec<[[f64; 2]; 3]> = (0..n).map(|joint| self.ranges(joint, fast)).collect();
+        let ranges: Vec<[[f64; 2]; 3]> = (0..n).map(|joint| self.ranges(joint, pace)).collect();
         let mut random = Random::new(0);
         let mut draw = |quantity: usize| -> Vec<f64> {
             let of_joint = |[low, high]: [f64; 2], share: f64| low + share * (high - low);
@@ -254,9 +285,8 @@ impl Task<'_> {
     }
 
     /// Ranges of position, speed and acceleration of a joint: of position the limits, a whole turn where there are none; of
-    /// the others, in both directions, up to the largest of the logs; if `fast`, at least up to those of an oscillation of
-    /// 1 rad (m) at half the speed limit.
-    fn ranges(&self, joint: usize, fast: bool) -> [[f64; 2]; 3] {
+    /// the others, in both directions, up to the largest of the logs, or to those of an oscillation of 1 rad (m) at a pace.
+    fn ranges(&self, joint: usize, pace: Pace) -> [[f64; 2]; 3] {
         let JointExtent { position: seen, speed, acceleration, .. } = self.extents[joint];
         let of = &self.robot.joints()[joint];
         let turn = [-std::f64::consts::PI, std::f64::consts::PI];
@@ -265,7 +295,12 @@ impl Task<'_> {
             _ if of.kind.is_rotation() => turn,
             _ => seen,
         };
-        let usual = if fast { usual_speed(of) } else { 0.0 };
+        let fastest = self.extents.iter().map(|extent| extent.speed).fold(0.0, f64::max);
+        let usual = match pace {
+            Pace::OfLogs => 0.0,
+            Pace::OfFastestJoint => usual_speed(of).min(fastest),
+            Pace::Usual => usual_speed(of),
+        };
         let (speed, acceleration) = (speed.max(usual), acceleration.max(usual * usual));
         [position, [-speed, speed], [-acceleration, acceleration]]
     }

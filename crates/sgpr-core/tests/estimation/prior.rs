@@ -9,7 +9,7 @@ use sgpr_core::identification::{
 };
 use sgpr_core::model::{IdentifyError, IdentifyOptions, TorqueModel, compare, identify};
 use sgpr_core::recording::Recording;
-use sgpr_core::robot::two_link;
+use sgpr_core::robot::{puma560, two_link};
 
 use crate::arm::{Experiment, largest_difference, trajectory};
 use crate::noise::Noise;
@@ -244,6 +244,62 @@ fn rich_logs_give_the_bare_estimate_and_short_ones_another() {
     // But for the order in which rows are summed.
     assert!(largest_difference(&values(40, chosen), &values(40, None)) < 1e-9);
     assert!(largest_difference(&values(2, chosen), &values(2, None)) > 0.0, "the prior is in force");
+}
+
+/// A log of a Puma 560 whose bodies are 15 % heavier than the file's, with friction at all joints, along sums of sines.
+///
+/// - `shares`: of the motion of each joint
+fn log_of_six_joints(shares: [f64; 6], seed: u64) -> Recording {
+    let (robot, rate, samples) = (puma560(), 100, 2000);
+    let mut parameters: Vec<f64> = robot.standard_parameters().iter().map(|value| 1.15 * value).collect();
+    for value in [1.5, 1.0, 0.2, 0.0] {
+        parameters.extend([4.0, 4.0, 2.0, 0.5, 0.5, 0.5].map(|share| share * value));
+    }
+    let truth = TorqueModel::with_parameters(&robot, &EFFECTS, parameters).expect("known effects");
+    let mut noise = Noise(seed);
+    let (mut q, mut dq, mut ddq) = (Vec::new(), Vec::new(), Vec::new());
+    for k in 0..samples {
+        let t = k as f64 / rate as f64;
+        for (joint, share) in shares.into_iter().enumerate() {
+            let (mut value, mut speed, mut acceleration) = (0.3, 0.0, 0.0);
+            for h in 1..=3 {
+                let (a, w) = (0.6 * share / f64::from(h), 0.8 * f64::from(h) + 0.15 * joint as f64);
+                let phase = w * t + 1.3 * f64::from(h) * (joint + 1) as f64;
+                value += a * phase.sin();
+                speed += a * w * phase.cos();
+                acceleration -= a * w * w * phase.sin();
+            }
+            q.push(value);
+            dq.push(speed);
+            ddq.push(acceleration);
+        }
+    }
+    let tau = truth.predict(Samples { q: &q, dq: &dq, ddq: &ddq });
+    let tau = tau.iter().map(|tau| tau + 0.1 * noise.normal()).collect();
+    let q = q.iter().map(|q| q + 1e-6 * noise.normal()).collect();
+    let names = robot.joint_names().map(String::from).collect();
+    let time = (0..samples).map(|k| k as i64 * 10_000_000).collect();
+    Recording::new("six joints", names, time, q, None, Some(tau), vec![]).expect("arrays of one length")
+}
+
+#[test]
+fn a_joint_that_hardly_moves_is_held_though_the_others_are_rich() {
+    let robot = puma560();
+    let test = [log_of_six_joints([1.0; 6], 1)];
+    let of = |share: f64, prior| {
+        let logs = [log_of_six_joints([1.0, 1.0, 1.0, 1.0, share, 1.0], 2)];
+        identify(&robot, &logs, &IdentifyOptions { prior, ..options() }, &()).expect("a usable model").0
+    };
+    let is_held = |model: &TorqueModel| model.fit().expect("identified").prior_standard_deviation.is_some();
+    let rich = of(1.0, Some(PriorWidth::Chosen));
+    assert!(!is_held(&rich));
+    let error = |model: &TorqueModel| compare(model, &test, rich.processing()).expect("a log").relative_error_percent;
+    for share in [0.001, 0.01] {
+        let (chosen, bare) = (of(share, Some(PriorWidth::Chosen)), of(share, None));
+        assert!(is_held(&chosen) && !is_held(&bare), "{share}");
+        let (held, bare) = (error(&chosen), error(&bare));
+        assert!(held < 0.5 * bare, "{share} of the motion: {held} %, without a prior {bare} %");
+    }
 }
 
 /// A log with a torque at the first joint that no model here has: a spring that stiffens.
