@@ -67,7 +67,7 @@ const CLEARLY: f64 = 2.0;
 const FAR: f64 = 5.0;
 
 /// How fast joints move in other motions than those of the logs, in both directions.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy)]
 enum Pace {
     /// As in the logs.
     OfLogs,
@@ -295,10 +295,12 @@ impl Task<'_> {
             _ if of.kind.is_rotation() => turn,
             _ => seen,
         };
-        let fastest = self.extents.iter().map(|extent| extent.speed).fold(0.0, f64::max);
         let usual = match pace {
             Pace::OfLogs => 0.0,
-            Pace::OfFastestJoint => usual_speed(of).min(fastest),
+            Pace::OfFastestJoint => {
+                let fastest = self.extents.iter().map(|extent| extent.speed).fold(0.0, f64::max);
+                usual_speed(of).min(fastest)
+            }
             Pace::Usual => usual_speed(of),
         };
         let (speed, acceleration) = (speed.max(usual), acceleration.max(usual * usual));

@@ -167,7 +167,7 @@ impl Processing {
             top_speed.resize(recording.dof(), 0.0);
             top_speed.iter_mut().zip(&spectra.top_speed).for_each(|(top, own)| *top = top.max(*own));
         }
-        let Some(highest) = CutoffChoice::highest_hz(&choices.iter().collect::<Vec<_>>()) else {
+        let Some(highest) = CutoffChoice::highest_hz(&choices) else {
             return Err(MotionError::NoRecording);
         };
         let cutoff_hz = conditioning.cutoff_hz.unwrap_or(highest.min(0.2 * slowest));

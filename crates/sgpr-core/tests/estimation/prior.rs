@@ -153,6 +153,26 @@ fn residuals_with_and_without_a_row_have_the_noise_between_them() {
     }
 }
 
+/// Position, speed and acceleration of a wave of a joint, of amplitude `a` and angular frequency `w`.
+fn wave(t: f64, joint: usize, h: i32, a: f64, w: f64) -> [f64; 3] {
+    let phase = w * t + 1.3 * f64::from(h) * (joint + 1) as f64;
+    [a * phase.sin(), a * w * phase.cos(), -a * w * w * phase.sin()]
+}
+
+/// What is logged 100 times a second of an arm along a motion, `[samples, n]` each.
+///
+/// - `noise`: of positions, rad, and of torques, N·m
+fn recorded(truth: &TorqueModel, [q, dq, ddq]: [&[f64]; 3], noise: [f64; 2], seed: u64) -> Recording {
+    let mut random = Noise(seed);
+    let tau = truth.predict(Samples { q, dq, ddq });
+    let tau = tau.iter().map(|tau| tau + noise[1] * random.normal()).collect();
+    let robot = truth.robot();
+    let time = (0..q.len() / robot.dof()).map(|k| k as i64 * 10_000_000).collect();
+    let q = q.iter().map(|q| q + noise[0] * random.normal()).collect();
+    let names = robot.joint_names().map(String::from).collect();
+    Recording::new("simulated", names, time, q, None, Some(tau), vec![]).expect("arrays of one length")
+}
+
 /// A log of the two-link arm whose bodies are 15 % heavier than the file's, with friction, along sums of sines; joints
 /// with `moves` false stand, those with `one_way` only go forwards.
 fn log(seconds: usize, moves: [bool; 2], one_way: [bool; 2], seed: u64) -> Recording {
@@ -160,7 +180,6 @@ fn log(seconds: usize, moves: [bool; 2], one_way: [bool; 2], seed: u64) -> Recor
     let mut parameters: Vec<f64> = robot.standard_parameters().iter().map(|value| 1.15 * value).collect();
     parameters.extend([2.0, 1.0, 4.0, 2.0, 0.3, 0.1, 0.0, 0.0]);
     let truth = TorqueModel::with_parameters(&robot, &EFFECTS, parameters).expect("known effects");
-    let mut noise = Noise(seed);
     let (mut q, mut dq, mut ddq) = (Vec::new(), Vec::new(), Vec::new());
     for k in 0..seconds * rate {
         let t = k as f64 / rate as f64;
@@ -168,11 +187,11 @@ fn log(seconds: usize, moves: [bool; 2], one_way: [bool; 2], seed: u64) -> Recor
             let (mut value, mut speed, mut acceleration) = (0.3, 0.0, 0.0);
             for h in 1..=3 {
                 let (a, w) = (0.6 / f64::from(h), 0.8 * f64::from(h) + 0.3 * joint as f64);
-                let phase = w * t + 1.3 * f64::from(h) * (joint + 1) as f64;
                 let a = if one_way[joint] { 0.15 * a } else { a };
-                value += a * phase.sin();
-                speed += a * w * phase.cos();
-                acceleration -= a * w * w * phase.sin();
+                let wave = wave(t, joint, h, a, w);
+                value += wave[0];
+                speed += wave[1];
+                acceleration += wave[2];
             }
             if one_way[joint] {
                 (value, speed) = (value + 0.4 * t, speed + 0.4);
@@ -183,12 +202,7 @@ fn log(seconds: usize, moves: [bool; 2], one_way: [bool; 2], seed: u64) -> Recor
             ddq.push(on * acceleration);
         }
     }
-    let tau = truth.predict(Samples { q: &q, dq: &dq, ddq: &ddq });
-    let tau = tau.iter().map(|tau| tau + 0.2 * noise.normal()).collect();
-    let q = q.iter().map(|q| q + 1e-5 * noise.normal()).collect();
-    let names = robot.joint_names().map(String::from).collect();
-    let time = (0..seconds * rate).map(|k| k as i64 * 10_000_000).collect();
-    Recording::new("poor", names, time, q, None, Some(tau), vec![]).expect("arrays of one length")
+    recorded(&truth, [&q, &dq, &ddq], [1e-5, 0.2], seed)
 }
 
 fn options() -> IdentifyOptions {
@@ -256,7 +270,6 @@ fn log_of_six_joints(shares: [f64; 6], seed: u64) -> Recording {
         parameters.extend([4.0, 4.0, 2.0, 0.5, 0.5, 0.5].map(|share| share * value));
     }
     let truth = TorqueModel::with_parameters(&robot, &EFFECTS, parameters).expect("known effects");
-    let mut noise = Noise(seed);
     let (mut q, mut dq, mut ddq) = (Vec::new(), Vec::new(), Vec::new());
     for k in 0..samples {
         let t = k as f64 / rate as f64;
@@ -264,22 +277,17 @@ fn log_of_six_joints(shares: [f64; 6], seed: u64) -> Recording {
             let (mut value, mut speed, mut acceleration) = (0.3, 0.0, 0.0);
             for h in 1..=3 {
                 let (a, w) = (0.6 * share / f64::from(h), 0.8 * f64::from(h) + 0.15 * joint as f64);
-                let phase = w * t + 1.3 * f64::from(h) * (joint + 1) as f64;
-                value += a * phase.sin();
-                speed += a * w * phase.cos();
-                acceleration -= a * w * w * phase.sin();
+                let wave = wave(t, joint, h, a, w);
+                value += wave[0];
+                speed += wave[1];
+                acceleration += wave[2];
             }
             q.push(value);
             dq.push(speed);
             ddq.push(acceleration);
         }
     }
-    let tau = truth.predict(Samples { q: &q, dq: &dq, ddq: &ddq });
-    let tau = tau.iter().map(|tau| tau + 0.1 * noise.normal()).collect();
-    let q = q.iter().map(|q| q + 1e-6 * noise.normal()).collect();
-    let names = robot.joint_names().map(String::from).collect();
-    let time = (0..samples).map(|k| k as i64 * 10_000_000).collect();
-    Recording::new("six joints", names, time, q, None, Some(tau), vec![]).expect("arrays of one length")
+    recorded(&truth, [&q, &dq, &ddq], [1e-6, 0.1], seed)
 }
 
 #[test]

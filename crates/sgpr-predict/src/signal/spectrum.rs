@@ -172,16 +172,16 @@ impl CutoffChoice {
     }
 
     /// Whether the motion of a joint can be seen.
-    pub fn sees_motion(&self) -> bool {
+    fn sees_motion(&self) -> bool {
         self.joint_hz.iter().any(|hz| *hz > 0.0)
     }
 
     /// The cut-off for several signals, Hz: the highest of theirs, so that the motion of each passes. The highest of many rough
     /// ones would be chance; those that are rough are judged by what all spectra say together. A signal in which nothing
     /// moves has no motion to keep: it is asked only where none has. None of no signals.
-    pub fn highest_hz(choices: &[&Self]) -> Option<f64> {
-        let some_move = choices.iter().any(|choice| choice.sees_motion());
-        let asked: Vec<&Self> = choices.iter().copied().filter(|choice| !some_move || choice.sees_motion()).collect();
+    pub fn highest_hz(choices: &[Self]) -> Option<f64> {
+        let some_move = choices.iter().any(Self::sees_motion);
+        let asked: Vec<&Self> = choices.iter().filter(|choice| !some_move || choice.sees_motion()).collect();
         let fine = asked.iter().filter(|choice| !choice.is_rough).map(|choice| choice.cutoff_hz);
         let rough = asked.iter().any(|choice| choice.is_rough).then(|| Self::together(&asked).cutoff_hz);
         fine.chain(rough).reduce(f64::max)
@@ -330,11 +330,11 @@ mod tests {
         let pieces: Vec<CutoffChoice> = position.chunks(300).map(|piece| choose_cutoff(piece, 1, rate)).collect();
         assert!(pieces.iter().all(|piece| piece.is_rough));
         let highest = pieces.iter().map(|piece| piece.cutoff_hz).fold(0.0, f64::max);
-        let together = CutoffChoice::highest_hz(&pieces.iter().collect::<Vec<_>>()).expect("some signals");
+        let together = CutoffChoice::highest_hz(&pieces).expect("some signals");
         assert!((together / whole.cutoff_hz - 1.0).abs() < 0.2, "{together} Hz, in one {} Hz", whole.cutoff_hz);
         assert!(highest > 1.4 * whole.cutoff_hz, "one piece alone {highest} Hz, in one {} Hz", whole.cutoff_hz);
         // A long signal keeps its own say beside short ones; without signals there is none.
-        let mixed = CutoffChoice::highest_hz(&[&whole, &pieces[0]]).expect("two signals");
+        let mixed = CutoffChoice::highest_hz(&[whole.clone(), pieces[0].clone()]).expect("two signals");
         assert!(mixed >= whole.cutoff_hz && mixed < 1.2 * whole.cutoff_hz, "{mixed}");
         assert_eq!(CutoffChoice::highest_hz(&[]), None);
     }
