@@ -4,9 +4,12 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 OUT := out
-SOURCES := Cargo.toml Cargo.lock $(shell find crates/sgpr-predict/src crates/sgpr-core/src crates/sgpr-lapack/src crates/sgpr-py/src crates/sgpr-py/python \
-	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name '*.js' -o -name '*.css' -o -name '*.html' -o -name Cargo.toml) \
-	crates/sgpr-predict/Cargo.toml crates/sgpr-core/Cargo.toml crates/sgpr-py/Cargo.toml crates/sgpr-py/pyproject.toml
+# What the wheel is made of, in the order in which the crates need each other.
+CRATES := lapack predict recording numeric gp core
+PACKAGES := $(foreach crate,$(CRATES),--package sgpr-$(crate))
+SOURCES := Cargo.toml Cargo.lock $(foreach crate,$(CRATES) py,crates/sgpr-$(crate)/Cargo.toml) crates/sgpr-py/pyproject.toml \
+	$(shell find $(foreach crate,$(CRATES) py,crates/sgpr-$(crate)/src) crates/sgpr-py/python \
+	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name '*.js' -o -name '*.css' -o -name '*.html')
 
 .PHONY: docs figures readme first-hour package semver sdist build c-library controller-demo demo workbench fleet-demo fleet-alarms demo-real estimators test test-rust compiled test-python skipped browser compilers lint lint-rust msrv deny bench \
 	diagnosis-bench notebook diagnosis-mujoco peers fuzz soak clean thesis fuzz-guided fuzz-count
@@ -87,7 +90,7 @@ thesis: build
 
 test: test-rust test-python skipped
 
-RUST_TESTS = cargo test --locked --quiet --package sgpr-predict --package sgpr-core --package sgpr-lapack --package sgpr-c
+RUST_TESTS = cargo test --locked --quiet $(PACKAGES) --package sgpr-c
 
 test-rust: compilers
 	$(RUST_TESTS)
@@ -178,7 +181,7 @@ first-hour: build
 
 ## The crates as they would be published, built from what is in them; a warning fails.
 package:
-	@cargo package --locked --allow-dirty --package sgpr-lapack --package sgpr-predict --package sgpr-core 2> $(OUT)-package.log; \
+	@cargo package --locked --allow-dirty $(PACKAGES) 2> $(OUT)-package.log; \
 		status=$$?; cat $(OUT)-package.log; grep -q '^warning' $(OUT)-package.log && status=1; rm -f $(OUT)-package.log; exit $$status
 
 ## The public interface of the crates beside that of BASE, a tag or commit: by default the last release.
@@ -186,7 +189,7 @@ BASE ?= $(shell git describe --tags --abbrev=0 --match 'v*' 2> /dev/null)
 semver:
 	@test -n "$(BASE)" || { echo "skipped: no release to compare with; make semver BASE=COMMIT compares with a commit"; exit 0; }; \
 	cargo semver-checks --version > /dev/null 2>&1 || cargo install --locked --quiet cargo-semver-checks; \
-	cargo semver-checks --baseline-rev "$(BASE)" --package sgpr-predict --package sgpr-core --package sgpr-lapack
+	cargo semver-checks --baseline-rev "$(BASE)" $(PACKAGES)
 
 ## Source archives in out/dist, one of them with all crates: it builds without a network.
 sdist: $(VENV)/.pip
@@ -230,7 +233,7 @@ peers: build
 FUZZ_CASES ?= 100000
 VALUE_CASES ?= 2000
 fuzz:
-	SGPR_FUZZ_CASES=$(FUZZ_CASES) cargo test --locked --release --package sgpr-core \
+	SGPR_FUZZ_CASES=$(FUZZ_CASES) cargo test --locked --release --package sgpr-recording --package sgpr-core \
 		--test recording_hostile --test robot -- any changed damaged
 	SGPR_FUZZ_CASES=$(VALUE_CASES) cargo test --locked --release --package sgpr-core --test hostile_values
 

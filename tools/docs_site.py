@@ -295,12 +295,14 @@ def messages() -> Iterator[str]:
     """Every error message of the crates that compute, by the part of the library that says it."""
     yield "\n## All messages\n\nWords in braces stand for what was found: a file, a joint, a number.\n"
     by_part: dict[str, list[str]] = {title: [] for title in PARTS.values()}
-    sources = [ROOT / f"crates/sgpr-{crate}/src" for crate in ("core", "predict")]
-    for source in sources:
+    # Where a crate is one room of the library, its files are those of the room.
+    crates = {"core": "", "predict": "", "recording": "recording/", "gp": "gp/", "numeric": ""}
+    for crate, room in crates.items():
+        source = ROOT / f"crates/sgpr-{crate}/src"
         for path in sorted(source.rglob("*.rs")):
             texts = re.findall(r'#\[error\("((?:[^"\\]|\\.)*)"', path.read_text())
             if said := [text for text in texts if re.sub(r"\{[^}]*\}", "", text).strip(": ")]:
-                place = path.relative_to(source).as_posix()
+                place = room + path.relative_to(source).as_posix()
                 by_part[next(title for part, title in PARTS.items() if place.startswith(part))] += said
     for title, said in by_part.items():
         yield f"### {title}\n"

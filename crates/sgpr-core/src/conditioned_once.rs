@@ -7,9 +7,9 @@ use crate::model::{
     identify, screen,
 };
 use crate::motion::times_conditioned;
-use crate::random::Random;
 use crate::recording::{LogSet, Recording};
 use crate::robot::{Robot, two_link};
+use sgpr_numeric::internal::Random;
 
 /// Ten seconds of an arm with friction that is not in its file.
 fn log(robot: &Robot, source: &str, seed: u64) -> Recording {

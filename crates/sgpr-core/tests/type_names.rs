@@ -57,13 +57,17 @@ fn defined(line: &str) -> Option<&str> {
 fn no_more_names_of_types_have_several_meanings() {
     let own = Path::new(env!("CARGO_MANIFEST_DIR"));
     // Beside it in the repository, not in a package.
-    let folders = [own.join("src"), own.join("../sgpr-predict/src")];
+    let beside = ["predict", "recording", "numeric", "gp"].map(|name| own.join(format!("../sgpr-{name}/src")));
+    let folders: Vec<_> = std::iter::once(own.join("src")).chain(beside).collect();
     let mut files = vec![];
     folders.iter().filter(|folder| folder.is_dir()).for_each(|folder| sources(folder, &mut files));
     let mut places: BTreeMap<String, Vec<&Path>> = BTreeMap::new();
     for file in &files {
         let text = std::fs::read_to_string(file).expect("a source file");
-        let code = text.split("#[cfg(test)]\nmod ").next().expect("the first part");
+        // Neither tests nor what only runs the examples of a readme.
+        let code = ["#[cfg(test)]\nmod ", "#[cfg(doctest)]"]
+            .iter()
+            .fold(&*text, |code, end| code.split(end).next().unwrap_or_default());
         for name in code.lines().filter_map(defined) {
             places.entry(name.into()).or_default().push(file);
         }

@@ -513,7 +513,7 @@ mod tests {
     /// Columns whose factors are expected near zero are those of a fit with one more row for each of them.
     #[test]
     fn held_columns_are_rows_of_their_own() {
-        let mut random = crate::random::Random::new(1);
+        let mut random = sgpr_numeric::internal::Random::new(1);
         let mut column = || -> Vec<f64> { (0..30).map(|_| random.normal()).collect() };
         let (free, held, target) = (column(), [column(), column()], column());
         let precision = [4.0, 50.0];

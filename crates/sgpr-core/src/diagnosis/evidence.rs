@@ -9,7 +9,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 use super::problem::{Column, Problem};
 use crate::identification::deviate_of_t;
 use crate::linalg::mean_square;
-use crate::random::Random;
+use sgpr_numeric::internal::Random;
 
 /// Least gain on left-out blocks, in its standard deviations, of whatever is said to be there.
 pub(super) const SURE: f64 = 2.5;

@@ -346,7 +346,7 @@ fn add_columns(out: &mut [f64], columns: &[&Column], factors: &[f64], (joint, ro
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Random;
+    use sgpr_numeric::internal::Random;
 
     /// Fits anew to what is left, by another way than the products: QR of all rows of the other folds, and of one for each
     /// factor that is expected to be near to a value.

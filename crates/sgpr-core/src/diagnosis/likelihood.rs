@@ -359,7 +359,7 @@ mod tests {
     use nalgebra::{DMatrix, DVector};
 
     use super::*;
-    use crate::random::Random;
+    use sgpr_numeric::internal::Random;
 
     /// Covariance of all rows, from how an autoregression makes them of its innovations: a run begins so long after the
     /// beginning of the noise that nothing is left of that.

@@ -13,7 +13,7 @@ use super::left_out::{Extra, FoldFits};
 use super::likelihood::{Hypothesis, JointNoise};
 use super::problem::{Column, Problem};
 use crate::linalg::{dot_in_lanes, mean_square};
-use crate::random::Random;
+use sgpr_numeric::internal::Random;
 use sgpr_predict::internal::cos_in_place;
 
 /// What a joint's torque may depend on, and of which joint.

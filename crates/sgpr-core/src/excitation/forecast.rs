@@ -6,8 +6,8 @@ use crate::identification::{
     BaseParameters, Forecast, LONGER, ParameterSet, STATES, deviation_of, either_way, equations_of, stack,
     unit_covariance,
 };
-use crate::random::Random;
 use crate::robot::Robot;
+use sgpr_numeric::internal::Random;
 
 /// Equations of a joint in a second that are as good as independent: what a model leaves of the torque of a real robot
 /// remembers for half a second. Median of the joints of five robots (docs/real-data.md), which have 0.4 to 11.

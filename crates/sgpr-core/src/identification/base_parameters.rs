@@ -4,9 +4,9 @@ use super::ParameterSet;
 use crate::dynamics::{Workspace, regressor};
 use crate::effects::JointState;
 use crate::linalg::{ColumnSelection, select_columns};
-use crate::random::Random;
 use crate::robot::{Joint, Robot};
 use crate::spatial::{PARAMETERS_PER_LINK, Vector3};
+use sgpr_numeric::internal::Random;
 
 /// What can be said of a single parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -20,7 +20,7 @@ use super::hac::{MOST_LOST, NoiseMemory, student};
 use super::least_squares::Directions;
 use super::{Equations, Estimate, IdentificationError, JointFactor};
 use crate::linalg::solve_general;
-use crate::random::Random;
+use sgpr_numeric::internal::Random;
 
 /// Rows per block in units of what the residual remembers. Blocks lose the share 1 / (2 * this) of the variance, which is
 /// correlated across their borders.

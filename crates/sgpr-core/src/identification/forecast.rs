@@ -4,8 +4,8 @@ use faer::Mat;
 
 use super::{BaseParameters, IdentificationError, JointFactor, Observation, ParameterSet, Trajectory};
 use crate::dynamics::Samples;
-use crate::random::Random;
 use crate::robot::Robot;
+use sgpr_numeric::internal::Random;
 
 /// How surely a model of logs predicts the torque of other motion, and a model of more such logs.
 ///

@@ -22,7 +22,7 @@ use super::autocorrelation::Memory;
 use super::groups::{Groups, memories};
 use super::least_squares::Directions;
 use super::{Equation, Equations, Estimate, IdentificationError, JointFactor};
-use crate::random::Random;
+use sgpr_numeric::internal::Random;
 
 /// Rows of time per cosine in units of what the residual remembers. Where the memory decays exponentially the mean over the
 /// cosines misses the share (pi / this)² / 12 of the spectrum at zero.

@@ -10,8 +10,8 @@ use crate::identification::{
     deviation_of, either_way, equations_of,
 };
 use crate::motion::Motion;
-use crate::random::Random;
 use crate::robot::Robot;
+use sgpr_numeric::internal::Random;
 
 impl Task<'_> {
     /// - `estimate`: its covariance is that of the model

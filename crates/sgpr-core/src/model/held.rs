@@ -15,9 +15,9 @@ use crate::identification::{
     variances, without_negative,
 };
 use crate::intervals::place_of_share;
-use crate::random::Random;
 use crate::robot::Robot;
 use crate::spatial::PARAMETERS_PER_LINK;
+use sgpr_numeric::internal::Random;
 
 /// What an estimate under a prior is made of.
 pub(super) struct Task<'a> {

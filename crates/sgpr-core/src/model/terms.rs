@@ -328,7 +328,7 @@ mod tests {
     #[test]
     fn a_slow_log_with_noise_predicts_as_without() {
         let (robot, rate_hz, n) = (two_link(), 100.0, 2000);
-        let mut random = crate::random::Random::new(7);
+        let mut random = sgpr_numeric::internal::Random::new(7);
         let w = 0.4;
         let [mut q, mut dq, mut ddq, mut noisy] = [const { Vec::new() }; 4];
         for t in (0..n).map(|k| k as f64 / rate_hz) {

@@ -3,9 +3,9 @@
 use std::f64::consts::PI;
 
 use crate::dynamics::{Workspace, gravity_torque};
-use crate::random::Random;
 use crate::recording::{Issue, IssueKind, Recording, RecordingError, Severity};
 use crate::robot::{Joint, Robot};
+use sgpr_numeric::internal::Random;
 
 use super::select_joints;
 

@@ -1,11 +1,13 @@
 //! What several test files share: the reference robots of `data/reference`.
-#![allow(dead_code, missing_docs)]
+#![allow(dead_code, missing_docs, unused_imports)]
 
+mod difference;
 pub mod outside;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+pub use difference::largest_difference;
 use sgpr_core::recording::{Recording, csv};
 use sgpr_core::robot::{DhConvention, DhRow, Robot, UrdfOptions};
 use sgpr_core::spatial::Vector3;
@@ -110,13 +112,4 @@ fn row_major(array: npyz::NpyFile<impl std::io::Read>) -> Vec<f64> {
         (true, &[rows, columns]) => (0..rows * columns).map(|k| values[k % columns * rows + k / columns]).collect(),
         _ => values,
     }
-}
-
-pub fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
-    assert_eq!(a.len(), b.len());
-    let worse = |worst: f64, (a, b): (&f64, &f64)| {
-        let difference = (a - b).abs();
-        if difference.is_nan() { f64::INFINITY } else { worst.max(difference) }
-    };
-    a.iter().zip(b).fold(0.0, worse)
 }

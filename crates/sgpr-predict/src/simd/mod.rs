@@ -4,6 +4,8 @@
 //! (`Lanes`) and on any further type that brings the same operations (dual numbers). The instruction set is chosen
 //! when the program runs, by `pulp::Arch`, so one binary serves every machine.
 
+#[cfg(feature = "simd")]
+mod dot;
 mod dual;
 #[cfg(feature = "simd")]
 mod fused;
@@ -45,5 +47,6 @@ pub(crate) use trigonometry::sin_cos_slice;
 /// For [`crate::internal`].
 #[cfg(feature = "simd")]
 pub(crate) mod parts {
+    pub use super::dot::{dot, dot_in_lanes, mean_square, rms};
     pub use super::trigonometry::cos_in_place;
 }

@@ -299,7 +299,7 @@ impl Search<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Random;
+    use sgpr_numeric::internal::Random;
 
     #[test]
     fn a_ripple_is_found_beside_a_slow_torque_that_is_larger_at_most_orders() {

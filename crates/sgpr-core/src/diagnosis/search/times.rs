@@ -178,7 +178,7 @@ impl Search<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Random;
+    use sgpr_numeric::internal::Random;
 
     #[test]
     fn a_short_contact_stands_out_and_slow_errors_do_not() {

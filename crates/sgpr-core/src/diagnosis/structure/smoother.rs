@@ -13,7 +13,7 @@ use faer::{Accum, Col, ColRef, Mat, MatRef, Par};
 use super::super::problem::FOLDS;
 use super::rows::JointRows;
 use crate::linalg::{cholesky, dot_in_lanes};
-use crate::random::Random;
+use sgpr_numeric::internal::Random;
 use sgpr_predict::internal::cos_in_place;
 
 /// A variable that a joint's torque may depend on.

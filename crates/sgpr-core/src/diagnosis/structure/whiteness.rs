@@ -111,7 +111,7 @@ pub(super) fn correlation(rows: &JointRows, function: &[f64], memory: &[f64]) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Random;
+    use sgpr_numeric::internal::Random;
 
     fn first_order(seed: u64, memory: f64, count: usize) -> Vec<f64> {
         let (mut random, mut x) = (Random::new(seed), 0.0);

@@ -78,7 +78,7 @@ impl FollowingIntervals {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Random;
+    use sgpr_numeric::internal::Random;
 
     #[test]
     fn shares_hold_though_the_errors_change_their_size() {

@@ -523,7 +523,7 @@ mod tests {
         // A joint that goes back and forth at 40 rows a second, eight parts; errors by a law of its position.
         let rows = |law: fn(f64, f64) -> f64| {
             let (mut x, mut residual) = (vec![], vec![]);
-            let mut random = crate::random::Random::new(8);
+            let mut random = sgpr_numeric::internal::Random::new(8);
             for k in 0..320 {
                 let time = 0.025 * f64::from(k);
                 let q = (4.0 * time).sin();

@@ -1,0 +1,159 @@
+//! Readers against bytes from anywhere: they must neither panic nor take more memory than stated.
+//!
+//! Alone in its program because the whole program runs under a memory limit.
+
+use std::alloc::System;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use cap::Cap;
+use proptest::prelude::*;
+use sgpr_recording::csv::{self, ReadOptions};
+use sgpr_recording::mcap::{self, McapOptions};
+use sgpr_recording::{Recording, RecordingError, Repair, Resample, inspect, repair};
+
+/// What a reader may take for itself, beyond some multiple of the file.
+const LIMIT: u64 = 1 << 20;
+/// What it takes at most: the numbers, the text or chunk they come from, and the room that vectors grow into.
+const MOST: usize = 16 << 20;
+
+#[global_allocator]
+static MEMORY: Cap<System> = Cap::new(System, usize::MAX);
+/// One reader at a time, so that its memory can be told from that of others.
+static ALONE: Mutex<()> = Mutex::new(());
+
+/// Reads, inspects and repairs under the memory limit; beyond it the program is aborted.
+fn attempt(name: &str, content: &[u8]) {
+    let _alone = ALONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let folder = tempfile::tempdir().expect("a writable folder for temporary files");
+    let path = folder.path().join(name);
+    std::fs::File::create(&path).and_then(|mut file| file.write_all(content)).expect("a writable folder");
+    MEMORY.set_limit(MEMORY.allocated() + MOST).expect("more than is in use");
+    for recording in read_all(&path).into_iter().flatten() {
+        use_recording(&recording);
+    }
+    MEMORY.set_limit(usize::MAX).expect("no limit");
+}
+
+fn read_all(path: &Path) -> Vec<Result<Recording, RecordingError>> {
+    if path.extension().is_some_and(|extension| extension == "csv") {
+        let joints = Some(vec!["joint_1".into(), "joint_2".into()]);
+        let automatic = ReadOptions { limit_bytes: LIMIT, ..ReadOptions::default() };
+        vec![csv::read(path, &automatic), csv::read(path, &ReadOptions { joints, ..automatic })]
+    } else {
+        let strict = McapOptions { limit_bytes: LIMIT, ..McapOptions::default() };
+        let lenient = McapOptions { recover: true, ..strict.clone() };
+        vec![mcap::read(path, &strict), mcap::read(path, &lenient)]
+    }
+}
+
+fn use_recording(recording: &Recording) {
+    inspect(recording);
+    let request = Repair {
+        sort: true,
+        drop_duplicates: true,
+        drop_not_finite: true,
+        replace_strays: true,
+        drop_repeated: true,
+        resample: Some(Resample::MedianRate),
+        ..Repair::default()
+    };
+    let _ = repair(recording, &request);
+}
+
+fn fixture(name: &str) -> Vec<u8> {
+    let folder: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/recording");
+    std::fs::read(folder.join(name)).expect("a fixture")
+}
+
+const FIXTURES: [&str; 8] = [
+    "zstd.mcap",
+    "lz4.mcap",
+    "uncompressed.mcap",
+    "extras.mcap",
+    "two_topics.mcap",
+    "json.mcap",
+    "flat_json.mcap",
+    "big_endian.mcap",
+];
+
+fn table() -> Vec<u8> {
+    let rows = (0..40).map(|k| format!("{}.{k:03},{k},{},idle,{k},0.{k}\n", k / 10, k * k));
+    rows.fold("t,q_1,q_2,mode,dq_1,dq_2\n".to_string(), |text, row| text + &row).into_bytes()
+}
+
+/// A place, as a share of the length, and what happens there.
+fn any_change() -> impl Strategy<Value = (f64, u8, u8)> {
+    (0.0..1.0, 0u8..4, any::<u8>())
+}
+
+fn change(content: &mut Vec<u8>, changes: &[(f64, u8, u8)]) {
+    for &(place, action, byte) in changes {
+        let at = (place * content.len() as f64) as usize;
+        match action {
+            _ if content.is_empty() => {}
+            0 => content[at] ^= 1 << (byte % 8),
+            1 => content[at] = byte,
+            2 => content.truncate(at),
+            _ => {
+                let end = (at + byte as usize).min(content.len());
+                content[at..end].fill(0xff);
+            }
+        }
+    }
+}
+
+/// As many files of each kind as `SGPR_FUZZ_CASES` says; `make fuzz` says many.
+fn cases() -> ProptestConfig {
+    let cases = std::env::var("SGPR_FUZZ_CASES").ok().and_then(|text| text.parse().ok());
+    ProptestConfig::with_cases(cases.unwrap_or(400))
+}
+
+proptest! {
+    #![proptest_config(cases())]
+
+    #[test]
+    fn any_bytes(content in proptest::collection::vec(any::<u8>(), 0..2000), start in 0usize..5) {
+        let starts: [&[u8]; 5] = [b"", b"\x89MCAP0\r\n", b"\x1f\x8b\x08", b"t,q_1\n", b"\x89MCAP0\r\n\x06"];
+        let content = [starts[start], &content].concat();
+        attempt("log.csv", &content);
+        attempt("log.mcap", &content);
+    }
+
+    #[test]
+    fn any_text(text in "[tq12_,;. \n\"#eE+-]{0,300}") {
+        attempt("log.csv", text.as_bytes());
+    }
+
+    #[test]
+    fn changed_tables(changes in proptest::collection::vec(any_change(), 1..4)) {
+        let mut content = table();
+        change(&mut content, &changes);
+        attempt("log.csv", &content);
+    }
+
+    #[test]
+    fn changed_mcap_files(name in 0..FIXTURES.len(), changes in proptest::collection::vec(any_change(), 1..4)) {
+        let mut content = fixture(FIXTURES[name]);
+        change(&mut content, &changes);
+        attempt("log.mcap", &content);
+    }
+}
+
+#[test]
+fn numbers_at_their_limits() {
+    for row in ["9223372036,1", "-9223372036,1e308", "1e-300,-1e308", "0,inf"] {
+        let text = format!("t,q_1,dq_1\n0,0,1\n{row},5\n1,1,-1e308\n");
+        attempt("log.csv", text.as_bytes());
+        attempt("log.csv", format!("{text}{}", "2,1,1\n3,1,1\n".repeat(30)).as_bytes());
+    }
+}
+
+#[test]
+fn wide_and_long_tables() {
+    let wide: Vec<String> = (1..=9000).map(|joint| format!("q{joint}")).collect();
+    attempt("log.csv", format!("t,{}\n0{}\n", wide.join(","), ",1".repeat(9000)).as_bytes());
+    attempt("log.csv", format!("t,{}\n0,1\n", "q ".repeat(200_000)).as_bytes());
+    attempt("log.csv", ("t,q1\n".to_string() + &"0,\n".repeat(1 << 20)).as_bytes());
+}
