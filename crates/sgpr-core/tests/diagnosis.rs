@@ -10,7 +10,7 @@ use common::hidden_case;
 use sgpr_core::diagnosis::{DiagnosisError, DiagnosisOptions, Finding, Verdict, add, diagnose};
 use sgpr_core::dynamics::Samples;
 use sgpr_core::effects::{Context, Effect, EffectParameter, Entry, Site, by_name, sgn};
-use sgpr_core::model::{IdentifyOptions, Term, TorqueModel, Trajectory, compare, identify};
+use sgpr_core::model::{IdentificationReport, IdentifyOptions, Term, TorqueModel, Trajectory, compare, identify};
 use sgpr_core::progress::{Interrupted, Progress};
 use sgpr_core::recording::Recording;
 use sgpr_core::robot::{Robot, puma560, two_link};
@@ -72,8 +72,12 @@ fn identified(train: &[Recording]) -> TorqueModel {
 }
 
 fn identified_on(robot: &Robot, train: &[Recording]) -> TorqueModel {
+    identified_with_report(robot, train).0
+}
+
+fn identified_with_report(robot: &Robot, train: &[Recording]) -> (TorqueModel, IdentificationReport) {
     let options = IdentifyOptions { effects: BASE.map(String::from).to_vec(), ..Default::default() };
-    identify(robot, train, &options, &()).unwrap().0
+    identify(robot, train, &options, &()).unwrap()
 }
 
 fn hidden(name: &str, joint: usize, constants: &[f64], coefficients: &[f64]) -> Term {
@@ -497,10 +501,19 @@ fn logs_that_no_model_of_one_arm_explains_are_told() {
         let torque = Some(swap(log.torque().unwrap()));
         Recording::new("swapped", names, time, swap(log.position()), None, torque, vec![]).unwrap()
     };
-    let train = [log(&[], 0, 20.0), log(&[], 1, 20.0), swapped(&log(&[], 2, 20.0))];
-    let error = diagnose(&identified(&train), &train, &[], &DiagnosisOptions::default(), &()).unwrap_err();
-    let DiagnosisError::LogsApart { alone, together, .. } = error else { panic!("{error}") };
-    assert!(together > 5.0 * alone, "{alone} {together}");
+    let told = |train: &[Recording]| {
+        let (model, report) = identified_with_report(&two_link(), train);
+        let told = report.findings.iter().find(|finding| finding.name() == "logs_apart");
+        (model, told.map(ToString::to_string))
+    };
+    let train = [0, 1, 2].map(|number| log(&[], number, 20.0));
+    assert_eq!(told(&train).1, None);
+    let train = [train[0].clone(), train[1].clone(), swapped(&train[2])];
+    let (model, told) = told(&train);
+    assert!(told.as_ref().is_some_and(|told| told.contains("they agree best without swapped")), "{told:?}");
+    let error = diagnose(&model, &train, &[], &DiagnosisOptions::default(), &()).unwrap_err();
+    let DiagnosisError::LogsApart { left: [alone, together], odd, .. } = error else { panic!("{error}") };
+    assert!(odd == "swapped" && together > 5.0 * alone, "{odd} {alone} {together}");
     // A load that comes with one of the logs is no other arm.
     let mut load = Term::new(by_name("payload_change").unwrap(), Site::Arm, vec![39.0]);
     load.coefficients = [&[1.0, 0.2, 0.0, 0.0][..], &[0.0; 6]].concat();

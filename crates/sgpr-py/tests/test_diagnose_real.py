@@ -84,14 +84,21 @@ def test_friction_of_a_joint_that_moves_in_one_log_is_found() -> None:
     assert after < 0.6 * before
 
 
-def test_logs_of_two_robots_are_no_effect() -> None:
-    robot, (own, *_), _ = robot_and_logs("kuka_lwr")
+def test_logs_of_two_robots_are_told() -> None:
+    robot, own, test = robot_and_logs("kuka_lwr")
     _, (other, *_), _ = robot_and_logs("baxter")
-    train = [own, other.renamed(robot.joint_names)]
+    train = [*own, other.renamed(robot.joint_names)]
+
     model = sgpr.identify(robot, train)
 
-    with pytest.raises(sgpr.SgprError, match=r"the logs do not fit one model: .* two robots"):
+    (told,) = [warning for warning in model.report.warnings if "do not fit one model" in warning]
+    assert f"they agree best without {other.source}" in told
+    with pytest.raises(sgpr.SgprError, match=rf"logs do not fit one model: .* without {other.source}\. .* two robots"):
         sgpr.diagnose(model, train)
+    # A joint that lacks the springs that carry it is no other arm.
+    for name in ("kuka_lwr", "baxter", "ur10e"):
+        robot, train, test = robot_and_logs(name)
+        assert not any("one model" in warning for warning in sgpr.identify(robot, train + test).report.warnings)
 
 
 @pytest.mark.parametrize(

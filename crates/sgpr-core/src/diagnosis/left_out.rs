@@ -159,6 +159,22 @@ impl FoldFits {
         errors_of((&self.columns, &self.target), &self.blocks, &fits)
     }
 
+    /// Of the folds that each fit is of, the share of the squares that it leaves, joints weighted by their noise.
+    pub fn shares_left_of_others(&self) -> Vec<f64> {
+        let square = |&(joint, ref rows): &(usize, Range<usize>)| {
+            let target = &self.target[joint][rows.clone()];
+            self.weights[joint] * dot_in_lanes(target, target)
+        };
+        let squares: Vec<f64> = self.blocks.iter().map(|blocks| blocks.iter().map(square).sum()).collect();
+        let share = |(left_out, fit): (usize, &FoldFit)| {
+            let solution = fit.factor.backward(&fit.forward);
+            let others = || (0..squares.len()).filter(|fold| *fold != left_out);
+            let change: f64 = others().map(|fold| self.products[fold].change(&solution)).sum();
+            1.0 + change / others().map(|fold| squares[fold]).sum::<f64>()
+        };
+        self.folds.iter().enumerate().map(share).collect()
+    }
+
     /// The least that remains, with a fold left out, of what all folds tell of the torque of some columns, as a share of it:
     /// of its squares with what the other columns can make taken out.
     ///

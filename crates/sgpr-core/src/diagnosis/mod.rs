@@ -90,17 +90,17 @@ pub enum DiagnosisError {
     },
     /// Logs that are not of one arm, with one load.
     #[error(
-        "the logs do not fit one model: a fit to {log} alone leaves {alone:.1} % of its torque, one to all of them \
-         {together:.1} %: they are of two robots, have other loads, or columns in another order or unit; leave out what is \
-         not of this arm, or diagnose the logs one by one"
+        "the logs do not fit one model: a fit to {log} alone leaves {:.1} % of its torque, one to all of them {:.1} %, and they \
+         agree best without {odd}. They are of two robots, have other loads, or columns in another order or unit: leave out what \
+         is not of this arm, or diagnose the logs one by one", left[0], left[1]
     )]
     LogsApart {
-        /// The log that fits the others least.
+        /// The log that suffers most from the others.
         log: String,
-        /// What a fit to it alone leaves of its torque, %.
-        alone: f64,
-        /// What a fit to all logs does, %.
-        together: f64,
+        /// What a fit to it alone and one to all logs leave of its torque, %, geometric means of the joints.
+        left: [f64; 2],
+        /// The log without which the others agree best.
+        odd: String,
     },
     /// An effect that was to be added by hand cannot be.
     #[error("add {addition}: {reason}")]

@@ -69,8 +69,8 @@ pub use posterior::{Held, PriorWidth, estimate_with_prior};
 pub use prior::ParameterPrior;
 pub(crate) use prior::{EFFECT_SCALES, WIDTHS, role_of, usual_speed};
 pub use recursive::RecursiveLeastSquares;
-pub(crate) use screening::ShiftedTorques;
-pub use screening::{Finding, screen_delays, screen_factors, screen_rows, screen_scale};
+pub(crate) use screening::{Apart, Left, ShiftedTorques, beyond_own_rows, logs_apart};
+pub use screening::{Finding, screen_delays, screen_factors, screen_logs, screen_rows, screen_scale};
 pub use sgpr_predict::model::{EffectColumn, ParameterSet, TrajectoryColumn};
 
 /// Relative deviations of a prior: beyond, its squares and the data no longer fit into one number.

@@ -4,6 +4,7 @@
 //! that is late, breaks what the other joints say, and the break tells which.
 
 mod delays;
+mod logs_apart;
 mod shifted_torques;
 
 use std::fmt;
@@ -11,6 +12,8 @@ use std::fmt;
 use faer::Mat;
 
 pub use delays::screen_delays;
+pub use logs_apart::screen_logs;
+pub(crate) use logs_apart::{Apart, Left, beyond_own_rows, logs_apart};
 pub(crate) use shifted_torques::ShiftedTorques;
 
 use super::base_parameters::significant;
@@ -92,6 +95,15 @@ pub enum Finding {
         /// Its residual in standard deviations.
         deviations: f64,
     },
+    /// Logs that are not of one arm, with one load.
+    LogsApart {
+        /// The log that suffers most from the others.
+        log: String,
+        /// What a fit to it alone and one to all logs leave of its torque, %, geometric means of the joints.
+        left: [f64; 2],
+        /// The log without which the others agree best.
+        odd: String,
+    },
     /// One second on which much of the estimate hangs.
     Leverage {
         /// Trajectory and sample where it begins.
@@ -150,6 +162,7 @@ impl Finding {
             Self::TorqueEnds { .. } => "torque_ends",
             Self::Late { .. } => "late",
             Self::Outliers { .. } => "outliers",
+            Self::LogsApart { .. } => "logs_apart",
             Self::Leverage { .. } => "leverage",
             Self::Weak { .. } => "weak",
             Self::Saturated { .. } => "saturated",
@@ -172,6 +185,7 @@ impl Finding {
             | Self::AllScaled { .. }
             | Self::AllLate { .. }
             | Self::TorqueEnds { .. }
+            | Self::LogsApart { .. }
             | Self::Leverage { .. }
             | Self::Weak { .. } => None,
         }
@@ -252,6 +266,13 @@ impl fmt::Display for Finding {
                 if *count == 1 { format!("torque of {joint} lies") } else { format!("torques of {joint} lie") },
                 worst.0 + 1,
                 worst.1
+            ),
+            Self::LogsApart { log, left: [alone, together], odd } => write!(
+                f,
+                "the logs do not fit one model: a fit to {log} alone leaves {alone:.1} % of its torque, one to all of them \
+                 {together:.1} %, and they agree best without {odd}. They are of two robots, have other loads, or columns in \
+                 another order or unit: leave out what is not of this arm, or identify the logs one by one (`sgpr diagnose` finds \
+                 a load that is taken up)"
             ),
             Self::Leverage { at, time, share } => write!(
                 f,

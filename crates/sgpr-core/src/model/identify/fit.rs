@@ -6,13 +6,13 @@ use faer::Mat;
 
 use super::notes::{cost_note, cross_validation_note, dearest_joint, describe, dispersed, essential_note};
 use super::references::{instruments, loops};
-use super::source::{Logs, PARTS, Source};
+use super::source::{Logs, PARTS, Source, SourceFactors};
 use super::{FitOutcome, Given, IdentifyError, IdentifyOptions, Start, Uncertainty};
 use crate::identification::{
     BaseParameters, Consistency, ConsistentParameters, Costs, Dispersion, Equations, Essential, Estimate, Finding,
     Forecast, Held, IdentificationError, JointFactor, KeptOut, LeastSquares, LeftOut, Method, ParameterPrior,
     ParameterSet, PriorWidth, block_bootstrap, essential_parameters, estimate, hac_covariance, nearest_load,
-    screen_factors, screen_scale, stack, stacked, torque_sizes, weakest_good_deviation,
+    screen_factors, screen_logs, screen_scale, stack, stacked, torque_sizes, weakest_good_deviation,
 };
 use crate::linalg::symmetric_eigen;
 use crate::model::experiment::Experiment;
@@ -129,6 +129,8 @@ struct Observed {
     factors: Vec<JointFactor>,
     /// Of consecutive parts of all logs, one after the other.
     parts: Vec<Vec<JointFactor>>,
+    /// Of each log, with its name; none of a single one.
+    logs: Vec<(String, Vec<JointFactor>)>,
     /// Per factor: rows that carry as much as one independent row.
     correlation: Vec<f64>,
 }
@@ -154,7 +156,7 @@ impl Setup<'_> {
     ) -> Result<FitOutcome, IdentifyError> {
         let (mut data, prior) = self.observe(model, progress)?;
         let mut found = self.estimate(prior, equations, &mut data)?;
-        let findings = self.screen(&data.factors, &found.estimate);
+        let findings = self.screen(&data, &found.estimate);
         let essential = self.leave_out(&data, &mut found)?;
         self.keep_loads_bodies(model.terms(), &mut found.estimate);
         let certificate = self.hold(model, &mut data, &mut found)?;
@@ -170,7 +172,8 @@ impl Setup<'_> {
         progress: &dyn Progress,
     ) -> Result<(Observed, Option<(ParameterPrior, PriorWidth)>), IdentifyError> {
         let options = self.options;
-        let parts = self.source.parts(if options.prior.is_some() { PARTS } else { 1 }, progress)?;
+        let SourceFactors { parts, logs } =
+            self.source.factors(if options.prior.is_some() { PARTS } else { 1 }, progress)?;
         let mut factors = match &parts[..] {
             [all] => all.clone(),
             parts => stacked(parts.iter().flatten()),
@@ -192,7 +195,7 @@ impl Setup<'_> {
         };
         model.set_all_parameters(&self.base.expand(&first.values, self.start));
         let correlation = self.source.correlation(model, &factors)?;
-        Ok((Observed { factors, parts, correlation }, prior))
+        Ok((Observed { factors, parts, logs, correlation }, prior))
     }
 
     /// The base parameters by the method and the prior of the options, with their covariance.
@@ -203,7 +206,7 @@ impl Setup<'_> {
         data: &mut Observed,
     ) -> Result<Estimated, IdentifyError> {
         let options = self.options;
-        let Observed { factors, parts, correlation } = data;
+        let Observed { factors, parts, correlation, .. } = data;
         let extents = &self.source.extents();
         let (robot, set, base) = (self.robot, self.set, self.base);
         if let Some((prior, _)) = prior.as_ref().filter(|_| options.method.reweights()) {
@@ -241,12 +244,13 @@ impl Setup<'_> {
     }
 
     /// What speaks against the logs.
-    fn screen(&self, factors: &[JointFactor], estimate: &Estimate) -> Vec<Finding> {
+    fn screen(&self, Observed { factors, logs, .. }: &Observed, estimate: &Estimate) -> Vec<Finding> {
         let joints: Vec<String> = self.robot.joint_names().map(String::from).collect();
         let mut findings = screen_factors(self.set, self.base, &joints, factors, estimate);
         if self.options.start == Start::RobotFile {
             findings.extend(screen_scale(self.set, self.base, &self.nominal, factors));
         }
+        findings.extend(screen_logs(logs, self.base, &self.nominal));
         findings
     }
 

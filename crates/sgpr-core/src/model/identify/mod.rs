@@ -12,7 +12,7 @@ pub use cutoff::{CutoffInfluence, cutoff_influence};
 pub(super) use fit::{Setup, require_one_arm};
 pub use screening::screen;
 use sgpr_predict::internal::with_role;
-pub(super) use source::{PARTS, Place, Source, key_of, parts_of_blocks};
+pub(super) use source::{PARTS, Place, Source, SourceFactors, key_of, parts_of_blocks};
 use torque_end::torque_end;
 
 use super::experiment::{require_torque, select_joints};

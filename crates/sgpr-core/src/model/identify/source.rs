@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use faer::Mat;
 
-use crate::identification::{BaseParameters, JointFactor, Observation, ParameterSet, Trajectory, piece_of};
+use crate::identification::{BaseParameters, JointFactor, Observation, ParameterSet, Trajectory, piece_of, stacked};
 use crate::model::correlation::correlation;
 use crate::model::experiment::Experiment;
 use crate::model::extent::JointExtent;
@@ -21,10 +21,18 @@ use crate::robot::Robot;
 /// Parts of the data, each of which is predicted from the others, and blocks into which each log is cut for them.
 pub(in crate::model) const PARTS: usize = 5;
 
-/// Sums of products of equations, and what else identification asks of them.
+/// Factors of logs that were gone through once.
+pub(in crate::model) struct SourceFactors {
+    /// Of consecutive parts of all logs, one log after the other.
+    pub parts: Vec<Vec<JointFactor>>,
+    /// Of each log, with its name; none of a single one.
+    pub logs: Vec<(String, Vec<JointFactor>)>,
+}
+
+/// SourceFactors of products of equations, and what else identification asks of them.
 pub(in crate::model) trait Source {
-    /// Factors of consecutive parts of all logs, one log after the other; of all together if there is to be one.
-    fn parts(&self, parts: usize, progress: &dyn Progress) -> Result<Vec<Vec<JointFactor>>, IdentifyError>;
+    /// Factors of consecutive parts of all logs, and of each log.
+    fn factors(&self, parts: usize, progress: &dyn Progress) -> Result<SourceFactors, IdentifyError>;
 
     /// Factors of parts of each log: the first of all logs, then the second of all.
     fn folds(&self) -> Result<Vec<Vec<JointFactor>>, IdentifyError>;
@@ -131,19 +139,28 @@ impl Logs<'_> {
 }
 
 impl Source for Logs<'_> {
-    fn parts(&self, parts: usize, progress: &dyn Progress) -> Result<Vec<Vec<JointFactor>>, IdentifyError> {
+    fn factors(&self, parts: usize, progress: &dyn Progress) -> Result<SourceFactors, IdentifyError> {
         let places = self.places();
         let of_blocks = parts_of_blocks(&places, parts);
-        let mut observation = Observation::in_parts(self.robot, self.set, self.base, parts);
+        let mut of_parts: Vec<Vec<JointFactor>> = vec![vec![]; parts];
+        let mut logs = Vec::with_capacity(places.len());
         for (done, index) in order_of_logs(&places).into_iter().enumerate() {
             progress.step("observe", done, places.len())?;
+            let own = &of_blocks[index];
+            let touched = own[0]..own[own.len() - 1] + 1;
+            let mut observation = Observation::in_parts(self.robot, self.set, self.base, touched.len());
             for trajectory in &self.trajectories[self.experiment.logs[index].clone()] {
-                let (count, own) = (trajectory.samples.count(self.robot.dof()), &of_blocks[index]);
-                observation.add_to(trajectory, |sample| own[piece_of(sample, count, own.len())])?;
+                let count = trajectory.samples.count(self.robot.dof());
+                observation.add_to(trajectory, |sample| own[piece_of(sample, count, own.len())] - touched.start)?;
             }
+            let of_log = observation.parts();
+            if places.len() > 1 {
+                logs.push((places[index].source.to_string(), stacked(of_log.iter().flatten())));
+            }
+            touched.zip(of_log).for_each(|(part, factors)| of_parts[part].extend(factors));
         }
         progress.step("observe", places.len(), places.len())?;
-        Ok(observation.parts())
+        Ok(SourceFactors { parts: of_parts.iter().map(stacked).collect(), logs })
     }
 
     fn folds(&self) -> Result<Vec<Vec<JointFactor>>, IdentifyError> {

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use faer::Mat;
 
-use super::super::identify::{PARTS, Place, Setup, Source, parts_of_blocks, require_one_arm};
+use super::super::identify::{PARTS, Place, Setup, Source, SourceFactors, parts_of_blocks, require_one_arm};
 use super::super::torque_model::nominal_parameters;
 use super::super::{IdentificationReport, IdentifyError, IdentifyOptions, Start, TorqueModel, Uncertainty};
 use super::{JointExtent, Record, RecordError, RecordMemory};
@@ -114,8 +114,14 @@ pub(super) fn place_of(record: &Record) -> Place<'_> {
 }
 
 impl Source for RecordSums<'_> {
-    fn parts(&self, parts: usize, _progress: &dyn Progress) -> Result<Vec<Vec<JointFactor>>, IdentifyError> {
-        Ok(self.consecutive(parts))
+    fn factors(&self, parts: usize, _progress: &dyn Progress) -> Result<SourceFactors, IdentifyError> {
+        // A long log is in several records, one after the other.
+        let of_logs = self.records.chunk_by(|one, next| one.source == next.source);
+        let of_log = |records: &[&Record]| {
+            (records[0].source.clone(), stacked(records.iter().flat_map(|record| factors_of(record))))
+        };
+        let logs: Vec<_> = of_logs.map(of_log).collect();
+        Ok(SourceFactors { parts: self.consecutive(parts), logs: if logs.len() > 1 { logs } else { vec![] } })
     }
 
     /// Consecutive parts of all logs where a record has too few blocks.
