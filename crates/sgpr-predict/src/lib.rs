@@ -23,7 +23,7 @@
 #[macro_use]
 extern crate alloc;
 
-#[cfg(feature = "files")]
+#[cfg(feature = "complete-files")]
 mod atomic_file;
 pub mod control;
 pub mod dynamics;
@@ -62,7 +62,7 @@ pub mod internal {
     pub use crate::stream::parts::*;
 
     /// Files that are complete or not there.
-    #[cfg(feature = "files")]
+    #[cfg(feature = "complete-files")]
     pub mod atomic_file {
         pub use crate::atomic_file::*;
     }

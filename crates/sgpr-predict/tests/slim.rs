@@ -26,12 +26,16 @@ fn cargo(arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).expect("UTF-8")
 }
 
-/// Name and version of the crates that are built, `more` features asked for.
-fn built(more: &[&str]) -> BTreeSet<String> {
-    let tree = ["tree", "--package", "sgpr-predict", "--edges", "normal,build", "--prefix", "none"];
+/// Name and version of the crates that are built for a package, `more` features asked for.
+fn built(package: &str, more: &[&str]) -> BTreeSet<String> {
+    let tree = ["tree", "--package", package, "--edges", "normal,build", "--prefix", "none"];
     let lines = cargo(&[&tree, more].concat());
     let package = |line: &str| line.split_whitespace().take(2).collect::<Vec<_>>().join(" ");
     lines.lines().filter(|line| !line.is_empty()).map(package).collect()
+}
+
+fn names_of(crates: &BTreeSet<String>) -> BTreeSet<&str> {
+    crates.iter().filter_map(|line| line.split(' ').next()).collect()
 }
 
 /// Sources in other languages below a folder, its tests and examples aside.
@@ -51,10 +55,10 @@ fn foreign_sources(folder: &Path, found: &mut Vec<PathBuf>) {
 
 #[test]
 fn few_crates_and_none_of_another_language() {
-    let crates = built(&[]);
+    let crates = built("sgpr-predict", &[]);
     assert!(crates.len() <= MOST_CRATES, "{} crates: {crates:#?}", crates.len());
-    assert!(built(&["--no-default-features"]).len() <= MOST_CRATES);
-    let names: BTreeSet<&str> = crates.iter().filter_map(|line| line.split(' ').next()).collect();
+    assert!(built("sgpr-predict", &["--no-default-features"]).len() <= MOST_CRATES);
+    let names = names_of(&crates);
     assert!(names.contains("sgpr-predict") && names.contains("libm"), "{names:?}");
     assert!(FOREIGN.iter().all(|foreign| !names.contains(foreign)), "{names:?}");
 
@@ -75,4 +79,23 @@ fn few_crates_and_none_of_another_language() {
         seen += 1;
     }
     assert_eq!(seen, crates.len(), "every crate is looked at");
+}
+
+#[test]
+fn who_reads_logs_or_learns_processes_builds_no_more_than_that() {
+    let formats = ["csv", "flate2", "lz4", "mcap", "zstd"];
+    let algebra = ["faer", "nalgebra"];
+    let others = ["clarabel", "safetensors", "sgpr-core", "sgpr-lapack", "slsqp", "urdf-rs"];
+    let without = [("sgpr-recording", &algebra[..]), ("sgpr-gp", &formats[..]), ("sgpr-numeric", &formats[..])];
+    for (package, without) in without {
+        // Beside it in the repository, not in a package.
+        if !Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(package).is_dir() {
+            continue;
+        }
+        let crates = built(package, &[]);
+        let names = names_of(&crates);
+        assert!(names.contains("sgpr-predict"), "{names:?}");
+        let found: Vec<_> = without.iter().chain(&others).filter(|name| names.contains(*name)).collect();
+        assert!(found.is_empty(), "{package} builds {found:?}");
+    }
 }
