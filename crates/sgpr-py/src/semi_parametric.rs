@@ -105,10 +105,14 @@ impl FittedSemiParametric {
         detached(py, || self.inner.save(path)).map_err(IntoPyErr::into_py_err)
     }
 
-    /// The physics.
+    /// The physics, with the report of its identification if that went before.
     #[getter]
-    fn physics(&self) -> Model {
-        Model::from(self.inner.physics().clone())
+    fn physics(&self, py: Python<'_>) -> PyResult<Model> {
+        let physics = self.inner.physics().clone();
+        match self.inner.report() {
+            Some(report) => Model::with_report(py, physics, report.clone()),
+            None => Ok(Model::from(physics)),
+        }
     }
 
     /// What the processes are the rest of.

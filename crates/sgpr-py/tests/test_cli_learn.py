@@ -79,6 +79,21 @@ def test_on_top_of_a_model(logs: list[str], tmp_path: Path) -> None:
     assert run(*arguments, "--effects", "none").code == 2
 
 
+def test_what_speaks_against_the_logs_is_said(logs: list[str], tmp_path: Path) -> None:
+    def negated(table: np.ndarray) -> np.ndarray:
+        table[:, -1] *= -1.0
+        return table
+
+    wrong = write_log(tmp_path / "negated.csv", 1, negated)
+    arguments = ("learn", "--robot", "two_link", *SMALL, "--no-report", "--out", tmp_path / "out")
+    found = run(*arguments, "--train", wrong)
+    assert found.code == 0 and "look: the torque of joint_2 looks negated" in found.out + found.err
+    data = json.loads((tmp_path / "out" / "learned.json").read_text())
+    assert any("joint_2 looks negated" in message["text"] for message in data["messages"])
+    found = run(*arguments, "--train", logs[0])
+    assert found.code == 0 and "look: the torque" not in found.out + found.err
+
+
 def test_it_is_said_where_fewer_rows_were_better_than_all() -> None:
     def said(subset: float, sparse: float, chosen: str) -> str | None:
         tried = [{"inputs": "all", "inference": "subset", "rmse": subset}]

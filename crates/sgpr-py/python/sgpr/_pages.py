@@ -46,10 +46,10 @@ def diagnosis_page(
         test=test_logs,
         errors_before=compare(before, judged, processing=after),
         errors_after=compare(after, judged),
+        repeated=repeated(train_logs, test_logs),
     )
     data = result.to_dict()
     data["settings"] = {"effects": before.effects}
-    data["repeated_motions"] = repeated(train_logs, test_logs)
     write_page(path, result.page(data).html())
 
 
@@ -87,11 +87,9 @@ def rest_page(
 ) -> None:
     """The page of `sgpr learn`."""
     from .cli import learn as command
-    from .cli.screening import repeated
 
-    train_logs, test_logs = _logs(train), _logs(test)
-    result = command.Result.of(model, train_logs, test_logs)
-    data = result.to_dict() | {"settings": {}, "repeated_motions": repeated(train_logs, test_logs)}
+    result = command.Result.of(model, _logs(train), _logs(test))
+    data = result.to_dict() | {"settings": {}}
     write_page(path, result.page(data).html())
 
 

@@ -78,6 +78,7 @@ class SemiParametricModel(Estimator):
     Attributes
     ----------
     physics_ : Model
+        Its `report` says what speaks against the logs, unless `physics` was given.
     reports_ : list of dict
         For each joint what was tried, chosen ("inputs", None if the physics alone is better; "inference": "exact",
         "subset" or "sparse", with all rows as points, some of them, or all seen through inducing points) and learned.

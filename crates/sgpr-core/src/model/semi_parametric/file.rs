@@ -194,7 +194,8 @@ impl SemiParametricModel {
                 evidence: EvidenceParts::default(),
             });
         }
-        let mut model = Self { physics, mean: head.mean, joints, basis: None, identified, stopped: head.stopped };
+        let mut model =
+            Self { physics, mean: head.mean, joints, basis: None, identified, report: None, stopped: head.stopped };
         if head.mean == Mean::Physics {
             model.basis = ParameterBasis::of_physics(&model.physics);
         }

@@ -1,4 +1,5 @@
 use std::ops::Range;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
@@ -40,11 +41,14 @@ pub fn fit_semi_parametric(
 ) -> Result<SemiParametricModel, SemiParametricError> {
     check(options)?;
     let set = LogSet::whole(recordings);
-    let physics = match options.mean {
-        Mean::Zero => nothing(robot, &set, options)?,
-        Mean::Physics | Mean::Joint => identify(robot, &set, &options.identify, progress)?.0,
+    let (physics, report) = match options.mean {
+        Mean::Zero => (nothing(robot, &set, options)?, None),
+        Mean::Physics | Mean::Joint => {
+            let (physics, report) = identify(robot, &set, &options.identify, progress)?;
+            (physics, Some(Arc::new(report)))
+        }
     };
-    learn(physics, &set, options, progress)
+    Ok(SemiParametricModel { report, ..learn(physics, &set, options, progress)? })
 }
 
 /// The same on top of physics that is there already, such as the model that a diagnosis has found the effects for:
@@ -115,7 +119,8 @@ fn learn(
     }
     let unseen = left_out(&physics, &logs, &rows, &processing, options.mean)?;
     let (joints, stopped) = fit_joints(&rows, &unseen, options, progress)?;
-    let mut model = SemiParametricModel { physics, mean: options.mean, joints, basis: None, identified: None, stopped };
+    let mean = options.mean;
+    let mut model = SemiParametricModel { physics, mean, joints, basis: None, identified: None, report: None, stopped };
     if options.mean == Mean::Joint {
         let lost = keep_what_gains(&mut model, &rows, &unseen, &options.compute)?;
         let terms = basis::terms(&model.joints, &rows);

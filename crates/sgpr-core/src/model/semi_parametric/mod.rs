@@ -14,6 +14,7 @@ mod rows;
 mod shared;
 
 use std::cell::RefCell;
+use std::sync::Arc;
 
 pub use fit::{fit_rest, fit_semi_parametric};
 pub use following::FollowingIntervals;
@@ -24,7 +25,7 @@ use basis::ParameterBasis;
 use joint_process::JointProcess;
 
 use super::compare::{Comparison, compare_by};
-use super::{IdentifyError, IdentifyOptions, TorqueModel, Trajectory, identify};
+use super::{IdentificationReport, IdentifyError, IdentifyOptions, TorqueModel, Trajectory, identify};
 use crate::dynamics::Samples;
 use crate::gp::{Compute, GpError, Shape};
 use crate::identification::HALF_INTERVAL_95;
@@ -48,6 +49,8 @@ pub struct SemiParametricModel {
     basis: Option<ParameterBasis>,
     /// With [`Mean::Joint`]: the physics as it was identified, for the joints without a process, if there are some.
     identified: Option<TorqueModel>,
+    /// How the physics was identified; none of physics that was there, and of a model that was read.
+    report: Option<Arc<IdentificationReport>>,
     stopped: bool,
 }
 
@@ -190,6 +193,11 @@ impl SemiParametricModel {
     /// The physics.
     pub fn physics(&self) -> &TorqueModel {
         &self.physics
+    }
+
+    /// How the physics was identified; none of physics that was given, and of a model that was read.
+    pub fn report(&self) -> Option<&IdentificationReport> {
+        self.report.as_deref()
     }
 
     /// What the processes are the rest of.

@@ -11,7 +11,6 @@ from ..cli import learn
 from ..cli.errors import BadData
 from ..cli.reading import REPAIRS
 from ..cli.robots import READY_MADE
-from ..cli.screening import repeated
 from .bench import Bench
 from .logs import as_read, used
 from .steps import ROBOT_FILE, Step, physics_of
@@ -41,7 +40,7 @@ def report(bench: Bench) -> str:
     if isinstance(model, SemiParametricModel):
         logs = {role: as_read(bench.logs, role) for role in ("train", "test")}
         result = learn.Result.of(model, logs["train"], logs["test"])
-        data = result.to_dict() | {"settings": {}, "repeated_motions": repeated(logs["train"], logs["test"])}
+        data = result.to_dict() | {"settings": {}}
         return result.page(data).html()
     assert model is not None, "asked before"
     with tempfile.TemporaryDirectory() as place:

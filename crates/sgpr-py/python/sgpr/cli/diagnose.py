@@ -20,7 +20,7 @@ from .console import Output, to_json
 from .effects import checked_effects, effects_option, fitted_effects
 from .error_table import show_errors
 from .errors import LIMITS_NOT_MET, wrong_use
-from .findings import as_data, of_logs, of_texts
+from .findings import Found, as_data, of_logs, of_texts, ranked
 from .findings import show as show_ranked
 from .inputs import kind_of, load_model
 from .options import (
@@ -113,9 +113,6 @@ def diagnose(
         "add": add,
         "reading": reading.to_dict(),
     }
-    data["repeated_motions"] = repeated(train_logs, test_logs)
-    messages = [*of_texts(data["repeated_motions"]), *of_logs([*train_logs, *test_logs])]
-    data["messages"] = as_data(messages)
     with folder:
         written = result.after if apply else result.before
         written.with_reading(like or reading.lasting(train)).save(folder.file("model.sgpr"))
@@ -133,7 +130,7 @@ def diagnose(
         folder.write("diagnosis.json", to_json(data))
     tell_layouts([*train_logs, *test_logs], output, of_all=joints is None and not given)
     show(result, data, output)
-    show_ranked(messages, output, "see the report, or sgpr info")
+    show_ranked(result.ranked(), output, "see the report, or sgpr info")
     for text in result.errors_after.notes:
         output.warning(text)
     output.line(f"results: {folder.path}")
@@ -168,6 +165,7 @@ class Result:
     test: list[Log]
     errors_before: Comparison
     errors_after: Comparison
+    repeated: list[str]
 
     @property
     def judged(self) -> list[Log]:
@@ -184,8 +182,16 @@ class Result:
         own: dict[str, Any] = {
             **self.diagnosis.to_dict(),
             "history": self.after.history,
+            "messages": as_data(self.ranked()),
+            "repeated_motions": self.repeated,
         }
         return judged("diagnose", self.after.robot, self.errors_before, self.errors_after, self.train, self.test, **own)
+
+    def ranked(self) -> list[Found]:
+        """Findings in the logs, and of the identification if that went before, in one list."""
+        identified = self.before.report
+        texts = [*(identified.warnings if identified else []), *self.repeated]
+        return ranked([*of_texts(texts), *of_logs([*self.train, *self.test])])
 
     def page(self, data: dict[str, Any]) -> DiagnosisPage:
         """The report."""
@@ -231,6 +237,7 @@ def run(
         test=list(test),
         errors_before=compare_with(model, judged, processing=after),
         errors_after=compare_with(after, judged),
+        repeated=repeated(train, test),
     )
 
 

@@ -13,7 +13,7 @@ from .console import Output, to_json
 from .effects import effects_option, fitted_effects
 from .error_table import show_errors
 from .errors import LIMITS_NOT_MET, one_of, wrong_use
-from .findings import as_data, of_logs, of_texts
+from .findings import Found, as_data, of_logs, of_texts, ranked
 from .findings import show as show_ranked
 from .inputs import kind_of, load_model
 from .options import (
@@ -134,11 +134,6 @@ def learn(
         **settings,
         "reading": reading.to_dict(),
     }
-    data["repeated_motions"] = repeated(train_logs, test_logs)
-    fewer = filter(None, map(fewer_rows_were_better, data["joints"]))
-    texts = [*fewer, *data["repeated_motions"], *too_narrow(data["coverage"])]
-    messages = [*of_texts(texts), *of_logs([*train_logs, *test_logs])]
-    data["messages"] = as_data(messages)
     with folder:
         model.save(folder.file("model.sgpr"))
         if test_logs:
@@ -152,7 +147,7 @@ def learn(
         folder.write("learned.json", to_json(data))
     tell_layouts([*train_logs, *test_logs], output, of_all=joints is None and not given)
     show(result, data, output)
-    show_ranked(messages, output, "see the report, or sgpr info")
+    show_ranked(result.ranked(), output, "see the report, or sgpr info")
     output.line(f"results: {folder.path}")
     output.result(data)
     if not no_report and open_report:
@@ -186,6 +181,7 @@ class Result:
     errors_after: Comparison
     spread: list[list[Any]]
     coverage: list[dict[str, Any]]
+    repeated: list[str]
 
     @classmethod
     def of(
@@ -195,7 +191,7 @@ class Result:
         judged = judged or LogSet(stretches(test) or stretches(train))
         after, spread = model.compare_with_spread(judged)
         before = compare_with(model.physics_, judged)
-        return cls(model, train, test, before, after, spread, model.coverage(judged))
+        return cls(model, train, test, before, after, spread, model.coverage(judged), repeated(train, test))
 
     def is_worse(self) -> bool:
         """Whether the processes make unseen torque worse."""
@@ -215,8 +211,17 @@ class Result:
             "joints": self.model.reports_,
             "coverage": self.coverage,
             "history": physics.history,
+            "messages": as_data(self.ranked()),
+            "repeated_motions": self.repeated,
         }
         return judged("learn", physics.robot, self.errors_before, self.errors_after, self.train, self.test, **own)
+
+    def ranked(self) -> list[Found]:
+        """Findings in the logs, of the identification if that went before, and of what was learned, in one list."""
+        identified = self.model.physics_.report
+        fewer = filter(None, map(fewer_rows_were_better, self.model.reports_))
+        texts = [*(identified.warnings if identified else []), *fewer, *self.repeated, *too_narrow(self.coverage)]
+        return ranked([*of_texts(texts), *of_logs([*self.train, *self.test])])
 
     def page(self, data: dict[str, Any]) -> RestPage:
         """The report."""

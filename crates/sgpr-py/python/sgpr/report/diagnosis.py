@@ -10,6 +10,7 @@ from .errors import errors_section, verdict
 from .experiment import experiment_section
 from .logs import logs_section
 from .markup import Cell, Html, Section, element, items, join, paragraph, prose, table
+from .notes import good_to_know, please_note
 from .numbers import counted, percent, with_deviation
 from .page import page
 from .residual import residual_section
@@ -82,6 +83,7 @@ class DiagnosisPage:
             Section("residual", f"Residual against a variable, {on}", residual),
             Section("torque", f"Measured and predicted torque, {on}", torque),
             Section("candidates", "All that was tested", self._candidates()),
+            *good_to_know(data["messages"]),
             Section("logs", "Data quality", logs_section(data["logs"], data["left_out_of_predictions"])),
             Section("settings", "Settings and provenance", settings_section(self._settings())),
         ]
@@ -91,7 +93,8 @@ class DiagnosisPage:
             "torque": torque_data or None,
             "residual": residual_data or None,
         }
-        return page(f"Diagnosis of the model of {robot.name}", self._lead(len(judged), unseen), sections, payload)
+        lead = join([self._lead(len(judged), unseen), *please_note(data["messages"])])
+        return page(f"Diagnosis of the model of {robot.name}", lead, sections, payload)
 
     def _lead(self, logs: int, unseen: bool) -> Html:
         data = self.data
@@ -101,7 +104,6 @@ class DiagnosisPage:
         more = []
         if not unseen:
             more.append("These are the logs that the model was fitted to: name others with --test to know the errors.")
-        more += [f"{text}." for text in data["repeated_motions"]]
         before = self.errors_before if names else None
         lead = verdict(before, self.errors_after, where, "before it was", answer=first, more=more, bad=not unseen)
         odds = (

@@ -10,7 +10,8 @@ from .errors import errors_section, verdict
 from .essential import essential_section
 from .excitation import excitation_section
 from .logs import logs_section
-from .markup import Html, Section, element, items, join, paragraph, prose
+from .markup import Html, Section, join, paragraph
+from .notes import is_known, please_note
 from .numbers import counted
 from .page import page
 from .parameters import parameters_section
@@ -60,9 +61,6 @@ class IdentificationPage:
             report.cutoff_choices, labels, robot.joint_names, robot.position_units, data
         )
         on = "unseen logs" if unseen else "the training logs"
-        told: dict[str, list[dict[str, str]]] = {"look": [], "know": []}
-        for one in data["messages"]:
-            told["know" if one["rank"] == "know" else "look"].append(one)
         sections = [
             Section("errors", f"Errors on {on}", errors),
             Section("torque", f"Measured and predicted torque, {on}", torque),
@@ -80,7 +78,9 @@ class IdentificationPage:
             ),
             Section("excitation", "Excitation", excitation),
             Section("signals", "Signal processing", signals),
-            Section("screening", "Screening", screening_section(data["screening"], told["know"])),
+            Section(
+                "screening", "Screening", screening_section(data["screening"], list(filter(is_known, data["messages"])))
+            ),
             Section("logs", "Data quality", logs_section(data["logs"], data["left_out_of_predictions"])),
             Section("settings", "Settings and provenance", settings_section(self._settings())),
         ]
@@ -94,10 +94,8 @@ class IdentificationPage:
         lead = [
             self._verdict(len(judged), before, unseen=unseen),
             paragraph(facts, "soft"),
+            *please_note(data["messages"]),
         ]
-        notes = [f"{one['where']}: {one['text']}" if one["where"] else one["text"] for one in told["look"]]
-        if notes:
-            lead += [element("h2", "Please note"), items(map(prose, notes))]
         payload = {
             "figures": {**error_plots, **excitation_plots, **signal_plots},
             "switches": switches,

@@ -12,6 +12,7 @@ from .errors import errors_section, verdict
 from .figures import axis, layout, rounded
 from .logs import logs_section
 from .markup import Html, Section, element, items, join, paragraph, plot, table
+from .notes import good_to_know, please_note
 from .numbers import counted, percent, significant
 from .page import page
 from .residual import residual_section
@@ -70,12 +71,14 @@ class RestPage:
             Section("coverage", "How sure it is", coverage),
             Section("residual", f"Residual against a variable, {on}", residual),
             Section("torque", f"Measured and predicted torque, {on}", torque),
+            *good_to_know(data["messages"]),
             Section("logs", "Data quality", logs_section(data["logs"], data["left_out_of_predictions"])),
             Section("settings", "Settings and provenance", settings_section(self._settings())),
         ]
         payload = {"figures": {**plots, **figure}, "switches": {}, "torque": torque_data or None}
         payload["residual"] = residual_data or None
-        return page(f"What the physics of {robot.name} leaves over", self._lead(len(judged), unseen), sections, payload)
+        lead = join([self._lead(len(judged), unseen), *please_note(data["messages"])])
+        return page(f"What the physics of {robot.name} leaves over", lead, sections, payload)
 
     def _lead(self, logs: int, unseen: bool) -> Html:
         learned = [joint["joint"] for joint in self.data["joints"] if joint["inputs"]]
@@ -84,7 +87,6 @@ class RestPage:
             more.append("The search was stopped: joints that it had not reached have the physics alone.")
         if not unseen:
             more.append("These are the logs that the model was fitted to: name others with --test to know the errors.")
-        more += [f"{text}." for text in self.data["repeated_motions"]]
         where = f"On {counted(logs, 'unseen log' if unseen else 'training log')}"
         before, after = self.errors_before, self.errors_after
         return verdict(before, after, where, "the physics alone leaves", more=more, bad=not unseen)
