@@ -9,8 +9,8 @@ use crate::identification::{BaseParameters, JointFactor, LeastSquares, Method, s
 use crate::linalg::rms;
 
 /// Growth of a log's error from a fit to it alone to one of all logs that an effect which the model lacks does not make: of five
-/// real arms and of simulated ones with hidden effects it stays below 2.1, but for loads that one log has; of logs of two arms
-/// it is above 5 for at least one.
+/// real arms and of simulated ones with hidden effects it stays below 2.5, but for loads that one log has; of logs of two arms
+/// it is above 4.8 for at least one.
 const MOST: f64 = 3.0;
 
 /// Share of its torque that a fit to all logs then leaves of a log at least: less is a model of this arm that lacks something.
