@@ -126,7 +126,7 @@ def test_other_control_laws_gain_too(data: dict[str, Any]) -> None:
         # Computed torque multiplies the feedback by the model's inertia: without that of rotors it holds no wrist.
         shares = {row["model"]: np.array(row["share"]) for row in data["inertias"] if row["robot"] == robot}
         known = shares["identified"] > 0.1
-        assert known.sum() == min(4, len(known))
+        assert known.sum() >= min(4, len(known))
         for law in ("computed torque", "joint impedance"):
             rows = [row for row in data["control_laws"] if (row["robot"], row["law"]) == (robot, law)]
             errors = {row["model"]: np.array(row["rmse"]) for row in rows}
