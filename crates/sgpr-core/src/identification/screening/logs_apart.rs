@@ -48,6 +48,12 @@ pub(crate) struct Apart {
     pub left: [f64; 2],
 }
 
+/// Geometric mean of shares of torque; one of none.
+fn mean(shares: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = shares.len().max(1) as f64;
+    (shares.map(|share| share.hypot(SMALL).ln()).sum::<f64>() / count).exp()
+}
+
 /// Whether logs are of one arm: a fit to a log alone leaves not much less of it than one to all, which every log suffers from if
 /// one is not theirs.
 ///
@@ -55,11 +61,7 @@ pub(crate) struct Apart {
 /// - `logs`: index, and what is left
 pub(crate) fn logs_apart(most: f64, logs: impl Iterator<Item = (usize, Left)>) -> Option<Apart> {
     let means = |(log, left): (usize, Left)| {
-        let mean = |fit: usize| {
-            let logarithms: f64 = left.of_joints.iter().map(|shares| shares[fit].hypot(SMALL).ln()).sum();
-            (logarithms / left.of_joints.len().max(1) as f64).exp()
-        };
-        (log, left.of_others, [mean(0), mean(1)])
+        (log, left.of_others, [0, 1].map(|fit| mean(left.of_joints.iter().map(|shares| shares[fit]))))
     };
     let logs: Vec<_> = logs.map(means).collect();
     let growth = |[alone, together]: [f64; 2]| together / alone;
@@ -89,6 +91,10 @@ pub fn screen_logs(logs: &[(String, Vec<JointFactor>)], base: &BaseParameters, n
         let moved = factors.iter().filter(|factor| torque_norm(factor) > 0.0);
         moved.map(|factor| residual_norm(factor, values) / torque_norm(factor)).collect()
     };
+    // The usual case, in which nothing more is fitted.
+    if factors.iter().all(|own| mean(left_of(own, &together).into_iter()) <= MUCH) {
+        return None;
+    }
     let left = |(log, own): (usize, &Vec<JointFactor>)| {
         let together = left_of(own, &together);
         let wider = beyond_own_rows(own.iter().map(|factor| factor.rows).sum(), base.rank())?;
