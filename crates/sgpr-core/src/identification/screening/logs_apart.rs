@@ -91,18 +91,18 @@ pub fn screen_logs(logs: &[(String, Vec<JointFactor>)], base: &BaseParameters, n
         let moved = factors.iter().filter(|factor| torque_norm(factor) > 0.0);
         moved.map(|factor| residual_norm(factor, values) / torque_norm(factor)).collect()
     };
+    let together: Vec<Vec<f64>> = factors.iter().map(|own| left_of(own, &together)).collect();
     // The usual case, in which nothing more is fitted.
-    if factors.iter().all(|own| mean(left_of(own, &together).into_iter()) <= MUCH) {
+    if together.iter().all(|shares| mean(shares.iter().copied()) <= MUCH) {
         return None;
     }
     let left = |(log, own): (usize, &Vec<JointFactor>)| {
-        let together = left_of(own, &together);
         let wider = beyond_own_rows(own.iter().map(|factor| factor.rows).sum(), base.rank())?;
         let alone = left_of(own, &fit(own)?);
         let others = factors.iter().enumerate().filter(|(other, _)| *other != log);
         let others = stacked(others.flat_map(|(_, factors)| factors));
         let of_others = rms(&left_of(&others, &fit(&others)?));
-        let of_joints = alone.iter().zip(together).map(|(alone, together)| [wider * alone, together]).collect();
+        let of_joints = alone.iter().zip(&together[log]).map(|(alone, together)| [wider * alone, *together]).collect();
         Some((log, Left { of_joints, of_others }))
     };
     let Apart { odd, grown, left } = logs_apart(MOST, factors.iter().enumerate().filter_map(left))?;

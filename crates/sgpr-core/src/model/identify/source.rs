@@ -29,7 +29,7 @@ pub(in crate::model) struct SourceFactors {
     pub logs: Vec<(String, Vec<JointFactor>)>,
 }
 
-/// SourceFactors of products of equations, and what else identification asks of them.
+/// Sums of products of equations, and what else identification asks of them.
 pub(in crate::model) trait Source {
     /// Factors of consecutive parts of all logs, and of each log.
     fn factors(&self, parts: usize, progress: &dyn Progress) -> Result<SourceFactors, IdentifyError>;

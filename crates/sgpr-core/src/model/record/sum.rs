@@ -116,12 +116,12 @@ pub(super) fn place_of(record: &Record) -> Place<'_> {
 impl Source for RecordSums<'_> {
     fn factors(&self, parts: usize, _progress: &dyn Progress) -> Result<SourceFactors, IdentifyError> {
         // A long log is in several records, one after the other.
-        let of_logs = self.records.chunk_by(|one, next| one.source == next.source);
-        let of_log = |records: &[&Record]| {
+        let logs: Vec<_> = self.records.chunk_by(|one, next| one.source == next.source).collect();
+        let of_log = |records: &&[&Record]| {
             (records[0].source.clone(), stacked(records.iter().flat_map(|record| factors_of(record))))
         };
-        let logs: Vec<_> = of_logs.map(of_log).collect();
-        Ok(SourceFactors { parts: self.consecutive(parts), logs: if logs.len() > 1 { logs } else { vec![] } })
+        let several = if logs.len() > 1 { &logs[..] } else { &[] };
+        Ok(SourceFactors { parts: self.consecutive(parts), logs: several.iter().map(of_log).collect() })
     }
 
     /// Consecutive parts of all logs where a record has too few blocks.

@@ -20,7 +20,7 @@ from .console import Output, to_json
 from .effects import checked_effects, effects_option, fitted_effects
 from .error_table import show_errors
 from .errors import LIMITS_NOT_MET, wrong_use
-from .findings import Found, as_data, of_logs, of_texts, ranked
+from .findings import Found, as_data, of_result
 from .findings import show as show_ranked
 from .inputs import kind_of, load_model
 from .options import (
@@ -191,7 +191,7 @@ class Result:
         """Findings in the logs, and of the identification if that went before, in one list."""
         identified = self.before.report
         texts = [*(identified.warnings if identified else []), *self.repeated]
-        return ranked([*of_texts(texts), *of_logs([*self.train, *self.test])])
+        return of_result(texts, [*self.train, *self.test])
 
     def page(self, data: dict[str, Any]) -> DiagnosisPage:
         """The report."""

@@ -69,6 +69,11 @@ def ranked(found: Sequence[Found]) -> list[Found]:
     return sorted(dict.fromkeys(found), key=lambda one: RANKS.index(one.rank))
 
 
+def of_result(texts: Iterable[str], logs: Iterable[Log]) -> list[Found]:
+    """What is said of a result and of the logs that it comes from, in one list."""
+    return ranked([*of_texts(texts), *of_logs(logs)])
+
+
 def merged(found: Sequence[Found]) -> list[Found]:
     """The same, where several quantities of a log have the same finding with other numbers, with the first of them."""
     groups: dict[object, list[Found]] = {}

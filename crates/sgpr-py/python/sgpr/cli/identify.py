@@ -18,7 +18,7 @@ from . import describe
 from .console import Output, to_json
 from .error_table import show_errors
 from .errors import LIMITS_NOT_MET, wrong_use
-from .findings import Found, as_data, of_logs, of_texts, ranked
+from .findings import Found, as_data, of_result
 from .findings import show as show_ranked
 from .fit_options import BodyOptions, EquationOptions, IdentificationOptions
 from .info import show_certificate, show_parameters, show_terms
@@ -220,7 +220,7 @@ class Result:
         report = self.model.report
         assert report is not None, "just identified"
         texts = [*self.repeated, *report.warnings, *self.findings]
-        return ranked([*of_texts(texts), *of_logs([*self.train, *self.test])])
+        return of_result(texts, [*self.train, *self.test])
 
     def is_worse(self) -> bool:
         """Whether the model is worse on unseen logs than the robot file."""

@@ -13,7 +13,7 @@ from .console import Output, to_json
 from .effects import effects_option, fitted_effects
 from .error_table import show_errors
 from .errors import LIMITS_NOT_MET, one_of, wrong_use
-from .findings import Found, as_data, of_logs, of_texts, ranked
+from .findings import Found, as_data, of_result
 from .findings import show as show_ranked
 from .inputs import kind_of, load_model
 from .options import (
@@ -221,7 +221,7 @@ class Result:
         identified = self.model.physics_.report
         fewer = filter(None, map(fewer_rows_were_better, self.model.reports_))
         texts = [*(identified.warnings if identified else []), *fewer, *self.repeated, *too_narrow(self.coverage)]
-        return ranked([*of_texts(texts), *of_logs([*self.train, *self.test])])
+        return of_result(texts, [*self.train, *self.test])
 
     def page(self, data: dict[str, Any]) -> RestPage:
         """The report."""
